@@ -1,0 +1,1 @@
+//! The campaign file, the problem formulations, and the stages as pure decisions.

@@ -1,0 +1,1 @@
+//! Plans a campaign, leases its jobs to workers, and writes the report.

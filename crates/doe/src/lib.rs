@@ -1,0 +1,1 @@
+//! Maximin Latin hypercube designs of experiments.

@@ -1,0 +1,1 @@
+//! One helical involute gear pair in, design criteria and static transmission error out.

@@ -1,0 +1,1 @@
+//! Gaussian-process regression (kriging) with a known noise variance at every observation.

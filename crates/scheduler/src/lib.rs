@@ -1,0 +1,1 @@
+//! Leases, retries and quarantine: a state machine without sockets or clocks.

@@ -1,0 +1,1 @@
+//! The campaign's store: SQLite through sqlx, the only crate with SQL.

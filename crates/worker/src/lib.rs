@@ -1,0 +1,1 @@
+//! Leases jobs from a coordinator, simulates, and reports the results.
