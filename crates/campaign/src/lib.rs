@@ -1,1 +1,19 @@
 //! The campaign file, the problem formulations, and the stages as pure decisions.
+//!
+//! - [`Campaign`] and [`PairFile`] are what a user writes, parsed and validated ([`file`]).
+//! - [`formulation`] turns a design point into a gear pair, its criteria and its constraints.
+//! - [`task`] is the work that is leased to workers: what goes out, what comes back, and the pure
+//!   function between them.
+//! - [`plan`] decides, from what the store holds, which tasks and which local steps come next.
+//!
+//! Nothing here does I/O, reads a clock or knows where it runs.
+
+pub mod file;
+pub mod formulation;
+pub mod optimise;
+pub mod plan;
+pub mod probe;
+pub mod task;
+
+pub use file::{Campaign, FileError, PairFile};
+pub use formulation::{Approach, Criteria, Frozen, Variables};

@@ -1,1 +1,45 @@
 //! Covariance matrix adaptation evolution strategy with bounds and restarts.
+//!
+//! The CMA-ES minimises a function of which only values are known: it draws a population of
+//! candidates from a normal distribution, ranks them, moves the mean to the weighted average of the
+//! better half, and adapts the step size and the covariance matrix to the steps that succeeded
+//! (rank-one and rank-µ updates, cumulative step-size adaptation). Only ranks enter, so the search
+//! does not change under a monotone transformation of the objective.
+//!
+//! - [`CmaEs`] is the strategy itself, with an ask-and-tell interface: the caller evaluates.
+//! - [`minimise`] drives it through a [`Schedule`]: a fixed number of evaluations and one planned
+//!   restart from the best design so far, as in the gear paper.
+//!
+//! Variables are scaled by their range: inside, the search works in the unit box, so a step of 0.3
+//! is 0.3 of each variable's range. Candidates never leave the bounds.
+//!
+//! Constraints need no penalty weight: an [`Evaluation`] may carry a violation, and feasible
+//! candidates, by value, rank before infeasible ones, by violation.
+//!
+//! The search is a function of its inputs and of the random stream passed in. No product of
+//! matrices goes through a kernel chosen at run time from the processor's features, so two machines
+//! that run the same build on the same mathematical library compute the same bits.
+//!
+//! # References
+//!
+//! - N. Hansen, *The CMA Evolution Strategy: A Tutorial*, arXiv:1604.00772v2, 2023. Equation and
+//!   table numbers in this crate are the tutorial's.
+//! - N. Hansen and A. Ostermeier, *Completely derandomized self-adaptation in evolution
+//!   strategies*, Evolutionary Computation 9(2), 2001.
+
+mod bounds;
+mod error;
+mod evaluation;
+mod minimise;
+mod options;
+mod parameters;
+mod stop;
+mod strategy;
+
+pub use bounds::Bounds;
+pub use error::Error;
+pub use evaluation::Evaluation;
+pub use minimise::{Cause, Outcome, Restart, Schedule, minimise};
+pub use options::Options;
+pub use stop::Stop;
+pub use strategy::CmaEs;

@@ -1,1 +1,22 @@
 //! Plans a campaign, leases its jobs to workers, and writes the report.
+//!
+//! - [`engine`] runs the stages: it asks [`campaign::plan`] what comes next, does the local steps
+//!   ([`steps`]) itself and puts the jobs on the [`board`].
+//! - [`board`] holds the scheduler and the workers behind one lock; [`service`] is the gRPC face
+//!   of it; [`ingest`] turns what workers hand in into rows of the store.
+//! - [`status`], [`export`], [`simulate`] and [`reporting`] read: they work beside a running
+//!   campaign, too.
+
+pub mod board;
+pub mod engine;
+pub mod export;
+pub mod ingest;
+pub mod local;
+pub mod references;
+pub mod reporting;
+pub mod server;
+pub mod service;
+pub mod simulate;
+pub mod snapshot;
+pub mod status;
+pub mod steps;

@@ -1,1 +1,33 @@
 //! Maximin Latin hypercube designs of experiments.
+//!
+//! A Latin hypercube of n points takes each of n levels exactly once in every variable, so that
+//! each variable by itself is sampled as finely as the number of points allows. Among the
+//! (n!)^(d − 1) of them, a *maximin* one has the largest distance between its two nearest points,
+//! which spreads the points in all variables together.
+//!
+//! - [`maximin`] searches for such a design by swaps of levels; see there for the method.
+//! - [`random_lhs`] draws a Latin hypercube at random, as a baseline.
+//! - [`Design`] holds the points, in the open unit box, and measures them.
+//!
+//! Designs depend on size, seed and effort only: the search spends a budget of steps, not of time,
+//! and compares integers.
+//!
+//! # References
+//!
+//! - M. E. Johnson, L. M. Moore and D. Ylvisaker, *Minimax and maximin distance designs*, Journal of
+//!   Statistical Planning and Inference 26, 1990.
+//! - M. D. Morris and T. J. Mitchell, *Exploratory designs for computational experiments*, Journal
+//!   of Statistical Planning and Inference 43, 1995.
+//! - E. R. van Dam, G. Rennen and B. Husslage, *Bounds for maximin Latin hypercube designs*,
+//!   Operations Research 57(3), 2009.
+//! - G. Dueck and T. Scheuer, *Threshold accepting*, Journal of Computational Physics 90, 1990.
+
+mod design;
+mod error;
+mod maximin;
+mod search;
+mod table;
+
+pub use design::{Design, random_lhs};
+pub use error::Error;
+pub use maximin::{Options, maximin};

@@ -1,1 +1,45 @@
 //! Gaussian-process regression (kriging) with a known noise variance at every observation.
+//!
+//! Ordinary kriging: the observed function is a realisation of μ + Z(x), Z a stationary Gaussian
+//! process of variance σ² and product correlation, and every observation carries independent noise
+//! of its own, known variance. Equation numbers in brackets are those of the paper the project
+//! reproduces, "Gears Design with Shape Uncertainties using Monte Carlo Simulations and Kriging"
+//! (2009), section III.B: mean (19) and variance (20) of the prediction.
+//!
+//! ```
+//! use kriging::{Data, FitOptions, fit};
+//!
+//! let x: Vec<f64> = (0..12).map(|i| f64::from(i) / 11.0).collect();
+//! let y: Vec<f64> = x.iter().map(|x| (5.0 * x).sin()).collect();
+//! let data = Data { x: &x, d: 1, y: &y, noise_variance: &[1e-6; 12] };
+//! let model = fit(&data, &FitOptions::default())?;
+//! assert!((model.mean(&[0.5]) - 2.5_f64.sin()).abs() < 0.01);
+//! assert!(model.leave_one_out().q2 > 0.99);
+//! # Ok::<(), kriging::Error>(())
+//! ```
+//!
+//! The covariance parameters are those of the highest likelihood, see [`fit()`]; predictions and
+//! leave-one-out validation are methods of [`Model`].
+
+#![warn(missing_docs)]
+
+mod bfgs;
+mod covariance;
+mod data;
+mod error;
+mod exponential;
+mod fit;
+mod kernel;
+mod likelihood;
+mod loo;
+mod model;
+mod stored;
+mod warning;
+
+pub use data::Data;
+pub use error::Error;
+pub use fit::{FitOptions, fit};
+pub use kernel::Kernel;
+pub use loo::LeaveOneOut;
+pub use model::{Model, Parameters, Prediction};
+pub use warning::Warning;

@@ -1,1 +1,25 @@
 //! The wire: generated gRPC code and its conversions.
+//!
+//! The messages are defined in `proto/pitchline/v1/pitchline.proto`; this crate compiles them and
+//! adds what both ends must agree on besides: size limits, header names, and the reasons for which
+//! a coordinator turns a worker away, and the exit codes of the programs.
+
+/// Version 1 of the protocol, as generated from `proto/pitchline/v1`.
+#[expect(missing_docs, reason = "generated; the .proto file carries the documentation")]
+#[expect(clippy::allow_attributes_without_reason, reason = "generated")]
+pub mod v1 {
+    tonic::include_proto!("pitchline.v1");
+}
+
+/// The protocol's descriptors, for the reflection service.
+pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/pitchline.bin"));
+
+/// The largest message either side accepts, in bytes.
+///
+/// A kriging model of 3000 points travels as about half a megabyte of JSON.
+pub const MAX_MESSAGE_BYTES: usize = 64 * 1024 * 1024;
+
+pub mod exit;
+mod refusal;
+
+pub use refusal::Refusal;

@@ -1,1 +1,35 @@
 //! Charts and the HTML report.
+//!
+//! [`render`] turns [`ReportData`] into one self-contained HTML page: style and charts are inline,
+//! nothing is loaded and nothing runs, so the page can be mailed, archived and printed. The
+//! `chart_*` functions return the same charts as files of their own. Everything is a pure function
+//! of its input: equal data give equal bytes.
+//!
+//! The charts come from a small SVG writer of this crate rather than from a plotting library. The
+//! page has to follow the reader's light or dark theme, which needs classes instead of fixed
+//! colours; it has to stay small with several thousand points per scatter plot, which needs many
+//! points per path element; and gear outlines need the same writer anyway.
+//!
+//! Units are those of the field names: µm for transmission errors and wear, mm for lengths, MPa for
+//! stresses, radians for roll angles, degrees for the helix angle.
+
+mod charts;
+mod data;
+mod error;
+mod number;
+mod page;
+pub mod paper;
+mod svg;
+
+pub use charts::{
+    Extent, Response, chart_convergence, chart_gears, chart_leave_one_out, chart_responses,
+    chart_ste, chart_wear,
+};
+pub use data::{
+    Approach, ApproachResult, Constraints, DoePoint, GearDrawing, GearOutline, Header,
+    InfeasibleReason, KrigingFit, LeaveOneOut, Limits, ModelFigure, OptimiserRun, Optimum,
+    Parameter, Percentile, PreliminaryDesign, PrintedDesign, PrintedFigures, ReportData,
+    SimilarDesign, StageCost, SteCurves, WearProfiles,
+};
+pub use error::Error;
+pub use page::render;

@@ -68,6 +68,9 @@ mod tests {
     /// Pins the first draw: a change of it changes every campaign's digest.
     #[test]
     fn the_first_number_is_pinned() {
-        assert_eq!(stream(2009, Purpose::Wear, 0, 0).next_u64(), 11_556_994_561_779_802_607);
+        assert_eq!(
+            stream(2009, Purpose::Wear, 0, 0).next_u64(),
+            11_556_994_561_779_802_607
+        );
     }
 }

@@ -1,0 +1,45 @@
+//! What a user writes: the campaign file and the pair file.
+//!
+//! Both are TOML with units in their keys. A file is parsed strictly (unknown and missing keys are
+//! errors) and validated once, here: whoever holds a [`Campaign`] holds a sensible one.
+
+mod campaign;
+mod pair;
+mod sections;
+mod validate;
+
+pub use campaign::{
+    Bounds, Campaign, Constraints, Doe, FrozenFrom, FrozenSection, Kriging, Optimise, Pair, Report,
+    Sampling, Verify,
+};
+pub use pair::{PairFile, PairSection};
+pub use sections::{Load, Material, Wear};
+
+/// Why a campaign or pair file was refused.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum FileError {
+    /// The text is no TOML, or has an unknown key, a missing key or a value of the wrong type.
+    #[error("{file}, line {line}: {message}")]
+    Syntax {
+        /// The file's name, as the user gave it.
+        file: String,
+        /// Where, counted from 1.
+        line: usize,
+        /// What is wrong, from the parser.
+        message: String,
+    },
+    /// A value that makes no sense.
+    #[error("{file}, line {line}: {key} is {found}, but must be {expected}")]
+    Value {
+        /// The file's name, as the user gave it.
+        file: String,
+        /// Where, counted from 1.
+        line: usize,
+        /// The key with its section, as in `sampling.samples_per_design`.
+        key: String,
+        /// The value found.
+        found: String,
+        /// What would be right.
+        expected: String,
+    },
+}

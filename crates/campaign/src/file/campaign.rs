@@ -1,0 +1,455 @@
+//! The campaign file.
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use super::pair::size;
+use super::sections::parse_name;
+use super::validate::Source;
+use super::{FileError, Load, Material, Wear};
+
+/// A campaign file, validated: one problem, one DoE, one seed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Campaign {
+    /// The version of the file format; [`Campaign::FORMAT`].
+    pub format: u32,
+    /// Names the default store and report.
+    pub name: String,
+    /// Every random number of the campaign follows from it.
+    pub seed: u64,
+    /// `[pair]`
+    pub pair: Pair,
+    /// `[load]`
+    pub load: Load,
+    /// `[material]`
+    pub material: Material,
+    /// `[wear]`
+    pub wear: Wear,
+    /// `[bounds]`
+    pub bounds: Bounds,
+    /// `[frozen]`
+    pub frozen: FrozenSection,
+    /// `[doe]`
+    pub doe: Doe,
+    /// `[sampling]`
+    pub sampling: Sampling,
+    /// `[kriging]`
+    pub kriging: Kriging,
+    /// `[constraints]`
+    pub constraints: Constraints,
+    /// `[optimise]`
+    pub optimise: Optimise,
+    /// `[verify]`
+    pub verify: Verify,
+    /// `[report]`
+    pub report: Report,
+}
+
+/// `[pair]` of a campaign: what all its designs share.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Pair {
+    /// Number of teeth of the pinion.
+    pub pinion_teeth: u32,
+    /// The mate has ⌊pinion teeth / ratio⌋ teeth (the paper's (4)); either this or the number.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gear_ratio: Option<f64>,
+    /// Number of teeth of the mate.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gear_teeth: Option<u32>,
+    /// Centre distance, mm; either this or the module is given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub centre_distance_mm: Option<f64>,
+    /// Normal module, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub normal_module_mm: Option<f64>,
+    /// Rack pressure angle in the normal section, degrees.
+    pub pressure_angle_deg: f64,
+    /// Face width, mm.
+    pub face_width_mm: f64,
+    /// Compliance model; see [`gear::ToothModel`].
+    pub tooth_model: String,
+    /// What happens to a tip that reaches the mate's root; see [`gear::TipRule`].
+    pub tip_rule: String,
+}
+
+/// `[bounds]`: `[low, high]` of each kind of variable.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Bounds {
+    /// Addendum modification coefficient, modules.
+    pub profile_shift: [f64; 2],
+    /// Tool addendum, modules.
+    pub tool_addendum: [f64; 2],
+    /// Tool dedendum, modules.
+    pub tool_dedendum: [f64; 2],
+    /// Tip rounding radius, in modules of the design.
+    pub tip_radius_modules: [f64; 2],
+    /// Root fillet radius, in modules of the design.
+    pub root_radius_modules: [f64; 2],
+    /// Helix angle, degrees.
+    pub helix_angle_deg: [f64; 2],
+}
+
+/// Where the five variables that the problems with wear leave alone come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FrozenFrom {
+    /// The values that the campaign file gives.
+    Printed,
+    /// The campaign's own optimum without wear.
+    Deterministic,
+}
+
+/// `[frozen]`
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FrozenSection {
+    /// Which values are used.
+    pub from: FrozenFrom,
+    /// Tip rounding radii of pinion and mate, mm.
+    pub tip_radius_mm: [f64; 2],
+    /// Root fillet radii of pinion and mate, mm.
+    pub root_radius_mm: [f64; 2],
+    /// Helix angle, degrees.
+    pub helix_angle_deg: f64,
+}
+
+/// `[doe]`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Doe {
+    /// The number of designs, n.
+    pub designs: u32,
+}
+
+/// `[sampling]`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sampling {
+    /// Samples of ΔSTE per feasible design, k.
+    pub samples_per_design: u32,
+}
+
+/// `[kriging]`
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Kriging {
+    /// Covariance; see [`kriging::Kernel`].
+    pub kernel: String,
+}
+
+/// `[constraints]`; the limits of the stresses are the material's.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Constraints {
+    /// The contact ratio r_c must be above this.
+    pub contact_ratio_min: f64,
+    /// The specific sliding g_s must be below this.
+    pub specific_sliding_max: f64,
+}
+
+/// `[optimise]`: the settings of CMA-ES and of the penalised objective (5).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Optimise {
+    /// Candidates per generation, λ.
+    pub population: u32,
+    /// Candidates that survive, µ.
+    pub parents: u32,
+    /// Initial step, in parts of each variable's range.
+    pub step: f64,
+    /// Evaluations per start.
+    pub evaluations: u32,
+    /// After how many of them the search restarts from its best point.
+    pub restart_at: u32,
+    /// Independent runs.
+    pub starts: u32,
+    /// Weight p of a constraint's relative violation.
+    pub penalty: f64,
+    /// Δ_ref, µm.
+    pub reference_um: f64,
+    /// Value of a design that cannot be simulated.
+    pub failure_value: f64,
+}
+
+/// `[verify]`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Verify {
+    /// Fresh samples at each optimum.
+    pub samples: u32,
+}
+
+/// `[report]`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Report {
+    /// Whether the paper's figures stand beside the campaign's.
+    pub compare_with_paper: bool,
+}
+
+impl Campaign {
+    /// The version of the file format that this program reads.
+    pub const FORMAT: u32 = 1;
+
+    /// The file of the paper's campaign, as shipped.
+    pub const PAPER: &'static str = include_str!("../../../../campaigns/paper.toml");
+
+    /// Parses and validates `text`; `file` names it in errors.
+    ///
+    /// # Errors
+    ///
+    /// What is wrong, on which line, and what would be right.
+    pub fn parse(file: &str, text: &str) -> Result<Self, FileError> {
+        let source = Source { file, text };
+        let this: Self = source.parse()?;
+        this.validate(source)?;
+        Ok(this)
+    }
+
+    /// The number of teeth of pinion and mate.
+    #[must_use]
+    pub fn teeth(&self) -> [u32; 2] {
+        let pinion = self.pair.pinion_teeth;
+        let mate = match (self.pair.gear_teeth, self.pair.gear_ratio) {
+            (Some(teeth), _) => teeth,
+            // The ratio is a decimal such as 0.9, which binary numbers miss by an ulp: 18/0.9 must
+            // give 20, so a quotient that close to a whole number is taken as it.
+            (None, Some(ratio)) => (f64::from(pinion) / ratio + 1e-9).floor() as u32,
+            (None, None) => 0,
+        };
+        [pinion, mate]
+    }
+
+    /// SHA-256 of the campaign's content as hex: comments, layout and key order do not matter.
+    #[must_use]
+    pub fn digest(&self) -> String {
+        Sha256::digest(self.to_json().as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+
+    /// The campaign as JSON, for the wire.
+    ///
+    /// # Panics
+    ///
+    /// Never: every field is a number, a name or a list of them.
+    #[must_use]
+    pub fn to_json(&self) -> String {
+        serde_json::to_string(self).expect("plain numbers and names serialise")
+    }
+
+    /// Reads what [`Campaign::to_json`] wrote.
+    ///
+    /// # Errors
+    ///
+    /// The text is no campaign of this version.
+    pub fn from_json(json: &str) -> Result<Self, serde_json::Error> {
+        serde_json::from_str(json)
+    }
+
+    /// Advice about settings that are legal but doubtful.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<String> {
+        let mut warnings = Vec::new();
+        let samples = self.sampling.samples_per_design;
+        if samples < 25 {
+            warnings.push(format!(
+                "sampling.samples_per_design is {samples}: below 25 samples the normality of \
+                 ΔSTE, on which the percentile rests, cannot be trusted"
+            ));
+        }
+        warnings
+    }
+
+    fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
+        let format = Self::FORMAT;
+        source.require(
+            self.format == format,
+            "format",
+            self.format,
+            &format!("{format}, the version this program reads"),
+        )?;
+        let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+        source.require(
+            !self.name.is_empty() && self.name.len() <= 64 && self.name.chars().all(plain),
+            "name",
+            &self.name,
+            "1 to 64 letters, digits, hyphens or underscores",
+        )?;
+        // TOML's integers are signed: a larger seed could not be written down.
+        source.require(
+            i64::try_from(self.seed).is_ok(),
+            "seed",
+            self.seed,
+            "a whole number below 2^63",
+        )?;
+        self.pair.validate(source, self.teeth())?;
+        self.load.validate(source)?;
+        self.material.validate(source)?;
+        self.wear.validate(source)?;
+        self.bounds.validate(source)?;
+        self.frozen.validate(source)?;
+        let count = |key: &str, value: u32, low: u32, high: u32| {
+            source.require(
+                (low..=high).contains(&value),
+                key,
+                value,
+                &format!("a whole number from {low} to {high}"),
+            )
+        };
+        count("doe.designs", self.doe.designs, 2, 100_000)?;
+        count("sampling.samples_per_design", self.sampling.samples_per_design, 4, 1_000_000)?;
+        count("verify.samples", self.verify.samples, 4, 1_000_000)?;
+        parse_name::<kriging::Kernel>(source, "kriging.kernel", &self.kriging.kernel)?;
+        source.positive("constraints.contact_ratio_min", self.constraints.contact_ratio_min)?;
+        source.positive("constraints.specific_sliding_max", self.constraints.specific_sliding_max)?;
+        let optimise = &self.optimise;
+        count("optimise.population", optimise.population, 4, 10_000)?;
+        count("optimise.parents", optimise.parents, 1, optimise.population)?;
+        source.between("optimise.step", optimise.step, 0.0, 10.0)?;
+        count("optimise.evaluations", optimise.evaluations, optimise.population, 100_000_000)?;
+        count("optimise.restart_at", optimise.restart_at, 1, optimise.evaluations)?;
+        count("optimise.starts", optimise.starts, 1, 1000)?;
+        source.positive("optimise.penalty", optimise.penalty)?;
+        source.positive("optimise.reference_um", optimise.reference_um)?;
+        source.positive("optimise.failure_value", optimise.failure_value)
+    }
+}
+
+impl Pair {
+    fn validate(&self, source: Source<'_>, teeth: [u32; 2]) -> Result<(), FileError> {
+        let sensible = 4..=2000;
+        source.require(
+            sensible.contains(&self.pinion_teeth),
+            "pair.pinion_teeth",
+            self.pinion_teeth,
+            "a number of teeth from 4 to 2000",
+        )?;
+        match (self.gear_ratio, self.gear_teeth) {
+            (Some(ratio), None) => {
+                source.positive("pair.gear_ratio", ratio)?;
+                source.require(
+                    sensible.contains(&teeth[1]),
+                    "pair.gear_ratio",
+                    ratio,
+                    "such that pinion_teeth / gear_ratio lies between 4 and 2000",
+                )?;
+            }
+            (None, Some(gear_teeth)) => source.require(
+                sensible.contains(&gear_teeth),
+                "pair.gear_teeth",
+                gear_teeth,
+                "a number of teeth from 4 to 2000",
+            )?,
+            (Some(_), Some(gear_teeth)) => {
+                return Err(source.refuse(
+                    "pair.gear_teeth",
+                    gear_teeth,
+                    "absent when gear_ratio is given: the number follows from it",
+                ));
+            }
+            (None, None) => {
+                return Err(source.refuse(
+                    "pair.gear_ratio",
+                    "missing",
+                    "given, unless gear_teeth is",
+                ));
+            }
+        }
+        size(source, self.centre_distance_mm, self.normal_module_mm)?;
+        source.between("pair.pressure_angle_deg", self.pressure_angle_deg, 0.0, 45.0)?;
+        source.positive("pair.face_width_mm", self.face_width_mm)?;
+        parse_name::<gear::ToothModel>(source, "pair.tooth_model", &self.tooth_model)?;
+        parse_name::<gear::TipRule>(source, "pair.tip_rule", &self.tip_rule)?;
+        Ok(())
+    }
+}
+
+impl Bounds {
+    fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
+        source.ordered("bounds.profile_shift", self.profile_shift, -10.0, 10.0)?;
+        source.ordered("bounds.tool_addendum", self.tool_addendum, 0.0, 10.0)?;
+        source.ordered("bounds.tool_dedendum", self.tool_dedendum, 0.0, 10.0)?;
+        source.ordered("bounds.tip_radius_modules", self.tip_radius_modules, 0.0, 10.0)?;
+        source.ordered("bounds.root_radius_modules", self.root_radius_modules, 1e-6, 10.0)?;
+        source.ordered("bounds.helix_angle_deg", self.helix_angle_deg, -60.0, 60.0)
+    }
+}
+
+impl FrozenSection {
+    fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
+        for gear in 0..2 {
+            source.not_negative("frozen.tip_radius_mm", self.tip_radius_mm[gear])?;
+            source.positive("frozen.root_radius_mm", self.root_radius_mm[gear])?;
+        }
+        source.between("frozen.helix_angle_deg", self.helix_angle_deg, -60.0, 60.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refusal(change: (&str, &str)) -> String {
+        let text = Campaign::PAPER.replacen(change.0, change.1, 1);
+        assert_ne!(text, Campaign::PAPER, "the change must hit something");
+        Campaign::parse("c.toml", &text).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn the_shipped_files_are_valid() {
+        let paper = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
+        assert_eq!(paper.teeth(), [20, 22]);
+        assert!(paper.warnings().is_empty());
+        let quick = include_str!("../../../../campaigns/quick.toml");
+        let quick = Campaign::parse("quick.toml", quick).unwrap();
+        assert_eq!(quick.doe.designs, 150);
+        assert_ne!(paper.digest(), quick.digest());
+    }
+
+    #[test]
+    fn comments_and_layout_do_not_change_the_digest() {
+        let stripped: String = Campaign::PAPER
+            .lines()
+            .map(|line| line.split('#').next().unwrap_or("").trim_end().to_owned() + "\n")
+            .collect();
+        let a = Campaign::parse("a", Campaign::PAPER).unwrap();
+        let b = Campaign::parse("b", &stripped).unwrap();
+        assert_eq!(a.digest(), b.digest());
+        assert_eq!(Campaign::from_json(&a.to_json()).unwrap(), a);
+    }
+
+    #[test]
+    fn errors_name_file_line_key_and_what_would_be_right() {
+        let message = refusal(("samples_per_design = 30", "samples_per_design = 3"));
+        assert!(message.starts_with("c.toml, line "), "{message}");
+        assert!(message.contains("sampling.samples_per_design is 3"), "{message}");
+        assert!(message.contains("from 4"), "{message}");
+        let line: usize = message["c.toml, line ".len()..].split(':').next().unwrap().parse().unwrap();
+        assert!(Campaign::PAPER.lines().nth(line - 1).unwrap().starts_with("samples_per_design"));
+    }
+
+    #[test]
+    fn bad_values_are_refused_by_key() {
+        for (from, to, key) in [
+            ("designs = 3000", "designs = 1", "doe.designs"),
+            ("designs = 3000", "dessigns = 3000", "dessigns"),
+            ("designs = 3000", "designs = \"many\"", "expected u32"),
+            ("designs = 3000", "", "missing field `designs`"),
+            ("profile_shift = [-1.0, 2.0]", "profile_shift = [2.0, -1.0]", "bounds.profile_shift"),
+            ("pinion_torque_nm = 200.0", "pinion_torque_nm = -1.0", "load.pinion_torque_nm"),
+            ("pinion_torque_nm = 200.0", "pinion_torque_nm = nan", "load.pinion_torque_nm"),
+            ("pinion_torque_nm = 200.0", "pinion_torque_nm = inf", "load.pinion_torque_nm"),
+            ("poisson_ratio = 0.29", "poisson_ratio = 0.5", "material.poisson_ratio"),
+            ("kernel = \"squared-exponential\"", "kernel = \"cubic\"", "wear.kernel"),
+            ("format = 1", "format = 2", "format is 2"),
+            ("gear_ratio = 0.9 ", "gear_teeth = 3", "pair.gear_teeth"),
+            ("centre_distance_mm = 110.0", "", "pair.centre_distance_mm"),
+            ("seed = 2009", "seed = -1", "seed"),
+        ] {
+            let message = refusal((from, to));
+            assert!(message.contains(key), "{to}: {message}");
+        }
+    }
+}

@@ -1,0 +1,160 @@
+//! The pair file: one gear pair for `coordinator simulate`.
+
+use gear::{PairInput, Size};
+use serde::{Deserialize, Serialize};
+
+use super::sections::parse_name;
+use super::validate::Source;
+use super::{FileError, Load, Material, Wear};
+
+/// A pair file, validated.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PairFile {
+    /// `[pair]`
+    pub pair: PairSection,
+    /// `[load]`
+    pub load: Load,
+    /// `[material]`
+    pub material: Material,
+    /// `[wear]`, optional.
+    #[serde(default)]
+    pub wear: Wear,
+}
+
+/// `[pair]` of a pair file. Two-element arrays are pinion, mate.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PairSection {
+    /// Numbers of teeth.
+    pub teeth: [u32; 2],
+    /// Centre distance, mm; either this or the module is given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub centre_distance_mm: Option<f64>,
+    /// Normal module, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub normal_module_mm: Option<f64>,
+    /// Rack pressure angle in the normal section, degrees.
+    pub pressure_angle_deg: f64,
+    /// Helix angle at the reference cylinder, degrees.
+    pub helix_angle_deg: f64,
+    /// Face width, mm.
+    pub face_width_mm: f64,
+    /// Addendum modification coefficients x, in modules.
+    pub profile_shift: [f64; 2],
+    /// Tool addendum ha0, in modules: cuts the root.
+    pub tool_addendum: [f64; 2],
+    /// Tool dedendum hf0, in modules: forms the tip.
+    pub tool_dedendum: [f64; 2],
+    /// Tip rounding radius ρa, mm.
+    pub tip_radius_mm: [f64; 2],
+    /// Root fillet radius ρf, mm.
+    pub root_radius_mm: [f64; 2],
+    /// Tip diameters that override those of the tools, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tip_diameter_mm: Option<[f64; 2]>,
+    /// Compliance model; see [`gear::ToothModel`].
+    pub tooth_model: String,
+    /// What happens to a tip that reaches the mate's root; see [`gear::TipRule`].
+    #[serde(default = "default_tip_rule")]
+    pub tip_rule: String,
+}
+
+fn default_tip_rule() -> String {
+    gear::TipRule::AsCut.to_string()
+}
+
+impl PairFile {
+    /// Parses and validates `text`; `file` names it in errors.
+    ///
+    /// # Errors
+    ///
+    /// What is wrong, on which line, and what would be right.
+    pub fn parse(file: &str, text: &str) -> Result<Self, FileError> {
+        let source = Source { file, text };
+        let this: Self = source.parse()?;
+        this.validate(source)?;
+        Ok(this)
+    }
+
+    fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
+        let pair = &self.pair;
+        source.require(
+            pair.teeth.iter().all(|teeth| (4..=2000).contains(teeth)),
+            "pair.teeth",
+            pair.teeth,
+            "two numbers of teeth from 4 to 2000",
+        )?;
+        size(source, pair.centre_distance_mm, pair.normal_module_mm)?;
+        source.between("pair.pressure_angle_deg", pair.pressure_angle_deg, 0.0, 45.0)?;
+        source.between("pair.helix_angle_deg", pair.helix_angle_deg, -60.0, 60.0)?;
+        source.positive("pair.face_width_mm", pair.face_width_mm)?;
+        for gear in 0..2 {
+            source.between("pair.profile_shift", pair.profile_shift[gear], -10.0, 10.0)?;
+            source.between("pair.tool_addendum", pair.tool_addendum[gear], 0.0, 10.0)?;
+            source.between("pair.tool_dedendum", pair.tool_dedendum[gear], 0.0, 10.0)?;
+            source.not_negative("pair.tip_radius_mm", pair.tip_radius_mm[gear])?;
+            source.positive("pair.root_radius_mm", pair.root_radius_mm[gear])?;
+            if let Some(diameters) = pair.tip_diameter_mm {
+                source.positive("pair.tip_diameter_mm", diameters[gear])?;
+            }
+        }
+        parse_name::<gear::ToothModel>(source, "pair.tooth_model", &pair.tooth_model)?;
+        parse_name::<gear::TipRule>(source, "pair.tip_rule", &pair.tip_rule)?;
+        self.load.validate(source)?;
+        self.material.validate(source)?;
+        self.wear.validate(source)
+    }
+
+    /// The simulator's input.
+    ///
+    /// # Panics
+    ///
+    /// Never for a validated file: names and sizes were checked before.
+    #[must_use]
+    pub fn to_gear(&self) -> PairInput {
+        let pair = &self.pair;
+        PairInput {
+            teeth: pair.teeth,
+            size: match (pair.centre_distance_mm, pair.normal_module_mm) {
+                (Some(distance), _) => Size::CentreDistance(distance),
+                (None, module) => Size::NormalModule(module.expect("validation asks for one")),
+            },
+            pressure_angle: pair.pressure_angle_deg.to_radians(),
+            helix_angle: pair.helix_angle_deg.to_radians(),
+            face_width: pair.face_width_mm,
+            profile_shift: pair.profile_shift,
+            tool_addendum: pair.tool_addendum,
+            tool_dedendum: pair.tool_dedendum,
+            tip_radius: pair.tip_radius_mm,
+            root_radius: pair.root_radius_mm,
+            tip_diameter: pair.tip_diameter_mm.map_or([None; 2], |diameters| diameters.map(Some)),
+            tooth_model: pair.tooth_model.parse().expect("validation has parsed this name"),
+            tip_rule: pair.tip_rule.parse().expect("validation has parsed this name"),
+            pinion_torque: self.load.pinion_torque_nm * 1e3,
+            material: self.material.to_gear(),
+        }
+    }
+}
+
+/// Requires exactly one of the two ways to give a pair's size.
+pub(super) fn size(
+    source: Source<'_>,
+    centre_distance_mm: Option<f64>,
+    normal_module_mm: Option<f64>,
+) -> Result<(), FileError> {
+    match (centre_distance_mm, normal_module_mm) {
+        (Some(distance), None) => source.positive("pair.centre_distance_mm", distance),
+        (None, Some(module)) => source.positive("pair.normal_module_mm", module),
+        (Some(_), Some(module)) => Err(source.refuse(
+            "pair.normal_module_mm",
+            module,
+            "absent when centre_distance_mm is given: each follows from the other",
+        )),
+        (None, None) => Err(source.refuse(
+            "pair.centre_distance_mm",
+            "missing",
+            "given, unless normal_module_mm is",
+        )),
+    }
+}

@@ -1,0 +1,113 @@
+//! Sections that the campaign file and the pair file have in common.
+
+use serde::{Deserialize, Serialize};
+
+use super::FileError;
+use super::validate::Source;
+
+/// `[load]`
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Load {
+    /// Torque on the pinion, N·m.
+    pub pinion_torque_nm: f64,
+}
+
+/// `[material]`, the same for both gears.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Material {
+    /// Young's modulus, GPa.
+    pub youngs_modulus_gpa: f64,
+    /// Poisson's ratio.
+    pub poisson_ratio: f64,
+    /// Yield stress, MPa: the limit of the root stress.
+    pub yield_mpa: f64,
+    /// Permissible contact pressure, MPa.
+    pub hertz_limit_mpa: f64,
+}
+
+/// `[wear]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Wear {
+    /// Largest depth of Archard's profile per flank, µm.
+    pub max_depth_um: f64,
+    /// Covariance of the random field; see [`gear::Kernel`].
+    pub kernel: String,
+    /// Range of the random field, rad of roll angle.
+    pub range_rad: f64,
+    /// Variance of the random field, whose mean is 1.
+    pub variance: f64,
+}
+
+impl Default for Wear {
+    /// The paper's wear field, with the depth that fits its tables best.
+    fn default() -> Self {
+        Self {
+            max_depth_um: 3.5,
+            kernel: gear::Kernel::SquaredExponential.to_string(),
+            range_rad: 0.2,
+            variance: 0.01,
+        }
+    }
+}
+
+impl Load {
+    pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
+        source.positive("load.pinion_torque_nm", self.pinion_torque_nm)
+    }
+}
+
+impl Material {
+    pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
+        source.positive("material.youngs_modulus_gpa", self.youngs_modulus_gpa)?;
+        source.between("material.poisson_ratio", self.poisson_ratio, 0.0, 0.5)?;
+        source.positive("material.yield_mpa", self.yield_mpa)?;
+        source.positive("material.hertz_limit_mpa", self.hertz_limit_mpa)
+    }
+
+    /// The simulator's material, in MPa.
+    #[must_use]
+    pub fn to_gear(&self) -> gear::Material {
+        gear::Material {
+            youngs_modulus_mpa: self.youngs_modulus_gpa * 1e3,
+            poisson_ratio: self.poisson_ratio,
+            yield_mpa: self.yield_mpa,
+            hertz_limit_mpa: self.hertz_limit_mpa,
+        }
+    }
+}
+
+impl Wear {
+    pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
+        source.not_negative("wear.max_depth_um", self.max_depth_um)?;
+        parse_name::<gear::Kernel>(source, "wear.kernel", &self.kernel)?;
+        source.positive("wear.range_rad", self.range_rad)?;
+        source.not_negative("wear.variance", self.variance)
+    }
+
+    /// The simulator's wear, in mm and rad.
+    ///
+    /// # Panics
+    ///
+    /// Never for a validated section: the kernel's name was parsed before.
+    #[must_use]
+    pub fn to_gear(&self) -> gear::Wear {
+        gear::Wear {
+            max_depth: self.max_depth_um * 1e-3,
+            kernel: self.kernel.parse().expect("validation has parsed this name"),
+            range: self.range_rad,
+            variance: self.variance,
+        }
+    }
+}
+
+/// Parses a name such as a kernel's; the error lists what would be right.
+pub(super) fn parse_name<T>(source: Source<'_>, key: &str, name: &str) -> Result<T, FileError>
+where
+    T: std::str::FromStr,
+    T::Err: std::fmt::Display,
+{
+    name.parse().map_err(|error: T::Err| source.refuse(key, name, format!("a known name: {error}")))
+}

@@ -1,0 +1,257 @@
+//! One run of CMA-ES on one of the formulations.
+//!
+//! A run has two parts. The *printed* part is the paper's: the penalised objective (5) with its
+//! static weight, a fixed number of evaluations, one restart half-way. On this simulator the
+//! printed weight can be too small to be exact: then the penalised winner breaks a constraint. So
+//! a run whose printed winner is infeasible *continues* with feasibility-first ranking, which needs
+//! no weight, until it ends on a feasible design, and the result keeps both.
+
+use cmaes::{Bounds, Evaluation, Schedule, minimise};
+use rand::RngExt as _;
+use serde::{Deserialize, Serialize};
+use stats::streams::{Purpose, stream};
+
+use crate::formulation::{Approach, Criteria, Frozen, Problem, Variables};
+
+/// How often a run whose printed winner is infeasible continues before it gives up.
+const CONTINUATIONS: u32 = 10;
+
+/// The violation of a design that cannot be simulated, when ranked feasibility first: more than
+/// any real design's, whose violations are of order one.
+const FAILURE_VIOLATION: f64 = 1e6;
+
+/// A design that a run found.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Found {
+    /// The design.
+    pub variables: Variables,
+    /// The criterion that the run minimised, µm.
+    pub criterion_um: f64,
+    /// Its criteria.
+    pub criteria: Criteria,
+    /// Whether it satisfies every constraint.
+    pub feasible: bool,
+}
+
+/// One run's result.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RunResult {
+    /// Which problem.
+    pub approach: Approach,
+    /// Which of its starts, from 0.
+    pub start: u32,
+    /// The best design by the penalised objective (5) after the printed number of evaluations, if
+    /// any design could be simulated.
+    pub printed: Option<Found>,
+    /// The best feasible design.
+    pub best: Option<Found>,
+    /// How many times the run continued beyond the printed evaluations to end on a feasible design.
+    pub continuations: u32,
+    /// Evaluations, continuations included.
+    pub evaluations: u64,
+    /// Calls of the simulator: one per unworn analysis, two with Archard's wear.
+    pub simulator_calls: u64,
+    /// Improvements of the penalised objective: (evaluation, value).
+    pub history: Vec<(u64, f64)>,
+    /// Why the search restarted, besides the planned restart: (evaluation, reason).
+    pub restarts: Vec<(u64, String)>,
+}
+
+/// The criterion of one formulation, with the bookkeeping of a run.
+struct Objective<'a> {
+    problem: &'a Problem,
+    approach: Approach,
+    frozen: Frozen,
+    model: Option<kriging::Model>,
+    simulator_calls: u64,
+    printed: Option<(f64, Found)>,
+    best: Option<Found>,
+}
+
+/// An evaluated design, before it is known whether it is an improvement.
+struct Candidate {
+    found: Found,
+    violation: f64,
+}
+
+/// Runs the optimiser from start number `start` of `approach`.
+///
+/// `model` is the kriging model as JSON, for [`Approach::Kriging`].
+///
+/// # Errors
+///
+/// A sentence: the model is missing or cannot be read, or no design could be simulated at all.
+pub fn run(
+    problem: &Problem,
+    approach: Approach,
+    start: u32,
+    frozen: &Frozen,
+    model: Option<&str>,
+) -> Result<RunResult, String> {
+    let model = match (approach, model) {
+        (Approach::Kriging, Some(json)) => Some(
+            kriging::Model::from_json(json)
+                .map_err(|error| format!("the kriging model cannot be read: {error}"))?,
+        ),
+        (Approach::Kriging, None) => return Err("the task brings no kriging model".to_owned()),
+        (Approach::BestOfDoe, _) => {
+            return Err("the best point of the DoE is chosen, not optimised".to_owned());
+        }
+        _ => None,
+    };
+    let settings = problem.campaign().optimise;
+    let dimension = approach.variables();
+    let bounds = Bounds::unit(dimension).map_err(|error| error.to_string())?;
+    let mut rng = stream(
+        problem.campaign().seed,
+        Purpose::Optimise,
+        approach.number(),
+        u64::from(start),
+    );
+    let origin: Vec<f64> = (0..dimension).map(|_| rng.random()).collect();
+    let mut objective = Objective {
+        problem,
+        approach,
+        frozen: *frozen,
+        model,
+        simulator_calls: 0,
+        printed: None,
+        best: None,
+    };
+
+    let schedule = Schedule {
+        evaluations: settings.evaluations as usize,
+        restart_at: settings.restart_at as usize,
+        step: settings.step,
+        population: settings.population as usize,
+        parents: settings.parents as usize,
+    };
+    let outcome =
+        minimise(&origin, &bounds, &schedule, &mut rng, &mut |unit: &[f64]| objective.penalised(unit))
+            .map_err(|error| error.to_string())?;
+    let history = outcome
+        .history
+        .iter()
+        .map(|(evaluation, result)| (*evaluation as u64, result.value))
+        .collect();
+    let restarts = outcome
+        .restarts
+        .iter()
+        .filter_map(|restart| match restart.cause {
+            cmaes::Cause::Planned => None,
+            cmaes::Cause::Stopped(stop) => Some((restart.evaluations as u64, stop.to_string())),
+        })
+        .collect();
+    let mut evaluations = outcome.evaluations as u64;
+    let printed = objective.printed.map(|(_, found)| found);
+
+    // The printed winner is feasible exactly when nothing is left to do.
+    let mut continuations = 0;
+    if printed.is_some_and(|found| !found.feasible) {
+        let schedule = Schedule {
+            evaluations: settings.restart_at.max(settings.evaluations / 2) as usize,
+            restart_at: 0,
+            // The constrained optimum lies near the penalised one: look there first.
+            step: settings.step / 3.0,
+            ..schedule
+        };
+        let mut origin = outcome.x;
+        while continuations < CONTINUATIONS && (continuations == 0 || objective.best.is_none()) {
+            continuations += 1;
+            let outcome = minimise(&origin, &bounds, &schedule, &mut rng, &mut |unit: &[f64]| {
+                objective.feasibility_first(unit)
+            })
+            .map_err(|error| error.to_string())?;
+            evaluations += outcome.evaluations as u64;
+            origin = outcome.x;
+        }
+    }
+
+    Ok(RunResult {
+        approach,
+        start,
+        printed,
+        best: objective.best,
+        continuations,
+        evaluations,
+        simulator_calls: objective.simulator_calls,
+        history,
+        restarts,
+    })
+}
+
+impl Objective<'_> {
+    /// The penalised objective (5); designs that cannot be simulated get the failure value.
+    fn penalised(&mut self, unit: &[f64]) -> f64 {
+        let failure = self.problem.campaign().optimise.failure_value;
+        let Some(candidate) = self.evaluate(unit) else { return failure };
+        let value = self.problem.penalised(candidate.found.criterion_um, candidate.violation);
+        if !value.is_finite() {
+            return failure;
+        }
+        if self.printed.is_none_or(|(best, _)| value < best) {
+            self.printed = Some((value, candidate.found));
+        }
+        value
+    }
+
+    /// The criterion and the violation, to be ranked feasibility first.
+    fn feasibility_first(&mut self, unit: &[f64]) -> Evaluation {
+        match self.evaluate(unit) {
+            Some(Candidate { found, violation }) => {
+                // On the edge itself the violation is zero, but the inequalities are strict.
+                let violation = if found.feasible { 0.0 } else { violation.max(f64::MIN_POSITIVE) };
+                Evaluation { value: found.criterion_um, violation }
+            }
+            None => Evaluation { value: 0.0, violation: FAILURE_VIOLATION },
+        }
+    }
+
+    /// Simulates a design and keeps it if it is the best feasible one so far.
+    fn evaluate(&mut self, unit: &[f64]) -> Option<Candidate> {
+        let problem = self.problem;
+        let variables = match self.approach {
+            Approach::NoWear => problem.full_point(unit).ok()?,
+            _ => Variables::robust(&problem.robust_point(unit), &self.frozen),
+        };
+        self.simulator_calls += 1;
+        let pair = problem.pair(&variables).ok()?;
+        let (criterion_um, pressure) = match self.approach {
+            Approach::Archard => {
+                self.simulator_calls += 1;
+                let analysis = pair.archard(problem.wear()).analysis;
+                (analysis.delta_ste_um, analysis.hertz_pressure_mpa)
+            }
+            _ => {
+                let analysis = pair.unworn();
+                let criterion_um = self
+                    .model
+                    .as_ref()
+                    .map_or(analysis.delta_ste_um, |model| model.mean(&variables.robust_part()));
+                (criterion_um, analysis.hertz_pressure_mpa)
+            }
+        };
+        let mut criteria = problem.criteria(&pair, pressure);
+        let violation = problem.violation(&criteria);
+        if !(criterion_um.is_finite() && violation.is_finite()) {
+            return None;
+        }
+        let mut feasible = problem.is_feasible(&criteria);
+        let improves = self.best.is_none_or(|best| criterion_um < best.criterion_um);
+        if feasible && improves && self.approach == Approach::Kriging {
+            // The search takes the pressure of the unworn pair, one call as in the paper. What is
+            // kept as an optimum must satisfy its limit worn, too; that costs a call now and then.
+            self.simulator_calls += 1;
+            criteria.hertz_pressure_mpa =
+                pair.archard(problem.wear()).analysis.hertz_pressure_mpa;
+            feasible = problem.is_feasible(&criteria);
+        }
+        let found = Found { variables, criterion_um, criteria, feasible };
+        if feasible && improves {
+            self.best = Some(found);
+        }
+        Some(Candidate { found, violation })
+    }
+}

@@ -1,0 +1,75 @@
+//! The settings of one search.
+
+use crate::{Bounds, Error};
+
+/// The settings of a [`CmaEs`](crate::CmaEs). Start from [`Options::new`] and change what you need.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// The candidates of one generation, λ.
+    pub population: usize,
+    /// How many of them, the best, make the next mean, µ.
+    pub parents: usize,
+    /// The initial step size σ, as a fraction of each variable's range.
+    pub step: f64,
+    /// The box that no candidate leaves.
+    pub bounds: Bounds,
+    /// Whether the worst candidates take variance away from the covariance matrix (negative
+    /// weights, the tutorial's default) or are merely ignored.
+    pub active: bool,
+    /// How often an out-of-bounds candidate is drawn again before it is moved to the boundary.
+    pub resamples: usize,
+    /// The search stops when the values of a whole window of generations differ by less than this.
+    pub value_tolerance: f64,
+    /// The search stops when the step in every variable is below this fraction of the initial step.
+    pub step_tolerance: f64,
+}
+
+impl Options {
+    /// The tutorial's defaults (table 1 and section B.3) in the given bounds: λ = 4 + ⌊3 ln d⌋,
+    /// µ = ⌊λ/2⌋, σ = 0.3, active weights, 100 redraws, tolerances of 1e-12.
+    #[must_use]
+    pub fn new(bounds: Bounds) -> Self {
+        // At least 4, and far below 2⁵³ for any dimension that fits in memory.
+        let population = 4 + (3.0 * (bounds.dimension() as f64).ln()).floor() as usize;
+        Self {
+            population,
+            parents: population / 2,
+            step: 0.3,
+            bounds,
+            active: true,
+            resamples: 100,
+            value_tolerance: 1e-12,
+            step_tolerance: 1e-12,
+        }
+    }
+
+    pub(crate) fn check(&self) -> Result<(), Error> {
+        let Self {
+            population,
+            parents,
+            step,
+            ..
+        } = *self;
+        if population < 2 {
+            return Err(Error::Population { population });
+        }
+        if parents == 0 || parents > population {
+            return Err(Error::Parents {
+                parents,
+                population,
+            });
+        }
+        if !(step > 0.0 && step <= 10.0) {
+            return Err(Error::Step { step });
+        }
+        for (name, value) in [
+            ("value tolerance", self.value_tolerance),
+            ("step tolerance", self.step_tolerance),
+        ] {
+            if !(value >= 0.0 && value.is_finite()) {
+                return Err(Error::Tolerance { name, value });
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,270 @@
+//! Runs the stages of a campaign to the end.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::Context as _;
+use campaign::formulation::Problem;
+use campaign::plan::{self, LocalStep, VerifyPoint};
+use campaign::{Approach, Campaign};
+use rustix::time::{ClockId, clock_gettime};
+use store::{Batch, FailureKind, Store, Writer};
+use tokio_util::sync::CancellationToken;
+use tracing::{error, info, warn};
+
+use crate::board::Board;
+use crate::steps::{self, Cost, ModelSummary};
+use crate::snapshot::{self, P90_MODEL};
+use crate::{ingest, references};
+
+/// How often leases are looked over.
+const EXPIRY_PERIOD: Duration = Duration::from_millis(200);
+
+/// What the engine works with.
+pub struct Engine {
+    /// The campaign's problem.
+    pub problem: Arc<Problem>,
+    /// The store.
+    pub store: Store,
+    /// The store's writer.
+    pub writer: Writer,
+    /// The jobs and workers.
+    pub board: Arc<Board>,
+}
+
+/// How a campaign ended.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Ended {
+    /// The names of jobs that were given up.
+    pub given_up: Vec<String>,
+}
+
+impl Engine {
+    /// Runs all stages until nothing is missing.
+    ///
+    /// # Errors
+    ///
+    /// The store fails, or a local step does.
+    pub async fn run(&self, shutdown: &CancellationToken) -> anyhow::Result<Option<Ended>> {
+        let references = references::points(&self.problem);
+        let mut fit_failed = None;
+        loop {
+            if shutdown.is_cancelled() {
+                return Ok(None);
+            }
+            // Before the state is read: what is settled in between must not be slept through.
+            let (_, settled) = self.board.watch();
+            let mut state = snapshot::load(&self.store, self.campaign(), &references).await?;
+            state.quarantined = self.board.quarantined();
+            state.fit_failed = fit_failed.is_some();
+            let next = plan::next(self.campaign(), self.problem.printed_frozen(), &state);
+            let finished = next.is_finished();
+            self.board.post(next.jobs);
+            if let Some(step) = next.local {
+                self.do_step(step, &references, &mut fit_failed).await?;
+                continue;
+            }
+            if finished {
+                let given_up = state.quarantined.iter().map(|job| ingest::job_name(*job)).collect();
+                return Ok(Some(Ended { given_up }));
+            }
+            tokio::select! {
+                () = settled => {}
+                () = shutdown.cancelled() => return Ok(None),
+            }
+        }
+    }
+
+    /// Takes back the jobs of silent workers, for as long as the campaign runs.
+    ///
+    /// # Errors
+    ///
+    /// The store fails.
+    pub async fn watch_leases(&self) -> anyhow::Result<()> {
+        let mut period = tokio::time::interval(EXPIRY_PERIOD);
+        loop {
+            period.tick().await;
+            for (job, attempt, worker, given_up) in self.board.expire() {
+                let name = ingest::job_name(job);
+                let (kind, sentence) = if given_up {
+                    error!(job = %name, %worker, "too many workers vanished: the job is given up");
+                    (FailureKind::Quarantine, "its workers vanished while they computed it")
+                } else {
+                    warn!(job = %name, %worker, "a worker vanished while it computed a job");
+                    (FailureKind::Crash, "its worker vanished while it computed it")
+                };
+                let row = ingest::failure(job, attempt, &worker, kind, sentence);
+                let batch = Batch { failures: vec![row], ..Batch::default() };
+                self.writer.submit(batch).await?;
+            }
+        }
+    }
+
+    fn campaign(&self) -> &Campaign {
+        self.problem.campaign()
+    }
+
+    async fn do_step(
+        &self,
+        step: LocalStep,
+        references: &[VerifyPoint],
+        fit_failed: &mut Option<String>,
+    ) -> anyhow::Result<()> {
+        match step {
+            LocalStep::Doe => self.make_doe().await.context("making the DoE"),
+            LocalStep::Statistics => self.compute_responses().await.context("computing responses"),
+            LocalStep::Fit => match self.fit().await.context("fitting the kriging model")? {
+                Ok(()) => Ok(()),
+                Err(reason) => {
+                    warn!(%reason, "the kriging model cannot be fitted; approach 3 is left out");
+                    *fit_failed = Some(reason);
+                    Ok(())
+                }
+            },
+            LocalStep::Choose(approach) => self
+                .choose(approach, references, fit_failed.as_deref())
+                .await
+                .with_context(|| format!("choosing the optimum of {}", approach.name())),
+        }
+    }
+
+    async fn make_doe(&self) -> anyhow::Result<()> {
+        let problem = Arc::clone(&self.problem);
+        info!(designs = self.campaign().doe.designs, "making the maximin Latin hypercube");
+        let rows = blocking(move || steps::doe(&problem)).await?.0?;
+        self.store.put_designs(&rows).await?;
+        info!("sampling");
+        Ok(())
+    }
+
+    async fn compute_responses(&self) -> anyhow::Result<()> {
+        let wanted = self.campaign().sampling.samples_per_design as usize;
+        let mut rows = Vec::new();
+        let mut current: Option<u64> = None;
+        let mut samples: Vec<f64> = Vec::with_capacity(wanted);
+        let mut close = |design: Option<u64>, samples: &mut Vec<f64>| -> anyhow::Result<()> {
+            if let Some(design) = design
+                && samples.len() >= wanted
+            {
+                let row = steps::response(design, samples)
+                    .with_context(|| format!("the samples of design {design}"))?;
+                rows.push(row);
+            }
+            samples.clear();
+            Ok(())
+        };
+        self.store
+            .visit_samples(|row| -> anyhow::Result<()> {
+                if current != Some(row.design) {
+                    close(current, &mut samples)?;
+                    current = Some(row.design);
+                }
+                samples.push(row.delta_ste_um);
+                Ok(())
+            })
+            .await?;
+        close(current, &mut samples)?;
+        info!(feasible = rows.len(), "responses computed");
+        self.store.put_responses(&rows).await?;
+        Ok(())
+    }
+
+    /// The inner error says why the data cannot be fitted.
+    async fn fit(&self) -> anyhow::Result<Result<(), String>> {
+        let designs = self.store.designs().await?;
+        let responses = self.store.responses().await?;
+        let campaign = self.campaign().clone();
+        info!(points = responses.len(), "fitting the kriging model");
+        let (fitted, cpu_seconds) =
+            blocking(move || steps::fit(&campaign, &designs, &responses)).await?;
+        let (model, summary) = match fitted {
+            Ok((model, summary)) => (model, ModelSummary { cpu_seconds, ..summary }),
+            Err(error) => return Ok(Err(format!("{error:#}"))),
+        };
+        for warning in &summary.warnings {
+            warn!(%warning, "kriging");
+        }
+        info!(q2 = summary.q2, rmse_um = summary.rmse_um, cpu_seconds, "kriging model fitted");
+        self.store.put_model(&steps::model_row(&model, &summary)?).await?;
+        Ok(Ok(()))
+    }
+
+    async fn choose(
+        &self,
+        approach: Approach,
+        references: &[VerifyPoint],
+        fit_failed: Option<&str>,
+    ) -> anyhow::Result<()> {
+        let row = match (approach, fit_failed) {
+            (Approach::Kriging, Some(reason)) => {
+                steps::left_out(approach, format!("There is no kriging model: {reason}."))?
+            }
+            (Approach::BestOfDoe, _) => {
+                let state = snapshot::load(&self.store, self.campaign(), references).await?;
+                let frozen =
+                    plan::frozen(self.campaign(), self.problem.printed_frozen(), &state)
+                        .context("the DoE was sampled before its frozen variables were known")?;
+                let designs = self.store.designs().await?;
+                let criteria = self.store.criteria().await?;
+                let responses = self.store.responses().await?;
+                let cost = self.sampling_cost().await?;
+                steps::choose_of_doe(&self.problem, &frozen, &designs, &criteria, &responses, cost)?
+            }
+            _ => {
+                let runs = self.store.optimiser_runs().await?;
+                let extra = if approach == Approach::Kriging {
+                    let sampling = self.sampling_cost().await?;
+                    let fit = self.store.model(P90_MODEL).await?.map_or(0.0, |row| {
+                        serde_json::from_str::<ModelSummary>(&row.summary_json)
+                            .map_or(0.0, |summary| summary.cpu_seconds)
+                    });
+                    Cost { cpu_seconds: sampling.cpu_seconds + fit, ..sampling }
+                } else {
+                    Cost::default()
+                };
+                steps::choose_run(&self.problem, approach, &runs, extra)?
+            }
+        };
+        if row.feasible {
+            info!(approach = approach.name(), criterion_um = row.criterion_um, "optimum chosen");
+        } else {
+            warn!(approach = approach.name(), note = %row.note, "no feasible optimum");
+        }
+        if !row.note.is_empty() && row.feasible {
+            info!(approach = approach.name(), "{}", row.note);
+        }
+        self.store.put_optimum(&row).await?;
+        Ok(())
+    }
+
+    async fn sampling_cost(&self) -> anyhow::Result<Cost> {
+        let criteria = self.store.criteria().await?;
+        let samples_per_design = self.campaign().sampling.samples_per_design;
+        let times = self.store.job_times().await?;
+        Ok(Cost {
+            simulator_calls: steps::sampling_calls(&criteria, samples_per_design),
+            cpu_seconds: times
+                .iter()
+                .filter(|row| plan::JobKind::of(row.job) == Some(plan::JobKind::Sample))
+                .map(|row| row.cpu_seconds)
+                .sum(),
+        })
+    }
+}
+
+/// Runs `work` on compute threads of its own, one per processor; returns their CPU time, too, in
+/// seconds.
+async fn blocking<T: Send + 'static>(
+    work: impl FnOnce() -> T + Send + 'static,
+) -> anyhow::Result<(T, f64)> {
+    let timed = move || -> anyhow::Result<(T, f64)> {
+        let pool = rayon::ThreadPoolBuilder::new().build()?;
+        let result = pool.install(work);
+        let times = pool.broadcast(|_| {
+            let time = clock_gettime(ClockId::ThreadCPUTime);
+            time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
+        });
+        Ok((result, times.iter().sum()))
+    };
+    tokio::task::spawn_blocking(timed).await?
+}

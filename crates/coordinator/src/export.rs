@@ -1,0 +1,157 @@
+//! Tables of a store as CSV: one header line, units in the names.
+
+use std::io::Write;
+
+use campaign::formulation::VARIABLE_NAMES;
+use campaign::{Criteria, Variables};
+use clap::ValueEnum;
+use store::Store;
+
+use crate::snapshot::{optimum_variables, row_point};
+
+/// A table that can be exported.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Table {
+    /// The DoE with the criteria of its designs.
+    Designs,
+    /// Every sample.
+    Samples,
+    /// The percentile of every feasible design.
+    Responses,
+    /// What the approaches found.
+    Optima,
+}
+
+/// Writes a table.
+///
+/// # Errors
+///
+/// The store cannot be read or the output cannot be written.
+pub async fn write(store: &Store, table: Table, out: impl Write) -> anyhow::Result<()> {
+    let mut out = csv::Writer::from_writer(out);
+    match table {
+        Table::Designs => designs(store, &mut out).await?,
+        Table::Samples => samples(store, &mut out).await?,
+        Table::Responses => responses(store, &mut out).await?,
+        Table::Optima => optima(store, &mut out).await?,
+    }
+    out.flush()?;
+    Ok(())
+}
+
+fn number(value: f64) -> String {
+    // The shortest digits that read back as the same number.
+    format!("{value}")
+}
+
+fn optional(value: Option<f64>) -> String {
+    value.map_or_else(String::new, number)
+}
+
+async fn designs<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Result<()> {
+    let mut header = vec!["design"];
+    header.extend(&VARIABLE_NAMES[..6]);
+    header.extend([
+        "feasible", "reason", "contact_ratio", "specific_sliding", "hertz_pressure_mpa",
+        "root_stress_mpa", "delta_ste_um", "delta_ste_archard_um",
+    ]);
+    out.write_record(&header)?;
+    let criteria: std::collections::BTreeMap<u64, store::CriteriaRow> =
+        store.criteria().await?.into_iter().map(|row| (row.design, row)).collect();
+    for row in store.designs().await? {
+        let mut record = vec![row.design.to_string()];
+        record.extend(row_point(&row).map(number));
+        match criteria.get(&row.design) {
+            Some(criteria) => {
+                record.push(u8::from(criteria.feasible).to_string());
+                record.push(criteria.reason.clone().unwrap_or_default());
+                record.extend(
+                    [
+                        criteria.contact_ratio,
+                        criteria.specific_sliding,
+                        criteria.hertz_pressure_mpa,
+                        criteria.root_stress_mpa,
+                        criteria.delta_ste_um,
+                        criteria.delta_ste_archard_um,
+                    ]
+                    .map(optional),
+                );
+            }
+            None => record.extend(std::iter::repeat_n(String::new(), 8)),
+        }
+        out.write_record(&record)?;
+    }
+    Ok(())
+}
+
+async fn samples<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Result<()> {
+    out.write_record(["design", "sample", "delta_ste_um"])?;
+    store
+        .visit_samples(|row| -> anyhow::Result<()> {
+            out.write_record([
+                row.design.to_string(),
+                row.sample.to_string(),
+                number(row.delta_ste_um),
+            ])?;
+            Ok(())
+        })
+        .await
+}
+
+async fn responses<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Result<()> {
+    out.write_record([
+        "design", "mean_um", "sd_um", "p90_um", "p90_variance_um2", "lilliefors_p",
+    ])?;
+    for row in store.responses().await? {
+        out.write_record([
+            row.design.to_string(),
+            number(row.mean_um),
+            number(row.sd_um),
+            number(row.p90_um),
+            number(row.p90_variance_um2),
+            optional(row.lilliefors_p),
+        ])?;
+    }
+    Ok(())
+}
+
+async fn optima<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Result<()> {
+    let mut header = vec!["approach"];
+    header.extend(VARIABLE_NAMES);
+    header.extend([
+        "criterion_um", "p90_um", "p90_low_um", "p90_high_um", "contact_ratio", "specific_sliding",
+        "hertz_pressure_mpa", "root_stress_mpa", "feasible", "simulator_calls", "cpu_seconds",
+    ]);
+    out.write_record(&header)?;
+    for row in store.optima().await? {
+        let variables = optimum_variables(&row);
+        let criteria: Option<Criteria> = serde_json::from_str(&row.criteria_json)?;
+        let samples: Vec<f64> = store
+            .verify_samples(&row.approach)
+            .await?
+            .iter()
+            .map(|sample| sample.delta_ste_um)
+            .collect();
+        let percentile = stats::percentile_p90(&samples).ok();
+        let interval =
+            percentile.as_ref().and_then(|percentile| stats::p90_interval(percentile, 0.95).ok());
+        let mut record = vec![row.approach.clone()];
+        match variables.as_ref().map(Variables::values) {
+            Some(values) => record.extend(values.map(number)),
+            None => record.extend(std::iter::repeat_n(String::new(), VARIABLE_NAMES.len())),
+        }
+        record.push(optional(variables.map(|_| row.criterion_um)));
+        record.push(optional(percentile.map(|percentile| percentile.p90)));
+        record.push(optional(interval.map(|(low, _)| low)));
+        record.push(optional(interval.map(|(_, high)| high)));
+        record.push(optional(criteria.map(|criteria| criteria.contact_ratio)));
+        record.push(optional(criteria.map(|criteria| criteria.specific_sliding)));
+        record.push(optional(criteria.map(|criteria| criteria.hertz_pressure_mpa)));
+        record.push(optional(criteria.map(|criteria| criteria.root_stress_mpa)));
+        record.push(u8::from(row.feasible).to_string());
+        record.push(row.simulator_calls.to_string());
+        record.push(number(row.cpu_seconds));
+        out.write_record(&record)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,126 @@
+//! What the store holds, as the planner wants to see it.
+
+use std::collections::BTreeSet;
+
+use campaign::formulation::{ROBUST_VARIABLES, VARIABLE_NAMES, Variables};
+use campaign::plan::{DesignState, State, VerifyPoint};
+use campaign::{Approach, Campaign};
+use serde_json::{Map, Value};
+use store::{DesignRow, OptimumRow, Store};
+
+/// The name of the model of P90 in the store.
+pub const P90_MODEL: &str = "p90";
+
+/// The six variables of a row.
+#[must_use]
+pub const fn row_point(row: &DesignRow) -> [f64; ROBUST_VARIABLES] {
+    [row.x_p, row.x_r, row.ha0_p, row.ha0_r, row.hf0_p, row.hf0_r]
+}
+
+/// The approach of that name.
+#[must_use]
+pub fn approach_of(name: &str) -> Option<Approach> {
+    Approach::ALL.into_iter().find(|approach| approach.name() == name)
+}
+
+/// All variables by name, as the store keeps them; `null` for an approach that found nothing.
+#[must_use]
+pub fn variables_to_json(variables: Option<&Variables>) -> String {
+    let Some(variables) = variables else { return Value::Null.to_string() };
+    let object: Map<String, Value> = VARIABLE_NAMES
+        .iter()
+        .zip(variables.values())
+        .map(|(name, value)| ((*name).to_owned(), Value::from(value)))
+        .collect();
+    Value::Object(object).to_string()
+}
+
+/// Reads what [`variables_to_json`] wrote.
+#[must_use]
+pub fn variables_from_json(json: &str) -> Option<Variables> {
+    let object: Map<String, Value> = serde_json::from_str(json).ok()?;
+    let value = |index: usize| object.get(VARIABLE_NAMES[index]).and_then(Value::as_f64);
+    let pair = |index: usize| Some([value(index)?, value(index + 1)?]);
+    Some(Variables {
+        profile_shift: pair(0)?,
+        tool_addendum: pair(2)?,
+        tool_dedendum: pair(4)?,
+        tip_radius_mm: pair(6)?,
+        root_radius_mm: pair(8)?,
+        helix_angle_deg: value(10)?,
+    })
+}
+
+/// Whether an optimum's row holds a design that satisfies every constraint.
+#[must_use]
+pub fn optimum_variables(row: &OptimumRow) -> Option<Variables> {
+    variables_from_json(&row.x_json)
+}
+
+/// Reads the whole state of the campaign.
+///
+/// # Errors
+///
+/// The store cannot be read.
+pub async fn load(
+    store: &Store,
+    campaign: &Campaign,
+    references: &[VerifyPoint],
+) -> Result<State, store::Error> {
+    let mut designs: Vec<DesignState> = store
+        .designs()
+        .await?
+        .iter()
+        .map(|row| DesignState {
+            x: row_point(row),
+            has_criteria: false,
+            simulated: false,
+            samples: 0,
+        })
+        .collect();
+    for row in store.criteria().await? {
+        if let Some(design) = designs.get_mut(row.design as usize) {
+            design.has_criteria = true;
+            design.simulated = row.feasible;
+        }
+    }
+    for (design, samples) in store.sampled_counts().await? {
+        if let Some(design) = designs.get_mut(design as usize) {
+            design.samples = u32::try_from(samples).unwrap_or(u32::MAX);
+        }
+    }
+    let simulated = designs.iter().filter(|design| design.simulated).count();
+    let complete = designs
+        .iter()
+        .all(|design| design.is_done(campaign.sampling.samples_per_design));
+    let has_responses =
+        !designs.is_empty() && complete && store.responses().await?.len() == simulated;
+
+    let mut state = State {
+        designs,
+        has_responses,
+        model: store.model(P90_MODEL).await?.map(|row| row.json),
+        ..State::default()
+    };
+    for run in store.optimiser_runs().await? {
+        if let (Some(approach), Ok(start)) = (approach_of(&run.approach), u32::try_from(run.start)) {
+            state.runs.insert((approach, start));
+        }
+    }
+    for optimum in store.optima().await? {
+        let Some(approach) = approach_of(&optimum.approach) else { continue };
+        let stored = stored_samples(store, approach.name()).await?;
+        state.verified.insert(approach, stored);
+        state.optima.insert(approach, optimum_variables(&optimum));
+    }
+    for point in references {
+        let stored = stored_samples(store, &point.name).await?;
+        state.reference_points.push(VerifyPoint { stored, ..point.clone() });
+    }
+    Ok(state)
+}
+
+async fn stored_samples(store: &Store, point: &str) -> Result<BTreeSet<u32>, store::Error> {
+    let rows = store.verify_samples(point).await?;
+    Ok(rows.iter().filter_map(|row| u32::try_from(row.sample).ok()).collect())
+}

@@ -1,0 +1,329 @@
+//! The steps that the coordinator does itself: pure work between reading and writing the store.
+
+use campaign::formulation::Problem;
+use campaign::optimise::{Found, RunResult};
+use campaign::{Approach, Campaign};
+use kriging::{Data, FitOptions, Model};
+use serde::{Deserialize, Serialize};
+use store::{CriteriaRow, DesignRow, ModelRow, OptimiserRunRow, OptimumRow, ResponseRow};
+
+use crate::snapshot::{P90_MODEL, row_point, variables_to_json};
+
+/// What a reader wants to know of a fitted model.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ModelSummary {
+    /// The covariance function.
+    pub kernel: String,
+    /// How many points it was fitted to.
+    pub points: usize,
+    /// The mean µ, µm.
+    pub mu_um: f64,
+    /// The process variance σ², µm².
+    pub sigma2_um2: f64,
+    /// The ranges in the order of the variables; none where the response does not depend on one.
+    pub ranges: Vec<Option<f64>>,
+    /// −log likelihood.
+    pub negative_log_likelihood: f64,
+    /// Q² of leave-one-out predictions.
+    pub q2: f64,
+    /// Root mean square of the leave-one-out residuals, µm.
+    pub rmse_um: f64,
+    /// The share of observations within their leave-one-out 90 % interval.
+    pub coverage90: f64,
+    /// The leave-one-out residuals (observation minus prediction) by design, µm.
+    pub residuals_um: Vec<(u64, f64)>,
+    /// What a user ought to know.
+    pub warnings: Vec<String>,
+    /// CPU time of the fit, seconds.
+    pub cpu_seconds: f64,
+}
+
+/// Makes the DoE.
+///
+/// # Errors
+///
+/// A sentence; a validated campaign gives none.
+pub fn doe(problem: &Problem) -> anyhow::Result<Vec<DesignRow>> {
+    let campaign = problem.campaign();
+    let options = doe::Options { seed: campaign.seed, ..doe::Options::default() };
+    let n = campaign.doe.designs as usize;
+    let design = doe::maximin(n, campaign::formulation::ROBUST_VARIABLES, &options)?;
+    Ok((0..n)
+        .map(|index| {
+            let [x_p, x_r, ha0_p, ha0_r, hf0_p, hf0_r] = problem.robust_point(design.point(index));
+            DesignRow { design: index as u64, x_p, x_r, ha0_p, ha0_r, hf0_p, hf0_r }
+        })
+        .collect())
+}
+
+/// The response of one design from its samples.
+///
+/// # Errors
+///
+/// Too few samples, or one that is no number.
+pub fn response(design: u64, samples: &[f64]) -> Result<ResponseRow, stats::Error> {
+    let percentile = stats::percentile_p90(samples)?;
+    // Identical samples have no distribution to test; the row then says nothing about it.
+    let lilliefors_p = stats::lilliefors(samples).ok().map(|test| test.p_value);
+    Ok(ResponseRow {
+        design,
+        mean_um: percentile.mean,
+        sd_um: percentile.sd,
+        p90_um: percentile.p90,
+        p90_variance_um2: percentile.variance,
+        lilliefors_p,
+    })
+}
+
+/// Fits the kriging model of P90; `cpu_seconds` is left zero.
+///
+/// # Errors
+///
+/// The data cannot be fitted: too few feasible designs, for example.
+pub fn fit(
+    campaign: &Campaign,
+    designs: &[DesignRow],
+    responses: &[ResponseRow],
+) -> anyhow::Result<(Model, ModelSummary)> {
+    let points: Vec<(&DesignRow, &ResponseRow)> = responses
+        .iter()
+        .filter_map(|response| Some((designs.get(response.design as usize)?, response)))
+        .collect();
+    let x: Vec<f64> = points.iter().flat_map(|(design, _)| row_point(design)).collect();
+    let y: Vec<f64> = points.iter().map(|(_, response)| response.p90_um).collect();
+    let noise: Vec<f64> = points.iter().map(|(_, response)| response.p90_variance_um2).collect();
+    let data = Data {
+        x: &x,
+        d: campaign::formulation::ROBUST_VARIABLES,
+        y: &y,
+        noise_variance: &noise,
+    };
+    let options = FitOptions {
+        kernel: campaign.kriging.kernel.parse()?,
+        seed: campaign.seed,
+        ..FitOptions::default()
+    };
+    let model = kriging::fit(&data, &options)?;
+    let validation = model.leave_one_out();
+    let parameters = model.parameters();
+    let summary = ModelSummary {
+        kernel: model.kernel().to_string(),
+        points: model.points(),
+        mu_um: parameters.mu,
+        sigma2_um2: parameters.sigma2,
+        ranges: parameters.ranges.iter().map(|range| range.is_finite().then_some(*range)).collect(),
+        negative_log_likelihood: model.negative_log_likelihood(),
+        q2: validation.q2,
+        rmse_um: validation.rmse,
+        coverage90: validation.coverage90,
+        residuals_um: points
+            .iter()
+            .map(|(_, response)| response.design)
+            .zip(validation.residuals.iter().copied())
+            .collect(),
+        warnings: model.warnings().iter().map(ToString::to_string).collect(),
+        cpu_seconds: 0.0,
+    };
+    Ok((model, summary))
+}
+
+/// The row of a fitted model.
+///
+/// # Errors
+///
+/// The model cannot be written as JSON: one of its numbers is not finite.
+pub fn model_row(model: &Model, summary: &ModelSummary) -> anyhow::Result<ModelRow> {
+    Ok(ModelRow {
+        name: P90_MODEL.to_owned(),
+        json: model.to_json()?,
+        summary_json: serde_json::to_string(summary)?,
+    })
+}
+
+/// What the DoE's samples cost, for the approaches that rest on them.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Cost {
+    /// Calls of the simulator.
+    pub simulator_calls: u64,
+    /// CPU time, seconds.
+    pub cpu_seconds: f64,
+}
+
+/// The calls that sampling took: one unworn analysis per design that can be simulated, one with
+/// Archard's wear and k with random wear. Designs that cannot be simulated cost one attempt.
+#[must_use]
+pub fn sampling_calls(criteria: &[CriteriaRow], samples_per_design: u32) -> u64 {
+    let feasible = criteria.iter().filter(|row| row.feasible).count() as u64;
+    criteria.len() as u64 + feasible * (1 + u64::from(samples_per_design))
+}
+
+/// Chooses the best design that the runs of an approach found.
+///
+/// `extra` is what the approach's metamodel cost. A run that was given up is not among `rows`.
+///
+/// # Errors
+///
+/// A stored run cannot be read.
+pub fn choose_run(
+    problem: &Problem,
+    approach: Approach,
+    rows: &[OptimiserRunRow],
+    extra: Cost,
+) -> anyhow::Result<OptimumRow> {
+    let rows: Vec<_> = rows.iter().filter(|row| row.approach == approach.name()).collect();
+    let runs: Vec<RunResult> = rows
+        .iter()
+        .map(|row| serde_json::from_str(&row.result_json))
+        .collect::<Result<_, _>>()?;
+    let calls: u64 = runs.iter().map(|run| run.simulator_calls).sum();
+    let cpu_seconds: f64 = rows.iter().map(|row| row.cpu_seconds).sum();
+    let cost = Cost {
+        simulator_calls: calls + extra.simulator_calls,
+        cpu_seconds: cpu_seconds + extra.cpu_seconds,
+    };
+    let better = |a: &&Found, b: &&Found| a.criterion_um.total_cmp(&b.criterion_um);
+    let best = runs.iter().filter_map(|run| run.best.as_ref()).min_by(better);
+    let note = continuation_note(problem, &runs);
+    if let Some(found) = best {
+        return optimum(approach, Some(found), cost, note);
+    }
+    let printed = runs.iter().filter_map(|run| run.printed.as_ref()).min_by(better);
+    let note = match printed {
+        Some(found) => format!(
+            "No run found a design that satisfies every constraint: the best penalised one breaks \
+             some ({}).",
+            broken(problem, found)
+        ),
+        None => "No run found a design that can be simulated.".to_owned(),
+    };
+    optimum(approach, None, cost, note)
+}
+
+/// Chooses the best design of the DoE that satisfies every constraint, with its worn pressure.
+///
+/// # Errors
+///
+/// The row cannot be written.
+pub fn choose_of_doe(
+    problem: &Problem,
+    frozen: &campaign::Frozen,
+    designs: &[DesignRow],
+    criteria: &[CriteriaRow],
+    responses: &[ResponseRow],
+    cost: Cost,
+) -> anyhow::Result<OptimumRow> {
+    let mut best: Option<Found> = None;
+    for response in responses {
+        let better = best.as_ref().is_none_or(|found| response.p90_um < found.criterion_um);
+        let (Some(design), true) = (designs.get(response.design as usize), better) else {
+            continue;
+        };
+        let pressure = criteria
+            .iter()
+            .find(|row| row.design == response.design)
+            .and_then(|row| row.hertz_pressure_worn_mpa);
+        let Some(pressure) = pressure else { continue };
+        let variables = campaign::Variables::robust(&row_point(design), frozen);
+        let Ok(pair) = problem.pair(&variables) else { continue };
+        let criteria = problem.criteria(&pair, pressure);
+        if problem.is_feasible(&criteria) {
+            best = Some(Found {
+                variables,
+                criterion_um: response.p90_um,
+                criteria,
+                feasible: true,
+            });
+        }
+    }
+    let note = if best.is_some() {
+        String::new()
+    } else {
+        "No design of the DoE satisfies every constraint.".to_owned()
+    };
+    optimum(Approach::BestOfDoe, best.as_ref(), cost, note)
+}
+
+/// The row of an approach for which nothing could be done.
+///
+/// # Errors
+///
+/// The row cannot be written.
+pub fn left_out(approach: Approach, note: String) -> anyhow::Result<OptimumRow> {
+    optimum(approach, None, Cost::default(), note)
+}
+
+fn optimum(
+    approach: Approach,
+    found: Option<&Found>,
+    cost: Cost,
+    note: String,
+) -> anyhow::Result<OptimumRow> {
+    Ok(OptimumRow {
+        approach: approach.name().to_owned(),
+        x_json: variables_to_json(found.map(|found| &found.variables)),
+        // The paper values what cannot be simulated at 100; there is no design to value here.
+        criterion_um: found.map_or(0.0, |found| found.criterion_um),
+        feasible: found.is_some_and(|found| found.feasible),
+        criteria_json: serde_json::to_string(&found.map(|found| found.criteria))?,
+        simulator_calls: cost.simulator_calls,
+        cpu_seconds: cost.cpu_seconds,
+        note,
+    })
+}
+
+/// Says where the printed penalty weight alone would have ended.
+fn continuation_note(problem: &Problem, runs: &[RunResult]) -> String {
+    let ended: Vec<&Found> = runs
+        .iter()
+        .filter(|run| run.continuations > 0)
+        .filter_map(|run| run.printed.as_ref())
+        .collect();
+    let Some(worst) = ended.iter().min_by(|a, b| a.criterion_um.total_cmp(&b.criterion_um)) else {
+        return String::new();
+    };
+    format!(
+        "With the printed penalty weight p = {} {} of {} runs ended on a design that breaks a \
+         constraint (the lowest at {:.3} µm with {}); those runs went on, ranking feasible designs \
+         first, until they ended on one that breaks none.",
+        problem.campaign().optimise.penalty,
+        ended.len(),
+        runs.len(),
+        worst.criterion_um,
+        broken(problem, worst),
+    )
+}
+
+/// Names the constraints that a design breaks.
+fn broken(problem: &Problem, found: &Found) -> String {
+    let limits = &problem.campaign().constraints;
+    let material = &problem.campaign().material;
+    let criteria = &found.criteria;
+    let mut broken = Vec::new();
+    if criteria.contact_ratio <= limits.contact_ratio_min {
+        broken.push(format!("r_c = {:.4} ≤ {}", criteria.contact_ratio, limits.contact_ratio_min));
+    }
+    if criteria.specific_sliding >= limits.specific_sliding_max {
+        let max = limits.specific_sliding_max;
+        broken.push(format!("g_s = {:.4} ≥ {max}", criteria.specific_sliding));
+    }
+    if criteria.root_stress_mpa >= material.yield_mpa {
+        let stress = criteria.root_stress_mpa;
+        broken.push(format!("σ_vm = {stress:.1} MPa ≥ {} MPa", material.yield_mpa));
+    }
+    if criteria.hertz_pressure_mpa >= material.hertz_limit_mpa {
+        let pressure = criteria.hertz_pressure_mpa;
+        broken.push(format!("F = {pressure:.1} MPa ≥ {} MPa", material.hertz_limit_mpa));
+    }
+    let gears = ["pinion", "mate"];
+    for (gear, name) in gears.iter().enumerate() {
+        if criteria.clearance_mm[gear] < 0.0 {
+            let clearance = criteria.clearance_mm[gear];
+            broken.push(format!("{name} tip clearance = {clearance:.4} mm < 0"));
+        }
+        if criteria.flank_margin_mm[gear] < 0.0 {
+            let margin = criteria.flank_margin_mm[gear];
+            broken.push(format!("{name} flank margin = {margin:.4} mm < 0"));
+        }
+    }
+    broken.join(", ")
+}

@@ -1,0 +1,153 @@
+//! The optimiser: how the search for a maximin design spends its budget.
+
+use rand::RngExt as _;
+use stats::streams::{Purpose, stream};
+
+use crate::design::{check, random_columns};
+use crate::search::Search;
+use crate::table::Table;
+use crate::{Design, Error};
+
+/// Budget per variable and per point, in coordinates looked at: about 1 s of one core for 100
+/// points in 6 variables, 2 s for 500, 7 s for 3000 and 30 s for 20 000.
+const STEPS: f64 = 8e5;
+/// Points added in the budget: a few points have few swaps each, but still a hard puzzle.
+const EXTRA_POINTS: f64 = 100.0;
+/// Share of the budget after which the first ratchet ends, and after which annealing ends.
+const RATCHET_UNTIL: f64 = 0.05;
+const ANNEAL_UNTIL: f64 = 0.8;
+/// While annealing, the squared radius is this far above the largest one known to be possible.
+const REACH: f64 = 1.3;
+/// The largest strain that the first annealing accepts, in units of two coinciding points.
+const HEAT: f64 = 0.03;
+/// Repairs tried per point before a radius counts as out of reach.
+const PATIENCE: u64 = 50;
+
+/// How to search for a maximin design.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// The random seed: the same seed gives the same design, on any machine.
+    pub seed: u64,
+    /// The search's length relative to the default, 1. With 0 the random start is returned.
+    pub effort: f64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            seed: 0,
+            effort: 1.0,
+        }
+    }
+}
+
+/// A Latin hypercube of `n` points in `d` variables whose nearest points are far apart, in random
+/// order of the points.
+///
+/// The usual surrogate Σ 1/δᵖ over all distances δ needs p ≈ 40 before it orders designs as the
+/// smallest distance does, and then only the nearest pairs count. This search drops the others: for
+/// a radius r, each pair with δ < r is *strained* by (1 − δ²/r²)², and a design without strain has a
+/// minimum distance of at least r. Levels being integers, squared distances and strains are exact.
+///
+/// A step takes a strained point, one variable, and the best of a few random levels for it, and
+/// swaps with the point that has this level if the total strain does not grow. Three phases spend
+/// the budget:
+///
+/// 1. ratchet: raise r a little whenever the strain has been removed, or half as far when it
+///    could not be;
+/// 2. annealing: at a radius slightly out of reach, accept growing strain up to a random threshold
+///    that falls to zero;
+/// 3. ratchet again, in ever smaller steps down to the last unit of δ².
+///
+/// Where the last ratchet gets stuck before the budget is spent, as small designs do, phases 2 and
+/// 3 follow again with a higher threshold.
+///
+/// The best strain-free design is kept throughout, so the result is never worse than the random
+/// start. No upper bound is tight enough to prove it best, except for tiny designs, where the mean
+/// squared distance n(n + 1)d/6 in levels ends the search (van Dam et al.).
+///
+/// # Errors
+///
+/// [`Error::Points`] or [`Error::Variables`] for a size out of range, [`Error::Effort`] for an
+/// effort that is negative or not finite.
+pub fn maximin(n: usize, d: usize, options: &Options) -> Result<Design, Error> {
+    check(n, d)?;
+    let effort = options.effort;
+    if !(effort >= 0.0 && effort.is_finite()) {
+        return Err(Error::Effort { effort });
+    }
+    let mut rng = stream(options.seed, Purpose::Doe, 0, 0);
+    let start = Table::new(n, &random_columns(n, d - 1, &mut rng));
+    // The table is in the order of variable 0; a reader of the first few points wants a fair sample.
+    let mut order: Vec<u32> = (0..n as u32).collect();
+    for i in (1..n).rev() {
+        order.swap(i, rng.random_range(0..=i as u32) as usize);
+    }
+
+    let mut search = Search::new(start, rng);
+    if d > 1 {
+        let budget = effort * STEPS * d as f64 * (n as f64 + EXTRA_POINTS);
+        ratchet(&mut search, (budget * RATCHET_UNTIL) as u64);
+        anneal(&mut search, (budget * ANNEAL_UNTIL) as u64, HEAT);
+        ratchet(&mut search, budget as u64);
+        let mut heat = HEAT;
+        while search.spent() < budget as u64 && !search.is_optimal() {
+            heat = (2.0 * heat).min(0.5);
+            let until = search.spent().midpoint(budget as u64);
+            anneal(&mut search, until, heat);
+            ratchet(&mut search, budget as u64);
+        }
+    }
+    let best = search.best();
+    let levels = order
+        .iter()
+        .flat_map(|&i| (0..d).map(move |k| best.level(i as usize, k) as u32));
+    Ok(Design::from_levels(n, d, levels))
+}
+
+/// Raises the radius from the present design's own smallest distance until `until` is spent.
+fn ratchet(search: &mut Search, until: u64) {
+    let patience = PATIENCE * search.points() as u64;
+    let mut floor = search.measure();
+    let mut rise = 0.5;
+    while search.spent() < until && !search.is_optimal() {
+        let radius = ((floor as f64 * (1.0 + rise)) as i64).max(floor + 1);
+        search.set_squared_radius(radius);
+        let mut repairs = 0;
+        while search.is_strained() && repairs < patience && search.spent() < until {
+            search.repair(0);
+            repairs += 1;
+        }
+        if search.is_strained() {
+            if radius == floor + 1 && repairs == patience {
+                return; // The smallest rise is out of reach from here.
+            }
+            rise *= 0.5;
+        } else {
+            search.keep();
+            floor = radius;
+            if repairs < 2 * search.points() as u64 {
+                rise = (rise * 1.5_f64).min(1.0);
+            }
+        }
+    }
+}
+
+/// Shakes the best design at a radius out of reach, less and less, until `until` is spent. `heat` is
+/// the largest strain accepted at the start, in units of two coinciding points.
+fn anneal(search: &mut Search, until: u64, heat: f64) {
+    if search.spent() >= until || search.is_optimal() {
+        return;
+    }
+    search.restore();
+    let radius = (search.measure() as f64 * REACH) as i64 + 1;
+    search.set_squared_radius(radius);
+    let (start, hottest) = (search.spent(), heat * search.full_strain() as f64);
+    while search.is_strained() && search.spent() < until {
+        let left = (until - search.spent()) as f64 / until.saturating_sub(start).max(1) as f64;
+        search.repair((hottest * left.min(1.0).powi(2)) as i64);
+    }
+    if !search.is_strained() {
+        search.keep();
+    }
+}

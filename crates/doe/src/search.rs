@@ -1,0 +1,296 @@
+//! The state of a search: a design, the strain of each of its points, and the swaps that reduce it.
+
+use rand::RngExt as _;
+use stats::streams::StreamRng;
+
+use crate::table::{Neighbour, Table};
+
+/// Random levels looked at for a point before the best of them is tried; at most a quarter of all,
+/// since the best of all would always be the same one.
+const SAMPLES: usize = 16;
+/// Partners tried per repair.
+const PARTNERS: usize = 4;
+/// What a scan costs besides the coordinates it looks at, in points.
+const SCAN_OVERHEAD: u64 = 64;
+/// Marks points that are not in the list of strained ones.
+const NOWHERE: u32 = u32::MAX;
+/// Excludes no point from a sum of strains.
+const NOBODY: usize = usize::MAX;
+
+/// A design under repair, and the best one so far.
+///
+/// **Invariant.** `strain[i]` is the sum over all j of the strain of the pair (i, j) at the current
+/// radius; `strained` lists the points where it is positive, and `place` says where.
+#[derive(Debug)]
+pub(crate) struct Search {
+    table: Table,
+    rng: StreamRng,
+    squared_radius: i64,
+    /// Scales squared distances down to 20 bits, so that sums of squared strains fit 64.
+    shift: u32,
+    strain: Vec<i64>,
+    strained: Vec<u32>,
+    place: Vec<u32>,
+    best: Table,
+    best_squared: i64,
+    spent: u64,
+    /// Room for the neighbours of the two points of a swap.
+    near_first: Vec<Neighbour>,
+    near_second: Vec<Neighbour>,
+}
+
+impl Search {
+    pub(crate) fn new(table: Table, rng: StreamRng) -> Self {
+        let n = table.points();
+        Self {
+            best: table.clone(),
+            table,
+            rng,
+            squared_radius: 0,
+            shift: 0,
+            strain: vec![0; n],
+            strained: Vec::new(),
+            place: vec![NOWHERE; n],
+            best_squared: 0,
+            spent: 0,
+            near_first: Vec::new(),
+            near_second: Vec::new(),
+        }
+    }
+
+    pub(crate) fn points(&self) -> usize {
+        self.table.points()
+    }
+
+    /// The work so far, in coordinates looked at.
+    pub(crate) fn spent(&self) -> u64 {
+        self.spent
+    }
+
+    pub(crate) fn best(&self) -> &Table {
+        &self.best
+    }
+
+    /// Whether the best design is known to be unbeatable: its smallest squared distance has reached
+    /// the mean one, n(n + 1)d/6, which is the same for all Latin hypercubes.
+    pub(crate) fn is_optimal(&self) -> bool {
+        let (n, d) = (self.table.points() as i64, self.table.variables() as i64);
+        6 * (self.best_squared + 1) > n * (n + 1) * d
+    }
+
+    /// The smallest squared distance of the present design, which becomes the best one if it is.
+    pub(crate) fn measure(&mut self) -> i64 {
+        let (n, d) = (self.table.points(), self.table.variables());
+        let mut smallest = (n * n * d) as i64; // more than any pair has
+        for i in 0..n {
+            self.spent += cost(self.table.near(i, None, smallest, &mut self.near_first), d);
+            smallest -= self
+                .near_first
+                .iter()
+                .map(|other| other.left)
+                .max()
+                .unwrap_or(0);
+        }
+        self.keep_as(smallest);
+        smallest
+    }
+
+    /// Keeps the present design, which must have no strain, if it is the best.
+    pub(crate) fn keep(&mut self) {
+        self.keep_as(self.squared_radius);
+    }
+
+    /// Goes back to the best design. The strain is out of date until the radius is set.
+    pub(crate) fn restore(&mut self) {
+        self.table.clone_from(&self.best);
+    }
+
+    /// Sets the radius, in levels, below which pairs are strained.
+    pub(crate) fn set_squared_radius(&mut self, squared_radius: i64) {
+        self.squared_radius = squared_radius;
+        self.shift = (squared_radius.max(1).ilog2() + 1).saturating_sub(20);
+        self.strained.clear();
+        self.place.fill(NOWHERE);
+        self.strain.fill(0);
+        let mut near = std::mem::take(&mut self.near_first);
+        for i in 0..self.table.points() {
+            let seen = self.table.near(i, None, squared_radius, &mut near);
+            self.spent += cost(seen, self.table.variables());
+            self.add(
+                i,
+                near.iter().map(|other| self.pair_strain(other.left)).sum(),
+            );
+        }
+        self.near_first = near;
+    }
+
+    pub(crate) fn is_strained(&self) -> bool {
+        !self.strained.is_empty()
+    }
+
+    /// The strain of two coinciding points, the unit of [`Search::repair`]'s slack.
+    pub(crate) fn full_strain(&self) -> i64 {
+        self.pair_strain(self.squared_radius)
+    }
+
+    /// Tries to relieve a random strained point by a swap in a random variable. A swap may add
+    /// strain up to a uniform threshold below `slack`.
+    pub(crate) fn repair(&mut self, slack: i64) {
+        let (n, d) = (self.table.points(), self.table.variables());
+        let Some(last) = self.strained.len().checked_sub(1) else {
+            return;
+        };
+        let first = self.strained[self.rng.random_range(0..=last as u32) as usize] as usize;
+        let k = self.rng.random_range(1..d as u32) as usize;
+        let mut near_first = std::mem::take(&mut self.near_first);
+        let mut near_second = std::mem::take(&mut self.near_second);
+
+        let seen = self
+            .table
+            .near(first, Some(k), self.squared_radius, &mut near_first);
+        self.spent += cost(seen, d);
+        let from = self.table.level(first, k);
+        let here = self.strain_at(&near_first, from, NOBODY);
+        for _ in 0..PARTNERS {
+            let Some((there, to)) = self.sample_level(&near_first, from, n) else {
+                break;
+            };
+            if there > here + slack {
+                break;
+            }
+            let second = self.table.owner(k, to);
+            let seen = self
+                .table
+                .near(second, Some(k), self.squared_radius, &mut near_second);
+            self.spent += cost(seen, d);
+            // The pair itself keeps its distance, so both sums leave it out.
+            let before =
+                self.strain_at(&near_first, from, second) + self.strain_at(&near_second, to, first);
+            let after =
+                self.strain_at(&near_first, to, second) + self.strain_at(&near_second, from, first);
+            let allowed = if slack > 0 {
+                self.rng.random_range(0..slack)
+            } else {
+                0
+            };
+            if after <= before + allowed {
+                self.table.swap(first, second, k);
+                self.move_strain(first, &near_first, from, to, second);
+                self.move_strain(second, &near_second, to, from, first);
+                break;
+            }
+        }
+        self.near_first = near_first;
+        self.near_second = near_second;
+    }
+
+    /// The least strained of a few random levels other than `from`, with its strain; the first one
+    /// without strain ends the search.
+    fn sample_level(&mut self, near: &[Neighbour], from: i64, n: usize) -> Option<(i64, i64)> {
+        let mut best: Option<(i64, i64)> = None;
+        for _ in 0..SAMPLES.min(n.div_ceil(4)) {
+            let level = i64::from(self.rng.random_range(0..n as u32));
+            if level == from {
+                continue;
+            }
+            let strain = self.strain_at(near, level, NOBODY);
+            if best.is_none_or(|(least, _)| strain < least) {
+                best = Some((strain, level));
+            }
+            if strain == 0 {
+                break;
+            }
+        }
+        best
+    }
+
+    /// The strain of a point with these neighbours at `level` of the missing variable, leaving out
+    /// the pair with the point `except`.
+    fn strain_at(&self, near: &[Neighbour], level: i64, except: usize) -> i64 {
+        near.iter()
+            .filter(|other| other.point != except)
+            .map(|other| self.pair_strain(other.left_at(level)))
+            .sum()
+    }
+
+    /// Accounts for the move of `point` between two levels. Its distance to `except` is unchanged.
+    fn move_strain(&mut self, point: usize, near: &[Neighbour], from: i64, to: i64, except: usize) {
+        let mut total = 0;
+        for other in near.iter().filter(|other| other.point != except) {
+            let (old, new) = (other.left_at(from), other.left_at(to));
+            let change = self.pair_strain(new) - self.pair_strain(old);
+            self.add(other.point, change);
+            total += change;
+        }
+        self.add(point, total);
+    }
+
+    /// The strain of a pair whose squared distance is `left` below the squared radius: the square
+    /// of `left`, scaled; positive as soon as `left` is.
+    fn pair_strain(&self, left: i64) -> i64 {
+        if left <= 0 {
+            return 0;
+        }
+        let scaled = (left >> self.shift) + 1;
+        scaled * scaled
+    }
+
+    fn add(&mut self, point: usize, change: i64) {
+        self.strain[point] += change;
+        let place = self.place[point];
+        if self.strain[point] > 0 && place == NOWHERE {
+            self.place[point] = self.strained.len() as u32;
+            self.strained.push(point as u32);
+        } else if self.strain[point] == 0 && place != NOWHERE {
+            self.strained.swap_remove(place as usize);
+            if let Some(&moved) = self.strained.get(place as usize) {
+                self.place[moved as usize] = place;
+            }
+            self.place[point] = NOWHERE;
+        }
+    }
+
+    fn keep_as(&mut self, squared: i64) {
+        if squared > self.best_squared {
+            self.best_squared = squared;
+            self.best.clone_from(&self.table);
+        }
+    }
+}
+
+/// The budget that a scan of `seen` points takes.
+fn cost(seen: usize, variables: usize) -> u64 {
+    (seen as u64 + SCAN_OVERHEAD) * variables as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::design::random_columns;
+    use stats::streams::{Purpose, stream};
+
+    /// The strain kept up to date swap by swap against the strain counted afresh.
+    #[test]
+    fn swaps_keep_the_books() {
+        for (n, d) in [(2, 2), (17, 3), (120, 6), (40, 20)] {
+            let mut rng = stream(3, Purpose::Test, n as u64, d as u64);
+            let table = Table::new(n, &random_columns(n, d - 1, &mut rng));
+            let mut search = Search::new(table, rng);
+            let radius = 3 * search.measure() / 2 + 1;
+            search.set_squared_radius(radius);
+            for slack in [0, search.full_strain() / 10] {
+                for _ in 0..500 {
+                    search.repair(slack);
+                }
+                let mut kept = search.strained.clone();
+                let strain = search.strain.clone();
+                search.set_squared_radius(radius);
+                assert_eq!(strain, search.strain);
+                kept.sort_unstable();
+                search.strained.sort_unstable();
+                assert_eq!(kept, search.strained);
+                search.set_squared_radius(radius); // restores `place` after the sort
+            }
+        }
+    }
+}

@@ -1,0 +1,389 @@
+//! Mesh geometry of a zero-backlash involute pair: circles, path of contact, contact ratios,
+//! sliding and interference.
+//!
+//! Everything is in the transverse section unless a name says otherwise. A point of the path of
+//! contact is named by `s`, its distance in mm from the pinion's base tangent point along the line
+//! of action; the gear's base tangent point is at `path_length`.
+//!
+//! References: ISO 21771:2007 (formulas and symbols), with the rack tool given by its own
+//! addendum (which cuts the root) and dedendum (which forms the tip).
+
+use std::f64::consts::PI;
+
+use crate::error::Infeasible;
+use crate::input::{Member, PairInput, Size, TipRule};
+use crate::involute::{inv_of_tangent, tangent_of_inv};
+
+/// Everything that follows from the input by geometry alone. Arrays are [pinion, gear]; lengths
+/// in mm, angles in radians.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Geometry {
+    /// Numbers of teeth.
+    pub teeth: [u32; 2],
+    /// Normal module m.
+    pub normal_module: f64,
+    /// Centre distance a.
+    pub centre_distance: f64,
+    /// Rack pressure angle in the normal section α_n.
+    pub alpha_n: f64,
+    /// Transverse pressure angle α_t.
+    pub alpha_t: f64,
+    /// Transverse working pressure angle α_wt.
+    pub alpha_wt: f64,
+    /// Helix angle at the reference cylinder, without its sign.
+    pub beta: f64,
+    /// Helix angle at the base cylinder β_b, without its sign.
+    pub beta_b: f64,
+    /// Face width b.
+    pub face_width: f64,
+    /// Reference radii.
+    pub r: [f64; 2],
+    /// Base radii.
+    pub r_b: [f64; 2],
+    /// Tip radii, after the cut at the apex and the tip rule.
+    pub r_a: [f64; 2],
+    /// Root radii.
+    pub r_f: [f64; 2],
+    /// Radii of the last flank points in contact, below the tip rounding.
+    pub r_na: [f64; 2],
+    /// Tooth half-angles at the base circles.
+    pub psi_b: [f64; 2],
+    /// Tangent lengths at which the involute starts above the fillet; negative means undercut.
+    pub t_form: [f64; 2],
+    /// Transverse base pitch p_bt.
+    pub base_pitch: f64,
+    /// Distance between the base tangent points L = a sin α_wt.
+    pub path_length: f64,
+    /// Start of contact: the gear's tip on the pinion's root.
+    pub s_in: f64,
+    /// End of contact: the pinion's tip on the gear's root.
+    pub s_out: f64,
+    /// Pitch point.
+    pub s_pitch: f64,
+    /// Profile (transverse) contact ratio ε_α.
+    pub eps_alpha: f64,
+    /// Overlap ratio ε_β.
+    pub eps_beta: f64,
+    /// Total contact ratio r_c = ε_α + ε_β.
+    pub contact_ratio: f64,
+    /// Tip-to-root clearance of the pinion's tip and of the gear's tip; negative where it presses.
+    pub clearance: [f64; 2],
+    /// Whether the rack undercuts the flank.
+    pub undercut: [bool; 2],
+    /// Whether the tip circle was reduced to the apex where the two flanks meet.
+    pub pointed: [bool; 2],
+}
+
+/// Specific sliding at the ends of the path: 1 − v_mate/v_own, with v the velocities along the
+/// profile. Roots are negative, tips positive for the usual path that contains the pitch point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sliding {
+    /// Pinion at the start of contact.
+    pub pinion_root: f64,
+    /// Pinion at the end of contact.
+    pub pinion_tip: f64,
+    /// Gear at the end of contact.
+    pub gear_root: f64,
+    /// Gear at the start of contact.
+    pub gear_tip: f64,
+    /// g_s, the largest magnitude of the four.
+    pub max: f64,
+}
+
+/// The four quantities of "no teeth interference", mm; a negative one is violated by that much.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Interference {
+    /// Clearance of the pinion's tip above the gear's root, and of the gear's above the pinion's.
+    pub clearance: [f64; 2],
+    /// How far above the fillet the active flank starts, measured along the line of action.
+    pub flank_margin: [f64; 2],
+}
+
+impl Interference {
+    /// Whether none of the four is violated.
+    #[must_use]
+    pub fn is_clear(&self) -> bool {
+        self.worst_violation() <= 0.0
+    }
+
+    /// The largest violation in mm, zero when the teeth are clear of each other.
+    #[must_use]
+    pub fn worst_violation(&self) -> f64 {
+        self.clearance
+            .iter()
+            .chain(&self.flank_margin)
+            .fold(0.0, |worst, &v| worst.max(-v))
+    }
+}
+
+/// Tangent of the working pressure angle at zero backlash.
+fn working_tangent(
+    teeth: [u32; 2],
+    pressure_angle: f64,
+    helix_angle: f64,
+    sum_profile_shift: f64,
+) -> Result<f64, Infeasible> {
+    let tan_alpha_t = pressure_angle.tan() / helix_angle.cos();
+    let sum_teeth = f64::from(teeth[0]) + f64::from(teeth[1]);
+    let inv_alpha_wt =
+        inv_of_tangent(tan_alpha_t) + 2.0 * sum_profile_shift * pressure_angle.tan() / sum_teeth;
+    if inv_alpha_wt > 0.0 && inv_alpha_wt.is_finite() {
+        Ok(tangent_of_inv(inv_alpha_wt))
+    } else {
+        Err(Infeasible::NoInvoluteSolution { inv_alpha_wt })
+    }
+}
+
+/// cos of the angle whose tangent is `t`.
+fn cos_of_tangent(t: f64) -> f64 {
+    1.0 / t.hypot(1.0)
+}
+
+/// Normal module in mm of the zero-backlash pair of the given size.
+///
+/// `pressure_angle` and `helix_angle` in radians; `sum_profile_shift` is x1 + x2. For a given
+/// centre distance a, m = 2 a cos β cos α_wt / ((Z1 + Z2) cos α_t) with
+/// inv α_wt = inv α_t + 2 (x1 + x2) tan α_n / (Z1 + Z2).
+///
+/// # Errors
+/// [`Infeasible::NoInvoluteSolution`] when the involute of α_wt would not be positive.
+pub fn normal_module(
+    teeth: [u32; 2],
+    size: Size,
+    pressure_angle: f64,
+    helix_angle: f64,
+    sum_profile_shift: f64,
+) -> Result<f64, Infeasible> {
+    let tan_alpha_wt = working_tangent(teeth, pressure_angle, helix_angle, sum_profile_shift)?;
+    Ok(match size {
+        Size::NormalModule(m) => m,
+        Size::CentreDistance(a) => {
+            let tan_alpha_t = pressure_angle.tan() / helix_angle.cos();
+            let sum_teeth = f64::from(teeth[0]) + f64::from(teeth[1]);
+            2.0 * a * helix_angle.cos() * cos_of_tangent(tan_alpha_wt)
+                / (sum_teeth * cos_of_tangent(tan_alpha_t))
+        }
+    })
+}
+
+impl Geometry {
+    /// Computes the geometry of a validated input.
+    ///
+    /// # Errors
+    /// The first reason, in the order of [`Infeasible`], for which the pair does not exist.
+    pub fn new(input: &PairInput) -> Result<Self, Infeasible> {
+        let z = input.teeth.map(f64::from);
+        let (alpha_n, beta) = (input.pressure_angle, input.helix_angle.abs());
+        let tan_n = alpha_n.tan();
+        let sum_shift = input.profile_shift[0] + input.profile_shift[1];
+        let m = normal_module(input.teeth, input.size, alpha_n, beta, sum_shift)?;
+        let tan_wt = working_tangent(input.teeth, alpha_n, beta, sum_shift)?;
+        let tan_t = tan_n / beta.cos();
+        let (cos_t, cos_wt) = (cos_of_tangent(tan_t), cos_of_tangent(tan_wt));
+        let m_t = m / beta.cos();
+        let centre_distance = match input.size {
+            Size::CentreDistance(a) => a,
+            Size::NormalModule(_) => m_t * (z[0] + z[1]) * cos_t / (2.0 * cos_wt),
+        };
+
+        let r = z.map(|z| m_t * z / 2.0);
+        let r_b = r.map(|r| r * cos_t);
+        let shift = input.profile_shift;
+        let r_f = [0, 1].map(|i| r[i] + m * (shift[i] - input.tool_addendum[i]));
+        let psi_b =
+            [0, 1].map(|i| (PI / 2.0 + 2.0 * shift[i] * tan_n) / z[i] + inv_of_tangent(tan_t));
+        let mut r_a = [0, 1].map(|i| {
+            input.tip_diameter[i]
+                .map_or(r[i] + m * (shift[i] + input.tool_dedendum[i]), |d| d / 2.0)
+        });
+        let mut pointed = [false; 2];
+        for member in Member::BOTH {
+            let i = member.index();
+            if r_f[i] <= 0.0 {
+                return Err(Infeasible::RootCircleVanishes {
+                    member,
+                    root_radius: r_f[i],
+                });
+            }
+            if psi_b[i] <= 0.0 {
+                return Err(Infeasible::ToothWithoutThickness {
+                    member,
+                    half_angle: psi_b[i],
+                });
+            }
+            let apex = r_b[i] * tangent_of_inv(psi_b[i]).hypot(1.0);
+            if r_a[i] > apex {
+                r_a[i] = apex;
+                pointed[i] = true;
+            }
+        }
+        if input.tip_rule == TipRule::ClearRoot {
+            r_a = [0, 1].map(|i| r_a[i].min(centre_distance - r_f[1 - i]));
+        }
+
+        let mut r_na = [0.0; 2];
+        let mut t_form = [0.0; 2];
+        for member in Member::BOTH {
+            let i = member.index();
+            if r_a[i] <= r_b[i] {
+                return Err(Infeasible::TipBelowBase {
+                    member,
+                    tip_radius: r_a[i],
+                    base_radius: r_b[i],
+                });
+            }
+            if r_a[i] <= r_f[i] {
+                return Err(Infeasible::TipBelowRoot {
+                    member,
+                    tip_radius: r_a[i],
+                    root_radius: r_f[i],
+                });
+            }
+            let centre_radius = r_a[i] - input.tip_radius[i];
+            if centre_radius < r_b[i] {
+                return Err(Infeasible::TipRoundingTooLarge {
+                    member,
+                    tip_rounding: input.tip_radius[i],
+                    centre_radius,
+                    base_radius: r_b[i],
+                });
+            }
+            let overlap = -rack_corner_room(input, m, member);
+            if overlap > 0.0 {
+                return Err(Infeasible::RackCornerDoesNotFit {
+                    member,
+                    root_rounding: input.root_radius[i],
+                    overlap,
+                });
+            }
+            let t_centre = tangent_length(centre_radius, r_b[i]);
+            r_na[i] = r_b[i].hypot(t_centre + input.tip_radius[i]).min(r_a[i]);
+            let sin_t = tan_t * cos_t;
+            t_form[i] = r[i] * sin_t
+                - (m * (input.tool_addendum[i] - shift[i])
+                    - input.root_radius[i] * (1.0 - alpha_n.sin()))
+                    / sin_t;
+        }
+
+        let path_length = centre_distance * tan_wt * cos_wt;
+        let reach = [0, 1].map(|i| tangent_length(r_na[i], r_b[i]));
+        for member in Member::BOTH {
+            let i = member.index();
+            if t_form[i] >= reach[i] {
+                return Err(Infeasible::NoInvoluteFlank {
+                    member,
+                    start: t_form[i],
+                    end: reach[i],
+                });
+            }
+            // The mate's tip must touch above this gear's base circle.
+            if reach[1 - i] >= path_length {
+                return Err(Infeasible::ContactBeyondBase {
+                    member,
+                    reach: reach[1 - i],
+                    available: path_length,
+                });
+            }
+        }
+        let (s_in, s_out) = (path_length - reach[1], reach[0]);
+        let base_pitch = PI * m_t * cos_t;
+        let eps_alpha = (s_out - s_in) / base_pitch;
+        let eps_beta = input.face_width * beta.sin() / (PI * m);
+        Ok(Self {
+            teeth: input.teeth,
+            normal_module: m,
+            centre_distance,
+            alpha_n,
+            alpha_t: tan_t.atan(),
+            alpha_wt: tan_wt.atan(),
+            beta,
+            beta_b: (beta.sin() * alpha_n.cos()).asin(),
+            face_width: input.face_width,
+            r,
+            r_b,
+            r_a,
+            r_f,
+            r_na,
+            psi_b,
+            t_form,
+            base_pitch,
+            path_length,
+            s_in,
+            s_out,
+            s_pitch: path_length * z[0] / (z[0] + z[1]),
+            eps_alpha,
+            eps_beta,
+            contact_ratio: eps_alpha + eps_beta,
+            clearance: [0, 1].map(|i| centre_distance - r_a[i] - r_f[1 - i]),
+            undercut: t_form.map(|t| t < 0.0),
+            pointed,
+        })
+    }
+
+    /// Specific sliding at both ends of the path.
+    #[must_use]
+    pub fn sliding(&self) -> Sliding {
+        let ratio = f64::from(self.teeth[0]) / f64::from(self.teeth[1]);
+        let specific = |s: f64| {
+            let (v1, v2) = (s, (self.path_length - s) * ratio);
+            (1.0 - v2 / v1, 1.0 - v1 / v2)
+        };
+        let (pinion_root, gear_tip) = specific(self.s_in);
+        let (pinion_tip, gear_root) = specific(self.s_out);
+        let max = [pinion_root, pinion_tip, gear_root, gear_tip]
+            .into_iter()
+            .fold(0.0, |max: f64, v| max.max(v.abs()));
+        Sliding {
+            pinion_root,
+            pinion_tip,
+            gear_root,
+            gear_tip,
+            max,
+        }
+    }
+
+    /// The four quantities of "no teeth interference".
+    #[must_use]
+    pub fn interference(&self) -> Interference {
+        Interference {
+            clearance: self.clearance,
+            flank_margin: [
+                self.s_in - self.t_form[0].max(0.0),
+                self.path_length - self.s_out - self.t_form[1].max(0.0),
+            ],
+        }
+    }
+
+    /// Tangent length of the point `s` on the given gear: s on the pinion, L − s on the gear.
+    #[must_use]
+    pub fn tangent_length(&self, member: Member, s: f64) -> f64 {
+        match member {
+            Member::Pinion => s,
+            Member::Gear => self.path_length - s,
+        }
+    }
+
+    /// Roll angle in radians at which the given gear touches at `s`.
+    #[must_use]
+    pub fn roll_angle(&self, member: Member, s: f64) -> f64 {
+        self.tangent_length(member, s) / self.r_b[member.index()]
+    }
+
+    /// Radius of relative curvature of the flanks at `s`, normal to the contact line, mm.
+    #[must_use]
+    pub fn relative_radius(&self, s: f64) -> f64 {
+        s * (self.path_length - s) / (self.path_length * self.beta_b.cos())
+    }
+}
+
+/// √(r² − r_b²), zero inside the base circle.
+pub(crate) fn tangent_length(r: f64, r_b: f64) -> f64 {
+    ((r - r_b) * (r + r_b)).max(0.0).sqrt()
+}
+
+/// Half width left between the rack tooth's axis and the centre of its corner, mm.
+pub(crate) fn rack_corner_room(input: &PairInput, m: f64, member: Member) -> f64 {
+    let i = member.index();
+    let (rho, alpha) = (input.root_radius[i], input.pressure_angle);
+    PI * m / 4.0 - (input.tool_addendum[i] * m - rho) * alpha.tan() - rho / alpha.cos()
+}

@@ -1,0 +1,426 @@
+//! What describes a gear pair, its wear and the fineness of the calculation.
+
+use std::fmt;
+use std::str::FromStr;
+
+use crate::error::{InputError, UnknownName};
+
+/// One of the two gears of a pair.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Member {
+    /// Gear 1, the one the torque is given for.
+    Pinion,
+    /// Gear 2, its mate.
+    Gear,
+}
+
+impl Member {
+    /// Both members, in the order of every two-element array of this crate.
+    pub const BOTH: [Self; 2] = [Self::Pinion, Self::Gear];
+
+    /// Position in a two-element array: 0 for the pinion, 1 for the gear.
+    #[must_use]
+    pub const fn index(self) -> usize {
+        match self {
+            Self::Pinion => 0,
+            Self::Gear => 1,
+        }
+    }
+}
+
+impl fmt::Display for Member {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Pinion => "pinion",
+            Self::Gear => "gear",
+        })
+    }
+}
+
+/// Implements `FromStr`, `Display` and `NAMES` for an enum chosen by name in a campaign file.
+macro_rules! named {
+    ($type:ident, $kind:literal, $list:literal, $($variant:ident = $name:literal),+) => {
+        impl $type {
+            /// Every choice, in the order of declaration.
+            pub const ALL: &'static [Self] = &[$(Self::$variant),+];
+
+            /// The name used in campaign files.
+            #[must_use]
+            pub const fn name(self) -> &'static str {
+                match self { $(Self::$variant => $name),+ }
+            }
+        }
+
+        impl fmt::Display for $type {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(self.name())
+            }
+        }
+
+        impl FromStr for $type {
+            type Err = UnknownName;
+
+            fn from_str(name: &str) -> Result<Self, UnknownName> {
+                match name {
+                    $($name => Ok(Self::$variant),)+
+                    _ => Err(UnknownName { kind: $kind, name: name.to_owned(), expected: $list }),
+                }
+            }
+        }
+    };
+}
+
+/// What fixes the scale of the pair. The other one follows from the zero-backlash mesh.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Size {
+    /// The distance between the axes, mm.
+    CentreDistance(f64),
+    /// The normal module m, mm.
+    NormalModule(f64),
+}
+
+/// How much of a tooth's elasticity is counted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ToothModel {
+    /// Beam bending and a constant Hertz compliance. Several times stiffer than real teeth.
+    HertzBeam,
+    /// Bending, shear, compression, elastic foundation and Weber's load-dependent approach.
+    WeberBanaschek,
+}
+
+named!(
+    ToothModel,
+    "tooth model",
+    "hertz-beam, weber-banaschek",
+    HertzBeam = "hertz-beam",
+    WeberBanaschek = "weber-banaschek"
+);
+
+/// What happens to a tip that would press into the mate's root.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TipRule {
+    /// The tip stays as its rack leaves it, even with a negative clearance.
+    AsCut,
+    /// The tip is first turned down to zero clearance.
+    ClearRoot,
+}
+
+named!(
+    TipRule,
+    "tip rule",
+    "as-cut, clear-root",
+    AsCut = "as-cut",
+    ClearRoot = "clear-root"
+);
+
+/// Correlation of the wear field between two roll angles a distance h apart, in units of the
+/// range: h here stands for |θ − θ′| / range.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kernel {
+    /// exp(−h²).
+    SquaredExponential,
+    /// exp(−h).
+    Exponential,
+    /// (1 + √3 h) exp(−√3 h).
+    Matern32,
+    /// (1 + √5 h + 5 h²/3) exp(−√5 h).
+    Matern52,
+    /// 1 − 3h/2 + h³/2 up to h = 1, zero beyond.
+    Spherical,
+}
+
+named!(
+    Kernel,
+    "kernel",
+    "squared-exponential, exponential, matern-3-2, matern-5-2, spherical",
+    SquaredExponential = "squared-exponential",
+    Exponential = "exponential",
+    Matern32 = "matern-3-2",
+    Matern52 = "matern-5-2",
+    Spherical = "spherical"
+);
+
+impl Kernel {
+    /// The correlation at the distance `h` ≥ 0, in units of the range.
+    #[must_use]
+    pub fn correlation(self, h: f64) -> f64 {
+        match self {
+            Self::SquaredExponential => (-h * h).exp(),
+            Self::Exponential => (-h).exp(),
+            Self::Matern32 => {
+                let k = 3_f64.sqrt() * h;
+                (1.0 + k) * (-k).exp()
+            }
+            Self::Matern52 => {
+                let k = 5_f64.sqrt() * h;
+                (1.0 + k + k * k / 3.0) * (-k).exp()
+            }
+            Self::Spherical => {
+                if h < 1.0 {
+                    1.0 - h * (1.5 - 0.5 * h * h)
+                } else {
+                    0.0
+                }
+            }
+        }
+    }
+}
+
+/// The material of both gears.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Material {
+    /// E, MPa.
+    pub youngs_modulus_mpa: f64,
+    /// ν.
+    pub poisson_ratio: f64,
+    /// Yield strength Re, MPa. Limits the root stress; not used by the simulation itself.
+    pub yield_mpa: f64,
+    /// Highest allowed Hertz pressure, MPa. Not used by the simulation itself.
+    pub hertz_limit_mpa: f64,
+}
+
+/// One gear pair under load. Arrays are [pinion, gear].
+#[derive(Debug, Clone, PartialEq)]
+pub struct PairInput {
+    /// Numbers of teeth Z1, Z2.
+    pub teeth: [u32; 2],
+    /// Centre distance or module.
+    pub size: Size,
+    /// Rack pressure angle α_n in the normal section, rad.
+    pub pressure_angle: f64,
+    /// Helix angle β at the reference cylinder, rad. Its sign changes nothing.
+    pub helix_angle: f64,
+    /// Common face width b, mm.
+    pub face_width: f64,
+    /// Profile shift (addendum modification) coefficients x, in normal modules.
+    pub profile_shift: [f64; 2],
+    /// Addendum of the rack tool ha0, in normal modules. It cuts the gear's root.
+    pub tool_addendum: [f64; 2],
+    /// Dedendum of the rack tool hf0, in normal modules. It forms the gear's tip.
+    pub tool_dedendum: [f64; 2],
+    /// Tip rounding radius ρa, mm, in the transverse section.
+    pub tip_radius: [f64; 2],
+    /// Corner radius of the rack tool ρf, mm, in the normal section. It forms the root fillet.
+    pub root_radius: [f64; 2],
+    /// Tip diameter, mm, where the blank was turned to one instead of being cut by the tool.
+    pub tip_diameter: [Option<f64>; 2],
+    /// How teeth deform.
+    pub tooth_model: ToothModel,
+    /// What happens to tips without clearance.
+    pub tip_rule: TipRule,
+    /// Torque on the pinion T1, N·mm.
+    pub pinion_torque: f64,
+    /// Material of both gears.
+    pub material: Material,
+}
+
+/// Smallest and largest length accepted, mm. Wide enough for watches and ring mills; narrow
+/// enough that no intermediate product can overflow.
+const LENGTH: (f64, f64) = (1e-4, 1e6);
+
+impl PairInput {
+    /// Checks that every number is finite and inside the domain of the model.
+    ///
+    /// # Errors
+    /// Names the first field that is not.
+    pub fn validate(&self) -> Result<(), InputError> {
+        let length = |field, value: f64| {
+            within(
+                field,
+                value,
+                LENGTH.0..=LENGTH.1,
+                "a length between 1e-4 and 1e6 mm",
+            )
+        };
+        for (field, z) in ["teeth[0]", "teeth[1]"].into_iter().zip(self.teeth) {
+            within(field, f64::from(z), 4.0..=10_000.0, "between 4 and 10000")?;
+        }
+        match self.size {
+            Size::CentreDistance(a) => length("centre_distance", a)?,
+            Size::NormalModule(m) => length("normal_module", m)?,
+        }
+        let degree = std::f64::consts::PI / 180.0;
+        within(
+            "pressure_angle",
+            self.pressure_angle,
+            degree..=45.000_001 * degree,
+            "an angle between 1 and 45 degrees, in radians",
+        )?;
+        within(
+            "helix_angle",
+            self.helix_angle,
+            -60.000_001 * degree..=60.000_001 * degree,
+            "an angle between -60 and 60 degrees, in radians",
+        )?;
+        length("face_width", self.face_width)?;
+        for (names, values, range, expected) in [
+            (
+                ["profile_shift[0]", "profile_shift[1]"],
+                self.profile_shift,
+                -10.0..=10.0,
+                "between -10 and 10 modules",
+            ),
+            (
+                ["tool_addendum[0]", "tool_addendum[1]"],
+                self.tool_addendum,
+                0.0..=10.0,
+                "between 0 and 10 modules",
+            ),
+            (
+                ["tool_dedendum[0]", "tool_dedendum[1]"],
+                self.tool_dedendum,
+                0.0..=10.0,
+                "between 0 and 10 modules",
+            ),
+            (
+                ["tip_radius[0]", "tip_radius[1]"],
+                self.tip_radius,
+                0.0..=LENGTH.1,
+                "a length from 0 to 1e6 mm",
+            ),
+        ] {
+            within(names[0], values[0], range.clone(), expected)?;
+            within(names[1], values[1], range, expected)?;
+        }
+        for (field, rho) in ["root_radius[0]", "root_radius[1]"]
+            .into_iter()
+            .zip(self.root_radius)
+        {
+            within(
+                field,
+                rho,
+                1e-9..=LENGTH.1,
+                "a length above 0 (from 1e-9 to 1e6 mm)",
+            )?;
+        }
+        for (field, d) in ["tip_diameter[0]", "tip_diameter[1]"]
+            .into_iter()
+            .zip(self.tip_diameter)
+        {
+            d.map_or(Ok(()), |d| length(field, d))?;
+        }
+        within(
+            "pinion_torque",
+            self.pinion_torque,
+            0.0..=1e15,
+            "a torque from 0 to 1e15 N mm",
+        )?;
+        self.material.validate()
+    }
+}
+
+impl Material {
+    /// Checks that every number is finite and inside the domain of the model.
+    fn validate(&self) -> Result<(), InputError> {
+        let stress = |field, value: f64| within(field, value, 1e-3..=1e9, "from 1e-3 to 1e9 MPa");
+        stress("youngs_modulus_mpa", self.youngs_modulus_mpa)?;
+        within(
+            "poisson_ratio",
+            self.poisson_ratio,
+            0.0..=0.499,
+            "between 0 and 0.499",
+        )?;
+        stress("yield_mpa", self.yield_mpa)?;
+        stress("hertz_limit_mpa", self.hertz_limit_mpa)
+    }
+}
+
+/// Wear of the flanks: how deep, and how its random multiplier varies along a flank.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wear {
+    /// Deepest wear of the mean profile, mm on each flank.
+    pub max_depth: f64,
+    /// Correlation of the random multiplier.
+    pub kernel: Kernel,
+    /// Correlation range, rad of roll angle.
+    pub range: f64,
+    /// Variance of the multiplier, whose mean is 1.
+    pub variance: f64,
+}
+
+impl Wear {
+    /// Checks that depth and variance are at least zero and the range is positive.
+    ///
+    /// # Errors
+    /// Names the first field that is out of its domain.
+    pub fn validate(&self) -> Result<(), InputError> {
+        within(
+            "max_depth",
+            self.max_depth,
+            0.0..=1e3,
+            "a depth from 0 to 1000 mm",
+        )?;
+        within(
+            "range",
+            self.range,
+            1e-6..=1e6,
+            "a range from 1e-6 to 1e6 rad",
+        )?;
+        within(
+            "variance",
+            self.variance,
+            0.0..=1e3,
+            "a variance from 0 to 1000",
+        )
+    }
+}
+
+/// How finely the path of contact and the mesh period are divided.
+///
+/// Both numbers are minima: nodes and phases are added where the solution has kinks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Discretisation {
+    /// Cells along the path of contact.
+    pub cells: usize,
+    /// Mesh phases in one base pitch.
+    pub phases: usize,
+}
+
+impl Default for Discretisation {
+    fn default() -> Self {
+        Self {
+            cells: 96,
+            phases: 48,
+        }
+    }
+}
+
+impl Discretisation {
+    /// Checks that neither number is too small to mean anything or too large to be stored.
+    ///
+    /// # Errors
+    /// Names the field that is out of its domain.
+    pub fn validate(&self) -> Result<(), InputError> {
+        let check = |field, value: usize| {
+            if (4..=1_000_000).contains(&value) {
+                Ok(())
+            } else {
+                Err(InputError {
+                    field,
+                    value: value as f64,
+                    expected: "between 4 and 1000000",
+                })
+            }
+        };
+        check("cells", self.cells)?;
+        check("phases", self.phases)
+    }
+}
+
+/// Refuses a value outside `range`, and with it every NaN and infinity.
+fn within(
+    field: &'static str,
+    value: f64,
+    range: std::ops::RangeInclusive<f64>,
+    expected: &'static str,
+) -> Result<(), InputError> {
+    if range.contains(&value) {
+        Ok(())
+    } else {
+        Err(InputError {
+            field,
+            value,
+            expected,
+        })
+    }
+}

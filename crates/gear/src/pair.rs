@@ -1,0 +1,450 @@
+//! One gear pair: geometry and compliance once, then as many wear states as wanted.
+
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use crate::contact::{Extremes, Mesh, Scratch};
+use crate::error::{Error, Infeasible};
+use crate::geometry::{Geometry, Interference, Sliding, tangent_length};
+use crate::input::{Discretisation, Member, PairInput, ToothModel, Wear};
+use crate::path::Path;
+use crate::sampler::Sampler;
+use crate::tooth::Tooth;
+
+/// Micrometres in a millimetre.
+const UM: f64 = 1e3;
+
+/// Least value of Weber's bracket ln(4 t1 t2/a_H²) − ν/(1 − ν). Near a pointed tip or under an
+/// absurd load the contact width exceeds the tooth and the bracket would turn negative.
+const WEBER_FLOOR: f64 = 1.0;
+
+/// Load rounds of the `weber-banaschek` model stop at this relative change of the load.
+const LOAD_TOLERANCE: f64 = 1e-7;
+/// Load rounds at most; each one reduces the error about tenfold.
+const LOAD_ROUNDS: usize = 12;
+
+/// Static transmission error over one mesh period, and what goes with it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Analysis {
+    /// Mesh phases in base pitches, increasing, from 0 to below 1; not evenly spaced.
+    pub phases: Vec<f64>,
+    /// Transverse static transmission error at those phases, µm along the line of action.
+    pub ste_um: Vec<f64>,
+    /// ΔSTE = max − min over the period, µm. Extremes between the phases are included.
+    pub delta_ste_um: f64,
+    /// F, the highest Hertz pressure over the phases and the path, MPa.
+    pub hertz_pressure_mpa: f64,
+}
+
+/// A pair worn by Archard's law.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Worn {
+    /// The analysis of the worn pair.
+    pub analysis: Analysis,
+    /// Places on the path of contact, mm from the pinion's base tangent point.
+    pub s: Vec<f64>,
+    /// Depth of wear W(s) on each flank, mm normal to it.
+    pub depth: Vec<f64>,
+}
+
+/// Highest bending stress at the root of one gear, for the whole load on one tooth's tip.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RootStress {
+    /// Nominal stress times notch factor, MPa.
+    pub stress_mpa: f64,
+    /// Nominal bending stress in the 30° section, MPa.
+    pub nominal_mpa: f64,
+    /// Notch factor Y_S, at least 1.
+    pub notch_factor: f64,
+    /// Notch parameter q_s = s_F/(2 ρ_F).
+    pub notch_parameter: f64,
+    /// Whether q_s lies in the range 1 … 8 for which the notch factor was fitted.
+    pub in_range: bool,
+    /// Root chord s_F, mm.
+    pub chord: f64,
+    /// Bending arm h_F, mm.
+    pub arm: f64,
+    /// Fillet radius ρ_F in the 30° section, mm.
+    pub fillet_radius: f64,
+}
+
+/// A gear pair whose geometry, compliance and unworn behaviour are known.
+#[derive(Debug, Clone)]
+pub struct Pair {
+    input: PairInput,
+    geometry: Geometry,
+    pub(crate) teeth: [Tooth; 2],
+    pub(crate) mesh: Arc<Mesh>,
+    base_force: f64,
+    /// Load per length of contact line at the nodes for which the compliance holds.
+    load: Vec<f64>,
+    unworn: Analysis,
+    /// Unworn pressure times sliding speed at the nodes, divided by its maximum.
+    wear_shape: Vec<f64>,
+}
+
+impl Pair {
+    /// Computes geometry, compliance and the unworn analysis.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when a number is not finite or out of its domain, [`Error::Infeasible`]
+    /// when no such pair exists. Geometry is judged before anything costly is computed.
+    pub fn new(input: &PairInput, disc: &Discretisation) -> Result<Self, Error> {
+        input.validate()?;
+        disc.validate()?;
+        let geometry = Geometry::new(input)?;
+        // A spur pair may hand over exactly at ε_α = 1; a helical one has then lost contact.
+        let spur = input.helix_angle == 0.0;
+        if geometry.contact_ratio < if spur { 1.0 } else { 1.0 + 1e-9 } {
+            return Err(Infeasible::ContactGap {
+                eps_alpha: geometry.eps_alpha,
+                eps_beta: geometry.eps_beta,
+            }
+            .into());
+        }
+        if geometry.eps_alpha <= 0.0 {
+            return Err(Infeasible::ContactGap {
+                eps_alpha: geometry.eps_alpha,
+                eps_beta: geometry.eps_beta,
+            }
+            .into());
+        }
+        let teeth = [
+            Tooth::new(input, &geometry, Member::Pinion)?,
+            Tooth::new(input, &geometry, Member::Gear)?,
+        ];
+        let base_force = input.pinion_torque / geometry.r_b[0];
+        let mut soft = Vec::with_capacity(4);
+        for member in Member::BOTH {
+            let (low, high) = teeth[member.index()].load_range();
+            for r in [low, high] {
+                let tau = tangent_length(r, geometry.r_b[member.index()]);
+                // The distance from a base tangent point is measured the same way from both ends.
+                soft.push(geometry.tangent_length(member, tau));
+            }
+        }
+        let path = Path::new(&geometry, disc, &soft);
+        let elastic = Elasticity {
+            input,
+            geometry: &geometry,
+            teeth: &teeth,
+        };
+        let mut scratch = Scratch::default();
+
+        let unloaded: Vec<NodeCompliance> = path.s.iter().map(|&s| elastic.node(s)).collect();
+        // First guess of the line load: the force spread over the mean length of contact.
+        let mean_load = base_force / (geometry.eps_alpha * geometry.face_width);
+        let mut load = vec![mean_load; path.s.len()];
+        let zero = vec![0.0; path.s.len()];
+        let mut mesh;
+        let mut extremes;
+        let mut round = 0;
+        let mut path = Some(path);
+        let greatest = loop {
+            let stiffness = unloaded
+                .iter()
+                .zip(&load)
+                .map(|(node, &w)| 1.0 / (node.teeth + elastic.contact(node, w)))
+                .collect();
+            let taken = path.take().expect("put back at the end of each round");
+            mesh = Mesh::new(taken, stiffness, base_force, geometry.face_width);
+            extremes = mesh.solve(&zero, &mut scratch);
+            let greatest = mesh.path.greatest_in_contact(&scratch.delta, extremes.max);
+            let mut change = 0.0_f64;
+            for ((w, &delta), &c) in load.iter_mut().zip(&greatest).zip(&mesh.stiffness) {
+                let new = delta * c;
+                change = change.max((new - *w).abs() / new.max(f64::MIN_POSITIVE));
+                *w = new;
+            }
+            round += 1;
+            if input.tooth_model == ToothModel::HertzBeam
+                || change <= LOAD_TOLERANCE
+                || round == LOAD_ROUNDS
+            {
+                break greatest;
+            }
+            path = Some(mesh.path);
+        };
+
+        let pressure = pressures(input, &geometry, &mesh, &greatest, &zero);
+        let unworn = analysis(&geometry, &mesh, &scratch, extremes, &pressure);
+        let wear_shape = wear_shape(&geometry, &mesh.path.s, &pressure);
+        Ok(Self {
+            input: input.clone(),
+            geometry,
+            teeth,
+            mesh: Arc::new(mesh),
+            base_force,
+            load,
+            unworn,
+            wear_shape,
+        })
+    }
+
+    /// The input the pair was made from.
+    #[must_use]
+    pub const fn input(&self) -> &PairInput {
+        &self.input
+    }
+
+    /// Circles, path of contact and contact ratios.
+    #[must_use]
+    pub const fn geometry(&self) -> &Geometry {
+        &self.geometry
+    }
+
+    /// Specific sliding at both ends of the path; its `max` is the criterion g_s.
+    #[must_use]
+    pub fn sliding(&self) -> Sliding {
+        self.geometry.sliding()
+    }
+
+    /// The four quantities of "no teeth interference".
+    #[must_use]
+    pub fn interference(&self) -> Interference {
+        self.geometry.interference()
+    }
+
+    /// Transverse base force F_bt = T1/r_b1, N.
+    #[must_use]
+    pub const fn base_force(&self) -> f64 {
+        self.base_force
+    }
+
+    /// Root stress of the pinion and of the gear; the criterion σ_vm is the greater one.
+    ///
+    /// The whole transverse base force acts on one tooth, spread over the face width, at the tip.
+    /// Nominal bending stress 6 F cos α_F h_F/(b s_F²) in the section whose fillet tangent is
+    /// inclined by 30° (ISO 6336-3), times Y_S = (1.2 + 0.13 l) q_s^(1/(1.21 + 2.3/l)), l = s_F/h_F.
+    #[must_use]
+    pub fn root_stress(&self) -> [RootStress; 2] {
+        [0, 1].map(|i| {
+            let tooth = &self.teeth[i];
+            let section = tooth.critical_section();
+            let load = tooth.load_at_radius(self.geometry.r_na[i]);
+            let chord = section.chord;
+            // A load line through or below the section does not bend it; the floor keeps the
+            // ratio s_F/h_F finite.
+            let arm = (load.y_l - section.y).max(1e-6 * chord);
+            let nominal = 6.0 * self.base_force * load.cos_alpha_f * arm
+                / (self.geometry.face_width * chord * chord);
+            // A fillet bent the other way is no notch.
+            let notch = if section.fillet_radius > 0.0 {
+                chord / (2.0 * section.fillet_radius)
+            } else {
+                0.0
+            };
+            let l = chord / arm;
+            let factor = ((1.2 + 0.13 * l) * notch.powf(1.0 / (1.21 + 2.3 / l))).max(1.0);
+            RootStress {
+                stress_mpa: nominal * factor,
+                nominal_mpa: nominal,
+                notch_factor: factor,
+                notch_parameter: notch,
+                in_range: (1.0..=8.0).contains(&notch),
+                chord,
+                arm,
+                fillet_radius: section.fillet_radius,
+            }
+        })
+    }
+
+    /// Single pair stiffness at the pitch point (or at the end of the path nearest to it), per mm
+    /// of face and in the transverse section, N/(mm·µm).
+    #[must_use]
+    pub fn pitch_stiffness(&self) -> f64 {
+        let s = self
+            .geometry
+            .s_pitch
+            .clamp(self.geometry.s_in, self.geometry.s_out);
+        self.geometry.beta_b.cos() / self.compliance(s) / UM
+    }
+
+    /// Compliance q of the pair per length of contact line at `s`, mm per N/mm, under the load
+    /// that the unworn pair carries there. `s` is clamped to the path of contact.
+    #[must_use]
+    pub fn compliance(&self, s: f64) -> f64 {
+        let s = s.clamp(self.geometry.s_in, self.geometry.s_out);
+        let place = self.mesh.path.place(s);
+        let (w0, w1) = (self.load[place.cell], self.load[place.cell + 1]);
+        self.compliance_under(s, w0 + place.u * (w1 - w0))
+    }
+
+    /// Compliance q of the pair per length of contact line at `s` under the line load `load`,
+    /// N/mm; mm per N/mm. Only `weber-banaschek` depends on the load.
+    #[must_use]
+    pub fn compliance_under(&self, s: f64, load: f64) -> f64 {
+        let elastic = Elasticity {
+            input: &self.input,
+            geometry: &self.geometry,
+            teeth: &self.teeth,
+        };
+        let node = elastic.node(s.clamp(self.geometry.s_in, self.geometry.s_out));
+        node.teeth + elastic.contact(&node, load)
+    }
+
+    /// Compliance of one gear's tooth and foundation, without contact, when it is touched at the
+    /// transverse radius `r` mm of its flank; mm per N/mm. `r` is clamped to the flank.
+    #[must_use]
+    pub fn tooth_compliance(&self, member: Member, r: f64) -> f64 {
+        let i = member.index();
+        let tooth = &self.teeth[i];
+        let r = r.clamp(self.geometry.r_b[i], self.geometry.r_a[i]);
+        tooth.compliance(&tooth.load_at_radius(r))
+    }
+
+    /// The analysis of the unworn pair.
+    #[must_use]
+    pub fn unworn(&self) -> Analysis {
+        self.unworn.clone()
+    }
+
+    /// Wears both flanks by Archard's law and analyses the worn pair.
+    ///
+    /// The depth on each flank is `max_depth` · pV/max(pV) with p the highest unworn Hertz pressure
+    /// at s over the mesh period and V = (1 + Z1/Z2) |s − s_P| the sliding speed; the random part
+    /// of `wear` is not used. A wear that [`Wear::validate`] refuses gives NaN, never a panic.
+    #[must_use]
+    pub fn archard(&self, wear: &Wear) -> Worn {
+        let depth = self.depth(wear);
+        let gap: Vec<f64> = depth.iter().map(|w| 2.0 * w).collect();
+        let mut scratch = Scratch::default();
+        let extremes = self.mesh.solve(&gap, &mut scratch);
+        let greatest = self
+            .mesh
+            .path
+            .greatest_in_contact(&scratch.delta, extremes.max);
+        let pressure = pressures(&self.input, &self.geometry, &self.mesh, &greatest, &gap);
+        Worn {
+            analysis: analysis(&self.geometry, &self.mesh, &scratch, extremes, &pressure),
+            s: self.mesh.path.s.clone(),
+            depth,
+        }
+    }
+
+    /// Prepares the drawing of randomly worn pairs. A wear that [`Wear::validate`] refuses gives
+    /// NaN samples, never a panic.
+    #[must_use]
+    pub fn sampler(&self, wear: &Wear) -> Sampler {
+        Sampler::new(self, wear)
+    }
+
+    /// Mean wear depth on each flank at the nodes, mm.
+    pub(crate) fn depth(&self, wear: &Wear) -> Vec<f64> {
+        self.wear_shape.iter().map(|w| wear.max_depth * w).collect()
+    }
+
+    /// Transverse transmission error in µm for a normal deflection in mm.
+    pub(crate) fn to_ste_um(&self, delta: f64) -> f64 {
+        delta / self.geometry.beta_b.cos() * UM
+    }
+}
+
+/// What the compliance of a place is made of.
+#[derive(Debug, Clone, Copy)]
+struct NodeCompliance {
+    s: f64,
+    /// Both teeth with their foundations.
+    teeth: f64,
+    /// Product of the half thicknesses along the load line.
+    thickness: f64,
+}
+
+/// The elastic side of a pair.
+struct Elasticity<'a> {
+    input: &'a PairInput,
+    geometry: &'a Geometry,
+    teeth: &'a [Tooth; 2],
+}
+
+impl Elasticity<'_> {
+    fn node(&self, s: f64) -> NodeCompliance {
+        let [pinion, gear] = Member::BOTH.map(|member| {
+            let i = member.index();
+            let r = self.geometry.r_b[i].hypot(self.geometry.tangent_length(member, s));
+            let load = self.teeth[i].load_at_radius(r);
+            (self.teeth[i].compliance(&load), load.half_thickness)
+        });
+        NodeCompliance {
+            s,
+            teeth: pinion.0 + gear.0,
+            thickness: pinion.1 * gear.1,
+        }
+    }
+
+    /// Compliance of the contact itself under the line load `w`, N/mm.
+    fn contact(&self, node: &NodeCompliance, w: f64) -> f64 {
+        let material = &self.input.material;
+        let nu = material.poisson_ratio;
+        let unit = 2.0 * (1.0 - nu * nu) / (PI * material.youngs_modulus_mpa);
+        match self.input.tooth_model {
+            ToothModel::HertzBeam => 2.0 * unit,
+            ToothModel::WeberBanaschek => {
+                let half_width_squared = 4.0 * unit * w * self.geometry.relative_radius(node.s);
+                let bracket = (4.0 * node.thickness / half_width_squared).ln() - nu / (1.0 - nu);
+                // An unloaded contact has an infinite bracket; one newton per metre ends it.
+                unit * bracket.clamp(WEBER_FLOOR, 100.0)
+            }
+        }
+    }
+}
+
+/// Highest Hertz pressure at each node over the mesh period, MPa: √(w E*/(π R)) with
+/// E* = E/(2 (1 − ν²)) and w = max(0, δ − g)/q.
+fn pressures(
+    input: &PairInput,
+    geometry: &Geometry,
+    mesh: &Mesh,
+    greatest: &[f64],
+    gap: &[f64],
+) -> Vec<f64> {
+    let nu = input.material.poisson_ratio;
+    let modulus = input.material.youngs_modulus_mpa / (2.0 * (1.0 - nu * nu));
+    mesh.path
+        .s
+        .iter()
+        .zip(greatest.iter().zip(gap))
+        .zip(&mesh.stiffness)
+        .map(|((&s, (delta, g)), c)| {
+            let w = (delta - g).max(0.0) * c;
+            (w * modulus / (PI * geometry.relative_radius(s))).sqrt()
+        })
+        .collect()
+}
+
+/// pV over its maximum; zero everywhere for a pair that carries no load.
+fn wear_shape(geometry: &Geometry, s: &[f64], pressure: &[f64]) -> Vec<f64> {
+    let mut shape: Vec<f64> = s
+        .iter()
+        .zip(pressure)
+        .map(|(s, p)| p * (s - geometry.s_pitch).abs())
+        .collect();
+    let most = shape.iter().fold(0.0, |most: f64, &v| most.max(v));
+    if most > 0.0 {
+        for v in &mut shape {
+            *v /= most;
+        }
+    }
+    shape
+}
+
+fn analysis(
+    geometry: &Geometry,
+    mesh: &Mesh,
+    scratch: &Scratch,
+    extremes: Extremes,
+    pressure: &[f64],
+) -> Analysis {
+    let scale = UM / geometry.beta_b.cos();
+    Analysis {
+        phases: mesh
+            .path
+            .phases
+            .iter()
+            .map(|phi| phi / geometry.base_pitch)
+            .collect(),
+        ste_um: scratch.delta.iter().map(|delta| delta * scale).collect(),
+        delta_ste_um: (extremes.max - extremes.min) * scale,
+        hertz_pressure_mpa: pressure.iter().fold(0.0, |most: f64, &p| most.max(p)),
+    }
+}

@@ -1,0 +1,283 @@
+//! The path of contact cut into cells, and the mesh period cut into phases.
+//!
+//! A face position z and a place s on the path are tied along a contact line,
+//! s = s_in + φ + j p_bt − z tan β_b, so the line of pair j covers the window
+//! [s_in + φ + j p_bt − w, s_in + φ + j p_bt] of the path, clipped to [s_in, s_out], with
+//! w = b tan β_b. Integrals over the face are integrals over windows.
+//!
+//! Nodes are placed where the load has kinks and evenly in ω = acos(1 − 2s/L) between: that is
+//! denser towards the base tangent points, where the relative curvature grows without bound.
+//! Phases are placed where an end of a window meets an end of the path or the pitch point, and
+//! evenly between.
+
+use crate::geometry::Geometry;
+use crate::input::Discretisation;
+
+/// Window length of a spur gear, in base pitches. A spur line touches one point of the path at a
+/// time; giving it this width changes results by less than the discretisation and makes the
+/// limit β → 0 continuous without a second code path.
+const SPUR_WINDOW: f64 = 1e-6;
+
+/// Halvings of the cells at both ends of the path and before a kink of the compliance. A thin tip
+/// is soft: its compliance grows with the logarithm of the distance from the apex, which straight
+/// pieces of equal length miss.
+const END_HALVINGS: i32 = 4;
+
+/// Nodes and phases closer than this, in base pitches, are one.
+const MERGE: f64 = 1e-9;
+
+/// A place on the path, located in its cell.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Place {
+    pub(crate) s: f64,
+    pub(crate) cell: usize,
+    /// Fraction of the cell, 0 to 1.
+    pub(crate) u: f64,
+}
+
+/// The part of the path that one pair of teeth covers at one phase.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Window {
+    pub(crate) lo: Place,
+    pub(crate) hi: Place,
+    /// How many pairs cover it: more than one only for the whole path under a very wide face.
+    pub(crate) weight: f64,
+}
+
+/// Path of contact and mesh period of one pair.
+#[derive(Debug, Clone)]
+pub(crate) struct Path {
+    pub(crate) s_in: f64,
+    pub(crate) s_out: f64,
+    pub(crate) base_pitch: f64,
+    /// Window length w, at least that of a spur gear.
+    pub(crate) window: f64,
+    /// Whether the window length is the stand-in of a spur gear.
+    pub(crate) spur: bool,
+    /// Nodes, increasing, from s_in to s_out.
+    pub(crate) s: Vec<f64>,
+    /// Phases in mm, increasing, from 0 to below one base pitch.
+    pub(crate) phases: Vec<f64>,
+    windows: Vec<Window>,
+    /// First window of each phase, and the total at the end.
+    first: Vec<usize>,
+}
+
+impl Path {
+    /// `soft` are places at which the compliance has a kink that steepens as it is approached from
+    /// inside the path.
+    pub(crate) fn new(geometry: &Geometry, disc: &Discretisation, soft: &[f64]) -> Self {
+        let (s_in, s_out, p) = (geometry.s_in, geometry.s_out, geometry.base_pitch);
+        let (length, pitch_point) = (s_out - s_in, geometry.s_pitch - s_in);
+        let width = geometry.face_width * geometry.beta_b.tan();
+        let spur = width < SPUR_WINDOW * p;
+        let window = width.max(SPUR_WINDOW * p);
+
+        // The load at s is the greatest over the phases at which s is covered. It has kinks where
+        // one end of that range of phases passes a kink of the deflection.
+        let mut breaks = vec![0.0, length];
+        if pitch_point > 0.0 && pitch_point < length {
+            breaks.push(pitch_point);
+        }
+        if window < p {
+            for offset in [
+                0.0,
+                length,
+                window,
+                -window,
+                length + window,
+                length - window,
+            ] {
+                let mut x = offset.rem_euclid(p);
+                while x < length {
+                    breaks.push(x);
+                    x += p;
+                }
+            }
+        }
+        let soft: Vec<f64> =
+            soft.iter().map(|s| s - s_in).filter(|&x| x > 0.0 && x < length).collect();
+        breaks.extend(&soft);
+        let breaks = merged(breaks, MERGE * p, length);
+        let omega = |x: f64| (1.0 - 2.0 * (s_in + x) / geometry.path_length).acos();
+        let total = omega(length) - omega(0.0);
+        let mut s = vec![s_in];
+        for pair in breaks.windows(2) {
+            let (from, to) = (omega(pair[0]), omega(pair[1]));
+            let cells = parts((to - from) / total, disc.cells);
+            let mut fractions: Vec<f64> = (0..=cells).map(|k| k as f64 / cells as f64).collect();
+            let halves = (1..=END_HALVINGS).map(|k| 0.5_f64.powi(k) / cells as f64);
+            let steep = |x: f64| soft.iter().any(|v| (v - x).abs() <= MERGE * p);
+            if pair[0] == 0.0 || (steep(pair[0]) && pair[0] < 0.5 * length) {
+                fractions.splice(1..1, halves.clone().rev());
+            }
+            if pair[1] == length || (steep(pair[1]) && pair[1] > 0.5 * length) {
+                let at = fractions.len() - 1;
+                fractions.splice(at..at, halves.map(|part| 1.0 - part));
+            }
+            for fraction in &fractions[1..fractions.len() - 1] {
+                let angle = from + (to - from) * fraction;
+                s.push(0.5 * geometry.path_length * (1.0 - angle.cos()));
+            }
+            s.push(s_in + pair[1]);
+        }
+        *s.last_mut().expect("s starts with s_in") = s_out;
+
+        let mut kinks = vec![0.0, p];
+        for x in [
+            length,
+            window,
+            length + window,
+            pitch_point,
+            pitch_point + window,
+        ] {
+            kinks.push(x.rem_euclid(p));
+        }
+        let kinks = merged(kinks, MERGE * p, p);
+        let mut phases = Vec::with_capacity(disc.phases + kinks.len());
+        for pair in kinks.windows(2) {
+            let count = parts((pair[1] - pair[0]) / p, disc.phases);
+            phases.extend(
+                (0..count).map(|k| pair[0] + (pair[1] - pair[0]) * k as f64 / count as f64),
+            );
+        }
+
+        let mut path = Self {
+            s_in,
+            s_out,
+            base_pitch: p,
+            window,
+            spur,
+            s,
+            phases,
+            windows: Vec::new(),
+            first: vec![0],
+        };
+        let mut windows = Vec::new();
+        for k in 0..path.phases.len() {
+            path.windows_at(path.phases[k], &mut windows);
+            path.first.push(windows.len());
+        }
+        path.windows = windows;
+        path
+    }
+
+    /// The windows of phase number `k`.
+    pub(crate) fn windows(&self, k: usize) -> &[Window] {
+        &self.windows[self.first[k]..self.first[k + 1]]
+    }
+
+    /// Appends the non-empty windows at the phase `phi`, in mm.
+    pub(crate) fn windows_at(&self, phi: f64, out: &mut Vec<Window>) {
+        let (length, p, w) = (self.s_out - self.s_in, self.base_pitch, self.window);
+        let last = ((length + w - phi) / p).ceil().max(0.0) as u64;
+        // Pairs from `from` to `to` cover the whole path.
+        let from = ((length - phi) / p).ceil().max(0.0) as u64;
+        let to = ((w - phi) / p).floor();
+        let whole = if to >= from as f64 {
+            to as u64 + 1 - from
+        } else {
+            0
+        };
+        for j in (0..from).chain(from + whole..=last) {
+            let hi = self.s_in + phi + j as f64 * p;
+            let (lo, hi) = ((hi - w).max(self.s_in), hi.min(self.s_out));
+            if lo < hi {
+                out.push(Window {
+                    lo: self.place(lo),
+                    hi: self.place(hi),
+                    weight: 1.0,
+                });
+            }
+        }
+        if whole > 0 {
+            let (lo, hi) = (self.place(self.s_in), self.place(self.s_out));
+            out.push(Window {
+                lo,
+                hi,
+                weight: whole as f64,
+            });
+        }
+    }
+
+    /// Finds the cell of a place on the path.
+    pub(crate) fn place(&self, s: f64) -> Place {
+        let cell = self
+            .s
+            .partition_point(|&node| node <= s)
+            .clamp(1, self.s.len() - 1)
+            - 1;
+        let u = (s - self.s[cell]) / (self.s[cell + 1] - self.s[cell]);
+        Place {
+            s,
+            cell,
+            u: u.clamp(0.0, 1.0),
+        }
+    }
+
+    /// The greatest value of a function of the phase, given at the phases, over the phases at
+    /// which each node is in contact; linear between phases. `peak` is its maximum over the whole
+    /// period.
+    pub(crate) fn greatest_in_contact(&self, values: &[f64], peak: f64) -> Vec<f64> {
+        let p = self.base_pitch;
+        if self.window >= p {
+            return vec![peak; self.s.len()];
+        }
+        let count = self.phases.len();
+        let at = |phi: f64| {
+            let phi = phi.rem_euclid(p);
+            let next = self.phases.partition_point(|&x| x <= phi);
+            let (x0, v0) = (self.phases[next - 1], values[next - 1]);
+            let (x1, v1) = if next < count {
+                (self.phases[next], values[next])
+            } else {
+                (p, values[0])
+            };
+            v0 + (v1 - v0) * ((phi - x0) / (x1 - x0)).clamp(0.0, 1.0)
+        };
+        let last = self.s.len() - 1;
+        (0..=last)
+            .map(|i| {
+                let start = self.s[i] - self.s_in;
+                let end = start + self.window;
+                // The corner of a helical tooth touches before the pair takes load; a spur tooth
+                // has no such corner, so its ends are judged with the whole line in contact.
+                if self.spur && i == 0 {
+                    return at(end);
+                }
+                if self.spur && i == last {
+                    return at(start);
+                }
+                let mut greatest = at(start).max(at(end));
+                let from = start.rem_euclid(p);
+                let mut k = self.phases.partition_point(|&x| x <= from);
+                let mut lap = start - from;
+                loop {
+                    if k == count {
+                        (k, lap) = (0, lap + p);
+                    }
+                    if lap + self.phases[k] >= end {
+                        return greatest;
+                    }
+                    greatest = greatest.max(values[k]);
+                    k += 1;
+                }
+            })
+            .collect()
+    }
+}
+
+/// Sorts, drops what is closer than `tolerance` to its neighbour, and keeps both ends exact.
+fn merged(mut x: Vec<f64>, tolerance: f64, end: f64) -> Vec<f64> {
+    x.retain(|&v| v <= 0.0 || (v > tolerance && v < end - tolerance));
+    x.sort_by(f64::total_cmp);
+    x.dedup_by(|later, earlier| *later - *earlier <= tolerance);
+    x.push(end);
+    x
+}
+
+/// Number of equal parts of a stretch that is the fraction `share` of the whole. The small
+/// reduction keeps mirrored pairs, whose shares differ by rounding, on the same grid.
+fn parts(share: f64, total: usize) -> usize {
+    ((share * total as f64 - 1e-6).ceil().max(1.0) as usize).min(total)
+}

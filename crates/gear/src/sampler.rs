@@ -1,0 +1,118 @@
+//! Random wear: one ΔSTE per draw.
+//!
+//! The gap of a sample is g(s) = W(s) [Θ1(θ1) + Θ2(θ2)] with θ1 = s/r_b1 and θ2 = (L − s)/r_b2 the
+//! roll angles of the two gears and Θ1, Θ2 independent fields (see `field`). A multiplier below
+//! zero counts as zero: wear removes material, it does not add any.
+
+use std::sync::Arc;
+
+use rand::Rng;
+use rand_distr::{Distribution as _, StandardNormal};
+
+use crate::contact::{Mesh, Scratch};
+use crate::field::Field;
+use crate::input::{Member, Wear};
+use crate::pair::Pair;
+
+/// One random wear of both gears, as a curve over the roll angle of each.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WearProfile {
+    /// Roll angles in rad, [pinion, gear]; increasing for the pinion, decreasing for the gear.
+    pub roll: [Vec<f64>; 2],
+    /// Wear depth on that gear's flank, mm.
+    pub depth: [Vec<f64>; 2],
+    /// ΔSTE of the pair worn like this, µm.
+    pub delta_ste_um: f64,
+}
+
+/// Draws randomly worn versions of one pair.
+///
+/// A draw takes standard normals from the generator in a fixed order, the modes of the pinion's
+/// field and then those of the gear's, so equal generators give equal samples bit for bit.
+#[derive(Debug, Clone)]
+pub struct Sampler {
+    mesh: Arc<Mesh>,
+    fields: [Field; 2],
+    roll: [Vec<f64>; 2],
+    depth: Vec<f64>,
+    /// µm of transmission error per mm of deflection.
+    scale: f64,
+    normals: Vec<f64>,
+    theta: [Vec<f64>; 2],
+    gap: Vec<f64>,
+    scratch: Scratch,
+}
+
+impl Sampler {
+    pub(crate) fn new(pair: &Pair, wear: &Wear) -> Self {
+        let geometry = pair.geometry();
+        let roll = Member::BOTH.map(|member| -> Vec<f64> {
+            pair.mesh
+                .path
+                .s
+                .iter()
+                .map(|&s| geometry.roll_angle(member, s))
+                .collect()
+        });
+        let fields = Member::BOTH.map(|member| {
+            let interval = (
+                geometry.roll_angle(member, geometry.s_in),
+                geometry.roll_angle(member, geometry.s_out),
+            );
+            Field::new(wear, interval, &roll[member.index()])
+        });
+        Self {
+            mesh: Arc::clone(&pair.mesh),
+            fields,
+            roll,
+            depth: pair.depth(wear),
+            scale: pair.to_ste_um(1.0),
+            normals: Vec::new(),
+            theta: [Vec::new(), Vec::new()],
+            gap: Vec::new(),
+            scratch: Scratch::default(),
+        }
+    }
+
+    /// Number of random numbers behind a draw: the modes of both fields.
+    #[must_use]
+    pub fn modes(&self) -> usize {
+        self.fields[0].rank() + self.fields[1].rank()
+    }
+
+    /// ΔSTE in µm of one randomly worn pair.
+    pub fn draw<R: Rng + ?Sized>(&mut self, rng: &mut R) -> f64 {
+        for (field, theta) in self.fields.iter().zip(&mut self.theta) {
+            self.normals.clear();
+            self.normals
+                .extend((0..field.rank()).map(|_| -> f64 { StandardNormal.sample(rng) }));
+            field.evaluate(&self.normals, theta);
+        }
+        self.gap.clear();
+        self.gap.extend(
+            self.depth
+                .iter()
+                .zip(self.theta[0].iter().zip(&self.theta[1]))
+                .map(|(depth, (a, b))| depth * (a + b)),
+        );
+        let extremes = self.mesh.solve(&self.gap, &mut self.scratch);
+        (extremes.max - extremes.min) * self.scale
+    }
+
+    /// As [`draw`](Self::draw), with the wear profiles that gave the ΔSTE.
+    pub fn draw_profile<R: Rng + ?Sized>(&mut self, rng: &mut R) -> WearProfile {
+        let delta_ste_um = self.draw(rng);
+        let worn = |theta: &Vec<f64>| -> Vec<f64> {
+            theta
+                .iter()
+                .zip(&self.depth)
+                .map(|(theta, depth)| theta * depth)
+                .collect()
+        };
+        WearProfile {
+            roll: self.roll.clone(),
+            depth: [worn(&self.theta[0]), worn(&self.theta[1])],
+            delta_ste_um,
+        }
+    }
+}

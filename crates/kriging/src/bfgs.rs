@@ -1,0 +1,311 @@
+//! A projected quasi-Newton search in a box, for a handful of variables.
+//!
+//! The method is BFGS with Powell's damping on the variables that are free to move (Nocedal and
+//! Wright, "Numerical Optimization" (2006), sections 16.7, 18.3); its first curvature comes from the
+//! problem. Each step is cut back until it lies in the box, the function can be evaluated and the
+//! value has fallen far enough. If the quasi-Newton direction fails, one gradient step is tried
+//! before the search gives up. The value never rises.
+
+use crate::likelihood::Evaluation;
+
+/// The most one step may change any variable; the variables are logarithms.
+const LONGEST_STEP: f64 = 2.0;
+
+/// Armijo's constant.
+const SUFFICIENT: f64 = 1e-4;
+
+#[derive(Debug, Clone)]
+pub(crate) struct Outcome {
+    pub(crate) at: Vec<f64>,
+    pub(crate) value: f64,
+    pub(crate) iterations: usize,
+    pub(crate) converged: bool,
+    /// Whether a step ran into a point where the function could not be evaluated.
+    pub(crate) met_failure: bool,
+}
+
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Limits<'a> {
+    pub(crate) lower: &'a [f64],
+    pub(crate) upper: &'a [f64],
+    pub(crate) max_iterations: usize,
+    /// The search ends when the quadratic model promises less than this.
+    pub(crate) tolerance: f64,
+}
+
+/// Minimises `function` from `start`; `None` if it cannot be evaluated there. The second argument of
+/// `function` asks for the curvature, too.
+pub(crate) fn minimise(
+    mut function: impl FnMut(&[f64], bool) -> Option<Evaluation>,
+    start: &[f64],
+    limits: &Limits<'_>,
+) -> Option<Outcome> {
+    let n = start.len();
+    let mut at = clamp(start, limits);
+    let first = function(&at, true)?;
+    let (mut value, mut gradient) = (first.value, first.gradient);
+    let mut curvature = first.curvature;
+    let mut met_failure = false;
+    let mut fresh = true;
+
+    for iterations in 0..limits.max_iterations {
+        let free = (0..n)
+            .filter(|&i| {
+                let out_below = at[i] <= limits.lower[i] && gradient[i] > 0.0;
+                let out_above = at[i] >= limits.upper[i] && gradient[i] < 0.0;
+                !out_below && !out_above
+            })
+            .collect();
+        let step = inward_step(&curvature, &gradient, free, &at, limits);
+        let promised = -0.5 * dot(&step, &gradient);
+        if promised < limits.tolerance {
+            return Some(Outcome {
+                at,
+                value,
+                iterations,
+                converged: true,
+                met_failure,
+            });
+        }
+
+        let longest = step.iter().fold(0.0_f64, |a, s| a.max(s.abs()));
+        let mut t = (LONGEST_STEP / longest).min(1.0);
+        let mut accepted = None;
+        for _ in 0..20 {
+            let trial: Vec<f64> = at.iter().zip(&step).map(|(a, s)| a + t * s).collect();
+            let trial = clamp(&trial, limits);
+            let moved: Vec<f64> = trial.iter().zip(&at).map(|(t, a)| t - a).collect();
+            let slope = dot(&moved, &gradient);
+            let Some(evaluation) = function(&trial, false) else {
+                met_failure = true;
+                t *= 0.25;
+                continue;
+            };
+            // Cutting the step at the box can turn it uphill, a shorter one is not cut.
+            if slope < 0.0 && evaluation.value <= value + SUFFICIENT * slope {
+                accepted = Some((trial, moved, evaluation));
+                break;
+            }
+            // The minimum of the parabola through both values and the slope here.
+            let excess = evaluation.value - value - slope;
+            let shrink = if excess > 0.0 && slope < 0.0 {
+                -0.5 * slope / excess
+            } else {
+                0.5
+            };
+            t *= shrink.clamp(0.1, 0.5);
+        }
+
+        let Some((trial, moved, evaluation)) = accepted else {
+            if fresh {
+                return Some(Outcome {
+                    at,
+                    value,
+                    iterations,
+                    converged: false,
+                    met_failure,
+                });
+            }
+            // Only the diagonal, doubled, is kept of a curvature that led nowhere.
+            for i in 0..n {
+                for j in 0..n {
+                    if i != j {
+                        curvature[i * n + j] = 0.0;
+                    }
+                }
+                curvature[i * n + i] *= 2.0;
+            }
+            fresh = true;
+            continue;
+        };
+        let change: Vec<f64> = evaluation
+            .gradient
+            .iter()
+            .zip(&gradient)
+            .map(|(new, old)| new - old)
+            .collect();
+        update(&mut curvature, &moved, &change);
+        (at, value, gradient) = (trial, evaluation.value, evaluation.gradient);
+        fresh = false;
+    }
+    let iterations = limits.max_iterations;
+    Some(Outcome {
+        at,
+        value,
+        iterations,
+        converged: false,
+        met_failure,
+    })
+}
+
+fn clamp(at: &[f64], limits: &Limits<'_>) -> Vec<f64> {
+    at.iter()
+        .zip(limits.lower.iter().zip(limits.upper))
+        .map(|(a, (low, high))| a.clamp(*low, *high))
+        .collect()
+}
+
+/// The quasi-Newton step on those of the `free` variables that it does not push out of the box.
+fn inward_step(
+    curvature: &[f64],
+    gradient: &[f64],
+    mut free: Vec<usize>,
+    at: &[f64],
+    limits: &Limits<'_>,
+) -> Vec<f64> {
+    loop {
+        let step = newton_step(curvature, gradient, &free);
+        let before = free.len();
+        free.retain(|&i| {
+            let out_below = at[i] <= limits.lower[i] && step[i] < 0.0;
+            let out_above = at[i] >= limits.upper[i] && step[i] > 0.0;
+            !out_below && !out_above
+        });
+        if free.len() == before {
+            return step;
+        }
+    }
+}
+
+/// Solves B s = −g on the free variables, with a multiple of the diagonal added to B until it is
+/// positive definite. Other variables stay.
+fn newton_step(curvature: &[f64], gradient: &[f64], free: &[usize]) -> Vec<f64> {
+    let n = gradient.len();
+    let mut step = vec![0.0; n];
+    let floor = 1e-8
+        * (0..n)
+            .map(|i| curvature[i * n + i].abs())
+            .fold(1e-8, f64::max);
+    let mut ridge = 1e-10;
+    // Each round makes the diagonal dominate more; ten suffice for any symmetric matrix of use here.
+    for _ in 0..10 {
+        let mut matrix: Vec<f64> = free
+            .iter()
+            .flat_map(|&i| free.iter().map(move |&j| curvature[i * n + j]))
+            .collect();
+        for k in 0..free.len() {
+            let diagonal = &mut matrix[k * free.len() + k];
+            *diagonal = diagonal.abs().max(floor) * (1.0 + ridge);
+        }
+        let right: Vec<f64> = free.iter().map(|&i| -gradient[i]).collect();
+        if let Some(solution) = solve_positive(matrix, right) {
+            for (&i, s) in free.iter().zip(solution) {
+                step[i] = s;
+            }
+            return step;
+        }
+        ridge = (ridge * 100.0).max(1e-4);
+    }
+    for &i in free {
+        step[i] = -gradient[i] / curvature[i * n + i].abs().max(floor);
+    }
+    step
+}
+
+/// Cholesky for a handful of unknowns.
+fn solve_positive(mut a: Vec<f64>, mut b: Vec<f64>) -> Option<Vec<f64>> {
+    let n = b.len();
+    for k in 0..n {
+        let scale = a[k * n + k];
+        let pivot = scale - (0..k).map(|m| a[k * n + m].powi(2)).sum::<f64>();
+        if pivot.is_nan() || pivot <= 1e-12 * scale {
+            return None;
+        }
+        let root = pivot.sqrt();
+        a[k * n + k] = root;
+        for i in k + 1..n {
+            let sum: f64 = (0..k).map(|m| a[i * n + m] * a[k * n + m]).sum();
+            a[i * n + k] = (a[i * n + k] - sum) / root;
+        }
+        let sum: f64 = (0..k).map(|m| a[k * n + m] * b[m]).sum();
+        b[k] = (b[k] - sum) / root;
+    }
+    for k in (0..n).rev() {
+        let sum: f64 = (k + 1..n).map(|i| a[i * n + k] * b[i]).sum();
+        b[k] = (b[k] - sum) / a[k * n + k];
+    }
+    Some(b)
+}
+
+/// The BFGS update with Powell's damping: the matrix stays positive definite.
+fn update(curvature: &mut [f64], moved: &[f64], change: &[f64]) {
+    let n = moved.len();
+    let expected: Vec<f64> = (0..n)
+        .map(|i| dot(&curvature[i * n..(i + 1) * n], moved))
+        .collect();
+    let (along, before) = (dot(moved, change), dot(moved, &expected));
+    if before.is_nan() || before <= 0.0 {
+        return;
+    }
+    let keep = if along >= 0.2 * before {
+        1.0
+    } else {
+        0.8 * before / (before - along)
+    };
+    let damped: Vec<f64> = change
+        .iter()
+        .zip(&expected)
+        .map(|(c, e)| keep * c + (1.0 - keep) * e)
+        .collect();
+    let after = dot(moved, &damped);
+    for i in 0..n {
+        for j in 0..n {
+            curvature[i * n + j] +=
+                damped[i] * damped[j] / after - expected[i] * expected[j] / before;
+        }
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rosenbrock's valley, undefined left of x = −1.5.
+    fn rosenbrock(p: &[f64], _: bool) -> Option<Evaluation> {
+        let (x, y) = (p[0], p[1]);
+        if x < -1.5 {
+            return None;
+        }
+        let bend = y - x * x;
+        Some(Evaluation {
+            value: (1.0 - x).powi(2) + 100.0 * bend * bend,
+            gradient: vec![-2.0 * (1.0 - x) - 400.0 * x * bend, 200.0 * bend],
+            curvature: vec![1.0, 0.0, 0.0, 1.0],
+            next_sigma2: 0.0,
+        })
+    }
+
+    fn limits<'a>(lower: &'a [f64], upper: &'a [f64]) -> Limits<'a> {
+        Limits {
+            lower,
+            upper,
+            max_iterations: 200,
+            tolerance: 1e-14,
+        }
+    }
+
+    #[test]
+    fn finds_a_free_minimum() {
+        let outcome = minimise(rosenbrock, &[-1.2, 1.0], &limits(&[-5.0; 2], &[5.0; 2])).unwrap();
+        assert!(outcome.converged && outcome.iterations < 100, "{outcome:?}");
+        assert!((outcome.at[0] - 1.0).abs() < 1e-6 && (outcome.at[1] - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn finds_a_minimum_on_the_boundary() {
+        // With x ≤ 0.5 the minimum is at (0.5, 0.25): the slope in x there is −1.
+        let outcome = minimise(rosenbrock, &[-1.2, 1.0], &limits(&[-5.0; 2], &[0.5, 5.0])).unwrap();
+        assert!(outcome.converged, "{outcome:?}");
+        assert_eq!(outcome.at[0], 0.5);
+        assert!((outcome.at[1] - 0.25).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_start_that_cannot_be_evaluated_is_refused() {
+        assert!(minimise(rosenbrock, &[-2.0, 0.0], &limits(&[-5.0; 2], &[5.0; 2])).is_none());
+    }
+}

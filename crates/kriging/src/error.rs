@@ -1,0 +1,81 @@
+use thiserror::Error;
+
+/// Why a model could not be fitted, used or read. The text reads after "failed to …: ".
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// An array's length does not match the others.
+    #[error("{what} has {got} numbers, expected {expected}")]
+    Shape {
+        /// Which array.
+        what: &'static str,
+        /// The length it must have.
+        expected: usize,
+        /// The length it has.
+        got: usize,
+    },
+    /// A number is NaN or infinite.
+    #[error("{what} number {index} is {value}, it must be finite")]
+    NonFinite {
+        /// Which array.
+        what: &'static str,
+        /// Position of the first such number (in a row-major array: row × d + column).
+        index: usize,
+        /// Its value.
+        value: f64,
+    },
+    /// A noise variance is negative.
+    #[error("the noise variance of observation {index} is {value}, it must not be negative")]
+    NegativeNoise {
+        /// Which observation.
+        index: usize,
+        /// Its noise variance.
+        value: f64,
+    },
+    /// There are too few different points to estimate a covariance from.
+    #[error("the data hold {distinct} distinct points, at least 2 are needed")]
+    TooFewPoints {
+        /// Number of distinct rows of x.
+        distinct: usize,
+    },
+    /// Finite numbers whose differences or squares an f64 cannot hold.
+    #[error("{what} spans a range too wide or too narrow for an f64, use another unit")]
+    Extent {
+        /// Which array.
+        what: &'static str,
+    },
+    /// No kernel has this name.
+    #[error(
+        "no kernel is called {name:?}, use matern52, matern32, squared-exponential or exponential"
+    )]
+    UnknownKernel {
+        /// The name given.
+        name: String,
+    },
+    /// The covariance matrix could not be factorised anywhere the search looked, not even with the
+    /// largest jitter.
+    #[error("no covariance matrix of the search is positive definite, even with jitter {jitter:e}")]
+    NotPositiveDefinite {
+        /// The largest jitter tried, relative to the process variance.
+        jitter: f64,
+    },
+    /// A stored model is not well-formed JSON of the expected shape.
+    #[error("the stored model is not valid")]
+    Json(#[source] serde_json::Error),
+    /// A stored model has a parameter that no fit can give.
+    #[error("the stored model's {what} is {value}, no fitted model has that")]
+    OutOfRange {
+        /// Which parameter.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// A stored model has a format this version does not know.
+    #[error("the stored model has format version {found}, this program reads version {supported}")]
+    Version {
+        /// Version found.
+        found: u32,
+        /// The version this crate writes and reads.
+        supported: u32,
+    },
+}

@@ -1,0 +1,414 @@
+//! The search for the maximum of the likelihood.
+//!
+//! Many starts are compared on a small random subset of the points, where an evaluation costs
+//! milliseconds; the best are polished there, and the survivors on larger and larger subsets until
+//! the last polish runs on all points and starts next to its optimum. One start has every range at
+//! half its coordinate's extent: likelihoods of deterministic functions have a spurious optimum
+//! where all ranges vanish and the model is white noise, and that start lies on the right side of it.
+
+use rand::RngExt as _;
+use rand::seq::SliceRandom as _;
+use rayon::prelude::*;
+use stats::streams::{Purpose, stream};
+
+use crate::bfgs::{Limits, Outcome, minimise};
+use crate::covariance::JITTERS;
+use crate::data::{Data, Points, Scaled, merge};
+use crate::kernel::Kernel;
+use crate::likelihood::{Likelihood, Order, white_noise};
+use crate::model::{Model, Parameters};
+use crate::{Error, Warning};
+
+/// Number of points on which starts are compared.
+const SCREENING: usize = 300;
+/// Each stage of polishing has about this times the points of the one before.
+const GROWTH: f64 = 2.5;
+/// How many of the starts are polished on the screening subset, and how many of the optima then
+/// found are followed further.
+const POLISHED: usize = 4;
+const FOLLOWED: usize = 2;
+/// Bounds of σ², relative to the variance of the observations.
+pub(crate) const SIGMA2_BOUNDS: (f64, f64) = (1e-8, 1e6);
+/// Upper bound of a range, in units of its coordinate's extent: the response is then linear or
+/// constant in that coordinate.
+const LONGEST_RANGE: f64 = 50.0;
+/// A range whose logarithm is this close to a bound has ended there: more than the first step off a
+/// bound, far less than anything a prediction would show.
+const NEAR: f64 = 1e-2;
+/// A likelihood counts as found when a further step promises less than this.
+const TOLERANCE: f64 = 1e-6;
+const SUBSET_TOLERANCE: f64 = 1e-2;
+
+/// How to search for the parameters of the covariance.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FitOptions {
+    /// The correlation function.
+    pub kernel: Kernel,
+    /// Seed of the random starts and subsets (stream purpose [`Purpose::Fit`]).
+    pub seed: u64,
+    /// Number of starts; at least one is taken.
+    pub starts: usize,
+    /// The most quasi-Newton iterations of one search.
+    pub max_iterations: usize,
+}
+
+impl Default for FitOptions {
+    fn default() -> Self {
+        Self {
+            kernel: Kernel::default(),
+            seed: 0,
+            starts: 20,
+            max_iterations: 100,
+        }
+    }
+}
+
+/// Fits ordinary kriging, equations (15) to (20), by maximum likelihood.
+///
+/// The ranges, the process variance and the mean are those of the highest likelihood found; the
+/// noise variances are taken as given. The result depends on the data and the options only, not on
+/// the order of the observations or the number of threads (rayon's, used over the starts).
+///
+/// Cost: a Cholesky factor and an inverse per iteration, about n³ multiplications; memory 4 n²
+/// numbers.
+///
+/// # Errors
+///
+/// [`Error::Shape`], [`Error::NonFinite`], [`Error::NegativeNoise`] and [`Error::Extent`] for
+/// unusable data, [`Error::TooFewPoints`] for fewer than two distinct points, and
+/// [`Error::NotPositiveDefinite`] where no covariance of the search can be factorised. What a user
+/// ought to know of a fit that did succeed is in [`Model::warnings`].
+pub fn fit(data: &Data<'_>, options: &FitOptions) -> Result<Model, Error> {
+    let mut points = merge(data)?;
+    if points.len() < 2 {
+        return Err(Error::TooFewPoints {
+            distinct: points.len(),
+        });
+    }
+    let scaled = Scaled::new(&points)?;
+    for coordinate in (0..data.d).filter(|j| !scaled.active.contains(j)) {
+        points
+            .warnings
+            .push(Warning::IgnoredCoordinate { coordinate });
+    }
+    if scaled.y.iter().all(|y| *y == scaled.y[0]) {
+        points.warnings.push(Warning::ConstantResponse);
+        return constant(options.kernel, points, &scaled);
+    }
+
+    let search = Search::new(&scaled, options);
+    if search.tied {
+        points.warnings.push(Warning::FewPoints {
+            distinct: points.len(),
+            dimensions: scaled.active.len(),
+        });
+    }
+    let found = search.run()?;
+    points.warnings.extend(search.warnings(&found));
+    let ranges = |k: usize| found.outcome.at[if search.tied { 0 } else { k }].exp();
+    let sigma2 = found.outcome.at[found.outcome.at.len() - 1].exp();
+    let parameters = in_units_of_data(&points, &scaled, ranges, sigma2);
+    Model::new(options.kernel, points, parameters, found.jitter)
+}
+
+/// A model without any variation: the likelihood is highest for σ² → 0.
+fn constant(kernel: Kernel, points: Points, scaled: &Scaled) -> Result<Model, Error> {
+    let noise = scaled.noise.iter().sum::<f64>() / scaled.len() as f64;
+    // The smallest normal number stands for zero, whose logarithm the likelihood could not hold.
+    let sigma2 = (SIGMA2_BOUNDS.0 * noise).max(f64::MIN_POSITIVE);
+    let parameters = in_units_of_data(&points, scaled, |_| 0.5, sigma2);
+    Model::new(kernel, points, parameters, 0.0)
+}
+
+fn in_units_of_data(
+    points: &Points,
+    scaled: &Scaled,
+    range: impl Fn(usize) -> f64,
+    sigma2: f64,
+) -> Parameters {
+    let mut ranges = vec![f64::INFINITY; points.d];
+    for (k, (&j, extent)) in scaled.active.iter().zip(&scaled.extents).enumerate() {
+        ranges[j] = range(k) * extent;
+    }
+    // Model::new estimates the mean.
+    Parameters {
+        mu: 0.0,
+        sigma2: sigma2 * scaled.y_scale * scaled.y_scale,
+        ranges,
+    }
+}
+
+struct Search<'a> {
+    data: &'a Scaled,
+    options: &'a FitOptions,
+    /// Whether all coordinates share one range.
+    tied: bool,
+    lower: Vec<f64>,
+    upper: Vec<f64>,
+    /// A random order of the points; subsets are its first ones.
+    order: Vec<usize>,
+}
+
+struct Found {
+    outcome: Outcome,
+    jitter: f64,
+}
+
+impl<'a> Search<'a> {
+    fn new(data: &'a Scaled, options: &'a FitOptions) -> Self {
+        let n = data.len();
+        let tied = n < data.columns.len() + 3;
+        let mut lower: Vec<f64> = data
+            .columns
+            .iter()
+            .map(|c| shortest_range(c).ln())
+            .collect();
+        if tied {
+            lower = vec![lower.iter().copied().fold(0.0, f64::min)];
+        }
+        let mut upper = vec![LONGEST_RANGE.ln(); lower.len()];
+        lower.push(SIGMA2_BOUNDS.0.ln());
+        upper.push(SIGMA2_BOUNDS.1.ln());
+        let mut order: Vec<usize> = (0..n).collect();
+        order.shuffle(&mut stream(options.seed, Purpose::Fit, 0, 0));
+        Self {
+            data,
+            options,
+            tied,
+            lower,
+            upper,
+            order,
+        }
+    }
+
+    fn run(&self) -> Result<Found, Error> {
+        let n = self.data.len();
+        let mut sizes = vec![n];
+        while sizes[sizes.len() - 1] as f64 > GROWTH * SCREENING as f64 * 0.6 {
+            let last = sizes[sizes.len() - 1] as f64;
+            let next = (last / GROWTH) as usize;
+            sizes.push(next.max(SCREENING));
+        }
+        sizes.reverse();
+
+        let mut candidates = self.screen(&self.subset(sizes[0]))?;
+        for (stage, &size) in sizes.iter().enumerate() {
+            let last = size == n;
+            let subset = self.subset(size);
+            let polished: Vec<Found> = candidates
+                .par_iter()
+                .filter_map(|(start, jitter)| self.polish(&subset, start, *jitter, last))
+                .collect();
+            let mut distinct: Vec<Found> = Vec::new();
+            for found in by_value(polished) {
+                let same = |other: &Found| {
+                    (other.outcome.value - found.outcome.value).abs() < 0.1
+                        && distance(&other.outcome.at, &found.outcome.at) < 0.1
+                };
+                if !distinct.iter().any(same) {
+                    distinct.push(found);
+                }
+            }
+            if last {
+                if let Some(best) = distinct.into_iter().next() {
+                    return Ok(best);
+                }
+                break;
+            }
+            let follow = if stage + 2 == sizes.len() {
+                1
+            } else {
+                FOLLOWED
+            };
+            candidates = distinct
+                .into_iter()
+                .take(follow)
+                .map(|found| (found.outcome.at, found.jitter))
+                .collect();
+        }
+        Err(Error::NotPositiveDefinite {
+            jitter: JITTERS[JITTERS.len() - 1],
+        })
+    }
+
+    /// The starts of highest likelihood on `subset`, each with the smallest jitter it needs there.
+    fn screen(&self, subset: &Scaled) -> Result<Vec<(Vec<f64>, f64)>, Error> {
+        let starts = self.options.starts.max(1);
+        let mut screened: Vec<(f64, Vec<f64>, f64)> = (0..starts)
+            .into_par_iter()
+            .filter_map(|i| {
+                let start = self.start(i);
+                JITTERS.iter().find_map(|&jitter| {
+                    let (value, at) = self.value_at(subset, start.clone(), jitter)?;
+                    Some((value, at, jitter))
+                })
+            })
+            .collect();
+        if screened.is_empty() {
+            return Err(Error::NotPositiveDefinite {
+                jitter: JITTERS[JITTERS.len() - 1],
+            });
+        }
+        // The first start stays whatever its value: it is the one that keeps clear of white noise.
+        screened[1..].sort_by(|a, b| a.0.total_cmp(&b.0));
+        screened.truncate(POLISHED);
+        Ok(screened
+            .into_iter()
+            .map(|(_, at, jitter)| (at, jitter))
+            .collect())
+    }
+
+    /// Start 0 has all ranges at half the extent, the others are random between a tenth and five
+    /// times it.
+    fn start(&self, i: usize) -> Vec<f64> {
+        let mut rng = stream(self.options.seed, Purpose::Fit, 1, i as u64);
+        let count = self.lower.len() - 1;
+        let (low, high) = (0.1_f64.ln(), 5.0_f64.ln());
+        let mut start: Vec<f64> = (0..count)
+            .map(|_| {
+                if i == 0 {
+                    0.5_f64.ln()
+                } else {
+                    low + (high - low) * rng.random::<f64>()
+                }
+            })
+            .collect();
+        start.push(0.0);
+        start
+    }
+
+    /// Finds a fitting σ² for a start's ranges by fixed-point iteration, and the value there.
+    fn value_at(&self, subset: &Scaled, mut at: Vec<f64>, jitter: f64) -> Option<(f64, Vec<f64>)> {
+        let mut likelihood = Likelihood::new(self.options.kernel, subset, self.tied, jitter);
+        let last = at.len() - 1;
+        let mut best = likelihood.evaluate(&at, Order::Value)?;
+        for _ in 0..3 {
+            let mut next = at.clone();
+            next[last] = best
+                .next_sigma2
+                .ln()
+                .clamp(self.lower[last], self.upper[last]);
+            match likelihood.evaluate(&next, Order::Value) {
+                Some(evaluation) if evaluation.value < best.value => {
+                    (at, best) = (next, evaluation)
+                }
+                _ => break,
+            }
+        }
+        Some((best.value, at))
+    }
+
+    /// Searches from `start`. The jitter grows while the search keeps running into matrices that are
+    /// not positive definite and more jitter raises the likelihood.
+    fn polish(&self, subset: &Scaled, start: &[f64], jitter: f64, last: bool) -> Option<Found> {
+        let limits = Limits {
+            lower: &self.lower,
+            upper: &self.upper,
+            max_iterations: self.options.max_iterations,
+            tolerance: if last { TOLERANCE } else { SUBSET_TOLERANCE },
+        };
+        let mut likelihood = Likelihood::new(self.options.kernel, subset, self.tied, jitter);
+        let mut best: Option<Found> = None;
+        for jitter in JITTERS.into_iter().filter(|j| *j >= jitter) {
+            likelihood.jitter = jitter;
+            let from = best.as_ref().map_or(start, |found| &found.outcome.at);
+            let function = |at: &[f64], first: bool| {
+                likelihood.evaluate(
+                    at,
+                    if first {
+                        Order::Curvature
+                    } else {
+                        Order::Gradient
+                    },
+                )
+            };
+            let Some(outcome) = minimise(function, from, &limits) else {
+                continue;
+            };
+            let better = best
+                .as_ref()
+                .is_none_or(|b| outcome.value < b.outcome.value - TOLERANCE);
+            if !better {
+                break;
+            }
+            let met_failure = outcome.met_failure;
+            best = Some(Found { outcome, jitter });
+            if !met_failure {
+                break;
+            }
+        }
+        best
+    }
+
+    fn subset(&self, size: usize) -> Scaled {
+        self.data.subset(&self.order[..size])
+    }
+
+    fn warnings(&self, found: &Found) -> Vec<Warning> {
+        let mut warnings = Vec::new();
+        let gain = white_noise(self.data) - found.outcome.value;
+        let needed = (found.outcome.at.len() - 1) as f64;
+        if gain < needed {
+            warnings.push(Warning::NoStructure { gain, needed });
+        }
+        if found.jitter > 0.0 {
+            warnings.push(Warning::Jitter {
+                relative: found.jitter,
+            });
+        }
+        if !found.outcome.converged {
+            warnings.push(Warning::NotConverged {
+                iterations: found.outcome.iterations,
+            });
+        }
+        // A range that is shared is warned of as such already.
+        if !self.tied {
+            for upper in [false, true] {
+                let at_bound = |p: &usize| {
+                    let at = found.outcome.at[*p];
+                    if upper {
+                        at >= self.upper[*p] - NEAR
+                    } else {
+                        at <= self.lower[*p] + NEAR
+                    }
+                };
+                let active = &self.data.active;
+                let coordinates: Vec<usize> = (0..active.len())
+                    .filter(at_bound)
+                    .map(|p| active[p])
+                    .collect();
+                if !coordinates.is_empty() {
+                    warnings.push(Warning::RangesAtBound { coordinates, upper });
+                }
+            }
+        }
+        warnings
+    }
+}
+
+fn by_value(mut found: Vec<Found>) -> Vec<Found> {
+    found.sort_by(|a, b| a.outcome.value.total_cmp(&b.outcome.value));
+    found
+}
+
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter()
+        .zip(b)
+        .map(|(a, b)| (a - b).abs())
+        .fold(0.0, f64::max)
+}
+
+/// A fifth of the median gap between neighbouring distinct values of a coordinate: below that, even
+/// points that differ in this coordinate only are uncorrelated.
+fn shortest_range(column: &[f64]) -> f64 {
+    let mut sorted = column.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let mut gaps: Vec<f64> = sorted
+        .windows(2)
+        .map(|pair| pair[1] - pair[0])
+        .filter(|gap| *gap > 0.0)
+        .collect();
+    gaps.sort_by(f64::total_cmp);
+    let median = gaps.get(gaps.len() / 2).copied().unwrap_or(1.0);
+    (0.2 * median).clamp(1e-6, 0.1)
+}

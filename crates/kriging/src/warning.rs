@@ -1,0 +1,127 @@
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+/// Something about the data or the fit that a user of the model should know.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", tag = "kind")]
+#[non_exhaustive]
+pub enum Warning {
+    /// The likelihood hardly prefers the fitted covariance to a constant plus noise: the model may
+    /// have found no dependence on x at all.
+    NoStructure {
+        /// By how much the model's log likelihood exceeds that of independent observations around a
+        /// constant.
+        gain: f64,
+        /// The gain below which this warning is given: the number of fitted ranges, as Akaike's
+        /// criterion asks for.
+        needed: f64,
+    },
+    /// All observations are equal.
+    ConstantResponse,
+    /// There are too few points to fit one range per coordinate: all coordinates share one, in
+    /// units of their extents.
+    FewPoints {
+        /// Number of distinct points.
+        distinct: usize,
+        /// Number of coordinates.
+        dimensions: usize,
+    },
+    /// All points agree in this coordinate, so the model does not depend on it.
+    IgnoredCoordinate {
+        /// Which coordinate, from 0.
+        coordinate: usize,
+    },
+    /// Observations at equal x were merged into one (precision-weighted mean).
+    MergedDuplicates {
+        /// Number of observations given.
+        observations: usize,
+        /// Number of distinct points left.
+        distinct: usize,
+    },
+    /// Noise-free observations at equal x differ. Their scatter was taken as their noise.
+    ContradictoryDuplicates {
+        /// Number of points with such observations.
+        points: usize,
+        /// Pooled standard deviation of the scatter, in units of y.
+        sd: f64,
+    },
+    /// The covariance matrix is too close to singular without an addition to its diagonal.
+    Jitter {
+        /// The addition, relative to the process variance.
+        relative: f64,
+    },
+    /// The search for the likelihood's maximum stopped before it converged.
+    NotConverged {
+        /// Number of iterations of the last search.
+        iterations: usize,
+    },
+    /// The ranges of some coordinates ended at a bound of the search.
+    RangesAtBound {
+        /// Which coordinates, from 0.
+        coordinates: Vec<usize>,
+        /// True at the upper bound (the response hardly depends on these coordinates, or linearly),
+        /// false at the lower one (neighbouring points are uncorrelated).
+        upper: bool,
+    },
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoStructure { gain, needed } => write!(
+                f,
+                "the model's log likelihood exceeds that of a constant plus noise by {gain:.2}, \
+                 less than {needed}: no dependence on x was found"
+            ),
+            Self::ConstantResponse => write!(f, "all observations are equal"),
+            Self::FewPoints {
+                distinct,
+                dimensions,
+            } => write!(
+                f,
+                "{distinct} distinct points are too few to fit {dimensions} ranges, all \
+                 coordinates share one"
+            ),
+            Self::IgnoredCoordinate { coordinate } => write!(
+                f,
+                "all points agree in coordinate {coordinate}, the model does not depend on it"
+            ),
+            Self::MergedDuplicates {
+                observations,
+                distinct,
+            } => write!(
+                f,
+                "{observations} observations lie at {distinct} distinct points, those at equal \
+                 points were merged"
+            ),
+            Self::ContradictoryDuplicates { points, sd } => write!(
+                f,
+                "noise-free observations differ at {points} points, their standard deviation \
+                 {sd:e} was taken as noise"
+            ),
+            Self::Jitter { relative } => write!(
+                f,
+                "the covariance matrix is nearly singular, {relative:e} of the process variance \
+                 was added to its diagonal"
+            ),
+            Self::NotConverged { iterations } => {
+                write!(
+                    f,
+                    "the likelihood search had not converged after {iterations} iterations"
+                )
+            }
+            Self::RangesAtBound { coordinates, upper } => {
+                let (bound, meaning) = if *upper {
+                    ("upper", "the response hardly depends on them, or linearly")
+                } else {
+                    ("lower", "neighbouring points are uncorrelated")
+                };
+                write!(
+                    f,
+                    "the ranges of coordinates {coordinates:?} are at their {bound} bound: {meaning}"
+                )
+            }
+        }
+    }
+}

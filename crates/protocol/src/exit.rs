@@ -1,0 +1,52 @@
+//! The exit codes of `coordinator` and `worker`. Scripts rely on them: never renumber.
+
+/// Everything went well.
+pub const OK: u8 = 0;
+/// Something that has no code of its own.
+pub const FAILURE: u8 = 1;
+/// The command line makes no sense.
+pub const USAGE: u8 = 2;
+/// A campaign or pair file has an unknown or missing key, a wrong type or a value that makes no
+/// sense.
+pub const BAD_FILE: u8 = 3;
+/// A file cannot be read or written, or would be overwritten.
+pub const FILE_ACCESS: u8 = 4;
+/// There is no store where one is expected.
+pub const NO_STORE: u8 = 5;
+/// The store holds another campaign.
+pub const OTHER_CAMPAIGN: u8 = 6;
+/// The store is no SQLite file.
+pub const NOT_A_STORE: u8 = 7;
+/// The store is damaged, or was written by a newer version of the program.
+pub const UNUSABLE_STORE: u8 = 8;
+/// Another coordinator has the store open.
+pub const STORE_LOCKED: u8 = 9;
+/// The address to listen on is taken or not to be had.
+pub const CANNOT_LISTEN: u8 = 10;
+/// No coordinator answers at the address, or none has for too long. Trying again may help.
+pub const UNREACHABLE: u8 = 11;
+/// The coordinator refused the worker for good: another version, or other numbers.
+pub const REFUSED: u8 = 12;
+/// The campaign ended, but some of its jobs were given up; the report names them.
+pub const INCOMPLETE: u8 = 13;
+/// Stopped by a signal; starting the same command again continues.
+pub const INTERRUPTED: u8 = 14;
+
+/// Every code with its meaning, for `--help` and the README.
+pub const TABLE: [(u8, &str); 15] = [
+    (OK, "everything went well"),
+    (FAILURE, "something that has no code of its own"),
+    (USAGE, "the command line makes no sense"),
+    (BAD_FILE, "a campaign or pair file is wrong; the message names file, line and key"),
+    (FILE_ACCESS, "a file cannot be read or written, or would be overwritten"),
+    (NO_STORE, "there is no store where one is expected"),
+    (OTHER_CAMPAIGN, "the store holds another campaign"),
+    (NOT_A_STORE, "the store is no SQLite file"),
+    (UNUSABLE_STORE, "the store is damaged, or of a newer version of the program"),
+    (STORE_LOCKED, "another coordinator has the store open"),
+    (CANNOT_LISTEN, "the address to listen on is taken or not to be had"),
+    (UNREACHABLE, "no coordinator answers; trying again may help"),
+    (REFUSED, "the coordinator refused the worker for good: other version, other numbers"),
+    (INCOMPLETE, "the campaign ended, but some of its jobs were given up"),
+    (INTERRUPTED, "stopped by a signal; the same command continues"),
+];

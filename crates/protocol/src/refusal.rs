@@ -1,0 +1,67 @@
+//! Reasons for which a coordinator turns a call away for good.
+
+use tonic::metadata::MetadataValue;
+use tonic::{Code, Status};
+
+/// Why a worker was refused. A refusal is final: asking again gets the same answer, so a worker
+/// that is refused exits. Everything that may pass (a coordinator that is starting, a lost
+/// connection) is a plain gRPC status instead, and the worker tries again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Refusal {
+    /// The worker is another version of the program than the coordinator.
+    Version,
+    /// The worker's simulator gives other numbers than the coordinator's.
+    Model,
+    /// The request makes no sense (an empty worker id, no slots).
+    Malformed,
+}
+
+const HEADER: &str = "pitchline-refusal";
+
+impl Refusal {
+    const ALL: [Self; 3] = [Self::Version, Self::Model, Self::Malformed];
+
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Version => "version",
+            Self::Model => "model",
+            Self::Malformed => "malformed",
+        }
+    }
+
+    /// The status that carries this refusal with a sentence for people.
+    #[must_use]
+    pub fn status(self, message: impl Into<String>) -> Status {
+        let code = match self {
+            Self::Version | Self::Model => Code::FailedPrecondition,
+            Self::Malformed => Code::InvalidArgument,
+        };
+        let mut status = Status::new(code, message);
+        status.metadata_mut().insert(HEADER, MetadataValue::from_static(self.name()));
+        status
+    }
+
+    /// The refusal that `status` carries, if it is one.
+    #[must_use]
+    pub fn of(status: &Status) -> Option<Self> {
+        let name = status.metadata().get(HEADER)?.to_str().ok()?;
+        Self::ALL.into_iter().find(|refusal| refusal.name() == name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_refusal_survives_the_wire() {
+        for refusal in Refusal::ALL {
+            assert_eq!(Refusal::of(&refusal.status("no")), Some(refusal));
+        }
+    }
+
+    #[test]
+    fn an_ordinary_error_is_no_refusal() {
+        assert_eq!(Refusal::of(&Status::unavailable("starting")), None);
+    }
+}

@@ -1,0 +1,139 @@
+//! One function per chart. Each returns a picture, or says why there is nothing to draw; the public
+//! functions return it as an SVG file of its own.
+
+mod gears;
+mod runs;
+mod scatter;
+
+use crate::data::{ApproachResult, DoePoint, GearDrawing, KrigingFit, SteCurves, WearProfiles};
+use crate::error::Error;
+use crate::svg::{Axis, Chart, Mark, Picture, Scale, Series};
+
+pub(crate) use gears::gears;
+pub(crate) use runs::{convergence, ste};
+pub use scatter::{Extent, Response};
+pub(crate) use scatter::{leave_one_out, responses};
+
+/// Half a page wide.
+const HALF: [f64; 2] = [480.0, 360.0];
+/// A whole page wide.
+const FULL: [f64; 2] = [980.0, 340.0];
+
+/// Figure 2: Archard's depth and random depths along a flank, as an SVG file. Removed material
+/// counts downwards, in µm over the roll angle in rad.
+///
+/// # Errors
+/// [`Error::NothingToDraw`] without a finite depth, [`Error::LengthMismatch`] if a profile is not as
+/// long as the roll angles.
+pub fn chart_wear(profiles: &WearProfiles) -> Result<String, Error> {
+    wear(profiles).map(|picture| picture.standalone())
+}
+
+/// Figures 4 and 5: two responses of the designs against each other in µm, as an SVG file.
+///
+/// # Errors
+/// [`Error::NothingToDraw`] if no design has both responses (both positive, on logarithmic axes).
+pub fn chart_responses(
+    doe: &[DoePoint],
+    x: Response,
+    y: Response,
+    extent: Extent,
+) -> Result<String, Error> {
+    responses(doe, x, y, extent).map(|picture| picture.standalone())
+}
+
+/// Leave-one-out predictions against observations in µm, as an SVG file.
+///
+/// # Errors
+/// [`Error::NothingToDraw`] without a finite pair.
+pub fn chart_leave_one_out(fit: &KrigingFit) -> Result<String, Error> {
+    leave_one_out(fit).map(|picture| picture.standalone())
+}
+
+/// Best penalised objective (no unit, Equation (5)) against evaluations, one line per start, as an
+/// SVG file.
+///
+/// # Errors
+/// [`Error::NothingToDraw`] without a run that recorded a finite value.
+pub fn chart_convergence(result: &ApproachResult) -> Result<String, Error> {
+    convergence(result).map(|picture| picture.standalone())
+}
+
+/// The gears in mesh around the pitch point, to scale, as an SVG file.
+///
+/// # Errors
+/// [`Error::NothingToDraw`] if no outline passes near the contact.
+pub fn chart_gears(drawing: &GearDrawing) -> Result<String, Error> {
+    gears(drawing).map(|picture| picture.standalone())
+}
+
+/// Static transmission error over one mesh period in µm, each curve about its own mean, as an SVG
+/// file.
+///
+/// # Errors
+/// [`Error::NothingToDraw`] without a finite value, [`Error::LengthMismatch`] if a curve that is not
+/// empty is not as long as the phases.
+pub fn chart_ste(curves: &SteCurves) -> Result<String, Error> {
+    ste(curves).map(|picture| picture.standalone())
+}
+
+/// See [`chart_wear`].
+pub(crate) fn wear(profiles: &WearProfiles) -> Result<Picture, Error> {
+    let angles = &profiles.roll_angle_rad;
+    let removed = |what: &'static str, depths: &[f64]| {
+        same_length(what, angles, depths)?;
+        Ok::<_, Error>(angles.iter().zip(depths).map(|(&a, &d)| [a, -d]).collect())
+    };
+    let mut series = Vec::with_capacity(profiles.random_um.len() + 1);
+    for (i, depths) in profiles.random_um.iter().enumerate() {
+        series.push(Series {
+            name: (i == 0).then(|| "random profiles".to_owned()),
+            mark: Mark::Thin("5 3"),
+            colour: 5,
+            points: removed("a random wear profile", depths)?,
+        });
+    }
+    series.push(Series {
+        name: Some("Archard’s profile".to_owned()),
+        mark: Mark::Curve(""),
+        colour: 1,
+        points: removed("archard’s wear profile", &profiles.archard_um)?,
+    });
+    draw(
+        Chart {
+            title: "Wear of the flank".to_owned(),
+            x: axis("roll angle (rad)", Scale::Linear),
+            y: axis("profile change (µm)", Scale::Linear),
+            series,
+            size: FULL,
+        },
+        "wear profiles",
+        "no profile has a finite depth",
+    )
+}
+
+fn axis(label: &str, scale: Scale) -> Axis {
+    Axis {
+        label: label.to_owned(),
+        scale,
+        range: None,
+    }
+}
+
+fn draw(chart: Chart, name: &'static str, why: &'static str) -> Result<Picture, Error> {
+    chart
+        .draw()
+        .ok_or(Error::NothingToDraw { chart: name, why })
+}
+
+fn same_length(what: &'static str, abscissae: &[f64], values: &[f64]) -> Result<(), Error> {
+    if abscissae.len() == values.len() {
+        Ok(())
+    } else {
+        Err(Error::LengthMismatch {
+            what,
+            expected: abscissae.len(),
+            found: values.len(),
+        })
+    }
+}

@@ -1,0 +1,389 @@
+//! What a report is made from: plain data, filled by whoever holds the results.
+//!
+//! A value that could not be computed is `f64::NAN`; it appears as a dash in the tables and is left
+//! out of the charts. An empty list appears as a sentence that says so.
+
+/// Everything that one report shows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ReportData {
+    /// Which campaign, how large, at what cost.
+    pub header: Header,
+    /// Whether the campaign is the paper's, so that its printed figures belong beside the results.
+    pub compare_with_paper: bool,
+    /// Bounds of the constraints, to mark what breaks them.
+    pub limits: Limits,
+    /// The preliminary designs (Tables 1 and 2).
+    pub preliminary: Vec<PreliminaryDesign>,
+    /// The feasible designs of the experiment, in design order (Table 3, Figures 4 and 5).
+    pub doe: Vec<DoePoint>,
+    /// Designs of similar ΔSTE under Archard's wear (Table 4).
+    pub similar: Vec<SimilarDesign>,
+    /// Wear depths of one flank (Figure 2).
+    pub wear: Option<WearProfiles>,
+    /// The kriging models, in the order in which they were fitted.
+    pub kriging: Vec<KrigingFit>,
+    /// What each approach found (Table 5), in the order in which it is to be shown.
+    pub approaches: Vec<ApproachResult>,
+    /// The paper's printed designs on this model; shown only with `compare_with_paper`.
+    pub printed: Vec<PrintedDesign>,
+    /// Remarks, warnings, and what the model leaves out.
+    pub notes: Vec<String>,
+}
+
+/// Which campaign, how large, at what cost.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Header {
+    /// The campaign's name.
+    pub campaign: String,
+    /// The campaign's seed.
+    pub seed: u64,
+    /// Version of the program that computed the samples.
+    pub program_version: String,
+    /// Digest of all samples: equal digests mean equal results.
+    pub samples_digest: String,
+    /// n, the designs of the experiment.
+    pub designs: usize,
+    /// k, the Monte Carlo samples per design.
+    pub samples_per_design: usize,
+    /// How many of the n designs could be simulated.
+    pub feasible: usize,
+    /// Why the others could not, with how many designs each reason concerns.
+    pub infeasible: Vec<InfeasibleReason>,
+    /// Calls of the gear simulator in the whole campaign.
+    pub simulator_calls: u64,
+    /// CPU time by stage, in the order of the stages.
+    pub stages: Vec<StageCost>,
+    /// Further (label, value) pairs, shown as they are.
+    pub facts: Vec<(String, String)>,
+}
+
+/// One reason why designs could not be simulated.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct InfeasibleReason {
+    /// The simulator's reason.
+    pub reason: String,
+    /// How many designs it concerns.
+    pub count: usize,
+}
+
+/// What one stage cost.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StageCost {
+    /// The stage's name.
+    pub stage: String,
+    /// CPU time, s, summed over the workers.
+    pub cpu_seconds: f64,
+}
+
+/// Bounds of the optimisation constraints (Equations (3) and (7)).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limits {
+    /// Least r_c.
+    pub contact_ratio_min: f64,
+    /// Greatest g_s.
+    pub specific_slip_max: f64,
+    /// Greatest σ_vm, MPa: the yield stress Re.
+    pub von_mises_max_mpa: f64,
+    /// Greatest F, MPa: P_Hertz^max.
+    pub pressure_max_mpa: f64,
+}
+
+/// The paper's bounds: r_c > 1.25, g_s < 2, σ_vm < 980 MPa, F < 1550 MPa.
+impl Default for Limits {
+    fn default() -> Self {
+        Self {
+            contact_ratio_min: 1.25,
+            specific_slip_max: 2.0,
+            von_mises_max_mpa: 980.0,
+            pressure_max_mpa: 1550.0,
+        }
+    }
+}
+
+/// One preliminary design, simulated often enough to know its distribution (Tables 1 and 2).
+#[derive(Debug, Clone, PartialEq)]
+pub struct PreliminaryDesign {
+    /// x_p, x_r, ha0_p, ha0_r, hf0_p, hf0_r.
+    pub variables: [f64; 6],
+    /// How many samples the statistics rest on.
+    pub samples: usize,
+    /// Mean of ΔSTE, µm.
+    pub mean_um: f64,
+    /// Standard deviation of ΔSTE, µm.
+    pub sd_um: f64,
+    /// Estimated 90 % percentile of ΔSTE, µm.
+    pub p90_um: f64,
+    /// p value of the Lilliefors test: small values speak against a normal distribution.
+    pub lilliefors_p: f64,
+    /// Variance of a percentile estimated from k samples, µm² (Equation (14)).
+    pub p90_variance_um2: f64,
+}
+
+/// The responses of one feasible design.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DoePoint {
+    /// ΔSTE without wear, µm.
+    pub delta_ste_um: f64,
+    /// ΔSTE with Archard's wear, µm.
+    pub delta_ste_archard_um: f64,
+    /// Estimated 90 % percentile of ΔSTE with random wear, µm.
+    pub p90_um: f64,
+}
+
+/// One design of Table 4.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SimilarDesign {
+    /// x_p, x_r, ha0_p, ha0_r, hf0_p, hf0_r.
+    pub variables: [f64; 6],
+    /// ΔSTE with Archard's wear, µm.
+    pub delta_ste_archard_um: f64,
+    /// Its 90 % percentile.
+    pub p90: Percentile,
+}
+
+/// An accurately estimated 90 % percentile.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Percentile {
+    /// The estimate, µm.
+    pub value_um: f64,
+    /// Lower end of the two-sided 95 % confidence interval, µm.
+    pub low_um: f64,
+    /// Upper end of it, µm.
+    pub high_um: f64,
+    /// How many samples it rests on.
+    pub samples: usize,
+}
+
+/// Wear depths along one flank (Figure 2).
+#[derive(Debug, Clone, PartialEq)]
+pub struct WearProfiles {
+    /// Which flank and which design, for the caption.
+    pub subject: String,
+    /// Roll angles, rad.
+    pub roll_angle_rad: Vec<f64>,
+    /// Archard's depth at each roll angle, µm, positive where material is missing.
+    pub archard_um: Vec<f64>,
+    /// Random depths, one list per profile, each as long as the roll angles, µm.
+    pub random_um: Vec<Vec<f64>>,
+}
+
+/// One kriging model and how well it predicts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KrigingFit {
+    /// What was fitted, for example "P90 after the design of experiments".
+    pub title: String,
+    /// The covariance function's name.
+    pub kernel: String,
+    /// Fitted parameters.
+    pub parameters: Vec<Parameter>,
+    /// Q² of the leave-one-out predictions: 1 is perfect, 0 no better than the mean.
+    pub q2: f64,
+    /// Root mean square of the leave-one-out errors, µm.
+    pub rmse_um: f64,
+    /// Share of the observations, 0 to 1, within their leave-one-out 90 % prediction interval.
+    pub coverage_90: f64,
+    /// The leave-one-out predictions.
+    pub leave_one_out: Vec<LeaveOneOut>,
+}
+
+/// One fitted parameter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameter {
+    /// Its name.
+    pub name: String,
+    /// Its value.
+    pub value: f64,
+    /// Its unit; empty for a pure number.
+    pub unit: String,
+}
+
+/// One observation and what the model predicts for it from all the others.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LeaveOneOut {
+    /// The observation, µm.
+    pub observed_um: f64,
+    /// The prediction, µm.
+    pub predicted_um: f64,
+}
+
+/// The approaches that the paper compares (section IV.D), and one beyond it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Approach {
+    /// ΔSTE of the unworn gears, Equations (2) and (3).
+    WithoutWear,
+    /// ΔSTE under Archard's wear, Equation (23).
+    ArchardWear,
+    /// The kriging mean of P90, Equation (22).
+    Kriging,
+    /// The best feasible design of the experiment.
+    BestOfDoe,
+    /// The kriging mean of P90 after infill points were added and the model refitted.
+    KrigingEnriched,
+}
+
+impl Approach {
+    /// The approach's name, as headings and table rows use it.
+    #[must_use]
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::WithoutWear => "Without wear",
+            Self::ArchardWear => "Archard’s wear",
+            Self::Kriging => "Kriging",
+            Self::BestOfDoe => "Best of the DoE",
+            Self::KrigingEnriched => "Kriging with infill",
+        }
+    }
+
+    /// What the approach minimises.
+    #[must_use]
+    pub fn criterion(self) -> &'static str {
+        match self {
+            Self::WithoutWear => "ΔSTE without wear",
+            Self::ArchardWear => "ΔSTE with Archard’s wear",
+            Self::Kriging | Self::KrigingEnriched => "kriging mean of P90",
+            Self::BestOfDoe => "P90 estimated in the DoE",
+        }
+    }
+}
+
+/// What one approach found, and at what cost.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ApproachResult {
+    /// Which approach.
+    pub approach: Approach,
+    /// Its best design, or why there is none.
+    pub outcome: Result<Optimum, String>,
+    /// Calls of the gear simulator, including those of a design of experiments it needs.
+    pub simulator_calls: u64,
+    /// CPU time, s.
+    pub cpu_seconds: f64,
+    /// Its optimiser runs; empty for an approach that only selects.
+    pub runs: Vec<OptimiserRun>,
+    /// A remark, for example that the printed penalty weight ended infeasible; may be empty.
+    pub note: String,
+}
+
+/// One optimised design.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Optimum {
+    /// The eleven variables in the order of Equation (1): x_p, x_r, ha0_p, ha0_r, hf0_p, hf0_r
+    /// (in modules), ρa_p, ρa_r, ρf_p, ρf_r (mm), β0 (degrees).
+    pub variables: [f64; 11],
+    /// The criterion that the approach minimised, µm, without any penalty.
+    pub criterion_um: f64,
+    /// P90 verified with fresh samples.
+    pub p90: Percentile,
+    /// The constraint values.
+    pub constraints: Constraints,
+    /// Whether every constraint holds.
+    pub feasible: bool,
+    /// The gears in mesh.
+    pub drawing: Option<GearDrawing>,
+    /// Static transmission error over one mesh period.
+    pub ste: Option<SteCurves>,
+}
+
+/// The constraint values of one design.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Constraints {
+    /// r_c.
+    pub contact_ratio: f64,
+    /// g_s.
+    pub specific_slip: f64,
+    /// σ_vm, MPa.
+    pub von_mises_mpa: f64,
+    /// F, MPa.
+    pub pressure_mpa: f64,
+    /// Least of the interference margins, mm: below zero the teeth interfere.
+    pub interference_margin_mm: f64,
+}
+
+/// One optimiser run from one start.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OptimiserRun {
+    /// The start's number, from 1.
+    pub start: usize,
+    /// (evaluations so far, best penalised objective so far), in the order of the run.
+    pub best: Vec<(u64, f64)>,
+    /// Evaluations at which the run restarted.
+    pub restarts: Vec<u64>,
+}
+
+/// Two gears in mesh, positioned in one transverse plane; all lengths in mm, y upwards.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GearDrawing {
+    /// The pinion.
+    pub pinion: GearOutline,
+    /// The mating gear.
+    pub mate: GearOutline,
+    /// Ends of the path of contact.
+    pub line_of_action: Option<[[f64; 2]; 2]>,
+}
+
+/// One gear's outline.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GearOutline {
+    /// Points of the outline in order: all round the gear, or the teeth near the contact only.
+    pub outline: Vec<[f64; 2]>,
+    /// Centre of the gear.
+    pub centre: [f64; 2],
+    /// Radius of the operating pitch circle.
+    pub pitch_radius_mm: Option<f64>,
+    /// Radius of the base circle.
+    pub base_radius_mm: Option<f64>,
+}
+
+/// Static transmission error over one mesh period.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SteCurves {
+    /// Mesh phase as a share of the period, usually 0 to 1.
+    pub phase: Vec<f64>,
+    /// STE of the unworn gears at each phase, µm; may be empty.
+    pub unworn_um: Vec<f64>,
+    /// STE with Archard's wear at each phase, µm; may be empty.
+    pub worn_um: Vec<f64>,
+}
+
+/// One of the paper's printed designs (Figures 6 to 10), computed on this model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PrintedDesign {
+    /// The figure's number, 6 to 10.
+    pub figure: u8,
+    /// The model's figures, or why the design could not be simulated.
+    pub outcome: Result<PrintedFigures, String>,
+}
+
+/// The model's figures for one printed design.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PrintedFigures {
+    /// r_c.
+    pub contact_ratio: ModelFigure,
+    /// g_s.
+    pub specific_slip: ModelFigure,
+    /// σ_vm, MPa.
+    pub von_mises_mpa: ModelFigure,
+    /// F, MPa.
+    pub pressure_mpa: ModelFigure,
+    /// The criterion that the figure's caption gives, µm.
+    pub criterion_um: ModelFigure,
+    /// P90, µm; used for the figures whose P90 the paper gives (7 to 10).
+    pub p90_um: ModelFigure,
+}
+
+/// One figure of the model and a remark on how it compares.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ModelFigure {
+    /// The model's value.
+    pub value: f64,
+    /// The remark; may be empty.
+    pub note: String,
+}
+
+impl From<f64> for ModelFigure {
+    fn from(value: f64) -> Self {
+        Self {
+            value,
+            note: String::new(),
+        }
+    }
+}

@@ -1,0 +1,222 @@
+//! The charts as files of their own, and data that charts often break on.
+
+use crate::data::plausible;
+use crate::markup::{check, element_count};
+use report::*;
+
+/// All coordinates of the path commands, circles and texts of a picture.
+fn coordinates(svg: &str) -> Vec<f64> {
+    let attributes = [" d=\"", " cx=\"", " cy=\"", " x=\"", " y=\"", " points=\""];
+    attributes
+        .iter()
+        .flat_map(|name| svg.split(name).skip(1))
+        .map(|rest| rest.split('"').next().unwrap())
+        .flat_map(|value| value.split(|c: char| !(c.is_ascii_digit() || c == '.' || c == '-')))
+        .filter(|number| !number.is_empty())
+        .map(|number| {
+            number
+                .parse()
+                .unwrap_or_else(|_| panic!("{number} in a coordinate"))
+        })
+        .collect()
+}
+
+/// A well-formed picture whose every coordinate lies in its view box.
+fn check_picture(svg: &str) {
+    check(svg);
+    assert!(svg.starts_with("<svg xmlns=\"http://www.w3.org/2000/svg\""));
+    assert!(svg.contains("role=\"img\"") && svg.contains("<title>") && svg.contains("<style>"));
+    assert!(!svg.contains("NaN") && !svg.contains("inf"));
+    let size = svg
+        .split("viewBox=\"0 0 ")
+        .nth(1)
+        .unwrap()
+        .split(' ')
+        .next()
+        .unwrap();
+    let size: f64 = size.parse().unwrap();
+    for value in coordinates(svg) {
+        assert!(
+            (-0.1..=size + 0.1).contains(&value),
+            "{value} is outside the picture"
+        );
+    }
+}
+
+#[test]
+fn every_chart_is_a_picture_of_its_own() {
+    let data = plausible();
+    let optimum = data.approaches[0].outcome.as_ref().unwrap();
+    let pictures = [
+        chart_wear(data.wear.as_ref().unwrap()).unwrap(),
+        chart_responses(&data.doe, Response::Unworn, Response::P90, Extent::Full).unwrap(),
+        chart_responses(
+            &data.doe,
+            Response::Unworn,
+            Response::P90,
+            Extent::Logarithmic,
+        )
+        .unwrap(),
+        chart_responses(&data.doe, Response::Archard, Response::P90, Extent::Zoom).unwrap(),
+        chart_leave_one_out(&data.kriging[0]).unwrap(),
+        chart_convergence(&data.approaches[0]).unwrap(),
+        chart_gears(optimum.drawing.as_ref().unwrap()).unwrap(),
+        chart_ste(optimum.ste.as_ref().unwrap()).unwrap(),
+    ];
+    for picture in &pictures {
+        check_picture(picture);
+    }
+}
+
+#[test]
+fn a_scatter_plot_has_one_dot_per_design_at_a_dozen_bytes_each() {
+    let data = plausible();
+    let svg =
+        chart_responses(&data.doe, Response::Unworn, Response::Archard, Extent::Full).unwrap();
+    assert_eq!(svg.matches("h0").count(), data.doe.len());
+    assert!(
+        svg.len() < 16 * data.doe.len() + 6000,
+        "{} bytes",
+        svg.len()
+    );
+}
+
+#[test]
+fn a_zoom_shows_part_of_the_designs() {
+    let data = plausible();
+    let dots = |extent| {
+        let svg = chart_responses(&data.doe, Response::Archard, Response::P90, extent).unwrap();
+        svg.matches("h0").count()
+    };
+    let (all, part) = (dots(Extent::Full), dots(Extent::Zoom));
+    // A fifth of each coordinate, strongly correlated, and the axes end on round values beyond.
+    assert!(part > all / 8 && part < all / 2, "{part} of {all}");
+}
+
+#[test]
+fn points_that_cannot_be_shown_are_skipped() {
+    let point = |a, b| DoePoint {
+        delta_ste_um: a,
+        delta_ste_archard_um: b,
+        p90_um: b,
+    };
+    let doe = [
+        point(1.0, 2.0),
+        point(f64::NAN, 2.0),
+        point(2.0, f64::INFINITY),
+        point(-1.0, 3.0),
+        point(0.0, 3.0),
+        point(f64::MAX, 3.0),
+    ];
+    let dots = |extent| {
+        let svg = chart_responses(&doe, Response::Unworn, Response::Archard, extent).unwrap();
+        check_picture(&svg);
+        svg.matches("h0").count()
+    };
+    assert_eq!(dots(Extent::Full), 3);
+    assert_eq!(dots(Extent::Logarithmic), 1);
+    assert!(matches!(
+        chart_responses(
+            &doe[1..3],
+            Response::Unworn,
+            Response::Archard,
+            Extent::Full
+        ),
+        Err(Error::NothingToDraw { .. })
+    ));
+}
+
+#[test]
+fn awkward_ranges_still_give_pictures() {
+    for values in [
+        [0.0, 0.0],
+        [5.0, 5.0],
+        [1e-12, 1e-9],
+        [1e12, 3e12],
+        [-4.0, 1e5],
+        [1.0, 1.0 + 1e-14],
+    ] {
+        let curves = SteCurves {
+            phase: vec![0.0, 1.0],
+            unworn_um: values.to_vec(),
+            worn_um: Vec::new(),
+        };
+        check_picture(&chart_ste(&curves).unwrap());
+    }
+}
+
+#[test]
+fn a_run_without_values_is_nothing_to_draw() {
+    let mut result = plausible().approaches.remove(0);
+    for run in &mut result.runs {
+        run.best = vec![(1, f64::INFINITY)];
+        run.restarts = vec![1, 6000];
+    }
+    assert!(matches!(
+        chart_convergence(&result),
+        Err(Error::NothingToDraw { .. })
+    ));
+    result.runs[1].best = vec![(1, f64::INFINITY), (7, 3.0)];
+    check_picture(&chart_convergence(&result).unwrap());
+}
+
+#[test]
+fn gears_are_drawn_to_one_scale_in_both_directions() {
+    // A square of 8 mm about the pitch point of two gears 100 mm apart.
+    let drawing = GearDrawing {
+        pinion: GearOutline {
+            outline: vec![[46.0, -4.0], [54.0, -4.0], [54.0, 4.0], [46.0, 4.0]],
+            centre: [0.0, 0.0],
+            pitch_radius_mm: Some(50.0),
+            base_radius_mm: None,
+        },
+        mate: GearOutline {
+            outline: Vec::new(),
+            centre: [100.0, 0.0],
+            pitch_radius_mm: Some(50.0),
+            base_radius_mm: Some(f64::NAN),
+        },
+        line_of_action: None,
+    };
+    let svg = chart_gears(&drawing).unwrap();
+    check_picture(&svg);
+    let outlines: Vec<&str> = svg.split("class=\"curve s0\" d=\"").skip(1).collect();
+    // The outline comes first, its legend sample second.
+    let corners = coordinates(&format!(" d=\"{}", outlines[0].split('>').next().unwrap()));
+    let (x, y): (Vec<f64>, Vec<f64>) = corners.chunks(2).map(|c| (c[0], c[1])).unzip();
+    let extent = |v: &[f64]| {
+        v.iter().copied().fold(f64::MIN, f64::max) - v.iter().copied().fold(f64::MAX, f64::min)
+    };
+    // 460 px show 2 · 0.26 · 100 mm; coordinates are rounded to a tenth of a pixel.
+    let expected = 8.0 * 460.0 / 52.0;
+    assert!((extent(&x) - expected).abs() < 0.21, "{}", extent(&x));
+    assert!((extent(&y) - expected).abs() < 0.21, "{}", extent(&y));
+    assert_eq!(element_count(&svg, "svg"), 1);
+}
+
+#[test]
+fn gears_far_from_the_contact_or_without_outline_are_nothing_to_draw() {
+    let gear = |x: f64, outline: Vec<[f64; 2]>| GearOutline {
+        outline,
+        centre: [x, 0.0],
+        pitch_radius_mm: None,
+        base_radius_mm: None,
+    };
+    let far = GearDrawing {
+        pinion: gear(0.0, vec![[-50.0, 0.0], [-50.0, 1.0]]),
+        mate: gear(100.0, Vec::new()),
+        line_of_action: None,
+    };
+    assert!(matches!(
+        chart_gears(&far),
+        Err(Error::NothingToDraw { .. })
+    ));
+    let none = GearDrawing {
+        pinion: gear(0.0, vec![[f64::NAN, 0.0]]),
+        ..far
+    };
+    assert!(matches!(
+        chart_gears(&none),
+        Err(Error::NothingToDraw { .. })
+    ));
+}

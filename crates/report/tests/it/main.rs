@@ -1,0 +1,256 @@
+//! What a reader of the page relies on: it stands alone, it is well formed, it says what the data
+//! say, and it says so when there are none.
+
+mod charts;
+mod data;
+mod markup;
+
+use data::plausible;
+use markup::{check, element_count};
+use report::*;
+
+/// A campaign in which nothing was found.
+fn empty() -> ReportData {
+    ReportData {
+        header: Header {
+            campaign: "nothing".to_owned(),
+            seed: 1,
+            program_version: "0.1.0".to_owned(),
+            samples_digest: String::new(),
+            designs: 0,
+            samples_per_design: 0,
+            feasible: 0,
+            infeasible: Vec::new(),
+            simulator_calls: 0,
+            stages: Vec::new(),
+            facts: Vec::new(),
+        },
+        compare_with_paper: true,
+        limits: Limits::default(),
+        preliminary: Vec::new(),
+        doe: Vec::new(),
+        similar: Vec::new(),
+        wear: None,
+        kriging: Vec::new(),
+        approaches: Vec::new(),
+        printed: Vec::new(),
+        notes: Vec::new(),
+    }
+}
+
+#[test]
+fn a_full_page_is_well_formed_and_shows_every_chart() {
+    let page = render(&plausible()).unwrap();
+    check(&page);
+    // 3 convergence charts, 4 gear drawings, 4 STE curves, wear, 2 + 2 scatter plots, kriging.
+    assert_eq!(element_count(&page, "svg"), 17);
+    assert!(
+        !page.contains("class=\"empty\""),
+        "a part of a full report is missing"
+    );
+}
+
+#[test]
+fn an_empty_page_says_so_in_words() {
+    let page = render(&empty()).unwrap();
+    check(&page);
+    assert_eq!(element_count(&page, "svg"), 0);
+    for sentence in [
+        "No approach has been run.",
+        "No stage has recorded its cost.",
+        "No optimiser run was recorded.",
+        "No wear profile was recorded.",
+        "No preliminary design was simulated.",
+        "The experiment has no feasible design",
+        "No kriging model was fitted.",
+        "The printed designs were not computed.",
+    ] {
+        assert!(page.contains(sentence), "missing: {sentence}");
+    }
+    assert!(!page.contains("NaN") && !page.contains("inf "));
+}
+
+#[test]
+fn the_page_loads_nothing_and_runs_nothing() {
+    let page = render(&plausible()).unwrap().to_lowercase();
+    for forbidden in [
+        "http:",
+        "https:",
+        "src=",
+        "<script",
+        "<link",
+        "@import",
+        "url(",
+        "<iframe",
+        "javascript:",
+    ] {
+        assert!(!page.contains(forbidden), "{forbidden}");
+    }
+    // Every link stays on the page, and its target exists.
+    for link in page.split("href=\"").skip(1) {
+        let target = link.split('"').next().unwrap();
+        let name = target
+            .strip_prefix('#')
+            .expect("a link that leaves the page");
+        assert!(page.contains(&format!("id=\"{name}\"")), "{target}");
+    }
+}
+
+#[test]
+fn equal_data_give_equal_bytes() {
+    assert_eq!(render(&plausible()).unwrap(), render(&plausible()).unwrap());
+}
+
+#[test]
+fn text_from_outside_is_escaped_everywhere() {
+    const EVIL: &str = "<script>alert('x')</script>&\"";
+    let mut data = plausible();
+    let evil = || EVIL.to_owned();
+    data.header.campaign = evil();
+    data.header.program_version = evil();
+    data.header.samples_digest = evil();
+    data.header.infeasible[0].reason = evil();
+    data.header.stages[0].stage = evil();
+    data.header.facts.push((evil(), evil()));
+    data.notes.push(evil());
+    data.kriging[0].title = evil();
+    data.kriging[0].kernel = evil();
+    data.kriging[0].parameters[0].name = evil();
+    data.kriging[0].parameters[0].unit = evil();
+    data.approaches[0].note = evil();
+    data.approaches[1].outcome = Err(evil());
+    if let Some(wear) = &mut data.wear {
+        wear.subject = evil();
+    }
+    data.printed[0].outcome = Err(evil());
+    if let Ok(figures) = &mut data.printed[1].outcome {
+        figures.pressure_mpa.note = evil();
+    }
+    let page = render(&data).unwrap();
+    check(&page);
+    assert!(!page.contains("<script"));
+    // The title twice (head and heading), and once for each of the others; the failed approach
+    // gives its reason in the table and in its own section.
+    assert_eq!(page.matches("alert(").count(), 19);
+}
+
+#[test]
+fn numbers_reach_the_tables() {
+    let page = render(&plausible()).unwrap();
+    let text = markup::text(&page);
+    for expected in [
+        "2009",                              // seed
+        "2175 (72.5 %); paper 2175 of 3000", // feasible share
+        "211\u{202f}584",                    // simulator calls
+        "5.24 5.82 0.45 0.41 5.90 6.34",     // Table 1, design 1, ours and the paper's alternating
+        "0.012 0.010 0.11 0.10",             // Table 2, design 1
+        "4.83",                              // Table 3
+        "[0.49 ; 42.70]",                    // Table 3
+        "2.59 2.42 3.18 3.03",               // Table 4, design 1
+        "6.64 [6.59 ; 6.69]",                // Table 5, without wear
+        "▲ 2.284",                           // broken slip limit
+        "▲ no",                              // so infeasible
+        "▲ 0.030",                           // Lilliefors
+        "0.874",                             // Q²
+        "93.8 %",                            // coverage
+        "1556 518 MPa ▲ −66.7 %",            // Figure 6, σ_vm
+        "938 1051 MPa +12.0 %",              // Figure 7, F
+        "notch factor outside its range of validity",
+        "Not simulated: the store holds no sample of it",
+    ] {
+        assert!(text.contains(expected), "missing: {expected}");
+    }
+}
+
+#[test]
+fn the_headline_names_the_best_feasible_design_only() {
+    // Archard's design has the lowest P90 of the synthetic data, but breaks the slip limit.
+    let page = render(&plausible()).unwrap();
+    assert!(page.contains("is 3.42 µm") && page.contains("“Best of the DoE”"));
+    let mut data = plausible();
+    for result in &mut data.approaches {
+        result.outcome = Err("stopped".to_owned());
+    }
+    let page = render(&data).unwrap();
+    check(&page);
+    assert!(page.contains("No approach ended on a feasible design"));
+    assert!(page.contains("This approach has no design: stopped"));
+}
+
+#[test]
+fn other_campaigns_have_no_paper_columns() {
+    let data = ReportData {
+        compare_with_paper: false,
+        ..plausible()
+    };
+    let page = render(&data).unwrap();
+    check(&page);
+    let text = markup::text(&page);
+    for absent in ["in the paper", "paper", "6.38", "42.70", "Figure 6"] {
+        assert!(!text.contains(absent), "{absent}");
+    }
+    assert!(text.contains("5.24 0.45 5.90"));
+}
+
+#[test]
+fn the_papers_figures_stand_beside_its_own_designs_only() {
+    let mut data = plausible();
+    data.preliminary[0].variables[0] += 0.01;
+    let text = markup::text(&render(&data).unwrap());
+    assert!(text.contains("5.24 – 0.45 – 5.90 –"));
+    assert!(text.contains("5.60 6.22"));
+}
+
+#[test]
+fn values_that_are_not_finite_are_dashes() {
+    let mut data = plausible();
+    data.preliminary[0].mean_um = f64::NAN;
+    data.doe.iter_mut().for_each(|p| p.p90_um = f64::NAN);
+    data.header.stages[0].cpu_seconds = f64::INFINITY;
+    data.kriging[0].q2 = f64::NEG_INFINITY;
+    if let Ok(optimum) = &mut data.approaches[0].outcome {
+        optimum.p90 = Percentile {
+            value_um: f64::NAN,
+            low_um: f64::NAN,
+            high_um: f64::NAN,
+            samples: 0,
+        };
+        optimum.constraints.pressure_mpa = f64::NAN;
+    }
+    let page = render(&data).unwrap();
+    check(&page);
+    for raw in ["NaN", ">inf<", "inf "] {
+        let at = page
+            .find(raw)
+            .map(|at| &page[at.saturating_sub(80)..at + 20]);
+        assert_eq!(at, None, "a raw float reached the page");
+    }
+    assert!(page.contains("Nothing to draw: no design has both responses."));
+    assert!(markup::text(&page).contains("– 5.82"));
+}
+
+#[test]
+fn lists_of_different_lengths_are_refused() {
+    let mut data = plausible();
+    if let Some(wear) = &mut data.wear {
+        wear.random_um[3].pop();
+    }
+    let error = render(&data).unwrap_err();
+    assert!(
+        matches!(
+            error,
+            Error::LengthMismatch {
+                expected: 161,
+                found: 160,
+                ..
+            }
+        ),
+        "{error}"
+    );
+    let mut data = plausible();
+    data.printed[0].figure = 3;
+    assert!(matches!(
+        render(&data),
+        Err(Error::UnknownFigure { figure: 3 })
+    ));
+}

@@ -1,0 +1,520 @@
+//! The state machine.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use crate::options::Options;
+use crate::types::{
+    Completion, Counts, Directive, Expired, Failure, Grant, Held, JobId, WorkerId, WorkerStatus,
+};
+
+/// A second lease is insurance against a slow worker; a third would insure against bad luck twice.
+const LEASES_PER_JOB: usize = 2;
+
+/// How often the time for which a worker is set aside doubles.
+const MAX_DOUBLINGS: u32 = 5;
+
+/// Jobs of one kind of payload, who holds them, and what became of them.
+///
+/// Every `now` is the time since one arbitrary origin. A `now` before an earlier one is harmless:
+/// leases then run out a little early or late.
+#[derive(Debug, Clone)]
+pub struct Scheduler<J> {
+    options: Options,
+    epoch: u64,
+    jobs: BTreeMap<JobId, Job<J>>,
+    /// The queued jobs in the order in which they are granted.
+    queue: BTreeSet<(i32, JobId)>,
+    /// The jobs with at least one lease.
+    leased: BTreeSet<JobId>,
+    quarantined: BTreeSet<JobId>,
+    done: usize,
+    workers: BTreeMap<WorkerId, Worker>,
+}
+
+#[derive(Debug, Clone)]
+struct Job<J> {
+    payload: J,
+    priority: i32,
+    /// The newest attempt, 0 before the first.
+    attempts: u32,
+    crashes: u32,
+    failures: u32,
+    state: State,
+}
+
+#[derive(Debug, Clone)]
+enum State {
+    Queued,
+    /// One or two leases, of different workers.
+    Leased(Vec<Lease>),
+    Done,
+    Quarantined {
+        error: String,
+    },
+}
+
+#[derive(Debug, Clone)]
+struct Lease {
+    worker: WorkerId,
+    attempt: u32,
+    granted: Duration,
+    expires: Duration,
+    started: bool,
+}
+
+#[derive(Debug, Clone, Default)]
+struct Worker {
+    held: BTreeSet<JobId>,
+    /// The jobs it failed since it last finished one.
+    strikes: BTreeSet<JobId>,
+    set_aside_until: Option<Duration>,
+    /// In a row, without finishing a job in between.
+    times_set_aside: u32,
+    completed: u64,
+    failed: u64,
+    crashed: u64,
+    last_seen: Duration,
+}
+
+impl<J: Clone> Scheduler<J> {
+    /// A scheduler without jobs. `epoch` tells it from the ones before a restart.
+    pub fn new(options: Options, epoch: u64) -> Self {
+        Self {
+            options,
+            epoch,
+            jobs: BTreeMap::new(),
+            queue: BTreeSet::new(),
+            leased: BTreeSet::new(),
+            quarantined: BTreeSet::new(),
+            done: 0,
+            workers: BTreeMap::new(),
+        }
+    }
+
+    /// The epoch given at the start.
+    pub fn epoch(&self) -> u64 {
+        self.epoch
+    }
+
+    /// Adds a job, and says whether it was new; a known one stays as it is. Jobs are granted by
+    /// ascending priority, then by ascending id.
+    pub fn add_job(&mut self, id: JobId, payload: J, priority: i32) -> bool {
+        if self.jobs.contains_key(&id) {
+            return false;
+        }
+        let state = State::Queued;
+        let job = Job {
+            payload,
+            priority,
+            attempts: 0,
+            crashes: 0,
+            failures: 0,
+            state,
+        };
+        self.jobs.insert(id, job);
+        self.queue.insert((priority, id));
+        true
+    }
+
+    /// Grants at most `credit` jobs to a worker.
+    ///
+    /// When the queue runs empty, a worker that holds nothing is given second leases of jobs that
+    /// others hold, those held longest first. A worker that is set aside gets nothing, and one
+    /// that just failed a job gets it again only when there is nothing else to do: another
+    /// worker's opinion is worth more than a second one of its own.
+    pub fn lease(&mut self, worker: &WorkerId, credit: usize, now: Duration) -> Vec<Grant<J>> {
+        let state = self.see(worker, now);
+        if let Some(until) = state.set_aside_until {
+            if now < until {
+                return Vec::new();
+            }
+            // A fresh start, but for the length of the next time.
+            state.set_aside_until = None;
+            state.strikes.clear();
+        }
+        let was_idle = state.held.is_empty();
+        let failed = state.strikes.clone();
+
+        let queue = || self.queue.iter().map(|&(_, id)| id);
+        let mut chosen: Vec<JobId> = queue()
+            .filter(|id| !failed.contains(id))
+            .take(credit)
+            .collect();
+        if chosen.is_empty() {
+            chosen.extend(queue().take(credit));
+        }
+        if self.options.duplicate_tail && was_idle && chosen.len() < credit {
+            let mut tail: Vec<(Duration, i32, JobId)> = Vec::new();
+            for &id in &self.leased {
+                if let Some(job) = self.jobs.get(&id)
+                    && let State::Leased(leases) = &job.state
+                    && let [lease] = leases.as_slice()
+                    && lease.worker != *worker
+                {
+                    tail.push((lease.granted, job.priority, id));
+                }
+            }
+            tail.sort_unstable();
+            chosen.extend(
+                tail.iter()
+                    .take(credit - chosen.len())
+                    .map(|&(_, _, id)| id),
+            );
+        }
+        chosen
+            .into_iter()
+            .filter_map(|id| self.grant(id, worker, now))
+            .collect()
+    }
+
+    /// Extends the leases of the jobs that a worker holds, and says what to do with each.
+    ///
+    /// A job that is queued, because its lease ran out or the coordinator was restarted, is leased
+    /// to the worker again as the attempt it names: it holds the job already. A job that somebody
+    /// else was given meanwhile is continued, as a second lease, only if it has started. Anything
+    /// that is done, given up or unknown is cancelled.
+    ///
+    /// Such a renewed lease counts as started only with the next heartbeat: the one at hand may
+    /// have been overtaken by the call that gave the job back, and then nobody is to be blamed.
+    pub fn heartbeat(
+        &mut self,
+        worker: &WorkerId,
+        held: &[Held],
+        now: Duration,
+    ) -> Vec<(JobId, Directive)> {
+        self.see(worker, now);
+        held.iter()
+            .map(|&h| (h.job, self.hold(worker, h, now)))
+            .collect()
+    }
+
+    /// Takes note of a result, whoever it comes from, under whichever attempt, and however late.
+    pub fn complete(
+        &mut self,
+        worker: &WorkerId,
+        id: JobId,
+        _attempt: u32,
+        now: Duration,
+    ) -> Completion {
+        self.see(worker, now);
+        let Some(job) = self.jobs.get(&id) else {
+            return Completion::Unknown;
+        };
+        if matches!(job.state, State::Done) {
+            return Completion::Duplicate;
+        }
+        self.settle(id, State::Done);
+        self.done += 1;
+        let state = self.see(worker, now);
+        state.completed += 1;
+        state.strikes.clear();
+        state.times_set_aside = 0;
+        Completion::First
+    }
+
+    /// Takes note that an attempt failed, with what the worker said about it.
+    pub fn fail(
+        &mut self,
+        worker: &WorkerId,
+        id: JobId,
+        attempt: u32,
+        error: String,
+        now: Duration,
+    ) -> Failure {
+        self.see(worker, now);
+        let is_held = self
+            .leases(id)
+            .iter()
+            .any(|lease| lease.worker == *worker && lease.attempt == attempt);
+        if !is_held {
+            return Failure::Stale;
+        }
+        self.strike(worker, id, now);
+        self.drop_lease(id, worker);
+        let Some(job) = self.jobs.get_mut(&id) else {
+            return Failure::Stale;
+        };
+        job.failures += 1;
+        if job.failures >= self.options.max_failures {
+            self.quarantine(id, error);
+            return Failure::Quarantined;
+        }
+        self.queue_unless_leased(id);
+        Failure::Retry
+    }
+
+    /// Takes jobs back from a worker without blaming either. Jobs that it does not hold are
+    /// ignored.
+    pub fn release(&mut self, worker: &WorkerId, jobs: &[JobId], now: Duration) {
+        self.see(worker, now);
+        for &id in jobs {
+            if self.drop_lease(id, worker).is_some() {
+                self.queue_unless_leased(id);
+            }
+        }
+    }
+
+    /// Ends the leases that have run out, in the order of their jobs. Those of jobs that had
+    /// started count as crashes.
+    pub fn expire(&mut self, now: Duration) -> Vec<Expired> {
+        let mut over: Vec<(JobId, WorkerId)> = Vec::new();
+        for &id in &self.leased {
+            let ended = self.leases(id).iter().filter(|lease| lease.expires <= now);
+            over.extend(ended.map(|lease| (id, lease.worker.clone())));
+        }
+        over.into_iter()
+            .filter_map(|(id, worker)| self.expire_lease(id, worker))
+            .collect()
+    }
+
+    /// When the next lease runs out, unless it is extended.
+    pub fn next_expiry(&self) -> Option<Duration> {
+        self.leased
+            .iter()
+            .flat_map(|&id| self.leases(id))
+            .map(|lease| lease.expires)
+            .min()
+    }
+
+    /// How many jobs are in which state.
+    pub fn counts(&self) -> Counts {
+        Counts {
+            queued: self.queue.len(),
+            leased: self.leased.len(),
+            done: self.done,
+            quarantined: self.quarantined.len(),
+        }
+    }
+
+    /// Whether every job is done or given up.
+    pub fn all_settled(&self) -> bool {
+        self.queue.is_empty() && self.leased.is_empty()
+    }
+
+    /// The jobs that were given up, with the error that was the last straw.
+    pub fn quarantined(&self) -> Vec<(JobId, &str)> {
+        self.quarantined
+            .iter()
+            .filter_map(|&id| match &self.jobs.get(&id)?.state {
+                State::Quarantined { error } => Some((id, error.as_str())),
+                _ => None,
+            })
+            .collect()
+    }
+
+    /// The payload of a job that was added.
+    pub fn payload(&self, id: JobId) -> Option<&J> {
+        self.jobs.get(&id).map(|job| &job.payload)
+    }
+
+    /// The newest attempt of a job; 0 before the first.
+    pub fn attempts(&self, id: JobId) -> Option<u32> {
+        self.jobs.get(&id).map(|job| job.attempts)
+    }
+
+    /// Every worker that ever called, by name.
+    pub fn workers(&self) -> Vec<WorkerStatus> {
+        self.workers
+            .iter()
+            .map(|(id, worker)| WorkerStatus {
+                worker: id.clone(),
+                leased: worker.held.len(),
+                started: worker
+                    .held
+                    .iter()
+                    .flat_map(|&job| self.leases(job))
+                    .filter(|lease| lease.worker == *id && lease.started)
+                    .count(),
+                completed: worker.completed,
+                failed: worker.failed,
+                crashed: worker.crashed,
+                set_aside_until: worker.set_aside_until,
+                last_seen: worker.last_seen,
+            })
+            .collect()
+    }
+
+    fn see(&mut self, worker: &WorkerId, now: Duration) -> &mut Worker {
+        let state = self.workers.entry(worker.clone()).or_default();
+        state.last_seen = state.last_seen.max(now);
+        state
+    }
+
+    fn leases(&self, id: JobId) -> &[Lease] {
+        match self.jobs.get(&id).map(|job| &job.state) {
+            Some(State::Leased(leases)) => leases,
+            _ => &[],
+        }
+    }
+
+    fn grant(&mut self, id: JobId, worker: &WorkerId, now: Duration) -> Option<Grant<J>> {
+        let job = self.jobs.get(&id)?;
+        let attempt = job.attempts.saturating_add(1);
+        let payload = job.payload.clone();
+        self.add_lease(id, worker, attempt, now);
+        Some(Grant {
+            job: id,
+            attempt,
+            payload,
+        })
+    }
+
+    /// Leases a job that is queued or leased to others.
+    fn add_lease(&mut self, id: JobId, worker: &WorkerId, attempt: u32, now: Duration) {
+        let Some(job) = self.jobs.get_mut(&id) else {
+            return;
+        };
+        job.attempts = job.attempts.max(attempt);
+        let expires = now.saturating_add(self.options.lease);
+        let lease = Lease {
+            worker: worker.clone(),
+            attempt,
+            granted: now,
+            expires,
+            started: false,
+        };
+        match &mut job.state {
+            State::Leased(leases) => leases.push(lease),
+            state => *state = State::Leased(vec![lease]),
+        }
+        self.queue.remove(&(job.priority, id));
+        self.leased.insert(id);
+        self.see(worker, now).held.insert(id);
+    }
+
+    fn hold(&mut self, worker: &WorkerId, held: Held, now: Duration) -> Directive {
+        let expires = now.saturating_add(self.options.lease);
+        let is_set_aside = self
+            .workers
+            .get(worker)
+            .is_some_and(|w| w.set_aside_until.is_some_and(|t| now < t));
+        let Some(job) = self.jobs.get_mut(&held.job) else {
+            return Directive::Cancel;
+        };
+        let adopt = match &mut job.state {
+            State::Done | State::Quarantined { .. } => return Directive::Cancel,
+            State::Queued => !is_set_aside,
+            State::Leased(leases) => {
+                if let Some(lease) = leases.iter_mut().find(|lease| lease.worker == *worker) {
+                    // A heartbeat that was overtaken must not shorten the lease; an older attempt
+                    // on the same worker is the same work.
+                    lease.expires = lease.expires.max(expires);
+                    lease.started |= held.started;
+                    return Directive::Continue;
+                }
+                held.started && !is_set_aside && leases.len() < LEASES_PER_JOB
+            }
+        };
+        if !adopt {
+            return Directive::Cancel;
+        }
+        self.add_lease(held.job, worker, held.attempt, now);
+        Directive::Continue
+    }
+
+    /// Ends a worker's lease, and leaves the job without a state that its leases agree with:
+    /// [`Self::queue_unless_leased`] or [`Self::settle`] must follow.
+    fn drop_lease(&mut self, id: JobId, worker: &WorkerId) -> Option<Lease> {
+        let State::Leased(leases) = &mut self.jobs.get_mut(&id)?.state else {
+            return None;
+        };
+        let place = leases.iter().position(|lease| lease.worker == *worker)?;
+        if let Some(state) = self.workers.get_mut(worker) {
+            state.held.remove(&id);
+        }
+        Some(leases.remove(place))
+    }
+
+    fn queue_unless_leased(&mut self, id: JobId) {
+        if let Some(job) = self.jobs.get_mut(&id)
+            && matches!(&job.state, State::Leased(leases) if leases.is_empty())
+        {
+            job.state = State::Queued;
+            self.queue.insert((job.priority, id));
+            self.leased.remove(&id);
+        }
+    }
+
+    /// Takes a job out of circulation; whoever still holds it learns so with its next heartbeat.
+    fn settle(&mut self, id: JobId, state: State) {
+        let Some(job) = self.jobs.get_mut(&id) else {
+            return;
+        };
+        let before = std::mem::replace(&mut job.state, state);
+        self.queue.remove(&(job.priority, id));
+        self.leased.remove(&id);
+        self.quarantined.remove(&id);
+        if let State::Leased(leases) = before {
+            for lease in leases {
+                if let Some(worker) = self.workers.get_mut(&lease.worker) {
+                    worker.held.remove(&id);
+                }
+            }
+        }
+    }
+
+    fn quarantine(&mut self, id: JobId, error: String) {
+        self.settle(id, State::Quarantined { error });
+        self.quarantined.insert(id);
+    }
+
+    fn expire_lease(&mut self, id: JobId, worker: WorkerId) -> Option<Expired> {
+        // None when the job was given up a moment ago, for its other lease.
+        let lease = self.drop_lease(id, &worker)?;
+        let job = self.jobs.get_mut(&id)?;
+        let mut quarantined = false;
+        if lease.started {
+            job.crashes += 1;
+            quarantined = job.crashes >= self.options.max_crashes;
+            if let Some(state) = self.workers.get_mut(&worker) {
+                state.crashed += 1;
+            }
+        }
+        if quarantined {
+            let error = format!(
+                "{} workers went silent while they ran it, {worker} last",
+                self.options.max_crashes.max(1)
+            );
+            self.quarantine(id, error);
+        } else {
+            self.queue_unless_leased(id);
+        }
+        let attempt = lease.attempt;
+        Some(Expired {
+            job: id,
+            attempt,
+            worker,
+            crashed: lease.started,
+            quarantined,
+        })
+    }
+
+    /// Counts a failure against a worker, unless the job is the one to blame.
+    fn strike(&mut self, worker: &WorkerId, id: JobId, now: Duration) {
+        let limit = self.options.max_worker_strikes.max(1) as usize;
+        let first_time = self.options.set_aside;
+        self.see(worker, now).failed += 1;
+        let others_failed_it = self
+            .workers
+            .iter()
+            .any(|(other, state)| other != worker && state.strikes.contains(&id));
+        if others_failed_it {
+            // Two workers failed it: it says nothing about either of them.
+            for state in self.workers.values_mut() {
+                if state.strikes.remove(&id) && state.strikes.len() < limit {
+                    state.set_aside_until = None;
+                }
+            }
+            return;
+        }
+        let state = self.see(worker, now);
+        state.strikes.insert(id);
+        if state.strikes.len() >= limit {
+            let doublings = state.times_set_aside.min(MAX_DOUBLINGS);
+            let time = first_time.saturating_mul(1 << doublings);
+            state.set_aside_until = Some(now.saturating_add(time));
+            state.times_set_aside = state.times_set_aside.saturating_add(1);
+        }
+    }
+}

@@ -1,0 +1,49 @@
+use thiserror::Error;
+
+/// Why a statistic could not be computed. The text reads after "failed to …: ".
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The statistic is not defined for so few samples.
+    #[error("{statistic} needs at least {needed} samples, got {got}")]
+    TooFewSamples {
+        /// Which statistic was asked for.
+        statistic: &'static str,
+        /// The smallest number of samples it is defined for.
+        needed: usize,
+        /// The number of samples given.
+        got: usize,
+    },
+    /// A sample is NaN or infinite.
+    #[error("sample {index} is {value}, every sample must be a finite number")]
+    NonFinite {
+        /// Position of the first such sample.
+        index: usize,
+        /// Its value.
+        value: f64,
+    },
+    /// The samples are finite, but their mean or standard deviation is not.
+    #[error("the mean or standard deviation of the {n} samples exceeds the range of an f64")]
+    Overflow {
+        /// The number of samples.
+        n: usize,
+    },
+    /// All samples are equal, so no distribution can be compared with them.
+    #[error("all {n} samples equal {value}, a normality test needs samples that differ")]
+    Constant {
+        /// The number of samples.
+        n: usize,
+        /// Their common value.
+        value: f64,
+    },
+    /// A parameter lies outside the range where the formula holds.
+    #[error("{name} is {value}, it must be {expected}")]
+    OutOfRange {
+        /// The parameter.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// What would be right.
+        expected: &'static str,
+    },
+}

@@ -1,0 +1,5 @@
+//! Statistics against published and certified numbers.
+
+mod moments;
+mod normality;
+mod percentile;

@@ -1,0 +1,322 @@
+//! What can go wrong with a store, and what would put it right.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Why the store refused, or could not do, something.
+///
+/// Cloneable, since one failed commit is the answer to every batch that was part of it.
+#[derive(Debug, Clone, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// There is no file to read.
+    #[error("there is no store at {}: run the campaign first, or check the path", path.display())]
+    NoStore {
+        /// The file that was looked for.
+        path: PathBuf,
+    },
+    /// The file does not begin as SQLite files do.
+    #[error(
+        "{} is not an SQLite database and was left as it is: choose another file for the store",
+        path.display()
+    )]
+    NotADatabase {
+        /// The refused file.
+        path: PathBuf,
+    },
+    /// An SQLite file of some other program.
+    #[error(
+        "{} is a database of another program (application id {application_id:#x}) and was left as \
+         it is: choose another file for the store",
+        path.display()
+    )]
+    NotAStore {
+        /// The refused file.
+        path: PathBuf,
+        /// The `application_id` in its header.
+        application_id: i64,
+    },
+    /// The file fails SQLite's own checks.
+    #[error(
+        "the store {} is damaged ({detail}): restore a copy, or move it away to start again",
+        path.display()
+    )]
+    Damaged {
+        /// The damaged file.
+        path: PathBuf,
+        /// What SQLite, or the check of the files, found.
+        detail: String,
+    },
+    /// A newer program wrote the store.
+    #[error(
+        "the store {} has schema {found}, this program knows up to {known}: use a newer program",
+        path.display()
+    )]
+    NewerSchema {
+        /// The refused file.
+        path: PathBuf,
+        /// The schema of the file.
+        found: i64,
+        /// The newest schema that this program knows.
+        known: i64,
+    },
+    /// An older program wrote the store, and a reader may not migrate it.
+    #[error(
+        "the store {} has schema {found}, this program reads {known}: run the coordinator on it \
+         once to bring it up to date",
+        path.display()
+    )]
+    OlderSchema {
+        /// The refused file.
+        path: PathBuf,
+        /// The schema of the file.
+        found: i64,
+        /// The schema that this program reads.
+        known: i64,
+    },
+    /// The store belongs to another campaign.
+    #[error(
+        "the store {} belongs to campaign \"{held_name}\" ({held_digest}), not to \
+         \"{offered_name}\" ({offered_digest}): choose another file, or the campaign file it was \
+         started with",
+        path.display()
+    )]
+    OtherCampaign {
+        /// The refused file.
+        path: PathBuf,
+        /// The name of the campaign in the store.
+        held_name: String,
+        /// Its digest.
+        held_digest: String,
+        /// The name of the campaign that was to be run.
+        offered_name: String,
+        /// Its digest.
+        offered_digest: String,
+    },
+    /// Another process writes to the store.
+    #[error("the store {} is in use by another coordinator: stop that one first", path.display())]
+    Locked {
+        /// The store, not its lock file.
+        path: PathBuf,
+    },
+    /// A sample came a second time with another value.
+    #[error(
+        "sample {sample} of design {design} is held as {held:?} um and was offered as {offered:?} \
+         um: samples must not depend on who computes them"
+    )]
+    Conflict {
+        /// The design's index.
+        design: u64,
+        /// The sample's index.
+        sample: u64,
+        /// The value in the store, in micrometres.
+        held: f64,
+        /// The value that was refused, in micrometres.
+        offered: f64,
+    },
+    /// A verification sample came a second time with another value.
+    #[error(
+        "verification sample {sample} of \"{approach}\" is held as {held:?} um and was offered as \
+         {offered:?} um: samples must not depend on who computes them"
+    )]
+    VerifyConflict {
+        /// The optimisation approach.
+        approach: String,
+        /// The sample's index.
+        sample: u64,
+        /// The value in the store, in micrometres.
+        held: f64,
+        /// The value that was refused, in micrometres.
+        offered: f64,
+    },
+    /// A design came a second time with other variables.
+    #[error(
+        "design {design} is held with other variables than those offered: a campaign file gives \
+         each design once"
+    )]
+    DesignConflict {
+        /// The design's index.
+        design: u64,
+    },
+    /// The criteria of a design came a second time with other values.
+    #[error(
+        "the criteria of design {design} are held as {held:?} and were offered as {offered:?}: \
+         criteria must not depend on who computes them"
+    )]
+    CriteriaConflict {
+        /// The design's index.
+        design: u64,
+        /// The row in the store.
+        held: Box<crate::CriteriaRow>,
+        /// The row that was refused.
+        offered: Box<crate::CriteriaRow>,
+    },
+    /// An optimiser run came a second time with another result.
+    #[error(
+        "run {start} of \"{approach}\" is held with another result than the one offered: a run \
+         must not depend on who computes it"
+    )]
+    RunConflict {
+        /// The optimisation approach.
+        approach: String,
+        /// The run's index.
+        start: u64,
+    },
+    /// The store was filled with another gear model.
+    #[error(
+        "the store was filled with model {held}, this program has model {offered}: use the program \
+         it was started with, or another store"
+    )]
+    ModelDigestConflict {
+        /// The digest in the store.
+        held: String,
+        /// The digest that was refused.
+        offered: String,
+    },
+    /// A number that is not finite has no place in the store.
+    #[error("{column} of {key} is {value}: only finite numbers can be stored")]
+    NotFinite {
+        /// Table and column.
+        column: &'static str,
+        /// The row's key.
+        key: String,
+        /// The refused value.
+        value: f64,
+    },
+    /// SQLite's integers are signed.
+    #[error("{column} is {value}: the store holds numbers up to {}", i64::MAX)]
+    TooLarge {
+        /// Table and column.
+        column: &'static str,
+        /// The refused value.
+        value: u64,
+    },
+    /// A row that contradicts the rows it refers to, such as a sample of an unknown design.
+    #[error("rows for table {table} contradict the schema: store what they refer to first")]
+    Constraint {
+        /// The table that refused the rows.
+        table: &'static str,
+        /// What SQLite said.
+        #[source]
+        source: Arc<sqlx::Error>,
+    },
+    /// A row in the store that this program could not have written.
+    #[error("{column} holds {value:?}, which this program does not know")]
+    UnknownValue {
+        /// Table and column.
+        column: &'static str,
+        /// The value found.
+        value: String,
+    },
+    /// No room. Nothing of the batch was stored; submit it again when there is room.
+    #[error("the disk is full: make room, nothing that was acknowledged is lost")]
+    DiskFull {
+        /// What SQLite said.
+        #[source]
+        source: Arc<sqlx::Error>,
+    },
+    /// The store was opened for reading.
+    #[error("the store was opened for reading only")]
+    ReadOnly,
+    /// The store was closed before it could do what it was asked for.
+    #[error("the store is closed")]
+    Closed,
+    /// The schema could not be brought up to date.
+    #[error("the schema of {} could not be brought up to date", path.display())]
+    Migration {
+        /// The store.
+        path: PathBuf,
+        /// What the migrator said.
+        #[source]
+        source: Arc<sqlx::migrate::MigrateError>,
+    },
+    /// A file operation failed.
+    #[error("could not {doing} {}", path.display())]
+    Io {
+        /// What was tried.
+        doing: &'static str,
+        /// On which file.
+        path: PathBuf,
+        /// What the system said.
+        #[source]
+        source: Arc<std::io::Error>,
+    },
+    /// SQLite failed in a way that is none of the above.
+    #[error("the database could not {doing}")]
+    Sqlite {
+        /// What was tried.
+        doing: &'static str,
+        /// What SQLite said.
+        #[source]
+        source: Arc<sqlx::Error>,
+    },
+}
+
+// Primary result codes, https://www.sqlite.org/rescode.html
+const SQLITE_CORRUPT: i32 = 11;
+const SQLITE_FULL: i32 = 13;
+const SQLITE_NOTADB: i32 = 26;
+
+impl Error {
+    /// True when the rows themselves were refused: another try would fail in the same way, and
+    /// the rest of a group of batches is not concerned.
+    pub fn is_refusal(&self) -> bool {
+        matches!(
+            self,
+            Self::Conflict { .. }
+                | Self::VerifyConflict { .. }
+                | Self::DesignConflict { .. }
+                | Self::CriteriaConflict { .. }
+                | Self::RunConflict { .. }
+                | Self::ModelDigestConflict { .. }
+                | Self::NotFinite { .. }
+                | Self::TooLarge { .. }
+                | Self::Constraint { .. }
+        )
+    }
+
+    pub(crate) fn io(doing: &'static str, path: &Path, source: std::io::Error) -> Self {
+        Self::Io {
+            doing,
+            path: path.to_owned(),
+            source: Arc::new(source),
+        }
+    }
+
+    /// Gives an SQLite error its type; `doing` completes "the database could not".
+    pub(crate) fn sqlite(doing: &'static str, path: &Path, source: sqlx::Error) -> Self {
+        if matches!(source, sqlx::Error::PoolClosed) {
+            return Self::Closed;
+        }
+        match primary_code(&source) {
+            Some(SQLITE_CORRUPT | SQLITE_NOTADB) => Self::Damaged {
+                path: path.to_owned(),
+                detail: source.to_string(),
+            },
+            Some(SQLITE_FULL) => Self::DiskFull {
+                source: Arc::new(source),
+            },
+            _ => Self::Sqlite {
+                doing,
+                source: Arc::new(source),
+            },
+        }
+    }
+
+    /// As [`Error::sqlite`], for an insertion into `table`.
+    pub(crate) fn insertion(table: &'static str, path: &Path, source: sqlx::Error) -> Self {
+        use sqlx::error::ErrorKind::{CheckViolation, ForeignKeyViolation, NotNullViolation};
+        match source.as_database_error().map(|e| e.kind()) {
+            Some(CheckViolation | ForeignKeyViolation | NotNullViolation) => Self::Constraint {
+                table,
+                source: Arc::new(source),
+            },
+            _ => Self::sqlite("insert rows", path, source),
+        }
+    }
+}
+
+fn primary_code(error: &sqlx::Error) -> Option<i32> {
+    let extended: i32 = error.as_database_error()?.code()?.parse().ok()?;
+    Some(extended & 0xff)
+}

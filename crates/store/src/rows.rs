@@ -1,0 +1,276 @@
+//! The rows of the store's tables, one struct each, in the order in which a campaign fills them.
+
+use std::ops::Range;
+
+/// The campaign that a store belongs to: its only row.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CampaignRow {
+    /// The campaign's name.
+    pub name: String,
+    /// The campaign file as it was read.
+    pub file_text: String,
+    /// Digest of the file's canonical content, in hex. Two files with one digest are one campaign.
+    pub digest: String,
+    /// The seed of every random stream.
+    pub seed: u64,
+    /// Version of the program that created the store.
+    pub program_version: String,
+    /// Digest of the gear model that filled the store; `None` until
+    /// [`pin_model_digest`](crate::Store::pin_model_digest).
+    pub model_digest: Option<String>,
+}
+
+/// One point of the design of experiments: profile shift, addendum and dedendum coefficients of
+/// pinion (`_p`) and wheel (`_r`), in modules.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[expect(missing_docs, reason = "the struct's sentence names each of the six")]
+pub struct DesignRow {
+    /// Index in the design of experiments.
+    pub design: u64,
+    pub x_p: f64,
+    pub x_r: f64,
+    pub ha0_p: f64,
+    pub ha0_r: f64,
+    pub hf0_p: f64,
+    pub hf0_r: f64,
+}
+
+/// The nominal criteria of a design. Those that could not be computed are `None`.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct CriteriaRow {
+    /// Index of the design.
+    pub design: u64,
+    /// Whether the design can be made and run.
+    pub feasible: bool,
+    /// Why it is infeasible: a code and a sentence.
+    pub reason: Option<String>,
+    /// Contact ratio r_c.
+    pub contact_ratio: Option<f64>,
+    /// Largest specific sliding g_s.
+    pub specific_sliding: Option<f64>,
+    /// Hertz pressure F, unworn, in MPa.
+    pub hertz_pressure_mpa: Option<f64>,
+    /// Hertz pressure F with Archard wear, in MPa.
+    pub hertz_pressure_worn_mpa: Option<f64>,
+    /// Von Mises stress σ_vm at the tooth root, in MPa.
+    pub root_stress_mpa: Option<f64>,
+    /// Tip clearance at the pinion, in mm.
+    pub clearance_p_mm: Option<f64>,
+    /// Tip clearance at the wheel, in mm.
+    pub clearance_r_mm: Option<f64>,
+    /// Margin of the active flank at the pinion, in mm.
+    pub flank_margin_p_mm: Option<f64>,
+    /// Margin of the active flank at the wheel, in mm.
+    pub flank_margin_r_mm: Option<f64>,
+    /// Peak-to-peak static transmission error ΔSTE, unworn, in µm.
+    pub delta_ste_um: Option<f64>,
+    /// ΔSTE with Archard wear, in µm.
+    pub delta_ste_archard_um: Option<f64>,
+}
+
+/// One sample ΔSTE(x, θ_i).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SampleRow {
+    /// Index of the design x.
+    pub design: u64,
+    /// Index i of the sample.
+    pub sample: u64,
+    /// ΔSTE in µm.
+    pub delta_ste_um: f64,
+}
+
+/// What kriging learns about a design.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ResponseRow {
+    /// Index of the design.
+    pub design: u64,
+    /// Mean of the samples, in µm.
+    pub mean_um: f64,
+    /// Standard deviation of the samples, in µm.
+    pub sd_um: f64,
+    /// Their 90 % percentile, in µm.
+    pub p90_um: f64,
+    /// Variance of that estimate, in µm².
+    pub p90_variance_um2: f64,
+    /// p-value of Lilliefors' test of normality; `None` where it has none.
+    pub lilliefors_p: Option<f64>,
+}
+
+/// A fitted model.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ModelRow {
+    /// The response that it predicts.
+    pub name: String,
+    /// The whole model, as JSON.
+    pub json: String,
+    /// What a reader wants to know of it, as JSON.
+    pub summary_json: String,
+}
+
+/// One run of an optimiser from one start.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OptimiserRunRow {
+    /// The problem formulation.
+    pub approach: String,
+    /// Index of the start.
+    pub start: u64,
+    /// Its result, as JSON. What makes two rows the same run, with `simulator_calls`.
+    pub result_json: String,
+    /// How often it called the simulator.
+    pub simulator_calls: u64,
+    /// Processor time, in seconds. Measured, so not compared.
+    pub cpu_seconds: f64,
+}
+
+/// The best design of one approach.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OptimumRow {
+    /// The problem formulation.
+    pub approach: String,
+    /// An object of every variable's value by name, as JSON.
+    pub x_json: String,
+    /// The optimised criterion, in µm.
+    pub criterion_um: f64,
+    /// Whether every constraint holds.
+    pub feasible: bool,
+    /// The criteria at the optimum, as JSON.
+    pub criteria_json: String,
+    /// Calls of the simulator over all its runs.
+    pub simulator_calls: u64,
+    /// Processor time over all its runs, in seconds.
+    pub cpu_seconds: f64,
+    /// A remark for the report; empty when there is none.
+    pub note: String,
+}
+
+/// One sample at an optimum.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VerifyRow {
+    /// The approach whose optimum it is.
+    pub approach: String,
+    /// Index of the sample.
+    pub sample: u64,
+    /// ΔSTE in µm.
+    pub delta_ste_um: f64,
+}
+
+/// How a job went wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum FailureKind {
+    /// Its worker vanished while it ran.
+    Crash,
+    /// Its worker reported an error.
+    Failure,
+    /// It was given up.
+    Quarantine,
+}
+
+impl FailureKind {
+    pub(crate) fn as_str(self) -> &'static str {
+        match self {
+            Self::Crash => "crash",
+            Self::Failure => "failure",
+            Self::Quarantine => "quarantine",
+        }
+    }
+
+    pub(crate) fn parse(text: &str) -> Option<Self> {
+        [Self::Crash, Self::Failure, Self::Quarantine]
+            .into_iter()
+            .find(|k| k.as_str() == text)
+    }
+}
+
+/// One thing that went wrong with one attempt of a job.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FailureRow {
+    /// The job, as its messages name it.
+    pub job: String,
+    /// The attempt.
+    pub attempt: u32,
+    /// The worker that had it.
+    pub worker: String,
+    /// How it went wrong.
+    pub kind: FailureKind,
+    /// What was reported.
+    pub error: String,
+    /// When, in milliseconds since 1970 (UTC), if the caller wants that kept.
+    pub at_unix_ms: Option<i64>,
+}
+
+/// Rows that are stored together or not at all.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Batch {
+    /// Criteria of designs.
+    pub criteria: Vec<CriteriaRow>,
+    /// Samples of designs.
+    pub samples: Vec<SampleRow>,
+    /// Samples of optima.
+    pub verify: Vec<VerifyRow>,
+    /// Optimiser runs.
+    pub runs: Vec<OptimiserRunRow>,
+    /// Failures; appended, so that the same one twice makes two rows.
+    pub failures: Vec<FailureRow>,
+}
+
+impl Batch {
+    /// The number of rows of all kinds.
+    pub fn len(&self) -> usize {
+        self.criteria.len()
+            + self.samples.len()
+            + self.verify.len()
+            + self.runs.len()
+            + self.failures.len()
+    }
+
+    /// Whether there is nothing to store.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// What became of the rows of a committed batch.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Receipt {
+    /// Rows that were not there before.
+    pub new_rows: u64,
+    /// Rows that were there already, with the same value.
+    pub duplicate_rows: u64,
+}
+
+/// What a design still lacks.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct MissingWork {
+    /// Index of the design.
+    pub design: u64,
+    /// Whether its criteria are missing.
+    pub criteria: bool,
+    /// The missing samples, as disjoint ascending ranges. For a design whose criteria are missing
+    /// these are needed only if it turns out feasible.
+    pub samples: Vec<Range<u64>>,
+}
+
+/// How far a campaign is, all counts of one moment.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Progress {
+    /// Designs.
+    pub designs: u64,
+    /// Designs whose criteria are known.
+    pub criteria_done: u64,
+    /// Those of them that are feasible.
+    pub feasible: u64,
+    /// Samples of designs.
+    pub samples: u64,
+    /// Designs with a response.
+    pub responses: u64,
+    /// Fitted models.
+    pub models: u64,
+    /// Finished optimiser runs.
+    pub optimiser_runs: u64,
+    /// Optima.
+    pub optima: u64,
+    /// Samples at optima.
+    pub verify_samples: u64,
+    /// Recorded crashes, failures and quarantines.
+    pub failures: u64,
+}

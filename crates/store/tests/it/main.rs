@@ -1,0 +1,105 @@
+//! The store on real files.
+
+mod reading;
+mod refusal;
+mod writing;
+
+use std::path::{Path, PathBuf};
+
+use store::{Batch, CampaignRow, CriteriaRow, DesignRow, SampleRow, Store};
+use tempfile::TempDir;
+
+fn campaign() -> CampaignRow {
+    CampaignRow {
+        name: "paper".into(),
+        file_text: "# a campaign\nname = \"paper\"\n".into(),
+        digest: "00ff".into(),
+        // The largest seed has no positive counterpart in SQLite.
+        seed: u64::MAX,
+        program_version: "0.1.0".into(),
+        model_digest: None,
+    }
+}
+
+fn folder() -> (TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("campaign.db");
+    (folder, path)
+}
+
+async fn open(path: &Path) -> Store {
+    Store::create_or_open(path, &campaign()).await.unwrap()
+}
+
+/// A new store with the designs `0..designs`.
+async fn store_with(path: &Path, designs: u64) -> Store {
+    let store = open(path).await;
+    let rows: Vec<DesignRow> = (0..designs).map(design).collect();
+    store.put_designs(&rows).await.unwrap();
+    store
+}
+
+fn design(design: u64) -> DesignRow {
+    let x = design as f64;
+    DesignRow {
+        design,
+        x_p: x,
+        x_r: 0.1,
+        ha0_p: 1.1,
+        ha0_r: 1.2,
+        hf0_p: 1.3,
+        hf0_r: 1.4,
+    }
+}
+
+fn sample(design: u64, sample: u64, delta_ste_um: f64) -> SampleRow {
+    SampleRow {
+        design,
+        sample,
+        delta_ste_um,
+    }
+}
+
+fn samples(rows: impl IntoIterator<Item = SampleRow>) -> Batch {
+    Batch {
+        samples: rows.into_iter().collect(),
+        ..Batch::default()
+    }
+}
+
+fn feasible(design: u64) -> CriteriaRow {
+    CriteriaRow {
+        design,
+        feasible: true,
+        reason: None,
+        contact_ratio: Some(2.25),
+        specific_sliding: Some(1.5),
+        hertz_pressure_mpa: Some(1100.0),
+        hertz_pressure_worn_mpa: Some(1050.0),
+        root_stress_mpa: Some(250.0),
+        clearance_p_mm: Some(0.5),
+        clearance_r_mm: Some(0.6),
+        flank_margin_p_mm: Some(0.01),
+        flank_margin_r_mm: Some(0.02),
+        delta_ste_um: Some(1.7),
+        delta_ste_archard_um: Some(2.9),
+    }
+}
+
+fn infeasible(design: u64) -> CriteriaRow {
+    CriteriaRow {
+        design,
+        reason: Some("undercut: the pinion's active flank begins below its root form".into()),
+        ..CriteriaRow::default()
+    }
+}
+
+fn read(path: &Path) -> Vec<u8> {
+    std::fs::read(path).unwrap()
+}
+
+fn beside(path: &Path, suffix: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(suffix);
+    name.into()
+}

@@ -1,0 +1,363 @@
+//! What is stored is what is read.
+
+use sha2::{Digest as _, Sha256};
+use store::{
+    Batch, Error, FailureKind, FailureRow, MissingWork, ModelRow, OptimiserRunRow, OptimumRow,
+    Progress, Receipt, ResponseRow, SampleRow, Store, VerifyRow,
+};
+
+use crate::{campaign, design, feasible, folder, infeasible, open, sample, samples, store_with};
+
+#[tokio::test]
+async fn every_table_gives_back_what_was_put() {
+    let (_folder, path) = folder();
+    let store = store_with(&path, 2).await;
+    let batch = Batch {
+        criteria: vec![feasible(0), infeasible(1)],
+        samples: vec![sample(0, 1, 2.5), sample(0, 0, 1.5)],
+        verify: vec![
+            VerifyRow {
+                approach: "II".into(),
+                sample: 1,
+                delta_ste_um: 0.75,
+            },
+            VerifyRow {
+                approach: "II".into(),
+                sample: 0,
+                delta_ste_um: 0.25,
+            },
+            VerifyRow {
+                approach: "III".into(),
+                sample: 0,
+                delta_ste_um: 0.5,
+            },
+        ],
+        runs: vec![
+            OptimiserRunRow {
+                approach: "II".into(),
+                start: 1,
+                result_json: "{\"x\":[1]}".into(),
+                simulator_calls: 12_000,
+                cpu_seconds: 3.5,
+            },
+            OptimiserRunRow {
+                approach: "II".into(),
+                start: 0,
+                result_json: "{}".into(),
+                simulator_calls: 0,
+                cpu_seconds: 0.0,
+            },
+        ],
+        failures: vec![
+            FailureRow {
+                job: "samples of design 1".into(),
+                attempt: u32::MAX,
+                worker: "w1".into(),
+                kind: FailureKind::Quarantine,
+                error: "panicked".into(),
+                at_unix_ms: Some(1_700_000_000_000),
+            },
+            FailureRow {
+                job: "samples of design 0".into(),
+                attempt: 1,
+                worker: "w2".into(),
+                kind: FailureKind::Crash,
+                error: String::new(),
+                at_unix_ms: None,
+            },
+        ],
+    };
+    let responses = [
+        ResponseRow {
+            design: 0,
+            mean_um: 2.0,
+            sd_um: 0.7,
+            p90_um: 2.9,
+            p90_variance_um2: 0.01,
+            lilliefors_p: Some(0.4),
+        },
+        ResponseRow {
+            design: 1,
+            mean_um: 1.0,
+            sd_um: 0.0,
+            p90_um: 1.0,
+            p90_variance_um2: 0.0,
+            lilliefors_p: None,
+        },
+    ];
+    let model = ModelRow {
+        name: "p90".into(),
+        json: "{}".into(),
+        summary_json: "[]".into(),
+    };
+    let optimum = OptimumRow {
+        approach: "II".into(),
+        x_json: "{\"x_p\":0.5}".into(),
+        criterion_um: 0.8,
+        feasible: true,
+        criteria_json: "{}".into(),
+        simulator_calls: 12_000,
+        cpu_seconds: 9.25,
+        note: "at a bound".into(),
+    };
+    let rows = batch.len() as u64;
+    let receipt = store.writer().unwrap().submit(batch.clone()).await.unwrap();
+    assert_eq!(
+        receipt,
+        Receipt {
+            new_rows: rows,
+            duplicate_rows: 0
+        }
+    );
+    store.put_responses(&responses).await.unwrap();
+    store.put_model(&model).await.unwrap();
+    store.put_optimum(&optimum).await.unwrap();
+    store.pin_model_digest("abc").await.unwrap();
+    store.close().await.unwrap();
+
+    let store = Store::open_read_only(&path).await.unwrap();
+    let mut held = campaign();
+    held.model_digest = Some("abc".into());
+    assert_eq!(store.campaign().await.unwrap(), held);
+    assert_eq!(store.designs().await.unwrap(), [design(0), design(1)]);
+    assert_eq!(store.criteria().await.unwrap(), batch.criteria);
+    assert_eq!(store.samples_of(0).await.unwrap(), [(0, 1.5), (1, 2.5)]);
+    assert_eq!(store.samples_of(1).await.unwrap(), []);
+    assert_eq!(store.responses().await.unwrap(), responses);
+    assert_eq!(store.model("p90").await.unwrap(), Some(model.clone()));
+    assert_eq!(store.model("p50").await.unwrap(), None);
+    assert_eq!(store.models().await.unwrap(), [model]);
+    let runs = store.optimiser_runs().await.unwrap();
+    assert_eq!(runs, [batch.runs[1].clone(), batch.runs[0].clone()]);
+    assert_eq!(store.optima().await.unwrap(), [optimum]);
+    let verify = store.verify_samples("II").await.unwrap();
+    assert_eq!(verify, [batch.verify[1].clone(), batch.verify[0].clone()]);
+    assert_eq!(
+        store.failures().await.unwrap(),
+        batch.failures,
+        "in the order of reporting"
+    );
+    let progress = Progress {
+        designs: 2,
+        criteria_done: 2,
+        feasible: 1,
+        samples: 2,
+        responses: 2,
+        models: 1,
+        optimiser_runs: 2,
+        optima: 1,
+        verify_samples: 3,
+        failures: 2,
+    };
+    assert_eq!(store.progress().await.unwrap(), progress);
+}
+
+#[tokio::test]
+async fn stages_run_again_replace_their_results() {
+    let (_folder, path) = folder();
+    let store = store_with(&path, 1).await;
+    for value in [1.0, 2.0] {
+        let response = ResponseRow {
+            design: 0,
+            mean_um: value,
+            sd_um: value,
+            p90_um: value,
+            p90_variance_um2: value,
+            lilliefors_p: None,
+        };
+        store.put_responses(&[response]).await.unwrap();
+        assert_eq!(store.responses().await.unwrap(), [response]);
+        let model = ModelRow {
+            name: "m".into(),
+            json: value.to_string(),
+            summary_json: "{}".into(),
+        };
+        store.put_model(&model).await.unwrap();
+        assert_eq!(store.models().await.unwrap(), [model]);
+    }
+}
+
+#[tokio::test]
+async fn doubles_keep_every_bit_but_the_sign_of_zero() {
+    let (_folder, path) = folder();
+    let store = store_with(&path, 1).await;
+    let values = [
+        0.1 + 0.2,
+        1.0,
+        -3.0,
+        9_007_199_254_740_993.0,
+        f64::MAX,
+        f64::MIN_POSITIVE,
+        5e-324,
+        -0.0,
+        1.0 + f64::EPSILON,
+    ];
+    let rows = values.iter().zip(0..).map(|(&v, i)| sample(0, i, v));
+    let writer = store.writer().unwrap();
+    writer.submit(samples(rows.clone())).await.unwrap();
+    let held = store.samples_of(0).await.unwrap();
+    for (&value, (index, held)) in values.iter().zip(held) {
+        assert_eq!(
+            held.to_bits(),
+            (value + 0.0).to_bits(),
+            "value {index}: {value:e}"
+        );
+    }
+    let again = writer.submit(samples(rows)).await.unwrap();
+    assert_eq!(
+        again.duplicate_rows,
+        values.len() as u64,
+        "-0.0 is a duplicate of 0.0"
+    );
+}
+
+#[tokio::test]
+async fn missing_work_is_what_a_restart_has_to_do() {
+    let (_folder, path) = folder();
+    let store = store_with(&path, 6).await;
+    let criteria = vec![
+        feasible(0),
+        infeasible(1),
+        feasible(2),
+        feasible(3),
+        feasible(5),
+    ];
+    let rows = [
+        // Design 0 complete (and one more), 2 in pieces, 3 begun, 4 without criteria, 5 untouched.
+        vec![
+            sample(0, 0, 1.0),
+            sample(0, 1, 1.0),
+            sample(0, 2, 1.0),
+            sample(0, 3, 1.0),
+        ],
+        vec![
+            sample(0, 4, 1.0),
+            sample(0, 9, 1.0),
+            sample(2, 1, 1.0),
+            sample(2, 3, 1.0),
+        ],
+        vec![sample(3, 0, 1.0), sample(3, 7, 1.0), sample(4, 4, 1.0)],
+    ]
+    .concat();
+    let batch = Batch {
+        criteria,
+        samples: rows,
+        ..Batch::default()
+    };
+    store.writer().unwrap().submit(batch).await.unwrap();
+
+    let missing = |design, criteria, samples: &[(u64, u64)]| MissingWork {
+        design,
+        criteria,
+        samples: samples.iter().map(|&(from, to)| from..to).collect(),
+    };
+    let expected = [
+        missing(2, false, &[(0, 1), (2, 3), (4, 5)]),
+        missing(3, false, &[(1, 5)]),
+        missing(4, true, &[(0, 4)]),
+        missing(5, false, &[(0, 5)]),
+    ];
+    assert_eq!(store.missing_work(5).await.unwrap(), expected);
+    assert_eq!(
+        store.missing_work(0).await.unwrap(),
+        [missing(4, true, &[])]
+    );
+    let counts = store.sampled_counts().await.unwrap();
+    assert_eq!(counts, [(0, 6), (1, 0), (2, 2), (3, 2), (4, 1), (5, 0)]);
+}
+
+#[tokio::test]
+async fn the_digest_is_the_documented_one_whatever_the_order() {
+    let rows: Vec<SampleRow> = (0..7)
+        .flat_map(|d| (0..300).map(move |s| sample(d, s, (d * 1000 + s) as f64 / 7.0)))
+        .collect();
+    let mut bytes = Vec::new();
+    for row in &rows {
+        bytes.extend(row.design.to_le_bytes());
+        bytes.extend(row.sample.to_le_bytes());
+        bytes.extend(row.delta_ste_um.to_le_bytes());
+    }
+    let expected: String = Sha256::digest(&bytes)
+        .iter()
+        .map(|b| format!("{b:02x}"))
+        .collect();
+
+    let mut shuffled = rows.clone();
+    // A permutation: 1201 is coprime to 2100.
+    for (i, row) in rows.iter().enumerate() {
+        shuffled[(i * 1201) % rows.len()] = *row;
+    }
+    for (order, size) in [(&rows, 2100), (&shuffled, 2100), (&shuffled, 37)] {
+        let (_folder, path) = folder();
+        let store = store_with(&path, 7).await;
+        let writer = store.writer().unwrap();
+        for chunk in order.chunks(size) {
+            writer.submit(samples(chunk.iter().copied())).await.unwrap();
+        }
+        assert_eq!(store.samples_digest().await.unwrap(), expected);
+    }
+}
+
+#[tokio::test]
+async fn the_digest_of_nothing_is_that_of_no_bytes() {
+    let (_folder, path) = folder();
+    let store = open(&path).await;
+    // FIPS 180-4, the empty message.
+    let empty = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855";
+    assert_eq!(store.samples_digest().await.unwrap(), empty);
+}
+
+#[tokio::test]
+async fn a_visit_ends_with_the_visitors_error() {
+    let (_folder, path) = folder();
+    let store = store_with(&path, 1).await;
+    store
+        .writer()
+        .unwrap()
+        .submit(samples((0..9).map(|i| sample(0, i, 1.0))))
+        .await
+        .unwrap();
+    let mut visited = 0;
+    let result = store
+        .visit_samples(|row| {
+            visited += 1;
+            if row.sample == 3 {
+                Err(Error::Closed)
+            } else {
+                Ok(())
+            }
+        })
+        .await;
+    assert!(matches!(result, Err(Error::Closed)));
+    assert_eq!(visited, 4);
+}
+
+#[tokio::test]
+async fn a_reader_sees_whole_batches_while_another_process_writes() {
+    const BATCH: u64 = 50;
+    let (_folder, path) = folder();
+    let store = store_with(&path, 1).await;
+    let reader = Store::open_read_only(&path).await.unwrap();
+    assert!(matches!(reader.writer(), Err(Error::ReadOnly)));
+    assert!(matches!(
+        reader.put_designs(&[]).await,
+        Err(Error::ReadOnly)
+    ));
+
+    let writer = store.writer().unwrap();
+    let writing = tokio::spawn(async move {
+        for batch in 0..40 {
+            let rows = (0..BATCH).map(|i| sample(0, batch * BATCH + i, 1.0));
+            writer.submit(samples(rows)).await.unwrap();
+        }
+    });
+    let mut seen = 0;
+    while !writing.is_finished() {
+        let now = reader.progress().await.unwrap().samples;
+        assert!(now >= seen && now % BATCH == 0, "{seen} then {now}");
+        seen = now;
+        tokio::task::yield_now().await;
+    }
+    writing.await.unwrap();
+    assert_eq!(reader.progress().await.unwrap().samples, 40 * BATCH);
+}

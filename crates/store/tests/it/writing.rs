@@ -1,0 +1,422 @@
+//! First write wins, acknowledged is on disk, and one coordinator at a time.
+
+use std::fs;
+use std::path::Path;
+
+use store::{Batch, Error, OptimiserRunRow, Receipt, Store, VerifyRow};
+
+use crate::{beside, campaign, design, feasible, folder, open, sample, samples, store_with};
+
+#[tokio::test]
+async fn the_same_rows_again_are_duplicates() {
+    let (_folder, path) = folder();
+    let store = store_with(&path, 2).await;
+    let batch = Batch {
+        criteria: vec![feasible(1)],
+        samples: (0..2500).map(|i| sample(1, i, i as f64)).collect(),
+        verify: vec![VerifyRow {
+            approach: "I".into(),
+            sample: 0,
+            delta_ste_um: 1.0,
+        }],
+        runs: vec![run("I", 0, "{}")],
+        failures: Vec::new(),
+    };
+    let writer = store.writer().unwrap();
+    writer.submit(batch.clone()).await.unwrap();
+    let receipt = writer.submit(batch.clone()).await.unwrap();
+    assert_eq!(
+        receipt,
+        Receipt {
+            new_rows: 0,
+            duplicate_rows: batch.len() as u64
+        }
+    );
+
+    let mixed = samples((2400..2600).map(|i| sample(1, i, i as f64)));
+    let receipt = writer.submit(mixed).await.unwrap();
+    assert_eq!(
+        receipt,
+        Receipt {
+            new_rows: 100,
+            duplicate_rows: 100
+        }
+    );
+    let twice = samples([sample(0, 0, 1.0), sample(0, 0, 1.0)]);
+    let receipt = writer.submit(twice).await.unwrap();
+    assert_eq!(
+        receipt,
+        Receipt {
+            new_rows: 1,
+            duplicate_rows: 1
+        }
+    );
+    let receipt = store.put_designs(&[design(1), design(2)]).await.unwrap();
+    assert_eq!(
+        receipt,
+        Receipt {
+            new_rows: 1,
+            duplicate_rows: 1
+        }
+    );
+    assert_eq!(
+        writer.submit(Batch::default()).await.unwrap(),
+        Receipt::default()
+    );
+}
+
+#[tokio::test]
+async fn another_value_for_a_sample_is_refused_with_its_whole_batch() {
+    let (_folder, path) = folder();
+    let store = store_with(&path, 4).await;
+    let writer = store.writer().unwrap();
+    writer.submit(samples([sample(3, 17, 1.5)])).await.unwrap();
+
+    // The smallest difference there is.
+    let other = f64::from_bits(1.5_f64.to_bits() + 1);
+    let bad = samples([sample(0, 0, 1.0), sample(3, 17, other), sample(0, 1, 1.0)]);
+    // Queued together, so that they share a transaction.
+    let (before, refused, after) = tokio::join!(
+        writer.submit(samples([sample(1, 0, 1.0)])),
+        writer.submit(bad),
+        writer.submit(samples([sample(2, 0, 1.0)])),
+    );
+    assert_eq!(before.unwrap().new_rows, 1);
+    assert_eq!(after.unwrap().new_rows, 1);
+    let error = refused.unwrap_err();
+    assert!(error.is_refusal());
+    let Error::Conflict {
+        design: 3,
+        sample: 17,
+        held,
+        offered,
+    } = error
+    else {
+        panic!("another error: {error}")
+    };
+    assert_eq!(
+        (held.to_bits(), offered.to_bits()),
+        (1.5_f64.to_bits(), other.to_bits())
+    );
+    assert_eq!(
+        store.samples_of(3).await.unwrap(),
+        [(17, 1.5)],
+        "never overwritten"
+    );
+    assert_eq!(store.samples_of(0).await.unwrap(), [], "all or nothing");
+    assert_eq!(store.progress().await.unwrap().samples, 3);
+
+    let contradicts_itself = samples([sample(0, 0, 1.0), sample(0, 0, 2.0)]);
+    let error = writer.submit(contradicts_itself).await.unwrap_err();
+    assert!(
+        matches!(
+            error,
+            Error::Conflict {
+                design: 0,
+                sample: 0,
+                ..
+            }
+        ),
+        "{error}"
+    );
+    assert_eq!(store.progress().await.unwrap().samples, 3);
+}
+
+#[tokio::test]
+async fn another_value_for_anything_computed_is_refused() {
+    let (_folder, path) = folder();
+    let store = store_with(&path, 1).await;
+    let writer = store.writer().unwrap();
+    let verify = |delta_ste_um| Batch {
+        verify: vec![VerifyRow {
+            approach: "I".into(),
+            sample: 4,
+            delta_ste_um,
+        }],
+        ..Batch::default()
+    };
+    let runs = |row| Batch {
+        runs: vec![row],
+        ..Batch::default()
+    };
+    let criteria = |row| Batch {
+        criteria: vec![row],
+        ..Batch::default()
+    };
+    writer.submit(verify(1.0)).await.unwrap();
+    writer.submit(runs(run("I", 2, "{}"))).await.unwrap();
+    writer.submit(criteria(feasible(0))).await.unwrap();
+    store.pin_model_digest("abc").await.unwrap();
+    store.pin_model_digest("abc").await.unwrap();
+
+    let error = writer.submit(verify(2.0)).await.unwrap_err();
+    assert!(
+        matches!(&error, Error::VerifyConflict { approach, sample: 4, held: 1.0, offered: 2.0 }
+            if approach == "I"),
+        "{error}"
+    );
+    let error = writer.submit(runs(run("I", 2, "[]"))).await.unwrap_err();
+    assert!(
+        matches!(error, Error::RunConflict { start: 2, .. }),
+        "{error}"
+    );
+    let slower = OptimiserRunRow {
+        cpu_seconds: 99.0,
+        ..run("I", 2, "{}")
+    };
+    assert_eq!(writer.submit(runs(slower)).await.unwrap().duplicate_rows, 1);
+    let mut other = feasible(0);
+    other.delta_ste_archard_um = None;
+    let error = writer.submit(criteria(other)).await.unwrap_err();
+    assert!(
+        matches!(error, Error::CriteriaConflict { design: 0, .. }),
+        "{error}"
+    );
+    let mut other = design(0);
+    other.hf0_r = 1.5;
+    let error = store.put_designs(&[design(1), other]).await.unwrap_err();
+    assert!(
+        matches!(error, Error::DesignConflict { design: 0 }),
+        "{error}"
+    );
+    assert_eq!(store.designs().await.unwrap(), [design(0)], "all or none");
+    let error = store.pin_model_digest("abd").await.unwrap_err();
+    assert!(
+        matches!(error, Error::ModelDigestConflict { .. }),
+        "{error}"
+    );
+}
+
+#[tokio::test]
+async fn what_cannot_be_stored_is_refused() {
+    let (_folder, path) = folder();
+    let store = store_with(&path, 1).await;
+    let writer = store.writer().unwrap();
+    for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        let error = writer
+            .submit(samples([sample(0, 5, value)]))
+            .await
+            .unwrap_err();
+        assert!(matches!(error, Error::NotFinite { .. }), "{error}");
+        assert!(
+            error.to_string().contains("sample 5 of design 0"),
+            "{error}"
+        );
+    }
+    let error = writer
+        .submit(samples([sample(1, 0, 1.0)]))
+        .await
+        .unwrap_err();
+    assert!(
+        matches!(
+            error,
+            Error::Constraint {
+                table: "sample",
+                ..
+            }
+        ),
+        "unknown design: {error}"
+    );
+    let error = writer
+        .submit(samples([sample(0, u64::MAX, 1.0)]))
+        .await
+        .unwrap_err();
+    assert!(
+        matches!(
+            error,
+            Error::TooLarge {
+                value: u64::MAX,
+                ..
+            }
+        ),
+        "{error}"
+    );
+    let mut criteria = feasible(0);
+    criteria.root_stress_mpa = Some(f64::NAN);
+    let batch = Batch {
+        criteria: vec![criteria],
+        ..Batch::default()
+    };
+    let error = writer.submit(batch).await.unwrap_err();
+    assert!(matches!(error, Error::NotFinite { .. }), "{error}");
+
+    assert_eq!(
+        writer
+            .submit(samples([sample(0, 0, 1.0)]))
+            .await
+            .unwrap()
+            .new_rows,
+        1
+    );
+    assert_eq!(store.progress().await.unwrap().samples, 1);
+}
+
+#[tokio::test]
+async fn what_is_acknowledged_is_on_disk() {
+    let (folder, path) = folder();
+    let store = store_with(&path, 1).await;
+    store
+        .writer()
+        .unwrap()
+        .submit(samples([sample(0, 0, 1.5)]))
+        .await
+        .unwrap();
+
+    let reader = Store::open_read_only(&path).await.unwrap();
+    assert_eq!(reader.samples_of(0).await.unwrap(), [(0, 1.5)]);
+
+    // What a SIGKILL at this moment would leave: the file and its log, no goodbye.
+    let survivor = folder.path().join("survivor.db");
+    fs::copy(&path, &survivor).unwrap();
+    fs::copy(beside(&path, "-wal"), beside(&survivor, "-wal")).unwrap();
+    let survivor = open(&survivor).await;
+    assert_eq!(survivor.samples_of(0).await.unwrap(), [(0, 1.5)]);
+    survivor
+        .writer()
+        .unwrap()
+        .submit(samples([sample(0, 1, 2.5)]))
+        .await
+        .unwrap();
+}
+
+#[tokio::test]
+async fn batches_that_wait_share_a_commit() {
+    const BATCHES: u64 = 200;
+    let (_folder, path) = folder();
+    let store = store_with(&path, 1).await;
+    let before = commits(&path);
+    let waiting: Vec<_> = (0..BATCHES)
+        .map(|i| {
+            let writer = store.writer().unwrap();
+            tokio::spawn(async move { writer.submit(samples([sample(0, i, 1.0)])).await })
+        })
+        .collect();
+    for one in waiting {
+        assert_eq!(one.await.unwrap().unwrap().new_rows, 1);
+    }
+    let spent = commits(&path) - before;
+    assert!(
+        spent <= BATCHES as usize / 10,
+        "{spent} commits for {BATCHES} batches"
+    );
+
+    let alone = commits(&path);
+    store
+        .writer()
+        .unwrap()
+        .submit(samples([sample(0, BATCHES, 1.0)]))
+        .await
+        .unwrap();
+    assert_eq!(
+        commits(&path),
+        alone + 1,
+        "a lone batch does not wait for company"
+    );
+}
+
+/// The transactions in the log: frames whose header says "commit" in bytes 4 to 8,
+/// <https://www.sqlite.org/fileformat2.html> 4.1.
+fn commits(path: &Path) -> usize {
+    let log = fs::read(beside(path, "-wal")).unwrap();
+    let page = u32::from_be_bytes(log[8..12].try_into().unwrap()) as usize;
+    log[32..]
+        .chunks_exact(24 + page)
+        .filter(|frame| frame[4..8] != [0; 4])
+        .count()
+}
+
+#[tokio::test]
+async fn a_caller_that_goes_away_stops_nothing() {
+    let (_folder, path) = folder();
+    let store = store_with(&path, 1).await;
+    for i in 0..50 {
+        let writer = store.writer().unwrap();
+        let caller = tokio::spawn(async move {
+            writer
+                .submit(samples((0..500).map(|j| sample(0, i * 500 + j, 1.0))))
+                .await
+        });
+        tokio::task::yield_now().await;
+        caller.abort();
+    }
+    store.close().await.unwrap();
+    let store = open(&path).await;
+    let held = store.progress().await.unwrap().samples;
+    assert!(
+        held > 0,
+        "at least one was queued before its caller went away"
+    );
+    assert_eq!(held % 500, 0, "whole batches only");
+}
+
+#[tokio::test]
+async fn a_second_coordinator_is_locked_out_until_the_first_is_gone() {
+    let (folder, path) = folder();
+    let store = store_with(&path, 1).await;
+    let again = Store::create_or_open(&path, &campaign()).await;
+    assert!(matches!(again, Err(Error::Locked { .. })));
+    #[cfg(unix)]
+    {
+        let link = folder.path().join("link.db");
+        std::os::unix::fs::symlink(&path, &link).unwrap();
+        let again = Store::create_or_open(&link, &campaign()).await;
+        assert!(
+            matches!(again, Err(Error::Locked { .. })),
+            "by another name too"
+        );
+    }
+    assert_eq!(
+        store.designs().await.unwrap().len(),
+        1,
+        "the first goes on undisturbed"
+    );
+
+    let writer = store.writer().unwrap();
+    store.close().await.unwrap();
+    assert!(
+        !beside(&path, "-wal").exists(),
+        "the log is moved into the file"
+    );
+    store.close().await.unwrap();
+    let late = writer.submit(samples([sample(0, 0, 1.0)])).await;
+    assert!(matches!(late, Err(Error::Closed)));
+    assert!(matches!(store.designs().await, Err(Error::Closed)));
+    let store = open(&path).await;
+    assert_eq!(store.designs().await.unwrap().len(), 1);
+    drop(folder);
+}
+
+#[tokio::test]
+async fn dropping_the_store_commits_and_gives_the_lock_back() {
+    let (_folder, path) = folder();
+    let store = store_with(&path, 1).await;
+    let writer = store.writer().unwrap();
+    drop(store);
+    let held = Store::create_or_open(&path, &campaign()).await;
+    assert!(
+        matches!(held, Err(Error::Locked { .. })),
+        "its writer is still about"
+    );
+    writer.submit(samples([sample(0, 0, 1.0)])).await.unwrap();
+    drop(writer);
+    // The task ends by itself, a moment later.
+    let store = loop {
+        match Store::create_or_open(&path, &campaign()).await {
+            Err(Error::Locked { .. }) => {
+                tokio::time::sleep(std::time::Duration::from_millis(5)).await;
+            }
+            other => break other.unwrap(),
+        }
+    };
+    assert_eq!(store.samples_of(0).await.unwrap(), [(0, 1.0)]);
+}
+
+fn run(approach: &str, start: u64, result_json: &str) -> OptimiserRunRow {
+    OptimiserRunRow {
+        approach: approach.into(),
+        start,
+        result_json: result_json.into(),
+        simulator_calls: 10,
+        cpu_seconds: 1.0,
+    }
+}

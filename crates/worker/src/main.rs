@@ -1,0 +1,114 @@
+//! The `worker` binary: see `worker --help`.
+
+use std::process::ExitCode;
+use std::time::Duration;
+
+use clap::Parser;
+use protocol::exit;
+use tokio_util::sync::CancellationToken;
+use tracing::error;
+use tracing_subscriber::EnvFilter;
+use worker::{Error, Options, Worker};
+
+/// Leases jobs from a coordinator, simulates, and reports the results.
+#[derive(Debug, Parser)]
+#[command(version, after_help = exit_codes())]
+struct Arguments {
+    /// The coordinator's address, such as http://127.0.0.1:7400
+    #[arg(long, value_name = "URL", env = "PITCHLINE_CONNECT")]
+    connect: String,
+    /// How many jobs to compute at once [default: the number of processors]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    slots: Option<u16>,
+    /// How many seconds to wait for the coordinator to answer for the first time
+    #[arg(long, value_name = "SECONDS", default_value_t = 30)]
+    connect_timeout: u64,
+    /// After how many seconds without the coordinator to leave
+    #[arg(long, value_name = "SECONDS", default_value_t = 3600)]
+    give_up_after: u64,
+    /// How many seconds jobs that are being computed may take to end after SIGTERM
+    #[arg(long, value_name = "SECONDS", default_value_t = 30)]
+    grace: u64,
+}
+
+fn exit_codes() -> String {
+    let lines = exit::TABLE.iter().map(|(code, meaning)| format!("  {code:>2}  {meaning}\n"));
+    format!("Exit codes:\n{}", lines.collect::<String>())
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let filter = EnvFilter::try_from_env("PITCHLINE_LOG").unwrap_or_else(|_| EnvFilter::new("info"));
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let options = Options {
+        connect: arguments.connect,
+        slots: arguments.slots.map_or(processors, usize::from),
+        host: host(),
+        connect_timeout: Duration::from_secs(arguments.connect_timeout),
+        give_up_after: Duration::from_secs(arguments.give_up_after),
+        grace: Duration::from_secs(arguments.grace),
+    };
+    let runtime = match tokio::runtime::Builder::new_multi_thread()
+        // The compute threads have the processors; the network needs next to nothing.
+        .worker_threads(1)
+        .enable_all()
+        .build()
+    {
+        Ok(runtime) => runtime,
+        Err(error) => {
+            error!(%error, "cannot start");
+            return ExitCode::from(exit::FAILURE);
+        }
+    };
+    let result = runtime.block_on(async {
+        let shutdown = CancellationToken::new();
+        tokio::spawn(watch_signals(shutdown.clone()));
+        Worker::new(options).run(shutdown).await
+    });
+    // Threads that still compute what nobody waits for must not hold up the exit.
+    runtime.shutdown_background();
+    match result {
+        Ok(summary) => {
+            tracing::info!(jobs = summary.jobs, finished = summary.finished, "leaving");
+            ExitCode::from(exit::OK)
+        }
+        Err(error) => {
+            error!("{error}");
+            ExitCode::from(match error {
+                Error::Unreachable { .. } | Error::Away { .. } => exit::UNREACHABLE,
+                Error::Refused { .. } => exit::REFUSED,
+                Error::Address { .. } => exit::USAGE,
+                Error::Nonsense { .. } | Error::Threads { .. } => exit::FAILURE,
+            })
+        }
+    }
+}
+
+/// The first SIGTERM or SIGINT asks the worker to drain, the second one ends it at once.
+async fn watch_signals(shutdown: CancellationToken) {
+    use tokio::signal::unix::{SignalKind, signal};
+    let (Ok(mut terminate), Ok(mut interrupt)) =
+        (signal(SignalKind::terminate()), signal(SignalKind::interrupt()))
+    else {
+        return;
+    };
+    for _ in 0..2 {
+        tokio::select! {
+            _ = terminate.recv() => {}
+            _ = interrupt.recv() => {}
+        }
+        if shutdown.is_cancelled() {
+            std::process::exit(i32::from(exit::INTERRUPTED));
+        }
+        tracing::info!("draining: finishing what is being computed; signal again to leave at once");
+        shutdown.cancel();
+    }
+}
+
+/// The machine's name and the process, for people.
+fn host() -> String {
+    let name = std::fs::read_to_string("/etc/hostname")
+        .map_or_else(|_| "unknown".to_owned(), |name| name.trim().to_owned());
+    format!("{name}:{}", std::process::id())
+}

@@ -1,0 +1,456 @@
+//! The worker itself.
+
+use std::sync::{Arc, RwLock};
+use std::time::{Duration, Instant};
+
+use campaign::formulation::Problem;
+use campaign::task::{Task, execute};
+use campaign::{Campaign, probe};
+use protocol::v1::{
+    Directive, HeartbeatRequest, Job, JobResult, LeaseRequest, RegisterRequest, ReleaseRequest,
+    ReportRequest, job_result,
+};
+use rustix::time::{ClockId, clock_gettime};
+use tokio::task::JoinSet;
+use tokio_util::sync::CancellationToken;
+use tracing::{debug, info, warn};
+
+use crate::backoff::Backoff;
+use crate::connection::{Connection, Error, cause};
+use crate::held::HeldJobs;
+
+/// How long a lease call waits at the coordinator for a job to turn up.
+const LEASE_WAIT: Duration = Duration::from_secs(5);
+/// How long beyond that the answer may take before the call counts as lost.
+const CALL_TIMEOUT: Duration = Duration::from_secs(20);
+
+/// A worker's settings.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// The coordinator's address, as in `http://127.0.0.1:7400`.
+    pub connect: String,
+    /// How many jobs are computed at once.
+    pub slots: usize,
+    /// Where the worker runs, for people.
+    pub host: String,
+    /// How long the first contact may take.
+    pub connect_timeout: Duration,
+    /// How long a coordinator that was there before may be away.
+    pub give_up_after: Duration,
+    /// How long jobs that are being computed may take to end after a shutdown was asked for.
+    pub grace: Duration,
+}
+
+/// What a worker did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Summary {
+    /// Jobs whose results were acknowledged.
+    pub jobs: u64,
+    /// Whether the coordinator said that the campaign is finished (or else a shutdown came first).
+    pub finished: bool,
+}
+
+/// A worker, ready to run.
+#[derive(Debug)]
+pub struct Worker {
+    options: Options,
+}
+
+/// What all tasks of a worker share.
+struct Shared {
+    options: Options,
+    connection: Connection,
+    worker_id: String,
+    /// The problem with the digest of its model; replaced when a restarted coordinator names
+    /// another campaign.
+    problem: RwLock<Option<Arc<Registered>>>,
+    held: HeldJobs,
+    /// Ends the worker.
+    stop: CancellationToken,
+}
+
+/// What registering brought.
+#[derive(Debug)]
+struct Registered {
+    epoch: u64,
+    problem: Problem,
+    campaign_json: String,
+    model_digest: String,
+    heartbeat: Duration,
+}
+
+impl Worker {
+    /// A worker with these settings.
+    #[must_use]
+    pub const fn new(options: Options) -> Self {
+        Self { options }
+    }
+
+    /// Works until the coordinator says that the campaign is finished, or until `shutdown`.
+    ///
+    /// # Errors
+    ///
+    /// The coordinator cannot be reached or refuses the worker.
+    pub async fn run(self, shutdown: CancellationToken) -> Result<Summary, Error> {
+        let slots = self.options.slots.max(1);
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(slots)
+            .thread_name(|index| format!("compute-{index}"))
+            .build()
+            .map_err(|error| Error::Threads { slots, reason: error.to_string() })?;
+        let connection = Connection::new(&self.options.connect)?;
+        // Cancelled by us when the campaign is finished or an error ends the worker, too.
+        let stop = CancellationToken::new();
+        let shared = Arc::new(Shared {
+            worker_id: format!("{:032x}", rand::random::<u128>()),
+            options: self.options,
+            connection,
+            problem: RwLock::new(None),
+            held: HeldJobs::default(),
+            stop: stop.clone(),
+        });
+        let registered = tokio::select! {
+            registered = shared.register(true) => registered?,
+            () = shutdown.cancelled() => return Ok(Summary { jobs: 0, finished: false }),
+        };
+        info!(
+            coordinator = %shared.connection.url,
+            campaign = %registered.problem.campaign().name,
+            slots,
+            "registered"
+        );
+
+        let mut tasks: JoinSet<Result<End, Error>> = JoinSet::new();
+        tasks.spawn(lease(Arc::clone(&shared), pool));
+        tasks.spawn(heartbeat(Arc::clone(&shared)));
+        let reporter_stop = CancellationToken::new();
+        let reporter = tokio::spawn(report(Arc::clone(&shared), reporter_stop.clone()));
+
+        let end = tokio::select! {
+            ended = tasks.join_next() => match ended {
+                Some(Ok(end)) => end,
+                Some(Err(panic)) => std::panic::resume_unwind(panic.into_panic()),
+                None => Ok(End::Stopped),
+            },
+            () = shutdown.cancelled() => Ok(End::Stopped),
+        };
+        stop.cancel();
+        if matches!(end, Ok(End::Stopped)) {
+            shared.drain().await;
+        }
+        reporter_stop.cancel();
+        let jobs = reporter.await.unwrap_or(0);
+        tasks.shutdown().await;
+        let finished = matches!(end?, End::Finished);
+        Ok(Summary { jobs, finished })
+    }
+}
+
+/// Why a task of a worker ended by itself.
+#[derive(Debug, Clone, Copy)]
+enum End {
+    /// The campaign is finished.
+    Finished,
+    /// The worker was asked to stop.
+    Stopped,
+}
+
+impl Shared {
+    /// Registers, again and again until it works or has taken too long.
+    async fn register(&self, first: bool) -> Result<Arc<Registered>, Error> {
+        let options = &self.options;
+        let patience = if first { options.connect_timeout } else { options.give_up_after };
+        let since = Instant::now();
+        let mut backoff = Backoff::new();
+        let url = self.connection.url.clone();
+        loop {
+            // The digest depends on the campaign, which only the coordinator knows: the first call
+            // asks for it, the second one answers the question.
+            let known = self.registered();
+            let request = RegisterRequest {
+                worker_id: self.worker_id.clone(),
+                host: options.host.clone(),
+                program_version: env!("CARGO_PKG_VERSION").to_owned(),
+                model_digest: known.as_ref().map_or_else(String::new, |k| k.model_digest.clone()),
+                slots: u32::try_from(options.slots).unwrap_or(u32::MAX),
+            };
+            let call = tokio::time::timeout(CALL_TIMEOUT, self.connection.register(request));
+            let reason = match call.await {
+                Ok(answer) => match answer? {
+                    Ok(response) => {
+                        let confirmed = known
+                            .as_ref()
+                            .filter(|known| known.campaign_json == response.campaign_json);
+                        let problem = match confirmed {
+                            Some(known) => known.problem.clone(),
+                            None => self.learn(&response.campaign_json)?,
+                        };
+                        let registered = Arc::new(Registered {
+                            epoch: response.epoch,
+                            model_digest: match confirmed {
+                                Some(known) => known.model_digest.clone(),
+                                None => probe::model_digest(&problem),
+                            },
+                            problem,
+                            campaign_json: response.campaign_json.clone(),
+                            heartbeat: Duration::from_millis(response.heartbeat_ms.max(10).into()),
+                        });
+                        let done = confirmed.is_some();
+                        *self.problem.write().unwrap_or_else(|e| e.into_inner()) =
+                            Some(Arc::clone(&registered));
+                        if done {
+                            return Ok(registered);
+                        }
+                        continue;
+                    }
+                    Err(status) => cause(&status),
+                },
+                Err(_) => "no answer in time".to_owned(),
+            };
+            debug!(%reason, "registering failed");
+            if since.elapsed() > patience {
+                return Err(if first {
+                    Error::Unreachable { url, reason }
+                } else {
+                    Error::Away { url, seconds: patience.as_secs() }
+                });
+            }
+            backoff.pause().await;
+        }
+    }
+
+    fn learn(&self, campaign_json: &str) -> Result<Problem, Error> {
+        let campaign = Campaign::from_json(campaign_json).map_err(|error| Error::Nonsense {
+            url: self.connection.url.clone(),
+            reason: error.to_string(),
+        })?;
+        Ok(Problem::new(campaign))
+    }
+
+    fn registered(&self) -> Option<Arc<Registered>> {
+        self.problem.read().unwrap_or_else(|e| e.into_inner()).clone()
+    }
+
+    /// Registers again after a coordinator said that it does not know this worker, unless another
+    /// task has done so already.
+    async fn register_again(&self, epoch: u64) -> Result<(), Error> {
+        if self.registered().is_some_and(|registered| registered.epoch == epoch) {
+            info!(coordinator = %self.connection.url, "registering again");
+            self.register(false).await?;
+        }
+        Ok(())
+    }
+
+    fn epoch(&self) -> u64 {
+        self.registered().map_or(0, |registered| registered.epoch)
+    }
+
+    /// Gives back what has not started, waits for the rest, and gives back what takes too long.
+    async fn drain(&self) {
+        let mut given_up = self.held.give_up_waiting();
+        let deadline = tokio::time::Instant::now() + self.options.grace;
+        while self.held.computing() > 0 {
+            let changed = self.held.changed.notified();
+            if self.held.computing() == 0 {
+                break;
+            }
+            if tokio::time::timeout_at(deadline, changed).await.is_err() {
+                given_up.extend(self.held.give_up_all());
+            }
+        }
+        if given_up.is_empty() {
+            return;
+        }
+        let request = ReleaseRequest { worker_id: self.worker_id.clone(), jobs: given_up };
+        let mut client = self.connection.client.clone();
+        // A release that gets lost costs no more than the wait for the lease to run out.
+        let call = tokio::time::timeout(Duration::from_secs(2), client.release(request));
+        if !matches!(call.await, Ok(Ok(_))) {
+            debug!("the release of unfinished jobs was not acknowledged");
+        }
+    }
+}
+
+/// Leases jobs and hands them to the compute threads.
+async fn lease(shared: Arc<Shared>, pool: rayon::ThreadPool) -> Result<End, Error> {
+    let slots = shared.options.slots.max(1);
+    // One job ahead per slot hides the round trip.
+    let capacity = slots * 2;
+    let mut backoff = Backoff::new();
+    let mut away_since: Option<Instant> = None;
+    let mut client = shared.connection.client.clone();
+    loop {
+        let changed = shared.held.changed.notified();
+        let credit = capacity.saturating_sub(shared.held.computing());
+        if credit == 0 {
+            tokio::select! {
+                () = changed => continue,
+                () = shared.stop.cancelled() => return Ok(End::Stopped),
+            }
+        }
+        let epoch = shared.epoch();
+        let request = LeaseRequest {
+            worker_id: shared.worker_id.clone(),
+            credit: u32::try_from(credit).unwrap_or(u32::MAX),
+            wait_ms: LEASE_WAIT.as_millis() as u32,
+        };
+        let call = tokio::time::timeout(LEASE_WAIT + CALL_TIMEOUT, client.lease(request));
+        let answer = tokio::select! {
+            answer = call => answer,
+            () = shared.stop.cancelled() => return Ok(End::Stopped),
+        };
+        let response = match answer {
+            Ok(Ok(response)) => response.into_inner(),
+            failed => {
+                if let Ok(Err(status)) = &failed {
+                    debug!(reason = %cause(status), "leasing failed");
+                }
+                let since = *away_since.get_or_insert_with(Instant::now);
+                if since.elapsed() > shared.options.give_up_after {
+                    return Err(Error::Away {
+                        url: shared.connection.url.clone(),
+                        seconds: shared.options.give_up_after.as_secs(),
+                    });
+                }
+                tokio::select! {
+                    () = backoff.pause() => continue,
+                    () = shared.stop.cancelled() => return Ok(End::Stopped),
+                }
+            }
+        };
+        away_since = None;
+        backoff.reset();
+        match response.directive() {
+            Directive::Finished => return Ok(End::Finished),
+            Directive::Register => {
+                tokio::select! {
+                    done = shared.register_again(epoch) => done?,
+                    () = shared.stop.cancelled() => return Ok(End::Stopped),
+                }
+            }
+            _ => {}
+        }
+        for job in response.jobs {
+            if shared.held.take(job.job, job.attempt) {
+                let shared = Arc::clone(&shared);
+                pool.spawn_fifo(move || compute(&shared, &job));
+            }
+        }
+    }
+}
+
+/// Does one job on a compute thread.
+fn compute(shared: &Shared, job: &Job) {
+    if !shared.held.start(job.job) {
+        return;
+    }
+    let before = clock_gettime(ClockId::ThreadCPUTime);
+    let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| attempt(shared, job)))
+        .unwrap_or_else(|_| Err("the job panicked; the worker's log has the message".to_owned()));
+    let after = clock_gettime(ClockId::ThreadCPUTime);
+    let cpu_seconds = (after.tv_sec - before.tv_sec) as f64
+        + 1e-9 * (after.tv_nsec - before.tv_nsec) as f64;
+    if let Err(error) = &outcome {
+        warn!(job = job.job, attempt = job.attempt, %error, "a job failed");
+    }
+    let outcome = match outcome {
+        Ok(result) => job_result::Outcome::Result(result),
+        Err(error) => job_result::Outcome::Error(error),
+    };
+    shared.held.finish(JobResult {
+        job: job.job,
+        attempt: job.attempt,
+        outcome: Some(outcome),
+        cpu_seconds,
+    });
+}
+
+fn attempt(shared: &Shared, job: &Job) -> Result<Vec<u8>, String> {
+    let task: Task = serde_json::from_slice(&job.payload)
+        .map_err(|error| format!("the task cannot be read: {error}"))?;
+    let registered = shared.registered().ok_or("the worker is not registered")?;
+    let result = execute(&registered.problem, &task)?;
+    serde_json::to_vec(&result).map_err(|error| format!("the result cannot be written: {error}"))
+}
+
+/// Hands in results until they are acknowledged; returns how many were.
+async fn report(shared: Arc<Shared>, stop: CancellationToken) -> u64 {
+    let mut acknowledged = 0;
+    let mut backoff = Backoff::new();
+    let mut client = shared.connection.client.clone();
+    let mut attempts_after_stop = 0;
+    loop {
+        let changed = shared.held.changed.notified();
+        let results = shared.held.results();
+        if results.is_empty() {
+            if stop.is_cancelled() {
+                return acknowledged;
+            }
+            tokio::select! {
+                () = changed => {}
+                () = stop.cancelled() => {}
+            }
+            continue;
+        }
+        let epoch = shared.epoch();
+        let request =
+            ReportRequest { worker_id: shared.worker_id.clone(), results: results.clone() };
+        match tokio::time::timeout(CALL_TIMEOUT, client.report(request)).await {
+            Ok(Ok(response)) => {
+                backoff.reset();
+                let directive = response.into_inner().directive();
+                if directive == Directive::Register {
+                    // Results are welcome from a registered worker only: introduce ourselves and
+                    // hand them in again.
+                    if shared.register_again(epoch).await.is_err() {
+                        return acknowledged;
+                    }
+                    continue;
+                }
+                acknowledged += results.len() as u64;
+                shared.held.acknowledge(&results);
+            }
+            failed => {
+                if let Ok(Err(status)) = &failed {
+                    debug!(reason = %cause(status), "handing in results failed");
+                }
+                if stop.is_cancelled() {
+                    attempts_after_stop += 1;
+                    if attempts_after_stop > 5 {
+                        let lost = shared.held.unacknowledged();
+                        warn!(lost, "leaving with results that nobody acknowledged");
+                        return acknowledged;
+                    }
+                }
+                backoff.pause().await;
+            }
+        }
+    }
+}
+
+/// Tells the coordinator regularly what is held, and does what it answers.
+async fn heartbeat(shared: Arc<Shared>) -> Result<End, Error> {
+    let mut client = shared.connection.client.clone();
+    loop {
+        let period =
+            shared.registered().map_or(Duration::from_secs(1), |registered| registered.heartbeat);
+        tokio::select! {
+            () = tokio::time::sleep(period) => {}
+            () = shared.stop.cancelled() => return Ok(End::Stopped),
+        }
+        let epoch = shared.epoch();
+        let request = HeartbeatRequest {
+            worker_id: shared.worker_id.clone(),
+            held: shared.held.attempts(),
+        };
+        let call = tokio::time::timeout(CALL_TIMEOUT, client.heartbeat(request));
+        // A lost heartbeat needs nothing but the next one; the lease task watches how long the
+        // coordinator is away.
+        let Ok(Ok(response)) = call.await else { continue };
+        let response = response.into_inner();
+        shared.held.cancel(&response.cancelled);
+        if response.directive() == Directive::Register {
+            shared.register_again(epoch).await?;
+        }
+    }
+}
