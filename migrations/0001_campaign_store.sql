@@ -101,6 +101,12 @@ CREATE TABLE verify_sample (
     PRIMARY KEY (approach, sample)
 ) STRICT, WITHOUT ROWID;
 
+-- What a finished job cost: measured, so no part of any result.
+CREATE TABLE job_time (
+    job         INTEGER NOT NULL PRIMARY KEY,
+    cpu_seconds REAL    NOT NULL
+) STRICT;
+
 -- Append-only: what went wrong, in the order in which it was reported.
 CREATE TABLE failure (
     failure    INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,

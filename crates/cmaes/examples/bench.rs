@@ -49,7 +49,12 @@ fn half_space(x: &[f64]) -> Evaluation {
     }
 }
 
-fn run(problem: &Problem, dimension: usize, active: bool, seed: u64) -> (Option<usize>, Stop) {
+fn run(
+    problem: &Problem,
+    dimension: usize,
+    active: bool,
+    seed: u64,
+) -> (Option<usize>, Option<Stop>) {
     let mut rng = stream(seed, Purpose::Test, dimension as u64, 0);
     let bounds = Bounds::new(vec![(-5.0, 5.0); dimension]).expect("the box is proper");
     let start: Vec<f64> = (0..dimension)
@@ -72,11 +77,8 @@ fn run(problem: &Problem, dimension: usize, active: bool, seed: u64) -> (Option<
             }
         }
         search.tell(&results).expect("one result per candidate");
-        if let Some(stop) = search.stop() {
-            return (reached, stop);
-        }
-        if search.evaluations() >= LIMIT {
-            return (reached, Stop::Plateau { generations: 0 });
+        if search.stop().is_some() || search.evaluations() >= LIMIT {
+            return (reached, search.stop());
         }
     }
 }
@@ -135,7 +137,7 @@ fn main() {
                     problem.name,
                     needed.len(),
                     median.map_or("null".into(), ToString::to_string),
-                    runs[0].1,
+                    runs[0].1.map_or("none".into(), |stop| stop.to_string()),
                 );
             }
         }

@@ -22,8 +22,8 @@ const LARGEST_CONDITION: f64 = 1e14;
 /// **Bounds.** A candidate that leaves the box is drawn again, up to [`Options::resamples`] times.
 /// Near a corner of d variables only one draw in 2ᵈ is inside, so redrawing alone would stall
 /// there; after the last try the coordinates that are out are set onto their bounds, and the
-/// strategy learns from the point that was evaluated, not from the one that was drawn. Hence an
-/// optimum in a corner is reached exactly. Such a point was not drawn from the distribution, so
+/// strategy learns from the point that was evaluated, not from the one that was drawn. So even an
+/// optimum in a corner is reached. Such a point was not drawn from the distribution, so
 /// its step is shortened to a length that a draw could have (N. Hansen, *Injecting external
 /// solutions into CMA-ES*, arXiv:1110.4181).
 ///

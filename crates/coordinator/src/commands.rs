@@ -9,7 +9,7 @@ use std::time::Instant;
 use anyhow::Context as _;
 use campaign::formulation::{Problem, ROBUST_VARIABLES};
 use campaign::plan;
-use campaign::task::{SampleRange, SampleRequest, Task, execute};
+use campaign::task::{self, SampleRange, SampleRequest, Task};
 use campaign::{Approach, Campaign, FileError, PairFile};
 use coordinator::server::{self, Outcome, Plan, Workers};
 use coordinator::{export, references, reporting, simulate, status};
@@ -334,7 +334,7 @@ fn measure(problem: &Problem) -> anyhow::Result<Measured> {
             .collect();
         let task = Task::Sample { frozen: problem.printed_frozen(), designs };
         let before = Instant::now();
-        let result = execute(problem, &task).map_err(anyhow::Error::msg).context("a trial run")?;
+        let result = task::execute(problem, &task).map_err(anyhow::Error::msg).context("a trial run")?;
         seconds[pass] = before.elapsed().as_secs_f64();
         if let campaign::task::TaskResult::Sample { designs } = result {
             let simulated = |design: &&campaign::task::DesignResult| {

@@ -130,7 +130,7 @@ impl campaign_server::Campaign for Service {
                 Ok(_) => {
                     self.board.complete(worker, result.job, result.attempt);
                 }
-                Err(conflict) if conflict.is_conflict() => {
+                Err(conflict) if conflict.is_refusal() => {
                     // What is stored stays. Somebody computes other numbers, which must be heard.
                     error!(job = %ingest::job_name(result.job), %worker, error = %conflict,
                         "a worker contradicts the store");

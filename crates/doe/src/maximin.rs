@@ -16,8 +16,9 @@ const EXTRA_POINTS: f64 = 100.0;
 /// Share of the budget after which the first ratchet ends, and after which annealing ends.
 const RATCHET_UNTIL: f64 = 0.05;
 const ANNEAL_UNTIL: f64 = 0.8;
-/// While annealing, the squared radius is this far above the largest one known to be possible.
-const REACH: f64 = 1.3;
+/// The squared radius of the first annealing, above the largest one known to be possible, as a
+/// fraction of that.
+const REACH: f64 = 0.3;
 /// The largest strain that the first annealing accepts, in units of two coinciding points.
 const HEAT: f64 = 0.03;
 /// Repairs tried per point before a radius counts as out of reach.
@@ -60,7 +61,8 @@ impl Default for Options {
 /// 3. ratchet again, in ever smaller steps down to the last unit of δ².
 ///
 /// Where the last ratchet gets stuck before the budget is spent, as small designs do, phases 2 and
-/// 3 follow again with a higher threshold.
+/// 3 follow again, nearer to the radius reached and with a higher threshold, in turn with phase 1 from
+/// a new random design.
 ///
 /// The best strain-free design is kept throughout, so the result is never worse than the random
 /// start. No upper bound is tight enough to prove it best, except for tiny designs, where the mean
@@ -88,13 +90,16 @@ pub fn maximin(n: usize, d: usize, options: &Options) -> Result<Design, Error> {
     if d > 1 {
         let budget = effort * STEPS * d as f64 * (n as f64 + EXTRA_POINTS);
         ratchet(&mut search, (budget * RATCHET_UNTIL) as u64);
-        anneal(&mut search, (budget * ANNEAL_UNTIL) as u64, HEAT);
+        anneal(&mut search, (budget * ANNEAL_UNTIL) as u64, REACH, HEAT);
         ratchet(&mut search, budget as u64);
-        let mut heat = HEAT;
+        let (mut reach, mut heat) = (REACH, HEAT);
         while search.spent() < budget as u64 && !search.is_optimal() {
+            reach /= 2.0;
             heat = (2.0 * heat).min(0.5);
             let until = search.spent().midpoint(budget as u64);
-            anneal(&mut search, until, heat);
+            anneal(&mut search, until, reach, heat);
+            ratchet(&mut search, budget as u64);
+            search.randomise();
             ratchet(&mut search, budget as u64);
         }
     }
@@ -133,16 +138,17 @@ fn ratchet(search: &mut Search, until: u64) {
     }
 }
 
-/// Shakes the best design at a radius out of reach, less and less, until `until` is spent. `heat` is
-/// the largest strain accepted at the start, in units of two coinciding points.
-fn anneal(search: &mut Search, until: u64, heat: f64) {
+/// Shakes the best design, less and less, until `until` is spent, at a squared radius greater than
+/// the best one by a fraction of `reach`. `heat` is the largest strain accepted at the start, in units
+/// of two coinciding points.
+fn anneal(search: &mut Search, until: u64, reach: f64, heat: f64) {
     if search.spent() >= until || search.is_optimal() {
         return;
     }
     search.restore();
-    let radius = (search.measure() as f64 * REACH) as i64 + 1;
+    let radius = (search.measure() as f64 * (1.0 + reach)) as i64 + 1;
     search.set_squared_radius(radius);
-    let (start, hottest) = (search.spent(), heat * search.full_strain() as f64);
+    let (start, hottest) = (search.spent(), search.slack(heat));
     while search.is_strained() && search.spent() < until {
         let left = (until - search.spent()) as f64 / until.saturating_sub(start).max(1) as f64;
         search.repair((hottest * left.min(1.0).powi(2)) as i64);

@@ -3,6 +3,7 @@
 use rand::RngExt as _;
 use stats::streams::StreamRng;
 
+use crate::design::random_columns;
 use crate::table::{Neighbour, Table};
 
 /// Random levels looked at for a point before the best of them is tried; at most a quarter of all,
@@ -105,6 +106,14 @@ impl Search {
         self.table.clone_from(&self.best);
     }
 
+    /// Starts anew from a random design; the best one stays. The strain is out of date until the
+    /// radius is set.
+    pub(crate) fn randomise(&mut self) {
+        let (n, d) = (self.table.points(), self.table.variables());
+        self.table = Table::new(n, &random_columns(n, d - 1, &mut self.rng));
+        self.spent += cost(n, d);
+    }
+
     /// Sets the radius, in levels, below which pairs are strained.
     pub(crate) fn set_squared_radius(&mut self, squared_radius: i64) {
         self.squared_radius = squared_radius;
@@ -128,9 +137,11 @@ impl Search {
         !self.strained.is_empty()
     }
 
-    /// The strain of two coinciding points, the unit of [`Search::repair`]'s slack.
-    pub(crate) fn full_strain(&self) -> i64 {
-        self.pair_strain(self.squared_radius)
+    /// The slack for [`Search::repair`] that is `heat` times the strain of two coinciding points, but
+    /// never so small that a tiny design, with few distances to choose from, cannot move at all.
+    pub(crate) fn slack(&self, heat: f64) -> f64 {
+        let (least, full) = (self.pair_strain(1), self.pair_strain(self.squared_radius));
+        (heat * full as f64).max(4.0 * least as f64)
     }
 
     /// Tries to relieve a random strained point by a swap in a random variable. A swap may add
@@ -266,7 +277,6 @@ fn cost(seen: usize, variables: usize) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::design::random_columns;
     use stats::streams::{Purpose, stream};
 
     /// The strain kept up to date swap by swap against the strain counted afresh.
@@ -278,7 +288,7 @@ mod tests {
             let mut search = Search::new(table, rng);
             let radius = 3 * search.measure() / 2 + 1;
             search.set_squared_radius(radius);
-            for slack in [0, search.full_strain() / 10] {
+            for slack in [0, search.slack(0.1) as i64] {
                 for _ in 0..500 {
                     search.repair(slack);
                 }

@@ -3,7 +3,10 @@
 //!
 //! Run with `cargo run --release -p gear --example analyse -- x1 x2 ha0_1 ha0_2 hf0_1 hf0_2 [model]`.
 
-#![expect(clippy::print_stdout, reason = "an example shows its results on standard output")]
+#![expect(
+    clippy::print_stdout,
+    reason = "an example shows its results on standard output"
+)]
 
 use std::error::Error;
 
@@ -19,7 +22,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (value, argument) in v.iter_mut().zip(&arguments) {
         *value = argument.parse()?;
     }
-    let tooth_model = arguments.get(6).map_or(Ok(ToothModel::HertzBeam), |name| name.parse())?;
+    let tooth_model = arguments
+        .get(6)
+        .map_or(Ok(ToothModel::HertzBeam), |name| name.parse())?;
     let input = PairInput {
         teeth: [20, 22],
         size: Size::CentreDistance(110.0),
@@ -52,11 +57,18 @@ fn main() -> Result<(), Box<dyn Error>> {
     let pair = Pair::new(&input, &Discretisation::default())?;
     println!("{:#?}", pair.geometry());
     println!("{:#?}", pair.sliding());
-    println!("{:#?} clear: {}", pair.interference(), pair.interference().is_clear());
+    println!(
+        "{:#?} clear: {}",
+        pair.interference(),
+        pair.interference().is_clear()
+    );
     for (member, stress) in Member::BOTH.into_iter().zip(pair.root_stress()) {
         println!("{member}: {stress:#?}");
     }
-    println!("single pair stiffness at the pitch point {:.2} N/(mm µm)", pair.pitch_stiffness());
+    println!(
+        "single pair stiffness at the pitch point {:.2} N/(mm µm)",
+        pair.pitch_stiffness()
+    );
 
     let (unworn, worn) = (pair.unworn(), pair.archard(&wear));
     println!("{:>8} {:>10}", "phase", "STE µm");
@@ -72,9 +84,15 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut sampler = pair.sampler(&wear);
     print!("random wear ({} modes), ΔSTE in µm:", sampler.modes());
     for k in 0..8 {
-        print!(" {:.4}", sampler.draw(&mut stream(2009, Purpose::Wear, 0, k)));
+        print!(
+            " {:.4}",
+            sampler.draw(&mut stream(2009, Purpose::Wear, 0, k))
+        );
     }
     println!();
-    println!("outline of the pinion: {} points", gear_outline(&pair, Member::Pinion, 24).len());
+    println!(
+        "outline of the pinion: {} points",
+        gear_outline(&pair, Member::Pinion, 24).len()
+    );
     Ok(())
 }

@@ -2,11 +2,12 @@
 //!
 //! Run with `cargo run --release -p gear --example paper`.
 
-#![expect(clippy::print_stdout, reason = "an example shows its results on standard output")]
+#![expect(
+    clippy::print_stdout,
+    reason = "an example shows its results on standard output"
+)]
 
-use gear::{
-    Discretisation, Kernel, Material, Pair, PairInput, Size, TipRule, ToothModel, Wear,
-};
+use gear::{Discretisation, Kernel, Material, Pair, PairInput, Size, TipRule, ToothModel, Wear};
 use stats::streams::{Purpose, stream};
 
 /// Wear of the paper's campaign.
@@ -50,8 +51,9 @@ fn full(v: [f64; 6], tip: [f64; 2], root: [f64; 2], beta_deg: f64) -> PairInput 
 /// Mean, standard deviation and mean + 1.28 SD of 500 draws, µm.
 fn sample(pair: &Pair) -> (f64, f64, f64) {
     let mut sampler = pair.sampler(&WEAR);
-    let draws: Vec<f64> =
-        (0..500).map(|k| sampler.draw(&mut stream(2009, Purpose::Wear, 0, k))).collect();
+    let draws: Vec<f64> = (0..500)
+        .map(|k| sampler.draw(&mut stream(2009, Purpose::Wear, 0, k)))
+        .collect();
     let mean = draws.iter().sum::<f64>() / 500.0;
     let var = draws.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / 499.0;
     (mean, var.sqrt(), mean + 1.28 * var.sqrt())
@@ -63,7 +65,12 @@ fn main() -> Result<(), gear::Error> {
     let rows = [
         (
             "Fig. 6",
-            full([-0.2, 0.2, 1.5, 1.4, 1.3, 1.17], [0.2, 0.1], [0.05, 0.1], 10.0),
+            full(
+                [-0.2, 0.2, 1.5, 1.4, 1.3, 1.17],
+                [0.2, 0.1],
+                [0.05, 0.1],
+                10.0,
+            ),
             ["2", "592", "11683", "1556", "2.45 unworn", "-"],
         ),
         (
@@ -93,7 +100,11 @@ fn main() -> Result<(), gear::Error> {
         let worn = pair.archard(&WEAR).analysis;
         let stress = pair.root_stress();
         let root = stress[0].stress_mpa.max(stress[1].stress_mpa);
-        let flag = if stress.iter().all(|s| s.in_range) { "" } else { " (notch out of range)" };
+        let flag = if stress.iter().all(|s| s.in_range) {
+            ""
+        } else {
+            " (notch out of range)"
+        };
         let (mean, sd, p90) = sample(&pair);
         println!(
             "{name:8} m {:.3}  r_c {:.3} ({})  g_s {:.3} ({})  F {:.0} unworn {:.0} worn ({})  \

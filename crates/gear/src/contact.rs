@@ -102,8 +102,8 @@ impl Mesh {
 
     /// Solves δ for the gap `g` at the nodes, at every phase, and refines its extremes.
     ///
-    /// The extremes are the greatest and least over the phases and over the vertices of parabolas
-    /// through neighbouring phases, where δ is solved anew.
+    /// The extremes are the greatest and least over the phases and over places between them found
+    /// from the neighbouring phases, where δ is solved anew.
     pub(crate) fn solve(&self, g: &[f64], scratch: &mut Scratch) -> Extremes {
         let gap = Gap::new(self, g, scratch);
         let phases = &self.path.phases;
@@ -127,7 +127,11 @@ impl Mesh {
             extremes.max = extremes.max.max(delta);
         }
         for sign in [1.0, -1.0] {
-            if let Some((phi, guess)) = self.vertex(&scratch.delta, sign) {
+            for (phi, guess) in self
+                .between_phases(&scratch.delta, sign)
+                .into_iter()
+                .flatten()
+            {
                 let mut windows = std::mem::take(&mut scratch.windows);
                 windows.clear();
                 self.path.windows_at(phi, &mut windows);
@@ -140,30 +144,64 @@ impl Mesh {
         extremes
     }
 
-    /// The highest (sign 1) or lowest (sign −1) vertex of the parabolas through three
-    /// neighbouring phases, and the value there.
-    fn vertex(&self, delta: &[f64], sign: f64) -> Option<(f64, f64)> {
+    /// δ of the unworn pair at any phase.
+    pub(crate) fn unworn(&self, phi: f64, windows: &mut Vec<Window>) -> f64 {
+        windows.clear();
+        self.path
+            .windows_at(phi.rem_euclid(self.path.base_pitch), windows);
+        let area: f64 = windows
+            .iter()
+            .map(|window| window.weight * (self.area_at(window.hi) - self.area_at(window.lo)))
+            .sum();
+        self.target / area
+    }
+
+    /// Where δ may exceed (sign 1) or fall below (sign −1) its values at the phases, each with an
+    /// estimate of δ: the best vertex of a parabola through three phases around an extreme, and
+    /// the best crossing of the straight lines through the two phases before and after it. The
+    /// latter finds kinks, which a spur pair has where a worn pair of teeth closes.
+    fn between_phases(&self, delta: &[f64], sign: f64) -> [Option<(f64, f64)>; 2] {
         let (phases, p) = (&self.path.phases, self.path.base_pitch);
         let count = phases.len();
-        let mut best: Option<(f64, f64)> = None;
+        let mut best: [Option<(f64, f64)>; 2] = [None; 2];
+        let mut offer = |kind: usize, phi: f64, value: f64| {
+            if value.is_finite() && best[kind].is_none_or(|(_, most)| value > most) {
+                best[kind] = Some((phi, value));
+            }
+        };
         for k in 0..count {
-            let (before, after) = ((k + count - 1) % count, (k + 1) % count);
-            let d0 = sign * (delta[k] - delta[before]);
-            let d1 = sign * (delta[after] - delta[k]);
+            let before = if k == 0 { count - 1 } else { k - 1 };
+            let after = if k + 1 == count { 0 } else { k + 1 };
+            let (d0, d1) = (
+                sign * (delta[k] - delta[before]),
+                sign * (delta[after] - delta[k]),
+            );
             if !(d0 > 0.0 && d1 <= 0.0) {
                 continue;
             }
-            let h0 = (phases[k] - phases[before]).rem_euclid(p);
-            let h1 = (phases[after] - phases[k]).rem_euclid(p);
-            let curvature = (d1 / h1 - d0 / h0) / (h0 + h1);
-            let slope = (d0 / h0 * h1 + d1 / h1 * h0) / (h0 + h1);
+            let at = |offset: usize| (k + count + offset - 2) % count;
+            let v = |offset: usize| sign * delta[at(offset)];
+            // Distances between the five phases around k.
+            let h = |offset: usize| (phases[at(offset + 1)] - phases[at(offset)]).rem_euclid(p);
+            let (before, after) = (d0 / h(1), d1 / h(2));
+            let curvature = (after - before) / (h(1) + h(2));
+            let slope = (before * h(2) + after * h(1)) / (h(1) + h(2));
             let step = -0.5 * slope / curvature;
-            let value = sign * delta[k] + 0.5 * slope * step;
-            if value.is_finite() && best.is_none_or(|(_, most)| value > most) {
-                best = Some(((phases[k] + step).rem_euclid(p), value));
+            offer(0, phases[k] + step, v(2) + 0.5 * slope * step);
+            // A kink after k: the line from before k meets the line beyond the next phase.
+            let beyond = (v(4) - v(3)) / h(3);
+            let step = (v(3) - beyond * h(2) - v(2)) / (before - beyond);
+            if step > 0.0 && step < h(2) {
+                offer(1, phases[k] + step, v(2) + before * step);
+            }
+            // And one before k.
+            let ahead = (v(1) - v(0)) / h(0);
+            let step = (v(1) + ahead * h(1) - v(2)) / (after - ahead);
+            if step < 0.0 && step > -h(1) {
+                offer(1, phases[k] + step, v(2) + after * step);
             }
         }
-        best.map(|(phi, value)| (phi, sign * value))
+        best.map(|found| found.map(|(phi, value)| (phi.rem_euclid(p), sign * value)))
     }
 
     /// Prefix integral of 1/q up to a place.
@@ -264,7 +302,7 @@ impl<'a> Gap<'a> {
         let mut delta = if guess > 0.0 { guess } else { full };
         for _ in 0..MAX_STEPS {
             let (force, rate) = self.force(delta, spans, valleys, touching, gap_area);
-            if !(rate > 0.0) {
+            if rate <= 0.0 || rate.is_nan() {
                 // Nothing touches: the guess was below every gap. With all slices counted as
                 // touching δ can only be too large, which is the side Newton falls from.
                 if delta == full {
@@ -294,7 +332,8 @@ impl<'a> Gap<'a> {
         let g = self.g;
         touching.clear();
         for valley in valleys {
-            if !(g[valley.bottom] < delta) {
+            let closed = g[valley.bottom] < delta;
+            if !closed {
                 continue;
             }
             while valley.first > valley.left && g[valley.first - 1] < delta {

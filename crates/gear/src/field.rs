@@ -59,8 +59,9 @@ impl Field {
                     best
                 }
             });
-            // Negated so that a NaN ends the factorisation too.
-            if !(residual[pivot] > RESIDUAL * wear.variance) {
+            // A NaN is not significant either, so it ends the factorisation.
+            let significant = residual[pivot] > RESIDUAL * wear.variance;
+            if !significant {
                 break;
             }
             let scale = 1.0 / residual[pivot].sqrt();

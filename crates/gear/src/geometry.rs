@@ -70,7 +70,8 @@ pub struct Geometry {
     pub clearance: [f64; 2],
     /// Whether the rack undercuts the flank.
     pub undercut: [bool; 2],
-    /// Whether the tip circle was reduced to the apex where the two flanks meet.
+    /// Whether the tooth ends in the apex where its two flanks meet, below the tip that its tool
+    /// would cut.
     pub pointed: [bool; 2],
 }
 
@@ -218,7 +219,13 @@ impl Geometry {
             }
         }
         if input.tip_rule == TipRule::ClearRoot {
-            r_a = [0, 1].map(|i| r_a[i].min(centre_distance - r_f[1 - i]));
+            for i in 0..2 {
+                let clear = centre_distance - r_f[1 - i];
+                if r_a[i] > clear {
+                    r_a[i] = clear;
+                    pointed[i] = false;
+                }
+            }
         }
 
         let mut r_na = [0.0; 2];

@@ -38,6 +38,9 @@ mod path;
 mod sampler;
 mod tooth;
 
+#[cfg(test)]
+mod tests;
+
 pub use error::{Error, Infeasible, InputError, UnknownName};
 pub use geometry::{Geometry, Interference, Sliding, normal_module};
 pub use input::{

@@ -17,9 +17,12 @@ const UM: f64 = 1e3;
 /// Least value of Weber's bracket ln(4 t1 t2/a_H²) − ν/(1 − ν). Near a pointed tip or under an
 /// absurd load the contact width exceeds the tooth and the bracket would turn negative.
 const WEBER_FLOOR: f64 = 1.0;
+/// Greatest value of Weber's bracket, which grows without bound as the load vanishes.
+const WEBER_CEILING: f64 = 100.0;
 
-/// Load rounds of the `weber-banaschek` model stop at this relative change of the load.
-const LOAD_TOLERANCE: f64 = 1e-7;
+/// Load rounds of the `weber-banaschek` model stop at this relative change of the load, which is a
+/// change of the compliance ten times smaller.
+const LOAD_TOLERANCE: f64 = 1e-5;
 /// Load rounds at most; each one reduces the error about tenfold.
 const LOAD_ROUNDS: usize = 12;
 
@@ -136,35 +139,42 @@ impl Pair {
         let mean_load = base_force / (geometry.eps_alpha * geometry.face_width);
         let mut load = vec![mean_load; path.s.len()];
         let zero = vec![0.0; path.s.len()];
-        let mut mesh;
-        let mut extremes;
-        let mut round = 0;
-        let mut path = Some(path);
-        let greatest = loop {
-            let stiffness = unloaded
+        let stiffness = |load: &[f64]| -> Vec<f64> {
+            unloaded
                 .iter()
-                .zip(&load)
+                .zip(load)
                 .map(|(node, &w)| 1.0 / (node.teeth + elastic.contact(node, w)))
-                .collect();
-            let taken = path.take().expect("put back at the end of each round");
-            mesh = Mesh::new(taken, stiffness, base_force, geometry.face_width);
-            extremes = mesh.solve(&zero, &mut scratch);
-            let greatest = mesh.path.greatest_in_contact(&scratch.delta, extremes.max);
+                .collect()
+        };
+        let mut mesh = Mesh::new(path, stiffness(&load), base_force, geometry.face_width);
+        let mut extremes = mesh.solve(&zero, &mut scratch);
+        let rounds = match input.tooth_model {
+            ToothModel::HertzBeam => 0,
+            ToothModel::WeberBanaschek => LOAD_ROUNDS,
+        };
+        for _ in 0..rounds {
+            let path = &mesh.path;
+            let greatest = path.greatest_in_contact(&scratch.delta, extremes.max, |phi| {
+                path.interpolate(&scratch.delta, phi)
+            });
             let mut change = 0.0_f64;
             for ((w, &delta), &c) in load.iter_mut().zip(&greatest).zip(&mesh.stiffness) {
                 let new = delta * c;
                 change = change.max((new - *w).abs() / new.max(f64::MIN_POSITIVE));
                 *w = new;
             }
-            round += 1;
-            if input.tooth_model == ToothModel::HertzBeam
-                || change <= LOAD_TOLERANCE
-                || round == LOAD_ROUNDS
-            {
-                break greatest;
+            if change <= LOAD_TOLERANCE {
+                break;
             }
-            path = Some(mesh.path);
-        };
+            mesh = Mesh::new(mesh.path, stiffness(&load), base_force, geometry.face_width);
+            extremes = mesh.solve(&zero, &mut scratch);
+        }
+        let mut windows = Vec::new();
+        let greatest = mesh
+            .path
+            .greatest_in_contact(&scratch.delta, extremes.max, |phi| {
+                mesh.unworn(phi, &mut windows)
+            });
 
         let pressure = pressures(input, &geometry, &mesh, &greatest, &zero);
         let unworn = analysis(&geometry, &mesh, &scratch, extremes, &pressure);
@@ -310,10 +320,10 @@ impl Pair {
         let gap: Vec<f64> = depth.iter().map(|w| 2.0 * w).collect();
         let mut scratch = Scratch::default();
         let extremes = self.mesh.solve(&gap, &mut scratch);
-        let greatest = self
-            .mesh
-            .path
-            .greatest_in_contact(&scratch.delta, extremes.max);
+        let path = &self.mesh.path;
+        let greatest = path.greatest_in_contact(&scratch.delta, extremes.max, |phi| {
+            path.interpolate(&scratch.delta, phi)
+        });
         let pressure = pressures(&self.input, &self.geometry, &self.mesh, &greatest, &gap);
         Worn {
             analysis: analysis(&self.geometry, &self.mesh, &scratch, extremes, &pressure),
@@ -381,9 +391,12 @@ impl Elasticity<'_> {
             ToothModel::HertzBeam => 2.0 * unit,
             ToothModel::WeberBanaschek => {
                 let half_width_squared = 4.0 * unit * w * self.geometry.relative_radius(node.s);
-                let bracket = (4.0 * node.thickness / half_width_squared).ln() - nu / (1.0 - nu);
-                // An unloaded contact has an infinite bracket; one newton per metre ends it.
-                unit * bracket.clamp(WEBER_FLOOR, 100.0)
+                let bracket = if half_width_squared > 0.0 {
+                    (4.0 * node.thickness / half_width_squared).ln() - nu / (1.0 - nu)
+                } else {
+                    f64::INFINITY
+                };
+                unit * bracket.clamp(WEBER_FLOOR, WEBER_CEILING)
             }
         }
     }

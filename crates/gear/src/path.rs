@@ -95,12 +95,16 @@ impl Path {
                 }
             }
         }
-        let soft: Vec<f64> =
-            soft.iter().map(|s| s - s_in).filter(|&x| x > 0.0 && x < length).collect();
+        let soft: Vec<f64> = soft
+            .iter()
+            .map(|s| s - s_in)
+            .filter(|&x| x > 0.0 && x < length)
+            .collect();
         breaks.extend(&soft);
         let breaks = merged(breaks, MERGE * p, length);
         let omega = |x: f64| (1.0 - 2.0 * (s_in + x) / geometry.path_length).acos();
         let total = omega(length) - omega(0.0);
+        let edge = if spur { 1.5 * window } else { 0.0 };
         let mut s = vec![s_in];
         for pair in breaks.windows(2) {
             let (from, to) = (omega(pair[0]), omega(pair[1]));
@@ -108,10 +112,14 @@ impl Path {
             let mut fractions: Vec<f64> = (0..=cells).map(|k| k as f64 / cells as f64).collect();
             let halves = (1..=END_HALVINGS).map(|k| 0.5_f64.powi(k) / cells as f64);
             let steep = |x: f64| soft.iter().any(|v| (v - x).abs() <= MERGE * p);
-            if pair[0] == 0.0 || (steep(pair[0]) && pair[0] < 0.5 * length) {
+            // A spur pair's outermost cells are as short as its window already.
+            let whole_cells = pair[1] - pair[0] > 2.0 * SPUR_WINDOW * p;
+            let at_start = pair[0] <= edge || (steep(pair[0]) && pair[0] < 0.5 * length);
+            let at_end = pair[1] >= length - edge || (steep(pair[1]) && pair[1] > 0.5 * length);
+            if at_start && whole_cells {
                 fractions.splice(1..1, halves.clone().rev());
             }
-            if pair[1] == length || (steep(pair[1]) && pair[1] > 0.5 * length) {
+            if at_end && whole_cells {
                 let at = fractions.len() - 1;
                 fractions.splice(at..at, halves.map(|part| 1.0 - part));
             }
@@ -132,6 +140,20 @@ impl Path {
             pitch_point + window,
         ] {
             kinks.push(x.rem_euclid(p));
+        }
+        if window < p {
+            // Where a window passes the kinks of the wear, which follow those of the load.
+            for x in [
+                -window,
+                length - window,
+                2.0 * window,
+                length + 2.0 * window,
+            ] {
+                kinks.push(x.rem_euclid(p));
+            }
+        }
+        for x in &soft {
+            kinks.extend([x.rem_euclid(p), (x + window).rem_euclid(p)]);
         }
         let kinks = merged(kinks, MERGE * p, p);
         let mut phases = Vec::with_capacity(disc.phases + kinks.len());
@@ -215,38 +237,42 @@ impl Path {
         }
     }
 
-    /// The greatest value of a function of the phase, given at the phases, over the phases at
-    /// which each node is in contact; linear between phases. `peak` is its maximum over the whole
-    /// period.
-    pub(crate) fn greatest_in_contact(&self, values: &[f64], peak: f64) -> Vec<f64> {
+    /// A function of the phase between the phases it is given at, linearly.
+    pub(crate) fn interpolate(&self, values: &[f64], phi: f64) -> f64 {
+        let phi = phi.rem_euclid(self.base_pitch);
+        let next = self.phases.partition_point(|&x| x <= phi);
+        let (x0, v0) = (self.phases[next - 1], values[next - 1]);
+        let (x1, v1) = if next < self.phases.len() {
+            (self.phases[next], values[next])
+        } else {
+            (self.base_pitch, values[0])
+        };
+        v0 + (v1 - v0) * ((phi - x0) / (x1 - x0)).clamp(0.0, 1.0)
+    }
+
+    /// The greatest value of a function of the phase over the phases at which each node is in
+    /// contact. The function is given by its `values` at the phases, by its value `at` any other
+    /// and by its `peak` over the whole period.
+    pub(crate) fn greatest_in_contact(
+        &self,
+        values: &[f64],
+        peak: f64,
+        mut at: impl FnMut(f64) -> f64,
+    ) -> Vec<f64> {
         let p = self.base_pitch;
         if self.window >= p {
             return vec![peak; self.s.len()];
         }
         let count = self.phases.len();
-        let at = |phi: f64| {
-            let phi = phi.rem_euclid(p);
-            let next = self.phases.partition_point(|&x| x <= phi);
-            let (x0, v0) = (self.phases[next - 1], values[next - 1]);
-            let (x1, v1) = if next < count {
-                (self.phases[next], values[next])
-            } else {
-                (p, values[0])
-            };
-            v0 + (v1 - v0) * ((phi - x0) / (x1 - x0)).clamp(0.0, 1.0)
-        };
-        let last = self.s.len() - 1;
-        (0..=last)
+        (0..self.s.len())
             .map(|i| {
-                let start = self.s[i] - self.s_in;
-                let end = start + self.window;
+                let mut start = self.s[i] - self.s_in;
+                let mut end = start + self.window;
                 // The corner of a helical tooth touches before the pair takes load; a spur tooth
-                // has no such corner, so its ends are judged with the whole line in contact.
-                if self.spur && i == 0 {
-                    return at(end);
-                }
-                if self.spur && i == last {
-                    return at(start);
+                // has no such corner, so it is judged with its whole line in contact.
+                if self.spur {
+                    start = start.max(self.window);
+                    end = end.min(self.s_out - self.s_in);
                 }
                 let mut greatest = at(start).max(at(end));
                 let from = start.rem_euclid(p);

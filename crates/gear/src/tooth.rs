@@ -441,10 +441,24 @@ impl Tooth {
         self.fillet_moments(below, below.parameter, gamma, y_l).0
     }
 
+    /// Evenly spaced points of the fillet, for tests of its shape.
+    #[cfg(test)]
+    pub(crate) fn fillet_points(&self, count: usize) -> Vec<(f64, f64)> {
+        (0..count)
+            .map(|k| {
+                self.fillet
+                    .point(self.gamma_top * k as f64 / (count - 1) as f64)
+            })
+            .collect()
+    }
+
     /// Transverse radii between which the load point moves with the radius of contact: where the
     /// flank leaves the virtual base circle, and where it becomes too thin.
     pub(crate) fn load_range(&self) -> (f64, f64) {
-        (self.r_b - self.offset, self.r_b.hypot(self.tau_tip) - self.offset)
+        (
+            self.r_b - self.offset,
+            self.r_b.hypot(self.tau_tip) - self.offset,
+        )
     }
 
     /// The load that touches at the transverse radius √(r_b² + t²).

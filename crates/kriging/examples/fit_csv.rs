@@ -1,6 +1,6 @@
 //! Fits a model to a CSV file and scores it on another: one JSON object on standard output.
 //!
-//! `cargo run --release -p kriging --example fit_csv -- --train F.csv --test G.csv [--kernel matern52] [--seed 0]`
+//! `cargo run --release -p kriging --example fit_csv -- --train F.csv --test G.csv [--kernel matern-5-2] [--seed 0]`
 //!
 //! Columns of the training file: the coordinates, then `y` and `noise_var`, then anything. Columns
 //! of the test file: the coordinates, then the noise-free truth. Files without a header (first field

@@ -14,6 +14,10 @@ const LONGEST_STEP: f64 = 2.0;
 /// Armijo's constant.
 const SUFFICIENT: f64 = 1e-4;
 
+/// Where no step lowers the value, a promise below this is put down to the value's rounding. For a
+/// log likelihood it means nothing.
+const HIDDEN: f64 = 1e-3;
+
 #[derive(Debug, Clone)]
 pub(crate) struct Outcome {
     pub(crate) at: Vec<f64>,
@@ -98,11 +102,12 @@ pub(crate) fn minimise(
 
         let Some((trial, moved, evaluation)) = accepted else {
             if fresh {
+                let converged = promised < HIDDEN;
                 return Some(Outcome {
                     at,
                     value,
                     iterations,
-                    converged: false,
+                    converged,
                     met_failure,
                 });
             }

@@ -46,7 +46,7 @@ pub enum Error {
     },
     /// No kernel has this name.
     #[error(
-        "no kernel is called {name:?}, use matern52, matern32, squared-exponential or exponential"
+        "no kernel is called {name:?}, use matern-5-2, matern-3-2, squared-exponential or exponential"
     )]
     UnknownKernel {
         /// The name given.

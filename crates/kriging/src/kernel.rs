@@ -55,8 +55,8 @@ impl Kernel {
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
-            Self::Matern52 => "matern52",
-            Self::Matern32 => "matern32",
+            Self::Matern52 => "matern-5-2",
+            Self::Matern32 => "matern-3-2",
             Self::SquaredExponential => "squared-exponential",
             Self::Exponential => "exponential",
         }

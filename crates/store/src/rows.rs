@@ -198,6 +198,15 @@ pub struct FailureRow {
     pub at_unix_ms: Option<i64>,
 }
 
+/// What a job cost.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JobTimeRow {
+    /// The job's number.
+    pub job: u64,
+    /// Processor time, in seconds. Measured, so never compared: the first one is kept.
+    pub cpu_seconds: f64,
+}
+
 /// Rows that are stored together or not at all.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Batch {
@@ -209,6 +218,8 @@ pub struct Batch {
     pub verify: Vec<VerifyRow>,
     /// Optimiser runs.
     pub runs: Vec<OptimiserRunRow>,
+    /// What jobs cost.
+    pub times: Vec<JobTimeRow>,
     /// Failures; appended, so that the same one twice makes two rows.
     pub failures: Vec<FailureRow>,
 }
@@ -220,6 +231,7 @@ impl Batch {
             + self.samples.len()
             + self.verify.len()
             + self.runs.len()
+            + self.times.len()
             + self.failures.len()
     }
 

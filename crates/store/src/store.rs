@@ -10,7 +10,7 @@ use tokio_stream::StreamExt as _;
 use crate::Error;
 use crate::query;
 use crate::rows::{
-    CampaignRow, CriteriaRow, DesignRow, FailureRow, MissingWork, ModelRow, OptimiserRunRow,
+    CampaignRow, CriteriaRow, DesignRow, FailureRow, JobTimeRow, MissingWork, ModelRow, OptimiserRunRow,
     OptimumRow, Progress, Receipt, ResponseRow, SampleRow, VerifyRow,
 };
 use crate::writer::{Rows, Writer};
@@ -199,6 +199,11 @@ impl Store {
     /// The samples at the optimum of one approach.
     pub async fn verify_samples(&self, approach: &str) -> Result<Vec<VerifyRow>, Error> {
         query::verify_samples(&self.readers, &self.path, approach).await
+    }
+
+    /// What the finished jobs cost, by number.
+    pub async fn job_times(&self) -> Result<Vec<JobTimeRow>, Error> {
+        query::job_times(&self.readers, &self.path).await
     }
 
     /// Everything that went wrong, in the order in which it was stored.

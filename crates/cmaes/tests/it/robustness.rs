@@ -3,7 +3,7 @@
 use super::{cube, options, rng, run};
 use cmaes::{Bounds, CmaEs, Error, Evaluation, Options, Stop};
 use proptest::prelude::*;
-use rand::{Rng as _, TryRng};
+use rand::TryRng;
 use stats::streams::StreamRng;
 use std::convert::Infallible;
 
@@ -57,18 +57,17 @@ impl TryRng for Counting {
 
     fn try_next_u32(&mut self) -> Result<u32, Infallible> {
         self.1 += 1;
-        Ok(self.0.next_u32())
+        self.0.try_next_u32()
     }
 
     fn try_next_u64(&mut self) -> Result<u64, Infallible> {
         self.1 += 1;
-        Ok(self.0.next_u64())
+        self.0.try_next_u64()
     }
 
     fn try_fill_bytes(&mut self, bytes: &mut [u8]) -> Result<(), Infallible> {
         self.1 += 1;
-        self.0.fill_bytes(bytes);
-        Ok(())
+        self.0.try_fill_bytes(bytes)
     }
 }
 

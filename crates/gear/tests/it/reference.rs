@@ -6,7 +6,11 @@ use serde_json::Value;
 use crate::support::plain;
 
 fn two(value: &Value) -> [f64; 2] {
-    [0, 1].map(|i| value[i].as_f64().expect("the case files hold pairs of numbers"))
+    [0, 1].map(|i| {
+        value[i]
+            .as_f64()
+            .expect("the case files hold pairs of numbers")
+    })
 }
 
 fn input(case: &Value) -> PairInput {
@@ -123,7 +127,10 @@ fn weber_banaschek_is_near_finite_elements() {
     for row in file["same_formulas_under_load"].as_array().unwrap() {
         let [load, expected] = two(row);
         let stiffness = 1e-3 / pair.compliance_under(s, load);
-        assert!((stiffness / expected - 1.0).abs() < 5e-3, "{load} N/mm: {stiffness}");
+        assert!(
+            (stiffness / expected - 1.0).abs() < 5e-3,
+            "{load} N/mm: {stiffness}"
+        );
         assert!((stiffness / finite_element - 1.0).abs() < 0.15);
         assert!((stiffness / iso - 1.0).abs() < 0.15);
     }
@@ -145,7 +152,10 @@ fn weber_banaschek_load_is_a_fixed_point() {
 #[test]
 fn hertz_beam_is_much_stiffer() {
     let soft = Pair::new(
-        &PairInput { tooth_model: ToothModel::WeberBanaschek, ..plain() },
+        &PairInput {
+            tooth_model: ToothModel::WeberBanaschek,
+            ..plain()
+        },
         &Discretisation::default(),
     )
     .unwrap();

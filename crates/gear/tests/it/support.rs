@@ -1,8 +1,6 @@
 //! Builders shared by the tests.
 
-use gear::{
-    Discretisation, Kernel, Material, Pair, PairInput, Size, TipRule, ToothModel, Wear,
-};
+use gear::{Discretisation, Kernel, Material, Pair, PairInput, Size, TipRule, ToothModel, Wear};
 use rand::RngExt as _;
 use stats::streams::{Purpose, StreamRng, stream};
 

@@ -64,9 +64,9 @@ fn variance_and_interval_agree_with_simulation() {
         (variance / formula - 1.0).abs() < 0.03,
         "{variance} against {formula}"
     );
-    // Simulation error 0.15 %; the documented shortfall is 1.5 %.
+    // Three simulation errors of 0.15 %, and the documented shortfall of 0.1 %.
     let coverage = covered as f64 / count;
-    assert!((coverage - 0.9).abs() < 0.015, "{coverage}");
+    assert!((coverage - 0.9).abs() < 0.006, "{coverage}");
 }
 
 #[test]

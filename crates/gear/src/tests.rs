@@ -1,0 +1,387 @@
+//! Unit tests of the solver's inner parts, on pairs made for them.
+
+use std::f64::consts::PI;
+
+use crate::contact::{Mesh, Scratch};
+use crate::geometry::Geometry;
+use crate::input::{Discretisation, Material, Member, PairInput, Size, TipRule, ToothModel, Wear};
+use crate::pair::Pair;
+use crate::path::{Path, Window};
+use crate::tooth::Tooth;
+use crate::{Kernel, gear_outline};
+
+fn input() -> PairInput {
+    PairInput {
+        teeth: [23, 37],
+        size: Size::NormalModule(2.0),
+        pressure_angle: 20_f64.to_radians(),
+        helix_angle: 15_f64.to_radians(),
+        face_width: 25.0,
+        profile_shift: [0.2, 0.1],
+        tool_addendum: [1.25; 2],
+        tool_dedendum: [1.0; 2],
+        tip_radius: [0.1; 2],
+        root_radius: [0.6; 2],
+        tip_diameter: [None, None],
+        tooth_model: ToothModel::HertzBeam,
+        tip_rule: TipRule::AsCut,
+        pinion_torque: 100e3,
+        material: Material {
+            youngs_modulus_mpa: 200e3,
+            poisson_ratio: 0.29,
+            yield_mpa: 980.0,
+            hertz_limit_mpa: 1550.0,
+        },
+    }
+}
+
+fn pair() -> Pair {
+    Pair::new(&input(), &Discretisation::default()).expect("the test's pair is feasible")
+}
+
+/// A geometry with the given contact ratios; only what the path reads is changed.
+fn with_ratios(eps_alpha: f64, eps_beta: f64) -> Geometry {
+    let mut geometry = Geometry::new(&input()).expect("the test's pair is feasible");
+    geometry.s_out = geometry.s_in + eps_alpha * geometry.base_pitch;
+    geometry.face_width = eps_beta * geometry.base_pitch / geometry.beta_b.tan();
+    geometry
+}
+
+/// Total length of the windows at the phase `phi`, in base pitches.
+fn covered(path: &Path, phi: f64) -> f64 {
+    let mut windows: Vec<Window> = Vec::new();
+    path.windows_at(phi, &mut windows);
+    windows
+        .iter()
+        .map(|w| w.weight * (w.hi.s - w.lo.s))
+        .sum::<f64>()
+        / path.base_pitch
+}
+
+/// Shortest and longest total contact line, in units of p_bt/sin β_b, from the fractional parts of
+/// the contact ratios: L_min = ε_α ε_β − n_α n_β + max(0, n_α + n_β − 1), L_max with
+/// min(n_α, n_β) instead of the maximum. The mean is ε_α ε_β.
+#[test]
+fn contact_line_length_extremes() {
+    for (eps_alpha, eps_beta, min, max) in [
+        (1.293, 0.3636, Some(0.3636), Some(0.6566)),
+        (1.491_878_5, 1.088_683_9, Some(1.5806), Some(1.6692)),
+        (1.66, 1.0, Some(1.66), Some(1.66)),
+        (2.0, 0.37, Some(0.74), Some(0.74)),
+        (1.7, 1.6, Some(2.6), Some(2.9)),
+        (1.3, 7.45, None, None),
+        (0.9, 0.35, None, None),
+    ] {
+        let disc = Discretisation {
+            cells: 32,
+            phases: 200,
+        };
+        let path = Path::new(&with_ratios(eps_alpha, eps_beta), &disc, &[]);
+        let lengths: Vec<f64> = path.phases.iter().map(|&phi| covered(&path, phi)).collect();
+        let least = lengths.iter().copied().fold(f64::MAX, f64::min);
+        let most = lengths.iter().copied().fold(0.0, f64::max);
+        let (na, nb) = (eps_alpha.fract(), eps_beta.fract());
+        let base = eps_alpha * eps_beta - na * nb;
+        // Phases lie on the kinks of this piecewise-linear function, so its extremes are exact.
+        assert!(
+            (least - (base + (na + nb - 1.0).max(0.0))).abs() < 1e-9,
+            "{least}"
+        );
+        assert!((most - (base + na.min(nb))).abs() < 1e-9, "{most}");
+        // Published to four digits.
+        assert!(min.is_none_or(|min| (least - min).abs() < 1e-4));
+        assert!(max.is_none_or(|max| (most - max).abs() < 1e-4));
+    }
+}
+
+/// The windows repeat after one base pitch and cover ε_α ε_β base pitches on average, whether the
+/// face is narrow or so wide that pairs covering the whole path are counted instead of listed.
+#[test]
+fn windows_repeat_after_a_base_pitch() {
+    for (eps_alpha, eps_beta) in [(1.4, 0.4), (1.4, 3.7), (0.8, 40.2)] {
+        let path = Path::new(
+            &with_ratios(eps_alpha, eps_beta),
+            &Discretisation::default(),
+            &[],
+        );
+        let (first, last) = (
+            covered(&path, 0.0),
+            covered(&path, path.base_pitch * (1.0 - 1e-12)),
+        );
+        assert!((first - last).abs() < 1e-9 * first, "{first} {last}");
+        // The mean over a period is ε_α ε_β; the trapezoidal rule is exact between the kinks.
+        let count = path.phases.len();
+        let mean: f64 = (0..count)
+            .map(|k| {
+                let next = path.phases.get(k + 1).copied().unwrap_or(path.base_pitch);
+                let ends = [path.phases[k], next.min(path.base_pitch * (1.0 - 1e-12))];
+                0.5 * (next - path.phases[k])
+                    * ends.map(|phi| covered(&path, phi)).iter().sum::<f64>()
+            })
+            .sum::<f64>()
+            / path.base_pitch;
+        assert!((mean / (eps_alpha * eps_beta) - 1.0).abs() < 1e-9, "{mean}");
+    }
+}
+
+#[test]
+fn nodes_and_phases_increase() {
+    for beta in [0.0, 1e-6, 0.01, 0.3] {
+        let mut input = input();
+        input.helix_angle = beta;
+        let pair = Pair::new(&input, &Discretisation::default()).expect("feasible");
+        let path = &pair.mesh.path;
+        assert!(path.s.windows(2).all(|w| w[0] < w[1]));
+        assert!(path.phases.windows(2).all(|w| w[0] < w[1]));
+        assert!(path.phases[0] == 0.0 && path.phases.last().expect("phases") < &path.base_pitch);
+    }
+}
+
+/// A uniform gap shifts δ by itself and leaves its variation alone.
+#[test]
+fn uniform_gap_shifts_the_deflection() {
+    let pair = pair();
+    let mut scratch = Scratch::default();
+    let nodes = pair.mesh.path.s.len();
+    let unworn = pair.mesh.solve(&vec![0.0; nodes], &mut scratch);
+    let before = scratch.delta.clone();
+    let gap = 0.02;
+    let worn = pair.mesh.solve(&vec![gap; nodes], &mut scratch);
+    for (before, after) in before.iter().zip(&scratch.delta) {
+        assert!((after - before - gap).abs() < 1e-13);
+    }
+    assert!(((worn.max - worn.min) - (unworn.max - unworn.min)).abs() < 1e-13);
+}
+
+/// Σ ∫ max(0, δ − g)/q ds = F_bt w/b at every phase, integrated independently of prefix sums, for
+/// a rough gap that separates in several places.
+#[test]
+fn load_balance_with_many_valleys() {
+    let pair = pair();
+    let mesh: &Mesh = &pair.mesh;
+    let path = &mesh.path;
+    let mean = pair.unworn().ste_um[0] * 1e-3;
+    let gap: Vec<f64> = path
+        .s
+        .iter()
+        .enumerate()
+        .map(|(k, s)| mean * (1.0 + (3.0 * s).sin() + 0.7 * ((k * k) as f64).sin()).max(0.0))
+        .collect();
+    let mut scratch = Scratch::default();
+    mesh.solve(&gap, &mut scratch);
+    let target = pair.base_force() * path.window / pair.geometry().face_width;
+    let mut separated = 0;
+    for (k, &delta) in scratch.delta.iter().enumerate() {
+        let mut force = 0.0;
+        for window in path.windows(k) {
+            const STEPS: usize = 20_000;
+            let h = (window.hi.s - window.lo.s) / STEPS as f64;
+            for step in 0..STEPS {
+                let place = path.place(window.lo.s + (step as f64 + 0.5) * h);
+                let linear =
+                    |v: &[f64]| v[place.cell] + place.u * (v[place.cell + 1] - v[place.cell]);
+                let closed = delta - linear(&gap);
+                separated += usize::from(closed < 0.0);
+                force += closed.max(0.0) * linear(&mesh.stiffness) * h;
+            }
+        }
+        // The midpoint rule's error at the kinks of max(0, ·).
+        assert!(
+            (force / target - 1.0).abs() < 1e-5,
+            "phase {k}: {force} against {target}"
+        );
+    }
+    assert!(
+        separated > 0,
+        "the test's gap should open the contact somewhere"
+    );
+}
+
+/// |ΔSTE(g + h) − ΔSTE(g)| ≤ max h − min h while every slice touches (here in terms of δ).
+#[test]
+fn variation_is_lipschitz_in_the_gap() {
+    let pair = pair();
+    let mut scratch = Scratch::default();
+    let span = |gap: &[f64], scratch: &mut Scratch| {
+        let extremes = pair.mesh.solve(gap, scratch);
+        extremes.max - extremes.min
+    };
+    let smallest = pair
+        .unworn()
+        .ste_um
+        .iter()
+        .copied()
+        .fold(f64::MAX, f64::min)
+        * 1e-3;
+    for seed in 1..40 {
+        let wave = |a: f64, b: f64| -> Vec<f64> {
+            pair.mesh
+                .path
+                .s
+                .iter()
+                .map(|s| 0.2 * smallest * (1.0 + (a * s + b * f64::from(seed)).sin()))
+                .collect()
+        };
+        let (g, h) = (wave(1.1, 0.7), wave(2.3, 1.9));
+        let sum: Vec<f64> = g.iter().zip(&h).map(|(g, h)| g + h).collect();
+        let range = h.iter().copied().fold(0.0, f64::max) - h.iter().copied().fold(1.0, f64::min);
+        let change = span(&sum, &mut scratch) - span(&g, &mut scratch);
+        assert!(
+            change.abs() <= range * (1.0 + 1e-9),
+            "{change} against {range}"
+        );
+    }
+}
+
+/// In full contact the solution from Newton's method and the ratio of prefix sums agree: a deep
+/// gap on one node that no window touches forces the former.
+#[test]
+fn newton_agrees_with_the_closed_form() {
+    let narrow = PairInput {
+        face_width: 8.0,
+        ..input()
+    };
+    let pair = Pair::new(&narrow, &Discretisation::default()).expect("feasible");
+    let nodes = pair.mesh.path.s.len();
+    let mut scratch = Scratch::default();
+    let flat = pair.mesh.solve(&vec![0.0; nodes], &mut scratch);
+    let mut gap = vec![0.0; nodes];
+    // Just above the largest deflection, so that the closed form is refused at every phase.
+    let ramp = 1e-7;
+    for (k, g) in gap.iter_mut().enumerate() {
+        *g = ramp * flat.min * k as f64 / nodes as f64;
+    }
+    let tilted = pair.mesh.solve(&gap, &mut scratch);
+    assert!((tilted.max / flat.max - 1.0).abs() < 2.0 * ramp);
+    gap[nodes - 1] = 2.0 * flat.max;
+    pair.mesh.solve(&gap, &mut scratch);
+    let phases_without_the_end: Vec<usize> = (0..pair.mesh.path.phases.len())
+        .filter(|&k| {
+            pair.mesh
+                .path
+                .windows(k)
+                .iter()
+                .all(|w| w.hi.cell + 2 < nodes)
+        })
+        .collect();
+    assert!(!phases_without_the_end.is_empty());
+    for k in phases_without_the_end {
+        let newton = scratch.delta[k];
+        gap[nodes - 1] = 0.0;
+        let mut other = Scratch::default();
+        pair.mesh.solve(&gap, &mut other);
+        gap[nodes - 1] = 2.0 * flat.max;
+        assert!((newton / other.delta[k] - 1.0).abs() < 1e-12);
+    }
+}
+
+/// The fillet is where the rack corner has been: rolling the rack, no corner circle ever reaches
+/// deeper into the tooth, and at some position it touches.
+#[test]
+fn fillet_is_the_envelope_of_the_rack_corner() {
+    for (teeth, shift, addendum, rho) in [
+        (23, 0.2, 1.25, 0.6),
+        (12, 0.0, 1.25, 0.5),
+        (40, -0.4, 1.4, 0.3),
+        (23, 1.2, 1.0, 0.8),
+    ] {
+        let mut input = input();
+        (input.teeth[0], input.profile_shift[0]) = (teeth, shift);
+        (input.tool_addendum[0], input.root_radius[0]) = (addendum, rho);
+        (input.helix_angle, input.tool_dedendum[1]) = (0.0, 0.6);
+        let geometry = Geometry::new(&input).expect("feasible");
+        let tooth = Tooth::new(&input, &geometry, Member::Pinion).expect("feasible");
+        let (m, r) = (geometry.normal_module, geometry.r[0]);
+        let depth = m * (addendum - shift) - rho;
+        let tan = input.pressure_angle.tan();
+        let half_width =
+            PI * m / 4.0 - (addendum * m - rho) * tan - rho / input.pressure_angle.cos();
+        for (x, y) in tooth.fillet_points(9) {
+            let mut nearest = f64::MAX;
+            for k in -40_000..40_000 {
+                let roll = f64::from(k) * 3e-5;
+                // The corner's centre in the gear's frame when the rack has moved by r·roll.
+                let along = PI * m / 2.0 - half_width + r * roll;
+                let up = r - depth;
+                let (sin, cos) = roll.sin_cos();
+                let (cx, cy) = (along * cos - up * sin, along * sin + up * cos);
+                nearest = nearest.min((x - cx).hypot(y - cy));
+            }
+            // The roll step of 3e-5 rad resolves the nearest approach to about 1e-7 mm.
+            assert!(
+                (nearest - rho).abs() < 1e-6,
+                "{teeth} teeth: {nearest} against {rho}"
+            );
+        }
+    }
+}
+
+/// The running moments against a fine trapezoidal sum over the drawn outline of a spur tooth.
+#[test]
+fn bending_compliance_agrees_with_the_outline() {
+    let mut input = input();
+    input.helix_angle = 0.0;
+    input.tip_radius = [0.0; 2];
+    let pair = Pair::new(&input, &Discretisation::default()).expect("feasible");
+    for member in Member::BOTH {
+        let i = member.index();
+        let outline = gear_outline(&pair, member, 4000);
+        let g = pair.geometry();
+        // The first tooth's right flank: up from the root circle's end to the tip's land.
+        let root_end = outline
+            .iter()
+            .position(|p| p[0].hypot(p[1]) > g.r_f[i] * (1.0 + 1e-9));
+        let start = root_end.expect("the outline leaves the root circle") - 1;
+        let flank: Vec<[f64; 2]> = outline[start..]
+            .iter()
+            .copied()
+            .take_while(|p| p[0].hypot(p[1]) < g.r_a[i] - 1e-9)
+            .collect();
+        for fraction in [0.3, 0.6, 0.9] {
+            let s = g.s_in + fraction * (g.s_out - g.s_in);
+            let tau = g.tangent_length(member, s);
+            let r = g.r_b[i].hypot(tau);
+            let t = tau / g.r_b[i];
+            let alpha_f = t.atan() - (g.psi_b[i] - (t - t.atan()));
+            let top = g.r_b[i] / alpha_f.cos();
+            let integral: f64 = flank
+                .windows(2)
+                .filter(|w| w[1][1] <= top)
+                .map(|w| {
+                    let f = |p: [f64; 2]| (top - p[1]).powi(2) / (2.0 * p[0]).powi(3);
+                    0.5 * (f(w[0]) + f(w[1])) * (w[1][1] - w[0][1])
+                })
+                .sum();
+            let nu = input.material.poisson_ratio;
+            let expected = alpha_f.cos().powi(2) * 12.0 * (1.0 - nu * nu)
+                / input.material.youngs_modulus_mpa
+                * integral;
+            let ours = pair.tooth_compliance(member, r);
+            // 4000 points on each curve: the trapezoidal rule is good to about 1e-6.
+            assert!(
+                (ours / expected - 1.0).abs() < 1e-5,
+                "{member}: {ours} against {expected}"
+            );
+        }
+    }
+}
+
+/// Two valleys, plateaus and a single low node: the touching set is found from any side.
+#[test]
+fn wear_of_any_kernel_is_drawn() {
+    let pair = pair();
+    for &kernel in Kernel::ALL {
+        let wear = Wear {
+            max_depth: 0.02,
+            kernel,
+            range: 0.05,
+            variance: 0.3,
+        };
+        let mut sampler = pair.sampler(&wear);
+        let mut rng = stats::streams::stream(1, stats::streams::Purpose::Test, 0, 0);
+        for _ in 0..50 {
+            let draw = sampler.draw(&mut rng);
+            assert!(draw.is_finite() && draw > 0.0, "{kernel}: {draw}");
+        }
+    }
+}
