@@ -16,8 +16,17 @@ pub const ALL_VARIABLES: usize = 11;
 
 /// The names of all variables in their order, as in exported columns.
 pub const VARIABLE_NAMES: [&str; ALL_VARIABLES] = [
-    "x_p", "x_r", "ha0_p", "ha0_r", "hf0_p", "hf0_r", "rho_a_p_mm", "rho_a_r_mm", "rho_f_p_mm",
-    "rho_f_r_mm", "beta_deg",
+    "x_p",
+    "x_r",
+    "ha0_p",
+    "ha0_r",
+    "hf0_p",
+    "hf0_r",
+    "rho_a_p_mm",
+    "rho_a_r_mm",
+    "rho_f_p_mm",
+    "rho_f_r_mm",
+    "beta_deg",
 ];
 
 /// One of the paper's four ways to design the pair (section IV.D).
@@ -108,7 +117,11 @@ impl Variables {
     /// The six robust variables.
     #[must_use]
     pub const fn robust_part(&self) -> [f64; ROBUST_VARIABLES] {
-        let (x, ha, hf) = (&self.profile_shift, &self.tool_addendum, &self.tool_dedendum);
+        let (x, ha, hf) = (
+            &self.profile_shift,
+            &self.tool_addendum,
+            &self.tool_dedendum,
+        );
         [x[0], x[1], ha[0], ha[1], hf[0], hf[1]]
     }
 
@@ -127,7 +140,19 @@ impl Variables {
     pub const fn values(&self) -> [f64; ALL_VARIABLES] {
         let [a, b, c, d, e, f] = self.robust_part();
         let (tip, root) = (&self.tip_radius_mm, &self.root_radius_mm);
-        [a, b, c, d, e, f, tip[0], tip[1], root[0], root[1], self.helix_angle_deg]
+        [
+            a,
+            b,
+            c,
+            d,
+            e,
+            f,
+            tip[0],
+            tip[1],
+            root[0],
+            root[1],
+            self.helix_angle_deg,
+        ]
     }
 }
 
@@ -197,13 +222,24 @@ impl Problem {
             tip_radius: [0.0; 2],
             root_radius: [0.1; 2],
             tip_diameter: [None; 2],
-            tooth_model: pair.tooth_model.parse().expect("validation has parsed this name"),
-            tip_rule: pair.tip_rule.parse().expect("validation has parsed this name"),
+            tooth_model: pair
+                .tooth_model
+                .parse()
+                .expect("validation has parsed this name"),
+            tip_rule: pair
+                .tip_rule
+                .parse()
+                .expect("validation has parsed this name"),
             pinion_torque: campaign.load.pinion_torque_nm * 1e3,
             material: campaign.material.to_gear(),
         };
         let wear = campaign.wear.to_gear();
-        Self { campaign, template, wear, discretisation: Discretisation::default() }
+        Self {
+            campaign,
+            template,
+            wear,
+            discretisation: Discretisation::default(),
+        }
     }
 
     /// The campaign that states the problem.
@@ -298,7 +334,11 @@ impl Problem {
             && criteria.specific_sliding < limits.specific_sliding_max
             && criteria.root_stress_mpa < material.yield_mpa
             && criteria.hertz_pressure_mpa < material.hertz_limit_mpa
-            && criteria.clearance_mm.iter().chain(&criteria.flank_margin_mm).all(|&mm| mm >= 0.0)
+            && criteria
+                .clearance_mm
+                .iter()
+                .chain(&criteria.flank_margin_mm)
+                .all(|&mm| mm >= 0.0)
     }
 
     /// The penalised objective (5).
@@ -312,7 +352,11 @@ impl Problem {
     #[must_use]
     pub fn robust_point(&self, unit: &[f64]) -> [f64; ROBUST_VARIABLES] {
         let bounds = &self.campaign.bounds;
-        let ranges = [bounds.profile_shift, bounds.tool_addendum, bounds.tool_dedendum];
+        let ranges = [
+            bounds.profile_shift,
+            bounds.tool_addendum,
+            bounds.tool_dedendum,
+        ];
         std::array::from_fn(|index| scale(ranges[index / 2], unit[index]))
     }
 

@@ -128,9 +128,14 @@ pub fn run(
         population: settings.population as usize,
         parents: settings.parents as usize,
     };
-    let outcome =
-        minimise(&origin, &bounds, &schedule, &mut rng, &mut |unit: &[f64]| objective.penalised(unit))
-            .map_err(|error| error.to_string())?;
+    let outcome = minimise(
+        &origin,
+        &bounds,
+        &schedule,
+        &mut rng,
+        &mut |unit: &[f64]| objective.penalised(unit),
+    )
+    .map_err(|error| error.to_string())?;
     let history = outcome
         .history
         .iter()
@@ -160,9 +165,13 @@ pub fn run(
         let mut origin = outcome.x;
         while continuations < CONTINUATIONS && (continuations == 0 || objective.best.is_none()) {
             continuations += 1;
-            let outcome = minimise(&origin, &bounds, &schedule, &mut rng, &mut |unit: &[f64]| {
-                objective.feasibility_first(unit)
-            })
+            let outcome = minimise(
+                &origin,
+                &bounds,
+                &schedule,
+                &mut rng,
+                &mut |unit: &[f64]| objective.feasibility_first(unit),
+            )
             .map_err(|error| error.to_string())?;
             evaluations += outcome.evaluations as u64;
             origin = outcome.x;
@@ -186,8 +195,12 @@ impl Objective<'_> {
     /// The penalised objective (5); designs that cannot be simulated get the failure value.
     fn penalised(&mut self, unit: &[f64]) -> f64 {
         let failure = self.problem.campaign().optimise.failure_value;
-        let Some(candidate) = self.evaluate(unit) else { return failure };
-        let value = self.problem.penalised(candidate.found.criterion_um, candidate.violation);
+        let Some(candidate) = self.evaluate(unit) else {
+            return failure;
+        };
+        let value = self
+            .problem
+            .penalised(candidate.found.criterion_um, candidate.violation);
         if !value.is_finite() {
             return failure;
         }
@@ -202,10 +215,20 @@ impl Objective<'_> {
         match self.evaluate(unit) {
             Some(Candidate { found, violation }) => {
                 // On the edge itself the violation is zero, but the inequalities are strict.
-                let violation = if found.feasible { 0.0 } else { violation.max(f64::MIN_POSITIVE) };
-                Evaluation { value: found.criterion_um, violation }
+                let violation = if found.feasible {
+                    0.0
+                } else {
+                    violation.max(f64::MIN_POSITIVE)
+                };
+                Evaluation {
+                    value: found.criterion_um,
+                    violation,
+                }
             }
-            None => Evaluation { value: 0.0, violation: FAILURE_VIOLATION },
+            None => Evaluation {
+                value: 0.0,
+                violation: FAILURE_VIOLATION,
+            },
         }
     }
 
@@ -226,10 +249,9 @@ impl Objective<'_> {
             }
             _ => {
                 let analysis = pair.unworn();
-                let criterion_um = self
-                    .model
-                    .as_ref()
-                    .map_or(analysis.delta_ste_um, |model| model.mean(&variables.robust_part()));
+                let criterion_um = self.model.as_ref().map_or(analysis.delta_ste_um, |model| {
+                    model.mean(&variables.robust_part())
+                });
                 (criterion_um, analysis.hertz_pressure_mpa)
             }
         };
@@ -239,16 +261,22 @@ impl Objective<'_> {
             return None;
         }
         let mut feasible = problem.is_feasible(&criteria);
-        let improves = self.best.is_none_or(|best| criterion_um < best.criterion_um);
+        let improves = self
+            .best
+            .is_none_or(|best| criterion_um < best.criterion_um);
         if feasible && improves && self.approach == Approach::Kriging {
             // The search takes the pressure of the unworn pair, one call as in the paper. What is
             // kept as an optimum must satisfy its limit worn, too; that costs a call now and then.
             self.simulator_calls += 1;
-            criteria.hertz_pressure_mpa =
-                pair.archard(problem.wear()).analysis.hertz_pressure_mpa;
+            criteria.hertz_pressure_mpa = pair.archard(problem.wear()).analysis.hertz_pressure_mpa;
             feasible = problem.is_feasible(&criteria);
         }
-        let found = Found { variables, criterion_um, criteria, feasible };
+        let found = Found {
+            variables,
+            criterion_um,
+            criteria,
+            feasible,
+        };
         if feasible && improves {
             self.best = Some(found);
         }

@@ -187,14 +187,23 @@ pub fn next(campaign: &Campaign, printed: Frozen, state: &State) -> Next {
         let inputs = match approach {
             Approach::NoWear => Some((printed, None)),
             Approach::Archard => frozen.map(|frozen| (frozen, None)),
-            _ => frozen.zip(state.model.clone()).map(|(frozen, model)| (frozen, Some(model))),
+            _ => frozen
+                .zip(state.model.clone())
+                .map(|(frozen, model)| (frozen, Some(model))),
         };
-        let Some((frozen, model)) = inputs else { continue };
+        let Some((frozen, model)) = inputs else {
+            continue;
+        };
         for start in 0..campaign.optimise.starts {
             let key = (approach, start);
             if !state.runs.contains(&key) && !state.failed_runs.contains(&key) {
                 let model = model.clone();
-                let task = Task::Optimise { approach, start, frozen, model };
+                let task = Task::Optimise {
+                    approach,
+                    start,
+                    frozen,
+                    model,
+                };
                 jobs.push((run_job(approach, start), task));
             }
         }
@@ -206,7 +215,10 @@ pub fn next(campaign: &Campaign, printed: Frozen, state: &State) -> Next {
         verify_jobs(campaign.verify.samples, &point, &mut jobs);
     }
     jobs.retain(|(job, _)| !state.quarantined.contains(job));
-    Next { jobs, local: local_step(campaign, state) }
+    Next {
+        jobs,
+        local: local_step(campaign, state),
+    }
 }
 
 fn sampling_jobs(campaign: &Campaign, frozen: Frozen, state: &State, jobs: &mut Vec<(u64, Task)>) {
@@ -221,12 +233,21 @@ fn sampling_jobs(campaign: &Campaign, frozen: Frozen, state: &State, jobs: &mut 
             .map(|(offset, design)| SampleRequest {
                 design: (chunk * chunk_size + offset) as u32,
                 x: design.x,
-                samples: SampleRange { first: design.samples, count: wanted - design.samples },
+                samples: SampleRange {
+                    first: design.samples,
+                    count: wanted - design.samples,
+                },
             })
             .collect();
         if !missing.is_empty() {
             let job = JobKind::Sample.number(0, chunk as u64);
-            jobs.push((job, Task::Sample { frozen, designs: missing }));
+            jobs.push((
+                job,
+                Task::Sample {
+                    frozen,
+                    designs: missing,
+                },
+            ));
         }
     }
 }
@@ -242,7 +263,9 @@ pub fn verify_points(state: &State) -> Vec<VerifyPoint> {
             stored: state.verified.get(approach).cloned().unwrap_or_default(),
         })
     });
-    optima.chain(state.reference_points.iter().cloned()).collect()
+    optima
+        .chain(state.reference_points.iter().cloned())
+        .collect()
 }
 
 fn verify_jobs(wanted: u32, point: &VerifyPoint, jobs: &mut Vec<(u64, Task)>) {
@@ -255,7 +278,10 @@ fn verify_jobs(wanted: u32, point: &VerifyPoint, jobs: &mut Vec<(u64, Task)>) {
                 point: point.name.clone(),
                 number: point.number,
                 variables: point.variables,
-                samples: SampleRange { first, count: end - first },
+                samples: SampleRange {
+                    first,
+                    count: end - first,
+                },
             };
             jobs.push((JobKind::Verify.number(point.number, u64::from(chunk)), task));
         }
@@ -328,7 +354,10 @@ mod tests {
     }
 
     fn kinds(next: &Next) -> Vec<JobKind> {
-        next.jobs.iter().map(|(job, _)| JobKind::of(*job).unwrap()).collect()
+        next.jobs
+            .iter()
+            .map(|(job, _)| JobKind::of(*job).unwrap())
+            .collect()
     }
 
     #[test]
@@ -343,10 +372,16 @@ mod tests {
     fn frozen_values_of_the_own_optimum_are_waited_for() {
         let mut campaign = campaign();
         campaign.frozen.from = FrozenFrom::Deterministic;
-        let state = State { designs: designs(0), ..State::default() };
+        let state = State {
+            designs: designs(0),
+            ..State::default()
+        };
         let first = next(&campaign, printed(&campaign), &state);
         assert_eq!(kinds(&first), vec![JobKind::Optimise; 3]);
-        let state = State { optima: BTreeMap::from([(Approach::NoWear, None)]), ..state };
+        let state = State {
+            optima: BTreeMap::from([(Approach::NoWear, None)]),
+            ..state
+        };
         let then = next(&campaign, printed(&campaign), &state);
         assert!(kinds(&then).contains(&JobKind::Sample));
     }
@@ -354,8 +389,14 @@ mod tests {
     #[test]
     fn a_restart_asks_only_for_what_is_missing_under_the_same_numbers() {
         let campaign = campaign();
-        let fresh = State { designs: designs(0), ..State::default() };
-        let resumed = State { designs: designs(30), ..State::default() };
+        let fresh = State {
+            designs: designs(0),
+            ..State::default()
+        };
+        let resumed = State {
+            designs: designs(30),
+            ..State::default()
+        };
         let all = next(&campaign, printed(&campaign), &fresh).jobs;
         let rest = next(&campaign, printed(&campaign), &resumed).jobs;
         let sampling = |jobs: &[(u64, Task)]| -> Vec<(u64, usize)> {
@@ -366,16 +407,28 @@ mod tests {
                 })
                 .collect()
         };
-        assert_eq!(sampling(&all).iter().map(|(_, count)| count).collect::<Vec<_>>(), [&25, &25, &10]);
+        assert_eq!(
+            sampling(&all)
+                .iter()
+                .map(|(_, count)| count)
+                .collect::<Vec<_>>(),
+            [&25, &25, &10]
+        );
         let rest = sampling(&rest);
-        assert_eq!(rest, vec![(sampling(&all)[1].0, 20), (sampling(&all)[2].0, 10)]);
+        assert_eq!(
+            rest,
+            vec![(sampling(&all)[1].0, 20), (sampling(&all)[2].0, 10)]
+        );
     }
 
     #[test]
     fn the_stages_follow_each_other_to_the_end() {
         let campaign = campaign();
         let printed = printed(&campaign);
-        let mut state = State { designs: designs(60), ..State::default() };
+        let mut state = State {
+            designs: designs(60),
+            ..State::default()
+        };
         for approach in [Approach::NoWear, Approach::Archard] {
             for start in 0..3 {
                 state.runs.insert((approach, start));
@@ -387,12 +440,18 @@ mod tests {
             let next = next(&campaign, printed, &state);
             for (_, task) in &next.jobs {
                 match task {
-                    Task::Optimise { approach, start, .. } => {
+                    Task::Optimise {
+                        approach, start, ..
+                    } => {
                         state.runs.insert((*approach, *start));
                     }
-                    Task::Verify { number, samples, .. } => {
-                        let approach =
-                            *Approach::ALL.iter().find(|a| a.number() == *number).unwrap();
+                    Task::Verify {
+                        number, samples, ..
+                    } => {
+                        let approach = *Approach::ALL
+                            .iter()
+                            .find(|a| a.number() == *number)
+                            .unwrap();
                         let stored = state.verified.entry(approach).or_default();
                         stored.extend(samples.first..samples.first + samples.count);
                     }
@@ -435,9 +494,16 @@ mod tests {
     fn a_quarantined_job_does_not_hold_up_the_campaign() {
         let campaign = campaign();
         let printed = printed(&campaign);
-        let mut state = State { designs: designs(50), ..State::default() };
+        let mut state = State {
+            designs: designs(50),
+            ..State::default()
+        };
         let waiting = next(&campaign, printed, &state);
-        let (job, _) = waiting.jobs.iter().find(|(job, _)| JobKind::of(*job) == Some(JobKind::Sample)).unwrap();
+        let (job, _) = waiting
+            .jobs
+            .iter()
+            .find(|(job, _)| JobKind::of(*job) == Some(JobKind::Sample))
+            .unwrap();
         assert_eq!(waiting.local, None);
         state.quarantined.insert(*job);
         let going_on = next(&campaign, printed, &state);

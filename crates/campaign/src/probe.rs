@@ -40,5 +40,8 @@ pub fn model_digest(problem: &Problem) -> String {
             absorb(sampler.draw(&mut rng));
         }
     }
-    hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    hash.finalize()
+        .iter()
+        .map(|byte| format!("{byte:02x}"))
+        .collect()
 }

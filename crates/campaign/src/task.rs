@@ -82,7 +82,7 @@ pub enum TaskResult {
     /// Of [`Task::Optimise`].
     Optimise {
         /// The run.
-        run: RunResult,
+        run: Box<RunResult>,
     },
     /// Of [`Task::Verify`].
     Verify {
@@ -145,27 +145,47 @@ pub const NOT_A_NUMBER: &str = "not-a-number";
 pub fn execute(problem: &Problem, task: &Task) -> Result<TaskResult, String> {
     match task {
         Task::Sample { frozen, designs } => {
-            let designs = designs.iter().map(|request| sample(problem, frozen, request)).collect();
+            let designs = designs
+                .iter()
+                .map(|request| sample(problem, frozen, request))
+                .collect();
             Ok(TaskResult::Sample { designs })
         }
-        Task::Optimise { approach, start, frozen, model } => {
+        Task::Optimise {
+            approach,
+            start,
+            frozen,
+            model,
+        } => {
             let run = optimise::run(problem, *approach, *start, frozen, model.as_deref())?;
-            Ok(TaskResult::Optimise { run })
+            Ok(TaskResult::Optimise { run: Box::new(run) })
         }
-        Task::Verify { point, number, variables, samples } => {
+        Task::Verify {
+            point,
+            number,
+            variables,
+            samples,
+        } => {
             let pair = problem.pair(variables).map_err(|error| error.to_string())?;
             let samples_um = draw(problem, &pair, Purpose::Verify, *number, *samples);
             if let Some(index) = samples_um.iter().position(|sample| !sample.is_finite()) {
                 return Err(format!("sample {index} of {point} is not a number"));
             }
-            Ok(TaskResult::Verify { point: point.clone(), first: samples.first, samples_um })
+            Ok(TaskResult::Verify {
+                point: point.clone(),
+                first: samples.first,
+                samples_um,
+            })
         }
     }
 }
 
 fn sample(problem: &Problem, frozen: &Frozen, request: &SampleRequest) -> DesignResult {
     let outcome = guarded(|| simulate(problem, frozen, request));
-    DesignResult { design: request.design, outcome }
+    DesignResult {
+        design: request.design,
+        outcome,
+    }
 }
 
 /// Runs `simulate` and turns a panic into a refusal that carries its message.
@@ -176,7 +196,9 @@ fn guarded(simulate: impl FnOnce() -> DesignOutcome) -> DesignOutcome {
             .map(String::as_str)
             .or_else(|| panic.downcast_ref::<&str>().copied())
             .unwrap_or("no message");
-        DesignOutcome::Refused { reason: format!("{SIMULATOR_PANIC}: {message}") }
+        DesignOutcome::Refused {
+            reason: format!("{SIMULATOR_PANIC}: {message}"),
+        }
     })
 }
 
@@ -188,7 +210,11 @@ fn simulate(problem: &Problem, frozen: &Frozen, request: &SampleRequest) -> Desi
             let reason = format!("{}: {infeasible}", infeasible.code());
             return DesignOutcome::Refused { reason };
         }
-        Err(error) => return DesignOutcome::Refused { reason: format!("invalid-input: {error}") },
+        Err(error) => {
+            return DesignOutcome::Refused {
+                reason: format!("invalid-input: {error}"),
+            };
+        }
     };
     let unworn = pair.unworn();
     let worn = pair.archard(problem.wear());
@@ -205,7 +231,12 @@ fn simulate(problem: &Problem, frozen: &Frozen, request: &SampleRequest) -> Desi
         worn.analysis.delta_ste_um,
     ];
     numbers.extend(&samples_um);
-    numbers.extend(criteria.clearance_mm.iter().chain(&criteria.flank_margin_mm));
+    numbers.extend(
+        criteria
+            .clearance_mm
+            .iter()
+            .chain(&criteria.flank_margin_mm),
+    );
     if !numbers.iter().all(|number| number.is_finite()) {
         let reason = format!("{NOT_A_NUMBER}: the simulator gave a result that is no number");
         return DesignOutcome::Refused { reason };
@@ -268,7 +299,9 @@ mod tests {
         let outcome = guarded(|| panic!("no such tooth"));
         assert_eq!(
             outcome,
-            DesignOutcome::Refused { reason: "simulator-panic: no such tooth".to_owned() }
+            DesignOutcome::Refused {
+                reason: "simulator-panic: no such tooth".to_owned()
+            }
         );
     }
 
@@ -281,7 +314,9 @@ mod tests {
         let result = execute(&problem, &task).unwrap();
         let json = serde_json::to_string(&result).unwrap();
         assert_eq!(serde_json::from_str::<TaskResult>(&json).unwrap(), result);
-        let TaskResult::Sample { designs } = result else { panic!("a sampling result") };
+        let TaskResult::Sample { designs } = result else {
+            panic!("a sampling result")
+        };
         assert!(matches!(&designs[0].outcome,
             DesignOutcome::Simulated { samples_um, .. } if samples_um.len() == 6));
         assert!(matches!(&designs[1].outcome,
@@ -294,8 +329,20 @@ mod tests {
         let frozen = problem.printed_frozen();
         let variables = Variables::robust(&[0.25, 1.37, 1.37, 0.85, 1.31, 0.80], &frozen);
         let pair = problem.pair(&variables).unwrap();
-        let all = draw(&problem, &pair, Purpose::Wear, 3, SampleRange { first: 0, count: 8 });
-        let tail = draw(&problem, &pair, Purpose::Wear, 3, SampleRange { first: 5, count: 3 });
+        let all = draw(
+            &problem,
+            &pair,
+            Purpose::Wear,
+            3,
+            SampleRange { first: 0, count: 8 },
+        );
+        let tail = draw(
+            &problem,
+            &pair,
+            Purpose::Wear,
+            3,
+            SampleRange { first: 5, count: 3 },
+        );
         assert_eq!(all[5..], tail);
     }
 }

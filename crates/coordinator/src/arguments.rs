@@ -17,7 +17,9 @@ pub(crate) struct Arguments {
 }
 
 fn exit_codes() -> String {
-    let lines = exit::TABLE.iter().map(|(code, meaning)| format!("  {code:>2}  {meaning}\n"));
+    let lines = exit::TABLE
+        .iter()
+        .map(|(code, meaning)| format!("  {code:>2}  {meaning}\n"));
     format!(
         "Environment:\n  PITCHLINE_LOG  what to log to standard error [default: info]\n\n\
          Exit codes:\n{}",

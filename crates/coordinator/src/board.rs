@@ -206,7 +206,9 @@ impl Board {
         let worker = WorkerId(worker_id.to_owned());
         let now = self.now();
         let mut inner = self.lock();
-        let failure = inner.scheduler.fail(&worker, JobId(job), attempt, error, now);
+        let failure = inner
+            .scheduler
+            .fail(&worker, JobId(job), attempt, error, now);
         if failure == Failure::Quarantined {
             inner.quarantined.insert(job);
             self.settle(&mut inner, job);
@@ -245,7 +247,12 @@ impl Board {
             .into_iter()
             .filter(|expired| expired.crashed || expired.quarantined)
             .map(|expired| {
-                (expired.job.0, expired.attempt, expired.worker.0, expired.quarantined)
+                (
+                    expired.job.0,
+                    expired.attempt,
+                    expired.worker.0,
+                    expired.quarantined,
+                )
             })
             .collect()
     }
@@ -304,7 +311,11 @@ impl Board {
     /// The registered workers.
     #[must_use]
     pub fn workers(&self) -> Vec<(String, WorkerInfo)> {
-        self.lock().workers.iter().map(|(id, info)| (id.clone(), info.clone())).collect()
+        self.lock()
+            .workers
+            .iter()
+            .map(|(id, info)| (id.clone(), info.clone()))
+            .collect()
     }
 }
 

@@ -89,16 +89,23 @@ const fn store_exit_code(error: &store::Error) -> u8 {
 }
 
 fn read(path: &Path) -> Result<String, FileAccess> {
-    fs::read_to_string(path)
-        .map_err(|source| FileAccess { doing: "read", path: path.to_owned(), source })
-}
-
-fn create_new(path: &Path) -> Result<File, FileAccess> {
-    OpenOptions::new().write(true).create_new(true).open(path).map_err(|source| FileAccess {
-        doing: "write a new file",
+    fs::read_to_string(path).map_err(|source| FileAccess {
+        doing: "read",
         path: path.to_owned(),
         source,
     })
+}
+
+fn create_new(path: &Path) -> Result<File, FileAccess> {
+    OpenOptions::new()
+        .write(true)
+        .create_new(true)
+        .open(path)
+        .map_err(|source| FileAccess {
+            doing: "write a new file",
+            path: path.to_owned(),
+            source,
+        })
 }
 
 /// Prints to standard output; a reader that has gone away is no error.
@@ -113,11 +120,16 @@ fn print(text: &str) -> anyhow::Result<()> {
 async fn run(arguments: arguments::Run) -> anyhow::Result<u8> {
     let (name, text) = match &arguments.campaign {
         Some(path) => (path.display().to_string(), read(path)?),
-        None => ("the built-in campaign".to_owned(), Campaign::PAPER.to_owned()),
+        None => (
+            "the built-in campaign".to_owned(),
+            Campaign::PAPER.to_owned(),
+        ),
     };
     let campaign = Campaign::parse(&name, &text)?;
     let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    let db = arguments.db.unwrap_or_else(|| PathBuf::from(format!("{}.db", campaign.name)));
+    let db = arguments
+        .db
+        .unwrap_or_else(|| PathBuf::from(format!("{}.db", campaign.name)));
     let plan = Plan {
         out: out_folder(arguments.out, &campaign),
         campaign,
@@ -147,7 +159,9 @@ async fn serve(arguments: arguments::Serve) -> anyhow::Result<u8> {
         file_text: text,
         db: arguments.db.clone(),
         listen: arguments.listen,
-        workers: Workers::Remote { keep_serving: arguments.keep_serving },
+        workers: Workers::Remote {
+            keep_serving: arguments.keep_serving,
+        },
     };
     conduct(plan).await
 }
@@ -164,7 +178,11 @@ async fn conduct(plan: Plan) -> anyhow::Result<u8> {
         Outcome::Finished { given_up, report } => {
             let store = Store::open_read_only(&db).await?;
             let status = status::read(&store).await?;
-            print(&format!("{}report          {}\n", status::describe(&status), report.display()))?;
+            print(&format!(
+                "{}report          {}\n",
+                status::describe(&status),
+                report.display()
+            ))?;
             if given_up.is_empty() {
                 Ok(exit::OK)
             } else {
@@ -182,9 +200,10 @@ async fn conduct(plan: Plan) -> anyhow::Result<u8> {
 /// The first signal stops the campaign in good order, the second one at once.
 async fn watch_signals(shutdown: CancellationToken) {
     use tokio::signal::unix::{SignalKind, signal};
-    let (Ok(mut terminate), Ok(mut interrupt)) =
-        (signal(SignalKind::terminate()), signal(SignalKind::interrupt()))
-    else {
+    let (Ok(mut terminate), Ok(mut interrupt)) = (
+        signal(SignalKind::terminate()),
+        signal(SignalKind::interrupt()),
+    ) else {
         return;
     };
     for _ in 0..2 {
@@ -244,12 +263,16 @@ fn simulate_pair(arguments: &arguments::Simulate) -> anyhow::Result<u8> {
 
 fn init(arguments: &arguments::Init) -> anyhow::Result<u8> {
     let mut file = create_new(&arguments.file)?;
-    file.write_all(Campaign::PAPER.as_bytes()).map_err(|source| FileAccess {
-        doing: "write",
-        path: arguments.file.clone(),
-        source,
-    })?;
-    print(&format!("{} holds the paper's campaign: edit it, then check it\n", arguments.file.display()))?;
+    file.write_all(Campaign::PAPER.as_bytes())
+        .map_err(|source| FileAccess {
+            doing: "write",
+            path: arguments.file.clone(),
+            source,
+        })?;
+    print(&format!(
+        "{} holds the paper's campaign: edit it, then check it\n",
+        arguments.file.display()
+    ))?;
     Ok(exit::OK)
 }
 
@@ -267,7 +290,8 @@ fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
     let measured = measure(&problem)?;
 
     let feasible = n as f64 * measured.feasible;
-    let sampling = n as f64 * measured.design_seconds + feasible * k as f64 * measured.sample_seconds;
+    let sampling =
+        n as f64 * measured.design_seconds + feasible * k as f64 * measured.sample_seconds;
     let analyses = (3 * starts * evaluations) as f64;
     let optimising = analyses * measured.design_seconds;
     let verifying = (points * verify) as f64 * measured.sample_seconds;
@@ -282,9 +306,24 @@ fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
         campaign.teeth()[1]
     );
     let rows = [
-        ("sample", n.div_ceil(per_job), format!("{n} designs, at most {} samples", n * k), sampling),
-        ("fit", 1, format!("about {feasible:.0} designs that can be simulated"), fitting),
-        ("optimise", 3 * starts, format!("{} analyses", 3 * starts * evaluations), optimising),
+        (
+            "sample",
+            n.div_ceil(per_job),
+            format!("{n} designs, at most {} samples", n * k),
+            sampling,
+        ),
+        (
+            "fit",
+            1,
+            format!("about {feasible:.0} designs that can be simulated"),
+            fitting,
+        ),
+        (
+            "optimise",
+            3 * starts,
+            format!("{} analyses", 3 * starts * evaluations),
+            optimising,
+        ),
         (
             "verify",
             points * verify.div_ceil(u64::from(plan::VERIFY_SAMPLES_PER_JOB)),
@@ -297,7 +336,10 @@ fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
     }
     let total: f64 = rows.iter().map(|row| row.3).sum();
     let jobs: u64 = rows.iter().map(|row| row.1).sum();
-    plan += &format!("{:<10}{jobs:>6} jobs   {:<50}{total:>8.1} core-seconds (estimated)\n", "all", "");
+    plan += &format!(
+        "{:<10}{jobs:>6} jobs   {:<50}{total:>8.1} core-seconds (estimated)\n",
+        "all", ""
+    );
     for warning in campaign.warnings() {
         plan += &format!("\nwarning: {warning}\n");
     }
@@ -332,13 +374,21 @@ fn measure(problem: &Problem) -> anyhow::Result<Measured> {
                 }
             })
             .collect();
-        let task = Task::Sample { frozen: problem.printed_frozen(), designs };
+        let task = Task::Sample {
+            frozen: problem.printed_frozen(),
+            designs,
+        };
         let before = Instant::now();
-        let result = task::execute(problem, &task).map_err(anyhow::Error::msg).context("a trial run")?;
+        let result = task::execute(problem, &task)
+            .map_err(anyhow::Error::msg)
+            .context("a trial run")?;
         seconds[pass] = before.elapsed().as_secs_f64();
         if let campaign::task::TaskResult::Sample { designs } = result {
             let simulated = |design: &&campaign::task::DesignResult| {
-                matches!(design.outcome, campaign::task::DesignOutcome::Simulated { .. })
+                matches!(
+                    design.outcome,
+                    campaign::task::DesignOutcome::Simulated { .. }
+                )
             };
             feasible = designs.iter().filter(simulated).count() as f64;
         }

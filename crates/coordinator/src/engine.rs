@@ -13,8 +13,8 @@ use tokio_util::sync::CancellationToken;
 use tracing::{error, info, warn};
 
 use crate::board::Board;
-use crate::steps::{self, Cost, ModelSummary};
 use crate::snapshot::{self, P90_MODEL};
+use crate::steps::{self, Cost, ModelSummary};
 use crate::{ingest, references};
 
 /// How often leases are looked over.
@@ -65,7 +65,11 @@ impl Engine {
                 continue;
             }
             if finished {
-                let given_up = state.quarantined.iter().map(|job| ingest::job_name(*job)).collect();
+                let given_up = state
+                    .quarantined
+                    .iter()
+                    .map(|job| ingest::job_name(*job))
+                    .collect();
                 return Ok(Some(Ended { given_up }));
             }
             tokio::select! {
@@ -88,13 +92,22 @@ impl Engine {
                 let name = ingest::job_name(job);
                 let (kind, sentence) = if given_up {
                     error!(job = %name, %worker, "too many workers vanished: the job is given up");
-                    (FailureKind::Quarantine, "its workers vanished while they computed it")
+                    (
+                        FailureKind::Quarantine,
+                        "its workers vanished while they computed it",
+                    )
                 } else {
                     warn!(job = %name, %worker, "a worker vanished while it computed a job");
-                    (FailureKind::Crash, "its worker vanished while it computed it")
+                    (
+                        FailureKind::Crash,
+                        "its worker vanished while it computed it",
+                    )
                 };
                 let row = ingest::failure(job, attempt, &worker, kind, sentence);
-                let batch = Batch { failures: vec![row], ..Batch::default() };
+                let batch = Batch {
+                    failures: vec![row],
+                    ..Batch::default()
+                };
                 self.writer.submit(batch).await?;
             }
         }
@@ -112,7 +125,10 @@ impl Engine {
     ) -> anyhow::Result<()> {
         match step {
             LocalStep::Doe => self.make_doe().await.context("making the DoE"),
-            LocalStep::Statistics => self.compute_responses().await.context("computing responses"),
+            LocalStep::Statistics => self
+                .compute_responses()
+                .await
+                .context("computing responses"),
             LocalStep::Fit => match self.fit().await.context("fitting the kriging model")? {
                 Ok(()) => Ok(()),
                 Err(reason) => {
@@ -130,7 +146,10 @@ impl Engine {
 
     async fn make_doe(&self) -> anyhow::Result<()> {
         let problem = Arc::clone(&self.problem);
-        info!(designs = self.campaign().doe.designs, "making the maximin Latin hypercube");
+        info!(
+            designs = self.campaign().doe.designs,
+            "making the maximin Latin hypercube"
+        );
         let rows = blocking(move || steps::doe(&problem)).await?.0?;
         self.store.put_designs(&rows).await?;
         info!("sampling");
@@ -178,14 +197,27 @@ impl Engine {
         let (fitted, cpu_seconds) =
             blocking(move || steps::fit(&campaign, &designs, &responses)).await?;
         let (model, summary) = match fitted {
-            Ok((model, summary)) => (model, ModelSummary { cpu_seconds, ..summary }),
+            Ok((model, summary)) => (
+                model,
+                ModelSummary {
+                    cpu_seconds,
+                    ..summary
+                },
+            ),
             Err(error) => return Ok(Err(format!("{error:#}"))),
         };
         for warning in &summary.warnings {
             warn!(%warning, "kriging");
         }
-        info!(q2 = summary.q2, rmse_um = summary.rmse_um, cpu_seconds, "kriging model fitted");
-        self.store.put_model(&steps::model_row(&model, &summary)?).await?;
+        info!(
+            q2 = summary.q2,
+            rmse_um = summary.rmse_um,
+            cpu_seconds,
+            "kriging model fitted"
+        );
+        self.store
+            .put_model(&steps::model_row(&model, &summary)?)
+            .await?;
         Ok(Ok(()))
     }
 
@@ -208,7 +240,14 @@ impl Engine {
                 let criteria = self.store.criteria().await?;
                 let responses = self.store.responses().await?;
                 let cost = self.sampling_cost().await?;
-                steps::choose_of_doe(&self.problem, &frozen, &designs, &criteria, &responses, cost)?
+                steps::choose_of_doe(
+                    &self.problem,
+                    &frozen,
+                    &designs,
+                    &criteria,
+                    &responses,
+                    cost,
+                )?
             }
             _ => {
                 let runs = self.store.optimiser_runs().await?;
@@ -218,7 +257,10 @@ impl Engine {
                         serde_json::from_str::<ModelSummary>(&row.summary_json)
                             .map_or(0.0, |summary| summary.cpu_seconds)
                     });
-                    Cost { cpu_seconds: sampling.cpu_seconds + fit, ..sampling }
+                    Cost {
+                        cpu_seconds: sampling.cpu_seconds + fit,
+                        ..sampling
+                    }
                 } else {
                     Cost::default()
                 };
@@ -226,7 +268,11 @@ impl Engine {
             }
         };
         if row.feasible {
-            info!(approach = approach.name(), criterion_um = row.criterion_um, "optimum chosen");
+            info!(
+                approach = approach.name(),
+                criterion_um = row.criterion_um,
+                "optimum chosen"
+            );
         } else {
             warn!(approach = approach.name(), note = %row.note, "no feasible optimum");
         }

@@ -52,12 +52,22 @@ async fn designs<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::R
     let mut header = vec!["design"];
     header.extend(&VARIABLE_NAMES[..6]);
     header.extend([
-        "feasible", "reason", "contact_ratio", "specific_sliding", "hertz_pressure_mpa",
-        "root_stress_mpa", "delta_ste_um", "delta_ste_archard_um",
+        "feasible",
+        "reason",
+        "contact_ratio",
+        "specific_sliding",
+        "hertz_pressure_mpa",
+        "root_stress_mpa",
+        "delta_ste_um",
+        "delta_ste_archard_um",
     ]);
     out.write_record(&header)?;
-    let criteria: std::collections::BTreeMap<u64, store::CriteriaRow> =
-        store.criteria().await?.into_iter().map(|row| (row.design, row)).collect();
+    let criteria: std::collections::BTreeMap<u64, store::CriteriaRow> = store
+        .criteria()
+        .await?
+        .into_iter()
+        .map(|row| (row.design, row))
+        .collect();
     for row in store.designs().await? {
         let mut record = vec![row.design.to_string()];
         record.extend(row_point(&row).map(number));
@@ -100,7 +110,12 @@ async fn samples<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::R
 
 async fn responses<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Result<()> {
     out.write_record([
-        "design", "mean_um", "sd_um", "p90_um", "p90_variance_um2", "lilliefors_p",
+        "design",
+        "mean_um",
+        "sd_um",
+        "p90_um",
+        "p90_variance_um2",
+        "lilliefors_p",
     ])?;
     for row in store.responses().await? {
         out.write_record([
@@ -119,8 +134,17 @@ async fn optima<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Re
     let mut header = vec!["approach"];
     header.extend(VARIABLE_NAMES);
     header.extend([
-        "criterion_um", "p90_um", "p90_low_um", "p90_high_um", "contact_ratio", "specific_sliding",
-        "hertz_pressure_mpa", "root_stress_mpa", "feasible", "simulator_calls", "cpu_seconds",
+        "criterion_um",
+        "p90_um",
+        "p90_low_um",
+        "p90_high_um",
+        "contact_ratio",
+        "specific_sliding",
+        "hertz_pressure_mpa",
+        "root_stress_mpa",
+        "feasible",
+        "simulator_calls",
+        "cpu_seconds",
     ]);
     out.write_record(&header)?;
     for row in store.optima().await? {
@@ -133,8 +157,9 @@ async fn optima<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Re
             .map(|sample| sample.delta_ste_um)
             .collect();
         let percentile = stats::percentile_p90(&samples).ok();
-        let interval =
-            percentile.as_ref().and_then(|percentile| stats::p90_interval(percentile, 0.95).ok());
+        let interval = percentile
+            .as_ref()
+            .and_then(|percentile| stats::p90_interval(percentile, 0.95).ok());
         let mut record = vec![row.approach.clone()];
         match variables.as_ref().map(Variables::values) {
             Some(values) => record.extend(values.map(number)),
@@ -146,7 +171,9 @@ async fn optima<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Re
         record.push(optional(interval.map(|(_, high)| high)));
         record.push(optional(criteria.map(|criteria| criteria.contact_ratio)));
         record.push(optional(criteria.map(|criteria| criteria.specific_sliding)));
-        record.push(optional(criteria.map(|criteria| criteria.hertz_pressure_mpa)));
+        record.push(optional(
+            criteria.map(|criteria| criteria.hertz_pressure_mpa),
+        ));
         record.push(optional(criteria.map(|criteria| criteria.root_stress_mpa)));
         record.push(u8::from(row.feasible).to_string());
         record.push(row.simulator_calls.to_string());

@@ -23,7 +23,11 @@ pub fn rows(
     {
         return Err("the result answers another task than the one leased".to_owned());
     }
-    let cpu_seconds = if cpu_seconds.is_finite() && cpu_seconds >= 0.0 { cpu_seconds } else { 0.0 };
+    let cpu_seconds = if cpu_seconds.is_finite() && cpu_seconds >= 0.0 {
+        cpu_seconds
+    } else {
+        0.0
+    };
     let mut batch = Batch::default();
     match result {
         TaskResult::Sample { designs } => {
@@ -60,9 +64,15 @@ pub fn rows(
                             delta_ste_um: Some(delta_ste_um),
                             delta_ste_archard_um: Some(delta_ste_archard_um),
                         });
-                        batch.samples.extend(samples_um.iter().zip(u64::from(first)..).map(
-                            |(&delta_ste_um, sample)| SampleRow { design, sample, delta_ste_um },
-                        ));
+                        batch
+                            .samples
+                            .extend(samples_um.iter().zip(u64::from(first)..).map(
+                                |(&delta_ste_um, sample)| SampleRow {
+                                    design,
+                                    sample,
+                                    delta_ste_um,
+                                },
+                            ));
                     }
                 }
             }
@@ -75,14 +85,20 @@ pub fn rows(
             simulator_calls: run.simulator_calls,
             cpu_seconds,
         }),
-        TaskResult::Verify { point, first, samples_um } => {
-            batch.verify.extend(samples_um.iter().zip(u64::from(first)..).map(
-                |(&delta_ste_um, sample)| VerifyRow {
-                    approach: point.clone(),
-                    sample,
-                    delta_ste_um,
-                },
-            ));
+        TaskResult::Verify {
+            point,
+            first,
+            samples_um,
+        } => {
+            batch
+                .verify
+                .extend(samples_um.iter().zip(u64::from(first)..).map(
+                    |(&delta_ste_um, sample)| VerifyRow {
+                        approach: point.clone(),
+                        sample,
+                        delta_ste_um,
+                    },
+                ));
         }
     }
     batch.times.push(JobTimeRow { job, cpu_seconds });
@@ -124,19 +140,32 @@ fn answers(result: &TaskResult, task: &Task) -> bool {
                     result.design == request.design
                         && match &result.outcome {
                             DesignOutcome::Refused { .. } => true,
-                            DesignOutcome::Simulated { first, samples_um, .. } => {
+                            DesignOutcome::Simulated {
+                                first, samples_um, ..
+                            } => {
                                 *first == request.samples.first
                                     && samples_um.len() == request.samples.count as usize
                             }
                         }
                 })
         }
-        (TaskResult::Optimise { run }, Task::Optimise { approach, start, .. }) => {
-            run.approach == *approach && run.start == *start
-        }
         (
-            TaskResult::Verify { point, first, samples_um },
-            Task::Verify { point: asked, samples, .. },
+            TaskResult::Optimise { run },
+            Task::Optimise {
+                approach, start, ..
+            },
+        ) => run.approach == *approach && run.start == *start,
+        (
+            TaskResult::Verify {
+                point,
+                first,
+                samples_um,
+            },
+            Task::Verify {
+                point: asked,
+                samples,
+                ..
+            },
         ) => {
             point == asked && *first == samples.first && samples_um.len() == samples.count as usize
         }
@@ -161,7 +190,10 @@ mod tests {
             designs: vec![SampleRequest {
                 design: 7,
                 x: [0.0; 6],
-                samples: SampleRange { first: 0, count: 30 },
+                samples: SampleRange {
+                    first: 0,
+                    count: 30,
+                },
             }],
         }
     }

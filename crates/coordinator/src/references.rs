@@ -49,7 +49,9 @@ impl Place {
     #[must_use]
     pub fn variables(self) -> Variables {
         match self {
-            Self::Preliminary(row) => Variables::robust(&paper::PRELIMINARY[row].variables, &FROZEN),
+            Self::Preliminary(row) => {
+                Variables::robust(&paper::PRELIMINARY[row].variables, &FROZEN)
+            }
             Self::Similar(row) => Variables::robust(&paper::SIMILAR[row].variables, &FROZEN),
             Self::Figure(figure) => printed(figure),
         }
@@ -71,7 +73,19 @@ const FROZEN: Frozen = Frozen {
 #[must_use]
 pub fn printed(figure: u8) -> Variables {
     let design = paper::printed(figure).expect("figures 6 to 10 print a design");
-    let [x_p, x_r, ha_p, ha_r, hf_p, hf_r, tip_p, tip_r, root_p, root_r, beta] = design.variables;
+    let [
+        x_p,
+        x_r,
+        ha_p,
+        ha_r,
+        hf_p,
+        hf_r,
+        tip_p,
+        tip_r,
+        root_p,
+        root_r,
+        beta,
+    ] = design.variables;
     Variables {
         profile_shift: [x_p, x_r],
         tool_addendum: [ha_p, ha_r],

@@ -19,8 +19,8 @@ use store::{CampaignRow, CriteriaRow, OptimiserRunRow, OptimumRow, ResponseRow, 
 
 use crate::references::{Place, printed};
 use crate::snapshot::{P90_MODEL, approach_of, optimum_variables};
-use crate::steps::{ModelSummary, sampling_calls};
 use crate::steps;
+use crate::steps::{ModelSummary, sampling_calls};
 
 /// Points on each flank of a drawn gear.
 const OUTLINE_POINTS: usize = 24;
@@ -75,7 +75,10 @@ pub async fn gather(store: &Store) -> anyhow::Result<ReportData> {
         .chain(Place::all().map(Place::name));
     for name in names {
         let samples = store.verify_samples(&name).await?;
-        fresh.insert(name, samples.iter().map(|sample| sample.delta_ste_um).collect());
+        fresh.insert(
+            name,
+            samples.iter().map(|sample| sample.delta_ste_um).collect(),
+        );
     }
     let sources = Sources {
         campaign: row,
@@ -97,13 +100,25 @@ pub async fn gather(store: &Store) -> anyhow::Result<ReportData> {
         header: header(&sources, digest, &times),
         compare_with_paper: compare,
         limits: limits(sources.problem.campaign()),
-        preliminary: if compare { preliminary(&sources) } else { Vec::new() },
+        preliminary: if compare {
+            preliminary(&sources)
+        } else {
+            Vec::new()
+        },
         doe: doe(&sources),
-        similar: if compare { similar(&sources) } else { Vec::new() },
+        similar: if compare {
+            similar(&sources)
+        } else {
+            Vec::new()
+        },
         wear: wear(&sources),
         kriging: kriging(&sources),
         approaches: approaches(&sources)?,
-        printed: if compare { printed_designs(&sources) } else { Vec::new() },
+        printed: if compare {
+            printed_designs(&sources)
+        } else {
+            Vec::new()
+        },
         notes: notes(&sources, &store.failures().await?),
     })
 }
@@ -111,13 +126,20 @@ pub async fn gather(store: &Store) -> anyhow::Result<ReportData> {
 fn header(sources: &Sources, samples_digest: String, times: &[store::JobTimeRow]) -> Header {
     let campaign = sources.problem.campaign();
     let mut reasons: BTreeMap<&str, usize> = BTreeMap::new();
-    for reason in sources.criteria.iter().filter_map(|row| row.reason.as_deref()) {
+    for reason in sources
+        .criteria
+        .iter()
+        .filter_map(|row| row.reason.as_deref())
+    {
         let code = reason.split(':').next().unwrap_or(reason);
         *reasons.entry(code).or_default() += 1;
     }
     let mut infeasible: Vec<InfeasibleReason> = reasons
         .into_iter()
-        .map(|(reason, count)| InfeasibleReason { reason: reason.to_owned(), count })
+        .map(|(reason, count)| InfeasibleReason {
+            reason: reason.to_owned(),
+            count,
+        })
         .collect();
     infeasible.sort_by(|a, b| b.count.cmp(&a.count).then(a.reason.cmp(&b.reason)));
 
@@ -129,12 +151,22 @@ fn header(sources: &Sources, samples_digest: String, times: &[store::JobTimeRow]
     }
     let seconds = |kind| stages.get(&kind).copied().unwrap_or(0.0);
     use campaign::plan::JobKind::{Optimise, Sample, Verify};
-    let fit = sources.model.as_ref().map_or(0.0, |model| model.cpu_seconds);
+    let fit = sources
+        .model
+        .as_ref()
+        .map_or(0.0, |model| model.cpu_seconds);
     let sampling = sampling_calls(&sources.criteria, campaign.sampling.samples_per_design);
     // An approach that rests on the DoE counts its calls as its own; here they count once.
     let optimising: u64 = sources.runs.iter().map(|run| run.simulator_calls).sum();
-    let verifying: u64 = sources.fresh.values().map(|samples| samples.len() as u64).sum();
-    let stage = |name: &str, cpu_seconds| StageCost { stage: name.to_owned(), cpu_seconds };
+    let verifying: u64 = sources
+        .fresh
+        .values()
+        .map(|samples| samples.len() as u64)
+        .sum();
+    let stage = |name: &str, cpu_seconds| StageCost {
+        stage: name.to_owned(),
+        cpu_seconds,
+    };
     Header {
         campaign: sources.campaign.name.clone(),
         seed: sources.campaign.seed,
@@ -155,7 +187,10 @@ fn header(sources: &Sources, samples_digest: String, times: &[store::JobTimeRow]
             ("tooth model".to_owned(), campaign.pair.tooth_model.clone()),
             (
                 "wear".to_owned(),
-                format!("{} µm per flank at the deepest point", campaign.wear.max_depth_um),
+                format!(
+                    "{} µm per flank at the deepest point",
+                    campaign.wear.max_depth_um
+                ),
             ),
         ],
     }
@@ -177,10 +212,16 @@ fn percentile(samples: &[f64]) -> Percentile {
         high_um: f64::NAN,
         samples: samples.len(),
     };
-    let Ok(estimate) = stats::percentile_p90(samples) else { return nothing };
-    let (low_um, high_um) =
-        stats::p90_interval(&estimate, 0.95).unwrap_or((f64::NAN, f64::NAN));
-    Percentile { value_um: estimate.p90, low_um, high_um, samples: samples.len() }
+    let Ok(estimate) = stats::percentile_p90(samples) else {
+        return nothing;
+    };
+    let (low_um, high_um) = stats::p90_interval(&estimate, 0.95).unwrap_or((f64::NAN, f64::NAN));
+    Percentile {
+        value_um: estimate.p90,
+        low_um,
+        high_um,
+        samples: samples.len(),
+    }
 }
 
 fn preliminary(sources: &Sources) -> Vec<PreliminaryDesign> {
@@ -206,8 +247,11 @@ fn preliminary(sources: &Sources) -> Vec<PreliminaryDesign> {
 }
 
 fn doe(sources: &Sources) -> Vec<DoePoint> {
-    let percentiles: BTreeMap<u64, f64> =
-        sources.responses.iter().map(|row| (row.design, row.p90_um)).collect();
+    let percentiles: BTreeMap<u64, f64> = sources
+        .responses
+        .iter()
+        .map(|row| (row.design, row.p90_um))
+        .collect();
     sources
         .criteria
         .iter()
@@ -229,10 +273,7 @@ fn similar(sources: &Sources) -> Vec<SimilarDesign> {
             let pair = sources.problem.pair(&place.variables()).ok()?;
             Some(SimilarDesign {
                 variables: printed.variables,
-                delta_ste_archard_um: pair
-                    .archard(sources.problem.wear())
-                    .analysis
-                    .delta_ste_um,
+                delta_ste_archard_um: pair.archard(sources.problem.wear()).analysis.delta_ste_um,
                 p90: percentile(sources.fresh.get(&place.name())?),
             })
         })
@@ -244,7 +285,10 @@ fn wear(sources: &Sources) -> Option<WearProfiles> {
     let (name, variables) = [Approach::Archard, Approach::NoWear]
         .iter()
         .find_map(|approach| {
-            let row = sources.optima.iter().find(|row| row.approach == approach.name())?;
+            let row = sources
+                .optima
+                .iter()
+                .find(|row| row.approach == approach.name())?;
             Some((approach.name(), optimum_variables(row)?))
         })?;
     let pair = sources.problem.pair(&variables).ok()?;
@@ -267,12 +311,17 @@ fn wear(sources: &Sources) -> Option<WearProfiles> {
         subject: format!("pinion flank of the design of approach “{name}”"),
         roll_angle_rad: roll,
         archard_um,
-        random_um: profiles.iter().map(|profile| micrometres(&profile.depth[0])).collect(),
+        random_um: profiles
+            .iter()
+            .map(|profile| micrometres(&profile.depth[0]))
+            .collect(),
     })
 }
 
 fn kriging(sources: &Sources) -> Vec<KrigingFit> {
-    let Some(model) = &sources.model else { return Vec::new() };
+    let Some(model) = &sources.model else {
+        return Vec::new();
+    };
     let parameter = |name: &str, value: f64, unit: &str| Parameter {
         name: name.to_owned(),
         value,
@@ -287,14 +336,20 @@ fn kriging(sources: &Sources) -> Vec<KrigingFit> {
     parameters.extend(names.iter().zip(&model.ranges).map(|(name, range)| {
         parameter(&format!("range in {name}"), range.unwrap_or(f64::NAN), "")
     }));
-    let observed: BTreeMap<u64, f64> =
-        sources.responses.iter().map(|row| (row.design, row.p90_um)).collect();
+    let observed: BTreeMap<u64, f64> = sources
+        .responses
+        .iter()
+        .map(|row| (row.design, row.p90_um))
+        .collect();
     let leave_one_out = model
         .residuals_um
         .iter()
         .filter_map(|(design, residual)| {
             let observed_um = *observed.get(design)?;
-            Some(LeaveOneOut { observed_um, predicted_um: observed_um - residual })
+            Some(LeaveOneOut {
+                observed_um,
+                predicted_um: observed_um - residual,
+            })
         })
         .collect();
     vec![KrigingFit {
@@ -321,7 +376,10 @@ fn approaches(sources: &Sources) -> anyhow::Result<Vec<ApproachResult>> {
     Approach::ALL
         .iter()
         .filter_map(|approach| {
-            sources.optima.iter().find(|row| row.approach == approach.name())
+            sources
+                .optima
+                .iter()
+                .find(|row| row.approach == approach.name())
         })
         .map(|row| {
             let approach = approach_of(&row.approach).context("an unknown approach")?;
@@ -334,7 +392,11 @@ fn approaches(sources: &Sources) -> anyhow::Result<Vec<ApproachResult>> {
             };
             Ok(ApproachResult {
                 approach: report_approach(approach),
-                note: if outcome.is_ok() { row.note.clone() } else { String::new() },
+                note: if outcome.is_ok() {
+                    row.note.clone()
+                } else {
+                    String::new()
+                },
                 outcome,
                 simulator_calls: row.simulator_calls,
                 cpu_seconds: row.cpu_seconds,
@@ -355,7 +417,11 @@ fn runs(sources: &Sources, approach: Approach) -> anyhow::Result<Vec<OptimiserRu
             let mut restarts: Vec<u64> = run.restarts.iter().map(|(at, _)| *at).collect();
             restarts.push(restart_at);
             restarts.sort_unstable();
-            Ok(OptimiserRun { start: row.start as usize + 1, best: run.history, restarts })
+            Ok(OptimiserRun {
+                start: row.start as usize + 1,
+                best: run.history,
+                restarts,
+            })
         })
         .collect()
 }
@@ -366,7 +432,10 @@ fn optimum(
     variables: &Variables,
     criteria: &Criteria,
 ) -> Optimum {
-    let samples = sources.fresh.get(&row.approach).map_or(&[][..], Vec::as_slice);
+    let samples = sources
+        .fresh
+        .get(&row.approach)
+        .map_or(&[][..], Vec::as_slice);
     let pair = sources.problem.pair(variables).ok();
     Optimum {
         variables: variables.values(),
@@ -398,11 +467,12 @@ fn drawing(pair: &gear::Pair) -> GearDrawing {
         let index = member.index();
         let points = gear::gear_outline(pair, member, OUTLINE_POINTS);
         GearOutline {
-            outline: points.into_iter().map(|point| placements[index].apply(point)).collect(),
+            outline: points
+                .into_iter()
+                .map(|point| placements[index].apply(point))
+                .collect(),
             centre: placements[index].centre,
-            pitch_radius_mm: Some(
-                geometry.centre_distance * teeth[index] / (teeth[0] + teeth[1]),
-            ),
+            pitch_radius_mm: Some(geometry.centre_distance * teeth[index] / (teeth[0] + teeth[1])),
             base_radius_mm: Some(geometry.r_b[index]),
         }
     };
@@ -418,24 +488,42 @@ fn drawing(pair: &gear::Pair) -> GearDrawing {
 fn path_of_contact(geometry: &gear::Geometry) -> [[f64; 2]; 2] {
     let (sin, cos) = geometry.alpha_wt.sin_cos();
     [geometry.s_in, geometry.s_out].map(|s| {
-        [geometry.r_b[0] * cos + s * sin, geometry.r_b[0] * sin - s * cos]
+        [
+            geometry.r_b[0] * cos + s * sin,
+            geometry.r_b[0] * sin - s * cos,
+        ]
     })
 }
 
 fn ste(sources: &Sources, pair: &gear::Pair) -> SteCurves {
     let unworn = pair.unworn();
     let worn = pair.archard(sources.problem.wear()).analysis;
-    SteCurves { phase: unworn.phases, unworn_um: unworn.ste_um, worn_um: worn.ste_um }
+    // The curve is periodic: its first point again closes the period in the chart.
+    let closed = |values: Vec<f64>, end: Option<f64>| -> Vec<f64> {
+        let end = end.or_else(|| values.first().copied());
+        values.into_iter().chain(end).collect()
+    };
+    SteCurves {
+        phase: closed(unworn.phases, Some(1.0)),
+        unworn_um: closed(unworn.ste_um, None),
+        worn_um: closed(worn.ste_um, None),
+    }
 }
 
 fn printed_designs(sources: &Sources) -> Vec<PrintedDesign> {
     (6..=10)
-        .map(|figure| PrintedDesign { figure, outcome: printed_figures(sources, figure) })
+        .map(|figure| PrintedDesign {
+            figure,
+            outcome: printed_figures(sources, figure),
+        })
         .collect()
 }
 
 fn printed_figures(sources: &Sources, figure: u8) -> Result<PrintedFigures, String> {
-    let pair = sources.problem.pair(&printed(figure)).map_err(|error| error.to_string())?;
+    let pair = sources
+        .problem
+        .pair(&printed(figure))
+        .map_err(|error| error.to_string())?;
     let unworn = pair.unworn();
     let worn = pair.archard(sources.problem.wear()).analysis;
     // Figures 6 and 7 are designs of the problem without wear, the others of problems with it.
@@ -459,7 +547,8 @@ fn printed_figures(sources: &Sources, figure: u8) -> Result<PrintedFigures, Stri
     let notched = pair.root_stress().iter().any(|root| !root.in_range);
     let mut von_mises = report::ModelFigure::from(criteria.root_stress_mpa);
     if notched {
-        von_mises.note = "The notch factor’s formula is outside its range (1 to 8) here.".to_owned();
+        von_mises.note =
+            "The notch factor’s formula is outside its range (1 to 8) here.".to_owned();
     }
     Ok(PrintedFigures {
         contact_ratio: criteria.contact_ratio.into(),
@@ -475,22 +564,36 @@ fn notes(sources: &Sources, failures: &[store::FailureRow]) -> Vec<String> {
     let campaign = sources.problem.campaign();
     let mut notes = campaign.warnings();
     if let Some(model) = &sources.model {
-        notes.extend(model.warnings.iter().map(|warning| format!("Kriging: {warning}.")));
+        notes.extend(
+            model
+                .warnings
+                .iter()
+                .map(|warning| format!("Kriging: {warning}.")),
+        );
     }
     let panics = |name: &str| {
         sources
             .criteria
             .iter()
-            .filter(|row| row.reason.as_deref().is_some_and(|reason| reason.starts_with(name)))
+            .filter(|row| {
+                row.reason
+                    .as_deref()
+                    .is_some_and(|reason| reason.starts_with(name))
+            })
             .count()
     };
     for (name, what) in [
         (campaign::task::SIMULATOR_PANIC, "made the simulator panic"),
-        (campaign::task::NOT_A_NUMBER, "gave results that are no numbers"),
+        (
+            campaign::task::NOT_A_NUMBER,
+            "gave results that are no numbers",
+        ),
     ] {
         let count = panics(name);
         if count > 0 {
-            notes.push(format!("{count} designs {what}; they are recorded as infeasible."));
+            notes.push(format!(
+                "{count} designs {what}; they are recorded as infeasible."
+            ));
         }
     }
     let mut given_up: Vec<&str> = failures

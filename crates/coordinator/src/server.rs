@@ -113,12 +113,25 @@ pub async fn run(plan: Plan, shutdown: CancellationToken) -> Result<Outcome, Err
     // The port first: a taken one must not leave a store behind.
     let listener = TcpListener::bind(plan.listen)
         .await
-        .map_err(|source| Error::Listen { address: plan.listen, source })?;
-    let address = listener
-        .local_addr()
-        .map_err(|source| Error::Listen { address: plan.listen, source })?;
+        .map_err(|source| Error::Listen {
+            address: plan.listen,
+            source,
+        })?;
+    let address = listener.local_addr().map_err(|source| Error::Listen {
+        address: plan.listen,
+        source,
+    })?;
     let store = Store::create_or_open(&plan.db, &row).await?;
-    let result = run_open(&plan, &problem, model_digest, &store, listener, address, &shutdown).await;
+    let result = run_open(
+        &plan,
+        &problem,
+        model_digest,
+        &store,
+        listener,
+        address,
+        &shutdown,
+    )
+    .await;
     store.close().await?;
     result
 }
@@ -134,7 +147,10 @@ async fn run_open(
 ) -> Result<Outcome, Error> {
     store.pin_model_digest(&model_digest).await?;
     let writer = store.writer()?;
-    let options = scheduler::Options { lease: LEASE, ..scheduler::Options::default() };
+    let options = scheduler::Options {
+        lease: LEASE,
+        ..scheduler::Options::default()
+    };
     let board = Arc::new(Board::new(options, rand::random()));
     let service = Service {
         board: Arc::clone(&board),
@@ -153,7 +169,12 @@ async fn run_open(
         Workers::Local(count) => local::spawn_workers(address, count, &stop_workers),
         Workers::Remote { .. } => tokio::task::JoinSet::new(),
     };
-    let engine = Engine { problem: Arc::clone(problem), store: store.clone(), writer, board };
+    let engine = Engine {
+        problem: Arc::clone(problem),
+        store: store.clone(),
+        writer,
+        board,
+    };
     let ended = tokio::select! {
         ended = engine.run(shutdown) => ended.map_err(Error::from),
         failed = engine.watch_leases() => Err(Error::from(
@@ -165,7 +186,9 @@ async fn run_open(
     };
     let outcome = match ended {
         Ok(Some(Ended { given_up })) => {
-            let report = reporting::write(store, &plan.out).await.map_err(Error::from)?;
+            let report = reporting::write(store, &plan.out)
+                .await
+                .map_err(Error::from)?;
             info!(report = %report.display(), "report written");
             engine.board.finish();
             farewell(&engine.board).await;
@@ -180,7 +203,10 @@ async fn run_open(
     };
     stop_workers.cancel();
     let finish_workers = async { while local_workers.join_next().await.is_some() {} };
-    if tokio::time::timeout(Duration::from_secs(15), finish_workers).await.is_err() {
+    if tokio::time::timeout(Duration::from_secs(15), finish_workers)
+        .await
+        .is_err()
+    {
         warn!("workers of this process did not end in time");
     }
     hang_up.cancel();
@@ -196,7 +222,9 @@ async fn first_failure(
     while let Some(ended) = workers.join_next().await {
         match ended {
             Ok(Ok(_)) => {}
-            Ok(Err(error)) => return anyhow::Error::from(error).context("a worker of this process"),
+            Ok(Err(error)) => {
+                return anyhow::Error::from(error).context("a worker of this process");
+            }
             Err(panic) => return anyhow::Error::from(panic).context("a worker of this process"),
         }
     }
@@ -217,7 +245,9 @@ async fn serve(
     hang_up: CancellationToken,
 ) -> anyhow::Result<()> {
     let (health_reporter, health) = tonic_health::server::health_reporter();
-    health_reporter.set_serving::<CampaignServer<Service>>().await;
+    health_reporter
+        .set_serving::<CampaignServer<Service>>()
+        .await;
     let reflection = tonic_reflection::server::Builder::configure()
         .register_encoded_file_descriptor_set(DESCRIPTORS)
         .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
@@ -232,10 +262,7 @@ async fn serve(
         .add_service(health)
         .add_service(reflection)
         .add_service(campaign)
-        .serve_with_incoming_shutdown(
-            TcpListenerStream::new(listener),
-            hang_up.cancelled_owned(),
-        )
+        .serve_with_incoming_shutdown(TcpListenerStream::new(listener), hang_up.cancelled_owned())
         .await
         .context("the server")
 }

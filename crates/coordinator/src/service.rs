@@ -3,12 +3,12 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use protocol::Refusal;
 use protocol::v1::{
     Directive, HeartbeatRequest, HeartbeatResponse, JobResult, LeaseRequest, LeaseResponse,
     RegisterRequest, RegisterResponse, ReleaseRequest, ReleaseResponse, ReportRequest,
     ReportResponse, StatusRequest, StatusResponse, campaign_server, job_result,
 };
-use protocol::Refusal;
 use scheduler::Failure;
 use store::{Batch, FailureKind, Store, Writer};
 use tonic::{Request, Response, Status};
@@ -64,7 +64,8 @@ impl campaign_server::Campaign for Service {
                      samples must not be mixed: run the same build on both sides",
                 ));
             }
-            self.board.register(&request.worker_id, &request.host, request.slots);
+            self.board
+                .register(&request.worker_id, &request.host, request.slots);
             info!(worker = %request.worker_id, host = %request.host, slots = request.slots,
                 "worker registered");
         }
@@ -95,7 +96,10 @@ impl campaign_server::Campaign for Service {
         } else {
             Directive::Continue
         };
-        Ok(Response::new(LeaseResponse { jobs, directive: directive.into() }))
+        Ok(Response::new(LeaseResponse {
+            jobs,
+            directive: directive.into(),
+        }))
     }
 
     async fn report(
@@ -104,7 +108,9 @@ impl campaign_server::Campaign for Service {
     ) -> Result<Response<ReportResponse>, Status> {
         let request = request.into_inner();
         if !self.board.is_known(&request.worker_id) {
-            return Ok(Response::new(ReportResponse { directive: Directive::Register.into() }));
+            return Ok(Response::new(ReportResponse {
+                directive: Directive::Register.into(),
+            }));
         }
         let worker = &request.worker_id;
         let mut accepted = Vec::new();
@@ -126,7 +132,10 @@ impl campaign_server::Campaign for Service {
         });
         let commits: Vec<_> = commits.collect();
         for (result, commit) in accepted.into_iter().zip(commits) {
-            match commit.await.map_err(|_| Status::internal("the commit was abandoned"))? {
+            match commit
+                .await
+                .map_err(|_| Status::internal("the commit was abandoned"))?
+            {
                 Ok(_) => {
                     self.board.complete(worker, result.job, result.attempt);
                 }
@@ -134,7 +143,8 @@ impl campaign_server::Campaign for Service {
                     // What is stored stays. Somebody computes other numbers, which must be heard.
                     error!(job = %ingest::job_name(result.job), %worker, error = %conflict,
                         "a worker contradicts the store");
-                    self.record(worker, result, FailureKind::Failure, &conflict.to_string()).await?;
+                    self.record(worker, result, FailureKind::Failure, &conflict.to_string())
+                        .await?;
                     self.board.complete(worker, result.job, result.attempt);
                 }
                 Err(failed) => {
@@ -143,7 +153,9 @@ impl campaign_server::Campaign for Service {
                 }
             }
         }
-        Ok(Response::new(ReportResponse { directive: Directive::Continue.into() }))
+        Ok(Response::new(ReportResponse {
+            directive: Directive::Continue.into(),
+        }))
     }
 
     async fn heartbeat(
@@ -158,7 +170,10 @@ impl campaign_server::Campaign for Service {
             }));
         }
         let cancelled = self.board.heartbeat(&request.worker_id, &request.held);
-        Ok(Response::new(HeartbeatResponse { directive: Directive::Continue.into(), cancelled }))
+        Ok(Response::new(HeartbeatResponse {
+            directive: Directive::Continue.into(),
+            cancelled,
+        }))
     }
 
     async fn release(
@@ -199,7 +214,9 @@ impl Service {
     /// Counts a failure and records it.
     async fn fail(&self, worker: &str, result: &JobResult, error: &str) -> Result<(), Status> {
         let name = ingest::job_name(result.job);
-        let failure = self.board.fail(worker, result.job, result.attempt, error.to_owned());
+        let failure = self
+            .board
+            .fail(worker, result.job, result.attempt, error.to_owned());
         let kind = if failure == Failure::Quarantined {
             error!(job = %name, %worker, %error, "a job was given up");
             FailureKind::Quarantine
@@ -218,7 +235,10 @@ impl Service {
         error: &str,
     ) -> Result<(), Status> {
         let row = ingest::failure(result.job, result.attempt, worker, kind, error);
-        let batch = Batch { failures: vec![row], ..Batch::default() };
+        let batch = Batch {
+            failures: vec![row],
+            ..Batch::default()
+        };
         self.writer
             .submit(batch)
             .await

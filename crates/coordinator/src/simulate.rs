@@ -127,14 +127,28 @@ pub fn run(file: &PairFile, request: Request) -> anyhow::Result<Simulation> {
         let mut sampler = pair.sampler(&wear);
         (0..request.samples)
             .map(|index| {
-                sampler.draw(&mut stream(request.seed, Purpose::Wear, 0, u64::from(index)))
+                sampler.draw(&mut stream(
+                    request.seed,
+                    Purpose::Wear,
+                    0,
+                    u64::from(index),
+                ))
             })
             .collect::<Vec<f64>>()
     });
-    let percentile = samples_um.as_deref().map(stats::percentile_p90).transpose()?;
+    let percentile = samples_um
+        .as_deref()
+        .map(stats::percentile_p90)
+        .transpose()?;
 
     let geometry: &Geometry = pair.geometry();
-    let Sliding { pinion_root, pinion_tip, gear_root, gear_tip, max } = pair.sliding();
+    let Sliding {
+        pinion_root,
+        pinion_tip,
+        gear_root,
+        gear_tip,
+        max,
+    } = pair.sliding();
     let interference = pair.interference();
     let roots = pair.root_stress();
     let diameter = |radius: [f64; 2]| radius.map(|radius| 2.0 * radius);
@@ -157,14 +171,23 @@ pub fn run(file: &PairFile, request: Request) -> anyhow::Result<Simulation> {
                 overlap: geometry.eps_beta,
                 total: geometry.contact_ratio,
             },
-            specific_sliding: SpecificSliding { pinion_root, pinion_tip, gear_root, gear_tip, max },
+            specific_sliding: SpecificSliding {
+                pinion_root,
+                pinion_tip,
+                gear_root,
+                gear_tip,
+                max,
+            },
             clearance_mm: interference.clearance,
             flank_margin_mm: interference.flank_margin,
             hertz_pressure_mpa: analysis.hertz_pressure_mpa,
             root_stress_mpa: [roots[0].stress_mpa, roots[1].stress_mpa],
             notch_parameter_in_range: [roots[0].in_range, roots[1].in_range],
             pair_stiffness_n_per_mm_um: pair.pitch_stiffness(),
-            ste_um: Curve { phase: analysis.phases, value: analysis.ste_um },
+            ste_um: Curve {
+                phase: analysis.phases,
+                value: analysis.ste_um,
+            },
             delta_ste_um: analysis.delta_ste_um,
             samples_um,
             mean_um: percentile.map(|percentile| percentile.mean),
@@ -203,29 +226,78 @@ pub fn describe(simulation: &Simulation) -> String {
         // Writing to a string does not fail.
         let _ = writeln!(text, "{name:<28}{value}");
     };
-    line("normal module", format!("{:.5} mm", figures.normal_module_mm));
-    line("centre distance", format!("{:.4} mm", figures.centre_distance_mm));
-    line("transverse pressure angle", format!("{:.4}°", figures.transverse_pressure_angle_deg));
-    line("working pressure angle", format!("{:.4}°", figures.working_pressure_angle_deg));
-    line("reference diameters", format!("{} mm", pair(figures.reference_diameter_mm)));
-    line("base diameters", format!("{} mm", pair(figures.base_diameter_mm)));
-    line("tip diameters", format!("{} mm", pair(figures.tip_diameter_mm)));
-    line("root diameters", format!("{} mm", pair(figures.root_diameter_mm)));
-    let ContactRatio { transverse, overlap, total } = figures.contact_ratio;
+    line(
+        "normal module",
+        format!("{:.5} mm", figures.normal_module_mm),
+    );
+    line(
+        "centre distance",
+        format!("{:.4} mm", figures.centre_distance_mm),
+    );
+    line(
+        "transverse pressure angle",
+        format!("{:.4}°", figures.transverse_pressure_angle_deg),
+    );
+    line(
+        "working pressure angle",
+        format!("{:.4}°", figures.working_pressure_angle_deg),
+    );
+    line(
+        "reference diameters",
+        format!("{} mm", pair(figures.reference_diameter_mm)),
+    );
+    line(
+        "base diameters",
+        format!("{} mm", pair(figures.base_diameter_mm)),
+    );
+    line(
+        "tip diameters",
+        format!("{} mm", pair(figures.tip_diameter_mm)),
+    );
+    line(
+        "root diameters",
+        format!("{} mm", pair(figures.root_diameter_mm)),
+    );
+    let ContactRatio {
+        transverse,
+        overlap,
+        total,
+    } = figures.contact_ratio;
     line(
         "contact ratio",
         format!("{total:.4} (transverse {transverse:.4}, overlap {overlap:.4})"),
     );
-    line("largest specific sliding", format!("{:.4}", figures.specific_sliding.max));
-    line("tip clearances", format!("{} mm", pair(figures.clearance_mm)));
-    line("flank margins", format!("{} mm", pair(figures.flank_margin_mm)));
-    line("contact pressure", format!("{:.1} MPa", figures.hertz_pressure_mpa));
-    line("root stresses", format!("{} MPa", pair(figures.root_stress_mpa)));
+    line(
+        "largest specific sliding",
+        format!("{:.4}", figures.specific_sliding.max),
+    );
+    line(
+        "tip clearances",
+        format!("{} mm", pair(figures.clearance_mm)),
+    );
+    line(
+        "flank margins",
+        format!("{} mm", pair(figures.flank_margin_mm)),
+    );
+    line(
+        "contact pressure",
+        format!("{:.1} MPa", figures.hertz_pressure_mpa),
+    );
+    line(
+        "root stresses",
+        format!("{} MPa", pair(figures.root_stress_mpa)),
+    );
     let stiffness = figures.pair_stiffness_n_per_mm_um;
-    line("pair stiffness at pitch", format!("{stiffness:.3} N/(mm µm)"));
+    line(
+        "pair stiffness at pitch",
+        format!("{stiffness:.3} N/(mm µm)"),
+    );
     line("ΔSTE", format!("{:.4} µm", figures.delta_ste_um));
     if let (Some(mean), Some(sd), Some(p90)) = (figures.mean_um, figures.sd_um, figures.p90_um) {
-        line("ΔSTE with random wear", format!("mean {mean:.4}, SD {sd:.4}, P90 {p90:.4} µm"));
+        line(
+            "ΔSTE with random wear",
+            format!("mean {mean:.4}, SD {sd:.4}, P90 {p90:.4} µm"),
+        );
     }
     text
 }

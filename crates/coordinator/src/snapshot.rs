@@ -20,13 +20,17 @@ pub const fn row_point(row: &DesignRow) -> [f64; ROBUST_VARIABLES] {
 /// The approach of that name.
 #[must_use]
 pub fn approach_of(name: &str) -> Option<Approach> {
-    Approach::ALL.into_iter().find(|approach| approach.name() == name)
+    Approach::ALL
+        .into_iter()
+        .find(|approach| approach.name() == name)
 }
 
 /// All variables by name, as the store keeps them; `null` for an approach that found nothing.
 #[must_use]
 pub fn variables_to_json(variables: Option<&Variables>) -> String {
-    let Some(variables) = variables else { return Value::Null.to_string() };
+    let Some(variables) = variables else {
+        return Value::Null.to_string();
+    };
     let object: Map<String, Value> = VARIABLE_NAMES
         .iter()
         .zip(variables.values())
@@ -103,24 +107,33 @@ pub async fn load(
         ..State::default()
     };
     for run in store.optimiser_runs().await? {
-        if let (Some(approach), Ok(start)) = (approach_of(&run.approach), u32::try_from(run.start)) {
+        if let (Some(approach), Ok(start)) = (approach_of(&run.approach), u32::try_from(run.start))
+        {
             state.runs.insert((approach, start));
         }
     }
     for optimum in store.optima().await? {
-        let Some(approach) = approach_of(&optimum.approach) else { continue };
+        let Some(approach) = approach_of(&optimum.approach) else {
+            continue;
+        };
         let stored = stored_samples(store, approach.name()).await?;
         state.verified.insert(approach, stored);
         state.optima.insert(approach, optimum_variables(&optimum));
     }
     for point in references {
         let stored = stored_samples(store, &point.name).await?;
-        state.reference_points.push(VerifyPoint { stored, ..point.clone() });
+        state.reference_points.push(VerifyPoint {
+            stored,
+            ..point.clone()
+        });
     }
     Ok(state)
 }
 
 async fn stored_samples(store: &Store, point: &str) -> Result<BTreeSet<u32>, store::Error> {
     let rows = store.verify_samples(point).await?;
-    Ok(rows.iter().filter_map(|row| u32::try_from(row.sample).ok()).collect())
+    Ok(rows
+        .iter()
+        .filter_map(|row| u32::try_from(row.sample).ok())
+        .collect())
 }

@@ -91,7 +91,10 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
         let done = store.verify_samples(&row.approach).await?.len() as u64;
         optima.push(Optimum {
             criterion_um: row.feasible.then_some(row.criterion_um),
-            verified: Progress { done, wanted: if row.feasible { verify } else { 0 } },
+            verified: Progress {
+                done,
+                wanted: if row.feasible { verify } else { 0 },
+            },
             approach: row.approach,
         });
     }
@@ -100,7 +103,9 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
     let sampled = progress.designs == wanted
         && progress.criteria_done == wanted
         && progress.samples >= progress.feasible * per_design;
-    let verified = optima.iter().all(|optimum| optimum.verified.done >= optimum.verified.wanted);
+    let verified = optima
+        .iter()
+        .all(|optimum| optimum.verified.done >= optimum.verified.wanted);
     let stage = if progress.designs == 0 {
         "doe"
     } else if !sampled {
@@ -129,9 +134,15 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
             done: progress.criteria_done,
             feasible: progress.feasible,
         },
-        samples: Samples { per_design, done: progress.samples },
+        samples: Samples {
+            per_design,
+            done: progress.samples,
+        },
         samples_digest: store.samples_digest().await?,
-        optimiser_runs: Progress { done: progress.optimiser_runs, wanted: wanted_runs },
+        optimiser_runs: Progress {
+            done: progress.optimiser_runs,
+            wanted: wanted_runs,
+        },
         optima,
         failures: progress.failures,
     })
@@ -142,23 +153,41 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
 pub fn describe(status: &Status) -> String {
     use std::fmt::Write as _;
     let mut text = String::new();
-    let Status { designs, samples, optimiser_runs, .. } = status;
+    let Status {
+        designs,
+        samples,
+        optimiser_runs,
+        ..
+    } = status;
     // Writing to a string does not fail.
-    let _ = writeln!(text, "campaign        {} ({})", status.campaign, &status.campaign_digest[..12]);
+    let _ = writeln!(
+        text,
+        "campaign        {} ({})",
+        status.campaign,
+        &status.campaign_digest[..12]
+    );
     let _ = writeln!(text, "stage           {}", status.stage);
     let _ = writeln!(
         text,
         "designs         {} of {} done, {} can be simulated",
         designs.done, designs.wanted, designs.feasible
     );
-    let _ = writeln!(text, "samples         {} ({} per design)", samples.done, samples.per_design);
+    let _ = writeln!(
+        text,
+        "samples         {} ({} per design)",
+        samples.done, samples.per_design
+    );
     let _ = writeln!(text, "samples digest  {}", status.samples_digest);
-    let _ =
-        writeln!(text, "optimiser runs  {} of {}", optimiser_runs.done, optimiser_runs.wanted);
+    let _ = writeln!(
+        text,
+        "optimiser runs  {} of {}",
+        optimiser_runs.done, optimiser_runs.wanted
+    );
     for optimum in &status.optima {
-        let criterion = optimum
-            .criterion_um
-            .map_or_else(|| "no feasible design".to_owned(), |value| format!("{value:.4} µm"));
+        let criterion = optimum.criterion_um.map_or_else(
+            || "no feasible design".to_owned(),
+            |value| format!("{value:.4} µm"),
+        );
         let Progress { done, wanted } = optimum.verified;
         let _ = writeln!(
             text,

@@ -45,13 +45,24 @@ pub struct ModelSummary {
 /// A sentence; a validated campaign gives none.
 pub fn doe(problem: &Problem) -> anyhow::Result<Vec<DesignRow>> {
     let campaign = problem.campaign();
-    let options = doe::Options { seed: campaign.seed, ..doe::Options::default() };
+    let options = doe::Options {
+        seed: campaign.seed,
+        ..doe::Options::default()
+    };
     let n = campaign.doe.designs as usize;
     let design = doe::maximin(n, campaign::formulation::ROBUST_VARIABLES, &options)?;
     Ok((0..n)
         .map(|index| {
             let [x_p, x_r, ha0_p, ha0_r, hf0_p, hf0_r] = problem.robust_point(design.point(index));
-            DesignRow { design: index as u64, x_p, x_r, ha0_p, ha0_r, hf0_p, hf0_r }
+            DesignRow {
+                design: index as u64,
+                x_p,
+                x_r,
+                ha0_p,
+                ha0_r,
+                hf0_p,
+                hf0_r,
+            }
         })
         .collect())
 }
@@ -89,9 +100,15 @@ pub fn fit(
         .iter()
         .filter_map(|response| Some((designs.get(response.design as usize)?, response)))
         .collect();
-    let x: Vec<f64> = points.iter().flat_map(|(design, _)| row_point(design)).collect();
+    let x: Vec<f64> = points
+        .iter()
+        .flat_map(|(design, _)| row_point(design))
+        .collect();
     let y: Vec<f64> = points.iter().map(|(_, response)| response.p90_um).collect();
-    let noise: Vec<f64> = points.iter().map(|(_, response)| response.p90_variance_um2).collect();
+    let noise: Vec<f64> = points
+        .iter()
+        .map(|(_, response)| response.p90_variance_um2)
+        .collect();
     let data = Data {
         x: &x,
         d: campaign::formulation::ROBUST_VARIABLES,
@@ -111,7 +128,11 @@ pub fn fit(
         points: model.points(),
         mu_um: parameters.mu,
         sigma2_um2: parameters.sigma2,
-        ranges: parameters.ranges.iter().map(|range| range.is_finite().then_some(*range)).collect(),
+        ranges: parameters
+            .ranges
+            .iter()
+            .map(|range| range.is_finite().then_some(*range))
+            .collect(),
         negative_log_likelihood: model.negative_log_likelihood(),
         q2: validation.q2,
         rmse_um: validation.rmse,
@@ -170,7 +191,10 @@ pub fn choose_run(
     rows: &[OptimiserRunRow],
     extra: Cost,
 ) -> anyhow::Result<OptimumRow> {
-    let rows: Vec<_> = rows.iter().filter(|row| row.approach == approach.name()).collect();
+    let rows: Vec<_> = rows
+        .iter()
+        .filter(|row| row.approach == approach.name())
+        .collect();
     let runs: Vec<RunResult> = rows
         .iter()
         .map(|row| serde_json::from_str(&row.result_json))
@@ -182,12 +206,18 @@ pub fn choose_run(
         cpu_seconds: cpu_seconds + extra.cpu_seconds,
     };
     let better = |a: &&Found, b: &&Found| a.criterion_um.total_cmp(&b.criterion_um);
-    let best = runs.iter().filter_map(|run| run.best.as_ref()).min_by(better);
+    let best = runs
+        .iter()
+        .filter_map(|run| run.best.as_ref())
+        .min_by(better);
     let note = continuation_note(problem, &runs);
     if let Some(found) = best {
         return optimum(approach, Some(found), cost, note);
     }
-    let printed = runs.iter().filter_map(|run| run.printed.as_ref()).min_by(better);
+    let printed = runs
+        .iter()
+        .filter_map(|run| run.printed.as_ref())
+        .min_by(better);
     let note = match printed {
         Some(found) => format!(
             "No run found a design that satisfies every constraint: the best penalised one breaks \
@@ -214,7 +244,9 @@ pub fn choose_of_doe(
 ) -> anyhow::Result<OptimumRow> {
     let mut best: Option<Found> = None;
     for response in responses {
-        let better = best.as_ref().is_none_or(|found| response.p90_um < found.criterion_um);
+        let better = best
+            .as_ref()
+            .is_none_or(|found| response.p90_um < found.criterion_um);
         let (Some(design), true) = (designs.get(response.design as usize), better) else {
             continue;
         };
@@ -224,7 +256,9 @@ pub fn choose_of_doe(
             .and_then(|row| row.hertz_pressure_worn_mpa);
         let Some(pressure) = pressure else { continue };
         let variables = campaign::Variables::robust(&row_point(design), frozen);
-        let Ok(pair) = problem.pair(&variables) else { continue };
+        let Ok(pair) = problem.pair(&variables) else {
+            continue;
+        };
         let criteria = problem.criteria(&pair, pressure);
         if problem.is_feasible(&criteria) {
             best = Some(Found {
@@ -278,7 +312,10 @@ fn continuation_note(problem: &Problem, runs: &[RunResult]) -> String {
         .filter(|run| run.continuations > 0)
         .filter_map(|run| run.printed.as_ref())
         .collect();
-    let Some(worst) = ended.iter().min_by(|a, b| a.criterion_um.total_cmp(&b.criterion_um)) else {
+    let Some(worst) = ended
+        .iter()
+        .min_by(|a, b| a.criterion_um.total_cmp(&b.criterion_um))
+    else {
         return String::new();
     };
     format!(
@@ -300,7 +337,10 @@ fn broken(problem: &Problem, found: &Found) -> String {
     let criteria = &found.criteria;
     let mut broken = Vec::new();
     if criteria.contact_ratio <= limits.contact_ratio_min {
-        broken.push(format!("r_c = {:.4} ≤ {}", criteria.contact_ratio, limits.contact_ratio_min));
+        broken.push(format!(
+            "r_c = {:.4} ≤ {}",
+            criteria.contact_ratio, limits.contact_ratio_min
+        ));
     }
     if criteria.specific_sliding >= limits.specific_sliding_max {
         let max = limits.specific_sliding_max;
@@ -308,11 +348,17 @@ fn broken(problem: &Problem, found: &Found) -> String {
     }
     if criteria.root_stress_mpa >= material.yield_mpa {
         let stress = criteria.root_stress_mpa;
-        broken.push(format!("σ_vm = {stress:.1} MPa ≥ {} MPa", material.yield_mpa));
+        broken.push(format!(
+            "σ_vm = {stress:.1} MPa ≥ {} MPa",
+            material.yield_mpa
+        ));
     }
     if criteria.hertz_pressure_mpa >= material.hertz_limit_mpa {
         let pressure = criteria.hertz_pressure_mpa;
-        broken.push(format!("F = {pressure:.1} MPa ≥ {} MPa", material.hertz_limit_mpa));
+        broken.push(format!(
+            "F = {pressure:.1} MPa ≥ {} MPa",
+            material.hertz_limit_mpa
+        ));
     }
     let gears = ["pinion", "mate"];
     for (gear, name) in gears.iter().enumerate() {

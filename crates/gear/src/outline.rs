@@ -147,9 +147,9 @@ fn right_flank(pair: &Pair, member: Member, points: usize) -> Vec<[f64; 2]> {
     let rho_a = input.tip_radius[i];
     let centre_radius = r_a - rho_a;
     let t_centre = tangent_length(centre_radius, r_b);
-    // Along the normal, that is along the tangent of the base circle, from τ back by ρa.
+    // Flank point and centre lie on one tangent of the base circle, τ and τ − ρa from its foot.
     let contact_angle = half_angle(tau_end);
-    let centre_angle = contact_angle + (tau_end / r_b).atan() - (t_centre / r_b).atan();
+    let centre_angle = contact_angle - (tau_end / r_b).atan() + (t_centre / r_b).atan();
     let [cx, cy] = polar(centre_radius, centre_angle);
     let [px, py] = polar(r_b.hypot(tau_end), contact_angle);
     let start = (px - cx).atan2(py - cy);

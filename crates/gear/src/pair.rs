@@ -96,16 +96,14 @@ impl Pair {
         input.validate()?;
         disc.validate()?;
         let geometry = Geometry::new(input)?;
-        // A spur pair may hand over exactly at ε_α = 1; a helical one has then lost contact.
-        let spur = input.helix_angle == 0.0;
-        if geometry.contact_ratio < if spur { 1.0 } else { 1.0 + 1e-9 } {
-            return Err(Infeasible::ContactGap {
-                eps_alpha: geometry.eps_alpha,
-                eps_beta: geometry.eps_beta,
-            }
-            .into());
-        }
-        if geometry.eps_alpha <= 0.0 {
+        // A spur pair may hand over exactly at ε_α = 1; a helical one has then lost contact. An
+        // empty path (ε_α ≤ 0) carries nothing, however large the overlap.
+        let least = if input.helix_angle == 0.0 {
+            1.0
+        } else {
+            1.0 + 1e-9
+        };
+        if geometry.contact_ratio < least || geometry.eps_alpha <= 0.0 {
             return Err(Infeasible::ContactGap {
                 eps_alpha: geometry.eps_alpha,
                 eps_beta: geometry.eps_beta,

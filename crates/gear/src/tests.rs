@@ -366,6 +366,60 @@ fn bending_compliance_agrees_with_the_outline() {
     }
 }
 
+/// The outline runs without gaps or folds from the root over fillet, flank and rounding to the
+/// tip circle, and the rounding meets the flank in its tangent.
+#[test]
+fn outline_is_smooth() {
+    for (teeth, shift, rounding) in [
+        (23, 0.2, 0.4),
+        (60, -0.3, 0.2),
+        (23, 0.9, 0.0),
+        (30, 0.6, 1.2),
+    ] {
+        let mut input = input();
+        (input.teeth[0], input.profile_shift[0]) = (teeth, shift);
+        input.tip_radius[0] = rounding;
+        let pair = Pair::new(&input, &Discretisation::default()).expect("feasible");
+        let g = pair.geometry();
+        let outline = gear_outline(&pair, Member::Pinion, 200);
+        let half = outline.len() / (2 * teeth as usize);
+        let polar: Vec<(f64, f64)> = outline[..half]
+            .iter()
+            .map(|[x, y]| (x.hypot(*y), x.atan2(*y)))
+            .collect();
+        for (a, b) in polar.iter().zip(&polar[1..]) {
+            assert!(
+                b.0 >= a.0 - 1e-9 && b.1 <= a.1 + 1e-9,
+                "{teeth}: {a:?} {b:?}"
+            );
+        }
+        for (a, b) in outline.iter().zip(&outline[1..]) {
+            let step = (a[0] - b[0]).hypot(a[1] - b[1]);
+            assert!(step < 0.05 * g.normal_module, "{teeth}: a gap of {step}");
+        }
+        assert!((polar[0].0 - g.r_f[0]).abs() < 1e-9);
+        if rounding < 1.0 {
+            assert!((polar[half - 1].0 - g.r_a[0]).abs() < 1e-9);
+        }
+        // No corner: directions of neighbouring steps differ by the curvature only.
+        let flank: Vec<[f64; 2]> = outline[..half]
+            .iter()
+            .zip(&outline[1..])
+            .filter(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]) > 1e-9)
+            .map(|(a, b)| [b[0] - a[0], b[1] - a[1]])
+            .collect();
+        for (a, b) in flank.iter().zip(&flank[1..]).take(flank.len() - 2) {
+            let turn = (a[0] * b[1] - a[1] * b[0])
+                .atan2(a[0] * b[0] + a[1] * b[1])
+                .abs();
+            assert!(
+                turn < 0.1 || rounding == 0.0 || rounding > 1.0,
+                "{teeth}: a corner of {turn}"
+            );
+        }
+    }
+}
+
 /// Two valleys, plateaus and a single low node: the touching set is found from any side.
 #[test]
 fn wear_of_any_kernel_is_drawn() {

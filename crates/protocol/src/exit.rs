@@ -37,16 +37,37 @@ pub const TABLE: [(u8, &str); 15] = [
     (OK, "everything went well"),
     (FAILURE, "something that has no code of its own"),
     (USAGE, "the command line makes no sense"),
-    (BAD_FILE, "a campaign or pair file is wrong; the message names file, line and key"),
-    (FILE_ACCESS, "a file cannot be read or written, or would be overwritten"),
+    (
+        BAD_FILE,
+        "a campaign or pair file is wrong; the message names file, line and key",
+    ),
+    (
+        FILE_ACCESS,
+        "a file cannot be read or written, or would be overwritten",
+    ),
     (NO_STORE, "there is no store where one is expected"),
     (OTHER_CAMPAIGN, "the store holds another campaign"),
     (NOT_A_STORE, "the store is no SQLite file"),
-    (UNUSABLE_STORE, "the store is damaged, or of a newer version of the program"),
+    (
+        UNUSABLE_STORE,
+        "the store is damaged, or of a newer version of the program",
+    ),
     (STORE_LOCKED, "another coordinator has the store open"),
-    (CANNOT_LISTEN, "the address to listen on is taken or not to be had"),
+    (
+        CANNOT_LISTEN,
+        "the address to listen on is taken or not to be had",
+    ),
     (UNREACHABLE, "no coordinator answers; trying again may help"),
-    (REFUSED, "the coordinator refused the worker for good: other version, other numbers"),
-    (INCOMPLETE, "the campaign ended, but some of its jobs were given up"),
-    (INTERRUPTED, "stopped by a signal; the same command continues"),
+    (
+        REFUSED,
+        "the coordinator refused the worker for good: other version, other numbers",
+    ),
+    (
+        INCOMPLETE,
+        "the campaign ended, but some of its jobs were given up",
+    ),
+    (
+        INTERRUPTED,
+        "stopped by a signal; the same command continues",
+    ),
 ];

@@ -37,7 +37,9 @@ impl Refusal {
             Self::Malformed => Code::InvalidArgument,
         };
         let mut status = Status::new(code, message);
-        status.metadata_mut().insert(HEADER, MetadataValue::from_static(self.name()));
+        status
+            .metadata_mut()
+            .insert(HEADER, MetadataValue::from_static(self.name()));
         status
     }
 

@@ -12,8 +12,8 @@ use sqlx::{QueryBuilder, Row as _};
 use crate::Error;
 use crate::query;
 use crate::rows::{
-    Batch, CampaignRow, CriteriaRow, DesignRow, FailureRow, JobTimeRow, ModelRow, OptimiserRunRow, OptimumRow,
-    Receipt, ResponseRow, SampleRow, VerifyRow,
+    Batch, CampaignRow, CriteriaRow, DesignRow, FailureRow, JobTimeRow, ModelRow, OptimiserRunRow,
+    OptimumRow, Receipt, ResponseRow, SampleRow, VerifyRow,
 };
 
 /// Rows per statement: enough to make the hop to SQLite's thread cheap, few enough that three

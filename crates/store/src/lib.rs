@@ -30,8 +30,8 @@ mod writer;
 pub use error::Error;
 pub use filesystem::network_file_system;
 pub use rows::{
-    Batch, CampaignRow, CriteriaRow, DesignRow, FailureKind, FailureRow, JobTimeRow, MissingWork, ModelRow,
-    OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow, SampleRow, VerifyRow,
+    Batch, CampaignRow, CriteriaRow, DesignRow, FailureKind, FailureRow, JobTimeRow, MissingWork,
+    ModelRow, OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow, SampleRow, VerifyRow,
 };
 pub use store::Store;
 pub use writer::Writer;

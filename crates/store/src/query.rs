@@ -8,8 +8,8 @@ use sqlx::sqlite::{SqliteConnection, SqlitePool};
 
 use crate::Error;
 use crate::rows::{
-    CampaignRow, CriteriaRow, DesignRow, FailureKind, FailureRow, JobTimeRow, MissingWork, ModelRow,
-    OptimiserRunRow, OptimumRow, Progress, ResponseRow, VerifyRow,
+    CampaignRow, CriteriaRow, DesignRow, FailureKind, FailureRow, JobTimeRow, MissingWork,
+    ModelRow, OptimiserRunRow, OptimumRow, Progress, ResponseRow, VerifyRow,
 };
 
 pub(crate) async fn schema_version(connection: &mut SqliteConnection) -> Result<i64, sqlx::Error> {

@@ -10,8 +10,8 @@ use tokio_stream::StreamExt as _;
 use crate::Error;
 use crate::query;
 use crate::rows::{
-    CampaignRow, CriteriaRow, DesignRow, FailureRow, JobTimeRow, MissingWork, ModelRow, OptimiserRunRow,
-    OptimumRow, Progress, Receipt, ResponseRow, SampleRow, VerifyRow,
+    CampaignRow, CriteriaRow, DesignRow, FailureRow, JobTimeRow, MissingWork, ModelRow,
+    OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow, SampleRow, VerifyRow,
 };
 use crate::writer::{Rows, Writer};
 

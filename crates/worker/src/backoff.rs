@@ -17,7 +17,10 @@ pub(crate) struct Backoff {
 
 impl Backoff {
     pub(crate) fn new() -> Self {
-        Self { next: FIRST, rng: rand::make_rng() }
+        Self {
+            next: FIRST,
+            rng: rand::make_rng(),
+        }
     }
 
     /// Waits for a random time between half of the current pause and all of it, then doubles it.

@@ -73,7 +73,9 @@ pub(crate) struct Connection {
 
 impl Connection {
     pub(crate) fn new(url: &str) -> Result<Self, Error> {
-        let address = || Error::Address { url: url.to_owned() };
+        let address = || Error::Address {
+            url: url.to_owned(),
+        };
         let endpoint = Endpoint::from_shared(url.to_owned()).map_err(|_| address())?;
         if endpoint.uri().scheme_str() != Some("http") || endpoint.uri().authority().is_none() {
             return Err(address());
@@ -87,7 +89,10 @@ impl Connection {
         let client = CampaignClient::new(channel)
             .max_decoding_message_size(MAX_MESSAGE_BYTES)
             .max_encoding_message_size(MAX_MESSAGE_BYTES);
-        Ok(Self { url: url.to_owned(), client })
+        Ok(Self {
+            url: url.to_owned(),
+            client,
+        })
     }
 
     /// Registers once. `Ok(Err(_))` is a failure that may pass.

@@ -31,7 +31,10 @@ pub(crate) struct HeldJobs {
 impl HeldJobs {
     fn with<T>(&self, act: impl FnOnce(&mut Inner) -> T) -> T {
         // A poisoned list is still a list: no update can be half done.
-        act(&mut self.inner.lock().unwrap_or_else(std::sync::PoisonError::into_inner))
+        act(&mut self
+            .inner
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner))
     }
 
     /// Adds a leased job; false if it is already held.
@@ -40,7 +43,13 @@ impl HeldJobs {
             let known = inner.computing.contains_key(&job)
                 || inner.finished.iter().any(|result| result.job == job);
             if !known {
-                inner.computing.insert(job, Held { attempt, started: false });
+                inner.computing.insert(
+                    job,
+                    Held {
+                        attempt,
+                        started: false,
+                    },
+                );
             }
             !known
         })
@@ -48,7 +57,13 @@ impl HeldJobs {
 
     /// Marks a job as started; false if it was given up meanwhile.
     pub(crate) fn start(&self, job: u64) -> bool {
-        self.with(|inner| inner.computing.get_mut(&job).map(|held| held.started = true)).is_some()
+        self.with(|inner| {
+            inner
+                .computing
+                .get_mut(&job)
+                .map(|held| held.started = true)
+        })
+        .is_some()
     }
 
     /// Replaces a computed job by its result.
@@ -63,15 +78,23 @@ impl HeldJobs {
 
     /// Forgets jobs whose results are no longer needed, unless they are being computed anyway.
     pub(crate) fn cancel(&self, jobs: &[u64]) {
-        self.with(|inner| inner.computing.retain(|job, held| held.started || !jobs.contains(job)));
+        self.with(|inner| {
+            inner
+                .computing
+                .retain(|job, held| held.started || !jobs.contains(job))
+        });
         self.changed.notify_waiters();
     }
 
     /// Forgets every job that has not started, and returns them.
     pub(crate) fn give_up_waiting(&self) -> Vec<u64> {
         let given_up = self.with(|inner| {
-            let waiting: Vec<u64> =
-                inner.computing.iter().filter(|(_, held)| !held.started).map(|(job, _)| *job).collect();
+            let waiting: Vec<u64> = inner
+                .computing
+                .iter()
+                .filter(|(_, held)| !held.started)
+                .map(|(job, _)| *job)
+                .collect();
             inner.computing.retain(|_, held| held.started);
             waiting
         });
@@ -102,7 +125,9 @@ impl HeldJobs {
     /// Forgets acknowledged results.
     pub(crate) fn acknowledge(&self, results: &[JobResult]) {
         self.with(|inner| {
-            inner.finished.retain(|held| !results.iter().any(|result| result.job == held.job));
+            inner
+                .finished
+                .retain(|held| !results.iter().any(|result| result.job == held.job));
         });
         self.changed.notify_waiters();
     }

@@ -32,14 +32,20 @@ struct Arguments {
 }
 
 fn exit_codes() -> String {
-    let lines = exit::TABLE.iter().map(|(code, meaning)| format!("  {code:>2}  {meaning}\n"));
+    let lines = exit::TABLE
+        .iter()
+        .map(|(code, meaning)| format!("  {code:>2}  {meaning}\n"));
     format!("Exit codes:\n{}", lines.collect::<String>())
 }
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    let filter = EnvFilter::try_from_env("PITCHLINE_LOG").unwrap_or_else(|_| EnvFilter::new("info"));
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    let filter =
+        EnvFilter::try_from_env("PITCHLINE_LOG").unwrap_or_else(|_| EnvFilter::new("info"));
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .init();
     let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let options = Options {
         connect: arguments.connect,
@@ -88,9 +94,10 @@ fn main() -> ExitCode {
 /// The first SIGTERM or SIGINT asks the worker to drain, the second one ends it at once.
 async fn watch_signals(shutdown: CancellationToken) {
     use tokio::signal::unix::{SignalKind, signal};
-    let (Ok(mut terminate), Ok(mut interrupt)) =
-        (signal(SignalKind::terminate()), signal(SignalKind::interrupt()))
-    else {
+    let (Ok(mut terminate), Ok(mut interrupt)) = (
+        signal(SignalKind::terminate()),
+        signal(SignalKind::interrupt()),
+    ) else {
         return;
     };
     for _ in 0..2 {

@@ -97,7 +97,10 @@ impl Worker {
             .num_threads(slots)
             .thread_name(|index| format!("compute-{index}"))
             .build()
-            .map_err(|error| Error::Threads { slots, reason: error.to_string() })?;
+            .map_err(|error| Error::Threads {
+                slots,
+                reason: error.to_string(),
+            })?;
         let connection = Connection::new(&self.options.connect)?;
         // Cancelled by us when the campaign is finished or an error ends the worker, too.
         let stop = CancellationToken::new();
@@ -159,7 +162,11 @@ impl Shared {
     /// Registers, again and again until it works or has taken too long.
     async fn register(&self, first: bool) -> Result<Arc<Registered>, Error> {
         let options = &self.options;
-        let patience = if first { options.connect_timeout } else { options.give_up_after };
+        let patience = if first {
+            options.connect_timeout
+        } else {
+            options.give_up_after
+        };
         let since = Instant::now();
         let mut backoff = Backoff::new();
         let url = self.connection.url.clone();
@@ -171,7 +178,9 @@ impl Shared {
                 worker_id: self.worker_id.clone(),
                 host: options.host.clone(),
                 program_version: env!("CARGO_PKG_VERSION").to_owned(),
-                model_digest: known.as_ref().map_or_else(String::new, |k| k.model_digest.clone()),
+                model_digest: known
+                    .as_ref()
+                    .map_or_else(String::new, |k| k.model_digest.clone()),
                 slots: u32::try_from(options.slots).unwrap_or(u32::MAX),
             };
             let call = tokio::time::timeout(CALL_TIMEOUT, self.connection.register(request));
@@ -212,7 +221,10 @@ impl Shared {
                 return Err(if first {
                     Error::Unreachable { url, reason }
                 } else {
-                    Error::Away { url, seconds: patience.as_secs() }
+                    Error::Away {
+                        url,
+                        seconds: patience.as_secs(),
+                    }
                 });
             }
             backoff.pause().await;
@@ -228,13 +240,19 @@ impl Shared {
     }
 
     fn registered(&self) -> Option<Arc<Registered>> {
-        self.problem.read().unwrap_or_else(|e| e.into_inner()).clone()
+        self.problem
+            .read()
+            .unwrap_or_else(|e| e.into_inner())
+            .clone()
     }
 
     /// Registers again after a coordinator said that it does not know this worker, unless another
     /// task has done so already.
     async fn register_again(&self, epoch: u64) -> Result<(), Error> {
-        if self.registered().is_some_and(|registered| registered.epoch == epoch) {
+        if self
+            .registered()
+            .is_some_and(|registered| registered.epoch == epoch)
+        {
             info!(coordinator = %self.connection.url, "registering again");
             self.register(false).await?;
         }
@@ -261,7 +279,10 @@ impl Shared {
         if given_up.is_empty() {
             return;
         }
-        let request = ReleaseRequest { worker_id: self.worker_id.clone(), jobs: given_up };
+        let request = ReleaseRequest {
+            worker_id: self.worker_id.clone(),
+            jobs: given_up,
+        };
         let mut client = self.connection.client.clone();
         // A release that gets lost costs no more than the wait for the lease to run out.
         let call = tokio::time::timeout(Duration::from_secs(2), client.release(request));
@@ -348,8 +369,8 @@ fn compute(shared: &Shared, job: &Job) {
     let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| attempt(shared, job)))
         .unwrap_or_else(|_| Err("the job panicked; the worker's log has the message".to_owned()));
     let after = clock_gettime(ClockId::ThreadCPUTime);
-    let cpu_seconds = (after.tv_sec - before.tv_sec) as f64
-        + 1e-9 * (after.tv_nsec - before.tv_nsec) as f64;
+    let cpu_seconds =
+        (after.tv_sec - before.tv_sec) as f64 + 1e-9 * (after.tv_nsec - before.tv_nsec) as f64;
     if let Err(error) = &outcome {
         warn!(job = job.job, attempt = job.attempt, %error, "a job failed");
     }
@@ -393,8 +414,10 @@ async fn report(shared: Arc<Shared>, stop: CancellationToken) -> u64 {
             continue;
         }
         let epoch = shared.epoch();
-        let request =
-            ReportRequest { worker_id: shared.worker_id.clone(), results: results.clone() };
+        let request = ReportRequest {
+            worker_id: shared.worker_id.clone(),
+            results: results.clone(),
+        };
         match tokio::time::timeout(CALL_TIMEOUT, client.report(request)).await {
             Ok(Ok(response)) => {
                 backoff.reset();
@@ -432,8 +455,9 @@ async fn report(shared: Arc<Shared>, stop: CancellationToken) -> u64 {
 async fn heartbeat(shared: Arc<Shared>) -> Result<End, Error> {
     let mut client = shared.connection.client.clone();
     loop {
-        let period =
-            shared.registered().map_or(Duration::from_secs(1), |registered| registered.heartbeat);
+        let period = shared
+            .registered()
+            .map_or(Duration::from_secs(1), |registered| registered.heartbeat);
         tokio::select! {
             () = tokio::time::sleep(period) => {}
             () = shared.stop.cancelled() => return Ok(End::Stopped),
@@ -446,7 +470,9 @@ async fn heartbeat(shared: Arc<Shared>) -> Result<End, Error> {
         let call = tokio::time::timeout(CALL_TIMEOUT, client.heartbeat(request));
         // A lost heartbeat needs nothing but the next one; the lease task watches how long the
         // coordinator is away.
-        let Ok(Ok(response)) = call.await else { continue };
+        let Ok(Ok(response)) = call.await else {
+            continue;
+        };
         let response = response.into_inner();
         shared.held.cancel(&response.cancelled);
         if response.directive() == Directive::Register {

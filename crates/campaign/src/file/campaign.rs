@@ -226,7 +226,10 @@ impl Campaign {
     /// SHA-256 of the campaign's content as hex: comments, layout and key order do not matter.
     #[must_use]
     pub fn digest(&self) -> String {
-        Sha256::digest(self.to_json().as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
+        Sha256::digest(self.to_json().as_bytes())
+            .iter()
+            .map(|byte| format!("{byte:02x}"))
+            .collect()
     }
 
     /// The campaign as JSON, for the wire.
@@ -299,17 +302,38 @@ impl Campaign {
             )
         };
         count("doe.designs", self.doe.designs, 2, 100_000)?;
-        count("sampling.samples_per_design", self.sampling.samples_per_design, 4, 1_000_000)?;
+        count(
+            "sampling.samples_per_design",
+            self.sampling.samples_per_design,
+            4,
+            1_000_000,
+        )?;
         count("verify.samples", self.verify.samples, 4, 1_000_000)?;
         parse_name::<kriging::Kernel>(source, "kriging.kernel", &self.kriging.kernel)?;
-        source.positive("constraints.contact_ratio_min", self.constraints.contact_ratio_min)?;
-        source.positive("constraints.specific_sliding_max", self.constraints.specific_sliding_max)?;
+        source.positive(
+            "constraints.contact_ratio_min",
+            self.constraints.contact_ratio_min,
+        )?;
+        source.positive(
+            "constraints.specific_sliding_max",
+            self.constraints.specific_sliding_max,
+        )?;
         let optimise = &self.optimise;
         count("optimise.population", optimise.population, 4, 10_000)?;
         count("optimise.parents", optimise.parents, 1, optimise.population)?;
         source.between("optimise.step", optimise.step, 0.0, 10.0)?;
-        count("optimise.evaluations", optimise.evaluations, optimise.population, 100_000_000)?;
-        count("optimise.restart_at", optimise.restart_at, 1, optimise.evaluations)?;
+        count(
+            "optimise.evaluations",
+            optimise.evaluations,
+            optimise.population,
+            100_000_000,
+        )?;
+        count(
+            "optimise.restart_at",
+            optimise.restart_at,
+            1,
+            optimise.evaluations,
+        )?;
         count("optimise.starts", optimise.starts, 1, 1000)?;
         source.positive("optimise.penalty", optimise.penalty)?;
         source.positive("optimise.reference_um", optimise.reference_um)?;
@@ -358,7 +382,12 @@ impl Pair {
             }
         }
         size(source, self.centre_distance_mm, self.normal_module_mm)?;
-        source.between("pair.pressure_angle_deg", self.pressure_angle_deg, 0.0, 45.0)?;
+        source.between(
+            "pair.pressure_angle_deg",
+            self.pressure_angle_deg,
+            0.0,
+            45.0,
+        )?;
         source.positive("pair.face_width_mm", self.face_width_mm)?;
         parse_name::<gear::ToothModel>(source, "pair.tooth_model", &self.tooth_model)?;
         parse_name::<gear::TipRule>(source, "pair.tip_rule", &self.tip_rule)?;
@@ -371,8 +400,18 @@ impl Bounds {
         source.ordered("bounds.profile_shift", self.profile_shift, -10.0, 10.0)?;
         source.ordered("bounds.tool_addendum", self.tool_addendum, 0.0, 10.0)?;
         source.ordered("bounds.tool_dedendum", self.tool_dedendum, 0.0, 10.0)?;
-        source.ordered("bounds.tip_radius_modules", self.tip_radius_modules, 0.0, 10.0)?;
-        source.ordered("bounds.root_radius_modules", self.root_radius_modules, 1e-6, 10.0)?;
+        source.ordered(
+            "bounds.tip_radius_modules",
+            self.tip_radius_modules,
+            0.0,
+            10.0,
+        )?;
+        source.ordered(
+            "bounds.root_radius_modules",
+            self.root_radius_modules,
+            1e-6,
+            10.0,
+        )?;
         source.ordered("bounds.helix_angle_deg", self.helix_angle_deg, -60.0, 60.0)
     }
 }
@@ -424,10 +463,24 @@ mod tests {
     fn errors_name_file_line_key_and_what_would_be_right() {
         let message = refusal(("samples_per_design = 30", "samples_per_design = 3"));
         assert!(message.starts_with("c.toml, line "), "{message}");
-        assert!(message.contains("sampling.samples_per_design is 3"), "{message}");
+        assert!(
+            message.contains("sampling.samples_per_design is 3"),
+            "{message}"
+        );
         assert!(message.contains("from 4"), "{message}");
-        let line: usize = message["c.toml, line ".len()..].split(':').next().unwrap().parse().unwrap();
-        assert!(Campaign::PAPER.lines().nth(line - 1).unwrap().starts_with("samples_per_design"));
+        let line: usize = message["c.toml, line ".len()..]
+            .split(':')
+            .next()
+            .unwrap()
+            .parse()
+            .unwrap();
+        assert!(
+            Campaign::PAPER
+                .lines()
+                .nth(line - 1)
+                .unwrap()
+                .starts_with("samples_per_design")
+        );
     }
 
     #[test]
@@ -437,12 +490,36 @@ mod tests {
             ("designs = 3000", "dessigns = 3000", "dessigns"),
             ("designs = 3000", "designs = \"many\"", "expected u32"),
             ("designs = 3000", "", "missing field `designs`"),
-            ("profile_shift = [-1.0, 2.0]", "profile_shift = [2.0, -1.0]", "bounds.profile_shift"),
-            ("pinion_torque_nm = 200.0", "pinion_torque_nm = -1.0", "load.pinion_torque_nm"),
-            ("pinion_torque_nm = 200.0", "pinion_torque_nm = nan", "load.pinion_torque_nm"),
-            ("pinion_torque_nm = 200.0", "pinion_torque_nm = inf", "load.pinion_torque_nm"),
-            ("poisson_ratio = 0.29", "poisson_ratio = 0.5", "material.poisson_ratio"),
-            ("kernel = \"squared-exponential\"", "kernel = \"cubic\"", "wear.kernel"),
+            (
+                "profile_shift = [-1.0, 2.0]",
+                "profile_shift = [2.0, -1.0]",
+                "bounds.profile_shift",
+            ),
+            (
+                "pinion_torque_nm = 200.0",
+                "pinion_torque_nm = -1.0",
+                "load.pinion_torque_nm",
+            ),
+            (
+                "pinion_torque_nm = 200.0",
+                "pinion_torque_nm = nan",
+                "load.pinion_torque_nm",
+            ),
+            (
+                "pinion_torque_nm = 200.0",
+                "pinion_torque_nm = inf",
+                "load.pinion_torque_nm",
+            ),
+            (
+                "poisson_ratio = 0.29",
+                "poisson_ratio = 0.5",
+                "material.poisson_ratio",
+            ),
+            (
+                "kernel = \"squared-exponential\"",
+                "kernel = \"cubic\"",
+                "wear.kernel",
+            ),
             ("format = 1", "format = 2", "format is 2"),
             ("gear_ratio = 0.9 ", "gear_teeth = 3", "pair.gear_teeth"),
             ("centre_distance_mm = 110.0", "", "pair.centre_distance_mm"),

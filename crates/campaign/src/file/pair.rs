@@ -86,7 +86,12 @@ impl PairFile {
             "two numbers of teeth from 4 to 2000",
         )?;
         size(source, pair.centre_distance_mm, pair.normal_module_mm)?;
-        source.between("pair.pressure_angle_deg", pair.pressure_angle_deg, 0.0, 45.0)?;
+        source.between(
+            "pair.pressure_angle_deg",
+            pair.pressure_angle_deg,
+            0.0,
+            45.0,
+        )?;
         source.between("pair.helix_angle_deg", pair.helix_angle_deg, -60.0, 60.0)?;
         source.positive("pair.face_width_mm", pair.face_width_mm)?;
         for gear in 0..2 {
@@ -128,9 +133,17 @@ impl PairFile {
             tool_dedendum: pair.tool_dedendum,
             tip_radius: pair.tip_radius_mm,
             root_radius: pair.root_radius_mm,
-            tip_diameter: pair.tip_diameter_mm.map_or([None; 2], |diameters| diameters.map(Some)),
-            tooth_model: pair.tooth_model.parse().expect("validation has parsed this name"),
-            tip_rule: pair.tip_rule.parse().expect("validation has parsed this name"),
+            tip_diameter: pair
+                .tip_diameter_mm
+                .map_or([None; 2], |diameters| diameters.map(Some)),
+            tooth_model: pair
+                .tooth_model
+                .parse()
+                .expect("validation has parsed this name"),
+            tip_rule: pair
+                .tip_rule
+                .parse()
+                .expect("validation has parsed this name"),
             pinion_torque: self.load.pinion_torque_nm * 1e3,
             material: self.material.to_gear(),
         }

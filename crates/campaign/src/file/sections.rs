@@ -96,7 +96,10 @@ impl Wear {
     pub fn to_gear(&self) -> gear::Wear {
         gear::Wear {
             max_depth: self.max_depth_um * 1e-3,
-            kernel: self.kernel.parse().expect("validation has parsed this name"),
+            kernel: self
+                .kernel
+                .parse()
+                .expect("validation has parsed this name"),
             range: self.range_rad,
             variance: self.variance,
         }
@@ -109,5 +112,6 @@ where
     T: std::str::FromStr,
     T::Err: std::fmt::Display,
 {
-    name.parse().map_err(|error: T::Err| source.refuse(key, name, format!("a known name: {error}")))
+    name.parse()
+        .map_err(|error: T::Err| source.refuse(key, name, format!("a known name: {error}")))
 }

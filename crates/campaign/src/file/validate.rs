@@ -17,7 +17,10 @@ impl Source<'_> {
             let offset = error.span().map_or(0, |span| span.start);
             FileError::Syntax {
                 file: self.file.to_owned(),
-                line: self.text[..offset.min(self.text.len())].matches('\n').count() + 1,
+                line: self.text[..offset.min(self.text.len())]
+                    .matches('\n')
+                    .count()
+                    + 1,
                 message: error.message().replace('\n', " "),
             }
         })
@@ -46,7 +49,11 @@ impl Source<'_> {
         found: impl std::fmt::Debug,
         expected: &str,
     ) -> Result<(), FileError> {
-        if holds { Ok(()) } else { Err(self.refuse(key, found, expected)) }
+        if holds {
+            Ok(())
+        } else {
+            Err(self.refuse(key, found, expected))
+        }
     }
 
     /// Requires `low < value < high`; infinite limits only ask for a finite value.
@@ -90,7 +97,9 @@ impl Source<'_> {
         low: f64,
         high: f64,
     ) -> Result<(), FileError> {
-        let holds = range.iter().all(|bound| bound.is_finite() && (low..=high).contains(bound))
+        let holds = range
+            .iter()
+            .all(|bound| bound.is_finite() && (low..=high).contains(bound))
             && range[0] < range[1];
         self.require(
             holds,
@@ -113,7 +122,9 @@ impl Source<'_> {
                     fallback = index + 1;
                 }
             } else if current == section
-                && line.split_once('=').is_some_and(|(left, _)| left.trim() == name)
+                && line
+                    .split_once('=')
+                    .is_some_and(|(left, _)| left.trim() == name)
             {
                 return index + 1;
             }

@@ -2,8 +2,8 @@
 
 use sha2::{Digest as _, Sha256};
 use store::{
-    Batch, Error, FailureKind, FailureRow, MissingWork, ModelRow, OptimiserRunRow, OptimumRow,
-    Progress, Receipt, ResponseRow, SampleRow, Store, VerifyRow,
+    Batch, Error, FailureKind, FailureRow, JobTimeRow, MissingWork, ModelRow, OptimiserRunRow,
+    OptimumRow, Progress, Receipt, ResponseRow, SampleRow, Store, VerifyRow,
 };
 
 use crate::{campaign, design, feasible, folder, infeasible, open, sample, samples, store_with};
@@ -48,6 +48,10 @@ async fn every_table_gives_back_what_was_put() {
                 cpu_seconds: 0.0,
             },
         ],
+        times: vec![JobTimeRow {
+            job: u64::MAX,
+            cpu_seconds: 0.25,
+        }],
         failures: vec![
             FailureRow {
                 job: "samples of design 1".into(),
@@ -132,6 +136,7 @@ async fn every_table_gives_back_what_was_put() {
     assert_eq!(store.optima().await.unwrap(), [optimum]);
     let verify = store.verify_samples("II").await.unwrap();
     assert_eq!(verify, [batch.verify[1].clone(), batch.verify[0].clone()]);
+    assert_eq!(store.job_times().await.unwrap(), batch.times);
     assert_eq!(
         store.failures().await.unwrap(),
         batch.failures,

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use store::{Batch, Error, OptimiserRunRow, Receipt, Store, VerifyRow};
+use store::{Batch, Error, JobTimeRow, OptimiserRunRow, Receipt, Store, VerifyRow};
 
 use crate::{beside, campaign, design, feasible, folder, open, sample, samples, store_with};
 
@@ -20,6 +20,10 @@ async fn the_same_rows_again_are_duplicates() {
             delta_ste_um: 1.0,
         }],
         runs: vec![run("I", 0, "{}")],
+        times: vec![JobTimeRow {
+            job: u64::MAX,
+            cpu_seconds: 0.25,
+        }],
         failures: Vec::new(),
     };
     let writer = store.writer().unwrap();
