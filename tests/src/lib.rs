@@ -1,1 +1,277 @@
-//! The acceptance suite lives in `tests/`; this library is empty.
+//! What the acceptance suite needs to drive the real programs: their binaries, processes that end
+//! with the test, and campaign files made from the shipped ones.
+
+use std::io::Read as _;
+use std::net::{Ipv4Addr, SocketAddr, TcpListener};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Output, Stdio};
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// Longer than anything here takes on a slow, busy machine.
+const PATIENCE: Duration = Duration::from_secs(240);
+
+/// The path of a program of the workspace, built with the profile of the running test.
+///
+/// # Panics
+///
+/// When it cannot be built.
+#[must_use]
+pub fn binary(name: &str) -> PathBuf {
+    static FOLDER: OnceLock<PathBuf> = OnceLock::new();
+    let folder = FOLDER.get_or_init(|| {
+        let exe = std::env::current_exe().expect("the test's own path");
+        // TARGET/PROFILE/deps/acceptance-HASH
+        let profile = exe
+            .ancestors()
+            .nth(2)
+            .expect("a test lives in target/PROFILE/deps");
+        let target = profile
+            .parent()
+            .expect("a test lives in target/PROFILE/deps");
+        let mut cargo = Command::new(env!("CARGO"));
+        cargo.args([
+            "build",
+            "--quiet",
+            "--bins",
+            "-p",
+            "coordinator",
+            "-p",
+            "worker",
+        ]);
+        cargo.arg("--target-dir").arg(target).current_dir(root());
+        if profile.file_name().is_some_and(|name| name == "release") {
+            cargo.arg("--release");
+        }
+        let status = cargo.status().expect("cargo runs");
+        assert!(status.success(), "the programs under test do not build");
+        profile.to_owned()
+    });
+    folder.join(name)
+}
+
+/// The root of the workspace.
+#[must_use]
+pub fn root() -> &'static Path {
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
+}
+
+/// A folder of a test's own, with helpers to run programs in it.
+pub struct Sandbox {
+    folder: TempDir,
+}
+
+impl Default for Sandbox {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Sandbox {
+    /// A new, empty folder.
+    ///
+    /// # Panics
+    ///
+    /// When it cannot be made.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            folder: tempfile::tempdir().expect("a temporary folder"),
+        }
+    }
+
+    /// A path in the folder.
+    #[must_use]
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Writes a file.
+    ///
+    /// # Panics
+    ///
+    /// When it cannot be written.
+    pub fn write(&self, name: &str, text: &str) -> PathBuf {
+        let path = self.path(name);
+        std::fs::write(&path, text).expect("the file can be written");
+        path
+    }
+
+    /// Writes the quick campaign with `changes` (text to replace, and by what).
+    ///
+    /// # Panics
+    ///
+    /// When a change hits nothing.
+    pub fn campaign(&self, name: &str, changes: &[(&str, &str)]) -> PathBuf {
+        let shipped = root().join("campaigns/quick.toml");
+        let mut text = std::fs::read_to_string(shipped).expect("the quick campaign is shipped");
+        for (from, to) in changes {
+            assert!(text.contains(from), "the quick campaign has no {from:?}");
+            text = text.replacen(from, to, 1);
+        }
+        self.write(name, &text)
+    }
+
+    /// Runs `coordinator` to its end.
+    ///
+    /// # Panics
+    ///
+    /// When it cannot be started.
+    #[must_use]
+    pub fn coordinator(&self, arguments: &[&str]) -> Output {
+        self.run("coordinator", arguments)
+    }
+
+    /// Runs a program to its end.
+    ///
+    /// # Panics
+    ///
+    /// When it cannot be started.
+    #[must_use]
+    pub fn run(&self, program: &str, arguments: &[&str]) -> Output {
+        Command::new(binary(program))
+            .args(arguments)
+            .current_dir(self.folder.path())
+            .env("PITCHLINE_LOG", "off")
+            .output()
+            .expect("the program starts")
+    }
+
+    /// Starts a program; it is killed when the handle is dropped.
+    ///
+    /// # Panics
+    ///
+    /// When it cannot be started.
+    #[must_use]
+    pub fn start(&self, program: &str, arguments: &[&str]) -> Running {
+        let child = Command::new(binary(program))
+            .args(arguments)
+            .current_dir(self.folder.path())
+            .env("PITCHLINE_LOG", "warn")
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the program starts");
+        Running { child }
+    }
+
+    /// The campaign's status, or nothing while there is no store yet.
+    ///
+    /// # Panics
+    ///
+    /// When the status is no JSON.
+    #[must_use]
+    pub fn status(&self, db: &str) -> Option<Value> {
+        let output = self.coordinator(&["status", "--db", db, "--json"]);
+        output
+            .status
+            .success()
+            .then(|| serde_json::from_slice(&output.stdout).expect("the status is JSON"))
+    }
+
+    /// Waits until the campaign's status satisfies `condition`, and returns it.
+    ///
+    /// # Panics
+    ///
+    /// When it takes too long.
+    pub fn wait_for(&self, db: &str, what: &str, condition: impl Fn(&Value) -> bool) -> Value {
+        let since = Instant::now();
+        loop {
+            if let Some(status) = self.status(db)
+                && condition(&status)
+            {
+                return status;
+            }
+            assert!(since.elapsed() < PATIENCE, "waiting in vain for {what}");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+}
+
+/// A started program.
+pub struct Running {
+    child: Child,
+}
+
+impl Running {
+    /// Ends it at once, as `kill -9` does.
+    ///
+    /// # Panics
+    ///
+    /// When it has ended before: the test then does not test what it means to.
+    pub fn kill(mut self) {
+        let ended = self.child.try_wait().expect("the process can be asked");
+        assert!(
+            ended.is_none(),
+            "the process ended before it could be killed: {ended:?}"
+        );
+        self.child.kill().expect("the process can be killed");
+        self.child.wait().expect("the process can be waited for");
+    }
+
+    /// Waits for its end and returns what it wrote to standard error, too.
+    ///
+    /// # Panics
+    ///
+    /// When it takes too long.
+    #[must_use]
+    pub fn finish(mut self) -> (ExitStatus, String) {
+        let since = Instant::now();
+        let status = loop {
+            if let Some(status) = self.child.try_wait().expect("the process can be asked") {
+                break status;
+            }
+            assert!(since.elapsed() < PATIENCE, "the process does not end");
+            std::thread::sleep(Duration::from_millis(10));
+        };
+        let mut errors = String::new();
+        if let Some(mut pipe) = self.child.stderr.take() {
+            pipe.read_to_string(&mut errors)
+                .expect("standard error is text");
+        }
+        (status, errors)
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // It may have ended; then there is nothing to kill.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// An address on loopback that nobody listens on just now.
+///
+/// # Panics
+///
+/// When there is none.
+#[must_use]
+pub fn free_address() -> SocketAddr {
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).expect("a free port");
+    listener.local_addr().expect("its address")
+}
+
+/// What a program wrote to standard error.
+#[must_use]
+pub fn errors(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// What a program wrote to standard output.
+#[must_use]
+pub fn printed(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// Asserts that a program ended with `code`, and shows why if not.
+///
+/// # Panics
+///
+/// When it did not.
+pub fn assert_code(output: &Output, code: i32) {
+    assert_eq!(output.status.code(), Some(code), "{}", errors(output));
+}

@@ -6,25 +6,13 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 use coordinator::export::Table;
 use coordinator::simulate::WearChoice;
-use protocol::exit;
 
 /// Plans a Monte Carlo campaign of gear designs, leases its jobs to workers, and writes the report.
 #[derive(Debug, Parser)]
-#[command(version, after_help = exit_codes())]
+#[command(version, after_help = worker::console::help_footer())]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     pub(crate) command: Command,
-}
-
-fn exit_codes() -> String {
-    let lines = exit::TABLE
-        .iter()
-        .map(|(code, meaning)| format!("  {code:>2}  {meaning}\n"));
-    format!(
-        "Environment:\n  PITCHLINE_LOG  what to log to standard error [default: info]\n\n\
-         Exit codes:\n{}",
-        lines.collect::<String>()
-    )
 }
 
 /// What to do.

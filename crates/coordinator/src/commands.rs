@@ -24,7 +24,7 @@ use crate::arguments::{self, Command};
 
 /// A file that cannot be read or written.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot {doing} {}: {source}", path.display())]
+#[error("cannot {doing} {}", path.display())]
 struct FileAccess {
     doing: &'static str,
     path: PathBuf,

@@ -7,16 +7,11 @@ use std::process::ExitCode;
 
 use clap::Parser as _;
 use protocol::exit;
-use tracing_subscriber::EnvFilter;
+use worker::console;
 
 fn main() -> ExitCode {
     let arguments = arguments::Arguments::parse();
-    let filter =
-        EnvFilter::try_from_env("PITCHLINE_LOG").unwrap_or_else(|_| EnvFilter::new("info"));
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .init();
+    console::start_log();
     let runtime = match tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)
         .enable_all()
@@ -24,7 +19,7 @@ fn main() -> ExitCode {
     {
         Ok(runtime) => runtime,
         Err(error) => {
-            tracing::error!(%error, "cannot start");
+            console::complain(&format!("cannot start: {error}"));
             return ExitCode::from(exit::FAILURE);
         }
     };
@@ -33,7 +28,7 @@ fn main() -> ExitCode {
     match result {
         Ok(code) => ExitCode::from(code),
         Err(error) => {
-            tracing::error!("{error:#}");
+            console::complain(&format!("{error:#}"));
             ExitCode::from(commands::exit_code(&error))
         }
     }

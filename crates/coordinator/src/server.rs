@@ -63,9 +63,7 @@ pub enum Error {
     #[error(transparent)]
     Store(#[from] store::Error),
     /// The address cannot be listened on.
-    #[error(
-        "cannot listen on {address}: {source}; choose another --listen address, or stop what uses it"
-    )]
+    #[error("cannot listen on {address}: choose another --listen address, or stop what uses it")]
     Listen {
         /// The address.
         address: SocketAddr,

@@ -8,6 +8,7 @@
 
 mod backoff;
 mod connection;
+pub mod console;
 mod held;
 mod work;
 

@@ -6,13 +6,11 @@ use std::time::Duration;
 use clap::Parser;
 use protocol::exit;
 use tokio_util::sync::CancellationToken;
-use tracing::error;
-use tracing_subscriber::EnvFilter;
-use worker::{Error, Options, Worker};
+use worker::{Error, Options, Worker, console};
 
 /// Leases jobs from a coordinator, simulates, and reports the results.
 #[derive(Debug, Parser)]
-#[command(version, after_help = exit_codes())]
+#[command(version, after_help = console::help_footer())]
 struct Arguments {
     /// The coordinator's address, such as http://127.0.0.1:7400
     #[arg(long, value_name = "URL", env = "PITCHLINE_CONNECT")]
@@ -31,21 +29,9 @@ struct Arguments {
     grace: u64,
 }
 
-fn exit_codes() -> String {
-    let lines = exit::TABLE
-        .iter()
-        .map(|(code, meaning)| format!("  {code:>2}  {meaning}\n"));
-    format!("Exit codes:\n{}", lines.collect::<String>())
-}
-
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    let filter =
-        EnvFilter::try_from_env("PITCHLINE_LOG").unwrap_or_else(|_| EnvFilter::new("info"));
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .init();
+    console::start_log();
     let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let options = Options {
         connect: arguments.connect,
@@ -63,7 +49,7 @@ fn main() -> ExitCode {
     {
         Ok(runtime) => runtime,
         Err(error) => {
-            error!(%error, "cannot start");
+            console::complain(&format!("cannot start: {error}"));
             return ExitCode::from(exit::FAILURE);
         }
     };
@@ -80,7 +66,7 @@ fn main() -> ExitCode {
             ExitCode::from(exit::OK)
         }
         Err(error) => {
-            error!("{error}");
+            console::complain(&error.to_string());
             ExitCode::from(match error {
                 Error::Unreachable { .. } | Error::Away { .. } => exit::UNREACHABLE,
                 Error::Refused { .. } => exit::REFUSED,

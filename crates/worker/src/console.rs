@@ -1,0 +1,40 @@
+//! What the two programs have in common towards the person at the terminal.
+
+use std::io::{IsTerminal as _, Write as _};
+
+use protocol::exit;
+use tracing_subscriber::EnvFilter;
+
+/// The environment variable that says what to log.
+pub const LOG_VARIABLE: &str = "PITCHLINE_LOG";
+
+/// Starts logging to standard error, in colour only on a terminal that wants it.
+pub fn start_log() {
+    let filter = EnvFilter::try_from_env(LOG_VARIABLE).unwrap_or_else(|_| EnvFilter::new("info"));
+    let stderr = std::io::stderr();
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_ansi(stderr.is_terminal() && std::env::var_os("NO_COLOR").is_none())
+        .with_target(false)
+        .with_writer(std::io::stderr)
+        .init();
+}
+
+/// Says on standard error, whatever is logged, why a program ends.
+pub fn complain(sentence: &str) {
+    // If even standard error is gone, the exit code has to do.
+    let _ = writeln!(std::io::stderr(), "error: {sentence}");
+}
+
+/// The end of `--help`: environment and exit codes.
+#[must_use]
+pub fn help_footer() -> String {
+    let codes = exit::TABLE
+        .iter()
+        .map(|(code, meaning)| format!("  {code:>2}  {meaning}\n"));
+    format!(
+        "Environment:\n  {LOG_VARIABLE}  what to log to standard error [default: info]\n\n\
+         Exit codes:\n{}",
+        codes.collect::<String>()
+    )
+}

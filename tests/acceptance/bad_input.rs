@@ -1,0 +1,235 @@
+//! Bad input gets one clear sentence and its own exit code, and changes nothing.
+
+use std::net::TcpListener;
+
+use acceptance::{Sandbox, assert_code, errors, free_address};
+
+/// The sentence of a refused command, which must be one line and name every one of `parts`.
+fn refusal(sandbox: &Sandbox, arguments: &[&str], code: i32, parts: &[&str]) {
+    let output = sandbox.coordinator(arguments);
+    assert_code(&output, code);
+    let message = errors(&output);
+    assert_eq!(message.trim().lines().count(), 1, "{message}");
+    for part in parts {
+        assert!(message.contains(part), "no {part:?} in {message}");
+    }
+}
+
+#[test]
+fn a_bad_campaign_file_is_refused_by_file_line_and_key() {
+    let sandbox = Sandbox::new();
+    for (change, parts) in [
+        (("designs = 150 ", "designs = 1 "), ["doe.designs", "is 1"]),
+        (
+            ("samples_per_design = 10 ", "samples_per_design = 3 "),
+            ["sampling.samples_per_design", "from 4"],
+        ),
+        (("seed = 2009", "sed = 2009"), ["unknown field", "sed"]),
+        (("seed = 2009", ""), ["missing field", "seed"]),
+        (("seed = 2009", "seed = \"x\""), ["invalid type", "x"]),
+        (
+            ("pinion_torque_nm = 200.0", "pinion_torque_nm = 0.0"),
+            ["load.pinion_torque_nm", "above 0"],
+        ),
+        (
+            ("poisson_ratio = 0.29", "poisson_ratio = 0.6"),
+            ["material.poisson_ratio", "0.5"],
+        ),
+        (
+            ("variance = 0.01", "variance = inf"),
+            ["wear.variance", "inf"],
+        ),
+        (
+            (
+                "helix_angle_deg = [0.0, 30.0]",
+                "helix_angle_deg = [30.0, 0.0]",
+            ),
+            ["bounds.helix_angle_deg", "low < high"],
+        ),
+    ] {
+        let file = sandbox.campaign("bad.toml", &[change]);
+        let file = file.to_str().unwrap();
+        let parts = [&["bad.toml, line "], &parts[..]].concat();
+        refusal(&sandbox, &["run", file, "--db", "never.db"], 3, &parts);
+        refusal(&sandbox, &["check", file], 3, &parts);
+        assert!(
+            !sandbox.path("never.db").exists(),
+            "a refused campaign left a store"
+        );
+    }
+    refusal(&sandbox, &["check", "nowhere.toml"], 4, &["nowhere.toml"]);
+}
+
+#[test]
+fn a_bad_pair_file_is_refused_by_file_line_and_key() {
+    let sandbox = Sandbox::new();
+    let good = crate::commands::PAIR;
+    for (from, to, part) in [
+        ("centre_distance_mm = 110.0", "", "pair.centre_distance_mm"),
+        (
+            "face_width_mm = 10.0",
+            "face_width_mm = -10.0",
+            "pair.face_width_mm",
+        ),
+        ("teeth = [20, 22]", "teeth = [20]", "line 2"),
+        ("\"hertz-beam\"", "\"rubber\"", "pair.tooth_model"),
+        (
+            "pinion_torque_nm = 200.0",
+            "pinion_torque_nm = nan",
+            "load.pinion_torque_nm",
+        ),
+    ] {
+        let text = good.replacen(from, to, 1);
+        assert_ne!(text, good);
+        sandbox.write("pair.toml", &text);
+        refusal(
+            &sandbox,
+            &["simulate", "--pair", "pair.toml"],
+            3,
+            &["pair.toml, line", part],
+        );
+    }
+}
+
+#[test]
+fn a_store_that_is_not_this_campaigns_is_left_alone() {
+    let sandbox = Sandbox::new();
+    let tiny = [
+        ("designs = 150 ", "designs = 12 "),
+        ("evaluations = 1200 ", "evaluations = 60 "),
+        ("restart_at = 600 ", "restart_at = 30 "),
+        ("compare_with_paper = true", "compare_with_paper = false"),
+    ];
+    let file = sandbox.campaign("tiny.toml", &tiny);
+    let file = file.to_str().unwrap();
+    assert_code(&sandbox.coordinator(&["run", file, "--db", "tiny.db"]), 0);
+    let before = std::fs::read(sandbox.path("tiny.db")).unwrap();
+
+    let other = sandbox.campaign(
+        "other.toml",
+        &[&tiny[..], &[("seed = 2009", "seed = 2010")]].concat(),
+    );
+    let other = other.to_str().unwrap();
+    refusal(
+        &sandbox,
+        &["run", other, "--db", "tiny.db"],
+        6,
+        &["tiny.db", "another", "quick"].map(|part| {
+            if part == "another" {
+                "choose another file"
+            } else {
+                part
+            }
+        }),
+    );
+    assert_eq!(std::fs::read(sandbox.path("tiny.db")).unwrap(), before);
+
+    sandbox.write("notes.txt", "not a database");
+    refusal(
+        &sandbox,
+        &["run", file, "--db", "notes.txt"],
+        7,
+        &["notes.txt", "not an SQLite"],
+    );
+    refusal(
+        &sandbox,
+        &["status", "--db", "notes.txt"],
+        7,
+        &["notes.txt", "not an SQLite"],
+    );
+    assert_eq!(
+        std::fs::read(sandbox.path("notes.txt")).unwrap(),
+        b"not a database"
+    );
+
+    refusal(
+        &sandbox,
+        &["status", "--db", "nowhere.db"],
+        5,
+        &["nowhere.db", "no store"],
+    );
+    let mut damaged = before.clone();
+    damaged.truncate(before.len() / 2);
+    std::fs::write(sandbox.path("damaged.db"), &damaged).unwrap();
+    refusal(
+        &sandbox,
+        &["run", file, "--db", "damaged.db"],
+        8,
+        &["damaged.db", "damaged"],
+    );
+    assert_eq!(std::fs::read(sandbox.path("damaged.db")).unwrap(), damaged);
+
+    let export = [
+        "export",
+        "--db",
+        "tiny.db",
+        "--table",
+        "samples",
+        "--out",
+        "notes.txt",
+    ];
+    refusal(&sandbox, &export, 4, &["notes.txt"]);
+    refusal(&sandbox, &["init", "notes.txt"], 4, &["notes.txt"]);
+    assert_eq!(
+        std::fs::read(sandbox.path("notes.txt")).unwrap(),
+        b"not a database"
+    );
+}
+
+#[test]
+fn a_taken_port_is_refused_without_leaving_a_store() {
+    let sandbox = Sandbox::new();
+    let file = sandbox.campaign("quick.toml", &[]);
+    let file = file.to_str().unwrap();
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let serve = ["serve", file, "--db", "never.db", "--listen", &address];
+    refusal(&sandbox, &serve, 10, &["cannot listen", &address]);
+    assert!(!sandbox.path("never.db").exists());
+    let open = ["serve", file, "--db", "never.db", "--listen", "0.0.0.0:0"];
+    refusal(&sandbox, &open, 2, &["0.0.0.0:0", "--insecure"]);
+}
+
+#[test]
+fn two_coordinators_do_not_share_a_store() {
+    let sandbox = Sandbox::new();
+    let file = sandbox.campaign("quick.toml", &[]);
+    let file = file.to_str().unwrap();
+    let address = free_address().to_string();
+    let first = ["serve", file, "--db", "shared.db", "--listen", &address];
+    let running = sandbox.start("coordinator", &first);
+    sandbox.wait_for("shared.db", "the store", |_| true);
+    refusal(
+        &sandbox,
+        &["run", file, "--db", "shared.db"],
+        9,
+        &["shared.db", "in use"],
+    );
+    running.kill();
+}
+
+#[test]
+fn an_unreachable_coordinator_is_named() {
+    let sandbox = Sandbox::new();
+    let address = free_address();
+    let url = format!("http://{address}");
+    let output = sandbox.run(
+        "worker",
+        &["--connect", &url, "--connect-timeout", "1", "--slots", "1"],
+    );
+    assert_code(&output, 11);
+    assert!(errors(&output).contains(&url), "{}", errors(&output));
+    assert_eq!(
+        errors(&output).trim().lines().count(),
+        1,
+        "{}",
+        errors(&output)
+    );
+    let output = sandbox.run("worker", &["--connect", "over there"]);
+    assert_code(&output, 2);
+    assert!(
+        errors(&output).contains("over there"),
+        "{}",
+        errors(&output)
+    );
+}

@@ -1,0 +1,93 @@
+//! `coordinator serve` with real workers on loopback, some of which die.
+
+use acceptance::{Sandbox, assert_code, free_address};
+
+/// A campaign that samples for some seconds on two cores, and does little else.
+const LONG: [(&str, &str); 6] = [
+    ("designs = 150 ", "designs = 300 "),
+    ("samples_per_design = 10 ", "samples_per_design = 1500 "),
+    ("evaluations = 1200 ", "evaluations = 200 "),
+    ("restart_at = 600 ", "restart_at = 100 "),
+    ("starts = 3", "starts = 1"),
+    ("compare_with_paper = true", "compare_with_paper = false"),
+];
+
+#[test]
+fn kills_of_workers_and_coordinator_leave_no_trace_in_the_samples() {
+    let sandbox = Sandbox::new();
+    let file = sandbox.campaign("long.toml", &LONG);
+    let file = file.to_str().unwrap();
+    assert_code(
+        &sandbox.coordinator(&["run", file, "--db", "undisturbed.db"]),
+        0,
+    );
+    let undisturbed = sandbox.status("undisturbed.db").unwrap();
+
+    let address = free_address().to_string();
+    let url = format!("http://{address}");
+    let serve = ["serve", file, "--db", "cluster.db", "--listen", &address];
+    let work = ["--connect", &url, "--slots", "1"];
+    let done = |status: &serde_json::Value| status["samples"]["done"].as_u64().unwrap();
+
+    let coordinator = sandbox.start("coordinator", &serve);
+    let doomed = sandbox.start("worker", &work);
+    let survivor = sandbox.start("worker", &work);
+    let quarter = done(&undisturbed) / 4;
+    sandbox.wait_for("cluster.db", "a quarter of the samples", |status| {
+        done(status) > quarter
+    });
+    doomed.kill();
+    let replacement = sandbox.start("worker", &work);
+    let status = sandbox.wait_for("cluster.db", "half of the samples", |status| {
+        done(status) > 2 * quarter
+    });
+    assert!(
+        done(&status) < done(&undisturbed),
+        "the campaign was too short to be disturbed"
+    );
+    coordinator.kill();
+    let held = sandbox
+        .status("cluster.db")
+        .expect("a killed coordinator leaves a store behind");
+    assert!(
+        done(&held) >= done(&status),
+        "acknowledged samples are gone"
+    );
+
+    // The same command continues; the workers have not been told anything.
+    let coordinator = sandbox.start("coordinator", &serve);
+    for (name, process) in [
+        ("coordinator", coordinator),
+        ("survivor", survivor),
+        ("replacement", replacement),
+    ] {
+        let (status, errors) = process.finish();
+        assert_eq!(status.code(), Some(0), "{name}: {errors}");
+    }
+    let disturbed = sandbox.status("cluster.db").unwrap();
+    assert_eq!(disturbed["finished"], true, "{disturbed}");
+    assert_eq!(disturbed["samples_digest"], undisturbed["samples_digest"]);
+    assert_eq!(disturbed["samples"], undisturbed["samples"]);
+    assert_eq!(disturbed["optima"], undisturbed["optima"]);
+}
+
+#[test]
+fn an_interrupted_run_continues() {
+    let sandbox = Sandbox::new();
+    let file = sandbox.campaign("long.toml", &LONG);
+    let file = file.to_str().unwrap();
+    let run = ["run", file, "--db", "run.db"];
+    let running = sandbox.start("coordinator", &run);
+    let some = |status: &serde_json::Value| status["samples"]["done"].as_u64() > Some(10_000);
+    sandbox.wait_for("run.db", "some samples", some);
+    running.kill();
+    let before = sandbox.status("run.db").unwrap();
+    assert_eq!(
+        before["finished"], false,
+        "the run was too short to be interrupted"
+    );
+    assert_code(&sandbox.coordinator(&run), 0);
+    let after = sandbox.status("run.db").unwrap();
+    assert_eq!(after["finished"], true);
+    assert_eq!(after["failures"], 0);
+}
