@@ -189,6 +189,62 @@ pub struct Criteria {
     pub normal_module_mm: f64,
 }
 
+/// One constraint at one design.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Constraint {
+    /// The constrained quantity.
+    pub name: &'static str,
+    /// Its unit with a space before it, or nothing.
+    pub unit: &'static str,
+    /// Its value.
+    pub value: f64,
+    /// Its limit.
+    pub limit: f64,
+    /// How far the value lies beyond the limit, in its unit; negative on the good side.
+    pub excess: f64,
+    /// What the paper's (5) divides the excess by: the limit, or the module for a length.
+    pub scale: f64,
+    /// Whether the limit itself is not allowed.
+    pub strict: bool,
+}
+
+impl Constraint {
+    /// Whether the design satisfies the constraint; false for a value that is no number.
+    #[must_use]
+    pub fn holds(&self) -> bool {
+        if self.strict {
+            self.excess < 0.0
+        } else {
+            self.excess <= 0.0
+        }
+    }
+}
+
+impl std::fmt::Display for Constraint {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self {
+            name,
+            unit,
+            value,
+            limit,
+            excess,
+            ..
+        } = self;
+        // An optimum sits on a constraint: by how little it misses is what matters.
+        if excess.abs() < 1e-3 {
+            write!(
+                f,
+                "{name} {excess:.0e}{unit} beyond its limit of {limit}{unit}"
+            )
+        } else {
+            write!(
+                f,
+                "{name} = {value:.4}{unit} beyond its limit of {limit}{unit}"
+            )
+        }
+    }
+}
+
 /// A design of a campaign, ready to be simulated.
 #[derive(Debug, Clone)]
 pub struct Problem {
@@ -305,40 +361,72 @@ impl Problem {
         }
     }
 
+    /// Every constraint of (3) or (7), with how far a design is from breaking it.
+    #[must_use]
+    pub fn constraints(&self, criteria: &Criteria) -> [Constraint; 8] {
+        let limits = &self.campaign.constraints;
+        let material = &self.campaign.material;
+        let below = |name, unit, value: f64, limit: f64| Constraint {
+            name,
+            unit,
+            value,
+            limit,
+            excess: value - limit,
+            scale: limit,
+            strict: true,
+        };
+        let room = |name, value: f64| Constraint {
+            name,
+            unit: " mm",
+            value,
+            limit: 0.0,
+            excess: -value,
+            scale: criteria.normal_module_mm,
+            strict: false,
+        };
+        [
+            Constraint {
+                name: "r_c",
+                unit: "",
+                value: criteria.contact_ratio,
+                limit: limits.contact_ratio_min,
+                excess: limits.contact_ratio_min - criteria.contact_ratio,
+                scale: limits.contact_ratio_min,
+                strict: true,
+            },
+            below(
+                "g_s",
+                "",
+                criteria.specific_sliding,
+                limits.specific_sliding_max,
+            ),
+            below("σ_vm", " MPa", criteria.root_stress_mpa, material.yield_mpa),
+            below(
+                "F",
+                " MPa",
+                criteria.hertz_pressure_mpa,
+                material.hertz_limit_mpa,
+            ),
+            room("pinion tip clearance", criteria.clearance_mm[0]),
+            room("mate tip clearance", criteria.clearance_mm[1]),
+            room("pinion flank margin", criteria.flank_margin_mm[0]),
+            room("mate flank margin", criteria.flank_margin_mm[1]),
+        ]
+    }
+
     /// The sum of the relative violations in the paper's (5), and of the interferences in modules.
     ///
     /// Zero on the feasible side including its edge; [`Problem::is_feasible`] is strict.
     #[must_use]
     pub fn violation(&self, criteria: &Criteria) -> f64 {
-        let limits = &self.campaign.constraints;
-        let material = &self.campaign.material;
-        let interference: f64 = criteria
-            .clearance_mm
-            .iter()
-            .chain(&criteria.flank_margin_mm)
-            .map(|amount| (-amount / criteria.normal_module_mm).max(0.0))
-            .sum();
-        (1.0 - criteria.contact_ratio / limits.contact_ratio_min).max(0.0)
-            + (criteria.specific_sliding / limits.specific_sliding_max - 1.0).max(0.0)
-            + (criteria.root_stress_mpa / material.yield_mpa - 1.0).max(0.0)
-            + (criteria.hertz_pressure_mpa / material.hertz_limit_mpa - 1.0).max(0.0)
-            + interference
+        let relative = |constraint: &Constraint| constraint.excess.max(0.0) / constraint.scale;
+        self.constraints(criteria).iter().map(relative).sum()
     }
 
     /// Whether a design satisfies every constraint of (3) or (7), with their strict inequalities.
     #[must_use]
     pub fn is_feasible(&self, criteria: &Criteria) -> bool {
-        let limits = &self.campaign.constraints;
-        let material = &self.campaign.material;
-        criteria.contact_ratio > limits.contact_ratio_min
-            && criteria.specific_sliding < limits.specific_sliding_max
-            && criteria.root_stress_mpa < material.yield_mpa
-            && criteria.hertz_pressure_mpa < material.hertz_limit_mpa
-            && criteria
-                .clearance_mm
-                .iter()
-                .chain(&criteria.flank_margin_mm)
-                .all(|&mm| mm >= 0.0)
+        self.constraints(criteria).iter().all(Constraint::holds)
     }
 
     /// The penalised objective (5).
@@ -392,4 +480,87 @@ impl Problem {
 
 fn scale([low, high]: [f64; 2], unit: f64) -> f64 {
     low + (high - low) * unit
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn problem() -> Problem {
+        Problem::new(Campaign::parse("paper.toml", Campaign::PAPER).unwrap())
+    }
+
+    fn good() -> Criteria {
+        Criteria {
+            contact_ratio: 1.5,
+            specific_sliding: 1.5,
+            hertz_pressure_mpa: 1200.0,
+            root_stress_mpa: 600.0,
+            clearance_mm: [0.5, 0.0],
+            flank_margin_mm: [0.1, 0.1],
+            normal_module_mm: 4.0,
+        }
+    }
+
+    #[test]
+    fn the_violation_is_the_bracket_of_equation_5_plus_interference_in_modules() {
+        let problem = problem();
+        assert_eq!(problem.violation(&good()), 0.0);
+        let bad = Criteria {
+            contact_ratio: 1.0,
+            specific_sliding: 3.0,
+            root_stress_mpa: 1078.0,
+            hertz_pressure_mpa: 3100.0,
+            clearance_mm: [-1.0, 0.5],
+            ..good()
+        };
+        // (1 − 1/1.25) + (3/2 − 1) + (1078/980 − 1) + (3100/1550 − 1) + 1/4
+        let expected = 0.2 + 0.5 + 0.1 + 1.0 + 0.25;
+        assert!((problem.violation(&bad) - expected).abs() < 1e-12);
+        assert!((problem.penalised(2.0, 0.3) - (2.0 / 0.5 + 10.0 * 0.3)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn limits_themselves_are_not_allowed_but_touching_teeth_are() {
+        let problem = problem();
+        assert!(problem.is_feasible(&good()));
+        assert!(!problem.is_feasible(&Criteria {
+            specific_sliding: 2.0,
+            ..good()
+        }));
+        assert!(!problem.is_feasible(&Criteria {
+            contact_ratio: 1.25,
+            ..good()
+        }));
+        assert!(!problem.is_feasible(&Criteria {
+            root_stress_mpa: f64::NAN,
+            ..good()
+        }));
+        assert!(!problem.is_feasible(&Criteria {
+            flank_margin_mm: [0.1, -1e-12],
+            ..good()
+        }));
+    }
+
+    #[test]
+    fn the_unit_cube_covers_the_bounds_and_radii_follow_the_module() {
+        let problem = problem();
+        assert_eq!(
+            problem.robust_point(&[0.0; 6]),
+            [-1.0, -1.0, 0.8, 0.8, 0.8, 0.8]
+        );
+        assert_eq!(
+            problem.robust_point(&[1.0; 6]),
+            [2.0, 2.0, 1.7, 1.7, 1.7, 1.7]
+        );
+        let unit = [0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.0, 1.0, 0.0, 1.0, 1.0];
+        let variables = problem.full_point(&unit).unwrap();
+        let module = problem.pair(&variables).map_or_else(
+            |_| variables.tip_radius_mm[1],
+            |pair| pair.geometry().normal_module,
+        );
+        assert!((variables.tip_radius_mm[1] / module - 1.0).abs() < 1e-12);
+        assert!((variables.root_radius_mm[0] / module - 0.05).abs() < 1e-12);
+        assert_eq!(variables.helix_angle_deg, 30.0);
+    }
 }

@@ -319,7 +319,7 @@ fn continuation_note(problem: &Problem, runs: &[RunResult]) -> String {
         return String::new();
     };
     format!(
-        "With the printed penalty weight p = {} {} of {} runs ended on a design that breaks a \
+        "With the printed penalty weight p = {}, {} of {} runs ended on a design that breaks a \
          constraint (the lowest at {:.3} µm with {}); those runs went on, ranking feasible designs \
          first, until they ended on one that breaks none.",
         problem.campaign().optimise.penalty,
@@ -332,44 +332,11 @@ fn continuation_note(problem: &Problem, runs: &[RunResult]) -> String {
 
 /// Names the constraints that a design breaks.
 fn broken(problem: &Problem, found: &Found) -> String {
-    let limits = &problem.campaign().constraints;
-    let material = &problem.campaign().material;
-    let criteria = &found.criteria;
-    let mut broken = Vec::new();
-    if criteria.contact_ratio <= limits.contact_ratio_min {
-        broken.push(format!(
-            "r_c = {:.4} ≤ {}",
-            criteria.contact_ratio, limits.contact_ratio_min
-        ));
-    }
-    if criteria.specific_sliding >= limits.specific_sliding_max {
-        let max = limits.specific_sliding_max;
-        broken.push(format!("g_s = {:.4} ≥ {max}", criteria.specific_sliding));
-    }
-    if criteria.root_stress_mpa >= material.yield_mpa {
-        let stress = criteria.root_stress_mpa;
-        broken.push(format!(
-            "σ_vm = {stress:.1} MPa ≥ {} MPa",
-            material.yield_mpa
-        ));
-    }
-    if criteria.hertz_pressure_mpa >= material.hertz_limit_mpa {
-        let pressure = criteria.hertz_pressure_mpa;
-        broken.push(format!(
-            "F = {pressure:.1} MPa ≥ {} MPa",
-            material.hertz_limit_mpa
-        ));
-    }
-    let gears = ["pinion", "mate"];
-    for (gear, name) in gears.iter().enumerate() {
-        if criteria.clearance_mm[gear] < 0.0 {
-            let clearance = criteria.clearance_mm[gear];
-            broken.push(format!("{name} tip clearance = {clearance:.4} mm < 0"));
-        }
-        if criteria.flank_margin_mm[gear] < 0.0 {
-            let margin = criteria.flank_margin_mm[gear];
-            broken.push(format!("{name} flank margin = {margin:.4} mm < 0"));
-        }
-    }
+    let broken: Vec<String> = problem
+        .constraints(&found.criteria)
+        .iter()
+        .filter(|constraint| !constraint.holds())
+        .map(ToString::to_string)
+        .collect();
     broken.join(", ")
 }

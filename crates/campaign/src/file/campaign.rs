@@ -488,7 +488,11 @@ mod tests {
         for (from, to, key) in [
             ("designs = 3000", "designs = 1", "doe.designs"),
             ("designs = 3000", "dessigns = 3000", "dessigns"),
-            ("designs = 3000", "designs = \"many\"", "expected u32"),
+            (
+                "designs = 3000",
+                "designs = \"many\"",
+                "designs: invalid type: string \"many\", expected a whole number",
+            ),
             ("designs = 3000", "", "missing field `designs`"),
             (
                 "profile_shift = [-1.0, 2.0]",

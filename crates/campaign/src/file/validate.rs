@@ -14,14 +14,22 @@ pub(super) struct Source<'a> {
 impl Source<'_> {
     pub(super) fn parse<T: DeserializeOwned>(self) -> Result<T, FileError> {
         toml::from_str(self.text).map_err(|error| {
-            let offset = error.span().map_or(0, |span| span.start);
+            let offset = error
+                .span()
+                .map_or(0, |span| span.start)
+                .min(self.text.len());
+            let line = self.text[..offset].matches('\n').count();
+            let key = self
+                .text
+                .lines()
+                .nth(line)
+                .and_then(|line| line.split_once('='));
+            let place = key.map_or_else(String::new, |(key, _)| format!("{}: ", key.trim()));
+            let message = error.message().replace('\n', " ");
             FileError::Syntax {
                 file: self.file.to_owned(),
-                line: self.text[..offset.min(self.text.len())]
-                    .matches('\n')
-                    .count()
-                    + 1,
-                message: error.message().replace('\n', " "),
+                line: line + 1,
+                message: place + &in_plain_words(&message),
             }
         })
     }
@@ -131,4 +139,18 @@ impl Source<'_> {
         }
         fallback
     }
+}
+
+/// Replaces the names of Rust's types by what a user would call them.
+fn in_plain_words(message: &str) -> String {
+    [
+        ("expected u32", "expected a whole number, zero or more"),
+        ("expected u64", "expected a whole number, zero or more"),
+        ("expected f64", "expected a number"),
+        ("expected a string", "expected text in quotes"),
+    ]
+    .iter()
+    .fold(message.to_owned(), |message, (from, to)| {
+        message.replace(from, to)
+    })
 }
