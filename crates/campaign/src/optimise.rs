@@ -283,3 +283,100 @@ impl Objective<'_> {
         Some(Candidate { found, violation })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Campaign;
+
+    fn problem(change: impl FnOnce(&mut Campaign)) -> Problem {
+        let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
+        campaign.optimise.evaluations = 400;
+        campaign.optimise.restart_at = 200;
+        change(&mut campaign);
+        Problem::new(campaign)
+    }
+
+    fn archard(problem: &Problem) -> RunResult {
+        run(
+            problem,
+            Approach::Archard,
+            0,
+            &problem.printed_frozen(),
+            None,
+        )
+        .unwrap()
+    }
+
+    #[test]
+    fn a_run_is_a_function_of_campaign_approach_and_start() {
+        let problem = problem(|_| {});
+        let first = archard(&problem);
+        assert_eq!(first, archard(&problem));
+        let other = run(
+            &problem,
+            Approach::Archard,
+            1,
+            &problem.printed_frozen(),
+            None,
+        )
+        .unwrap();
+        assert_ne!(first.best, other.best);
+        let json = serde_json::to_string(&first).unwrap();
+        assert_eq!(serde_json::from_str::<RunResult>(&json).unwrap(), first);
+    }
+
+    #[test]
+    fn a_weight_that_is_too_small_is_said_and_made_up_for() {
+        let problem = problem(|campaign| campaign.optimise.penalty = 1e-3);
+        let result = archard(&problem);
+        let printed = result.printed.unwrap();
+        assert!(!printed.feasible, "the weight was meant to be too small");
+        assert!(result.continuations > 0);
+        assert!(result.evaluations > 400);
+        let best = result
+            .best
+            .expect("the run goes on until it finds a feasible design");
+        assert!(best.feasible && problem.is_feasible(&best.criteria));
+        assert_eq!(problem.violation(&best.criteria), 0.0);
+    }
+
+    #[test]
+    fn constraints_that_nothing_satisfies_end_without_an_optimum() {
+        let problem = problem(|campaign| {
+            campaign.constraints.contact_ratio_min = 50.0;
+            campaign.optimise.evaluations = 60;
+            campaign.optimise.restart_at = 30;
+        });
+        let result = archard(&problem);
+        assert_eq!(result.best, None);
+        assert_eq!(result.continuations, CONTINUATIONS);
+        assert!(result.printed.is_some_and(|found| !found.feasible));
+    }
+
+    #[test]
+    fn calls_are_counted_as_the_paper_does() {
+        let problem = problem(|_| {});
+        let frozen = problem.printed_frozen();
+        let unworn = run(&problem, Approach::NoWear, 0, &frozen, None).unwrap();
+        assert!(
+            unworn.simulator_calls <= unworn.evaluations,
+            "one call per analysis at most"
+        );
+        let worn = archard(&problem);
+        assert!(
+            worn.simulator_calls > worn.evaluations,
+            "two calls per analysis"
+        );
+        assert!(worn.simulator_calls <= 2 * worn.evaluations);
+    }
+
+    #[test]
+    fn a_kriging_run_needs_a_model_that_can_be_read() {
+        let problem = problem(|_| {});
+        let frozen = problem.printed_frozen();
+        assert!(run(&problem, Approach::Kriging, 0, &frozen, None).is_err());
+        let error = run(&problem, Approach::Kriging, 0, &frozen, Some("{}")).unwrap_err();
+        assert!(error.contains("cannot be read"), "{error}");
+    }
+}

@@ -571,6 +571,7 @@ fn notes(sources: &Sources, failures: &[store::FailureRow]) -> Vec<String> {
                 .map(|warning| format!("Kriging: {warning}.")),
         );
     }
+    notes.extend(pointed_tips(sources));
     let panics = |name: &str| {
         sources
             .criteria
@@ -615,5 +616,32 @@ fn notes(sources: &Sources, failures: &[store::FailureRow]) -> Vec<String> {
          coupling of neighbouring slices; its compliance has no gear body."
             .to_owned(),
     );
+    notes
+}
+
+/// Names optima whose teeth have no tip land left: no constraint of the paper asks for one, and
+/// the slenderness of such tips makes their ΔSTE depend on how the beam model ends.
+fn pointed_tips(sources: &Sources) -> Vec<String> {
+    let mut notes = Vec::new();
+    for row in &sources.optima {
+        let Some(pair) =
+            optimum_variables(row).and_then(|variables| sources.problem.pair(&variables).ok())
+        else {
+            continue;
+        };
+        let pointed = pair.geometry().pointed;
+        let who = match pointed {
+            [false, false] => continue,
+            [true, false] => "The pinion of",
+            [false, true] => "The mate of",
+            [true, true] => "Both gears of",
+        };
+        notes.push(format!(
+            "{who} the optimum “{}” has pointed teeth: the constraints ask for no tip land. Its \
+             ΔSTE rests on where the beam model ends a tooth that thins to nothing; shortened to a \
+             usual tip land, such a pair loses much of what it gained.",
+            row.approach
+        ));
+    }
     notes
 }

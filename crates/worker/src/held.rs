@@ -149,3 +149,74 @@ impl HeldJobs {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn result(job: u64) -> JobResult {
+        JobResult {
+            job,
+            attempt: 1,
+            outcome: None,
+            cpu_seconds: 0.0,
+        }
+    }
+
+    #[test]
+    fn a_job_is_held_once_until_its_result_is_acknowledged() {
+        let held = HeldJobs::default();
+        assert!(held.take(7, 1));
+        assert!(!held.take(7, 2), "a job leased twice is computed once");
+        assert!(held.start(7));
+        held.finish(result(7));
+        assert!(!held.take(7, 3), "its result is still to be handed in");
+        assert_eq!((held.computing(), held.unacknowledged()), (0, 1));
+        held.acknowledge(&held.results());
+        assert_eq!(held.unacknowledged(), 0);
+        assert!(held.take(7, 4));
+    }
+
+    #[test]
+    fn a_heartbeat_names_waiting_running_and_unacknowledged_jobs() {
+        let held = HeldJobs::default();
+        for job in 1..=3 {
+            held.take(job, 1);
+        }
+        held.start(2);
+        held.start(3);
+        held.finish(result(3));
+        let mut named: Vec<(u64, bool)> = held
+            .attempts()
+            .iter()
+            .map(|attempt| (attempt.job, attempt.started))
+            .collect();
+        named.sort_unstable();
+        assert_eq!(named, [(1, false), (2, true), (3, true)]);
+    }
+
+    #[test]
+    fn giving_up_keeps_what_runs_and_what_is_finished() {
+        let held = HeldJobs::default();
+        for job in 1..=3 {
+            held.take(job, 1);
+        }
+        held.start(2);
+        held.start(3);
+        held.finish(result(3));
+        assert_eq!(held.give_up_waiting(), [1]);
+        assert!(
+            !held.start(1),
+            "a job that was given back must not be computed"
+        );
+        held.cancel(&[2]);
+        assert_eq!(held.computing(), 1, "what runs cannot be stopped half-way");
+        assert_eq!(held.give_up_all(), [2]);
+        held.finish(result(2));
+        assert_eq!(
+            held.unacknowledged(),
+            1,
+            "the result of a job given back is not ours"
+        );
+    }
+}
