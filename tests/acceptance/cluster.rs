@@ -91,3 +91,26 @@ fn an_interrupted_run_continues() {
     assert_eq!(after["finished"], true);
     assert_eq!(after["failures"], 0);
 }
+
+#[test]
+fn asked_to_end_programs_give_back_what_they_hold() {
+    let sandbox = Sandbox::new();
+    let file = sandbox.campaign("long.toml", &LONG);
+    let file = file.to_str().unwrap();
+    let address = free_address().to_string();
+    let url = format!("http://{address}");
+    let serve = ["serve", file, "--db", "c.db", "--listen", &address];
+    let coordinator = sandbox.start("coordinator", &serve);
+    let worker = sandbox.start("worker", &["--connect", &url, "--slots", "2"]);
+    let some = |status: &serde_json::Value| status["samples"]["done"].as_u64() > Some(10_000);
+    sandbox.wait_for("c.db", "some samples", some);
+    worker.terminate();
+    let (status, errors) = worker.finish();
+    assert_eq!(status.code(), Some(0), "{errors}");
+    coordinator.terminate();
+    let (status, errors) = coordinator.finish();
+    assert_eq!(status.code(), Some(14), "{errors}");
+    let held = sandbox.status("c.db").unwrap();
+    assert_eq!(held["finished"], false);
+    assert_eq!(held["failures"], 0, "nobody is to blame");
+}

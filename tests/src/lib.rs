@@ -212,6 +212,23 @@ impl Running {
         self.child.wait().expect("the process can be waited for");
     }
 
+    /// Asks it to end, as `kill` does.
+    ///
+    /// # Panics
+    ///
+    /// When it cannot be asked.
+    pub fn terminate(&self) {
+        let id = self.child.id().to_string();
+        let status = Command::new("kill")
+            .args(["-TERM", &id])
+            .status()
+            .expect("kill runs");
+        assert!(
+            status.success(),
+            "the process ended before it could be asked to"
+        );
+    }
+
     /// Waits for its end and returns what it wrote to standard error, too.
     ///
     /// # Panics

@@ -139,13 +139,12 @@ impl campaign_server::Campaign for Service {
                 Ok(_) => {
                     self.board.complete(worker, result.job, result.attempt);
                 }
-                Err(conflict) if conflict.is_refusal() => {
-                    // What is stored stays. Somebody computes other numbers, which must be heard.
-                    error!(job = %ingest::job_name(result.job), %worker, error = %conflict,
+                Err(refused) if refused.is_refusal() => {
+                    // What is stored stays. Somebody computes other numbers, which must be heard;
+                    // a job that is done stays done, any other one is tried again elsewhere.
+                    error!(job = %ingest::job_name(result.job), %worker, error = %refused,
                         "a worker contradicts the store");
-                    self.record(worker, result, FailureKind::Failure, &conflict.to_string())
-                        .await?;
-                    self.board.complete(worker, result.job, result.attempt);
+                    self.fail(worker, result, &refused.to_string()).await?;
                 }
                 Err(failed) => {
                     error!(error = %failed, "results could not be stored");

@@ -93,12 +93,12 @@ pub async fn load(
             design.samples = u32::try_from(samples).unwrap_or(u32::MAX);
         }
     }
-    let simulated = designs.iter().filter(|design| design.simulated).count();
-    let complete = designs
+    // Designs whose job was given up have no samples, and so no response to wait for.
+    let sampled = designs
         .iter()
-        .all(|design| design.is_done(campaign.sampling.samples_per_design));
-    let has_responses =
-        !designs.is_empty() && complete && store.responses().await?.len() == simulated;
+        .filter(|design| design.simulated && design.samples >= campaign.sampling.samples_per_design)
+        .count();
+    let has_responses = !designs.is_empty() && store.responses().await?.len() == sampled;
 
     let mut state = State {
         designs,
