@@ -5,7 +5,7 @@ use acceptance::{Sandbox, assert_code, free_address};
 /// A campaign that samples for some seconds on two cores, and does little else.
 const LONG: [(&str, &str); 6] = [
     ("designs = 150 ", "designs = 300 "),
-    ("samples_per_design = 10 ", "samples_per_design = 1500 "),
+    ("samples_per_design = 10 ", "samples_per_design = 4000 "),
     ("evaluations = 1200 ", "evaluations = 200 "),
     ("restart_at = 600 ", "restart_at = 100 "),
     ("starts = 3", "starts = 1"),

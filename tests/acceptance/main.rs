@@ -4,3 +4,4 @@ mod bad_input;
 mod campaign;
 mod cluster;
 mod commands;
+mod paper;

@@ -28,6 +28,8 @@ pub(crate) enum Command {
     Report(Report),
     /// Write a table of a campaign as CSV
     Export(Export),
+    /// Print the paper's figures beside a campaign's, as Markdown
+    Compare(Compare),
     /// Simulate one gear pair
     Simulate(Simulate),
     /// Validate a campaign file and say what it would do
@@ -105,6 +107,13 @@ pub(crate) struct Export {
     /// The file; one that exists is refused
     #[arg(long, value_name = "FILE.csv")]
     pub(crate) out: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Compare {
+    /// The store
+    #[arg(long, value_name = "FILE")]
+    pub(crate) db: PathBuf,
 }
 
 #[derive(Debug, Args)]

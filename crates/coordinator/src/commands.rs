@@ -12,7 +12,7 @@ use campaign::plan;
 use campaign::task::{self, SampleRange, SampleRequest, Task};
 use campaign::{Approach, Campaign, FileError, PairFile};
 use coordinator::server::{self, Outcome, Plan, Workers};
-use coordinator::{export, references, reporting, simulate, status};
+use coordinator::{comparing, export, references, reporting, simulate, status};
 use protocol::exit;
 use rand::RngExt as _;
 use stats::streams::{Purpose, stream};
@@ -44,6 +44,7 @@ pub(crate) async fn execute(command: Command) -> anyhow::Result<u8> {
         Command::Status(arguments) => print_status(arguments).await,
         Command::Report(arguments) => write_report(arguments).await,
         Command::Export(arguments) => export_table(arguments).await,
+        Command::Compare(arguments) => compare(arguments).await,
         Command::Simulate(arguments) => simulate_pair(&arguments),
         Command::Check(arguments) => check(&arguments),
         Command::Init(arguments) => init(&arguments),
@@ -241,6 +242,12 @@ async fn export_table(arguments: arguments::Export) -> anyhow::Result<u8> {
     let store = Store::open_read_only(&arguments.db).await?;
     let file = create_new(&arguments.out)?;
     export::write(&store, arguments.table, std::io::BufWriter::new(file)).await?;
+    Ok(exit::OK)
+}
+
+async fn compare(arguments: arguments::Compare) -> anyhow::Result<u8> {
+    let store = Store::open_read_only(&arguments.db).await?;
+    print(&comparing::page(&store).await?)?;
     Ok(exit::OK)
 }
 

@@ -7,7 +7,7 @@ use campaign::{Criteria, Variables};
 use clap::ValueEnum;
 use store::Store;
 
-use crate::snapshot::{optimum_variables, row_point};
+use crate::snapshot::{self, optimum_variables, row_point};
 
 /// A table that can be exported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -147,7 +147,7 @@ async fn optima<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Re
         "cpu_seconds",
     ]);
     out.write_record(&header)?;
-    for row in store.optima().await? {
+    for row in snapshot::optima(store).await? {
         let variables = optimum_variables(&row);
         let criteria: Option<Criteria> = serde_json::from_str(&row.criteria_json)?;
         let samples: Vec<f64> = store

@@ -4,10 +4,11 @@
 //!   ([`steps`]) itself and puts the jobs on the [`board`].
 //! - [`board`] holds the scheduler and the workers behind one lock; [`service`] is the gRPC face
 //!   of it; [`ingest`] turns what workers hand in into rows of the store.
-//! - [`status`], [`export`], [`simulate`] and [`reporting`] read: they work beside a running
+//! - [`status`], [`export`], [`simulate`], [`reporting`] and [`comparing`] read: they work beside a running
 //!   campaign, too.
 
 pub mod board;
+pub mod comparing;
 pub mod engine;
 pub mod export;
 pub mod ingest;

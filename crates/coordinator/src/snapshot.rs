@@ -55,7 +55,18 @@ pub fn variables_from_json(json: &str) -> Option<Variables> {
     })
 }
 
-/// Whether an optimum's row holds a design that satisfies every constraint.
+/// The optima in the order of the paper's Table 5.
+///
+/// # Errors
+///
+/// The store cannot be read.
+pub async fn optima(store: &Store) -> Result<Vec<OptimumRow>, store::Error> {
+    let mut rows = store.optima().await?;
+    rows.sort_by_key(|row| approach_of(&row.approach).map(Approach::number));
+    Ok(rows)
+}
+
+/// The design of an optimum's row; none when the approach found no feasible one.
 #[must_use]
 pub fn optimum_variables(row: &OptimumRow) -> Option<Variables> {
     variables_from_json(&row.x_json)

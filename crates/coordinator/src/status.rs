@@ -4,6 +4,8 @@ use campaign::Campaign;
 use serde::Serialize;
 use store::Store;
 
+use crate::snapshot;
+
 /// What `coordinator status --json` prints.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Status {
@@ -87,7 +89,7 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
     let wanted_runs = 3 * u64::from(campaign.optimise.starts);
     let verify = u64::from(campaign.verify.samples);
     let mut optima = Vec::new();
-    for row in store.optima().await? {
+    for row in snapshot::optima(store).await? {
         let done = store.verify_samples(&row.approach).await?.len() as u64;
         optima.push(Optimum {
             criterion_um: row.feasible.then_some(row.criterion_um),

@@ -167,6 +167,27 @@ pub struct WearProfiles {
     pub random_um: Vec<Vec<f64>>,
 }
 
+/// How the depth of wear that the paper does not print follows from what it prints.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DepthFit {
+    /// How many printed values the fit rests on.
+    pub values: usize,
+    /// Each depth per flank that was tried, µm, with the root mean square of ln(ours/paper).
+    pub scanned_um: Vec<(f64, f64)>,
+    /// The depth with the least of them, µm.
+    pub best_um: f64,
+    /// Its root mean square.
+    pub best_rms: f64,
+    /// The campaign's depth, µm.
+    pub used_um: f64,
+    /// Its root mean square.
+    pub used_rms: f64,
+    /// How many designs have a printed P90.
+    pub ranked: usize,
+    /// Spearman's rank correlation of ours with the paper's over those designs.
+    pub rank_correlation: f64,
+}
+
 /// One kriging model and how well it predicts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KrigingFit {

@@ -14,6 +14,7 @@
 //! stresses, radians for roll angles, degrees for the helix angle.
 
 mod charts;
+mod comparison;
 mod data;
 mod error;
 mod number;
@@ -25,8 +26,9 @@ pub use charts::{
     Extent, Response, chart_convergence, chart_gears, chart_leave_one_out, chart_responses,
     chart_ste, chart_wear,
 };
+pub use comparison::{Comparison, comparison_markdown, comparisons};
 pub use data::{
-    Approach, ApproachResult, Constraints, DoePoint, GearDrawing, GearOutline, Header,
+    Approach, ApproachResult, Constraints, DepthFit, DoePoint, GearDrawing, GearOutline, Header,
     InfeasibleReason, KrigingFit, LeaveOneOut, Limits, ModelFigure, OptimiserRun, Optimum,
     Parameter, Percentile, PreliminaryDesign, PrintedDesign, PrintedFigures, ReportData,
     SimilarDesign, StageCost, SteCurves, WearProfiles,

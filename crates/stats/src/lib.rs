@@ -15,6 +15,7 @@ mod error;
 mod moments;
 mod normality;
 mod percentile;
+mod rank;
 pub mod streams;
 
 pub use error::Error;
@@ -23,3 +24,4 @@ pub use normality::{LILLIEFORS_MIN_SAMPLES, Lilliefors, lilliefors};
 pub use percentile::{
     PAPER_Z90, PERCENTILE_MIN_SAMPLES, Percentile, p90_interval, p90_variance, percentile_p90,
 };
+pub use rank::spearman;
