@@ -12,6 +12,7 @@ pub use campaign::{
     Bounds, Campaign, Constraints, Doe, FrozenFrom, FrozenSection, Kriging, Optimise, Pair, Report,
     Sampling, Verify,
 };
+pub(crate) use pair::gear_size;
 pub use pair::{PairFile, PairSection};
 pub use sections::{Load, Material, Wear};
 

@@ -4,10 +4,11 @@
 //! ((6)–(7), (22), (23)) the first six of them. The number of teeth is a setting, the module (or
 //! the centre distance) follows from the others.
 
-use gear::{Discretisation, PairInput, Size};
+use gear::{Discretisation, PairInput};
 use serde::{Deserialize, Serialize};
 
 use crate::Campaign;
+use crate::file::gear_size;
 
 /// The number of variables of the problems with wear, and of the DoE.
 pub const ROBUST_VARIABLES: usize = 6;
@@ -265,10 +266,7 @@ impl Problem {
         let pair = &campaign.pair;
         let template = PairInput {
             teeth: campaign.teeth(),
-            size: match (pair.centre_distance_mm, pair.normal_module_mm) {
-                (Some(distance), _) => Size::CentreDistance(distance),
-                (None, module) => Size::NormalModule(module.expect("validation asks for one")),
-            },
+            size: gear_size(pair.centre_distance_mm, pair.normal_module_mm),
             pressure_angle: pair.pressure_angle_deg.to_radians(),
             helix_angle: 0.0,
             face_width: pair.face_width_mm,

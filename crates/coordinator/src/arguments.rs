@@ -46,6 +46,9 @@ pub(crate) struct Run {
     /// The store; a campaign that it holds is continued [default: NAME.db]
     #[arg(long, value_name = "FILE")]
     pub(crate) db: Option<PathBuf>,
+    /// Accept a store on a network file system, whose locks and syncs may not keep their word
+    #[arg(long)]
+    pub(crate) allow_network_store: bool,
     /// How many workers to start in this process [default: the number of processors]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) workers: Option<u16>,
@@ -62,6 +65,9 @@ pub(crate) struct Serve {
     /// The store; a campaign that it holds is continued
     #[arg(long, value_name = "FILE")]
     pub(crate) db: PathBuf,
+    /// Accept a store on a network file system, whose locks and syncs may not keep their word
+    #[arg(long)]
+    pub(crate) allow_network_store: bool,
     /// The address to listen on, such as 127.0.0.1:7400; loopback only, as the connection is open
     #[arg(long, value_name = "ADDR")]
     pub(crate) listen: SocketAddr,

@@ -131,11 +131,12 @@ async fn run(arguments: arguments::Run) -> anyhow::Result<u8> {
     let db = arguments
         .db
         .unwrap_or_else(|| PathBuf::from(format!("{}.db", campaign.name)));
+    refuse_network_store(&db, arguments.allow_network_store)?;
     let plan = Plan {
         out: out_folder(arguments.out, &campaign),
         campaign,
         file_text: text,
-        db: db.clone(),
+        db,
         listen: SocketAddr::from(([127, 0, 0, 1], 0)),
         workers: Workers::Local(arguments.workers.map_or(processors, usize::from)),
     };
@@ -154,11 +155,12 @@ async fn serve(arguments: arguments::Serve) -> anyhow::Result<u8> {
         ))
         .into());
     }
+    refuse_network_store(&arguments.db, arguments.allow_network_store)?;
     let plan = Plan {
         out: out_folder(arguments.out, &campaign),
         campaign,
         file_text: text,
-        db: arguments.db.clone(),
+        db: arguments.db,
         listen: arguments.listen,
         workers: Workers::Remote {
             keep_serving: arguments.keep_serving,
@@ -167,13 +169,38 @@ async fn serve(arguments: arguments::Serve) -> anyhow::Result<u8> {
     conduct(plan).await
 }
 
+/// A store must be able to lock its file and to sync it, which network file systems promise rather
+/// than do.
+fn refuse_network_store(db: &Path, allowed: bool) -> anyhow::Result<()> {
+    let folder = match db.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    // Where there is no such list, or no such folder, opening the store says what is wrong.
+    let (Ok(mounts), Ok(folder)) = (
+        fs::read_to_string("/proc/self/mountinfo"),
+        fs::canonicalize(folder),
+    ) else {
+        return Ok(());
+    };
+    match store::network_file_system(&folder, &mounts) {
+        Some(kind) if !allowed => Err(Usage(format!(
+            "{} lies on a network file system ({kind}), whose locks and syncs may not keep their \
+             word: put the store on a local disk, or accept the risk with --allow-network-store",
+            db.display()
+        ))
+        .into()),
+        _ => Ok(()),
+    }
+}
+
 fn out_folder(out: Option<PathBuf>, campaign: &Campaign) -> PathBuf {
     out.unwrap_or_else(|| PathBuf::from(format!("{}-report", campaign.name)))
 }
 
 async fn conduct(plan: Plan) -> anyhow::Result<u8> {
     let shutdown = CancellationToken::new();
-    tokio::spawn(watch_signals(shutdown.clone()));
+    tokio::spawn(worker::console::watch_signals(shutdown.clone(), "stopping"));
     let db = plan.db.clone();
     match server::run(plan, shutdown).await? {
         Outcome::Finished { given_up, report } => {
@@ -195,28 +222,6 @@ async fn conduct(plan: Plan) -> anyhow::Result<u8> {
             info!("stopped; start the same command again to continue");
             Ok(exit::INTERRUPTED)
         }
-    }
-}
-
-/// The first signal stops the campaign in good order, the second one at once.
-async fn watch_signals(shutdown: CancellationToken) {
-    use tokio::signal::unix::{SignalKind, signal};
-    let (Ok(mut terminate), Ok(mut interrupt)) = (
-        signal(SignalKind::terminate()),
-        signal(SignalKind::interrupt()),
-    ) else {
-        return;
-    };
-    for _ in 0..2 {
-        tokio::select! {
-            _ = terminate.recv() => {}
-            _ = interrupt.recv() => {}
-        }
-        if shutdown.is_cancelled() {
-            std::process::exit(i32::from(exit::INTERRUPTED));
-        }
-        info!("stopping");
-        shutdown.cancel();
     }
 }
 

@@ -3,6 +3,8 @@
 use std::io::{IsTerminal as _, Write as _};
 
 use protocol::exit;
+use tokio::signal::unix::{SignalKind, signal};
+use tokio_util::sync::CancellationToken;
 use tracing_subscriber::EnvFilter;
 
 /// The environment variable that says what to log.
@@ -37,4 +39,26 @@ pub fn help_footer() -> String {
          Exit codes:\n{}",
         codes.collect::<String>()
     )
+}
+
+/// Cancels `shutdown` at the first SIGTERM or SIGINT, after logging `notice`; the second one ends the
+/// program at once.
+pub async fn watch_signals(shutdown: CancellationToken, notice: &'static str) {
+    let (Ok(mut terminate), Ok(mut interrupt)) = (
+        signal(SignalKind::terminate()),
+        signal(SignalKind::interrupt()),
+    ) else {
+        return;
+    };
+    for _ in 0..2 {
+        tokio::select! {
+            _ = terminate.recv() => {}
+            _ = interrupt.recv() => {}
+        }
+        if shutdown.is_cancelled() {
+            std::process::exit(i32::from(exit::INTERRUPTED));
+        }
+        tracing::info!("{notice}");
+        shutdown.cancel();
+    }
 }

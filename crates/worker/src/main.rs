@@ -55,7 +55,10 @@ fn main() -> ExitCode {
     };
     let result = runtime.block_on(async {
         let shutdown = CancellationToken::new();
-        tokio::spawn(watch_signals(shutdown.clone()));
+        tokio::spawn(console::watch_signals(
+            shutdown.clone(),
+            "draining: finishing what is being computed; signal again to leave at once",
+        ));
         Worker::new(options).run(shutdown).await
     });
     // Threads that still compute what nobody waits for must not hold up the exit.
@@ -74,28 +77,6 @@ fn main() -> ExitCode {
                 Error::Nonsense { .. } | Error::Threads { .. } => exit::FAILURE,
             })
         }
-    }
-}
-
-/// The first SIGTERM or SIGINT asks the worker to drain, the second one ends it at once.
-async fn watch_signals(shutdown: CancellationToken) {
-    use tokio::signal::unix::{SignalKind, signal};
-    let (Ok(mut terminate), Ok(mut interrupt)) = (
-        signal(SignalKind::terminate()),
-        signal(SignalKind::interrupt()),
-    ) else {
-        return;
-    };
-    for _ in 0..2 {
-        tokio::select! {
-            _ = terminate.recv() => {}
-            _ = interrupt.recv() => {}
-        }
-        if shutdown.is_cancelled() {
-            std::process::exit(i32::from(exit::INTERRUPTED));
-        }
-        tracing::info!("draining: finishing what is being computed; signal again to leave at once");
-        shutdown.cancel();
     }
 }
 

@@ -121,10 +121,7 @@ impl PairFile {
         let pair = &self.pair;
         PairInput {
             teeth: pair.teeth,
-            size: match (pair.centre_distance_mm, pair.normal_module_mm) {
-                (Some(distance), _) => Size::CentreDistance(distance),
-                (None, module) => Size::NormalModule(module.expect("validation asks for one")),
-            },
+            size: gear_size(pair.centre_distance_mm, pair.normal_module_mm),
             pressure_angle: pair.pressure_angle_deg.to_radians(),
             helix_angle: pair.helix_angle_deg.to_radians(),
             face_width: pair.face_width_mm,
@@ -169,5 +166,13 @@ pub(super) fn size(
             "missing",
             "given, unless normal_module_mm is",
         )),
+    }
+}
+
+/// The simulator's size of a validated pair.
+pub(crate) fn gear_size(centre_distance_mm: Option<f64>, normal_module_mm: Option<f64>) -> Size {
+    match (centre_distance_mm, normal_module_mm) {
+        (Some(distance), _) => Size::CentreDistance(distance),
+        (None, module) => Size::NormalModule(module.expect("validation asks for one of the two")),
     }
 }
