@@ -1,6 +1,6 @@
 //! The campaign file, the problem formulations, and the stages as pure decisions.
 //!
-//! - [`Campaign`] and [`PairFile`] are what a user writes, parsed and validated ([`file`]).
+//! - [`Campaign`] and [`PairFile`] are what a user writes, parsed and validated ([`mod@file`]).
 //! - [`formulation`] turns a design point into a gear pair, its criteria and its constraints.
 //! - [`task`] is the work that is leased to workers: what goes out, what comes back, and the pure
 //!   function between them.
