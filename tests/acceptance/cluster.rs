@@ -107,10 +107,48 @@ fn asked_to_end_programs_give_back_what_they_hold() {
     worker.terminate();
     let (status, errors) = worker.finish();
     assert_eq!(status.code(), Some(0), "{errors}");
+    // Its time is up in the middle of the campaign; it leaves in the same good order.
+    let output = sandbox.run(
+        "worker",
+        &["--connect", &url, "--slots", "2", "--max-runtime", "1"],
+    );
+    assert_code(&output, 0);
     coordinator.terminate();
     let (status, errors) = coordinator.finish();
     assert_eq!(status.code(), Some(14), "{errors}");
     let held = sandbox.status("c.db").unwrap();
     assert_eq!(held["finished"], false);
     assert_eq!(held["failures"], 0, "nobody is to blame");
+}
+
+#[test]
+fn a_coordinator_that_keeps_serving_sends_workers_home_until_a_signal_comes() {
+    let sandbox = Sandbox::new();
+    let tiny = [
+        ("designs = 150 ", "designs = 12 "),
+        ("evaluations = 1200 ", "evaluations = 60 "),
+        ("restart_at = 600 ", "restart_at = 30 "),
+        ("compare_with_paper = true", "compare_with_paper = false"),
+    ];
+    let file = sandbox.campaign("tiny.toml", &tiny);
+    let address = free_address().to_string();
+    let url = format!("http://{address}");
+    let file = file.to_str().unwrap();
+    let serve = [
+        "serve",
+        file,
+        "--db",
+        "t.db",
+        "--listen",
+        &address,
+        "--keep-serving",
+    ];
+    let coordinator = sandbox.start("coordinator", &serve);
+    // Told that the campaign is finished, a worker leaves by itself.
+    assert_code(&sandbox.run("worker", &["--connect", &url]), 0);
+    let status = sandbox.status("t.db").unwrap();
+    assert_eq!(status["finished"], true, "{status}");
+    assert_code(&sandbox.run("worker", &["--connect", &url]), 0);
+    coordinator.terminate();
+    assert_eq!(coordinator.finish().0.code(), Some(0));
 }

@@ -23,6 +23,8 @@ pub fn spawn_workers(
             connect_timeout: Duration::from_secs(30),
             give_up_after: Duration::from_secs(30),
             grace: Duration::from_secs(10),
+            max_runtime: None,
+            idle_exit: None,
         };
         workers.spawn(Worker::new(options).run(shutdown.clone()));
     }

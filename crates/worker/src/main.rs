@@ -27,6 +27,12 @@ struct Arguments {
     /// How many seconds jobs that are being computed may take to end after SIGTERM
     #[arg(long, value_name = "SECONDS", default_value_t = 30)]
     grace: u64,
+    /// After how many seconds to drain and leave, as when the time on a cluster ends
+    #[arg(long, value_name = "SECONDS")]
+    max_runtime: Option<u64>,
+    /// After how many seconds without any job to leave
+    #[arg(long, value_name = "SECONDS")]
+    idle_exit: Option<u64>,
 }
 
 fn main() -> ExitCode {
@@ -40,6 +46,8 @@ fn main() -> ExitCode {
         connect_timeout: Duration::from_secs(arguments.connect_timeout),
         give_up_after: Duration::from_secs(arguments.give_up_after),
         grace: Duration::from_secs(arguments.grace),
+        max_runtime: arguments.max_runtime.map(Duration::from_secs),
+        idle_exit: arguments.idle_exit.map(Duration::from_secs),
     };
     let runtime = match tokio::runtime::Builder::new_multi_thread()
         // The compute threads have the processors; the network needs next to nothing.

@@ -39,6 +39,10 @@ pub struct Options {
     pub give_up_after: Duration,
     /// How long jobs that are being computed may take to end after a shutdown was asked for.
     pub grace: Duration,
+    /// After how long the worker drains by itself, as when its time on a cluster ends.
+    pub max_runtime: Option<Duration>,
+    /// After how long without any job the worker leaves.
+    pub idle_exit: Option<Duration>,
 }
 
 /// What a worker did.
@@ -136,6 +140,14 @@ impl Worker {
                 None => Ok(End::Stopped),
             },
             () = shutdown.cancelled() => Ok(End::Stopped),
+            () = after(shared.options.max_runtime) => {
+                info!("the time is up: draining");
+                Ok(End::Stopped)
+            }
+            () = shared.idle() => {
+                info!("no jobs for too long: leaving");
+                Ok(End::Stopped)
+            }
         };
         stop.cancel();
         if matches!(end, Ok(End::Stopped)) {
@@ -263,6 +275,20 @@ impl Shared {
         self.registered().map_or(0, |registered| registered.epoch)
     }
 
+    /// Ends when nothing has been held for as long as the options allow.
+    async fn idle(&self) {
+        let Some(limit) = self.options.idle_exit else {
+            return std::future::pending().await;
+        };
+        let mut since = Instant::now();
+        while since.elapsed() < limit {
+            tokio::time::sleep(limit.min(Duration::from_millis(200))).await;
+            if self.held.computing() + self.held.unacknowledged() > 0 {
+                since = Instant::now();
+            }
+        }
+    }
+
     /// Gives back what has not started, waits for the rest, and gives back what takes too long.
     async fn drain(&self) {
         let mut given_up = self.held.give_up_waiting();
@@ -289,6 +315,14 @@ impl Shared {
         if !matches!(call.await, Ok(Ok(_))) {
             debug!("the release of unfinished jobs was not acknowledged");
         }
+    }
+}
+
+/// Waits for a limit, or for ever without one.
+async fn after(limit: Option<Duration>) {
+    match limit {
+        Some(limit) => tokio::time::sleep(limit).await,
+        None => std::future::pending().await,
     }
 }
 
