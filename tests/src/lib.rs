@@ -33,15 +33,9 @@ pub fn binary(name: &str) -> PathBuf {
             .parent()
             .expect("a test lives in target/PROFILE/deps");
         let mut cargo = Command::new(env!("CARGO"));
-        cargo.args([
-            "build",
-            "--quiet",
-            "--bins",
-            "-p",
-            "coordinator",
-            "-p",
-            "worker",
-        ]);
+        // The command that the suite itself is run with: then there is nothing left to build, and
+        // otherwise nothing is built twice with other features.
+        cargo.args(["test", "--workspace", "--no-run", "--quiet"]);
         cargo.arg("--target-dir").arg(target).current_dir(root());
         if profile.file_name().is_some_and(|name| name == "release") {
             cargo.arg("--release");
