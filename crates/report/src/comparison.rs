@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::charts::Response;
-use crate::data::{DepthFit, ReportData};
+use crate::data::{DepthFit, DepthScore, ReportData};
 use crate::number::{fixed, relative_gap, signed_percent, significant};
 use crate::paper;
 
@@ -178,25 +178,26 @@ pub fn comparison_markdown(
         header.samples_digest,
         paper::ACCURATE_SAMPLES,
     );
+    let score = |score: &DepthScore| {
+        format!(
+            "{} µm (root mean square of ln(ours/paper) {} over {} values; {} at the campaign's {} µm)",
+            fixed(score.best_um, 1),
+            fixed(score.best_rms, 3),
+            score.values,
+            fixed(score.used_rms, 3),
+            fixed(fit.used_um, 1),
+        )
+    };
     let _ = writeln!(
         page,
         "- **Depth of wear.** The paper does not say how deep its wear is per flank. Of the depths \
-         from {} to {} µm, {} µm per flank fits best: the ratios of this model's ΔSTE to the {} \
-         printed values with Archard's wear (Table 1's means, Table 4, Figure 9) then have a root \
-         mean square logarithm of {}; at the campaign's {} µm it is {}.",
-        fixed(
-            fit.scanned_um.first().map_or(f64::NAN, |(depth, _)| *depth),
-            1
-        ),
-        fixed(
-            fit.scanned_um.last().map_or(f64::NAN, |(depth, _)| *depth),
-            1
-        ),
-        fixed(fit.best_um, 1),
-        fit.values,
-        fixed(fit.best_rms, 3),
-        fixed(fit.used_um, 1),
-        fixed(fit.used_rms, 3),
+         from {} to {} µm the best fit to the printed values with Archard's wear (Table 1's means, \
+         Table 4, Figure 9) is {}; without {} it is {}.",
+        fixed(fit.tried_um[0], 1),
+        fixed(fit.tried_um[1], 1),
+        score(&fit.all),
+        fit.outliers.join(" and "),
+        score(&fit.without_outliers),
     );
     let _ = writeln!(
         page,
