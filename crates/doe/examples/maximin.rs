@@ -1,6 +1,9 @@
 //! Prints a maximin Latin hypercube as CSV, and its measures to the standard error stream.
 //!
 //! `cargo run --release -p doe --example maximin -- 100 6 1 > design.csv`
+//!
+//! A fourth argument is the effort (1 by default), a fifth the kind of design (`maximin`, `random`,
+//! `sobol`).
 
 #![expect(
     clippy::print_stdout,
@@ -11,7 +14,7 @@
 use std::process::ExitCode;
 use std::time::Instant;
 
-use doe::{Design, Options, maximin};
+use doe::{Design, Method, Options};
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -37,10 +40,11 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &[String]) -> Result<(Design, f64), String> {
-    let usage = "arguments: POINTS VARIABLES SEED [EFFORT]";
-    let (n, d, seed, effort) = match arguments {
-        [n, d, seed] => (n, d, seed, "1"),
-        [n, d, seed, effort] => (n, d, seed, effort.as_str()),
+    let usage = "arguments: POINTS VARIABLES SEED [EFFORT [METHOD]]";
+    let (n, d, seed, effort, method) = match arguments {
+        [n, d, seed] => (n, d, seed, "1", "maximin"),
+        [n, d, seed, effort] => (n, d, seed, effort.as_str(), "maximin"),
+        [n, d, seed, effort, method] => (n, d, seed, effort.as_str(), method.as_str()),
         _ => return Err(usage.into()),
     };
     let options = Options {
@@ -52,6 +56,7 @@ fn run(arguments: &[String]) -> Result<(Design, f64), String> {
     let n = n.parse().map_err(|e| format!("points {n}: {e}"))?;
     let d = d.parse().map_err(|e| format!("variables {d}: {e}"))?;
     let start = Instant::now();
-    let design = maximin(n, d, &options).map_err(|e| e.to_string())?;
+    let method: Method = method.parse().map_err(|e: doe::Error| e.to_string())?;
+    let design = method.design(n, d, &options).map_err(|e| e.to_string())?;
     Ok((design, start.elapsed().as_secs_f64()))
 }

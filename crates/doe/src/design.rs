@@ -10,8 +10,10 @@ pub(crate) const MAX_POINTS: usize = 100_000;
 /// The largest number of variables.
 pub(crate) const MAX_VARIABLES: usize = 20;
 
-/// A Latin hypercube: n points in the open unit box (0, 1)ᵈ, each coordinate a cell centre
-/// (level + ½)/n, and each level 0, …, n − 1 taken exactly once in each variable.
+/// n points in the open unit box (0, 1)ᵈ. Those of [`crate::maximin`] and [`random_lhs`] are Latin
+/// hypercubes of cell centres: each coordinate is (level + ½)/n, and each level 0, …, n − 1 is taken
+/// exactly once in each variable. Those of [`crate::enlarge`] have one point per stratum, those of
+/// [`crate::sobol`] need not.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Design {
     /// The number of points.
@@ -116,6 +118,31 @@ impl Design {
                 column.iter().copied().eq(centres)
             })
     }
+
+    /// Whether each of the n strata [level/n, (level + 1)/n) of every variable holds exactly one
+    /// point, wherever in the stratum it is.
+    #[must_use]
+    pub fn is_stratified(&self) -> bool {
+        (0..self.d).all(|k| self.strata(k, self.n).is_some())
+    }
+
+    /// For each of `count` strata of variable `k`, whether it holds a point; `None` if one holds two
+    /// or a point is outside of all.
+    pub(crate) fn strata(&self, k: usize, count: usize) -> Option<Vec<bool>> {
+        let mut taken = vec![false; count];
+        for i in 0..self.n {
+            let x = self.points[i * self.d + k];
+            if !(0.0..1.0).contains(&x) {
+                return None;
+            }
+            // x count may round up to count.
+            let level = ((x * count as f64) as usize).min(count - 1);
+            if std::mem::replace(&mut taken[level], true) {
+                return None;
+            }
+        }
+        Some(taken)
+    }
 }
 
 /// A Latin hypercube of `n` points in `d` variables drawn uniformly among all of them; the same for
@@ -154,6 +181,6 @@ pub(crate) fn check(n: usize, d: usize) -> Result<(), Error> {
     Ok(())
 }
 
-fn cell_centre(level: u32, n: usize) -> f64 {
+pub(crate) fn cell_centre(level: u32, n: usize) -> f64 {
     (f64::from(level) + 0.5) / n as f64
 }

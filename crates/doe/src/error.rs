@@ -21,4 +21,35 @@ pub enum Error {
         /// The requested effort.
         effort: f64,
     },
+    /// No method has this name.
+    #[error("no design is called {name:?}, use random, maximin or sobol")]
+    UnknownMethod {
+        /// The name given.
+        name: String,
+    },
+    /// The Sobol sequence at hand ends before this number of points.
+    #[error("{n} points of a Sobol sequence requested: 2 to 65536 are possible")]
+    SobolPoints {
+        /// The requested number of points.
+        n: usize,
+    },
+    /// A design can only be enlarged.
+    #[error("{n} points requested of a design that has {existing} already: ask for more than that")]
+    Shrinking {
+        /// The requested number of points.
+        n: usize,
+        /// The number of points that are there.
+        existing: usize,
+    },
+    /// The design to enlarge does not have one point per stratum.
+    #[error(
+        "two of the {existing} points share a stratum of variable {variable}, or one is outside of \
+         the unit box: only a Latin hypercube can be enlarged"
+    )]
+    NotStratified {
+        /// The number of points.
+        existing: usize,
+        /// The first such variable, from 0.
+        variable: usize,
+    },
 }

@@ -6,6 +6,8 @@
 //! which spreads the points in all variables together.
 //!
 //! - [`maximin`] searches for such a design by swaps of levels; see there for the method.
+//! - [`enlarge`] adds points to a design and keeps every one that is there.
+//! - [`sobol`] gives a scrambled Sobol sequence, and [`Method`] each kind of design by its name.
 //! - [`random_lhs`] draws a Latin hypercube at random, as a baseline.
 //! - [`Design`] holds the points, in the open unit box, and measures them.
 //!
@@ -20,14 +22,20 @@
 //!   of Statistical Planning and Inference 43, 1995.
 //! - E. R. van Dam, G. Rennen and B. Husslage, *Bounds for maximin Latin hypercube designs*,
 //!   Operations Research 57(3), 2009.
+//! - P. Z. G. Qian, *Nested Latin hypercube designs*, Biometrika 96, 2009.
+//! - A. B. Owen, *Scrambling Sobol' and Niederreiter–Xing points*, Journal of Complexity 14, 1998.
 //! - G. Dueck and T. Scheuer, *Threshold accepting*, Journal of Computational Physics 90, 1990.
 
 mod design;
 mod error;
 mod maximin;
+mod method;
+mod nested;
 mod search;
 mod table;
 
 pub use design::{Design, random_lhs};
 pub use error::Error;
 pub use maximin::{Options, maximin};
+pub use method::{Method, sobol};
+pub use nested::enlarge;

@@ -12,7 +12,7 @@ use std::error::Error;
 
 use gear::{
     Discretisation, Kernel, Material, Member, Pair, PairInput, Size, TipRule, ToothModel, Wear,
-    gear_outline,
+    gear_outline, rating,
 };
 use stats::streams::{Purpose, stream};
 
@@ -70,6 +70,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         pair.pitch_stiffness()
     );
 
+    println!("ISO 6336, for comparison: {:#?}", rating::rate(&pair, 1.0));
+
     let (unworn, worn) = (pair.unworn(), pair.archard(&wear));
     println!("{:>8} {:>10}", "phase", "STE µm");
     for (phase, ste) in unworn.phases.iter().zip(&unworn.ste_um) {
@@ -82,7 +84,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         );
     }
     let mut sampler = pair.sampler(&wear);
-    print!("random wear ({} modes), ΔSTE in µm:", sampler.modes());
+    print!(
+        "random wear ({} modes, {:.1e} and {:.1e} of the variance left out), ΔSTE in µm:",
+        sampler.modes(),
+        sampler.truncation()[0],
+        sampler.truncation()[1]
+    );
     for k in 0..8 {
         print!(
             " {:.4}",

@@ -10,6 +10,7 @@
 //! still a handful of prefix-sum differences, whatever the number of cells. The force is convex
 //! and increasing in δ, so Newton's method falls monotonically after its first step.
 
+use crate::crowned::{self, Piece};
 use crate::path::{Path, Place, Window};
 
 /// Relative size of a Newton step after which the next one would be below rounding.
@@ -28,7 +29,9 @@ pub(crate) struct Mesh {
     /// ∫ g/q over a cell is `weights[0]` g_left + `weights[1]` g_right.
     weights: Vec<[f64; 2]>,
     /// F_bt w/b.
-    target: f64,
+    pub(crate) target: f64,
+    /// Lengthwise crowning, mm at the ends of the face.
+    pub(crate) crowning: f64,
 }
 
 /// A strip of the path whose gap falls to one lowest node and rises again.
@@ -66,6 +69,7 @@ pub(crate) struct Scratch {
     touching: Vec<(Sum, Sum)>,
     spans: Vec<Span>,
     windows: Vec<Window>,
+    pieces: Vec<Piece>,
     /// δ at each phase.
     pub(crate) delta: Vec<f64>,
 }
@@ -78,8 +82,8 @@ pub(crate) struct Extremes {
 }
 
 impl Mesh {
-    /// `stiffness` is 1/q at the nodes; `base_force` is F_bt.
-    pub(crate) fn new(path: Path, stiffness: Vec<f64>, base_force: f64, face_width: f64) -> Self {
+    /// `stiffness` is 1/q at the nodes; `target` is F_bt w/b.
+    pub(crate) fn new(path: Path, stiffness: Vec<f64>, target: f64, crowning: f64) -> Self {
         let mut area = Vec::with_capacity(stiffness.len());
         let mut weights = Vec::with_capacity(stiffness.len());
         let mut sum = 0.0;
@@ -90,13 +94,13 @@ impl Mesh {
             area.push(sum);
             weights.push([h * (2.0 * c[0] + c[1]) / 6.0, h * (c[0] + 2.0 * c[1]) / 6.0]);
         }
-        let target = base_force * path.window / face_width;
         Self {
             path,
             stiffness,
             area,
             weights,
             target,
+            crowning,
         }
     }
 
@@ -114,7 +118,11 @@ impl Mesh {
             // Linear extrapolation where there are two solutions; NaN asks for a fresh start.
             let guess = delta_1 + (delta_1 - delta_2) * (phi - phi_1) / (phi_1 - phi_2);
             let guess = if guess.is_nan() { delta_1 } else { guess };
-            let delta = gap.balance(self.path.windows(k), guess, scratch);
+            let delta = if self.crowning > 0.0 {
+                crowned::balance(self, g, phi, &mut scratch.pieces)
+            } else {
+                gap.balance(self.path.windows(k), guess, scratch)
+            };
             scratch.delta.push(delta);
             previous = [(phi, delta), (phi_1, delta_1)];
         }
@@ -132,11 +140,16 @@ impl Mesh {
                 .into_iter()
                 .flatten()
             {
-                let mut windows = std::mem::take(&mut scratch.windows);
-                windows.clear();
-                self.path.windows_at(phi, &mut windows);
-                let delta = gap.balance(&windows, guess, scratch);
-                scratch.windows = windows;
+                let delta = if self.crowning > 0.0 {
+                    crowned::balance(self, g, phi, &mut scratch.pieces)
+                } else {
+                    let mut windows = std::mem::take(&mut scratch.windows);
+                    windows.clear();
+                    self.path.windows_at(phi, &mut windows);
+                    let delta = gap.balance(&windows, guess, scratch);
+                    scratch.windows = windows;
+                    delta
+                };
                 extremes.min = extremes.min.min(delta);
                 extremes.max = extremes.max.max(delta);
             }
@@ -211,6 +224,12 @@ impl Mesh {
         let (c0, c1) = (self.stiffness[i], self.stiffness[i + 1]);
         self.area[i] + h * u * (c0 + 0.5 * u * (c1 - c0))
     }
+}
+
+/// δ of a load so small that it is lost in the rounding of the gap may come out below zero; a NaN
+/// is passed on.
+pub(crate) fn not_negative(delta: f64) -> f64 {
+    if delta < 0.0 { 0.0 } else { delta }
 }
 
 /// The gap of one sample, with what is needed to integrate it quickly.
@@ -317,7 +336,7 @@ impl<'a> Gap<'a> {
                 break;
             }
         }
-        delta
+        not_negative(delta)
     }
 
     /// Σ ∫ max(0, δ − g)/q ds over the spans and its derivative.

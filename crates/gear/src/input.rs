@@ -1,7 +1,6 @@
 //! What describes a gear pair, its wear and the fineness of the calculation.
 
 use std::fmt;
-use std::str::FromStr;
 
 use crate::error::{InputError, UnknownName};
 
@@ -51,13 +50,13 @@ macro_rules! named {
             }
         }
 
-        impl fmt::Display for $type {
-            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        impl std::fmt::Display for $type {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
                 f.write_str(self.name())
             }
         }
 
-        impl FromStr for $type {
+        impl std::str::FromStr for $type {
             type Err = UnknownName;
 
             fn from_str(name: &str) -> Result<Self, UnknownName> {
@@ -88,6 +87,8 @@ pub enum ToothModel {
     WeberBanaschek,
 }
 
+pub(crate) use named;
+
 named!(
     ToothModel,
     "tooth model",
@@ -115,17 +116,22 @@ named!(
 
 /// Correlation of the wear field between two roll angles a distance h apart, in units of the
 /// range: h here stands for |θ − θ′| / range.
+///
+/// The field is a Karhunen–Loève expansion of at most 64 modes for each gear. The two rough kernels
+/// lose some variance by it, all of it in waves shorter than a tenth of the range;
+/// [`Sampler::truncation`](crate::Sampler::truncation) says how much.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kernel {
-    /// exp(−h²).
+    /// exp(−h²): infinitely smooth. 8 modes over 2.5 ranges leave out 1e-6 of the variance.
     SquaredExponential,
-    /// exp(−h).
+    /// exp(−h): continuous, with a corner everywhere. Loses 1.3 % of the variance over 2.5 ranges.
     Exponential,
     /// (1 + √3 h) exp(−√3 h).
     Matern32,
     /// (1 + √5 h + 5 h²/3) exp(−√5 h).
     Matern52,
-    /// 1 − 3h/2 + h³/2 up to h = 1, zero beyond.
+    /// 1 − 3h/2 + h³/2 up to h = 1, zero beyond; as rough as the exponential one. Loses 2.2 % of the
+    /// variance over 2.5 ranges.
     Spherical,
 }
 
@@ -326,6 +332,10 @@ impl Material {
 }
 
 /// Wear of the flanks: how deep, and how its random multiplier varies along a flank.
+///
+/// The multiplier is Gaussian with mean 1. Where it falls below zero it counts as zero, because wear
+/// removes material and adds none: with a variance of 0.01 that never happens, with 0.25 at one
+/// place in 44, which raises the mean depth by 0.4 %.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wear {
     /// Deepest wear of the mean profile, mm on each flank.
@@ -367,7 +377,9 @@ impl Wear {
 
 /// How finely the path of contact and the mesh period are divided.
 ///
-/// Both numbers are minima: nodes and phases are added where the solution has kinks.
+/// Both numbers are minima: nodes and phases are added where the solution has kinks. Errors fall with
+/// the square of both. The default, 64 cells and 32 phases, is off by 0.04 % of ΔSTE in the median
+/// and 0.3 % in the 95th percentile; the crate's front page has the table it was chosen from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Discretisation {
     /// Cells along the path of contact.
@@ -379,8 +391,8 @@ pub struct Discretisation {
 impl Default for Discretisation {
     fn default() -> Self {
         Self {
-            cells: 96,
-            phases: 48,
+            cells: 64,
+            phases: 32,
         }
     }
 }
@@ -408,7 +420,7 @@ impl Discretisation {
 }
 
 /// Refuses a value outside `range`, and with it every NaN and infinity.
-fn within(
+pub(crate) fn within(
     field: &'static str,
     value: f64,
     range: std::ops::RangeInclusive<f64>,

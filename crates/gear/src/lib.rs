@@ -4,29 +4,103 @@
 //! compliance of their teeth and the unworn analysis; every refusal names its reason. From the
 //! pair follow contact ratio, specific sliding, interference, root stress and Hertz pressure, the
 //! transmission error of the pair worn by Archard's law ([`Pair::archard`]), and as many randomly
-//! worn versions as wanted ([`Pair::sampler`]).
+//! worn versions as wanted ([`Pair::sampler`]). [`Pair::with_corrections`] adds tip relief and
+//! crowning, [`Pair::converged`] is the reference solution, and [`rating`] holds ISO 6336's nominal
+//! figures for comparison.
 //!
-//! The loaded contact is one of thin slices that do not feel each other. As slice and place on
-//! the path of contact are tied along a contact line, the integral over the face is an integral
-//! over the path, and a wear sample costs one prefix sum over the path plus a few Newton steps at
-//! each mesh phase.
+//! # Method
+//! The loaded contact is one of thin slices that do not feel each other. A slice at s on the path of
+//! contact carries w = max(0, δ − g(s))/q(s) per mm of contact line, q the compliance of the pair
+//! and g the material missing from both flanks along the normal, and the deflection δ balances the
+//! load, Σ_j ∫ w dz = F_bt over the pairs j in contact. As slice and place are tied along a contact
+//! line, s = s_in + φ + j p_bt − z tan β_b, the integral over the face is an integral over the path,
+//! and a wear sample costs one prefix sum over the path plus a few Newton steps at each mesh phase.
+//! 1/q and g are linear in each cell of the path; their product and the ends of the contact inside a
+//! cell are integrated exactly, and nodes and phases lie on the kinks. The transmission error is
+//! δ/cos β_b, and ΔSTE its range over one base pitch.
 //!
-//! Units: mm, N, MPa, N·mm, rad; transmission errors in µm. Arrays are [pinion, gear].
+//! # What a discretisation costs and loses
+//! Errors of ΔSTE against [`Pair::converged`] in %, median and 95th percentile over 200 random
+//! feasible designs of a box of wide profile shifts and tool heights (20 and 22 teeth, β = 30°),
+//! and times on one core, with `hertz-beam` / `weber-banaschek`:
 //!
-//! The crate is pure: no files, clock, environment or global state, and the same input gives the
-//! same bits on one machine.
+//! | cells × phases | unworn | random wear | new design, µs | sample, µs |
+//! |---|---|---|---|---|
+//! | 24 × 12 | 0.30, 0.95 / 0.06, 0.17 | 0.23, 1.49 / 0.07, 0.29 | 50 / 65 | 3.0 / 2.0 |
+//! | 32 × 16 | 0.17, 0.55 / 0.04, 0.12 | 0.13, 0.90 / 0.04, 0.30 | 55 / 73 | 3.4 / 2.2 |
+//! | 48 × 24 | 0.08, 0.27 / 0.02, 0.06 | 0.07, 0.39 / 0.02, 0.09 | 66 / 89 | 4.3 / 2.8 |
+//! | **64 × 32** | 0.04, 0.17 / 0.01, 0.04 | 0.04, 0.26 / 0.01, 0.06 | 77 / 106 | 5.3 / 3.3 |
+//! | 128 × 64 | 0.010, 0.04 / 0.004, 0.02 | 0.009, 0.06 / 0.004, 0.02 | 124 / 171 | 9.5 / 5.6 |
+//! | 256 × 128 | 0.002, 0.01 / 0.001, 0.01 | 0.003, 0.02 / 0.001, 0.01 | 216 / 303 | 17 / 10 |
+//! | plain 64 × 21 sum | 1.52, 5.5 / 0.70, 3.8 | 0.40, 4.1 / 0.82, 4.9 | 764 / 779 | 4.7 / 4.4 |
+//!
+//! The plain sum's sample leaves out the drawing of its random field. The default is 64 × 32. The
+//! `speed_accuracy` example prints the whole table for the machine at hand and draws it.
+//!
+//! # Example
+//! ```
+//! use gear::{
+//!     Corrections, Discretisation, Material, Member, Pair, PairInput, ReliefShape, Size, TipRelief,
+//!     TipRule, ToothModel,
+//! };
+//!
+//! let input = PairInput {
+//!     teeth: [23, 37],
+//!     size: Size::NormalModule(2.0),
+//!     pressure_angle: 20_f64.to_radians(),
+//!     helix_angle: 0.0,
+//!     face_width: 25.0,
+//!     profile_shift: [0.2, 0.1],
+//!     tool_addendum: [1.25; 2],
+//!     tool_dedendum: [1.0; 2],
+//!     tip_radius: [0.1; 2],
+//!     root_radius: [0.6; 2],
+//!     tip_diameter: [None; 2],
+//!     tooth_model: ToothModel::WeberBanaschek,
+//!     tip_rule: TipRule::AsCut,
+//!     pinion_torque: 100e3,
+//!     material: Material {
+//!         youngs_modulus_mpa: 206e3,
+//!         poisson_ratio: 0.3,
+//!         yield_mpa: 900.0,
+//!         hertz_limit_mpa: 1500.0,
+//!     },
+//! };
+//! let bare = Pair::new(&input, &Discretisation::default())?;
+//! let relief = TipRelief { amount: 0.006, length: 2.0, shape: ReliefShape::Linear };
+//! let corrections = Corrections::default()
+//!     .with_tip_relief(Member::Pinion, relief)
+//!     .with_tip_relief(Member::Gear, relief);
+//! let relieved = Pair::with_corrections(&input, &corrections, &Discretisation::default())?;
+//! assert!(relieved.unworn().delta_ste_um < bare.unworn().delta_ste_um);
+//! # Ok::<(), gear::Error>(())
+//! ```
+//!
+//! # Conventions
+//! Units: mm, N, MPa, N·mm, rad; transmission errors in µm. Arrays are [pinion, gear]. The crate is
+//! pure: no files, clock, environment or global state, and the same input gives the same bits on one
+//! machine.
 //!
 //! # What is left out, and when that matters
 //! - **Finite elements**: teeth are beams on an elastic half-plane (`weber-banaschek`) or beams
 //!   alone (`hertz-beam`). Thin rims, webs and shafts need more.
 //! - **Coupling of slices** along the face: matters for wide faces with strongly uneven load, and
 //!   at the ends of the face, where a real tooth is softer.
+//! - **Load history in the compliance**: with `weber-banaschek` the contact's approach is that of the
+//!   greatest load that the unworn pair carries at s. Wear moves load, but the approach changes only
+//!   by the logarithm of it: a load three times as great makes the pair 5 % stiffer.
 //! - **Dynamics, friction, misalignment, pitch errors**: the transmission error is static, for
 //!   parallel axes. Near a resonance the dynamic one differs.
 //! - **Contact outside the line of action** of tips that engage early under load: `hertz-beam` is
 //!   stiff enough not to show it; with soft teeth it lengthens the path of contact.
+//! - **Feedback of wear on itself**: Archard's wear follows the unworn pressure, as for the first
+//!   stretch of a gear's life; deep wear spreads the load and would grow more evenly.
 
 mod contact;
+mod converged;
+mod corrections;
+mod crowned;
+mod eigen;
 mod error;
 mod field;
 mod geometry;
@@ -35,12 +109,17 @@ mod involute;
 mod outline;
 mod pair;
 mod path;
+pub mod rating;
 mod sampler;
 mod tooth;
 
 #[cfg(test)]
+mod properties;
+#[cfg(test)]
 mod tests;
 
+pub use converged::Converged;
+pub use corrections::{Corrections, ReliefShape, TipRelief};
 pub use error::{Error, Infeasible, InputError, UnknownName};
 pub use geometry::{Geometry, Interference, Sliding, normal_module};
 pub use input::{

@@ -10,6 +10,9 @@
 //! Phases are placed where an end of a window meets an end of the path or the pitch point, and
 //! evenly between.
 
+use std::collections::VecDeque;
+
+use crate::crowned::crown;
 use crate::geometry::Geometry;
 use crate::input::Discretisation;
 
@@ -65,8 +68,13 @@ pub(crate) struct Path {
 
 impl Path {
     /// `soft` are places at which the compliance has a kink that steepens as it is approached from
-    /// inside the path.
-    pub(crate) fn new(geometry: &Geometry, disc: &Discretisation, soft: &[f64]) -> Self {
+    /// inside the path; `marks` are places at which the gap has a kink.
+    pub(crate) fn new(
+        geometry: &Geometry,
+        disc: &Discretisation,
+        soft: &[f64],
+        marks: &[f64],
+    ) -> Self {
         let (s_in, s_out, p) = (geometry.s_in, geometry.s_out, geometry.base_pitch);
         let (length, pitch_point) = (s_out - s_in, geometry.s_pitch - s_in);
         let width = geometry.face_width * geometry.beta_b.tan();
@@ -95,12 +103,12 @@ impl Path {
                 }
             }
         }
-        let soft: Vec<f64> = soft
-            .iter()
-            .map(|s| s - s_in)
-            .filter(|&x| x > 0.0 && x < length)
-            .collect();
-        breaks.extend(&soft);
+        let inside = |places: &[f64]| -> Vec<f64> {
+            let along = places.iter().map(|s| s - s_in);
+            along.filter(|&x| x > 0.0 && x < length).collect()
+        };
+        let (soft, marks) = (inside(soft), inside(marks));
+        breaks.extend(soft.iter().chain(&marks));
         let breaks = merged(breaks, MERGE * p, length);
         let omega = |x: f64| (1.0 - 2.0 * (s_in + x) / geometry.path_length).acos();
         let total = omega(length) - omega(0.0);
@@ -152,7 +160,7 @@ impl Path {
                 kinks.push(x.rem_euclid(p));
             }
         }
-        for x in &soft {
+        for x in soft.iter().chain(&marks) {
             kinks.extend([x.rem_euclid(p), (x + window).rem_euclid(p)]);
         }
         let kinks = merged(kinks, MERGE * p, p);
@@ -237,59 +245,107 @@ impl Path {
         }
     }
 
-    /// A function of the phase between the phases it is given at, linearly.
-    pub(crate) fn interpolate(&self, values: &[f64], phi: f64) -> f64 {
-        let phi = phi.rem_euclid(self.base_pitch);
-        let next = self.phases.partition_point(|&x| x <= phi);
-        let (x0, v0) = (self.phases[next - 1], values[next - 1]);
-        let (x1, v1) = if next < self.phases.len() {
-            (self.phases[next], values[next])
-        } else {
-            (self.base_pitch, values[0])
-        };
-        v0 + (v1 - v0) * ((phi - x0) / (x1 - x0)).clamp(0.0, 1.0)
-    }
-
     /// The greatest value of a function of the phase over the phases at which each node is in
-    /// contact. The function is given by its `values` at the phases, by its value `at` any other
-    /// and by its `peak` over the whole period.
+    /// contact, less the crowning at the place on the face where it is touched then. The function is
+    /// given by its `values` at the phases, by its `peak` over the whole period and, where straight
+    /// lines between the phases are not good enough, by its value `at` any other.
     pub(crate) fn greatest_in_contact(
         &self,
         values: &[f64],
         peak: f64,
-        mut at: impl FnMut(f64) -> f64,
+        crowning: f64,
+        mut at: Option<&mut dyn FnMut(f64) -> f64>,
     ) -> Vec<f64> {
-        let p = self.base_pitch;
-        if self.window >= p {
+        // A spur line touches over the whole face at once, where its crown is highest too.
+        let crowning = if self.spur { 0.0 } else { crowning };
+        if self.window >= self.base_pitch && crowning == 0.0 {
             return vec![peak; self.s.len()];
         }
+        let unrolled = Unrolled {
+            phases: &self.phases,
+            values,
+            period: self.base_pitch,
+        };
+        // Ranges of phases start later from node to node, so each phase enters and leaves once. Of
+        // the phases inside, only those are kept that no later one exceeds.
+        let mut inside: VecDeque<usize> = VecDeque::new();
+        let (mut entered, mut before_start, mut before_end) = (0, 0, 0);
+        let mut greatest = Vec::with_capacity(self.s.len());
+        for s in &self.s {
+            let mut start = s - self.s_in;
+            let mut end = start + self.window;
+            // The corner of a helical tooth touches before the pair takes load; a spur tooth has
+            // no such corner, so it is judged with its whole line in contact.
+            if self.spur {
+                start = start.max(self.window);
+                end = end.min(self.s_out - self.s_in);
+            }
+            let ends = match &mut at {
+                Some(at) => at(start).max(at(end)),
+                None => {
+                    let start = unrolled.between(start, &mut before_start);
+                    start.max(unrolled.between(end, &mut before_end))
+                }
+            };
+            // Both ends of the line are at an end of the face.
+            let mut most = ends - crowning;
+            while unrolled.phase(entered) < end {
+                let value = unrolled.value(entered);
+                while inside
+                    .back()
+                    .is_some_and(|&k| crowning == 0.0 && unrolled.value(k) <= value)
+                {
+                    inside.pop_back();
+                }
+                inside.push_back(entered);
+                entered += 1;
+            }
+            while inside.front().is_some_and(|&k| unrolled.phase(k) <= start) {
+                inside.pop_front();
+            }
+            if crowning > 0.0 {
+                for &k in &inside {
+                    let z = (unrolled.phase(k) - start) / self.window;
+                    most = most.max(unrolled.value(k) - crown(crowning, z));
+                }
+            } else if let Some(&k) = inside.front() {
+                most = most.max(unrolled.value(k));
+            }
+            greatest.push(most);
+        }
+        greatest
+    }
+}
+
+/// A periodic function of the phase, its phases numbered on from period to period.
+struct Unrolled<'a> {
+    phases: &'a [f64],
+    values: &'a [f64],
+    period: f64,
+}
+
+impl Unrolled<'_> {
+    fn phase(&self, k: usize) -> f64 {
         let count = self.phases.len();
-        (0..self.s.len())
-            .map(|i| {
-                let mut start = self.s[i] - self.s_in;
-                let mut end = start + self.window;
-                // The corner of a helical tooth touches before the pair takes load; a spur tooth
-                // has no such corner, so it is judged with its whole line in contact.
-                if self.spur {
-                    start = start.max(self.window);
-                    end = end.min(self.s_out - self.s_in);
-                }
-                let mut greatest = at(start).max(at(end));
-                let from = start.rem_euclid(p);
-                let mut k = self.phases.partition_point(|&x| x <= from);
-                let mut lap = start - from;
-                loop {
-                    if k == count {
-                        (k, lap) = (0, lap + p);
-                    }
-                    if lap + self.phases[k] >= end {
-                        return greatest;
-                    }
-                    greatest = greatest.max(values[k]);
-                    k += 1;
-                }
-            })
-            .collect()
+        if k < count {
+            return self.phases[k];
+        }
+        (k / count) as f64 * self.period + self.phases[k % count]
+    }
+
+    fn value(&self, k: usize) -> f64 {
+        let count = self.values.len();
+        self.values[if k < count { k } else { k % count }]
+    }
+
+    /// The value at `phi`, linearly between the phases `k` and `k + 1`, to which `k` is moved up.
+    fn between(&self, phi: f64, k: &mut usize) -> f64 {
+        while self.phase(*k + 1) <= phi {
+            *k += 1;
+        }
+        let (x0, x1) = (self.phase(*k), self.phase(*k + 1));
+        let (v0, v1) = (self.value(*k), self.value(*k + 1));
+        v0 + (v1 - v0) * ((phi - x0) / (x1 - x0)).clamp(0.0, 1.0)
     }
 }
 

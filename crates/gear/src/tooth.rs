@@ -15,6 +15,16 @@
 //! M2(Y + h) = M2 + 2 h M1 + h² M0 + ∫ (Y + h − y)²/(2x)³ dy over the panel; all terms are positive,
 //! so nothing cancels even at a pointed tip, and each load height costs one partial panel.
 //!
+//! **Quadrature.** Four-point Gauss rules on eight panels of the fillet and sixteen of the involute,
+//! the last one halved towards a thin tip until the thickness falls by less than half in a panel.
+//! Against panels sixteen times finer the compliance of 4000 loads on random teeth (10 to 90 teeth,
+//! x from −1 to 2, undercut and pointed ones among them) is off by 6e-9 in the median, 3e-6 in the
+//! 99th percentile and 8e-6 at most, so no load needs an adaptive rule; a test holds the bound.
+//!
+//! **Undercut** teeth follow the trochoid up to its crossing with the involute; a tooth that is
+//! undercut from both sides to nothing is refused. **Pointed** tips end in the apex; a load closer
+//! to it than a thickness of [`THIN_TIP`] modules is counted as acting there.
+//!
 //! References: C. Weber, K. Banaschek, *Formänderung und Profilrücknahme bei gerad- und
 //! schrägverzahnten Rädern*, Vieweg 1953; ISO 6336-3:2006 (30° tangent section, notch factor).
 //! Left out: coupling between neighbouring slices of the face, thin rims and shafts.
@@ -38,8 +48,9 @@ const GAUSS: [(f64, f64); 4] = [
 const THIN_TIP: f64 = 0.01;
 
 /// Panels along the fillet and along the involute.
-const FILLET_PANELS: usize = 8;
-const INVOLUTE_PANELS: usize = 16;
+const PANELS: [usize; 2] = [8, 16];
+/// Places along the fillet at which it is searched for a cusp.
+const CUSP_SEARCH: usize = 32;
 /// Halvings of the last involute panel towards a thin tip.
 const TIP_HALVINGS: usize = 24;
 
@@ -122,6 +133,8 @@ pub(crate) struct Tooth {
     /// Largest tangent length at which the tooth still has the thickness to carry load.
     tau_tip: f64,
     gamma_top: f64,
+    /// Panels along the fillet and along the involute.
+    panels: [usize; 2],
     levels: Vec<Level>,
     model: ToothModel,
     youngs: f64,
@@ -178,6 +191,16 @@ impl Tooth {
         geometry: &Geometry,
         member: Member,
     ) -> Result<Self, Infeasible> {
+        Self::with_panels(input, geometry, member, PANELS)
+    }
+
+    /// As [`new`](Self::new) with a quadrature of any fineness.
+    pub(crate) fn with_panels(
+        input: &PairInput,
+        geometry: &Geometry,
+        member: Member,
+        panels: [usize; 2],
+    ) -> Result<Self, Infeasible> {
         let i = member.index();
         let (m, alpha) = (geometry.normal_module, geometry.alpha_n);
         let cos_bb = geometry.beta_b.cos();
@@ -209,13 +232,14 @@ impl Tooth {
             offset,
             tau_tip: reach,
             gamma_top: std::f64::consts::FRAC_PI_2 - alpha,
-            levels: Vec::with_capacity(FILLET_PANELS + INVOLUTE_PANELS + TIP_HALVINGS + 2),
+            panels,
+            levels: Vec::with_capacity(panels[0] + panels[1] + TIP_HALVINGS + 2),
             model: input.tooth_model,
             youngs: input.material.youngs_modulus_mpa,
             poisson: input.material.poisson_ratio,
         };
-        if (0..=4 * FILLET_PANELS)
-            .map(|k| tooth.gamma_top * k as f64 / (4 * FILLET_PANELS) as f64)
+        if (0..=CUSP_SEARCH)
+            .map(|k| tooth.gamma_top * k as f64 / CUSP_SEARCH as f64)
             .any(|gamma| fillet.speed(gamma) <= 0.0)
         {
             return Err(Infeasible::FilletCusp {
@@ -288,6 +312,7 @@ impl Tooth {
     /// Fills `levels` from the root circle to the tip; returns the smallest half thickness below
     /// the involute.
     fn build_levels(&mut self, tau_start: f64) -> f64 {
+        let [fillet_panels, involute_panels] = self.panels;
         let (x0, y0) = self.fillet.point(0.0);
         let mut thinnest = x0;
         self.levels.push(Level {
@@ -297,8 +322,8 @@ impl Tooth {
             slope: -1.0 / self.fillet.inclination(0.0).tan(),
             moments: Moments::default(),
         });
-        let step = self.gamma_top / FILLET_PANELS as f64;
-        for k in 1..=FILLET_PANELS {
+        let step = self.gamma_top / fillet_panels as f64;
+        for k in 1..=fillet_panels {
             let start = step * (k - 1) as f64;
             let gamma = step * k as f64;
             let (x, y) = self.fillet.point(gamma);
@@ -317,9 +342,9 @@ impl Tooth {
         // Where a fillet hands over to an involute with a kink (undercut), the slope of the first
         // involute panel must be the involute's own: a zero-height level carries it.
         let (x, y, alpha_f) = self.involute_point(tau_start);
-        let moments = self.levels[FILLET_PANELS]
+        let moments = self.levels[fillet_panels]
             .moments
-            .raised(y - self.levels[FILLET_PANELS].y);
+            .raised(y - self.levels[fillet_panels].y);
         self.levels.push(Level {
             parameter: tau_start,
             y,
@@ -328,15 +353,15 @@ impl Tooth {
             moments,
         });
 
-        let step = (self.tau_tip - tau_start) / INVOLUTE_PANELS as f64;
+        let step = (self.tau_tip - tau_start) / involute_panels as f64;
         let mut tau = tau_start;
-        for k in 1..=INVOLUTE_PANELS {
-            let mut end = if k == INVOLUTE_PANELS {
+        for k in 1..=involute_panels {
+            let mut end = if k == involute_panels {
                 self.tau_tip
             } else {
                 tau_start + step * k as f64
             };
-            if k < INVOLUTE_PANELS {
+            if k < involute_panels {
                 self.push_involute(tau, end);
                 tau = end;
                 continue;
@@ -413,7 +438,7 @@ impl Tooth {
         let Some(next) = levels.get(above) else {
             return below.moments.raised(y_l - below.y);
         };
-        if above <= FILLET_PANELS {
+        if above <= self.panels[0] {
             return self.fillet_partial(below, next, y_l);
         }
         let h = next.y - below.y;
@@ -463,7 +488,12 @@ impl Tooth {
 
     /// The load that touches at the transverse radius √(r_b² + t²).
     pub(crate) fn load_at_radius(&self, r: f64) -> Load {
-        let tau = tangent_length(self.offset + r, self.r_b).min(self.tau_tip);
+        self.load_below_tip(r, 0.0)
+    }
+
+    /// The load that touches `back` mm of tangent length before the transverse radius `r`.
+    pub(crate) fn load_below_tip(&self, r: f64, back: f64) -> Load {
+        let tau = (tangent_length(self.offset + r, self.r_b) - back).clamp(0.0, self.tau_tip);
         let (x, _, alpha_f) = self.involute_point(tau);
         let (sin, cos) = alpha_f.sin_cos();
         Load {

@@ -38,6 +38,28 @@ pub enum Error {
         /// Number of distinct rows of x.
         distinct: usize,
     },
+    /// The points do not determine a linear trend: they are too few, or lie in a plane.
+    #[error(
+        "{distinct} distinct points do not determine a trend of {coefficients} coefficients, give \
+         more points that do not lie in a plane, or choose a constant trend"
+    )]
+    Trend {
+        /// Number of distinct points.
+        distinct: usize,
+        /// Number of the trend's coefficients.
+        coefficients: usize,
+    },
+    /// The model is not better than a constant plus noise, and the options refuse such a model.
+    #[error(
+        "the model's log likelihood exceeds that of a constant plus noise by {gain:.2}, less than \
+         {needed}: no dependence on x was found, give more or less noisy observations"
+    )]
+    NoStructure {
+        /// By how much the model's log likelihood exceeds that of independent observations.
+        gain: f64,
+        /// The smallest gain accepted: the number of parameters it takes.
+        needed: f64,
+    },
     /// Finite numbers whose differences or squares an f64 cannot hold.
     #[error("{what} spans a range too wide or too narrow for an f64, use another unit")]
     Extent {
@@ -46,7 +68,8 @@ pub enum Error {
     },
     /// No kernel has this name.
     #[error(
-        "no kernel is called {name:?}, use matern-5-2, matern-3-2, squared-exponential or exponential"
+        "no kernel is called {name:?}, use matern-5-2, matern-3-2, squared-exponential, exponential, \
+         radial-matern-5-2, radial-matern-3-2 or radial-exponential"
     )]
     UnknownKernel {
         /// The name given.
@@ -62,8 +85,8 @@ pub enum Error {
     /// A stored model is not well-formed JSON of the expected shape.
     #[error("the stored model is not valid")]
     Json(#[source] serde_json::Error),
-    /// A stored model has a parameter that no fit can give.
-    #[error("the stored model's {what} is {value}, no fitted model has that")]
+    /// A stored model has a parameter, or the options have a number, that no model can have.
+    #[error("{what}: {value} is not possible, no fitted model has that")]
     OutOfRange {
         /// Which parameter.
         what: &'static str,

@@ -37,7 +37,7 @@ const TAYLOR: [f64; 14] = [
 
 /// Multiplies each of `values` by e^−x of its x ≥ 0 in `exponents`; the product is 0 where x exceeds
 /// 700, whatever the value, and NaN where x is NaN.
-#[inline]
+#[inline(always)]
 pub(crate) fn multiply_by_exp_of_minus(exponents: &[f64], values: &mut [f64]) {
     for (value, &exponent) in values.iter_mut().zip(exponents) {
         let negligible = exponent > NEGLIGIBLE;

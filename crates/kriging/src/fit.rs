@@ -14,8 +14,9 @@ use stats::streams::{Purpose, stream};
 use crate::bfgs::{Limits, Outcome, minimise};
 use crate::covariance::JITTERS;
 use crate::data::{Data, Points, Scaled, merge};
+use crate::gls::{Gls, Trend};
 use crate::kernel::Kernel;
-use crate::likelihood::{Likelihood, Order, white_noise};
+use crate::likelihood::{Form, Likelihood, Order, white_noise};
 use crate::model::{Model, Parameters};
 use crate::{Error, Warning};
 
@@ -29,6 +30,9 @@ const POLISHED: usize = 4;
 const FOLLOWED: usize = 2;
 /// Bounds of σ², relative to the variance of the observations.
 pub(crate) const SIGMA2_BOUNDS: (f64, f64) = (1e-8, 1e6);
+/// Bounds of the nugget, relative to the variance of the observations, and its value at the starts.
+const NUGGET_BOUNDS: (f64, f64) = (1e-12, 1e2);
+const NUGGET_START: f64 = 1e-2;
 /// Upper bound of a range, in units of its coordinate's extent: the response is then linear or
 /// constant in that coordinate.
 const LONGEST_RANGE: f64 = 50.0;
@@ -50,6 +54,16 @@ pub struct FitOptions {
     pub starts: usize,
     /// The most quasi-Newton iterations of one search.
     pub max_iterations: usize,
+    /// The trend around which the process varies.
+    pub trend: Trend,
+    /// Whether to estimate a nugget: one more noise variance, the same at all points, on top of the
+    /// known ones ([`Parameters::nugget`]).
+    pub nugget: bool,
+    /// Whether to calibrate the predicted variances, see [`Model::calibrated`].
+    pub calibrate: bool,
+    /// Whether to refuse, as [`Error::NoStructure`], what is otherwise a
+    /// [`Warning::NoStructure`]: a model that is not better than a constant plus noise.
+    pub refuse_no_structure: bool,
 }
 
 impl Default for FitOptions {
@@ -59,13 +73,17 @@ impl Default for FitOptions {
             seed: 0,
             starts: 20,
             max_iterations: 100,
+            trend: Trend::Constant,
+            nugget: false,
+            calibrate: false,
+            refuse_no_structure: false,
         }
     }
 }
 
-/// Fits ordinary kriging, equations (15) to (20), by maximum likelihood.
+/// Fits ordinary kriging, equations (15) to (20), or universal kriging by maximum likelihood.
 ///
-/// The ranges, the process variance and the mean are those of the highest likelihood found; the
+/// The ranges, the process variance, the nugget and the trend are those of the highest likelihood found; the
 /// noise variances are taken as given. The result depends on the data and the options only, not on
 /// the order of the observations or the number of threads (rayon's, used over the starts).
 ///
@@ -75,7 +93,8 @@ impl Default for FitOptions {
 /// # Errors
 ///
 /// [`Error::Shape`], [`Error::NonFinite`], [`Error::NegativeNoise`] and [`Error::Extent`] for
-/// unusable data, [`Error::TooFewPoints`] for fewer than two distinct points, and
+/// unusable data, [`Error::TooFewPoints`] for fewer than two distinct points, [`Error::Trend`] where
+/// the points do not determine the trend, [`Error::NoStructure`] if `options` asks for it, and
 /// [`Error::NotPositiveDefinite`] where no covariance of the search can be factorised. What a user
 /// ought to know of a fit that did succeed is in [`Model::warnings`].
 pub fn fit(data: &Data<'_>, options: &FitOptions) -> Result<Model, Error> {
@@ -93,7 +112,19 @@ pub fn fit(data: &Data<'_>, options: &FitOptions) -> Result<Model, Error> {
     }
     if scaled.y.iter().all(|y| *y == scaled.y[0]) {
         points.warnings.push(Warning::ConstantResponse);
+        if options.refuse_no_structure {
+            return Err(Error::NoStructure {
+                gain: 0.0,
+                needed: scaled.active.len() as f64,
+            });
+        }
         return constant(options.kernel, points, &scaled);
+    }
+    if !determines_trend(&scaled, options.trend) {
+        return Err(Error::Trend {
+            distinct: points.len(),
+            coefficients: options.trend.coefficients(scaled.active.len()),
+        });
     }
 
     let search = Search::new(&scaled, options);
@@ -104,23 +135,87 @@ pub fn fit(data: &Data<'_>, options: &FitOptions) -> Result<Model, Error> {
         });
     }
     let found = search.run()?;
-    points.warnings.extend(search.warnings(&found));
-    let ranges = |k: usize| found.outcome.at[if search.tied { 0 } else { k }].exp();
-    let sigma2 = found.outcome.at[found.outcome.at.len() - 1].exp();
-    let parameters = in_units_of_data(&points, &scaled, ranges, sigma2);
-    Model::new(options.kernel, points, parameters, found.jitter)
+    let warnings = search.warnings(&found);
+    if options.refuse_no_structure
+        && let Some((gain, needed)) = warnings.iter().find_map(|warning| match warning {
+            Warning::NoStructure { gain, needed } => Some((*gain, *needed)),
+            _ => None,
+        })
+    {
+        return Err(Error::NoStructure { gain, needed });
+    }
+    points.warnings.extend(warnings);
+    let at = &found.outcome.at;
+    let ranges = |k: usize| at[if search.tied { 0 } else { k }].exp();
+    let sigma2 = at[at.len() - 1].exp();
+    let mut parameters = in_units_of_data(&points, &scaled, ranges, sigma2);
+    if options.nugget {
+        parameters.nugget = at[at.len() - 2].exp() * scaled.y_scale * scaled.y_scale;
+    }
+    let model = Model::new(
+        options.kernel,
+        options.trend,
+        points,
+        parameters,
+        found.jitter,
+    )?;
+    Ok(if options.calibrate {
+        model.calibrated()
+    } else {
+        model
+    })
+}
+
+/// Whether the points tell the trend's coefficients apart and leave something for the process.
+fn determines_trend(scaled: &Scaled, trend: Trend) -> bool {
+    if trend.is_constant() {
+        return true;
+    }
+    let n = scaled.len();
+    let basis = trend.basis(&scaled.columns, n, 0.5);
+    n > trend.coefficients(scaled.columns.len()) && Gls::new(&basis, basis.clone(), n).is_some()
 }
 
 /// A model without any variation: the likelihood is highest for σ² → 0.
 fn constant(kernel: Kernel, points: Points, scaled: &Scaled) -> Result<Model, Error> {
-    let noise = scaled.noise.iter().sum::<f64>() / scaled.len() as f64;
-    // The smallest normal number stands for zero, whose logarithm the likelihood could not hold.
-    let sigma2 = (SIGMA2_BOUNDS.0 * noise).max(f64::MIN_POSITIVE);
-    let parameters = in_units_of_data(&points, scaled, |_| 0.5, sigma2);
-    Model::new(kernel, points, parameters, 0.0)
+    let parameters = in_units_of_data(&points, scaled, |_| 0.5, constant_sigma2(scaled));
+    Model::new(kernel, Trend::Constant, points, parameters, 0.0)
 }
 
-fn in_units_of_data(
+/// What stands for σ² = 0 where all observations are equal.
+pub(crate) fn constant_sigma2(scaled: &Scaled) -> f64 {
+    let noise = scaled.noise.iter().sum::<f64>() / scaled.len() as f64;
+    // The smallest normal number stands for zero, whose logarithm the likelihood could not hold.
+    (SIGMA2_BOUNDS.0 * noise).max(f64::MIN_POSITIVE)
+}
+
+/// Parameters to start an approximate search from: (ln θ₁ … ln θ_d, ln σ²), and its box.
+pub(crate) struct Start {
+    pub(crate) at: Vec<f64>,
+    pub(crate) lower: Vec<f64>,
+    pub(crate) upper: Vec<f64>,
+}
+
+/// The parameters of highest likelihood of a subset of the data, found as [`fit()`] finds them.
+pub(crate) fn start_from_subset(subset: &Scaled, options: &FitOptions) -> Result<Start, Error> {
+    let search = Search::new(subset, options);
+    let found = search.run()?.outcome.at;
+    // A subset too small for a range per coordinate has one for all.
+    let widen = |values: &[f64]| -> Vec<f64> {
+        let mut wide: Vec<f64> = (0..subset.columns.len())
+            .map(|k| values[if search.tied { 0 } else { k }])
+            .collect();
+        wide.push(values[values.len() - 1]);
+        wide
+    };
+    Ok(Start {
+        at: widen(&found),
+        lower: widen(&search.lower),
+        upper: widen(&search.upper),
+    })
+}
+
+pub(crate) fn in_units_of_data(
     points: &Points,
     scaled: &Scaled,
     range: impl Fn(usize) -> f64,
@@ -130,9 +225,11 @@ fn in_units_of_data(
     for (k, (&j, extent)) in scaled.active.iter().zip(&scaled.extents).enumerate() {
         ranges[j] = range(k) * extent;
     }
-    // Model::new estimates the mean.
+    // Model::new estimates the trend.
     Parameters {
         mu: 0.0,
+        slopes: Vec::new(),
+        nugget: 0.0,
         sigma2: sigma2 * scaled.y_scale * scaled.y_scale,
         ranges,
     }
@@ -157,7 +254,8 @@ struct Found {
 impl<'a> Search<'a> {
     fn new(data: &'a Scaled, options: &'a FitOptions) -> Self {
         let n = data.len();
-        let tied = n < data.columns.len() + 3;
+        let dimensions = data.columns.len();
+        let tied = n < dimensions + 2 + options.trend.coefficients(dimensions);
         let mut lower: Vec<f64> = data
             .columns
             .iter()
@@ -167,6 +265,10 @@ impl<'a> Search<'a> {
             lower = vec![lower.iter().copied().fold(0.0, f64::min)];
         }
         let mut upper = vec![LONGEST_RANGE.ln(); lower.len()];
+        if options.nugget {
+            lower.push(NUGGET_BOUNDS.0.ln());
+            upper.push(NUGGET_BOUNDS.1.ln());
+        }
         lower.push(SIGMA2_BOUNDS.0.ln());
         upper.push(SIGMA2_BOUNDS.1.ln());
         let mut order: Vec<usize> = (0..n).collect();
@@ -262,7 +364,7 @@ impl<'a> Search<'a> {
     /// times it.
     fn start(&self, i: usize) -> Vec<f64> {
         let mut rng = stream(self.options.seed, Purpose::Fit, 1, i as u64);
-        let count = self.lower.len() - 1;
+        let count = self.lower.len() - 1 - usize::from(self.options.nugget);
         let (low, high) = (0.1_f64.ln(), 5.0_f64.ln());
         let mut start: Vec<f64> = (0..count)
             .map(|_| {
@@ -273,13 +375,25 @@ impl<'a> Search<'a> {
                 }
             })
             .collect();
+        if self.options.nugget {
+            start.push(NUGGET_START.ln());
+        }
         start.push(0.0);
         start
     }
 
+    fn form(&self) -> Form {
+        Form {
+            kernel: self.options.kernel,
+            trend: self.options.trend,
+            tied: self.tied,
+            nugget: self.options.nugget,
+        }
+    }
+
     /// Finds a fitting σ² for a start's ranges by fixed-point iteration, and the value there.
     fn value_at(&self, subset: &Scaled, mut at: Vec<f64>, jitter: f64) -> Option<(f64, Vec<f64>)> {
-        let mut likelihood = Likelihood::new(self.options.kernel, subset, self.tied, jitter);
+        let mut likelihood = Likelihood::new(self.form(), subset, jitter);
         let last = at.len() - 1;
         let mut best = likelihood.evaluate(&at, Order::Value)?;
         for _ in 0..3 {
@@ -307,7 +421,7 @@ impl<'a> Search<'a> {
             max_iterations: self.options.max_iterations,
             tolerance: if last { TOLERANCE } else { SUBSET_TOLERANCE },
         };
-        let mut likelihood = Likelihood::new(self.options.kernel, subset, self.tied, jitter);
+        let mut likelihood = Likelihood::new(self.form(), subset, jitter);
         let mut best: Option<Found> = None;
         for jitter in JITTERS.into_iter().filter(|j| *j >= jitter) {
             likelihood.jitter = jitter;
@@ -347,7 +461,9 @@ impl<'a> Search<'a> {
     fn warnings(&self, found: &Found) -> Vec<Warning> {
         let mut warnings = Vec::new();
         let gain = white_noise(self.data) - found.outcome.value;
-        let needed = (found.outcome.at.len() - 1) as f64;
+        // Parameters beyond those of a constant plus noise.
+        let slopes = self.options.trend.coefficients(self.data.active.len()) - 1;
+        let needed = (found.outcome.at.len() - 1 + slopes) as f64;
         if gain < needed {
             warnings.push(Warning::NoStructure { gain, needed });
         }

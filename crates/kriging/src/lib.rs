@@ -2,7 +2,8 @@
 //!
 //! Ordinary kriging: the observed function is a realisation of μ + Z(x), Z a stationary Gaussian
 //! process of variance σ² and product correlation, and every observation carries independent noise
-//! of its own, known variance. Equation numbers in brackets are those of the paper the project
+//! of its own, known variance. A linear [`Trend`], radial correlations and an estimated nugget are
+//! options of the fit. Equation numbers in brackets are those of the paper the project
 //! reproduces, "Gears Design with Shape Uncertainties using Monte Carlo Simulations and Kriging"
 //! (2009), section III.B: mean (19) and variance (20) of the prediction.
 //!
@@ -18,28 +19,38 @@
 //! # Ok::<(), kriging::Error>(())
 //! ```
 //!
+//! For more points than a dense matrix can hold there is [`fit_vecchia`].
+//!
 //! The covariance parameters are those of the highest likelihood, see [`fit()`]; predictions and
 //! leave-one-out validation are methods of [`Model`].
 
 #![warn(missing_docs)]
 
+mod append;
 mod bfgs;
+mod calibration;
 mod covariance;
 mod data;
 mod error;
 mod exponential;
 mod fit;
+mod gls;
+mod gradient;
 mod kernel;
 mod likelihood;
 mod loo;
 mod model;
 mod stored;
+mod vecchia;
 mod warning;
 
 pub use data::Data;
 pub use error::Error;
 pub use fit::{FitOptions, fit};
+pub use gls::Trend;
+pub use gradient::Gradient;
 pub use kernel::Kernel;
 pub use loo::LeaveOneOut;
 pub use model::{Model, Parameters, Prediction};
+pub use vecchia::{Vecchia, VecchiaOptions, fit_vecchia};
 pub use warning::Warning;

@@ -1,19 +1,22 @@
-//! The negative log likelihood of ordinary kriging with known noise, and its derivatives.
+//! The negative log likelihood of kriging with known noise, and its derivatives.
 //!
-//! With z = y − μ1, μ the generalised least squares mean, C as in [`crate::covariance`], β = C⁻¹z:
+//! With z = y − Fμ, F the trend's basis (ones, for a constant), μ its generalised least squares
+//! coefficients, C as in [`crate::covariance`], β = C⁻¹z, v the noise (a nugget τ² included):
 //!
 //! - value: n/2 ln(2πσ²) + ½ ln|C| + zᵀβ/(2σ²);
 //! - ∂/∂ ln θⱼ = ½ Σₐᵦ (C⁻¹ − ββᵀ/σ²)ₐᵦ ∂Rₐᵦ/∂ ln θⱼ;
 //! - ∂/∂ ln σ² = ½ (n − Σᵢ C⁻¹ᵢᵢ vᵢ/σ²) − (zᵀβ − Σᵢ vᵢβᵢ²/σ²)/(2σ²);
+//! - ∂/∂ ln τ² = ½ τ²/σ² Σᵢ (C⁻¹ᵢᵢ − βᵢ²/σ²);
 //! - curvature: the average of the observed and the expected information, which needs no further
-//!   matrix product, ½ uᵢᵀ P uⱼ/σ² with uⱼ = ∂C/∂ ln θⱼ β and P = C⁻¹ − C⁻¹11ᵀC⁻¹/1ᵀC⁻¹1
+//!   matrix product, ½ uᵢᵀ P uⱼ/σ² with uⱼ = ∂C/∂ ln θⱼ β and P = C⁻¹ − C⁻¹F(FᵀC⁻¹F)⁻¹FᵀC⁻¹
 //!   (Gilmour, Thompson, Cullis, "Average information REML", Biometrics 51 (1995) 1440–1450).
 //!
-//! The mean μ is at its optimum for every θ and σ², so it adds nothing to the derivatives. With
+//! The trend μ is at its optimum for every θ and σ², so it adds nothing to the derivatives. With
 //! unequal noise σ² has no closed form, so it is a variable of the search like the ranges.
 
 use crate::covariance::{self, complete, factorise, fill_correlations, log_determinant};
 use crate::data::Scaled;
+use crate::gls::{Gls, Trend};
 use crate::kernel::Kernel;
 
 /// What an evaluation computes beyond the value.
@@ -36,12 +39,26 @@ pub(crate) struct Evaluation {
     pub(crate) next_sigma2: f64,
 }
 
+/// Which model's likelihood it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Form {
+    pub(crate) kernel: Kernel,
+    pub(crate) trend: Trend,
+    /// Whether all coordinates share one range.
+    pub(crate) tied: bool,
+    /// Whether a nugget is estimated.
+    pub(crate) nugget: bool,
+}
+
 /// The negative log likelihood as a function of (ln θ₁ … ln θ_d, ln σ²), or of (ln θ, ln σ²) when
-/// all ranges are tied. Holds its matrices, so that evaluations do not allocate them again.
+/// all ranges are tied; a nugget's ln τ² stands before ln σ². Holds its matrices, so that evaluations do not allocate them again.
 pub(crate) struct Likelihood<'a> {
-    kernel: Kernel,
+    form: Form,
     data: &'a Scaled,
-    tied: bool,
+    /// The trend's basis, column by column.
+    basis: Vec<f64>,
+    /// The noise variances with the nugget.
+    noise: Vec<f64>,
     /// Added to the diagonal, relative to σ².
     pub(crate) jitter: f64,
     /// `data.columns` divided by the ranges.
@@ -52,11 +69,12 @@ pub(crate) struct Likelihood<'a> {
 }
 
 impl<'a> Likelihood<'a> {
-    pub(crate) fn new(kernel: Kernel, data: &'a Scaled, tied: bool, jitter: f64) -> Self {
+    pub(crate) fn new(form: Form, data: &'a Scaled, jitter: f64) -> Self {
         Self {
-            kernel,
+            form,
             data,
-            tied,
+            basis: form.trend.basis(&data.columns, data.len(), 0.5),
+            noise: data.noise.clone(),
             jitter,
             columns: data.columns.clone(),
             correlation: Vec::new(),
@@ -68,27 +86,45 @@ impl<'a> Likelihood<'a> {
     /// Evaluates at `parameters`; `None` if the covariance is not positive definite there.
     pub(crate) fn evaluate(&mut self, parameters: &[f64], order: Order) -> Option<Evaluation> {
         let n = self.data.len();
-        let (ln_sigma2, ln_ranges) = parameters.split_last()?;
+        let (ln_sigma2, rest) = parameters.split_last()?;
         let sigma2 = ln_sigma2.exp();
+        let (ln_ranges, nugget) = if self.form.nugget {
+            let (ln_nugget, ln_ranges) = rest.split_last()?;
+            let nugget = ln_nugget.exp();
+            for (with, without) in self.noise.iter_mut().zip(&self.data.noise) {
+                *with = without + nugget;
+            }
+            (ln_ranges, nugget)
+        } else {
+            (rest, 0.0)
+        };
 
         self.scale_columns(ln_ranges);
         self.correlation.resize(n * n, 0.0);
         self.factor.resize(n * n, 0.0);
-        fill_correlations(self.kernel, &self.columns, n, &mut self.correlation);
-        let noise = &self.data.noise;
+        fill_correlations(self.form.kernel, &self.columns, n, &mut self.correlation);
+        let noise = &self.noise;
         let ratio = |i: usize| covariance::noise_ratio(noise[i], sigma2);
         complete(&self.correlation, ratio, self.jitter, n, &mut self.factor);
         factorise(&mut self.factor, n).ok()?;
 
-        let mut solved = vec![1.0; 2 * n];
-        solved[n..].copy_from_slice(&self.data.y);
+        let p = self.basis.len() / n;
+        let mut solved = self.basis.clone();
+        solved.extend_from_slice(&self.data.y);
         covariance::solve(&self.factor, n, &mut solved);
-        let (ones, beta) = solved.split_at_mut(n);
-        let ones_sum: f64 = ones.iter().sum();
-        let mu = beta.iter().sum::<f64>() / ones_sum;
-        beta.iter_mut().zip(&*ones).for_each(|(b, o)| *b -= mu * o);
-        let z: Vec<f64> = self.data.y.iter().map(|y| y - mu).collect();
-        let quadratic = dot(&z, beta);
+        let mut beta = solved.split_off(p * n);
+        let mut trend: Vec<f64> = self.basis.chunks(n).map(|f| dot(f, &beta)).collect();
+        let gls = Gls::new(&self.basis, solved, n)?;
+        gls.solve(&mut trend);
+        let mut z = self.data.y.clone();
+        let columns = self.basis.chunks(n).zip(gls.solved().chunks(n));
+        for (coefficient, (f, s)) in trend.iter().zip(columns) {
+            beta.iter_mut()
+                .zip(s)
+                .for_each(|(b, s)| *b -= coefficient * s);
+            z.iter_mut().zip(f).for_each(|(z, f)| *z -= coefficient * f);
+        }
+        let quadratic = dot(&z, &beta);
 
         let log_determinant = log_determinant(&self.factor, n);
         let count = n as f64;
@@ -108,19 +144,19 @@ impl<'a> Likelihood<'a> {
         if order >= Order::Gradient {
             self.inverse.resize(n * n, 0.0);
             covariance::invert(&self.factor, n, &mut self.inverse);
-            evaluation.gradient = self.gradient(parameters.len(), beta, quadratic, sigma2);
+            evaluation.gradient = self.gradient(parameters.len(), &beta, quadratic, sigma2, nugget);
         }
         if order >= Order::Curvature {
-            let means = Means { ones, ones_sum };
-            evaluation.curvature = self.curvature(parameters.len(), &z, beta, sigma2, &means);
+            evaluation.curvature =
+                self.curvature(parameters.len(), &z, &beta, sigma2, nugget, &gls);
         }
         Some(evaluation)
     }
 
     fn scale_columns(&mut self, ln_ranges: &[f64]) {
         for (j, (scaled, column)) in self.columns.iter_mut().zip(&self.data.columns).enumerate() {
-            let ln_range = ln_ranges[if self.tied { 0 } else { j }];
-            let factor = self.kernel.length_factor() * (-ln_range).exp();
+            let ln_range = ln_ranges[if self.form.tied { 0 } else { j }];
+            let factor = self.form.kernel.length_factor() * (-ln_range).exp();
             scaled
                 .iter_mut()
                 .zip(column)
@@ -130,13 +166,21 @@ impl<'a> Likelihood<'a> {
 
     /// The index of the parameter that holds the range of column j.
     fn parameter_of(&self, j: usize) -> usize {
-        if self.tied { 0 } else { j }
+        if self.form.tied { 0 } else { j }
     }
 
-    fn gradient(&self, count: usize, beta: &[f64], quadratic: f64, sigma2: f64) -> Vec<f64> {
+    fn gradient(
+        &self,
+        count: usize,
+        beta: &[f64],
+        quadratic: f64,
+        sigma2: f64,
+        nugget: f64,
+    ) -> Vec<f64> {
         let n = self.data.len();
         let mut gradient = vec![0.0; count];
-        let mut weights = vec![0.0; n];
+        let (mut weights, mut squares) = (vec![0.0; n], vec![0.0; n]);
+        let mut at = vec![0.0; self.columns.len()];
         for k in 0..n {
             let run = k * n + k + 1..(k + 1) * n;
             let weights = &mut weights[k + 1..];
@@ -149,13 +193,29 @@ impl<'a> Likelihood<'a> {
             {
                 *w = (i - scaled * b) * r;
             }
+            at.iter_mut()
+                .zip(&self.columns)
+                .for_each(|(a, c)| *a = c[k]);
+            self.form.kernel.multiply_by_radial_factors(
+                &at,
+                |j| &self.columns[j][k + 1..],
+                &mut squares[k + 1..],
+                weights,
+            );
             for (j, column) in self.columns.iter().enumerate() {
                 gradient[self.parameter_of(j)] +=
-                    self.kernel
+                    self.form
+                        .kernel
                         .log_derivative_dot(column[k], &column[k + 1..], weights);
             }
         }
-        let noise = &self.data.noise;
+        if self.form.nugget {
+            let sum: f64 = (0..n)
+                .map(|i| self.inverse[i * n + i] - beta[i] * beta[i] / sigma2)
+                .sum();
+            gradient[count - 2] = 0.5 * nugget / sigma2 * sum;
+        }
+        let noise = &self.noise;
         let trace: f64 = (0..n).map(|i| self.inverse[i * n + i] * noise[i]).sum();
         let squares: f64 = beta.iter().zip(noise).map(|(b, v)| v * b * b).sum();
         gradient[count - 1] =
@@ -169,17 +229,30 @@ impl<'a> Likelihood<'a> {
         z: &[f64],
         beta: &[f64],
         sigma2: f64,
-        means: &Means<'_>,
+        nugget: f64,
+        gls: &Gls,
     ) -> Vec<f64> {
         let n = self.data.len();
         let mut directions = vec![0.0; count * n];
-        let mut derivative = vec![0.0; n];
+        let (mut derivative, mut factors, mut squares) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+        let mut at = vec![0.0; self.columns.len()];
         for k in 0..n {
-            let correlation = &self.correlation[k * n + k + 1..(k + 1) * n];
+            let factors = &mut factors[k + 1..];
+            factors.copy_from_slice(&self.correlation[k * n + k + 1..(k + 1) * n]);
+            at.iter_mut()
+                .zip(&self.columns)
+                .for_each(|(a, c)| *a = c[k]);
+            self.form.kernel.multiply_by_radial_factors(
+                &at,
+                |j| &self.columns[j][k + 1..],
+                &mut squares[k + 1..],
+                factors,
+            );
             let derivative = &mut derivative[k + 1..];
             for (j, column) in self.columns.iter().enumerate() {
-                self.kernel
-                    .derivatives(column[k], &column[k + 1..], correlation, derivative);
+                self.form
+                    .kernel
+                    .derivatives(column[k], &column[k + 1..], factors, derivative);
                 let p = self.parameter_of(j);
                 let direction = &mut directions[p * n..(p + 1) * n];
                 direction[k] += dot(derivative, &beta[k + 1..]);
@@ -190,7 +263,13 @@ impl<'a> Likelihood<'a> {
                     .for_each(|(u, d)| *u += d * from);
             }
         }
-        let noise = &self.data.noise;
+        if self.form.nugget {
+            let from_nugget = &mut directions[(count - 2) * n..(count - 1) * n];
+            for (u, b) in from_nugget.iter_mut().zip(beta) {
+                *u = nugget / sigma2 * b;
+            }
+        }
+        let noise = &self.noise;
         for (i, u) in directions[(count - 1) * n..].iter_mut().enumerate() {
             *u = z[i] - noise[i] * beta[i] / sigma2;
         }
@@ -198,23 +277,22 @@ impl<'a> Likelihood<'a> {
         let mut solved = directions.clone();
         covariance::solve(&self.factor, n, &mut solved);
         let mut curvature = vec![0.0; count * count];
+        let onto_trend = |u: &[f64]| -> Vec<f64> {
+            let columns = gls.solved().chunks(n);
+            columns.map(|s| dot(u, s)).collect()
+        };
+        let others: Vec<Vec<f64>> = directions.chunks(n).map(onto_trend).collect();
         for i in 0..count {
             let u = &directions[i * n..(i + 1) * n];
-            let along = dot(u, means.ones) / means.ones_sum;
+            let mut along = others[i].clone();
+            gls.solve(&mut along);
             for j in 0..count {
                 let v = &solved[j * n..(j + 1) * n];
-                let other = dot(&directions[j * n..(j + 1) * n], means.ones);
-                curvature[i * count + j] = 0.5 * (dot(u, v) - along * other) / sigma2;
+                curvature[i * count + j] = 0.5 * (dot(u, v) - dot(&along, &others[j])) / sigma2;
             }
         }
         curvature
     }
-}
-
-/// C⁻¹1 and its sum.
-struct Means<'a> {
-    ones: &'a [f64],
-    ones_sum: f64,
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -294,14 +372,29 @@ mod tests {
     #[test]
     fn gradient_agrees_with_differences() {
         for kernel in Kernel::ALL {
-            for (noise, tied) in [(0.0, false), (0.05, false), (0.05, true)] {
+            for (noise, tied, nugget, trend) in [
+                (0.0, false, false, Trend::Constant),
+                (0.05, false, false, Trend::Constant),
+                (0.05, true, false, Trend::Constant),
+                (0.05, false, true, Trend::Constant),
+                (0.05, false, true, Trend::Linear),
+            ] {
                 let data = sample(40, 3, noise);
-                let at = if tied {
+                let mut at = if tied {
                     vec![-0.3, 0.4]
                 } else {
                     vec![-0.5, 0.1, -1.0, 0.4]
                 };
-                let mut likelihood = Likelihood::new(kernel, &data, tied, 1e-8);
+                if nugget {
+                    at.insert(3, -4.0);
+                }
+                let form = Form {
+                    kernel,
+                    trend,
+                    tied,
+                    nugget,
+                };
+                let mut likelihood = Likelihood::new(form, &data, 1e-8);
                 let exact = likelihood.evaluate(&at, Order::Gradient).unwrap().gradient;
                 for i in 0..at.len() {
                     let mut shifted = |step: f64| {
@@ -331,7 +424,7 @@ mod tests {
     fn curvature_is_the_average_information() {
         // Symmetric with a positive diagonal, as a sum of uᵀPu must be.
         let data = sample(200, 2, 0.05);
-        let mut likelihood = Likelihood::new(Kernel::Matern52, &data, false, 0.0);
+        let mut likelihood = Likelihood::new(Form::default(), &data, 0.0);
         let at = [-0.5, 0.1, 0.4];
         let c = likelihood
             .evaluate(&at, Order::Curvature)
@@ -345,7 +438,7 @@ mod tests {
         }
         // For σ² alone, without noise, u = z: the closed form is ½ zᵀC⁻¹z/σ².
         let data = sample(50, 2, 0.0);
-        let mut likelihood = Likelihood::new(Kernel::Matern52, &data, false, 0.0);
+        let mut likelihood = Likelihood::new(Form::default(), &data, 0.0);
         let e = likelihood.evaluate(&at, Order::Curvature).unwrap();
         let closed = 0.5 * e.next_sigma2 * 50.0 / 0.4_f64.exp();
         assert!((e.curvature[8] / closed - 1.0).abs() < 1e-9);
@@ -354,7 +447,7 @@ mod tests {
     #[test]
     fn white_noise_is_the_limit_of_short_ranges() {
         let data = sample(60, 2, 0.05);
-        let mut likelihood = Likelihood::new(Kernel::Matern52, &data, false, 0.0);
+        let mut likelihood = Likelihood::new(Form::default(), &data, 0.0);
         let best = (-400..200)
             .map(|i| likelihood.evaluate(&[-15.0, -15.0, 0.01 * f64::from(i)], Order::Value))
             .map(|e| e.unwrap().value)

@@ -1,13 +1,11 @@
 //! Leave-one-out validation in closed form.
 
+use crate::calibration::Z_TWO_SIDED_90;
 use crate::covariance::invert;
 use crate::model::Model;
 
-/// Half-width of a two-sided 90 % interval of the standard normal distribution.
-const Z_TWO_SIDED_90: f64 = 1.644_853_626_951_472_2;
-
 /// How well each observation is predicted from all others, with the covariance parameters kept and
-/// the mean μ estimated anew.
+/// the trend estimated anew.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeaveOneOut {
     /// Observation minus prediction, in units of y: one for each distinct point, in the order of
@@ -25,27 +23,44 @@ pub struct LeaveOneOut {
     pub coverage90: f64,
 }
 
+/// A standardised residual beyond this is not the model's: of a million normal ones, 0.6 are.
+const OUTLYING: f64 = 5.0;
+
+impl LeaveOneOut {
+    /// The observations (indices of [`LeaveOneOut::residuals`]) whose standardised residuals exceed
+    /// 5 in size: gross errors, or places where the function is unlike everywhere else. Look at them
+    /// before trusting the model around them.
+    #[must_use]
+    pub fn outliers(&self) -> Vec<usize> {
+        let residuals = self.standardised.iter().enumerate();
+        residuals
+            .filter(|(_, z)| z.abs() > OUTLYING)
+            .map(|(i, _)| i)
+            .collect()
+    }
+}
+
 impl Model {
     /// Leaves out each point in turn.
     ///
-    /// With P = C⁻¹ − C⁻¹11ᵀC⁻¹/1ᵀC⁻¹1 and C as in (20) including the noise, the residual of
+    /// With P = C⁻¹ − C⁻¹F(FᵀC⁻¹F)⁻¹FᵀC⁻¹ and C as in (20) including the noise, the residual of
     /// observation i is (Py)ᵢ/Pᵢᵢ and its variance σ²/Pᵢᵢ (Dubrule, "Cross validation of kriging in
     /// a unique neighborhood", Math. Geol. 15 (1983) 687–699). Costs an inverse, n³ multiplications.
     #[must_use]
     pub fn leave_one_out(&self) -> LeaveOneOut {
         let n = self.points.len();
-        let solved = self.solved();
-        let mut inverse = vec![0.0; n * n];
-        invert(&solved.factor, n, &mut inverse);
-
+        let all = self.residuals();
         let mut by_first: Vec<usize> = (0..n).collect();
         by_first.sort_by_key(|&i| self.points.first[i]);
         let (residuals, standardised): (Vec<f64>, Vec<f64>) = by_first
             .iter()
             .map(|&i| {
-                let p = inverse[i * n + i] - solved.ones[i].powi(2) / solved.ones_sum;
-                let residual = self.weights[i] / p;
-                let sd = (self.parameters.sigma2 / p).sqrt();
+                let (residual, mut variance) = all[i];
+                if self.calibration != 1.0 {
+                    let noise = self.points.noise[i] + self.parameters.nugget;
+                    variance = self.calibration * (variance - noise).max(0.0) + noise;
+                }
+                let sd = variance.sqrt();
                 (residual, if residual == 0.0 { 0.0 } else { residual / sd })
             })
             .unzip();
@@ -65,5 +80,24 @@ impl Model {
             residuals,
             standardised,
         }
+    }
+
+    /// The leave-one-out residual of each point and its variance, the noise of the point included,
+    /// not calibrated.
+    pub(crate) fn residuals(&self) -> Vec<(f64, f64)> {
+        let n = self.points.len();
+        let solved = self.solved();
+        let mut inverse = vec![0.0; n * n];
+        invert(&solved.factor, n, &mut inverse);
+        let mut row = vec![0.0; solved.gls.coefficients()];
+        (0..n)
+            .map(|i| {
+                for (r, column) in row.iter_mut().zip(solved.gls.solved().chunks(n)) {
+                    *r = column[i];
+                }
+                let p = inverse[i * n + i] - solved.gls.quadratic(&mut row);
+                (self.weights[i] / p, self.parameters.sigma2 / p)
+            })
+            .collect()
     }
 }

@@ -2,28 +2,39 @@
 
 use std::sync::OnceLock;
 
+use rayon::prelude::*;
+
 use crate::covariance::{
     JITTERS, complete, factorise, fill_correlations, half_solve, log_determinant, noise_ratio,
     solve,
 };
 use crate::data::Points;
+use crate::gls::{Gls, Trend};
 use crate::kernel::Kernel;
 use crate::{Error, Warning};
 
 /// Points whose correlations are computed together: their intermediate results stay in the cache.
 const BLOCK: usize = 128;
-/// Points predicted together by [`Model::predict_many`].
-const BATCH: usize = 64;
+/// Points predicted together by [`Model::predict_many`]: many enough for the triangular solves to
+/// run at the speed of matrix products.
+const BATCH: usize = 256;
 
 /// The parameters of the process.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parameters {
-    /// The mean μ, in units of y.
+    /// The mean μ, in units of y; for a linear trend, the trend at the centre of the box that the
+    /// points span.
     pub mu: f64,
     /// The process variance σ², in units of y².
     pub sigma2: f64,
     /// The d ranges θ, in units of x; infinite where the model ignores a coordinate.
     pub ranges: Vec<f64>,
+    /// The d slopes of a linear trend, in units of y per unit of x, zero where the model ignores a
+    /// coordinate; empty for a constant trend.
+    pub slopes: Vec<f64>,
+    /// The estimated nugget, a noise variance on top of the known ones, in units of y²; zero if
+    /// none was estimated.
+    pub nugget: f64,
 }
 
 /// What the model says of the noise-free function at one point.
@@ -31,28 +42,36 @@ pub struct Parameters {
 pub struct Prediction {
     /// m_OK, equation (19), in units of y.
     pub mean: f64,
-    /// s²_OK, equation (20), in units of y². The noise of a new observation is not part of it.
+    /// s²_OK, equation (20), in units of y². The noise of a new observation is not part of it, nor
+    /// is an estimated nugget.
     pub variance: f64,
 }
 
-/// An ordinary kriging model: see [`crate::fit`].
+/// A kriging model: see [`crate::fit`].
 #[derive(Debug, Clone)]
 pub struct Model {
     pub(crate) kernel: Kernel,
+    pub(crate) trend: Trend,
     pub(crate) points: Points,
     pub(crate) parameters: Parameters,
     pub(crate) jitter: f64,
-    /// C⁻¹(y − μ1), see [`crate::covariance`].
+    /// The factor of the predicted variances.
+    pub(crate) calibration: f64,
+    /// C⁻¹(y − Fμ), see [`crate::covariance`].
     pub(crate) weights: Vec<f64>,
     pub(crate) nll: f64,
     /// The coordinates the model depends on.
-    active: Vec<usize>,
+    pub(crate) active: Vec<usize>,
     /// For each of them, its smallest value among the points: coordinates are taken relative to it.
     origin: Vec<f64>,
+    /// For each of them, the middle and the extent of its values: a linear trend's basis is the
+    /// distance from the one in units of the other.
+    centres: Vec<f64>,
+    pub(crate) extents: Vec<f64>,
     /// For each of them, length factor of the kernel over range.
-    scale: Vec<f64>,
+    pub(crate) scale: Vec<f64>,
     /// For each of them, the points' scaled coordinates.
-    columns: Vec<Vec<f64>>,
+    pub(crate) columns: Vec<Vec<f64>>,
     /// Computed when a variance is first asked for.
     solved: OnceLock<Solved>,
 }
@@ -61,23 +80,21 @@ pub struct Model {
 #[derive(Debug, Clone)]
 pub(crate) struct Solved {
     pub(crate) factor: Vec<f64>,
-    /// C⁻¹1.
-    pub(crate) ones: Vec<f64>,
-    /// 1ᵀC⁻¹1.
-    pub(crate) ones_sum: f64,
+    /// C⁻¹F and FᵀC⁻¹F.
+    pub(crate) gls: Gls,
 }
 
 impl Model {
-    /// Computes the mean and the weights for given σ² and ranges; `parameters.mu` is replaced. The
-    /// jitter grows until C can be factorised.
+    /// Computes the trend and the weights for given σ², nugget and ranges; `parameters.mu` and
+    /// `slopes` are replaced. The jitter grows until C can be factorised.
     pub(crate) fn new(
         kernel: Kernel,
+        trend: Trend,
         points: Points,
         parameters: Parameters,
         jitter: f64,
     ) -> Result<Self, Error> {
-        let mut model = Self::assemble(kernel, points, parameters, jitter, Vec::new(), 0.0);
-        let n = model.points.len();
+        let mut model = Self::assemble(kernel, trend, points, parameters, jitter);
         let (solved, used) = model.try_solve().ok_or(Error::NotPositiveDefinite {
             jitter: JITTERS[JITTERS.len() - 1],
         })?;
@@ -93,47 +110,122 @@ impl Model {
             model.jitter = used;
         }
 
-        let centre = model.points.y.iter().sum::<f64>() / n as f64;
-        let mut weights: Vec<f64> = model.points.y.iter().map(|y| y - centre).collect();
-        let offset = dot(&weights, &solved.ones) / solved.ones_sum;
-        weights.iter_mut().for_each(|w| *w -= offset);
+        model.estimate_trend(solved);
+        Ok(model)
+    }
+
+    /// Estimates the trend, the weights and the likelihood from the factor of C.
+    pub(crate) fn estimate_trend(&mut self, solved: Solved) {
+        let n = self.points.len();
+        let centre = self.points.y.iter().sum::<f64>() / n as f64;
+        let mut weights: Vec<f64> = self.points.y.iter().map(|y| y - centre).collect();
+        let columns = solved.gls.solved().chunks(n);
+        let mut coefficients: Vec<f64> = columns.map(|s| dot(&weights, s)).collect();
+        solved.gls.solve(&mut coefficients);
+        for (coefficient, column) in coefficients.iter().zip(self.basis().chunks(n)) {
+            for (weight, f) in weights.iter_mut().zip(column) {
+                *weight -= coefficient * f;
+            }
+        }
         let z = weights.clone();
         solve(&solved.factor, n, &mut weights);
-        let sigma2 = model.parameters.sigma2;
-        model.nll = 0.5
-            * (n as f64 * (std::f64::consts::TAU.ln() + sigma2.ln())
-                + log_determinant(&solved.factor, n)
-                + dot(&z, &weights) / sigma2)
-            + model.points.within;
-        model.parameters.mu = centre + offset;
-        model.weights = weights;
-        model.solved = OnceLock::from(solved);
-        Ok(model)
+        let quadratic = dot(&z, &weights);
+        self.nll = self.likelihood(&solved, quadratic) + self.points.within;
+        self.parameters.mu = centre + coefficients[0];
+        self.parameters.slopes = match self.trend {
+            Trend::Constant => Vec::new(),
+            Trend::Linear => {
+                let mut slopes = vec![0.0; self.points.d];
+                let found = coefficients[1..].iter().zip(&self.extents);
+                for (&j, (coefficient, extent)) in self.active.iter().zip(found) {
+                    slopes[j] = coefficient / extent;
+                }
+                slopes
+            }
+        };
+        self.weights = weights;
+        self.solved = OnceLock::from(solved);
+    }
+
+    /// −ln L of the points, given (y − Fμ)ᵀC⁻¹(y − Fμ).
+    fn likelihood(&self, solved: &Solved, quadratic: f64) -> f64 {
+        let n = self.points.len();
+        let sigma2 = self.parameters.sigma2;
+        0.5 * (n as f64 * (std::f64::consts::TAU.ln() + sigma2.ln())
+            + log_determinant(&solved.factor, n)
+            + quadratic / sigma2)
+    }
+
+    /// −ln L of the points, without what merged observations add.
+    pub(crate) fn likelihood_of_points(&self) -> f64 {
+        let n = self.points.len();
+        let z: Vec<f64> = (0..n)
+            .map(|i| self.points.y[i] - self.trend_at(self.points.row(i)))
+            .collect();
+        self.likelihood(self.solved(), dot(&z, &self.weights))
+    }
+
+    /// The trend's basis at the points, column by column.
+    fn basis(&self) -> Vec<f64> {
+        let n = self.points.len();
+        let in_extents: Vec<Vec<f64>> = match self.trend {
+            Trend::Constant => Vec::new(),
+            Trend::Linear => (0..self.active.len())
+                .map(|k| {
+                    (0..n)
+                        .map(|i| self.basis_at(self.points.row(i), k))
+                        .collect()
+                })
+                .collect(),
+        };
+        self.trend.basis(&in_extents, n, 0.0)
+    }
+
+    /// Whether the points tell the trend's coefficients apart.
+    pub(crate) fn determines_trend(&self) -> bool {
+        let basis = self.basis();
+        Gls::new(&basis, basis.clone(), self.points.len()).is_some()
+    }
+
+    /// The linear basis function of active coordinate k.
+    fn basis_at(&self, x: &[f64], k: usize) -> f64 {
+        (x[self.active[k]] - self.centres[k]) / self.extents[k]
+    }
+
+    /// The trend at `x`.
+    fn trend_at(&self, x: &[f64]) -> f64 {
+        let mut sum = self.parameters.mu;
+        if self.trend == Trend::Linear {
+            for (&j, centre) in self.active.iter().zip(&self.centres) {
+                sum += self.parameters.slopes[j] * (x[j] - centre);
+            }
+        }
+        sum
     }
 
     /// Puts a model together from what its predictions need; everything else is computed on demand.
     /// The same input gives the same bits of every prediction.
     pub(crate) fn assemble(
         kernel: Kernel,
+        trend: Trend,
         points: Points,
         parameters: Parameters,
         jitter: f64,
-        weights: Vec<f64>,
-        nll: f64,
     ) -> Self {
         let n = points.len();
         let active: Vec<usize> = (0..points.d)
             .filter(|&j| parameters.ranges[j].is_finite())
             .collect();
         let column = |j: usize| (0..n).map(move |i| (i, j));
-        let origin: Vec<f64> = active
-            .iter()
-            .map(|&j| {
-                column(j)
-                    .map(|(i, j)| points.row(i)[j])
-                    .fold(f64::INFINITY, f64::min)
-            })
-            .collect();
+        let (mut origin, mut centres, mut extents) = (Vec::new(), Vec::new(), Vec::new());
+        for &j in &active {
+            let values = || column(j).map(|(i, j)| points.row(i)[j]);
+            let low = values().fold(f64::INFINITY, f64::min);
+            let high = values().fold(f64::NEG_INFINITY, f64::max);
+            origin.push(low);
+            centres.push(low + 0.5 * (high - low));
+            extents.push(high - low);
+        }
         let scale: Vec<f64> = active
             .iter()
             .map(|&j| kernel.length_factor() / parameters.ranges[j])
@@ -145,13 +237,17 @@ impl Model {
             .collect();
         Self {
             kernel,
+            trend,
             points,
             parameters,
             jitter,
-            weights,
-            nll,
+            calibration: 1.0,
+            weights: Vec::new(),
+            nll: 0.0,
             active,
             origin,
+            centres,
+            extents,
             scale,
             columns,
             solved: OnceLock::new(),
@@ -180,7 +276,32 @@ impl Model {
             );
             sum += dot(block, &self.weights[start..end]);
         }
-        self.parameters.mu + sum
+        self.trend_at(x) + sum
+    }
+
+    /// [`Model::mean`] at many points: row-major, any number of rows of d coordinates. Bit for bit the
+    /// same numbers; rayon's threads share the rows.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Shape`] if `x` is not a whole number of rows.
+    pub fn means(&self, x: &[f64]) -> Result<Vec<f64>, Error> {
+        let rows = self.rows(x)?;
+        Ok(rows.into_par_iter().map(|x| self.mean(x)).collect())
+    }
+
+    fn rows<'x>(&self, x: &'x [f64]) -> Result<Vec<&'x [f64]>, Error> {
+        let d = self.points.d;
+        let rows: Vec<&[f64]> = x.chunks_exact(d).collect();
+        if rows.len() * d != x.len() {
+            let expected = (rows.len() + 1) * d;
+            return Err(Error::Shape {
+                what: "x",
+                expected,
+                got: x.len(),
+            });
+        }
+        Ok(rows)
     }
 
     /// Mean and variance at `x` (d coordinates), equations (19) and (20). The first call after
@@ -192,57 +313,74 @@ impl Model {
     /// If `x` has another length than [`Model::dimensions`].
     #[must_use]
     pub fn predict(&self, x: &[f64]) -> Prediction {
-        let mut out = Vec::with_capacity(1);
-        self.predict_batch(&[x], &mut out);
-        out[0]
+        self.predict_batch(&[x])[0]
     }
 
     /// [`Model::predict`] at many points: row-major, any number of rows of d coordinates. Costs less
-    /// per point than single predictions and may differ from them by rounding.
+    /// per point than single predictions, and its variances may differ from theirs by rounding.
+    /// rayon's threads share the batches. Where no variance is needed, [`Model::means`] costs less.
     ///
     /// # Errors
     ///
     /// [`Error::Shape`] if `x` is not a whole number of rows.
     pub fn predict_many(&self, x: &[f64]) -> Result<Vec<Prediction>, Error> {
-        let d = self.points.d;
-        let rows: Vec<&[f64]> = x.chunks_exact(d).collect();
-        if rows.len() * d != x.len() {
-            let expected = (rows.len() + 1) * d;
-            return Err(Error::Shape {
-                what: "x",
-                expected,
-                got: x.len(),
-            });
-        }
-        let mut predictions = Vec::with_capacity(rows.len());
-        for batch in rows.chunks(BATCH) {
-            self.predict_batch(batch, &mut predictions);
-        }
-        Ok(predictions)
+        let rows = self.rows(x)?;
+        // Every batch is computed by one thread, whichever that is.
+        Ok(rows
+            .par_chunks(BATCH)
+            .flat_map_iter(|batch| self.predict_batch(batch))
+            .collect())
     }
 
-    fn predict_batch(&self, rows: &[&[f64]], out: &mut Vec<Prediction>) {
+    fn predict_batch(&self, rows: &[&[f64]]) -> Vec<Prediction> {
         let n = self.points.len();
         let solved = self.solved();
         let mut correlations = vec![0.0; n * rows.len()];
         let mut exponent = vec![0.0; n];
-        let mut from_ones = Vec::with_capacity(rows.len());
+        let mut shortfalls = Vec::with_capacity(rows.len());
+        let mut means = Vec::with_capacity(rows.len());
         for (x, r) in rows.iter().zip(correlations.chunks_exact_mut(n)) {
             let at = self.scaled(x);
             self.kernel
                 .correlations(&at, |j| &self.columns[j], &mut exponent, r);
-            from_ones.push(1.0 - dot(r, &solved.ones));
+            shortfalls.push(self.shortfall(x, r));
+            means.push(self.mean_from(x, r));
         }
         half_solve(&solved.factor, n, &mut correlations);
-        for ((x, half), short) in rows.iter().zip(correlations.chunks_exact(n)).zip(from_ones) {
-            let unit = 1.0 - dot(half, half) + short * short / solved.ones_sum;
-            // At a noise-free observation the terms cancel but for rounding. A NaN stays one.
-            let variance = self.parameters.sigma2 * if unit < 0.0 { 0.0 } else { unit };
-            out.push(Prediction {
-                mean: self.mean(x),
-                variance,
-            });
+        means
+            .into_iter()
+            .zip(correlations.chunks_exact(n).zip(shortfalls))
+            .map(|(mean, (half, mut shortfall))| {
+                let unit = 1.0 - dot(half, half) + solved.gls.quadratic(&mut shortfall);
+                // At a noise-free observation the terms cancel but for rounding. A NaN stays one.
+                let unit = if unit < 0.0 { 0.0 } else { unit };
+                let variance = self.parameters.sigma2 * unit * self.calibration;
+                Prediction { mean, variance }
+            })
+            .collect()
+    }
+
+    /// The mean at `x` from its correlations with all points: summed as [`Model::mean`] does.
+    fn mean_from(&self, x: &[f64], correlations: &[f64]) -> f64 {
+        let blocks = correlations.chunks(BLOCK).zip(self.weights.chunks(BLOCK));
+        let mut sum = 0.0;
+        for (r, w) in blocks {
+            sum += dot(r, w);
         }
+        self.trend_at(x) + sum
+    }
+
+    /// f(x) − FᵀC⁻¹r: what the trend's basis functions at `x` differ by from their interpolation.
+    pub(crate) fn shortfall(&self, x: &[f64], correlations: &[f64]) -> Vec<f64> {
+        let n = self.points.len();
+        let columns = self.solved().gls.solved().chunks(n);
+        columns
+            .enumerate()
+            .map(|(k, s)| {
+                let f = if k == 0 { 1.0 } else { self.basis_at(x, k - 1) };
+                f - dot(correlations, s)
+            })
+            .collect()
     }
 
     /// The parameters of the process.
@@ -255,6 +393,12 @@ impl Model {
     #[must_use]
     pub fn kernel(&self) -> Kernel {
         self.kernel
+    }
+
+    /// The trend.
+    #[must_use]
+    pub fn trend(&self) -> Trend {
+        self.trend
     }
 
     /// Number of coordinates d of a point.
@@ -287,7 +431,7 @@ impl Model {
         self.columns.iter().flatten().all(|c| c.is_finite())
     }
 
-    fn scaled(&self, x: &[f64]) -> Vec<f64> {
+    pub(crate) fn scaled(&self, x: &[f64]) -> Vec<f64> {
         assert_eq!(
             x.len(),
             self.points.d,
@@ -314,29 +458,30 @@ impl Model {
     /// Factorises C with the model's jitter or the next that will do.
     fn try_solve(&self) -> Option<(Solved, f64)> {
         let n = self.points.len();
-        let sigma2 = self.parameters.sigma2;
+        let Parameters { sigma2, nugget, .. } = self.parameters;
         let mut correlation = vec![0.0; n * n];
         fill_correlations(self.kernel, &self.columns, n, &mut correlation);
         let mut factor = vec![0.0; n * n];
         let levels = JITTERS.into_iter().filter(|j| *j > self.jitter);
         for jitter in std::iter::once(self.jitter).chain(levels) {
-            let ratio = |i: usize| noise_ratio(self.points.noise[i], sigma2);
+            let ratio = |i: usize| noise_ratio(self.points.noise[i] + nugget, sigma2);
             complete(&correlation, ratio, jitter, n, &mut factor);
-            if factorise(&mut factor, n).is_ok() {
-                let mut ones = vec![1.0; n];
-                solve(&factor, n, &mut ones);
-                let ones_sum = ones.iter().sum();
-                return Some((
-                    Solved {
-                        factor,
-                        ones,
-                        ones_sum,
-                    },
-                    jitter,
-                ));
+            if factorise(&mut factor, n).is_ok()
+                && let Some(gls) = self.solve_trend(&factor)
+            {
+                return Some((Solved { factor, gls }, jitter));
             }
         }
         None
+    }
+
+    /// The trend's normal equations; `None` if they are singular.
+    pub(crate) fn solve_trend(&self, factor: &[f64]) -> Option<Gls> {
+        let n = self.points.len();
+        let basis = self.basis();
+        let mut solved = basis.clone();
+        solve(factor, n, &mut solved);
+        Gls::new(&basis, solved, n)
     }
 }
 

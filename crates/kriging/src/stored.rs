@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::data::Points;
+use crate::gls::Trend;
 use crate::kernel::Kernel;
 use crate::model::{Model, Parameters};
 use crate::{Error, Warning};
@@ -29,6 +30,30 @@ struct Stored {
     noise_variance: Vec<f64>,
     weights: Vec<f64>,
     first_observation: Vec<usize>,
+    // Absent for the plain model, so that programs older than these abilities read it, and refuse
+    // the others.
+    #[serde(default, skip_serializing_if = "Trend::is_constant")]
+    trend: Trend,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    slopes: Vec<f64>,
+    #[serde(default, skip_serializing_if = "is_zero")]
+    nugget: f64,
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    calibration: f64,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes references")]
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes references")]
+fn is_one(value: &f64) -> bool {
+    *value == 1.0
+}
+
+fn one() -> f64 {
+    1.0
 }
 
 /// Only the version, which must be readable whatever the rest looks like.
@@ -64,6 +89,10 @@ impl Model {
             noise_variance: self.points.noise.clone(),
             weights: self.weights.clone(),
             first_observation: self.points.first.clone(),
+            trend: self.trend,
+            slopes: self.parameters.slopes.clone(),
+            nugget: self.parameters.nugget,
+            calibration: self.calibration,
         };
         serde_json::to_string(&stored).map_err(Error::Json)
     }
@@ -103,21 +132,29 @@ impl Model {
             mu: stored.mu,
             sigma2: stored.sigma2,
             ranges,
+            slopes: stored.slopes,
+            nugget: stored.nugget,
         };
-        let nll = stored.negative_log_likelihood;
-        let model = Self::assemble(
+        let mut model = Self::assemble(
             stored.kernel,
+            stored.trend,
             points,
             parameters,
             stored.jitter,
-            stored.weights,
-            nll,
         );
-        if model.coordinates_are_finite() {
-            Ok(model)
-        } else {
-            Err(Error::Extent { what: "x" })
+        model.weights = stored.weights;
+        model.nll = stored.negative_log_likelihood;
+        model.calibration = stored.calibration;
+        if !model.coordinates_are_finite() {
+            return Err(Error::Extent { what: "x" });
         }
+        if !model.determines_trend() {
+            return Err(Error::Trend {
+                distinct: model.points(),
+                coefficients: model.trend.coefficients(model.active.len()),
+            });
+        }
+        Ok(model)
     }
 }
 
@@ -127,7 +164,9 @@ impl Stored {
         if n < 2 {
             return Err(Error::TooFewPoints { distinct: n });
         }
+        let slopes = if self.trend.is_constant() { 0 } else { d };
         let shapes = [
+            ("slopes", slopes, self.slopes.len()),
             ("x", n.checked_mul(d).unwrap_or(0), self.x.len()),
             ("ranges", d, self.ranges.len()),
             ("noise variance", n, self.noise_variance.len()),
@@ -150,6 +189,7 @@ impl Stored {
             ("ranges", &ranges),
             ("noise variance", &self.noise_variance),
             ("weights", &self.weights),
+            ("slopes", &self.slopes),
         ];
         for (what, values) in numbers {
             if let Some(index) = values.iter().position(|v| !v.is_finite()) {
@@ -166,9 +206,13 @@ impl Stored {
                 value: self.noise_variance[index],
             });
         }
-        let positive = [("sigma2", self.sigma2, self.sigma2 > 0.0)];
-        let not_negative = [("jitter", self.jitter, (0.0..=1.0).contains(&self.jitter))];
-        for (what, value, holds) in positive.into_iter().chain(not_negative) {
+        let conditions = [
+            ("sigma2", self.sigma2, self.sigma2 > 0.0),
+            ("jitter", self.jitter, (0.0..=1.0).contains(&self.jitter)),
+            ("nugget", self.nugget, self.nugget >= 0.0),
+            ("calibration", self.calibration, self.calibration > 0.0),
+        ];
+        for (what, value, holds) in conditions {
             if !holds || !value.is_finite() {
                 return Err(Error::OutOfRange { what, value });
             }

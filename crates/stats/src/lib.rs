@@ -6,22 +6,33 @@
 //! - [`percentile_p90`]: a 90 % percentile from the mean and the standard deviation of a normal
 //!   sample, and the variance of that estimate, (8), (9), (14). Kriging takes the variance as the
 //!   known noise of the observation.
+//! - [`normal_p90`]: the same with the exact quantile, the exact variance or without bias.
+//! - [`harrell_davis_p90`], [`order_statistic_p90`], [`choose_p90`]: where samples are not normal.
 //! - [`lilliefors`]: whether the sample may be called normal at all.
 //! - [`streams`]: named random streams.
 
 #![warn(missing_docs)]
 
 mod error;
+mod exact;
 mod moments;
 mod normality;
 mod percentile;
+mod quantile;
 mod rank;
 pub mod streams;
 
 pub use error::Error;
+pub use exact::{
+    EXACT_Z90, NormalOptions, VarianceFormula, Z90, c4, exact_p90_variance, normal_p90, sd_bias,
+};
 pub use moments::mean_sd;
 pub use normality::{LILLIEFORS_MIN_SAMPLES, Lilliefors, lilliefors};
 pub use percentile::{
     PAPER_Z90, PERCENTILE_MIN_SAMPLES, Percentile, p90_interval, p90_variance, percentile_p90,
+};
+pub use quantile::{
+    Choice, ChoiceRule, Method, ORDER_STATISTIC_MIN_SAMPLES, Quantile, choose_p90,
+    harrell_davis_p90, order_statistic_p90,
 };
 pub use rank::spearman;

@@ -60,6 +60,16 @@ pub fn percentile_p90(samples: &[f64]) -> Result<Percentile, Error> {
 /// [`Error::TooFewSamples`] below [`PERCENTILE_MIN_SAMPLES`], [`Error::OutOfRange`] for a `sigma2`
 /// that is negative or not finite and for a `z` that is not finite.
 pub fn p90_variance(sigma2: f64, k: usize, z: f64) -> Result<f64, Error> {
+    check_variance_arguments(sigma2, k, z)?;
+    let k = k as f64;
+    // 1 − √((k − 3)/(k − 1)) written without the cancellation that grows with k.
+    let root = ((k - 3.0) / (k - 1.0)).sqrt();
+    let one_less_root = 2.0 / (k - 1.0) / (1.0 + root);
+    Ok(sigma2 * (1.0 / k + 0.5 * z * z * one_less_root))
+}
+
+/// What every variance of m + z s asks of its arguments.
+pub(crate) fn check_variance_arguments(sigma2: f64, k: usize, z: f64) -> Result<(), Error> {
     check_count(k)?;
     if !(sigma2.is_finite() && sigma2 >= 0.0) {
         let expected = "finite and not negative";
@@ -76,11 +86,7 @@ pub fn p90_variance(sigma2: f64, k: usize, z: f64) -> Result<f64, Error> {
             expected: "finite",
         });
     }
-    let k = k as f64;
-    // 1 − √((k − 3)/(k − 1)) written without the cancellation that grows with k.
-    let root = ((k - 3.0) / (k - 1.0)).sqrt();
-    let one_less_root = 2.0 / (k - 1.0) / (1.0 + root);
-    Ok(sigma2 * (1.0 / k + 0.5 * z * z * one_less_root))
+    Ok(())
 }
 
 /// A two-sided confidence interval (low, high) for the true percentile, in the unit of the samples:

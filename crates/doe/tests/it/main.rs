@@ -1,6 +1,6 @@
 //! Designs as a caller sees them: Latin, reproducible, and spread out.
 
-use doe::{Design, Error, Options, maximin, random_lhs};
+use doe::{Design, Error, Method, Options, enlarge, maximin, random_lhs, sobol};
 use proptest::prelude::*;
 
 fn options(seed: u64, effort: f64) -> Options {
@@ -277,4 +277,105 @@ proptest! {
         // Compared in levels, where distances are exact.
         prop_assert!(squared_levels(&levels(&found)) >= squared_levels(&levels(&start)));
     }
+}
+
+#[test]
+fn growth_keeps_every_point_and_every_stratum() {
+    for (n, more, d) in [
+        (10, 11, 2),
+        (10, 30, 3),
+        (50, 75, 6),
+        (33, 200, 4),
+        (2, 3, 1),
+    ] {
+        let start = maximin(n, d, &options(4, 0.1)).unwrap();
+        let grown = enlarge(&start, more, &options(4, 1.0)).unwrap();
+        assert_eq!(&grown.points[..n * d], start.points);
+        assert_eq!(grown.n, more);
+        assert!(grown.is_stratified(), "{n} to {more}");
+        assert_eq!(grown, enlarge(&start, more, &options(4, 1.0)).unwrap());
+        // Growing goes on.
+        let again = enlarge(&grown, 2 * more, &options(4, 0.1)).unwrap();
+        assert_eq!(&again.points[..more * d], grown.points);
+        assert!(again.is_stratified());
+    }
+}
+
+#[test]
+fn new_points_keep_away_from_the_old_ones() {
+    let start = maximin(100, 6, &options(1, 0.1)).unwrap();
+    let random = enlarge(&start, 150, &options(1, 0.0)).unwrap();
+    let spread = enlarge(&start, 150, &options(1, 1.0)).unwrap();
+    let fresh = maximin(150, 6, &options(1, 0.1)).unwrap();
+    let [random, spread, fresh] = [random, spread, fresh].map(|design| design.min_distance());
+    // A random completion has points at 0.2; one from scratch reaches 0.55.
+    assert!(
+        spread > random + 0.1 && spread > 0.75 * fresh,
+        "{random} {spread} {fresh}"
+    );
+}
+
+#[test]
+fn designs_that_cannot_grow_are_refused() {
+    let start = maximin(20, 2, &options(0, 0.1)).unwrap();
+    let to = |n| enlarge(&start, n, &options(0, 1.0));
+    assert_eq!(
+        to(20),
+        Err(Error::Shrinking {
+            n: 20,
+            existing: 20
+        })
+    );
+    assert_eq!(to(100_001), Err(Error::Points { n: 100_001 }));
+    let mut crowded = start.clone();
+    crowded.points[1] = crowded.points[3];
+    let refused = enlarge(&crowded, 40, &options(0, 1.0));
+    assert_eq!(
+        refused,
+        Err(Error::NotStratified {
+            existing: 20,
+            variable: 1
+        })
+    );
+    let mut outside = start.clone();
+    outside.points[0] = 1.5;
+    assert!(enlarge(&outside, 40, &options(0, 1.0)).is_err());
+    assert!(enlarge(&start, 40, &options(0, f64::NAN)).is_err());
+}
+
+#[test]
+fn sobol_points_fill_every_stratum_evenly() {
+    // 64 points of a scrambled Sobol sequence: one per stratum in every variable, and in every pair
+    // of the first two as many as the area says.
+    let design = sobol(64, 6, 7).unwrap();
+    assert!(design.is_stratified());
+    let mut cells = [0; 64];
+    for i in 0..64 {
+        let x = design.point(i);
+        assert!(x.iter().all(|x| (0.0..1.0).contains(x) && *x > 0.0));
+        cells[(x[0] * 8.0) as usize * 8 + (x[1] * 8.0) as usize] += 1;
+    }
+    assert_eq!(cells, [1; 64]);
+    // A longer design contains a shorter one, another seed gives another.
+    assert_eq!(&sobol(100, 6, 7).unwrap().points[..64 * 6], design.points);
+    assert_ne!(sobol(64, 6, 8).unwrap(), design);
+    // What it is for: a lower discrepancy than a random Latin hypercube's.
+    let discrepancy = |design: Design| design.centred_discrepancy();
+    let random = discrepancy(random_lhs(256, 6, 7).unwrap());
+    assert!(discrepancy(sobol(256, 6, 7).unwrap()) < random);
+    assert_eq!(sobol(70_000, 6, 7), Err(Error::SobolPoints { n: 70_000 }));
+}
+
+#[test]
+fn methods_have_names() {
+    for method in Method::ALL {
+        assert_eq!(method.to_string().parse(), Ok(method));
+        let design = method.design(16, 3, &options(5, 0.1)).unwrap();
+        assert!(design.is_stratified());
+    }
+    assert!("lattice".parse::<Method>().is_err());
+    assert_eq!(
+        Method::default().design(9, 2, &options(5, 0.1)),
+        maximin(9, 2, &options(5, 0.1))
+    );
 }

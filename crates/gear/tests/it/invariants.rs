@@ -257,12 +257,11 @@ proptest! {
             gear_outline(&pair, member, 60).into_iter().map(|p| place.apply(p)).collect::<Vec<_>>()
         });
         let near = |points: &[[f64; 2]]| -> Vec<[f64; 2]> {
-            let reach = g.r_a[0].max(g.r_a[1]);
-            let x = g.r[0];
+            let (x, reach) = (g.r[0], 4.0 * g.normal_module);
             points
                 .iter()
                 .copied()
-                .filter(|p| (p[0] - x).abs() < 0.4 * reach && p[1].abs() < 0.4 * reach)
+                .filter(|p| (p[0] - x).abs() < reach && p[1].abs() < reach)
                 .collect()
         };
         let (pinion, gear) = (near(&pinion), near(&gear));

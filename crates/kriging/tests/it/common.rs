@@ -70,29 +70,34 @@ impl Sample {
 
 /// The correlation of two points, from the formulas of Rasmussen and Williams (2006), chapter 4.
 pub(crate) fn correlation(kernel: Kernel, a: &[f64], b: &[f64], ranges: &[f64]) -> f64 {
-    a.iter()
-        .zip(b)
-        .zip(ranges)
-        .map(|((a, b), theta)| {
-            let h = (a - b).abs() / theta;
-            match kernel {
-                Kernel::Matern52 => {
-                    let s = 5.0_f64.sqrt() * h;
-                    (1.0 + s + 5.0 * h * h / 3.0) * (-s).exp()
-                }
-                Kernel::Matern32 => {
-                    let s = 3.0_f64.sqrt() * h;
-                    (1.0 + s) * (-s).exp()
-                }
-                Kernel::SquaredExponential => (-0.5 * h * h).exp(),
-                Kernel::Exponential => (-h).exp(),
-                _ => unreachable!("a kernel this test does not know"),
+    let distances = a.iter().zip(b).zip(ranges);
+    let scaled: Vec<f64> = distances.map(|((a, b), t)| (a - b).abs() / t).collect();
+    let radius = scaled.iter().map(|h| h * h).sum::<f64>().sqrt();
+    let (kernel, distances) = match kernel {
+        Kernel::RadialMatern52 => (Kernel::Matern52, vec![radius]),
+        Kernel::RadialMatern32 => (Kernel::Matern32, vec![radius]),
+        Kernel::RadialExponential => (Kernel::Exponential, vec![radius]),
+        other => (other, scaled),
+    };
+    distances
+        .iter()
+        .map(|&h| match kernel {
+            Kernel::Matern52 => {
+                let s = 5.0_f64.sqrt() * h;
+                (1.0 + s + 5.0 * h * h / 3.0) * (-s).exp()
             }
+            Kernel::Matern32 => {
+                let s = 3.0_f64.sqrt() * h;
+                (1.0 + s) * (-s).exp()
+            }
+            Kernel::SquaredExponential => (-0.5 * h * h).exp(),
+            Kernel::Exponential => (-h).exp(),
+            _ => unreachable!("a kernel this test does not know"),
         })
         .product()
 }
 
-/// Ordinary kriging with given σ² and ranges.
+/// Kriging with given σ², ranges and nugget.
 pub(crate) struct Dense<'a> {
     kernel: Kernel,
     sample: &'a Sample,
@@ -100,23 +105,66 @@ pub(crate) struct Dense<'a> {
     ranges: Vec<f64>,
     inverse: Vec<Vec<f64>>,
     log_determinant: f64,
+    /// The trend's basis functions at the points.
+    basis: Vec<Vec<f64>>,
+    /// The inverse of FᵀK⁻¹F.
+    normal: Vec<Vec<f64>>,
+    coefficients: Vec<f64>,
     pub(crate) mu: f64,
+}
+
+/// 1, and the coordinates if the trend is linear.
+fn basis(x: &[f64], linear: bool) -> Vec<f64> {
+    let mut f = vec![1.0];
+    if linear {
+        f.extend(x);
+    }
+    f
 }
 
 impl<'a> Dense<'a> {
     pub(crate) fn new(kernel: Kernel, sample: &'a Sample, parameters: &Parameters) -> Self {
+        Self::build(kernel, sample, parameters, false)
+    }
+
+    /// With a linear trend.
+    pub(crate) fn with_trend(kernel: Kernel, sample: &'a Sample, parameters: &Parameters) -> Self {
+        Self::build(kernel, sample, parameters, true)
+    }
+
+    fn build(kernel: Kernel, sample: &'a Sample, parameters: &Parameters, linear: bool) -> Self {
         let n = sample.y.len();
-        let Parameters { sigma2, ranges, .. } = parameters.clone();
+        let Parameters {
+            sigma2,
+            ranges,
+            nugget,
+            ..
+        } = parameters.clone();
         let covariance = |i: usize, j: usize| {
             let k = sigma2 * correlation(kernel, sample.row(i), sample.row(j), &ranges);
-            if i == j { k + sample.noise[i] } else { k }
+            if i == j {
+                k + sample.noise[i] + nugget
+            } else {
+                k
+            }
         };
         let matrix = (0..n)
             .map(|i| (0..n).map(|j| covariance(i, j)).collect())
             .collect();
         let (inverse, log_determinant) = invert(matrix);
-        let weights: Vec<f64> = inverse.iter().map(|row| row.iter().sum()).collect();
-        let mu = dot(&weights, &sample.y) / weights.iter().sum::<f64>();
+        let basis: Vec<Vec<f64>> = (0..n).map(|i| basis(sample.row(i), linear)).collect();
+        let p = basis[0].len();
+        let column = |k: usize| -> Vec<f64> { basis.iter().map(|f| f[k]).collect() };
+        let solved: Vec<Vec<f64>> = (0..p)
+            .map(|k| inverse.iter().map(|row| dot(row, &column(k))).collect())
+            .collect();
+        let (normal, _) = invert(
+            (0..p)
+                .map(|i| (0..p).map(|j| dot(&column(i), &solved[j])).collect())
+                .collect(),
+        );
+        let right: Vec<f64> = solved.iter().map(|s| dot(s, &sample.y)).collect();
+        let coefficients: Vec<f64> = normal.iter().map(|row| dot(row, &right)).collect();
         Self {
             kernel,
             sample,
@@ -124,27 +172,39 @@ impl<'a> Dense<'a> {
             ranges,
             inverse,
             log_determinant,
-            mu,
+            mu: coefficients[0],
+            basis,
+            normal,
+            coefficients,
         }
     }
 
-    /// Equations (19) and (20).
+    fn centred(&self) -> Vec<f64> {
+        let pairs = self.sample.y.iter().zip(&self.basis);
+        pairs.map(|(y, f)| y - dot(f, &self.coefficients)).collect()
+    }
+
+    /// Equations (19) and (20), or those of universal kriging.
     pub(crate) fn predict(&self, x: &[f64]) -> (f64, f64) {
         let n = self.sample.y.len();
         let k: Vec<f64> = (0..n)
             .map(|i| self.sigma2 * correlation(self.kernel, x, self.sample.row(i), &self.ranges))
             .collect();
         let solved: Vec<f64> = self.inverse.iter().map(|row| dot(row, &k)).collect();
-        let centred: Vec<f64> = self.sample.y.iter().map(|y| y - self.mu).collect();
-        let ones: f64 = self.inverse.iter().flatten().sum();
-        let mean = self.mu + dot(&solved, &centred);
-        let variance =
-            self.sigma2 - dot(&k, &solved) + (1.0 - solved.iter().sum::<f64>()).powi(2) / ones;
-        (mean, variance)
+        let f = basis(x, self.coefficients.len() > 1);
+        let mean = dot(&f, &self.coefficients) + dot(&solved, &self.centred());
+        let short: Vec<f64> = (0..f.len())
+            .map(|j| {
+                let column: Vec<f64> = self.basis.iter().map(|f| f[j]).collect();
+                f[j] - dot(&column, &solved)
+            })
+            .collect();
+        let along: Vec<f64> = self.normal.iter().map(|row| dot(row, &short)).collect();
+        (mean, self.sigma2 - dot(&k, &solved) + dot(&short, &along))
     }
 
     pub(crate) fn negative_log_likelihood(&self) -> f64 {
-        let centred: Vec<f64> = self.sample.y.iter().map(|y| y - self.mu).collect();
+        let centred = self.centred();
         let solved: Vec<f64> = self.inverse.iter().map(|row| dot(row, &centred)).collect();
         let n = centred.len() as f64;
         0.5 * (n * std::f64::consts::TAU.ln() + self.log_determinant + dot(&centred, &solved))

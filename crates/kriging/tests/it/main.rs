@@ -2,8 +2,14 @@
 
 mod common;
 mod degenerate;
+mod derivatives;
 mod formulas;
+mod growing;
 mod hartmann;
 mod invariance;
 mod leave_one_out;
+mod options;
+mod properties;
+mod stability;
 mod stored;
+mod vecchia;

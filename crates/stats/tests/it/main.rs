@@ -1,5 +1,7 @@
 //! Statistics against published and certified numbers.
 
+mod exact;
 mod moments;
 mod normality;
 mod percentile;
+mod quantile;

@@ -1,0 +1,216 @@
+//! Designs that grow: new points among the old ones.
+//!
+//! The points of a Latin hypercube of n lie 1/n apart in every variable, so with N > n strata each
+//! stratum holds at most one of them: the N − n others are free, and the new points take their
+//! centres. Which new point takes which of them is chosen to keep all points apart, by the search
+//! of [`crate::maximin`] in a plainer form: at a distance r, each pair of points nearer than that is
+//! strained by (1 − δ²/r²)², and swaps of two new points' coordinates in one variable that do not
+//! raise the strain are taken until there is none; then r is raised.
+
+use rand::RngExt as _;
+use stats::streams::{Purpose, StreamRng, stream};
+
+use crate::design::{cell_centre, check};
+use crate::{Design, Error, Options};
+
+/// Swaps tried per new point and variable, and added to that for small designs.
+const SWAPS: f64 = 300.0;
+/// Budget beyond which a long search does not go, in coordinates looked at.
+const LARGEST_BUDGET: f64 = 4e9;
+/// How far the squared distance is raised at first, and the last and smallest rise.
+const FIRST_RISE: f64 = 0.5;
+const LAST_RISE: f64 = 1e-3;
+/// Swaps tried per new point before a distance counts as out of reach.
+const PATIENCE: usize = 60;
+/// Strain that may be rounding: a pair nearer than the radius by less than a thirty-thousandth.
+const NEGLIGIBLE: f64 = 1e-9;
+
+/// A design of `n` points whose first ones are those of `existing`, unchanged, with one point in
+/// each of n strata of every variable; the new points are kept away from the old ones and from each
+/// other. The same input gives the same design.
+///
+/// The smallest distance is at most that of the old points, and below what a [`crate::maximin`]
+/// design of n points started afresh would have.
+///
+/// # Errors
+///
+/// [`Error::Points`] for an `n` out of range, [`Error::Shrinking`] unless it exceeds the number of
+/// existing points, [`Error::NotStratified`] for points that are no Latin hypercube (of n, or of
+/// any smaller number of strata down to their own), [`Error::Effort`] for an effort that is negative
+/// or not finite.
+pub fn enlarge(existing: &Design, n: usize, options: &Options) -> Result<Design, Error> {
+    let d = existing.d;
+    check(n, d)?;
+    if n <= existing.n {
+        return Err(Error::Shrinking {
+            n,
+            existing: existing.n,
+        });
+    }
+    let effort = options.effort;
+    if !(effort >= 0.0 && effort.is_finite()) {
+        return Err(Error::Effort { effort });
+    }
+    // A stream of its own for each size, so that repeated growth does not repeat itself.
+    let mut rng = stream(options.seed, Purpose::Doe, n as u64, 2);
+    let mut design = Design {
+        n,
+        d,
+        points: existing.points.clone(),
+    };
+    design.points.resize(n * d, 0.0);
+    for k in 0..d {
+        let taken = existing.strata(k, n).ok_or(Error::NotStratified {
+            existing: existing.n,
+            variable: k,
+        })?;
+        let mut free: Vec<u32> = (0..n as u32).filter(|&l| !taken[l as usize]).collect();
+        for i in (1..free.len()).rev() {
+            free.swap(i, rng.random_range(0..=i as u32) as usize);
+        }
+        for (i, level) in (existing.n..n).zip(free) {
+            design.points[i * d + k] = cell_centre(level, n);
+        }
+    }
+    if d > 1 && n - existing.n > 1 {
+        Growth::new(design, existing.n, rng).spread(effort)
+    } else {
+        Ok(design)
+    }
+}
+
+struct Growth {
+    design: Design,
+    /// Points below this one stay.
+    fixed: usize,
+    rng: StreamRng,
+    squared_radius: f64,
+    /// Each new point's sum of strains.
+    strain: Vec<f64>,
+}
+
+impl Growth {
+    fn new(design: Design, fixed: usize, rng: StreamRng) -> Self {
+        Self {
+            strain: vec![0.0; design.n - fixed],
+            design,
+            fixed,
+            rng,
+            squared_radius: 0.0,
+        }
+    }
+
+    fn spread(mut self, effort: f64) -> Result<Design, Error> {
+        let (n, d, new) = (self.design.n, self.design.d, self.strain.len());
+        let swaps = SWAPS * d as f64 * (new as f64 + 100.0);
+        let largest = LARGEST_BUDGET / (n * d) as f64;
+        let mut left = (effort * swaps.min(largest)) as usize;
+        let mut best = self.design.clone();
+        let mut floor = self.smallest();
+        let mut rise = FIRST_RISE;
+        while left > 0 && rise > LAST_RISE {
+            self.set_squared_radius(floor * (1.0 + rise));
+            let mut patience = (PATIENCE * new).min(left);
+            left -= patience;
+            while patience > 0 {
+                let Some(first) = self.worst() else { break };
+                self.repair(first);
+                patience -= 1;
+            }
+            left += patience;
+            if self.worst().is_none() {
+                best.clone_from(&self.design);
+                // Pairs of old points may be nearer than the radius, which no swap can change.
+                floor = self.squared_radius;
+            } else {
+                rise *= 0.5;
+            }
+        }
+        Ok(best)
+    }
+
+    /// The smallest squared distance of a new point from any other.
+    fn smallest(&self) -> f64 {
+        (self.fixed..self.design.n)
+            .flat_map(|i| (0..i).map(move |j| (i, j)))
+            .map(|(i, j)| self.squared_distance(i, j))
+            .fold(f64::INFINITY, f64::min)
+    }
+
+    fn squared_distance(&self, i: usize, j: usize) -> f64 {
+        let pairs = self.design.point(i).iter().zip(self.design.point(j));
+        pairs.map(|(a, b)| (a - b) * (a - b)).sum()
+    }
+
+    fn set_squared_radius(&mut self, squared_radius: f64) {
+        self.squared_radius = squared_radius;
+        for i in self.fixed..self.design.n {
+            self.strain[i - self.fixed] = self.strain_of(i);
+        }
+    }
+
+    /// The strain of point i by all others.
+    fn strain_of(&self, i: usize) -> f64 {
+        (0..self.design.n)
+            .filter(|&j| j != i)
+            .map(|j| self.pair_strain(self.squared_distance(i, j)))
+            .sum()
+    }
+
+    fn pair_strain(&self, squared: f64) -> f64 {
+        let left = 1.0 - squared / self.squared_radius;
+        if left > 0.0 { left * left } else { 0.0 }
+    }
+
+    /// A strained new point: the first from a random one on.
+    fn worst(&mut self) -> Option<usize> {
+        let new = self.strain.len();
+        let start = self.rng.random_range(0..new as u32) as usize;
+        (start..new)
+            .chain(0..start)
+            .find(|&i| self.strain[i] > NEGLIGIBLE)
+            .map(|i| i + self.fixed)
+    }
+
+    /// Swaps a coordinate of `first` and one of another new point if the strain does not grow.
+    fn repair(&mut self, first: usize) {
+        let (n, d) = (self.design.n, self.design.d);
+        let second = self.rng.random_range(self.fixed as u32..n as u32) as usize;
+        if second == first {
+            return;
+        }
+        let k = self.rng.random_range(0..d as u32) as usize;
+        let (a, b) = (first * d + k, second * d + k);
+        let (from, to) = (self.design.points[a], self.design.points[b]);
+        let mut change = 0.0;
+        let mut changes: Vec<(usize, f64)> = Vec::new();
+        // The pair itself keeps its distance.
+        for j in (0..n).filter(|&j| j != first && j != second) {
+            let x = self.design.points[j * d + k];
+            let mut of_other = 0.0;
+            for (point, old, new) in [(first, from, to), (second, to, from)] {
+                let before = self.squared_distance(point, j);
+                let after = before - (x - old).powi(2) + (x - new).powi(2);
+                if before < self.squared_radius || after < self.squared_radius {
+                    of_other += self.pair_strain(after) - self.pair_strain(before);
+                }
+            }
+            change += of_other;
+            if of_other != 0.0 {
+                changes.push((j, of_other));
+            }
+        }
+        if change <= 0.0 {
+            self.design.points.swap(a, b);
+            for (j, difference) in changes {
+                if j >= self.fixed {
+                    self.strain[j - self.fixed] += difference;
+                }
+            }
+            // Counted afresh, so that rounding does not add up.
+            for point in [first, second] {
+                self.strain[point - self.fixed] = self.strain_of(point);
+            }
+        }
+    }
+}

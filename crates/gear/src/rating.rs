@@ -1,0 +1,322 @@
+//! Nominal figures of ISO 6336 and common inspection dimensions, to set beside the beam model's.
+//!
+//! Nothing of the simulation depends on this module. It covers what a reader compares first: the
+//! form and stress correction factors Y_F and Y_S with the nominal root stress σ_F0, the factors of
+//! the nominal contact stress σ_H0, the mesh stiffness c′ and c_γ, the part of the path that form
+//! circles leave, and the dimensions that a gear is measured by.
+//!
+//! Left out, and needed for a rating: application, dynamic and distribution factors (K), life,
+//! lubrication and size factors, permissible stresses; rims (Y_B = 1) and the deep-tooth factor
+//! (Y_DT = 1).
+//!
+//! References: ISO 6336-1:2006 (stiffness, method B), ISO 6336-2:2006 (contact), ISO 6336-3:2006
+//! (root, method B), ISO 21771:2007 (geometry and inspection dimensions).
+
+use std::f64::consts::PI;
+
+use crate::geometry::{Geometry, tangent_length};
+use crate::input::Member;
+use crate::involute::{inv_of_tangent, tangent_of_inv};
+use crate::pair::Pair;
+
+/// Young's modulus of the steel for which ISO 6336-1's stiffness holds, MPa.
+const STEEL: f64 = 206e3;
+/// Line load F_t/b, N/mm, below which ISO 6336-1 lets the stiffness fall in proportion to it.
+const FULL_STIFFNESS_LOAD: f64 = 100.0;
+
+/// Nominal root stress of one gear, load at the outer point of single pair tooth contact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RootRating {
+    /// Load direction angle α_Fen, rad.
+    pub load_angle: f64,
+    /// Bending arm h_Fe, mm.
+    pub arm: f64,
+    /// Root chord s_Fn, mm.
+    pub chord: f64,
+    /// Fillet radius ρ_F in the 30° section, mm.
+    pub fillet_radius: f64,
+    /// Form factor Y_F = (6 h_Fe/m) cos α_Fen / ((s_Fn/m)² cos α_n).
+    pub y_f: f64,
+    /// Stress correction factor Y_S = (1.2 + 0.13 L) q_s^(1/(1.21 + 2.3/L)), L = s_Fn/h_Fe and
+    /// q_s = s_Fn/(2 ρ_F); at least 1.
+    pub y_s: f64,
+    /// Helix angle factor Y_β = 1 − ε_β β/120°, with ε_β at most 1 and β at most 30°.
+    pub y_beta: f64,
+    /// Nominal root stress σ_F0 = F_t/(b m) Y_F Y_S Y_β, MPa.
+    pub stress_mpa: f64,
+}
+
+/// Mesh stiffness by method B; N/(mm·µm).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MeshStiffness {
+    /// Theoretical single stiffness c′_th = 1/q′.
+    pub theoretical: f64,
+    /// Single stiffness c′ = c′_th C_M C_R C_B cos β (E/206 GPa), C_M = 0.8, less under a light load.
+    pub single: f64,
+    /// Mesh stiffness c_γα = c′ (0.75 ε_α + 0.25).
+    pub mesh_alpha: f64,
+    /// Mesh stiffness c_γβ = 0.85 c_γα.
+    pub mesh_beta: f64,
+}
+
+/// Nominal figures of a pair. Arrays are [pinion, gear].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rating {
+    /// Nominal tangential force at the reference circle F_t, N.
+    pub tangential_force: f64,
+    /// Zone factor Z_H = √(2 cos β_b cos α_wt/(cos² α_t sin α_wt)).
+    pub z_h: f64,
+    /// Elasticity factor Z_E = √(E/(2π (1 − ν²))), √MPa.
+    pub z_e: f64,
+    /// Contact ratio factor Z_ε.
+    pub z_epsilon: f64,
+    /// Helix angle factor Z_β = 1/√(cos β) (the edition of 1996 had √(cos β)).
+    pub z_beta: f64,
+    /// Single pair tooth contact factors Z_B and Z_D, at least 1.
+    pub z_single: [f64; 2],
+    /// Nominal contact stress at the pitch point σ_H0 = Z_H Z_E Z_ε Z_β √(F_t (u + 1)/(d_1 b u)),
+    /// MPa, without Z_B and Z_D.
+    pub contact_stress_mpa: f64,
+    /// The roots.
+    pub root: [RootRating; 2],
+    /// The stiffness.
+    pub stiffness: MeshStiffness,
+    /// Whether 1 ≤ ε_α < 2, for which these formulas are meant. Below, loads are taken at the tip and
+    /// Z_B = Z_D = 1.
+    pub in_range: bool,
+}
+
+/// Rates a pair. `blank_factor` is C_R of ISO 6336-1, 1 for a solid blank.
+#[must_use]
+pub fn rate(pair: &Pair, blank_factor: f64) -> Rating {
+    let (geometry, input) = (pair.geometry(), pair.input());
+    let g = geometry;
+    let material = &input.material;
+    let tangential_force = input.pinion_torque / g.r[0];
+    let line_load = tangential_force / g.face_width;
+    let ratio = f64::from(g.teeth[1]) / f64::from(g.teeth[0]);
+    let (cos_bb, cos_t) = (g.beta_b.cos(), g.alpha_t.cos());
+    let z_h = (2.0 * cos_bb * g.alpha_wt.cos() / (cos_t * cos_t * g.alpha_wt.sin())).sqrt();
+    let nu = material.poisson_ratio;
+    let z_e = (material.youngs_modulus_mpa / (2.0 * PI * (1.0 - nu * nu))).sqrt();
+    let z_beta = 1.0 / g.beta.cos().sqrt();
+    let eps_alpha = g.eps_alpha.max(1.0);
+    let spur = ((4.0 - eps_alpha) / 3.0).max(0.0);
+    let overlap = g.eps_beta.min(1.0);
+    let z_epsilon = (spur * (1.0 - overlap) + overlap / eps_alpha).sqrt();
+    let contact_stress_mpa = z_h
+        * z_e
+        * z_epsilon
+        * z_beta
+        * (line_load / (2.0 * g.r[0]) * (ratio + 1.0) / ratio).sqrt();
+    Rating {
+        tangential_force,
+        z_h,
+        z_e,
+        z_epsilon,
+        z_beta,
+        z_single: single_pair_factors(g),
+        contact_stress_mpa,
+        root: Member::BOTH.map(|member| root(pair, member, line_load)),
+        stiffness: stiffness(pair, blank_factor, line_load),
+        in_range: (1.0..2.0).contains(&g.eps_alpha),
+    }
+}
+
+/// Z_B and Z_D: the pressure at the inner points of single pair contact over that at the pitch
+/// point, M = tan α_wt/√(tan α_B1 tan α_B2); a helical pair with ε_β < 1 lies between M and 1.
+fn single_pair_factors(g: &Geometry) -> [f64; 2] {
+    if g.eps_alpha < 1.0 {
+        return [1.0; 2];
+    }
+    // B: one base pitch before the end of contact; D: one base pitch after its start.
+    [g.s_out - g.base_pitch, g.s_in + g.base_pitch].map(|s| {
+        let tangents = s * (g.path_length - s) / (g.r_b[0] * g.r_b[1]);
+        let m = g.alpha_wt.tan() / tangents.sqrt();
+        (m - g.eps_beta.min(1.0) * (m - 1.0)).max(1.0)
+    })
+}
+
+fn root(pair: &Pair, member: Member, line_load: f64) -> RootRating {
+    let g = pair.geometry();
+    let i = member.index();
+    let tooth = &pair.teeth[i];
+    let m = g.normal_module;
+    let section = tooth.critical_section();
+    let cos_bb = g.beta_b.cos();
+    // In the virtual section the single pair region is ε_αn − 1 base pitches below the tip.
+    let back = (g.eps_alpha / (cos_bb * cos_bb) - 1.0).max(0.0) * PI * m * g.alpha_n.cos();
+    let load = tooth.load_below_tip(g.r_na[i], back);
+    let chord = section.chord;
+    // A load line through or below the section does not bend it.
+    let arm = (load.y_l - section.y).max(1e-6 * chord);
+    let y_f = 6.0 * arm / m * load.cos_alpha_f / ((chord / m) * (chord / m) * g.alpha_n.cos());
+    let y_s = stress_correction(chord, arm, section.fillet_radius);
+    let degrees = g.beta.to_degrees().min(30.0);
+    let y_beta = 1.0 - g.eps_beta.min(1.0) * degrees / 120.0;
+    RootRating {
+        load_angle: load.cos_alpha_f.acos(),
+        arm,
+        chord,
+        fillet_radius: section.fillet_radius,
+        y_f,
+        y_s,
+        y_beta,
+        stress_mpa: line_load / m * y_f * y_s * y_beta,
+    }
+}
+
+/// Y_S of ISO 6336-3 (2006), at least 1; 1 where the fillet is bent the other way and is no notch.
+pub(crate) fn stress_correction(chord: f64, arm: f64, fillet_radius: f64) -> f64 {
+    let notch = if fillet_radius > 0.0 {
+        chord / (2.0 * fillet_radius)
+    } else {
+        0.0
+    };
+    let l = chord / arm;
+    ((1.2 + 0.13 * l) * notch.powf(1.0 / (1.21 + 2.3 / l))).max(1.0)
+}
+
+fn stiffness(pair: &Pair, blank_factor: f64, line_load: f64) -> MeshStiffness {
+    let (g, input) = (pair.geometry(), pair.input());
+    let cos_bb = g.beta_b.cos();
+    let [z1, z2] = g
+        .teeth
+        .map(|z| f64::from(z) / (cos_bb * cos_bb * g.beta.cos()));
+    let [x1, x2] = input.profile_shift;
+    let q = 0.04723 + 0.15551 / z1 + 0.25791 / z2
+        - 0.00635 * x1
+        - 0.11654 * x1 / z1
+        - 0.00193 * x2
+        - 0.24188 * x2 / z2
+        + 0.00529 * x1 * x1
+        + 0.00182 * x2 * x2;
+    let theoretical = 1.0 / q;
+    let depth = 0.5 * (input.tool_addendum[0] + input.tool_addendum[1]);
+    let rack = (1.0 + 0.5 * (1.2 - depth)) * (1.0 - 0.02 * (20.0 - g.alpha_n.to_degrees()));
+    let single = theoretical
+        * 0.8
+        * blank_factor
+        * rack
+        * g.beta.cos()
+        * (input.material.youngs_modulus_mpa / STEEL)
+        * (line_load / FULL_STIFFNESS_LOAD).min(1.0);
+    let mesh_alpha = single * (0.75 * g.eps_alpha + 0.25);
+    MeshStiffness {
+        theoretical,
+        single,
+        mesh_alpha,
+        mesh_beta: 0.85 * mesh_alpha,
+    }
+}
+
+/// The part of the path of contact that form circles leave; lengths in mm.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ActivePath {
+    /// Start of contact.
+    pub s_in: f64,
+    /// End of contact.
+    pub s_out: f64,
+    /// Active root radii r_Nf.
+    pub r_nf: [f64; 2],
+    /// Active tip radii r_Na.
+    pub r_na: [f64; 2],
+    /// Length of the path of contact g_α.
+    pub length: f64,
+    /// Transverse contact ratio ε_α.
+    pub eps_alpha: f64,
+    /// Specific sliding at the active roots ζ_f.
+    pub root_sliding: [f64; 2],
+}
+
+/// Shortens the path of contact to where both flanks are involutes: contact starts no lower than
+/// the root form circles, and each tip is active only as far as it meets the mate above its own
+/// (ISO 21771, 5.4). `form_radius` are r_Ff in mm; a circle inside the base circle limits nothing.
+///
+/// The simulator itself keeps the whole path and reports the interference instead.
+#[must_use]
+pub fn active_path(geometry: &Geometry, form_radius: [f64; 2]) -> ActivePath {
+    let g = geometry;
+    let form = [0, 1].map(|i| tangent_length(form_radius[i], g.r_b[i]));
+    let (s_in, s_out) = (g.s_in.max(form[0]), g.s_out.min(g.path_length - form[1]));
+    let roots = [s_in, g.path_length - s_out];
+    let tips = [s_out, g.path_length - s_in];
+    let ratio = f64::from(g.teeth[0]) / f64::from(g.teeth[1]);
+    ActivePath {
+        s_in,
+        s_out,
+        r_nf: [0, 1].map(|i| g.r_b[i].hypot(roots[i])),
+        r_na: [0, 1].map(|i| g.r_b[i].hypot(tips[i])),
+        length: s_out - s_in,
+        eps_alpha: (s_out - s_in) / g.base_pitch,
+        root_sliding: [
+            1.0 - (g.path_length - s_in) * ratio / s_in,
+            1.0 - s_out / ((g.path_length - s_out) * ratio),
+        ],
+    }
+}
+
+/// Angles and thicknesses of a tooth at one radius.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FlankPoint {
+    /// Transverse profile angle α_yt, rad.
+    pub profile_angle: f64,
+    /// Helix angle β_y, rad.
+    pub helix_angle: f64,
+    /// Transverse tooth thickness s_yt as an arc, mm.
+    pub transverse_thickness: f64,
+    /// Normal tooth thickness s_yn = s_yt cos β_y, mm.
+    pub normal_thickness: f64,
+    /// Radius of curvature of the transverse profile ρ_y, mm.
+    pub curvature_radius: f64,
+}
+
+/// The flank at the transverse radius `r` mm, at least the base radius (ISO 21771, 4.3 to 4.5).
+#[must_use]
+pub fn flank(geometry: &Geometry, member: Member, r: f64) -> FlankPoint {
+    let i = member.index();
+    let tau = tangent_length(r, geometry.r_b[i]);
+    let tangent = tau / geometry.r_b[i];
+    let helix_angle = (geometry.beta.tan() * r / geometry.r[i]).atan();
+    let transverse_thickness = 2.0 * r * (geometry.psi_b[i] - inv_of_tangent(tangent));
+    FlankPoint {
+        profile_angle: tangent.atan(),
+        helix_angle,
+        transverse_thickness,
+        normal_thickness: transverse_thickness * helix_angle.cos(),
+        curvature_radius: tau,
+    }
+}
+
+/// Base tangent length W_k over `teeth` teeth, mm: (k − 1) normal base pitches and one normal base
+/// thickness (ISO 21771, 6.3).
+#[must_use]
+pub fn base_tangent_length(geometry: &Geometry, member: Member, teeth: u32) -> f64 {
+    let i = member.index();
+    let cos_bb = geometry.beta_b.cos();
+    let thickness = 2.0 * geometry.r_b[i] * geometry.psi_b[i];
+    cos_bb * (f64::from(teeth.saturating_sub(1)) * geometry.base_pitch + thickness)
+}
+
+/// Dimension over two balls of `diameter` mm, M_dK, in mm (ISO 21771, 6.4). Zero where such a ball
+/// falls through to the base circle.
+#[must_use]
+pub fn over_balls(geometry: &Geometry, member: Member, diameter: f64) -> f64 {
+    let i = member.index();
+    let z = f64::from(geometry.teeth[i]);
+    // A ball of diameter D touches both flanks where the space, widened by D along the base
+    // helix's normal, closes.
+    let inv =
+        diameter / (2.0 * geometry.r_b[i] * geometry.beta_b.cos()) + geometry.psi_b[i] - PI / z;
+    if inv <= 0.0 {
+        return 0.0;
+    }
+    let centre = geometry.r_b[i] * tangent_of_inv(inv).hypot(1.0);
+    // An odd gear's balls lie half a pitch off the diameter.
+    let lever = if geometry.teeth[i].is_multiple_of(2) {
+        1.0
+    } else {
+        (PI / (2.0 * z)).cos()
+    };
+    2.0 * centre * lever + diameter
+}

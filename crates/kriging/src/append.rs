@@ -1,0 +1,222 @@
+//! More observations for a fitted model, with its covariance parameters kept.
+
+use crate::covariance::{self, factorise, noise_ratio};
+use crate::data::{Points, merge};
+use crate::model::{Model, Solved};
+use crate::{Data, Error, Warning};
+
+impl Model {
+    /// The model with further observations, its kernel, ranges, process variance, nugget and
+    /// calibration as they are; the trend is estimated anew.
+    ///
+    /// The new rows are appended to the Cholesky factor, which costs n²m multiplications for m new
+    /// points instead of a fit's hundreds of n³; only where a new observation repeats a point of the
+    /// model, or the longer matrix is nearly singular, is the matrix factorised anew (n³/6).
+    /// Observations are numbered on from the model's, in the order given. Coordinates that the
+    /// model ignores stay ignored.
+    ///
+    /// The variance at a point never rises by more observations. A coordinate's scale is that of the
+    /// old points: call [`crate::fit`] when the data have changed much.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`crate::fit`] for unusable data; [`Error::Shape`] if `data` has another number of
+    /// coordinates than the model.
+    pub fn with_points(&self, data: &Data<'_>) -> Result<Self, Error> {
+        let d = self.points.d;
+        if data.d != d {
+            return Err(Error::Shape {
+                what: "every point",
+                expected: d,
+                got: data.d,
+            });
+        }
+        let mut new = merge(data)?;
+        let before = self.observations();
+        let repeated = |i: usize| (0..self.points()).any(|k| self.points.row(k) == new.row(i));
+        if (0..new.len()).any(repeated) {
+            return self.refactorised(data, before);
+        }
+
+        let mut points = self.points.clone();
+        points.within = self.within();
+        points.x.append(&mut new.x);
+        points.y.append(&mut new.y);
+        points.noise.append(&mut new.noise);
+        points.first.extend(new.first.iter().map(|i| before + i));
+        points.within += new.within;
+        points.warnings = joined(
+            &self.points.warnings,
+            &new,
+            before + data.y.len(),
+            points.len(),
+        );
+
+        let mut model = Self::assemble(
+            self.kernel,
+            self.trend,
+            points,
+            self.parameters.clone(),
+            self.jitter,
+        );
+        model.calibration = self.calibration;
+        if !model.coordinates_are_finite() {
+            return Err(Error::Extent { what: "x" });
+        }
+        // Coordinates are taken relative to their smallest value, which the new points may have
+        // moved: the old factor stays right, since correlations depend on differences only.
+        let extended = self.extended_factor(&model);
+        let solved = extended.and_then(|factor| {
+            let gls = model.solve_trend(&factor)?;
+            Some(Solved { factor, gls })
+        });
+        match solved {
+            Some(solved) => {
+                model.estimate_trend(solved);
+                Ok(model)
+            }
+            None => model.anew(),
+        }
+    }
+
+    /// The factor of `longer`'s matrix, whose first points are those of this model: with L that of
+    /// the old matrix, B the correlations of the new points with the old ones and D the new
+    /// points' matrix, the new rows are M = (L⁻¹B)ᵀ and the factor of D − MMᵀ.
+    fn extended_factor(&self, longer: &Self) -> Option<Vec<f64>> {
+        let (old, n) = (self.points(), longer.points());
+        let m = n - old;
+        let solved = self.solved();
+        let mut cross = vec![0.0; old * m];
+        let mut corner = vec![0.0; m * m];
+        let mut exponent = vec![0.0; n];
+        let mut correlation = vec![0.0; n];
+        for k in 0..m {
+            let at: Vec<f64> = longer.columns.iter().map(|c| c[old + k]).collect();
+            longer.kernel.correlations(
+                &at,
+                |j| &longer.columns[j],
+                &mut exponent,
+                &mut correlation,
+            );
+            cross[k * old..(k + 1) * old].copy_from_slice(&correlation[..old]);
+            corner[k * m..(k + 1) * m].copy_from_slice(&correlation[old..]);
+            let noise = longer.points.noise[old + k] + longer.parameters.nugget;
+            corner[k * m + k] = 1.0 + longer.jitter + noise_ratio(noise, longer.parameters.sigma2);
+        }
+        let diagonal: Vec<f64> = (0..m).map(|k| corner[k * m + k]).collect();
+        covariance::half_solve(&solved.factor, old, &mut cross);
+        for k in 0..m {
+            for i in k..m {
+                let product: f64 = cross[k * old..(k + 1) * old]
+                    .iter()
+                    .zip(&cross[i * old..(i + 1) * old])
+                    .map(|(a, b)| a * b)
+                    .sum();
+                corner[k * m + i] -= product;
+            }
+        }
+        factorise(&mut corner, m).ok()?;
+        // What is left of a new point's variance may be rounding only: then the matrix needs more
+        // jitter, which the full factorisation finds.
+        let rounding = n as f64 * f64::EPSILON;
+        if (0..m).any(|k| corner[k * m + k].powi(2) <= rounding * diagonal[k]) {
+            return None;
+        }
+        let mut factor = vec![0.0; n * n];
+        for k in 0..old {
+            let column = &mut factor[k * n..(k + 1) * n];
+            column[k..old].copy_from_slice(&solved.factor[k * old + k..(k + 1) * old]);
+            for i in 0..m {
+                column[old + i] = cross[i * old + k];
+            }
+        }
+        for k in 0..m {
+            factor[(old + k) * n + old + k..(old + k + 1) * n]
+                .copy_from_slice(&corner[k * m + k..(k + 1) * m]);
+        }
+        Some(factor)
+    }
+
+    /// The model of the old points, each with its merged observation, and the new ones.
+    fn refactorised(&self, data: &Data<'_>, before: usize) -> Result<Self, Error> {
+        let old = &self.points;
+        let join = |a: &[f64], b: &[f64]| [a, b].concat();
+        let (x, y) = (join(&old.x, data.x), join(&old.y, data.y));
+        let noise_variance = join(&old.noise, data.noise_variance);
+        let mut points = merge(&Data {
+            x: &x,
+            d: old.d,
+            y: &y,
+            noise_variance: &noise_variance,
+        })?;
+        points.within += self.within();
+        for first in &mut points.first {
+            *first = match old.first.get(*first) {
+                Some(first) => *first,
+                None => before + *first - old.len(),
+            };
+        }
+        points.warnings = joined(&old.warnings, &points, before + data.y.len(), points.len());
+        let mut model = Self::assemble(
+            self.kernel,
+            self.trend,
+            points,
+            self.parameters.clone(),
+            self.jitter,
+        );
+        model.calibration = self.calibration;
+        if !model.coordinates_are_finite() {
+            return Err(Error::Extent { what: "x" });
+        }
+        model.anew()
+    }
+
+    /// Factorises the whole matrix.
+    fn anew(self) -> Result<Self, Error> {
+        let calibration = self.calibration;
+        let mut model = Self::new(
+            self.kernel,
+            self.trend,
+            self.points,
+            self.parameters,
+            self.jitter,
+        )?;
+        model.calibration = calibration;
+        Ok(model)
+    }
+
+    /// Number of observations, merged ones counted one by one.
+    fn observations(&self) -> usize {
+        let merged = self.points.warnings.iter().find_map(|w| match w {
+            Warning::MergedDuplicates { observations, .. } => Some(*observations),
+            _ => None,
+        });
+        merged.unwrap_or(self.points())
+    }
+
+    /// What the merged observations add to the likelihood: a stored model keeps only the total.
+    fn within(&self) -> f64 {
+        self.nll - self.likelihood_of_points()
+    }
+}
+
+/// The warnings of a model and of further data; the count of duplicates is brought up to date.
+fn joined(old: &[Warning], new: &Points, observations: usize, distinct: usize) -> Vec<Warning> {
+    let is_count = |w: &&Warning| matches!(w, Warning::MergedDuplicates { .. });
+    let mut warnings: Vec<Warning> = old.iter().filter(|w| !is_count(w)).cloned().collect();
+    for warning in new.warnings.iter().filter(|w| !is_count(w)) {
+        if !warnings.contains(warning) {
+            warnings.push(warning.clone());
+        }
+    }
+    if observations > distinct {
+        warnings.insert(
+            0,
+            Warning::MergedDuplicates {
+                observations,
+                distinct,
+            },
+        );
+    }
+    warnings
+}

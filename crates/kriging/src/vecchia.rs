@@ -1,0 +1,382 @@
+//! Kriging of many points by nearest-neighbour conditioning (Vecchia's approximation).
+//!
+//! The density of the observations is a product of conditional ones, each observation given all
+//! earlier ones. Given only its m nearest earlier neighbours, the cost falls from n³ to n m³, and
+//! with the points in max–min order (each as far as possible from those before it) the neighbours
+//! come from all distances. Distances are in units of the ranges. The ranges and the process
+//! variance start from an exact fit of a random subset and are refined on the leading points of the
+//! order, up to a number that the options limit.
+//!
+//! Up to `dense` points, predictions and likelihood are then exact for these parameters: one dense
+//! factorisation costs little beside a search. Beyond, a prediction is simple kriging, with the mean
+//! of the whole data, from the nearest observations of all. That costs accuracy: with 200 of 2175
+//! points of a smooth function of six variables, a root mean square error a quarter above that of all.
+//!
+//! # References
+//!
+//! - A. V. Vecchia, "Estimation and model identification for continuous spatial processes", J. R.
+//!   Statist. Soc. B 50 (1988) 297–312.
+//! - J. Guinness, "Permutation and grouping methods for sharpening Gaussian process
+//!   approximations", Technometrics 60 (2018) 415–429.
+//! - M. Katzfuss, J. Guinness, E. Lawrence, "Scaled Vecchia approximation for fast computer-model
+//!   emulation", SIAM/ASA J. Uncertainty Quantification 10 (2022) 537–554.
+
+mod likelihood;
+mod neighbours;
+
+use rand::seq::SliceRandom as _;
+use rayon::prelude::*;
+use stats::streams::{Purpose, stream};
+
+use crate::bfgs::{Limits, minimise};
+use crate::covariance::{JITTERS, noise_ratio};
+use crate::data::{Data, Points, Scaled, merge};
+use crate::fit::{Start, constant_sigma2, in_units_of_data, start_from_subset};
+use crate::gls::Trend;
+use crate::kernel::Kernel;
+use crate::model::{Model, Parameters, Prediction};
+use crate::{Error, FitOptions, Warning};
+
+use likelihood::{Conditionals, Local};
+use neighbours::{max_min_order, nearest, nearest_earlier};
+
+/// How to fit by nearest-neighbour conditioning.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VecchiaOptions {
+    /// The correlation function.
+    pub kernel: Kernel,
+    /// Seed of the subset, of its fit's starts and of the order's first point.
+    pub seed: u64,
+    /// Neighbours m that each observation is conditioned on in the likelihood.
+    pub neighbours: usize,
+    /// Observations that a prediction is made from, beyond `dense` points.
+    pub prediction_neighbours: usize,
+    /// Up to this many points the predictions are exact: 8 n² bytes, n³/3 multiplications.
+    pub dense: usize,
+    /// Points of the subset whose exact fit starts the search.
+    pub subset: usize,
+    /// Leading points of the order on which the parameters are refined.
+    pub refinement: usize,
+    /// The most quasi-Newton iterations of the refinement by Vecchia's likelihood. None by default:
+    /// for smooth functions with little noise thirty neighbours bias it by more than the exact
+    /// likelihood of a thousand points errs.
+    pub max_iterations: usize,
+}
+
+impl Default for VecchiaOptions {
+    fn default() -> Self {
+        Self {
+            kernel: Kernel::default(),
+            seed: 0,
+            neighbours: 30,
+            prediction_neighbours: 200,
+            dense: 5000,
+            subset: 1000,
+            refinement: 10_000,
+            max_iterations: 0,
+        }
+    }
+}
+
+/// An approximate kriging model for many points: see [`fit_vecchia`].
+#[derive(Debug, Clone)]
+pub struct Vecchia {
+    kernel: Kernel,
+    points: Points,
+    parameters: Parameters,
+    nll: f64,
+    neighbours: usize,
+    /// The coordinates the model depends on.
+    active: Vec<usize>,
+    /// For each of them, its smallest value and length factor over range.
+    origin: Vec<f64>,
+    scale: Vec<f64>,
+    columns: Vec<Vec<f64>>,
+    /// Noise over process variance.
+    noise_ratio: Vec<f64>,
+    /// Observations less the mean.
+    centred: Vec<f64>,
+    /// All of it, where the points are few enough.
+    exact: Option<Box<Model>>,
+}
+
+/// Fits ordinary kriging to many points, up to 100 000 and more, in O(n) memory.
+///
+/// The result depends on the data and the options only. Time: n²d for the neighbours and
+/// n m³ for each evaluation of the likelihood.
+///
+/// # Errors
+///
+/// Those of [`crate::fit`] for unusable data, and [`Error::OutOfRange`] for options of zero.
+pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia, Error> {
+    let counts = [
+        ("neighbours", options.neighbours),
+        ("prediction neighbours", options.prediction_neighbours),
+        ("refinement points", options.refinement),
+    ];
+    if let Some(&(what, _)) = counts.iter().find(|(_, count)| *count == 0) {
+        return Err(Error::OutOfRange { what, value: 0.0 });
+    }
+    let mut points = merge(data)?;
+    let n = points.len();
+    if n < 2 {
+        return Err(Error::TooFewPoints { distinct: n });
+    }
+    let scaled = Scaled::new(&points)?;
+    for coordinate in (0..data.d).filter(|j| !scaled.active.contains(j)) {
+        points
+            .warnings
+            .push(Warning::IgnoredCoordinate { coordinate });
+    }
+    let mut order: Vec<usize> = (0..n).collect();
+    order.shuffle(&mut stream(options.seed, Purpose::Fit, 2, 0));
+    if scaled.y.iter().all(|y| *y == scaled.y[0]) {
+        points.warnings.push(Warning::ConstantResponse);
+        let at = vec![0.5_f64.ln(); scaled.active.len()];
+        return finish(options, points, &scaled, &at, constant_sigma2(&scaled));
+    }
+
+    let exact = FitOptions {
+        kernel: options.kernel,
+        seed: options.seed,
+        ..FitOptions::default()
+    };
+    let subset = scaled.subset(&order[..options.subset.clamp(2, n)]);
+    let Start {
+        mut at,
+        lower,
+        upper,
+    } = start_from_subset(&subset, &exact)?;
+
+    if options.max_iterations > 0 {
+        let leading = max_min_order(
+            &metric(&scaled, options.kernel, &at),
+            order,
+            options.refinement,
+        );
+        let leading = scaled.subset(&leading);
+        let earlier = nearest_earlier(&metric(&leading, options.kernel, &at), options.neighbours);
+        let conditionals = Conditionals::new(options.kernel, &leading, &earlier);
+        let limits = Limits {
+            lower: &lower,
+            upper: &upper,
+            max_iterations: options.max_iterations,
+            // Relative to the likelihood of n points this is nothing.
+            tolerance: 0.05,
+        };
+        if let Some(outcome) = minimise(|p, _| conditionals.evaluate(p), &at, &limits) {
+            at = outcome.at;
+        }
+    }
+    let (ln_sigma2, ln_ranges) = at.split_last().ok_or(Error::TooFewPoints { distinct: n })?;
+    finish(options, points, &scaled, ln_ranges, ln_sigma2.exp())
+}
+
+/// The coordinates in units of the ranges, for distances.
+fn metric(scaled: &Scaled, kernel: Kernel, at: &[f64]) -> Vec<Vec<f64>> {
+    let factors = at
+        .iter()
+        .map(|ln_range| kernel.length_factor() * (-ln_range).exp());
+    let columns = scaled.columns.iter().zip(factors);
+    columns
+        .map(|(column, factor)| column.iter().map(|x| x * factor).collect())
+        .collect()
+}
+
+/// The model with given parameters, its mean and likelihood from all points.
+fn finish(
+    options: &VecchiaOptions,
+    mut points: Points,
+    scaled: &Scaled,
+    ln_ranges: &[f64],
+    sigma2: f64,
+) -> Result<Vecchia, Error> {
+    let n = points.len();
+    let mut parameters = in_units_of_data(&points, scaled, |k| ln_ranges[k].exp(), sigma2);
+    let (nll, exact) = if n <= options.dense {
+        let model = Model::new(options.kernel, Trend::Constant, points, parameters, 0.0)?;
+        parameters = model.parameters.clone();
+        points = model.points.clone();
+        (model.nll, Some(Box::new(model)))
+    } else {
+        let (value, mu) = approximate(options, scaled, ln_ranges, sigma2)?;
+        // y = centre + y_scale · scaled y, with one centre for all points.
+        let pairs = points.y.iter().zip(&scaled.y);
+        let centres = pairs.map(|(y, s)| y - s * scaled.y_scale);
+        parameters.mu = centres.sum::<f64>() / n as f64 + mu * scaled.y_scale;
+        (value + n as f64 * scaled.y_scale.ln() + points.within, None)
+    };
+    let active = scaled.active.clone();
+    let column = |j: usize| (0..n).map(move |i| (i, j));
+    let origin: Vec<f64> = active
+        .iter()
+        .map(|&j| {
+            column(j)
+                .map(|(i, j)| points.row(i)[j])
+                .fold(f64::INFINITY, f64::min)
+        })
+        .collect();
+    let scale: Vec<f64> = active
+        .iter()
+        .map(|&j| options.kernel.length_factor() / parameters.ranges[j])
+        .collect();
+    let columns = active
+        .iter()
+        .zip(origin.iter().zip(&scale))
+        .map(|(&j, (o, s))| column(j).map(|(i, j)| (points.row(i)[j] - o) * s).collect())
+        .collect();
+    let noise_ratio = points
+        .noise
+        .iter()
+        .map(|v| noise_ratio(*v, parameters.sigma2))
+        .collect();
+    let centred = points.y.iter().map(|y| y - parameters.mu).collect();
+    Ok(Vecchia {
+        kernel: options.kernel,
+        parameters,
+        nll,
+        neighbours: options.prediction_neighbours.min(n),
+        active,
+        origin,
+        scale,
+        columns,
+        noise_ratio,
+        centred,
+        points,
+        exact,
+    })
+}
+
+/// Vecchia's likelihood of all points in units of the scaled data, and the mean in those.
+fn approximate(
+    options: &VecchiaOptions,
+    scaled: &Scaled,
+    ln_ranges: &[f64],
+    sigma2: f64,
+) -> Result<(f64, f64), Error> {
+    let n = scaled.len();
+    let mut random: Vec<usize> = (0..n).collect();
+    random.shuffle(&mut stream(options.seed, Purpose::Fit, 2, 0));
+    let order = max_min_order(&metric(scaled, options.kernel, ln_ranges), random, n);
+    let ordered = scaled.subset(&order);
+    let earlier = nearest_earlier(
+        &metric(&ordered, options.kernel, ln_ranges),
+        options.neighbours,
+    );
+    let at = [ln_ranges, &[sigma2.ln()]].concat();
+    Conditionals::new(options.kernel, &ordered, &earlier)
+        .value(&at)
+        .ok_or(Error::NotPositiveDefinite {
+            jitter: JITTERS[JITTERS.len() - 1],
+        })
+}
+
+impl Vecchia {
+    /// Mean and variance at `x` (d coordinates), those of [`Model::predict`] where the points are few
+    /// enough. Otherwise from its nearest observations: equations (19) and (20) for those, with the
+    /// mean μ of the whole data taken as known. Noise is not part of the
+    /// variance. Where even that small covariance matrix cannot be factorised, a jitter of up to
+    /// 1e-4 of the process variance is added.
+    ///
+    /// # Panics
+    ///
+    /// If `x` has another length than [`Vecchia::dimensions`].
+    #[must_use]
+    pub fn predict(&self, x: &[f64]) -> Prediction {
+        assert_eq!(
+            x.len(),
+            self.points.d,
+            "a point must have the model's number of coordinates"
+        );
+        if let Some(model) = &self.exact {
+            return model.predict(x);
+        }
+        let at: Vec<f64> = self
+            .active
+            .iter()
+            .zip(self.origin.iter().zip(&self.scale))
+            .map(|(&j, (o, s))| (x[j] - o) * s)
+            .collect();
+        let near = nearest(&self.columns, &at, self.points.len(), self.neighbours);
+        let mut local = Local::new(self.kernel, self.columns.len(), near.len() + 1);
+        local.gather(&self.columns, &near, &at);
+        let noise: Vec<f64> = near.iter().map(|&i| self.noise_ratio[i as usize]).collect();
+        let observed: Vec<f64> = near.iter().map(|&i| self.centred[i as usize]).collect();
+        let (mean, unit) = local.predict(&noise, &observed);
+        Prediction {
+            mean: self.parameters.mu + mean,
+            variance: self.parameters.sigma2 * unit,
+        }
+    }
+
+    /// The mean at `x` alone.
+    ///
+    /// # Panics
+    ///
+    /// If `x` has another length than [`Vecchia::dimensions`].
+    #[must_use]
+    pub fn mean(&self, x: &[f64]) -> f64 {
+        match &self.exact {
+            Some(model) => model.mean(x),
+            None => self.predict(x).mean,
+        }
+    }
+
+    /// [`Vecchia::predict`] at many points: row-major, any number of rows of d coordinates; the same
+    /// but for rounding. rayon's threads share the rows.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Shape`] if `x` is not a whole number of rows.
+    pub fn predict_many(&self, x: &[f64]) -> Result<Vec<Prediction>, Error> {
+        let d = self.points.d;
+        if !x.len().is_multiple_of(d) {
+            return Err(Error::Shape {
+                what: "x",
+                expected: (x.len() / d + 1) * d,
+                got: x.len(),
+            });
+        }
+        if let Some(model) = &self.exact {
+            return model.predict_many(x);
+        }
+        Ok(x.par_chunks_exact(d).map(|x| self.predict(x)).collect())
+    }
+
+    /// The parameters of the process.
+    #[must_use]
+    pub fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    /// The correlation function.
+    #[must_use]
+    pub fn kernel(&self) -> Kernel {
+        self.kernel
+    }
+
+    /// Number of coordinates d of a point.
+    #[must_use]
+    pub fn dimensions(&self) -> usize {
+        self.points.d
+    }
+
+    /// Number of distinct points.
+    #[must_use]
+    pub fn points(&self) -> usize {
+        self.points.len()
+    }
+
+    /// −ln L of all observations, with its n/2 ln 2π: Vecchia's approximation of it, beyond the number
+    /// of points whose predictions are exact.
+    #[must_use]
+    pub fn negative_log_likelihood(&self) -> f64 {
+        self.nll
+    }
+
+    /// What a user of the model should know about the data.
+    #[must_use]
+    pub fn warnings(&self) -> &[Warning] {
+        &self.points.warnings
+    }
+}

@@ -1,0 +1,174 @@
+//! The options of the fit beside ordinary kriging: linear trend, nugget, calibration, refusal.
+
+use kriging::{Error, FitOptions, Model, Trend, fit};
+use rand::RngExt as _;
+use stats::streams::{Purpose, stream};
+
+use crate::common::{Dense, Sample};
+
+fn linear() -> FitOptions {
+    FitOptions {
+        trend: Trend::Linear,
+        ..FitOptions::default()
+    }
+}
+
+#[test]
+fn universal_kriging_is_that_of_the_dense_formulas() {
+    for nugget in [false, true] {
+        let sample = Sample::smooth(40, 3, 0.02);
+        let options = FitOptions { nugget, ..linear() };
+        let model = fit(&sample.data(), &options).unwrap();
+        let dense = Dense::with_trend(model.kernel(), &sample, model.parameters());
+        // Rounding times the condition of the matrix, below 1e6 here.
+        let error = model.negative_log_likelihood() - dense.negative_log_likelihood();
+        assert!(error.abs() < 1e-7, "{error}");
+        let other = Sample::smooth(150, 3, 0.02);
+        let many = model.predict_many(&other.x).unwrap();
+        for (i, batch) in many.iter().enumerate() {
+            let (mean, variance) = dense.predict(other.row(i));
+            assert!((batch.mean - mean).abs() < 1e-7, "{batch:?} {mean}");
+            assert!((batch.variance - variance).abs() < 1e-7);
+            assert_eq!(batch.mean, model.mean(other.row(i)));
+        }
+        // Leave-one-out with the trend estimated anew, against brute force.
+        let loo = model.leave_one_out();
+        for i in [0, 17, 39] {
+            let rest = sample.without(i);
+            let dense = Dense::with_trend(model.kernel(), &rest, model.parameters());
+            let (mean, _) = dense.predict(sample.row(i));
+            assert!((loo.residuals[i] - (sample.y[i] - mean)).abs() < 1e-7);
+        }
+        let again = Model::from_json(&model.to_json().unwrap()).unwrap();
+        assert_eq!(again.mean(&[0.3, 0.4, 2.0]), model.mean(&[0.3, 0.4, 2.0]));
+        assert_eq!(again.parameters(), model.parameters());
+        assert!((again.predict(other.row(0)).variance - many[0].variance).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn a_plane_is_extrapolated_and_a_degenerate_one_is_refused() {
+    let mut sample = Sample::smooth(30, 2, 0.0);
+    let plane = |x: &[f64]| 3.0 + 2.0 * x[0] - 7.0 * x[1];
+    let mut rng = stream(8, Purpose::Test, 0, 0);
+    sample.noise.fill(1e-4);
+    sample.y = sample
+        .x
+        .chunks(2)
+        .map(|x| plane(x) + 0.01 * 12.0_f64.sqrt() * (rng.random::<f64>() - 0.5))
+        .collect();
+    let model = fit(&sample.data(), &linear()).unwrap();
+    // Standard errors of the slopes: 0.01/√(30/12) = 0.006; at (3, −2), 0.025 or so; four of them.
+    assert!((model.parameters().slopes[0] - 2.0).abs() < 0.025);
+    assert!((model.mean(&[3.0, -2.0]) - plane(&[3.0, -2.0])).abs() < 0.1);
+
+    // All points on a line: two slopes cannot be told apart.
+    sample.x.chunks_mut(2).for_each(|x| x[1] = 0.5 * x[0]);
+    assert!(matches!(
+        fit(&sample.data(), &linear()),
+        Err(Error::Trend {
+            distinct: 30,
+            coefficients: 3
+        })
+    ));
+    let few = Sample::smooth(3, 2, 0.01);
+    assert!(matches!(
+        fit(&few.data(), &linear()),
+        Err(Error::Trend { distinct: 3, .. })
+    ));
+}
+
+#[test]
+fn a_hidden_nugget_is_found() {
+    // Noise of variance 0.01 is known, noise of 0.05 is not.
+    let mut sample = Sample::smooth(250, 2, 0.0);
+    let mut rng = stream(9, Purpose::Test, 0, 0);
+    sample.noise.fill(0.01);
+    for y in &mut sample.y {
+        *y += (12.0 * 0.06_f64).sqrt() * (rng.random::<f64>() - 0.5);
+    }
+    let options = FitOptions {
+        nugget: true,
+        ..FitOptions::default()
+    };
+    let model = fit(&sample.data(), &options).unwrap();
+    let without = fit(&sample.data(), &FitOptions::default()).unwrap();
+    // The standard error of a variance from 250 residuals of uniform noise is 0.06 √(0.8/250) =
+    // 0.0034; three of them, and a little for what the process takes.
+    let nugget = model.parameters().nugget;
+    assert!((nugget - 0.05).abs() < 0.012, "{nugget}");
+    assert!(model.negative_log_likelihood() < without.negative_log_likelihood() - 10.0);
+
+    // Where the noise is all known, hardly any is added.
+    let honest = Sample::smooth(250, 2, 0.05);
+    let nugget = fit(&honest.data(), &options).unwrap().parameters().nugget;
+    assert!(nugget < 0.012, "{nugget}");
+}
+
+#[test]
+fn calibration_covers_what_maximum_likelihood_does_not() {
+    // A sharp ridge in a smooth bowl: no stationary process.
+    let ridge = |x: &[f64]| {
+        (x[0] - 0.3).powi(2) + x[1] * x[1] + 0.8 * (-((x[0] + x[1] - 1.0) / 0.05).powi(2)).exp()
+    };
+    let place = |n: usize, seed: u64| -> Vec<f64> {
+        let mut rng = stream(seed, Purpose::Test, 1, 0);
+        (0..2 * n).map(|_| rng.random()).collect()
+    };
+    let x = place(150, 1);
+    let sample = Sample {
+        y: x.chunks(2).map(ridge).collect(),
+        x,
+        d: 2,
+        noise: vec![1e-4; 150],
+    };
+    let model = fit(
+        &sample.data(),
+        &FitOptions {
+            calibrate: true,
+            ..FitOptions::default()
+        },
+    )
+    .unwrap();
+    let plain = fit(&sample.data(), &FitOptions::default()).unwrap();
+    let test = place(1000, 2);
+    let coverage = |model: &Model| {
+        let inside = test.chunks(2).filter(|x| {
+            let p = model.predict(x);
+            (ridge(x) - p.mean).abs() <= 1.6449 * p.variance.sqrt()
+        });
+        inside.count() as f64 / 1000.0
+    };
+    assert_eq!(plain.calibration(), 1.0);
+    assert!(model.calibration() != 1.0);
+    assert_eq!(plain.mean(&[0.4, 0.4]), model.mean(&[0.4, 0.4]));
+    let (before, after) = (coverage(&plain), coverage(&model));
+    // Binomial standard error of 1000 points 0.01, of the 150 residuals that calibrate 0.025.
+    assert!((after - 0.9).abs() < 0.06, "{before} {after}");
+    let calibrated = model.leave_one_out().coverage90;
+    assert!((calibrated - 0.9).abs() < 0.02, "{calibrated}");
+    let again = Model::from_json(&model.to_json().unwrap()).unwrap();
+    assert_eq!(again.calibration(), model.calibration());
+}
+
+#[test]
+fn a_model_without_structure_is_refused_on_demand() {
+    let mut sample = Sample::smooth(80, 3, 0.0);
+    let mut rng = stream(5, Purpose::Test, 0, 0);
+    sample.y.iter_mut().for_each(|y| *y = rng.random::<f64>());
+    sample.noise.fill(1.0 / 12.0);
+    let strict = FitOptions {
+        refuse_no_structure: true,
+        ..FitOptions::default()
+    };
+    assert!(matches!(
+        fit(&sample.data(), &strict),
+        Err(Error::NoStructure { gain, needed }) if gain < needed
+    ));
+    sample.y.fill(1.0);
+    assert!(matches!(
+        fit(&sample.data(), &strict),
+        Err(Error::NoStructure { .. })
+    ));
+    assert!(fit(&Sample::smooth(80, 3, 0.05).data(), &strict).is_ok());
+}

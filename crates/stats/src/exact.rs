@@ -1,0 +1,142 @@
+//! What Taylor's expansion approximates in (10)–(13): the exact moments of the standard deviation.
+//!
+//! For k normal samples s is σ χ/√(k − 1) with k − 1 degrees of freedom, independent of the mean m:
+//! E(s) = c₄ σ with c₄ = √(2/(k − 1)) Γ(k/2)/Γ((k − 1)/2), and Var(s) = (1 − c₄²) σ². So m + z s has
+//! the bias −z (1 − c₄) σ and the variance σ² [1/k + z² (1 − c₄²)].
+//!
+//! Reference: N. L. Johnson, S. Kotz, N. Balakrishnan, "Continuous Univariate Distributions", vol. 1
+//! (1994), section 13.8.2 and chapter 18 (the χ distribution).
+
+use crate::Error;
+use crate::percentile::{PERCENTILE_MIN_SAMPLES, check_variance_arguments};
+use crate::{Percentile, mean_sd};
+
+/// The 90 % quantile of the standard normal distribution.
+pub const EXACT_Z90: f64 = 1.281_551_565_544_600_4;
+
+/// Which 90 % quantile of the standard normal distribution to use.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Z90 {
+    /// 1.28, as the paper rounds it: [`crate::PAPER_Z90`].
+    #[default]
+    Paper,
+    /// [`EXACT_Z90`].
+    Exact,
+}
+
+impl Z90 {
+    /// The quantile itself.
+    #[must_use]
+    pub fn value(self) -> f64 {
+        match self {
+            Self::Paper => crate::PAPER_Z90,
+            Self::Exact => EXACT_Z90,
+        }
+    }
+}
+
+/// Which variance of m + z s to use.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum VarianceFormula {
+    /// The paper's (14), [`crate::p90_variance`].
+    #[default]
+    Taylor,
+    /// [`exact_p90_variance`].
+    Exact,
+}
+
+/// How to estimate the 90 % percentile of a normal sample. The default is the paper's way, that of
+/// [`crate::percentile_p90`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct NormalOptions {
+    /// z of m + z s.
+    pub z: Z90,
+    /// The variance reported with it.
+    pub variance: VarianceFormula,
+    /// Whether s is divided by c₄, so that the percentile has no bias (and a slightly larger
+    /// variance, which is then z²(1/c₄² − 1) in place of z²(1 − c₄²)).
+    pub unbiased: bool,
+}
+
+/// Estimates the 90 % percentile of a normal sample as `options` say.
+///
+/// # Errors
+///
+/// Those of [`crate::percentile_p90`].
+pub fn normal_p90(samples: &[f64], options: &NormalOptions) -> Result<Percentile, Error> {
+    let n = samples.len();
+    let z = options.z.value();
+    let relative = c4(n)?;
+    // Dividing s by c₄ is multiplying z by 1/c₄.
+    let z = if options.unbiased { z / relative } else { z };
+    let (mean, sd) = mean_sd(samples)?;
+    let variance = match options.variance {
+        VarianceFormula::Taylor => crate::p90_variance(sd * sd, n, z)?,
+        VarianceFormula::Exact => exact_p90_variance(sd * sd, n, z)?,
+    };
+    let p90 = mean + z * sd;
+    if !p90.is_finite() {
+        return Err(Error::Overflow { n });
+    }
+    Ok(Percentile {
+        n,
+        mean,
+        sd,
+        p90,
+        variance,
+    })
+}
+
+/// The exact variance of m + z s for `k` normal samples of variance `sigma2`:
+/// σ² [1/k + z² (1 − c₄²)]. With the unbiased s² in the place of σ² it is unbiased itself.
+///
+/// # Errors
+///
+/// As [`crate::p90_variance`].
+pub fn exact_p90_variance(sigma2: f64, k: usize, z: f64) -> Result<f64, Error> {
+    check_variance_arguments(sigma2, k, z)?;
+    let spread = -(2.0 * ln_c4(k)).exp_m1();
+    Ok(sigma2 * (1.0 / k as f64 + z * z * spread))
+}
+
+/// The bias E(s) − σ of the standard deviation of `k` normal samples of standard deviation `sigma`:
+/// −(1 − c₄) σ, about −σ/(4 k). The percentile m + z s has z times it.
+///
+/// # Errors
+///
+/// [`Error::TooFewSamples`] below 4 samples, [`Error::OutOfRange`] unless `sigma` is finite and not
+/// negative.
+pub fn sd_bias(sigma: f64, k: usize) -> Result<f64, Error> {
+    check_variance_arguments(sigma, k, 0.0)?;
+    Ok(sigma * ln_c4(k).exp_m1())
+}
+
+/// c₄ = E(s)/σ for `k` normal samples.
+///
+/// # Errors
+///
+/// [`Error::TooFewSamples`] below 4 samples.
+pub fn c4(k: usize) -> Result<f64, Error> {
+    check_variance_arguments(1.0, k, 0.0)?;
+    Ok(ln_c4(k).exp())
+}
+
+/// ln c₄ for k ≥ [`PERCENTILE_MIN_SAMPLES`]. With x = (k − 1)/2, c₄ = Γ(x + ½)/(Γ(x) √x), whose
+/// logarithm has the asymptotic series −1/(8x) + 1/(192x³) − 1/(640x⁵) + 17/(14336x⁷) − …
+/// (Abramowitz and Stegun 6.1.40 for both gammas). From x = 20 on, the first term left out is below
+/// 4·10⁻¹⁵; smaller x are raised by Γ(x + 1) = x Γ(x).
+fn ln_c4(k: usize) -> f64 {
+    debug_assert!(k >= PERCENTILE_MIN_SAMPLES);
+    let low = (k - 1) as f64 / 2.0;
+    let mut x = low;
+    let mut sum = 0.0;
+    while x < 20.0 {
+        // c₄(x)/c₄(x + 1) = x/(x + ½) · √((x + 1)/x).
+        sum -= (0.5 / x).ln_1p() - 0.5 * (1.0 / x).ln_1p();
+        x += 1.0;
+    }
+    let inverse = 1.0 / x;
+    let square = inverse * inverse;
+    let series = 1.0 / 192.0 + square * (-1.0 / 640.0 + square * (17.0 / 14336.0));
+    sum + inverse * (-0.125 + square * series)
+}
