@@ -6,11 +6,12 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use gear::{Discretisation, Pair, ToothModel};
+use gear::paper::{FIGURE_7, WEAR, design};
+use gear::{Discretisation, Pair, PairInput, ToothModel};
 use stats::streams::{Purpose, stream};
 
 mod support;
-use support::{PlainSum, WEAR, design, in_the_box};
+use support::{PlainSum, TEXTBOOK, in_the_box};
 
 /// Designs of the random mix. A single design says little: some separate, some do not.
 const DESIGNS: usize = 32;
@@ -19,7 +20,10 @@ fn designs(model: ToothModel) -> Vec<Pair> {
     let mut rng = stream(2009, Purpose::Test, 0, 0);
     let mut pairs = vec![
         Pair::new(
-            &design([0.49, 0.49, 1.20, 1.11, 1.00, 1.09], model),
+            &PairInput {
+                tooth_model: model,
+                ..design(FIGURE_7)
+            },
             &Discretisation::default(),
         )
         .expect("the paper's Figure 7 is feasible"),
@@ -70,7 +74,7 @@ fn bench(criterion: &mut Criterion) {
                 let profile = sampler.draw_profile(&mut stream(2009, Purpose::Test, 2, 0));
                 let [a, b] = &profile.depth;
                 let gap: Vec<f64> = a.iter().zip(b).map(|(a, b)| a + b).collect();
-                (PlainSum::new(pair, &pair.archard(&WEAR).s), gap)
+                (PlainSum::new(pair, &pair.archard(&WEAR).s, TEXTBOOK), gap)
             })
             .collect();
         group.bench_function("plain 64 x 21 sum without its random field", |b| {

@@ -19,9 +19,10 @@ use std::fmt::Write as _;
 use std::hint::black_box;
 use std::time::Instant;
 
+use gear::paper::WEAR;
 use gear::{Discretisation, Pair, PairInput, Sampler, ToothModel};
 use stats::streams::{Purpose, stream};
-use support::{PlainSum, WEAR, in_the_box};
+use support::{PlainSum, TEXTBOOK, in_the_box};
 
 /// Cells and phases.
 const GRIDS: [(usize, usize); 10] = [
@@ -147,7 +148,7 @@ fn plain(references: &[Reference]) -> Row {
     for reference in references {
         let relative = |ours: f64, exact: f64| (ours / exact - 1.0).abs();
         let start = Instant::now();
-        let mut sum = PlainSum::new(&reference.pair, &reference.nodes);
+        let mut sum = PlainSum::new(&reference.pair, &reference.nodes, TEXTBOOK);
         let zero = vec![0.0; reference.nodes.len()];
         let unworn = sum.delta_ste_um(&zero);
         design_times.push(micros(start));
@@ -165,7 +166,7 @@ fn plain(references: &[Reference]) -> Row {
         sample_times.push(micros(start) / reference.gaps.len() as f64);
     }
     Row {
-        name: format!("plain {} x {}", PlainSum::PHASES, PlainSum::SLICES),
+        name: format!("plain {} x {}", TEXTBOOK[0], TEXTBOOK[1]),
         design: quantile(&mut design_times, 0.5),
         sample: quantile(&mut sample_times, 0.5),
         errors,

@@ -154,13 +154,25 @@ pub enum Infeasible {
     /// The undercuts of both flanks meet: the tooth falls off.
     #[error(
         "the {member}'s tooth is severed by its undercut: the half thickness left is \
-         {half_thickness:.6} mm"
+         {half_thickness:.1e} mm"
     )]
     ToothSevered {
         /// The gear concerned.
         member: Member,
-        /// Smallest half thickness in the normal section; not above zero by more than rounding.
+        /// Smallest half thickness met in the normal section, mm; a millionth of the module or less.
         half_thickness: f64,
+    },
+    /// The integral of the tooth's bending compliance is not resolved, however finely the tooth is
+    /// divided: its outline varies at the scale of rounding.
+    #[error(
+        "the {member}'s compliance integral stands at a relative error of {error:.1e} when its \
+         panels run out, it must fall to 1e-9"
+    )]
+    ComplianceUnresolved {
+        /// The gear concerned.
+        member: Member,
+        /// Estimated relative error of the worst panel.
+        error: f64,
     },
     /// The mate's tip would touch below this gear's base circle.
     #[error(
@@ -203,6 +215,7 @@ impl Infeasible {
             Self::FilletCusp { .. } => "fillet-cusp",
             Self::NoInvoluteFlank { .. } => "no-involute-flank",
             Self::ToothSevered { .. } => "tooth-severed",
+            Self::ComplianceUnresolved { .. } => "compliance-unresolved",
             Self::ContactBeyondBase { .. } => "contact-beyond-base",
             Self::ContactGap { .. } => "contact-gap",
         }

@@ -3,71 +3,21 @@
 //! `tests/it/invariants.rs`.
 
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 use stats::streams::{Purpose, stream};
 
 use crate::contact::{Mesh, Scratch};
+use crate::general::{self, config, feasible};
 use crate::geometry::Geometry;
-use crate::input::{Discretisation, Kernel, Material, PairInput, Size, TipRule, ToothModel, Wear};
+use crate::input::{Discretisation, Kernel, PairInput, ToothModel, Wear};
 use crate::pair::Pair;
 use crate::path::{Path, Window};
 
-/// Workshop gears: most are feasible.
+/// General pairs with teeth of both models.
 fn pairs() -> impl Strategy<Value = PairInput> {
-    let shape = (
-        14_u32..60,
-        14_u32..60,
-        17.0..25.0_f64,
-        3.0..32.0_f64,
-        4.0..30.0_f64,
-    );
-    let profile = (-0.2..0.6_f64, -0.2..0.6_f64, 0.85..1.1_f64, 0.85..1.1_f64);
-    let rest = (0.0..0.1_f64, 0.1..0.3_f64, 0.2..20.0_f64, any::<bool>());
-    (shape, profile, rest).prop_map(|(shape, (x1, x2, d1, d2), rest)| {
-        let (z1, z2, alpha, beta, width) = shape;
-        let (tip, root, load, soft) = rest;
-        PairInput {
-            teeth: [z1, z2],
-            size: Size::NormalModule(2.0),
-            pressure_angle: alpha.to_radians(),
-            helix_angle: beta.to_radians(),
-            face_width: 2.0 * width,
-            profile_shift: [x1, x2],
-            tool_addendum: [1.25; 2],
-            tool_dedendum: [d1, d2],
-            tip_radius: [2.0 * tip; 2],
-            root_radius: [2.0 * root; 2],
-            tip_diameter: [None, None],
-            tooth_model: ToothModel::ALL[usize::from(soft)],
-            tip_rule: TipRule::AsCut,
-            pinion_torque: 800.0 * load * f64::from(z1),
-            material: Material {
-                youngs_modulus_mpa: 206e3,
-                poisson_ratio: 0.3,
-                yield_mpa: 900.0,
-                hertz_limit_mpa: 1500.0,
-            },
-        }
+    (general::pairs(), any::<bool>()).prop_map(|(input, soft)| PairInput {
+        tooth_model: ToothModel::ALL[usize::from(soft)],
+        ..input
     })
-}
-
-fn config() -> ProptestConfig {
-    ProptestConfig {
-        cases: 64,
-        rng_seed: RngSeed::Fixed(71),
-        failure_persistence: None,
-        ..ProptestConfig::default()
-    }
-}
-
-/// The pair, or the test case is skipped where the random input is infeasible.
-macro_rules! feasible {
-    ($input:expr) => {
-        match Pair::new($input, &Discretisation::default()) {
-            Ok(pair) => pair,
-            Err(_) => return Err(TestCaseError::reject("infeasible")),
-        }
-    };
 }
 
 /// A gap of two waves, up to `most` of the pair's mean deflection, at least zero.
@@ -110,7 +60,7 @@ fn covered(path: &Path, phi: f64) -> f64 {
 }
 
 proptest! {
-    #![proptest_config(config())]
+    #![proptest_config(config(64, 71))]
 
     /// 1: the deflection at φ is that at φ + p_bt, where the same lines have moved on by one pair,
     /// and nothing jumps where one period ends and the next begins.

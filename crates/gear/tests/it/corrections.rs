@@ -6,7 +6,7 @@ use gear::{
 };
 use stats::streams::{Purpose, stream};
 
-use crate::support::{WEAR, figure_7, plain};
+use crate::support::{WEAR, balance, figure_7, linear, plain};
 
 fn corrected(input: &PairInput, corrections: &Corrections) -> Pair {
     Pair::with_corrections(input, corrections, &Discretisation::default())
@@ -76,35 +76,13 @@ fn slice_sum(pair: &Pair, worn: &dyn Fn(f64) -> f64, phi: f64) -> f64 {
             s += g.base_pitch;
         }
     }
-    let force = |delta: f64| -> f64 {
-        slices
-            .iter()
-            .map(|(gap, c)| (delta - gap).max(0.0) * c)
-            .sum()
-    };
-    let (mut low, mut high) = (0.0, 1.0);
-    for _ in 0..60 {
-        let middle = 0.5 * (low + high);
-        if force(middle) < pair.base_force() {
-            low = middle
-        } else {
-            high = middle
-        }
-    }
-    1e3 * low / g.beta_b.cos()
+    1e3 * balance(&slices, pair.base_force()) / g.beta_b.cos()
 }
 
 fn compare_with_slices(input: &PairInput, corrections: &Corrections) {
     let pair = corrected(input, corrections);
     let archard = pair.archard(&WEAR);
-    let depth = |s: f64| {
-        let next = archard
-            .s
-            .partition_point(|&x| x <= s)
-            .clamp(1, archard.s.len() - 1);
-        let u = (s - archard.s[next - 1]) / (archard.s[next] - archard.s[next - 1]);
-        2.0 * (archard.depth[next - 1] + u * (archard.depth[next] - archard.depth[next - 1]))
-    };
+    let depth = |s: f64| 2.0 * linear(&archard.s, &archard.depth, s);
     for (analysis, worn) in [
         (pair.unworn(), &(|_| 0.0) as &dyn Fn(f64) -> f64),
         (archard.analysis.clone(), &depth),

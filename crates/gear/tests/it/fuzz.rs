@@ -38,6 +38,32 @@ fn a_vanishing_torque_does_not_pull() {
     }
 }
 
+/// Found by the long fuzz: a tooth left standing on a waist of 1e-7 mm, whose 1/x³ is lost in the
+/// rounding of the coordinates, is severed for every purpose.
+#[test]
+fn a_waist_of_rounding_is_severed() {
+    let input = gear::PairInput {
+        teeth: [11, 37],
+        size: gear::Size::CentreDistance(56.90769413193406),
+        pressure_angle: 0.09326553507557911,
+        helix_angle: 0.21993414515416576,
+        face_width: 424.0166121026698,
+        profile_shift: [2.1026077500658236, -0.9045902708532203],
+        tool_addendum: [2.509818346600639, 2.592574144051521],
+        tool_dedendum: [2.4810130191739543, 1.9534047976768738],
+        tip_radius: [0.3536401135382794, 1.1387032683372258],
+        root_radius: [1.2162266016285461, 0.05506905044608207],
+        tip_rule: gear::TipRule::ClearRoot,
+        ..crate::support::plain()
+    };
+    match gear::Pair::new(&input, &gear::Discretisation::default()) {
+        Err(gear::Error::Infeasible(gear::Infeasible::ToothSevered { half_thickness, .. })) => {
+            assert!(half_thickness < 3e-6, "{half_thickness}");
+        }
+        other => panic!("{:?}", other.map(|pair| pair.pitch_stiffness())),
+    }
+}
+
 /// A wear that does not validate gives NaN at worst.
 #[test]
 fn an_invalid_wear_does_not_panic() {

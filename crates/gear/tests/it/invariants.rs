@@ -4,78 +4,10 @@ use gear::{
     Discretisation, Member, Pair, PairInput, Size, ToothModel, Wear, gear_outline, mesh_placement,
 };
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 use stats::streams::{Purpose, stream};
 
+use crate::general::{config, feasible, pairs};
 use crate::support::{WEAR, figure_7, in_the_box, pair, plain, rng};
-
-/// Workshop gears: most are feasible.
-fn pairs() -> impl Strategy<Value = PairInput> {
-    (
-        (
-            14_u32..60,
-            14_u32..60,
-            1.0..6.0_f64,
-            17.0..25.0_f64,
-            4.0..32.0_f64,
-            4.0..20.0_f64,
-        ),
-        (
-            -0.2..0.6_f64,
-            -0.2..0.6_f64,
-            1.1..1.4_f64,
-            1.1..1.4_f64,
-            0.85..1.1_f64,
-            0.85..1.1_f64,
-        ),
-        (
-            0.0..0.1_f64,
-            0.0..0.1_f64,
-            0.1..0.3_f64,
-            0.1..0.3_f64,
-            0.2..20.0_f64,
-        ),
-    )
-        .prop_map(
-            |((z1, z2, m, alpha, beta, width), (x1, x2, a1, a2, d1, d2), rest)| {
-                let (t1, t2, r1, r2, load) = rest;
-                PairInput {
-                    teeth: [z1, z2],
-                    size: Size::NormalModule(m),
-                    pressure_angle: alpha.to_radians(),
-                    helix_angle: beta.to_radians(),
-                    face_width: width * m,
-                    profile_shift: [x1, x2],
-                    tool_addendum: [a1, a2],
-                    tool_dedendum: [d1, d2],
-                    tip_radius: [t1 * m, t2 * m],
-                    root_radius: [r1 * m, r2 * m],
-                    pinion_torque: load * m * m * m * f64::from(z1) * 100.0,
-                    ..plain()
-                }
-            },
-        )
-}
-
-fn config() -> ProptestConfig {
-    ProptestConfig {
-        cases: 48,
-        rng_seed: RngSeed::Fixed(2009),
-        failure_persistence: None,
-        ..ProptestConfig::default()
-    }
-}
-
-/// The pair, or the test case is skipped where the random input is infeasible.
-macro_rules! feasible {
-    ($input:expr) => {
-        match Pair::new($input, &Discretisation::default()) {
-            Ok(pair) => pair,
-            Err(gear::Error::Infeasible(_)) => return Err(TestCaseError::reject("infeasible")),
-            Err(error) => return Err(TestCaseError::fail(error.to_string())),
-        }
-    };
-}
 
 fn close(a: f64, b: f64, relative: f64) -> bool {
     (a - b).abs() <= relative * a.abs().max(b.abs())
@@ -93,7 +25,7 @@ fn scaled(wear: &Wear, k: f64) -> Wear {
 }
 
 proptest! {
-    #![proptest_config(config())]
+    #![proptest_config(config(48, 2009))]
 
     /// 1: without load nothing deflects, and an unloaded pair does not wear.
     #[test]

@@ -5,6 +5,7 @@ mod adversary;
 mod convergence;
 mod corrections;
 mod fuzz;
+mod general;
 mod infeasible;
 mod invariants;
 mod paper;

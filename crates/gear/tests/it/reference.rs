@@ -107,6 +107,12 @@ fn quantity(pair: &Pair, case: &Value, symbol: &str) -> f64 {
         "d_w1" => working,
         "d_w2" => working * ratio,
         "y" => g.centre_distance / g.normal_module - f64::from(sum) / (2.0 * g.beta.cos()),
+        "m_t" => 2.0 * g.r[0] / f64::from(g.teeth[0]),
+        "a_d" => g.r[0] + g.r[1],
+        "h_a1" => g.r_a[0] - g.r[0],
+        "h_a2" => g.r_a[1] - g.r[1],
+        "h_f2" => g.r[1] - g.r_f[1],
+        "h1" => g.r_a[0] - g.r_f[0],
         "p_t" => 2.0 * std::f64::consts::PI * g.r[0] / f64::from(g.teeth[0]),
         "AB" => g.s_out - g.s_in - g.base_pitch,
         "AD" => g.base_pitch,
@@ -177,6 +183,29 @@ fn geometry_agrees_with_published_cases() {
     }
     assert!(failures.is_empty(), "{failures:#?}");
     assert!(checked > 190, "only {checked} quantities were compared");
+}
+
+/// The phases hold the corners of the contact line's length, at the fractional parts of ε_α, ε_β and
+/// their sum, as printed for 17 and 43 teeth at β = 20°.
+#[test]
+fn phases_lie_on_the_corners_of_the_contact_length() {
+    let file: Value = serde_json::from_str(include_str!("../data/geometry.json")).unwrap();
+    let cases = file["cases"].as_array().unwrap();
+    let case = cases
+        .iter()
+        .find(|case| case["id"] == "contact_ratios_17_43_beta_20");
+    let input = input(&case.expect("the case files hold the pair")["input"]);
+    let phases = Pair::new(&input, &Discretisation::default())
+        .unwrap()
+        .unworn()
+        .phases;
+    for corner in [0.0, 0.08868, 0.49188, 0.58056] {
+        // Half a unit of the last printed digit; phases are 0.03 apart.
+        assert!(
+            phases.iter().any(|phase| (phase - corner).abs() < 6e-6),
+            "{corner}"
+        );
+    }
 }
 
 fn finite_element_pair(file: &Value) -> Pair {

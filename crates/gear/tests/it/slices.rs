@@ -4,18 +4,14 @@
 //! slice of the face has a place on the path; each carries max(0, δ − g)/q, and δ is found by
 //! bisection. Nothing is shared with the crate but the compliance q(s) and the gap g(s).
 
+use gear::paper::design;
 use gear::{Pair, PairInput, ToothModel};
 
-use crate::support::{WEAR, figure_7, frozen, pair, plain};
+use crate::support::{FIGURE_8, WEAR, balance, figure_7, linear, pair, plain};
 
 const SLICES: usize = 6000;
 
-fn linear(x: &[f64], y: &[f64], at: f64) -> f64 {
-    let k = x.partition_point(|&v| v <= at).clamp(1, x.len() - 1);
-    y[k - 1] + (y[k] - y[k - 1]) * (at - x[k - 1]) / (x[k] - x[k - 1])
-}
-
-/// δ in mm at the phase `phi` in mm, and the residual of the load balance.
+/// δ in mm at the phase `phi` in mm.
 fn deflection(pair: &Pair, gap: &dyn Fn(f64) -> f64, phi: f64) -> f64 {
     let g = pair.geometry();
     let tan = g.beta_b.tan();
@@ -26,27 +22,12 @@ fn deflection(pair: &Pair, gap: &dyn Fn(f64) -> f64, phi: f64) -> f64 {
             let z = (k as f64 + 0.5) * dz;
             let s = g.s_in + phi - z * tan + f64::from(j) * g.base_pitch;
             if (g.s_in..=g.s_out).contains(&s) {
-                slices.push((gap(s), 1.0 / pair.compliance(s)));
+                slices.push((gap(s), dz / pair.compliance(s)));
             }
         }
     }
     assert!(!slices.is_empty());
-    let force = |delta: f64| -> f64 {
-        slices
-            .iter()
-            .map(|(gap, c)| (delta - gap).max(0.0) * c * dz)
-            .sum()
-    };
-    let (mut low, mut high) = (0.0, 1.0);
-    for _ in 0..60 {
-        let middle = 0.5 * (low + high);
-        if force(middle) < pair.base_force() {
-            low = middle
-        } else {
-            high = middle
-        }
-    }
-    0.5 * (low + high)
+    balance(&slices, pair.base_force())
 }
 
 fn compare(input: &PairInput, worn: bool) {
@@ -89,7 +70,7 @@ fn unworn() {
 #[test]
 fn worn_with_separation() {
     compare(&figure_7(), true);
-    compare(&frozen([0.20, 1.26, 1.44, 1.49, 1.27, 0.92]), true);
+    compare(&design(FIGURE_8), true);
     compare(
         &PairInput {
             pinion_torque: 5e3,

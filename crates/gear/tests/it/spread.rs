@@ -2,11 +2,12 @@
 //! mean wear with the crate: a dense Cholesky factor of the covariance on the nodes, and a sum over
 //! phases and slices.
 
+use gear::paper::design;
 use gear::{Kernel, Pair, PairInput, Wear};
 use rand::RngExt as _;
 use stats::streams::{Purpose, StreamRng, stream};
 
-use crate::support::{WEAR, figure_7, frozen, pair};
+use crate::support::{FIGURE_8, WEAR, figure_7, pair};
 
 const PHASES: usize = 64;
 const SLICES: usize = 120;
@@ -146,11 +147,7 @@ fn compare(input: &PairInput, wear: &Wear, correlation: impl Fn(f64) -> f64 + Co
 fn smooth_wear_spreads_as_a_dense_calculation_says() {
     let correlation = |h: f64| (-(h / 0.2) * (h / 0.2)).exp();
     compare(&figure_7(), &WEAR, correlation);
-    compare(
-        &frozen([0.20, 1.26, 1.44, 1.49, 1.27, 0.92]),
-        &WEAR,
-        correlation,
-    );
+    compare(&design(FIGURE_8), &WEAR, correlation);
 }
 
 /// The kernel that truncation hurts.

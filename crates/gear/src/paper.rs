@@ -1,0 +1,61 @@
+//! The pair and the wear that the simulator was validated on, those of *Gears Design with Shape
+//! Uncertainties using Monte Carlo Simulations and Kriging*, 2009: the example of this crate's
+//! tests, benches and examples, and a start for a first calculation.
+
+use crate::input::{Kernel, Material, PairInput, Size, TipRule, ToothModel, Wear};
+
+/// The paper's steel, 20 NC 6.
+pub const MATERIAL: Material = Material {
+    youngs_modulus_mpa: 200e3,
+    poisson_ratio: 0.29,
+    yield_mpa: 980.0,
+    hertz_limit_mpa: 1550.0,
+};
+
+/// The paper's wear. Its depth is not printed clearly; 3.5 µm on each flank fits its tables.
+pub const WEAR: Wear = Wear {
+    max_depth: 3.5e-3,
+    kernel: Kernel::SquaredExponential,
+    range: 0.2,
+    variance: 0.01,
+};
+
+/// The optimum without wear (Figure 7), as an argument of [`design`].
+pub const FIGURE_7: [f64; 6] = [0.49, 0.49, 1.20, 1.11, 1.00, 1.09];
+
+/// Lower and upper bounds of the six variables of [`design`].
+pub const BOX: [[f64; 2]; 6] = [
+    [-1.0, 2.0],
+    [-1.0, 2.0],
+    [0.8, 1.7],
+    [0.8, 1.7],
+    [0.8, 1.7],
+    [0.8, 1.7],
+];
+
+/// A design of the paper's robust problem: 20 and 22 teeth, 110 mm between the axes, a 10 mm face,
+/// β = 30°, 200 N·m, with `hertz-beam` and tips as cut.
+///
+/// `variables` are x1, x2, ha0_1, ha0_2, hf0_1, hf0_2 in normal modules: profile shifts, tool
+/// addenda, tool dedenda. Roundings and helix angle are frozen at the optimum without wear.
+#[must_use]
+pub const fn design(variables: [f64; 6]) -> PairInput {
+    let [x1, x2, ha0_1, ha0_2, hf0_1, hf0_2] = variables;
+    PairInput {
+        teeth: [20, 22],
+        size: Size::CentreDistance(110.0),
+        pressure_angle: 18_f64.to_radians(),
+        helix_angle: 30_f64.to_radians(),
+        face_width: 10.0,
+        profile_shift: [x1, x2],
+        tool_addendum: [ha0_1, ha0_2],
+        tool_dedendum: [hf0_1, hf0_2],
+        tip_radius: [0.0003, 0.19],
+        root_radius: [0.64, 0.23],
+        tip_diameter: [None, None],
+        tooth_model: ToothModel::HertzBeam,
+        tip_rule: TipRule::AsCut,
+        pinion_torque: 200e3,
+        material: MATERIAL,
+    }
+}
