@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use crate::options::Options;
+use crate::state::{Filed, Job, Lease, State, Worker};
 use crate::types::{
     Completion, Counts, Directive, Expired, Failure, Grant, Held, JobId, WorkerId, WorkerStatus,
 };
@@ -20,61 +21,19 @@ const MAX_DOUBLINGS: u32 = 5;
 /// leases then run out a little early or late.
 #[derive(Debug, Clone)]
 pub struct Scheduler<J> {
-    options: Options,
+    pub(crate) options: Options,
     epoch: u64,
-    jobs: BTreeMap<JobId, Job<J>>,
+    pub(crate) draining: bool,
+    pub(crate) jobs: BTreeMap<JobId, Job<J>>,
     /// The queued jobs in the order in which they are granted.
     queue: BTreeSet<(i32, JobId)>,
-    /// The jobs with at least one lease.
-    leased: BTreeSet<JobId>,
+    /// The jobs with at least one lease, by the first of their leases to run out.
+    pub(crate) expiries: BTreeSet<(Duration, JobId)>,
+    /// The jobs with exactly one lease, in the order in which they get a second one.
+    tail: BTreeSet<(Duration, i32, JobId)>,
     quarantined: BTreeSet<JobId>,
     done: usize,
-    workers: BTreeMap<WorkerId, Worker>,
-}
-
-#[derive(Debug, Clone)]
-struct Job<J> {
-    payload: J,
-    priority: i32,
-    /// The newest attempt, 0 before the first.
-    attempts: u32,
-    crashes: u32,
-    failures: u32,
-    state: State,
-}
-
-#[derive(Debug, Clone)]
-enum State {
-    Queued,
-    /// One or two leases, of different workers.
-    Leased(Vec<Lease>),
-    Done,
-    Quarantined {
-        error: String,
-    },
-}
-
-#[derive(Debug, Clone)]
-struct Lease {
-    worker: WorkerId,
-    attempt: u32,
-    granted: Duration,
-    expires: Duration,
-    started: bool,
-}
-
-#[derive(Debug, Clone, Default)]
-struct Worker {
-    held: BTreeSet<JobId>,
-    /// The jobs it failed since it last finished one.
-    strikes: BTreeSet<JobId>,
-    set_aside_until: Option<Duration>,
-    /// In a row, without finishing a job in between.
-    times_set_aside: u32,
-    completed: u64,
-    failed: u64,
-    crashed: u64,
-    last_seen: Duration,
+    pub(crate) workers: BTreeMap<WorkerId, Worker>,
 }
 
 impl<J: Clone> Scheduler<J> {
@@ -83,9 +42,11 @@ impl<J: Clone> Scheduler<J> {
         Self {
             options,
             epoch,
+            draining: false,
             jobs: BTreeMap::new(),
             queue: BTreeSet::new(),
-            leased: BTreeSet::new(),
+            expiries: BTreeSet::new(),
+            tail: BTreeSet::new(),
             quarantined: BTreeSet::new(),
             done: 0,
             workers: BTreeMap::new(),
@@ -97,22 +58,24 @@ impl<J: Clone> Scheduler<J> {
         self.epoch
     }
 
+    /// Stops granting jobs, or grants them again. Jobs that are held go on: their heartbeats,
+    /// results and failures are taken as ever, and a worker that reattaches keeps what it holds.
+    pub fn set_draining(&mut self, draining: bool) {
+        self.draining = draining;
+    }
+
+    /// Whether no jobs are granted for now.
+    pub fn is_draining(&self) -> bool {
+        self.draining
+    }
+
     /// Adds a job, and says whether it was new; a known one stays as it is. Jobs are granted by
     /// ascending priority, then by ascending id.
     pub fn add_job(&mut self, id: JobId, payload: J, priority: i32) -> bool {
         if self.jobs.contains_key(&id) {
             return false;
         }
-        let state = State::Queued;
-        let job = Job {
-            payload,
-            priority,
-            attempts: 0,
-            crashes: 0,
-            failures: 0,
-            state,
-        };
-        self.jobs.insert(id, job);
+        self.jobs.insert(id, Job::new(payload, priority));
         self.queue.insert((priority, id));
         true
     }
@@ -124,7 +87,11 @@ impl<J: Clone> Scheduler<J> {
     /// that just failed a job gets it again only when there is nothing else to do: another
     /// worker's opinion is worth more than a second one of its own.
     pub fn lease(&mut self, worker: &WorkerId, credit: usize, now: Duration) -> Vec<Grant<J>> {
+        let draining = self.draining;
         let state = self.see(worker, now);
+        if draining {
+            return Vec::new();
+        }
         if let Some(until) = state.set_aside_until {
             if now < until {
                 return Vec::new();
@@ -145,22 +112,9 @@ impl<J: Clone> Scheduler<J> {
             chosen.extend(queue().take(credit));
         }
         if self.options.duplicate_tail && was_idle && chosen.len() < credit {
-            let mut tail: Vec<(Duration, i32, JobId)> = Vec::new();
-            for &id in &self.leased {
-                if let Some(job) = self.jobs.get(&id)
-                    && let State::Leased(leases) = &job.state
-                    && let [lease] = leases.as_slice()
-                    && lease.worker != *worker
-                {
-                    tail.push((lease.granted, job.priority, id));
-                }
-            }
-            tail.sort_unstable();
-            chosen.extend(
-                tail.iter()
-                    .take(credit - chosen.len())
-                    .map(|&(_, _, id)| id),
-            );
+            // It holds nothing, so none of these leases is its own.
+            let tail = self.tail.iter().map(|&(_, _, id)| id);
+            chosen.extend(tail.take(credit - chosen.len()));
         }
         chosen
             .into_iter()
@@ -258,8 +212,10 @@ impl<J: Clone> Scheduler<J> {
     /// Ends the leases that have run out, in the order of their jobs. Those of jobs that had
     /// started count as crashes.
     pub fn expire(&mut self, now: Duration) -> Vec<Expired> {
+        let due = self.expiries.iter().take_while(|(first, _)| *first <= now);
+        let due: BTreeSet<JobId> = due.map(|&(_, id)| id).collect();
         let mut over: Vec<(JobId, WorkerId)> = Vec::new();
-        for &id in &self.leased {
+        for id in due {
             let ended = self.leases(id).iter().filter(|lease| lease.expires <= now);
             over.extend(ended.map(|lease| (id, lease.worker.clone())));
         }
@@ -270,18 +226,19 @@ impl<J: Clone> Scheduler<J> {
 
     /// When the next lease runs out, unless it is extended.
     pub fn next_expiry(&self) -> Option<Duration> {
-        self.leased
-            .iter()
-            .flat_map(|&id| self.leases(id))
-            .map(|lease| lease.expires)
-            .min()
+        self.expiries.first().map(|&(first, _)| first)
+    }
+
+    /// How many jobs wait for a worker.
+    pub fn queued(&self) -> usize {
+        self.queue.len()
     }
 
     /// How many jobs are in which state.
     pub fn counts(&self) -> Counts {
         Counts {
             queued: self.queue.len(),
-            leased: self.leased.len(),
+            leased: self.expiries.len(),
             done: self.done,
             quarantined: self.quarantined.len(),
         }
@@ -289,7 +246,7 @@ impl<J: Clone> Scheduler<J> {
 
     /// Whether every job is done or given up.
     pub fn all_settled(&self) -> bool {
-        self.queue.is_empty() && self.leased.is_empty()
+        self.queue.is_empty() && self.expiries.is_empty()
     }
 
     /// The jobs that were given up, with the error that was the last straw.
@@ -303,7 +260,39 @@ impl<J: Clone> Scheduler<J> {
             .collect()
     }
 
-    /// The payload of a job that was added.
+    /// Queues every job that was given up again, with fresh counters of crashes and failures, and
+    /// returns them in ascending order. Their attempts go on growing. What workers failed of them
+    /// is forgiven: whoever retries has mended the cause.
+    pub fn retry_quarantined(&mut self) -> Vec<JobId> {
+        let jobs: Vec<JobId> = self.quarantined.iter().copied().collect();
+        for &id in &jobs {
+            self.settle(id, State::Queued);
+            if let Some(job) = self.jobs.get_mut(&id) {
+                job.crashes = 0;
+                job.failures = 0;
+                self.queue.insert((job.priority, id));
+            }
+            self.forgive(id);
+        }
+        jobs
+    }
+
+    /// Removes a job that is done or given up, and returns its payload; nothing if it is neither.
+    ///
+    /// So memory does not grow with what is finished. [`Counts::done`] keeps counting the job if it
+    /// was done. From now on the job is as if never added: a report of it is
+    /// [`Completion::Unknown`], a heartbeat that names it is answered [`Directive::Cancel`], and
+    /// adding it again makes a new job, which the caller must not do to one that is done.
+    pub fn forget(&mut self, id: JobId) -> Option<J> {
+        let job = self.jobs.get(&id)?;
+        if !matches!(job.state, State::Done | State::Quarantined { .. }) {
+            return None;
+        }
+        self.quarantined.remove(&id);
+        self.jobs.remove(&id).map(|job| job.payload)
+    }
+
+    /// The payload of a job that was added and not forgotten.
     pub fn payload(&self, id: JobId) -> Option<&J> {
         self.jobs.get(&id).map(|job| &job.payload)
     }
@@ -341,7 +330,7 @@ impl<J: Clone> Scheduler<J> {
         state
     }
 
-    fn leases(&self, id: JobId) -> &[Lease] {
+    pub(crate) fn leases(&self, id: JobId) -> &[Lease] {
         match self.jobs.get(&id).map(|job| &job.state) {
             Some(State::Leased(leases)) => leases,
             _ => &[],
@@ -379,7 +368,7 @@ impl<J: Clone> Scheduler<J> {
             state => *state = State::Leased(vec![lease]),
         }
         self.queue.remove(&(job.priority, id));
-        self.leased.insert(id);
+        self.refile(id);
         self.see(worker, now).held.insert(id);
     }
 
@@ -397,10 +386,16 @@ impl<J: Clone> Scheduler<J> {
             State::Queued => !is_set_aside,
             State::Leased(leases) => {
                 if let Some(lease) = leases.iter_mut().find(|lease| lease.worker == *worker) {
-                    // A heartbeat that was overtaken must not shorten the lease; an older attempt
-                    // on the same worker is the same work.
+                    // A heartbeat that was overtaken must not shorten the lease. An older attempt
+                    // on the same worker is the same work, but does not tell whether the newer one
+                    // has started; a newer one is from before a restart of the coordinator.
                     lease.expires = lease.expires.max(expires);
-                    lease.started |= held.started;
+                    if held.attempt >= lease.attempt {
+                        lease.attempt = held.attempt;
+                        lease.started |= held.started;
+                        job.attempts = job.attempts.max(held.attempt);
+                    }
+                    self.refile(held.job);
                     return Directive::Continue;
                 }
                 held.started && !is_set_aside && leases.len() < LEASES_PER_JOB
@@ -432,7 +427,27 @@ impl<J: Clone> Scheduler<J> {
         {
             job.state = State::Queued;
             self.queue.insert((job.priority, id));
-            self.leased.remove(&id);
+        }
+        self.refile(id);
+    }
+
+    /// Brings the indices of leased jobs up to date with a job's leases.
+    fn refile(&mut self, id: JobId) {
+        let Some(job) = self.jobs.get_mut(&id) else {
+            return;
+        };
+        let filed = Filed::of(&job.state);
+        let before = std::mem::replace(&mut job.filed, filed);
+        if before == filed {
+            return;
+        }
+        if let Some(Filed { expires, alone }) = before {
+            self.expiries.remove(&(expires, id));
+            alone.map(|granted| self.tail.remove(&(granted, job.priority, id)));
+        }
+        if let Some(Filed { expires, alone }) = filed {
+            self.expiries.insert((expires, id));
+            alone.map(|granted| self.tail.insert((granted, job.priority, id)));
         }
     }
 
@@ -443,7 +458,6 @@ impl<J: Clone> Scheduler<J> {
         };
         let before = std::mem::replace(&mut job.state, state);
         self.queue.remove(&(job.priority, id));
-        self.leased.remove(&id);
         self.quarantined.remove(&id);
         if let State::Leased(leases) = before {
             for lease in leases {
@@ -452,6 +466,7 @@ impl<J: Clone> Scheduler<J> {
                 }
             }
         }
+        self.refile(id);
     }
 
     fn quarantine(&mut self, id: JobId, error: String) {
@@ -501,11 +516,7 @@ impl<J: Clone> Scheduler<J> {
             .any(|(other, state)| other != worker && state.strikes.contains(&id));
         if others_failed_it {
             // Two workers failed it: it says nothing about either of them.
-            for state in self.workers.values_mut() {
-                if state.strikes.remove(&id) && state.strikes.len() < limit {
-                    state.set_aside_until = None;
-                }
-            }
+            self.forgive(id);
             return;
         }
         let state = self.see(worker, now);
@@ -515,6 +526,16 @@ impl<J: Clone> Scheduler<J> {
             let time = first_time.saturating_mul(1 << doublings);
             state.set_aside_until = Some(now.saturating_add(time));
             state.times_set_aside = state.times_set_aside.saturating_add(1);
+        }
+    }
+
+    /// Holds a job against none of those that failed it.
+    fn forgive(&mut self, id: JobId) {
+        let limit = self.options.max_worker_strikes.max(1) as usize;
+        for state in self.workers.values_mut() {
+            if state.strikes.remove(&id) && state.strikes.len() < limit {
+                state.set_aside_until = None;
+            }
         }
     }
 }

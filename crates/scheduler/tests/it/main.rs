@@ -1,7 +1,9 @@
 //! The scheduler as its callers see it.
 
 mod life;
-mod random;
+mod machine;
+mod model;
+mod operations;
 
 use std::time::Duration;
 
