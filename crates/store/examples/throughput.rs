@@ -1,15 +1,31 @@
 //! How fast the store takes samples and gives them back: `throughput [DESIGNS] [SAMPLES] [FILE]`.
 //!
-//! Four callers submit one batch per design, as four busy workers would.
+//! Four callers submit batches of whole designs, as four busy workers would; then two callers with 256
+//! submissions in flight each submit one-row batches, as no-op jobs would. What a status page and
+//! a restart need is timed afterwards. A file that is there already is not filled again.
 
 #![expect(clippy::print_stdout, reason = "a program for the command line")]
 
-use std::time::Instant;
+use std::future::Future;
+use std::path::Path;
+use std::time::{Duration, Instant};
 
-use store::{Batch, CampaignRow, DesignRow, Error, SampleRow, Store};
+use rustix::time::{ClockId, clock_gettime};
+use store::{
+    Batch, CampaignRow, CriteriaRow, DesignRow, Error, FailureKind, FailureRow, JobTimeRow,
+    SampleRow, Store,
+};
+
+type Failure = Box<dyn std::error::Error>;
+
+/// Samples of a large batch, all of one design if it has as many.
+const LARGE_BATCH: u64 = 5000;
+const SMALL_BATCHES: u64 = 100_000;
+const CALLERS: u64 = 2;
+const IN_FLIGHT: u64 = 256;
 
 #[tokio::main]
-async fn main() -> Result<(), Box<dyn std::error::Error>> {
+async fn main() -> Result<(), Failure> {
     let mut arguments = std::env::args().skip(1);
     let designs: u64 = arguments.next().map_or(Ok(1000), |a| a.parse())?;
     let samples: u64 = arguments.next().map_or(Ok(500), |a| a.parse())?;
@@ -24,68 +40,210 @@ async fn main() -> Result<(), Box<dyn std::error::Error>> {
         program_version: env!("CARGO_PKG_VERSION").into(),
         model_digest: None,
     };
-    let store = Store::create_or_open(&path, &campaign).await?;
-    let rows: Vec<DesignRow> = (0..designs)
-        .map(|design| DesignRow {
-            design,
-            x_p: 0.0,
-            x_r: 0.0,
-            ha0_p: 1.0,
-            ha0_r: 1.0,
-            hf0_p: 1.0,
-            hf0_r: 1.0,
-        })
-        .collect();
-    store.put_designs(&rows).await?;
+    if !path.try_exists()? {
+        fill(&path, &campaign, designs, samples).await?;
+    }
+    read(&path, &campaign, samples).await
+}
 
-    let start = Instant::now();
+async fn fill(
+    path: &Path,
+    campaign: &CampaignRow,
+    designs: u64,
+    samples: u64,
+) -> Result<(), Failure> {
+    let store = Store::create_or_open(path, campaign).await?;
+    // The last design takes the one-row batches.
+    let rows: Vec<DesignRow> = (0..=designs).map(design).collect();
+    let doing = format!("{designs} designs stored");
+    timed(&doing, designs, store.put_designs(&rows)).await?;
+
+    let together = (LARGE_BATCH / samples.max(1)).max(1);
     let mut callers = tokio::task::JoinSet::new();
     for caller in 0..4 {
         let writer = store.writer()?;
         callers.spawn(async move {
-            for design in (caller..designs).step_by(4) {
-                let row = |sample| SampleRow {
+            for first in (0..designs)
+                .step_by(together as usize)
+                .skip(caller)
+                .step_by(4)
+            {
+                let of = first..designs.min(first + together);
+                let row = |design, sample| SampleRow {
                     design,
                     sample,
                     delta_ste_um: 1.0 / (sample + 1) as f64,
                 };
-                let samples = (0..samples).map(row).collect();
-                writer
-                    .submit(Batch {
-                        samples,
-                        ..Batch::default()
-                    })
-                    .await?;
+                let rows = of
+                    .clone()
+                    .flat_map(|d| (0..samples).map(move |s| row(d, s)));
+                let batch = Batch {
+                    samples: rows.collect(),
+                    criteria: of.map(criteria).collect(),
+                    ..Batch::default()
+                };
+                writer.submit(batch).await?;
             }
             Ok::<(), Error>(())
         });
     }
-    while let Some(caller) = callers.join_next().await {
-        caller??;
-    }
-    println!(
-        "{} samples stored in {:.2?}",
-        designs * samples,
-        start.elapsed()
-    );
+    let doing = format!("{} samples stored in large batches", designs * samples);
+    timed(&doing, designs * samples, joined(callers)).await?;
 
-    let start = Instant::now();
-    let missing = store.missing_work(samples).await?;
-    println!(
-        "missing work found ({} designs) in {:.2?}",
-        missing.len(),
-        start.elapsed()
-    );
-    let start = Instant::now();
-    let digest = store.samples_digest().await?;
-    println!("digest {} in {:.2?}", &digest[..16], start.elapsed());
-    let start = Instant::now();
-    println!("{:?} in {:.2?}", store.progress().await?, start.elapsed());
-    let start = Instant::now();
-    store.close().await?;
-    println!("closed in {:.2?}", start.elapsed());
-    let start = Instant::now();
-    Store::create_or_open(&path, &campaign).await?;
-    println!("opened and checked again in {:.2?}", start.elapsed());
+    let one_sample = |i| Batch {
+        samples: vec![SampleRow {
+            design: designs,
+            sample: i,
+            delta_ste_um: 1.0,
+        }],
+        ..Batch::default()
+    };
+    let one_time = |i| Batch {
+        times: vec![JobTimeRow {
+            job: i,
+            cpu_seconds: 0.0,
+        }],
+        ..Batch::default()
+    };
+    let both = |i| Batch {
+        times: one_time(SMALL_BATCHES + i).times,
+        ..one_sample(SMALL_BATCHES + i)
+    };
+    small(&store, "batches of one sample", one_sample).await?;
+    small(&store, "batches of one job time", one_time).await?;
+    small(&store, "batches of one sample and one job time", both).await?;
+
+    let failures = (0..10_000).map(|i| FailureRow {
+        job: format!("sample-{i}"),
+        attempt: 1,
+        worker: format!("worker-{}", i % 100),
+        kind: FailureKind::Failure,
+        error: format!(
+            "cause {}: no load path in sample {i}",
+            ["a", "b", "c"][i % 3]
+        ),
+        at_unix_ms: None,
+    });
+    let batch = Batch {
+        failures: failures.collect(),
+        ..Batch::default()
+    };
+    timed(
+        "10000 failures stored",
+        10_000,
+        store.writer()?.submit(batch),
+    )
+    .await?;
+    timed("closed", 0, store.close()).await?;
     Ok(())
+}
+
+/// Many submissions in flight, each of one small batch.
+async fn small(store: &Store, what: &str, batch: impl Fn(u64) -> Batch) -> Result<(), Failure> {
+    let slots = CALLERS * IN_FLIGHT;
+    let mut callers = tokio::task::JoinSet::new();
+    for slot in 0..slots {
+        let writer = store.writer()?;
+        let batches: Vec<Batch> = (slot..SMALL_BATCHES)
+            .step_by(slots as usize)
+            .map(&batch)
+            .collect();
+        callers.spawn(async move {
+            for batch in batches {
+                writer.submit(batch).await?;
+            }
+            Ok::<(), Error>(())
+        });
+    }
+    let doing = format!("{SMALL_BATCHES} {what}");
+    timed(&doing, SMALL_BATCHES, joined(callers)).await
+}
+
+async fn read(path: &Path, campaign: &CampaignRow, samples: u64) -> Result<(), Failure> {
+    let store = timed("opened for reading", 0, Store::open_read_only(path)).await?;
+    for _ in 0..2 {
+        let status = async {
+            let progress = store.progress().await?;
+            let groups = store.failure_groups().await?;
+            Ok((progress, store.samples_digest().await?, groups.len()))
+        };
+        let (progress, digest, groups) = timed("status", 0, status).await?;
+        println!("  {progress:?}\n  digest {digest}, {groups} groups of failures");
+    }
+    timed("sampled counts", 0, store.sampled_counts()).await?;
+    timed("closed", 0, store.close()).await?;
+
+    let store = timed("opened", 0, Store::create_or_open(path, campaign)).await?;
+    let missing = timed("missing work", 0, store.missing_work(samples)).await?;
+    println!("  of {} designs", missing.len());
+    let missing = timed("missing work of one sample more", 0, async {
+        store.missing_work(samples + 1).await
+    });
+    println!("  of {} designs", missing.await?.len());
+    let digest = timed("digest of all rows", 0, store.recompute_samples_digest()).await?;
+    if digest != store.samples_digest().await? {
+        return Err("the digest on record is not that of the rows".into());
+    }
+    timed("closed", 0, store.close()).await?;
+    Ok(())
+}
+
+fn design(design: u64) -> DesignRow {
+    DesignRow {
+        design,
+        x_p: 0.0,
+        x_r: 0.0,
+        ha0_p: 1.0,
+        ha0_r: 1.0,
+        hf0_p: 1.0,
+        hf0_r: 1.0,
+    }
+}
+
+fn criteria(design: u64) -> CriteriaRow {
+    CriteriaRow {
+        design,
+        feasible: true,
+        contact_ratio: Some(2.25),
+        specific_sliding: Some(1.5),
+        hertz_pressure_mpa: Some(1100.0),
+        ..CriteriaRow::default()
+    }
+}
+
+async fn joined(mut callers: tokio::task::JoinSet<Result<(), Error>>) -> Result<(), Error> {
+    while let Some(caller) = callers.join_next().await {
+        match caller {
+            Ok(ended) => ended?,
+            Err(panic) => std::panic::resume_unwind(panic.into_panic()),
+        }
+    }
+    Ok(())
+}
+
+/// Runs it and says how long it took, in all and for each of `count`.
+async fn timed<T>(
+    doing: &str,
+    count: u64,
+    work: impl Future<Output = Result<T, Error>>,
+) -> Result<T, Failure> {
+    let (wall, cpu) = (Instant::now(), cpu_time());
+    let result = work.await?;
+    let (wall, cpu) = (wall.elapsed(), cpu_time() - cpu);
+    print!("{doing}: {wall:.2?}, {cpu:.2?} of processor time");
+    if count > 0 {
+        print!(
+            " ({:.0} a second, {:.2} us of processor time each)",
+            count as f64 / wall.as_secs_f64(),
+            cpu.as_secs_f64() * 1e6 / count as f64
+        );
+    }
+    println!();
+    Ok(result)
+}
+
+/// Of all threads of this process.
+fn cpu_time() -> Duration {
+    let time = clock_gettime(ClockId::ProcessCPUTime);
+    Duration::new(time.tv_sec as u64, time.tv_nsec as u32)
 }

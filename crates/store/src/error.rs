@@ -47,6 +47,24 @@ pub enum Error {
         /// What SQLite, or the check of the files, found.
         detail: String,
     },
+    /// Less is in the file and its log than was acknowledged.
+    #[error(
+        "the store {} holds {held} of {acknowledged} acknowledged commits: its log (-wal) was cut \
+         or removed, or an older copy was put in its place; put the newer files back, or remove {} \
+         to go on with what is there",
+        path.display(),
+        lock.display()
+    )]
+    Behind {
+        /// The refused file.
+        path: PathBuf,
+        /// Its lock file, which has the number of acknowledged commits.
+        lock: PathBuf,
+        /// Commits in the store.
+        held: u64,
+        /// Commits that were acknowledged.
+        acknowledged: u64,
+    },
     /// A newer program wrote the store.
     #[error(
         "the store {} has schema {found}, this program knows up to {known}: use a newer program",
@@ -173,6 +191,14 @@ pub enum Error {
         /// The digest that was refused.
         offered: String,
     },
+    /// A campaign with another seed has other samples.
+    #[error("the store's campaign has seed {held}, the extended one has {offered}: keep the seed")]
+    OtherSeed {
+        /// The seed in the store.
+        held: u64,
+        /// The seed that was refused.
+        offered: u64,
+    },
     /// A number that is not finite has no place in the store.
     #[error("{column} of {key} is {value}: only finite numbers can be stored")]
     NotFinite {
@@ -269,6 +295,7 @@ impl Error {
                 | Self::CriteriaConflict { .. }
                 | Self::RunConflict { .. }
                 | Self::ModelDigestConflict { .. }
+                | Self::OtherSeed { .. }
                 | Self::NotFinite { .. }
                 | Self::TooLarge { .. }
                 | Self::Constraint { .. }

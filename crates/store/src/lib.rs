@@ -11,27 +11,52 @@
 //!   synced (`journal_mode = WAL`, `synchronous = FULL`).
 //! - First write wins. A second value for a design, criteria, sample or optimiser run is either
 //!   the same, and counted as a duplicate, or an error that names both. Nothing is overwritten.
-//! - A file that is not this campaign's sound store is refused before anything is written to it.
+//! - A file that is not this campaign's sound store, or that holds less than was acknowledged, is
+//!   refused before anything is written to it.
+//! - Tallies are part of the transactions that store what they count: nobody has to read all
+//!   samples to know how many there are, of which designs, and what their digest is.
 //!
 //! Zeros lose their sign: SQLite stores -0.0 as 0.0, so both are taken as 0.0 everywhere, digest
 //! and comparison with held rows included. Numbers that are not finite are refused.
+//!
+//! # Fail points
+//!
+//! With the feature `failpoints`, off by default, a test can end the process at these places. They
+//! are set as described at the crate `fail`, for example with
+//! `FAILPOINTS='store::before_commit=7*off->return'` for the eighth commit, provided that the
+//! program calls `fail::FailScenario::setup`.
+//!
+//! - `store::before_commit`: everything of a group is inserted, nothing is committed;
+//! - `store::after_commit`: the group is on disk, nobody has been told;
+//! - `store::checkpoint`: while the log is moved into the file; `return(N)` ends the process N
+//!   microseconds after the beginning of that;
+//! - `store::migration`: the schema is brought up to date but for the commit.
 
 #![warn(missing_docs)]
 
+mod cause;
+mod check;
+mod digest;
 mod error;
+mod failpoints;
 mod filesystem;
 mod insert;
+mod keyed;
+mod lock;
 mod open;
 mod query;
 mod rows;
 mod store;
+mod tables;
+mod tally;
 mod writer;
 
 pub use error::Error;
 pub use filesystem::network_file_system;
 pub use rows::{
-    Batch, CampaignRow, CriteriaRow, DesignRow, FailureKind, FailureRow, JobTimeRow, MissingWork,
-    ModelRow, OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow, SampleRow, VerifyRow,
+    Batch, CampaignRow, CriteriaRow, DesignRow, FailureGroup, FailureKind, FailureRow, JobTimeRow,
+    MissingWork, ModelRow, OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow, SampleRow,
+    VerifyRow,
 };
 pub use store::Store;
 pub use writer::Writer;

@@ -4,21 +4,23 @@
 //! its name only when it is complete: a coordinator killed at any moment leaves either no store
 //! or one that opens.
 
-use std::fs::{self, File, TryLockError};
+use std::fs::{self, File};
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use sqlx::Connection as _;
-use sqlx::migrate::Migrator;
+use sqlx::migrate::{MigrateError, Migrator};
 use sqlx::sqlite::{
     SqliteConnectOptions, SqliteConnection, SqliteJournalMode, SqlitePool, SqlitePoolOptions,
     SqliteSynchronous,
 };
+use sqlx::{ConnectOptions as _, Connection as _, Executor as _};
 
+use crate::check::{self, Verdict};
+use crate::lock::Lock;
 use crate::rows::CampaignRow;
 use crate::store::Store;
-use crate::{Error, insert, query, writer};
+use crate::{Error, failpoints, insert, query, tally, writer};
 
 static MIGRATOR: Migrator = sqlx::migrate!("../../migrations");
 
@@ -27,6 +29,12 @@ const APPLICATION_ID: i64 = 0x5054_4348;
 
 /// How every SQLite file begins, <https://www.sqlite.org/fileformat2.html> 1.3.
 const SQLITE_MAGIC: &[u8; 16] = b"SQLite format 3\0";
+
+/// What `PRAGMA quick_check` reads in about a quarter of a second.
+const CHECK_AT_ONCE: u64 = 32 << 20;
+
+/// The schema that brought tallies, which its migration leaves in part to the program.
+const FIRST_WITH_TALLIES: i64 = 2;
 
 /// Reading connections: a status page, an export and a report at once, and one to spare.
 const READERS: u32 = 4;
@@ -38,7 +46,22 @@ const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
 const ROW_BUFFER: usize = 1024;
 
 impl Store {
-    /// Opens the store at `path` for this campaign, or creates it when there is no such file.
+    /// Opens the store at `path` for this campaign, or creates it when there is no such file:
+    /// [`create_or_open_with`](Store::create_or_open_with), no other campaign being accepted.
+    ///
+    /// # Errors
+    ///
+    /// As there.
+    pub async fn create_or_open(path: &Path, campaign: &CampaignRow) -> Result<Self, Error> {
+        Self::create_or_open_with(path, campaign, |_| false).await
+    }
+
+    /// Opens the store at `path` for this campaign, or creates it when there is no such file. A
+    /// store of another campaign is refused unless `may_extend` accepts the campaign it holds; it
+    /// is then opened as it is, and the caller [extends](Store::extend) it.
+    ///
+    /// A file too large to be checked in a moment is checked in the background: reads go on
+    /// meanwhile, the first write waits. [`Store::checked`] tells the verdict.
     ///
     /// Holds an exclusive lock on `path` + `.lock` until [`Store::close`], or until the last clone
     /// of the store and of its writers is dropped and what they submitted is committed. Must be
@@ -46,25 +69,47 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`Error::NotADatabase`], [`Error::NotAStore`], [`Error::Damaged`], [`Error::NewerSchema`]
-    /// and [`Error::OtherCampaign`] for a file that is not this campaign's sound store, which is
-    /// then left as it was; [`Error::Locked`] while another process, or another `Store`, writes to
-    /// it; [`Error::Migration`], [`Error::DiskFull`], [`Error::Io`] and [`Error::Sqlite`].
-    pub async fn create_or_open(path: &Path, campaign: &CampaignRow) -> Result<Self, Error> {
+    /// [`Error::NotADatabase`], [`Error::NotAStore`], [`Error::Damaged`], [`Error::Behind`],
+    /// [`Error::NewerSchema`] and [`Error::OtherCampaign`] for a file that is not this campaign's
+    /// sound store, which is then left as it was; [`Error::Locked`] while another process, or
+    /// another `Store`, writes to it; [`Error::Migration`], [`Error::DiskFull`], [`Error::Io`] and [`Error::Sqlite`].
+    pub async fn create_or_open_with(
+        path: &Path,
+        campaign: &CampaignRow,
+        may_extend: impl Fn(&CampaignRow) -> bool,
+    ) -> Result<Self, Error> {
+        Self::create_or_open_checking(path, campaign, may_extend, CHECK_AT_ONCE).await
+    }
+
+    /// Files of up to `check_at_once` bytes are checked before anything else.
+    async fn create_or_open_checking(
+        path: &Path,
+        campaign: &CampaignRow,
+        may_extend: impl Fn(&CampaignRow) -> bool,
+        check_at_once: u64,
+    ) -> Result<Self, Error> {
         let path = resolve(path)?;
         // Before the lock, so that a mistyped path does not leave a lock file beside a stranger.
         if exists(&path)? {
             check_header(&path)?;
         }
-        let lock = lock(&path)?;
+        let mut lock = Lock::take(&path)?;
         if !exists(&path)? {
-            create(&path, campaign).await?;
+            create(&path, campaign, &mut lock).await?;
         }
-        let (mut connection, _) = inspect(&path).await?;
-        quick_check(&mut connection, &path).await?;
+        let (mut connection, found) = inspect(&path).await?;
+        let small = size(&path)? <= check_at_once;
+        // An upgrade writes, and so does a change of the journal's mode.
+        let at_once = small || found < known_schema() || !is_wal(&mut connection, &path).await?;
+        if at_once {
+            check::quick_check(&mut connection, &path).await?;
+        }
         let held = query::campaign(&mut connection, &path).await?;
+        if found >= FIRST_WITH_TALLIES {
+            lock.compare(query::commits(&mut connection, &path).await?)?;
+        }
         close(connection, &path).await?;
-        if held.digest != campaign.digest {
+        if held.digest != campaign.digest && !may_extend(&held) {
             return Err(Error::OtherCampaign {
                 path,
                 held_name: held.name,
@@ -75,14 +120,27 @@ impl Store {
         }
 
         let options = writing(&path);
-        let mut connection = connect(&options, &path).await?;
-        migrate(&mut connection, &path).await?;
+        let (connection, verdict) = if at_once {
+            let mut connection = connect(&options, &path).await?;
+            // SQLite opens a file that it may not write to, and complains only later.
+            connection
+                .execute("BEGIN IMMEDIATE; ROLLBACK")
+                .await
+                .map_err(|e| Error::sqlite("get leave to write to its file", &path, e))?;
+            if found < known_schema() {
+                migrate(&mut connection, &path, found).await?;
+            }
+            (Some(connection), Verdict::sound())
+        } else {
+            (None, Verdict::pending(path.clone()))
+        };
         let readers = readers(&path).await?;
-        let writer = writer::spawn(path.clone(), options, connection, lock);
+        let writer = writer::spawn(path.clone(), options, connection, verdict.clone(), lock);
         Ok(Self {
             path,
             readers,
             writer: Some(writer),
+            verdict,
         })
     }
 
@@ -115,6 +173,7 @@ impl Store {
             path,
             readers,
             writer: None,
+            verdict: Verdict::sound(),
         })
     }
 }
@@ -143,8 +202,15 @@ fn exists(path: &Path) -> Result<bool, Error> {
         .map_err(|e| Error::io("look for", path, e))
 }
 
+/// Of the file and of its log, in bytes.
+fn size(path: &Path) -> Result<u64, Error> {
+    let file = fs::metadata(path).map_err(|e| Error::io("look at", path, e))?;
+    let log = fs::metadata(beside(path, "-wal"));
+    Ok(file.len() + log.map_or(0, |log| log.len()))
+}
+
 /// `path` with `suffix` appended to its name, as SQLite names its own companions.
-fn beside(path: &Path, suffix: &str) -> PathBuf {
+pub(crate) fn beside(path: &Path, suffix: &str) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(suffix);
     PathBuf::from(name)
@@ -173,27 +239,8 @@ fn check_header(path: &Path) -> Result<(), Error> {
     Ok(())
 }
 
-/// The lock file stays behind when the lock goes: removing it would let two processes lock two
-/// different files of one name.
-fn lock(path: &Path) -> Result<File, Error> {
-    let lock_path = beside(path, ".lock");
-    let file = File::options()
-        .create(true)
-        .truncate(false)
-        .write(true)
-        .open(&lock_path)
-        .map_err(|e| Error::io("open the lock file", &lock_path, e))?;
-    match file.try_lock() {
-        Ok(()) => Ok(file),
-        Err(TryLockError::WouldBlock) => Err(Error::Locked {
-            path: path.to_owned(),
-        }),
-        Err(TryLockError::Error(e)) => Err(Error::io("lock", &lock_path, e)),
-    }
-}
-
 /// Builds the store under another name and moves it into place when it is complete.
-async fn create(path: &Path, campaign: &CampaignRow) -> Result<(), Error> {
+async fn create(path: &Path, campaign: &CampaignRow, lock: &mut Lock) -> Result<(), Error> {
     let log = beside(path, "-wal");
     // A reader may leave an empty one behind.
     if fs::metadata(&log).is_ok_and(|log| log.len() > 0) {
@@ -220,9 +267,11 @@ async fn create(path: &Path, campaign: &CampaignRow) -> Result<(), Error> {
         .journal_mode(SqliteJournalMode::Delete)
         .synchronous(SqliteSynchronous::Full);
     let mut connection = connect(&options, &draft).await?;
-    migrate(&mut connection, &draft).await?;
+    migrate(&mut connection, &draft, 0).await?;
     insert::campaign(&mut connection, &draft, campaign).await?;
     close(connection, &draft).await?;
+    // What an earlier store of this name had acknowledged does not concern the new one.
+    lock.record(0)?;
     fs::rename(&draft, path).map_err(|e| Error::io("move the new store to", path, e))?;
     sync_folder(path)
 }
@@ -254,9 +303,8 @@ async fn inspect(path: &Path) -> Result<(SqliteConnection, i64), Error> {
             application_id,
         });
     }
-    let found = query::schema_version(&mut connection)
-        .await
-        .map_err(failed)?;
+    let migrations = query::migrations(&mut connection).await.map_err(failed)?;
+    let found = migrations.last().map_or(0, |(version, _)| *version);
     let known = known_schema();
     if found > known {
         return Err(Error::NewerSchema {
@@ -265,38 +313,50 @@ async fn inspect(path: &Path) -> Result<(SqliteConnection, i64), Error> {
             known,
         });
     }
+    for (version, checksum) in &migrations {
+        let ours = MIGRATOR.iter().find(|m| m.version == *version);
+        if ours.is_none_or(|ours| *ours.checksum != **checksum) {
+            return Err(Error::Migration {
+                path: path.to_owned(),
+                source: MigrateError::VersionMismatch(*version).into(),
+            });
+        }
+    }
     Ok((connection, found))
+}
+
+async fn is_wal(connection: &mut SqliteConnection, path: &Path) -> Result<bool, Error> {
+    let mode: String = sqlx::query_scalar("PRAGMA journal_mode")
+        .fetch_one(connection)
+        .await
+        .map_err(|e| Error::sqlite("read the journal's mode", path, e))?;
+    Ok(mode == "wal")
 }
 
 fn known_schema() -> i64 {
     MIGRATOR.iter().map(|m| m.version).max().unwrap_or(0)
 }
 
-async fn quick_check(connection: &mut SqliteConnection, path: &Path) -> Result<(), Error> {
-    let findings: Vec<String> = sqlx::query_scalar("PRAGMA quick_check(1)")
-        .fetch_all(connection)
+/// Brings the schema up to date, in one transaction: whatever happens meanwhile, the store has
+/// either its old schema or the new one.
+async fn migrate(connection: &mut SqliteConnection, path: &Path, found: i64) -> Result<(), Error> {
+    let failed = |e| Error::sqlite("bring the schema up to date", path, e);
+    let mut transaction = connection
+        .begin_with("BEGIN IMMEDIATE")
         .await
-        .map_err(|e| Error::sqlite("check its file", path, e))?;
-    if findings != ["ok"] {
-        return Err(Error::Damaged {
-            path: path.to_owned(),
-            detail: findings.join("; "),
-        });
-    }
-    Ok(())
-}
-
-async fn migrate(connection: &mut SqliteConnection, path: &Path) -> Result<(), Error> {
-    use sqlx::migrate::MigrateError;
-    MIGRATOR.run(connection).await.map_err(|e| match e {
-        MigrateError::Execute(e) | MigrateError::ExecuteMigration(e, _) => {
-            Error::sqlite("bring the schema up to date", path, e)
-        }
+        .map_err(failed)?;
+    MIGRATOR.run(&mut *transaction).await.map_err(|e| match e {
+        MigrateError::Execute(e) | MigrateError::ExecuteMigration(e, _) => failed(e),
         other => Error::Migration {
             path: path.to_owned(),
             source: other.into(),
         },
-    })
+    })?;
+    if found < FIRST_WITH_TALLIES {
+        tally::fill(&mut transaction, path).await?;
+    }
+    failpoints::at("store::migration");
+    transaction.commit().await.map_err(failed)
 }
 
 pub(crate) fn writing(path: &Path) -> SqliteConnectOptions {
@@ -307,14 +367,21 @@ pub(crate) fn writing(path: &Path) -> SqliteConnectOptions {
         .journal_mode(SqliteJournalMode::Wal)
         .synchronous(SqliteSynchronous::Full)
         .busy_timeout(BUSY_TIMEOUT)
+        // The writer moves the log into the file itself, after it has acknowledged; that it
+        // begins anew at no length lets its length tell how much there is to move.
+        .pragma("wal_autocheckpoint", "0")
+        .pragma("journal_size_limit", "0")
+        .disable_statement_logging()
 }
 
-fn reading(path: &Path) -> SqliteConnectOptions {
+pub(crate) fn reading(path: &Path) -> SqliteConnectOptions {
     SqliteConnectOptions::new()
         .filename(path)
         .read_only(true)
         .busy_timeout(BUSY_TIMEOUT)
         .row_buffer_size(ROW_BUFFER)
+        // A visit of all samples takes as long as its visitor, which is no statement's fault.
+        .disable_statement_logging()
 }
 
 async fn readers(path: &Path) -> Result<SqlitePool, Error> {
@@ -339,4 +406,113 @@ async fn close(connection: SqliteConnection, path: &Path) -> Result<(), Error> {
         .close()
         .await
         .map_err(|e| Error::sqlite("close its file", path, e))
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::rows::{Batch, DesignRow, SampleRow};
+
+    pub(crate) fn campaign() -> CampaignRow {
+        CampaignRow {
+            name: "n".into(),
+            file_text: String::new(),
+            digest: "d".into(),
+            seed: 1,
+            program_version: "0".into(),
+            model_digest: None,
+        }
+    }
+
+    pub(crate) fn samples(range: std::ops::Range<u64>) -> Batch {
+        let row = |sample| SampleRow {
+            design: 0,
+            sample,
+            delta_ste_um: 1.0,
+        };
+        Batch {
+            samples: range.map(row).collect(),
+            ..Batch::default()
+        }
+    }
+
+    /// A closed store of one design with so many samples.
+    pub(crate) async fn filled(path: &Path, count: u64) {
+        let store = Store::create_or_open(path, &campaign()).await.unwrap();
+        let design = DesignRow {
+            design: 0,
+            x_p: 0.0,
+            x_r: 0.0,
+            ha0_p: 0.0,
+            ha0_r: 0.0,
+            hf0_p: 0.0,
+            hf0_r: 0.0,
+        };
+        store.put_designs(&[design]).await.unwrap();
+        let writer = store.writer().unwrap();
+        writer.submit(samples(0..count)).await.unwrap();
+        store.pin_model_digest("abc").await.unwrap();
+        store.close().await.unwrap();
+    }
+
+    async fn open_as_if_large(path: &Path) -> Store {
+        Store::create_or_open_checking(path, &campaign(), |_| false, 0)
+            .await
+            .unwrap()
+    }
+
+    #[tokio::test]
+    async fn a_large_store_is_checked_while_it_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("campaign.db");
+        filled(&path, 10_000).await;
+        let store = open_as_if_large(&path).await;
+        assert_eq!(store.progress().await.unwrap().samples, 10_000);
+        store.checked().await.unwrap();
+        let writer = store.writer().unwrap();
+        let receipt = writer.submit(samples(9_000..11_000)).await.unwrap();
+        assert_eq!((receipt.new_rows, receipt.duplicate_rows), (1000, 1000));
+        store.close().await.unwrap();
+        assert!(!beside(&path, "-wal").exists());
+    }
+
+    #[tokio::test]
+    async fn nothing_is_written_to_a_damaged_large_store() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("campaign.db");
+        filled(&path, 10_000).await;
+        let mut bytes = fs::read(&path).unwrap();
+        // A page of samples: nothing on the way to opening.
+        let page = bytes.len() / 4096 - 20;
+        bytes[page * 4096..(page + 1) * 4096].fill(0xa5);
+        fs::write(&path, &bytes).unwrap();
+
+        let store = open_as_if_large(&path).await;
+        assert_eq!(store.campaign().await.unwrap().digest, "d");
+        // What is held already need not be written.
+        store.pin_model_digest("abc").await.unwrap();
+        let error = store
+            .writer()
+            .unwrap()
+            .submit(samples(20_000..20_001))
+            .await
+            .unwrap_err();
+        assert!(matches!(error, Error::Damaged { .. }), "{error}");
+        assert!(!error.is_refusal());
+        let error = store.checked().await.unwrap_err();
+        assert!(matches!(error, Error::Damaged { .. }), "{error}");
+        store.close().await.unwrap();
+        assert_eq!(fs::read(&path).unwrap(), bytes, "the file was changed");
+    }
+
+    #[tokio::test]
+    async fn a_small_store_has_been_checked_when_it_is_open() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("campaign.db");
+        filled(&path, 10_000).await;
+        let store = Store::create_or_open(&path, &campaign()).await.unwrap();
+        let checked = store.checked();
+        drop(store);
+        checked.await.unwrap();
+    }
 }

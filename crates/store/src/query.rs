@@ -5,20 +5,26 @@ use std::path::Path;
 
 use sqlx::SqliteExecutor;
 use sqlx::sqlite::{SqliteConnection, SqlitePool};
+use tokio_stream::StreamExt as _;
 
 use crate::Error;
+use crate::cause::first_line;
+use crate::digest::SamplesDigest;
 use crate::rows::{
-    CampaignRow, CriteriaRow, DesignRow, FailureKind, FailureRow, JobTimeRow, MissingWork,
-    ModelRow, OptimiserRunRow, OptimumRow, Progress, ResponseRow, VerifyRow,
+    CampaignRow, FailureGroup, FailureKind, FailureRow, MissingWork, ModelRow, OptimumRow,
+    Progress, ResponseRow, SampleRow,
 };
 
-pub(crate) async fn schema_version(connection: &mut SqliteConnection) -> Result<i64, sqlx::Error> {
-    let version = sqlx::query_scalar!(
-        r#"SELECT coalesce(max(version), 0) AS "v!: i64" FROM _sqlx_migrations"#
+/// The migrations that made the schema: version and checksum, the oldest first.
+pub(crate) async fn migrations(
+    connection: &mut SqliteConnection,
+) -> Result<Vec<(i64, Vec<u8>)>, sqlx::Error> {
+    let rows = sqlx::query!(
+        r#"SELECT version AS "version!: i64", checksum FROM _sqlx_migrations ORDER BY version"#
     )
-    .fetch_one(connection)
+    .fetch_all(connection)
     .await?;
-    Ok(version)
+    Ok(rows.into_iter().map(|r| (r.version, r.checksum)).collect())
 }
 
 pub(crate) async fn campaign(
@@ -46,120 +52,14 @@ pub(crate) async fn campaign(
     })
 }
 
-struct RawDesign {
-    design: i64,
-    x_p: f64,
-    x_r: f64,
-    ha0_p: f64,
-    ha0_r: f64,
-    hf0_p: f64,
-    hf0_r: f64,
-}
-
-impl From<RawDesign> for DesignRow {
-    fn from(r: RawDesign) -> Self {
-        Self {
-            design: index(r.design),
-            x_p: r.x_p,
-            x_r: r.x_r,
-            ha0_p: r.ha0_p,
-            ha0_r: r.ha0_r,
-            hf0_p: r.hf0_p,
-            hf0_r: r.hf0_r,
-        }
-    }
-}
-
-pub(crate) async fn designs(pool: &SqlitePool, path: &Path) -> Result<Vec<DesignRow>, Error> {
-    let rows = sqlx::query_as!(RawDesign, "SELECT * FROM design ORDER BY design")
-        .fetch_all(pool)
-        .await
-        .map_err(|e| Error::sqlite("read designs", path, e))?;
-    Ok(rows.into_iter().map(DesignRow::from).collect())
-}
-
-pub(crate) async fn design(
-    connection: &mut SqliteConnection,
-    path: &Path,
-    design: i64,
-) -> Result<DesignRow, Error> {
-    sqlx::query_as!(RawDesign, "SELECT * FROM design WHERE design = ?", design)
-        .fetch_one(connection)
-        .await
-        .map(DesignRow::from)
-        .map_err(|e| Error::sqlite("read a design", path, e))
-}
-
-struct RawCriteria {
-    design: i64,
-    feasible: i64,
-    reason: Option<String>,
-    contact_ratio: Option<f64>,
-    specific_sliding: Option<f64>,
-    hertz_pressure_mpa: Option<f64>,
-    hertz_pressure_worn_mpa: Option<f64>,
-    root_stress_mpa: Option<f64>,
-    clearance_p_mm: Option<f64>,
-    clearance_r_mm: Option<f64>,
-    flank_margin_p_mm: Option<f64>,
-    flank_margin_r_mm: Option<f64>,
-    delta_ste_um: Option<f64>,
-    delta_ste_archard_um: Option<f64>,
-}
-
-impl From<RawCriteria> for CriteriaRow {
-    fn from(r: RawCriteria) -> Self {
-        Self {
-            design: index(r.design),
-            feasible: r.feasible != 0,
-            reason: r.reason,
-            contact_ratio: r.contact_ratio,
-            specific_sliding: r.specific_sliding,
-            hertz_pressure_mpa: r.hertz_pressure_mpa,
-            hertz_pressure_worn_mpa: r.hertz_pressure_worn_mpa,
-            root_stress_mpa: r.root_stress_mpa,
-            clearance_p_mm: r.clearance_p_mm,
-            clearance_r_mm: r.clearance_r_mm,
-            flank_margin_p_mm: r.flank_margin_p_mm,
-            flank_margin_r_mm: r.flank_margin_r_mm,
-            delta_ste_um: r.delta_ste_um,
-            delta_ste_archard_um: r.delta_ste_archard_um,
-        }
-    }
-}
-
-pub(crate) async fn criteria(pool: &SqlitePool, path: &Path) -> Result<Vec<CriteriaRow>, Error> {
-    let rows = sqlx::query_as!(RawCriteria, "SELECT * FROM criteria ORDER BY design")
-        .fetch_all(pool)
-        .await
-        .map_err(|e| Error::sqlite("read criteria", path, e))?;
-    Ok(rows.into_iter().map(CriteriaRow::from).collect())
-}
-
-pub(crate) async fn criteria_of(
-    connection: &mut SqliteConnection,
-    path: &Path,
-    design: i64,
-) -> Result<CriteriaRow, Error> {
-    sqlx::query_as!(
-        RawCriteria,
-        "SELECT * FROM criteria WHERE design = ?",
-        design
-    )
-    .fetch_one(connection)
-    .await
-    .map(CriteriaRow::from)
-    .map_err(|e| Error::sqlite("read the criteria of a design", path, e))
-}
-
 pub(crate) async fn sampled_counts(
     pool: &SqlitePool,
     path: &Path,
 ) -> Result<Vec<(u64, u64)>, Error> {
     let rows = sqlx::query!(
-        r#"SELECT design.design, count(sample.design) AS "held!: i64"
-           FROM design LEFT JOIN sample ON sample.design = design.design
-           GROUP BY design.design ORDER BY design.design"#
+        r#"SELECT design.design, coalesce(design_tally.samples, 0) AS "held!: i64"
+           FROM design LEFT JOIN design_tally ON design_tally.design = design.design
+           ORDER BY design.design"#
     )
     .fetch_all(pool)
     .await
@@ -179,13 +79,19 @@ pub(crate) async fn missing_work(
     let failed = |e| Error::sqlite("look for missing work", path, e);
     // Beyond i64::MAX no sample can be stored, so nothing more could be missing or held.
     let limit = i64::try_from(wanted).unwrap_or(i64::MAX);
+    // Designs with every sample up to their last one, and enough of them, stay in the database.
     let rows = sqlx::query!(
         r#"SELECT design.design AS "design!: i64",
                   criteria.design IS NULL AS "without_criteria!: bool",
-                  (SELECT count(*) FROM sample
-                   WHERE sample.design = design.design AND sample.sample < ?1) AS "held!: i64"
-           FROM design LEFT JOIN criteria ON criteria.design = design.design
-           WHERE coalesce(criteria.feasible, 1) = 1
+                  coalesce(design_tally.samples, 0) AS "held!: i64",
+                  coalesce(design_tally.last_sample, -1) AS "last!: i64"
+           FROM design
+           LEFT JOIN criteria ON criteria.design = design.design
+           LEFT JOIN design_tally ON design_tally.design = design.design
+           WHERE criteria.design IS NULL
+              OR criteria.feasible = 1
+                 AND (coalesce(design_tally.samples, 0) < ?1
+                      OR design_tally.samples <= design_tally.last_sample)
            ORDER BY design.design"#,
         limit,
     )
@@ -195,16 +101,10 @@ pub(crate) async fn missing_work(
 
     let mut missing = Vec::new();
     for row in rows {
-        if !row.without_criteria && row.held >= limit {
-            continue;
-        }
-        let mut samples = Vec::new();
-        if row.held == 0 {
-            // The usual case on a fresh campaign, without a statement per design.
-            if wanted > 0 {
-                samples.push(0..wanted);
-            }
-        } else if row.held < limit {
+        let samples = if row.held > row.last {
+            // Without holes: nothing has to be read to know what is missing.
+            gaps(0..index(row.held), wanted)
+        } else {
             let held = sqlx::query_scalar!(
                 "SELECT sample FROM sample WHERE design = ? AND sample < ? ORDER BY sample",
                 row.design,
@@ -213,13 +113,15 @@ pub(crate) async fn missing_work(
             .fetch_all(pool)
             .await
             .map_err(failed)?;
-            samples = gaps(held.into_iter().map(index), wanted);
+            gaps(held.into_iter().map(index), wanted)
+        };
+        if row.without_criteria || !samples.is_empty() {
+            missing.push(MissingWork {
+                design: index(row.design),
+                criteria: row.without_criteria,
+                samples,
+            });
         }
-        missing.push(MissingWork {
-            design: index(row.design),
-            criteria: row.without_criteria,
-            samples,
-        });
     }
     Ok(missing)
 }
@@ -228,7 +130,7 @@ pub(crate) async fn missing_work(
 fn gaps(held: impl Iterator<Item = u64>, wanted: u64) -> Vec<Range<u64>> {
     let mut gaps = Vec::new();
     let mut next = 0;
-    for sample in held {
+    for sample in held.take_while(|sample| *sample < wanted) {
         if sample > next {
             gaps.push(next..sample);
         }
@@ -238,6 +140,64 @@ fn gaps(held: impl Iterator<Item = u64>, wanted: u64) -> Vec<Range<u64>> {
         gaps.push(next..wanted);
     }
     gaps
+}
+
+/// How many commits the store holds.
+pub(crate) async fn commits(connection: &mut SqliteConnection, path: &Path) -> Result<u64, Error> {
+    sqlx::query_scalar!("SELECT commits FROM tally")
+        .fetch_one(connection)
+        .await
+        .map(index)
+        .map_err(|e| Error::sqlite("read the tally", path, e))
+}
+
+/// The digest as the tally has it.
+pub(crate) async fn tally(
+    executor: impl SqliteExecutor<'_>,
+    path: &Path,
+) -> Result<SamplesDigest, Error> {
+    let digest = sqlx::query_scalar!("SELECT samples_digest FROM tally")
+        .fetch_one(executor)
+        .await
+        .map_err(|e| Error::sqlite("read the tally", path, e))?;
+    let bytes = <&[u8; 32]>::try_from(digest.as_slice()).map_err(|_| Error::Damaged {
+        path: path.to_owned(),
+        detail: format!("the digest of its samples has {} bytes", digest.len()),
+    })?;
+    Ok(SamplesDigest::from_bytes(bytes))
+}
+
+pub(crate) async fn visit_samples<E: From<Error>>(
+    executor: impl SqliteExecutor<'_>,
+    path: &Path,
+    mut visit: impl FnMut(SampleRow) -> Result<(), E>,
+) -> Result<(), E> {
+    let mut rows =
+        sqlx::query!("SELECT design, sample, delta_ste_um FROM sample ORDER BY design, sample")
+            .fetch(executor);
+    while let Some(row) = rows.next().await {
+        let row = row.map_err(|e| Error::sqlite("read samples", path, e))?;
+        visit(SampleRow {
+            design: index(row.design),
+            sample: index(row.sample),
+            delta_ste_um: row.delta_ste_um,
+        })?;
+    }
+    Ok(())
+}
+
+pub(crate) async fn verify_counts(
+    pool: &SqlitePool,
+    path: &Path,
+) -> Result<Vec<(String, u64)>, Error> {
+    let rows = sqlx::query!("SELECT approach, samples FROM verify_tally ORDER BY approach")
+        .fetch_all(pool)
+        .await
+        .map_err(|e| Error::sqlite("count verification samples", path, e))?;
+    Ok(rows
+        .into_iter()
+        .map(|r| (r.approach, index(r.samples)))
+        .collect())
 }
 
 pub(crate) async fn samples_of(
@@ -307,29 +267,6 @@ pub(crate) async fn models(pool: &SqlitePool, path: &Path) -> Result<Vec<ModelRo
     .map_err(|e| Error::sqlite("read models", path, e))
 }
 
-pub(crate) async fn optimiser_runs(
-    pool: &SqlitePool,
-    path: &Path,
-) -> Result<Vec<OptimiserRunRow>, Error> {
-    let rows = sqlx::query!(
-        "SELECT approach, start, result_json, simulator_calls, cpu_seconds
-         FROM optimiser_run ORDER BY approach, start"
-    )
-    .fetch_all(pool)
-    .await
-    .map_err(|e| Error::sqlite("read optimiser runs", path, e))?;
-    Ok(rows
-        .into_iter()
-        .map(|r| OptimiserRunRow {
-            approach: r.approach,
-            start: index(r.start),
-            result_json: r.result_json,
-            simulator_calls: index(r.simulator_calls),
-            cpu_seconds: r.cpu_seconds,
-        })
-        .collect())
-}
-
 pub(crate) async fn optima(pool: &SqlitePool, path: &Path) -> Result<Vec<OptimumRow>, Error> {
     let rows = sqlx::query!(
         "SELECT approach, x_json, criterion_um, feasible, criteria_json, simulator_calls,
@@ -354,43 +291,6 @@ pub(crate) async fn optima(pool: &SqlitePool, path: &Path) -> Result<Vec<Optimum
         .collect())
 }
 
-pub(crate) async fn verify_samples(
-    pool: &SqlitePool,
-    path: &Path,
-    approach: &str,
-) -> Result<Vec<VerifyRow>, Error> {
-    let rows = sqlx::query!(
-        "SELECT approach, sample, delta_ste_um FROM verify_sample
-         WHERE approach = ? ORDER BY sample",
-        approach,
-    )
-    .fetch_all(pool)
-    .await
-    .map_err(|e| Error::sqlite("read verification samples", path, e))?;
-    Ok(rows
-        .into_iter()
-        .map(|r| VerifyRow {
-            approach: r.approach,
-            sample: index(r.sample),
-            delta_ste_um: r.delta_ste_um,
-        })
-        .collect())
-}
-
-pub(crate) async fn job_times(pool: &SqlitePool, path: &Path) -> Result<Vec<JobTimeRow>, Error> {
-    let rows = sqlx::query!("SELECT job, cpu_seconds FROM job_time ORDER BY job")
-        .fetch_all(pool)
-        .await
-        .map_err(|e| Error::sqlite("read what jobs cost", path, e))?;
-    Ok(rows
-        .into_iter()
-        .map(|r| JobTimeRow {
-            job: r.job.cast_unsigned(),
-            cpu_seconds: r.cpu_seconds,
-        })
-        .collect())
-}
-
 pub(crate) async fn failures(pool: &SqlitePool, path: &Path) -> Result<Vec<FailureRow>, Error> {
     let rows = sqlx::query!(
         r#"SELECT job, attempt AS "attempt: u32", worker, kind, error, at_unix_ms
@@ -405,15 +305,45 @@ pub(crate) async fn failures(pool: &SqlitePool, path: &Path) -> Result<Vec<Failu
                 job: r.job,
                 attempt: r.attempt,
                 worker: r.worker,
-                kind: FailureKind::parse(&r.kind).ok_or(Error::UnknownValue {
-                    column: "failure.kind",
-                    value: r.kind,
-                })?,
+                kind: kind(r.kind)?,
                 error: r.error,
                 at_unix_ms: r.at_unix_ms,
             })
         })
         .collect()
+}
+
+pub(crate) async fn failure_groups(
+    pool: &SqlitePool,
+    path: &Path,
+) -> Result<Vec<FailureGroup>, Error> {
+    let rows = sqlx::query!(
+        r#"SELECT failure_tally.kind, cause, failures, job, worker, error
+           FROM failure_tally JOIN failure ON failure = last_failure
+           ORDER BY failure_tally.kind, cause"#
+    )
+    .fetch_all(pool)
+    .await
+    .map_err(|e| Error::sqlite("read the causes of failures", path, e))?;
+    rows.into_iter()
+        .map(|r| {
+            Ok(FailureGroup {
+                kind: kind(r.kind)?,
+                cause: r.cause,
+                count: index(r.failures),
+                last_error: first_line(&r.error).to_owned(),
+                last_job: r.job,
+                last_worker: r.worker,
+            })
+        })
+        .collect()
+}
+
+fn kind(text: String) -> Result<FailureKind, Error> {
+    FailureKind::parse(&text).ok_or(Error::UnknownValue {
+        column: "failure.kind",
+        value: text,
+    })
 }
 
 pub(crate) async fn progress(pool: &SqlitePool, path: &Path) -> Result<Progress, Error> {
@@ -422,13 +352,13 @@ pub(crate) async fn progress(pool: &SqlitePool, path: &Path) -> Result<Progress,
         r#"SELECT (SELECT count(*) FROM design) AS "designs!: i64",
                   (SELECT count(*) FROM criteria) AS "criteria_done!: i64",
                   (SELECT count(*) FROM criteria WHERE feasible = 1) AS "feasible!: i64",
-                  (SELECT count(*) FROM sample) AS "samples!: i64",
+                  (SELECT samples FROM tally) AS "samples!: i64",
                   (SELECT count(*) FROM response) AS "responses!: i64",
                   (SELECT count(*) FROM model) AS "models!: i64",
                   (SELECT count(*) FROM optimiser_run) AS "optimiser_runs!: i64",
                   (SELECT count(*) FROM optimum) AS "optima!: i64",
-                  (SELECT count(*) FROM verify_sample) AS "verify_samples!: i64",
-                  (SELECT count(*) FROM failure) AS "failures!: i64""#
+                  (SELECT coalesce(sum(samples), 0) FROM verify_tally) AS "verify_samples!: i64",
+                  (SELECT coalesce(sum(failures), 0) FROM failure_tally) AS "failures!: i64""#
     )
     .fetch_one(pool)
     .await

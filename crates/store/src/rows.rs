@@ -155,7 +155,7 @@ pub struct VerifyRow {
 }
 
 /// How a job went wrong.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum FailureKind {
     /// Its worker vanished while it ran.
     Crash,
@@ -196,6 +196,24 @@ pub struct FailureRow {
     pub error: String,
     /// When, in milliseconds since 1970 (UTC), if the caller wants that kept.
     pub at_unix_ms: Option<i64>,
+}
+
+/// Failures of one kind with one cause.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FailureGroup {
+    /// How the jobs went wrong.
+    pub kind: FailureKind,
+    /// The first line of what was reported, with `#` in the place of every number and cut after
+    /// some 200 bytes: what the failures of the group have in common.
+    pub cause: String,
+    /// How many there are.
+    pub count: u64,
+    /// The first line of what was reported last, numbers included.
+    pub last_error: String,
+    /// The job of the last one.
+    pub last_job: String,
+    /// The worker of the last one.
+    pub last_worker: String,
 }
 
 /// What a job cost.

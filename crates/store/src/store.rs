@@ -1,17 +1,17 @@
 //! The handle through which everyone reads, and through which the stages store their results.
 
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use sha2::{Digest as _, Sha256};
 use sqlx::sqlite::SqlitePool;
-use tokio_stream::StreamExt as _;
 
 use crate::Error;
+use crate::check::Verdict;
+use crate::digest::SamplesDigest;
+use crate::keyed;
 use crate::query;
 use crate::rows::{
-    CampaignRow, CriteriaRow, DesignRow, FailureRow, JobTimeRow, MissingWork, ModelRow,
-    OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow, SampleRow, VerifyRow,
+    CampaignRow, CriteriaRow, DesignRow, FailureGroup, FailureRow, JobTimeRow, MissingWork,
+    ModelRow, OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow, SampleRow, VerifyRow,
 };
 use crate::writer::{Rows, Writer};
 
@@ -26,6 +26,7 @@ pub struct Store {
     pub(crate) readers: SqlitePool,
     /// `None` when opened for reading.
     pub(crate) writer: Option<Writer>,
+    pub(crate) verdict: Verdict,
 }
 
 impl Store {
@@ -41,6 +42,17 @@ impl Store {
     /// [`Error::ReadOnly`].
     pub fn writer(&self) -> Result<Writer, Error> {
         self.writer.clone().ok_or(Error::ReadOnly)
+    }
+
+    /// Waits until the file is known to be sound, which a small one is when it is open. Stop at an
+    /// error: nothing can be written any more, and nothing has been. Always true of a store that
+    /// was opened for reading, which is not checked.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Damaged`], or [`Error::Sqlite`] when the check could not be made.
+    pub fn checked(&self) -> impl Future<Output = Result<(), Error>> + Send + use<> {
+        self.verdict.clone().reached()
     }
 
     /// Commits what was submitted, moves the log into the file and gives the lock back.
@@ -71,6 +83,10 @@ impl Store {
     ///
     /// [`Error::ModelDigestConflict`] when another digest is held.
     pub async fn pin_model_digest(&self, digest: &str) -> Result<(), Error> {
+        // The usual case at a restart, and no reason to wait for the check of a large file.
+        if self.writer.is_some() && self.campaign().await?.model_digest.as_deref() == Some(digest) {
+            return Ok(());
+        }
         self.put(Rows::ModelDigest(digest.to_owned()))
             .await
             .map(drop)
@@ -78,7 +94,7 @@ impl Store {
 
     /// All designs.
     pub async fn designs(&self) -> Result<Vec<DesignRow>, Error> {
-        query::designs(&self.readers, &self.path).await
+        keyed::all(&self.readers, &self.path).await
     }
 
     /// Stores designs, all or none; first write wins.
@@ -92,7 +108,7 @@ impl Store {
 
     /// The criteria of all designs that have them.
     pub async fn criteria(&self) -> Result<Vec<CriteriaRow>, Error> {
-        query::criteria(&self.readers, &self.path).await
+        keyed::all(&self.readers, &self.path).await
     }
 
     /// How many samples each design has, as (design, samples), designs without any included.
@@ -119,41 +135,39 @@ impl Store {
     /// The first error of `visit`, at which the visit ends, or the store's own.
     pub async fn visit_samples<E: From<Error>>(
         &self,
-        mut visit: impl FnMut(SampleRow) -> Result<(), E>,
+        visit: impl FnMut(SampleRow) -> Result<(), E>,
     ) -> Result<(), E> {
-        let mut rows =
-            sqlx::query!("SELECT design, sample, delta_ste_um FROM sample ORDER BY design, sample")
-                .fetch(&self.readers);
-        while let Some(row) = rows.next().await {
-            let row = row.map_err(|e| Error::sqlite("read samples", &self.path, e))?;
-            visit(SampleRow {
-                design: query::index(row.design),
-                sample: query::index(row.sample),
-                delta_ste_um: row.delta_ste_um,
-            })?;
-        }
-        Ok(())
+        query::visit_samples(&self.readers, &self.path, visit).await
     }
 
-    /// SHA-256, in hex, over all samples in the order of their keys: design and sample as 64-bit
-    /// little-endian integers, then the bits of ΔSTE in µm, little-endian.
+    /// The digest of all samples, as 64 hex digits; read, not computed.
     ///
-    /// Equal for every run of one campaign file with one version of the program.
+    /// Equal for every run of one campaign file with one version of the program, in whatever order
+    /// the samples came: it is the sum modulo 2²⁵⁶ over all samples of the SHA-256 of design and
+    /// sample as 64-bit little-endian integers and of the bits of ΔSTE in µm, little-endian. A
+    /// hash is read as a little-endian number, and the sum is shown by its bytes in the same
+    /// order, so that the digest of a single sample is its SHA-256 and that of none is all zeros.
+    ///
+    /// The sum is carried on by the transactions that store samples. It is a checksum against
+    /// accidents, such as samples that differ, are lost or are there twice. It is not a signature:
+    /// somebody who may choose samples freely can make two tables with one sum.
     pub async fn samples_digest(&self) -> Result<String, Error> {
-        let mut hash = Sha256::new();
+        query::tally(&self.readers, &self.path)
+            .await
+            .map(SamplesDigest::to_hex)
+    }
+
+    /// [`samples_digest`](Store::samples_digest) as the samples themselves have it, which takes a
+    /// reading of all of them. A difference says that the store's file was changed by something
+    /// else than this program.
+    pub async fn recompute_samples_digest(&self) -> Result<String, Error> {
+        let mut digest = SamplesDigest::default();
         self.visit_samples(|row| {
-            hash.update(row.design.to_le_bytes());
-            hash.update(row.sample.to_le_bytes());
-            hash.update(row.delta_ste_um.to_bits().to_le_bytes());
+            digest += SamplesDigest::of(row.design, row.sample, row.delta_ste_um);
             Ok::<(), Error>(())
         })
         .await?;
-        let mut hex = String::with_capacity(64);
-        for byte in hash.finalize() {
-            // Writing to a string cannot fail.
-            let _ = write!(hex, "{byte:02x}");
-        }
-        Ok(hex)
+        Ok(digest.to_hex())
     }
 
     /// The responses of all designs that have one.
@@ -183,7 +197,7 @@ impl Store {
 
     /// All optimiser runs, by approach and then by start.
     pub async fn optimiser_runs(&self) -> Result<Vec<OptimiserRunRow>, Error> {
-        query::optimiser_runs(&self.readers, &self.path).await
+        keyed::all(&self.readers, &self.path).await
     }
 
     /// All optima.
@@ -198,12 +212,41 @@ impl Store {
 
     /// The samples at the optimum of one approach.
     pub async fn verify_samples(&self, approach: &str) -> Result<Vec<VerifyRow>, Error> {
-        query::verify_samples(&self.readers, &self.path, approach).await
+        keyed::all_of(&self.readers, &self.path, approach).await
+    }
+
+    /// How many samples there are at the optimum of each approach that has any, by approach.
+    pub async fn verify_counts(&self) -> Result<Vec<(String, u64)>, Error> {
+        query::verify_counts(&self.readers, &self.path).await
+    }
+
+    /// Puts a larger campaign in the place of the one held, and clears what
+    /// [`clear_derived`](Store::clear_derived) does, all or nothing. Designs, criteria and samples
+    /// stay: what is missing for the larger campaign is found as after any other start.
+    ///
+    /// Name, text and digest of `campaign` are taken; the versions of program and model stay those
+    /// that filled the store. Whether the campaign is a legal extension is the caller's to decide,
+    /// in [`create_or_open_with`](Store::create_or_open_with).
+    ///
+    /// # Errors
+    ///
+    /// [`Error::OtherSeed`]: the samples held would not be samples of that campaign.
+    pub async fn extend(&self, campaign: &CampaignRow, derived: &[&str]) -> Result<(), Error> {
+        self.put(Rows::Extension(campaign.clone(), owned(derived)))
+            .await
+            .map(drop)
+    }
+
+    /// Removes, all or nothing, what was derived from the samples: all responses and all models,
+    /// and of the named approaches the optimiser runs, the optima and their verification samples.
+    /// For fitting again when samples came late.
+    pub async fn clear_derived(&self, approaches: &[&str]) -> Result<(), Error> {
+        self.put(Rows::Clearing(owned(approaches))).await.map(drop)
     }
 
     /// What the finished jobs cost, by number.
     pub async fn job_times(&self) -> Result<Vec<JobTimeRow>, Error> {
-        query::job_times(&self.readers, &self.path).await
+        keyed::all(&self.readers, &self.path).await
     }
 
     /// Everything that went wrong, in the order in which it was stored.
@@ -211,7 +254,12 @@ impl Store {
         query::failures(&self.readers, &self.path).await
     }
 
-    /// How far the campaign is.
+    /// What went wrong, grouped by kind and cause: by kind, and then by the cause's text.
+    pub async fn failure_groups(&self) -> Result<Vec<FailureGroup>, Error> {
+        query::failure_groups(&self.readers, &self.path).await
+    }
+
+    /// How far the campaign is. Counts designs, but no samples: those are tallied.
     pub async fn progress(&self) -> Result<Progress, Error> {
         query::progress(&self.readers, &self.path).await
     }
@@ -219,4 +267,8 @@ impl Store {
     async fn put(&self, rows: Rows) -> Result<Receipt, Error> {
         self.writer.as_ref().ok_or(Error::ReadOnly)?.put(rows).await
     }
+}
+
+fn owned(names: &[&str]) -> Vec<String> {
+    names.iter().map(|name| (*name).to_owned()).collect()
 }

@@ -6,22 +6,26 @@
 //! bottleneck. The task is nobody's child: a caller that goes away while it waits does not stop a
 //! transaction half-way.
 
-use std::fs::File;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
 use sqlx::{Connection as _, Executor as _};
 use tokio::sync::{mpsc, oneshot};
 
-use crate::rows::{Batch, DesignRow, ModelRow, OptimumRow, Receipt, ResponseRow};
-use crate::{Error, insert, open};
+use crate::check::Verdict;
+use crate::lock::Lock;
+use crate::rows::{Batch, CampaignRow, DesignRow, ModelRow, OptimumRow, Receipt, ResponseRow};
+use crate::{Error, failpoints, insert, open, tally};
 
 /// Batches that wait for the writer before `submit` makes its callers wait.
-const QUEUE: usize = 256;
+const QUEUE: usize = 1024;
 
 /// A group is closed when it has this many rows: what keeps acknowledgements from waiting for
 /// ever longer transactions.
 const GROUP_ROWS: usize = 20_000;
+
+/// Bytes after which the log is moved into the file: a thousand pages, as SQLite does by itself.
+const LONG_LOG: u64 = 4 << 20;
 
 /// A handle of the writing task; clones share it.
 #[derive(Debug, Clone)]
@@ -45,6 +49,8 @@ impl Writer {
     ///   safe, also when it did reach the disk after all.
     /// - [`Error::Closed`] after [`Store::close`](crate::Store::close).
     pub async fn submit(&self, batch: Batch) -> Result<Receipt, Error> {
+        // Before it takes a place in the queue, and before it can hold up a group.
+        insert::check(&batch)?;
         self.put(Rows::Batch(batch)).await
     }
 
@@ -77,15 +83,32 @@ pub(crate) enum Rows {
     Model(ModelRow),
     Optimum(OptimumRow),
     ModelDigest(String),
+    Extension(CampaignRow, Vec<String>),
+    Clearing(Vec<String>),
 }
 
 impl Rows {
+    fn batch(&self) -> Option<&Batch> {
+        match self {
+            Self::Batch(batch) => Some(batch),
+            _ => None,
+        }
+    }
+
+    fn is_batch(&self) -> bool {
+        self.batch().is_some()
+    }
+
     fn len(&self) -> usize {
         match self {
             Self::Batch(batch) => batch.len(),
             Self::Designs(rows) => rows.len(),
             Self::Responses(rows) => rows.len(),
-            Self::Model(_) | Self::Optimum(_) | Self::ModelDigest(_) => 1,
+            Self::Model(_)
+            | Self::Optimum(_)
+            | Self::ModelDigest(_)
+            | Self::Extension(..)
+            | Self::Clearing(_) => 1,
         }
     }
 }
@@ -107,28 +130,36 @@ type Ack = oneshot::Sender<Result<Receipt, Error>>;
 pub(crate) fn spawn(
     path: PathBuf,
     options: SqliteConnectOptions,
-    connection: SqliteConnection,
-    lock: File,
+    connection: Option<SqliteConnection>,
+    verdict: Verdict,
+    lock: Lock,
 ) -> Writer {
     let (queue, commands) = mpsc::channel(QUEUE);
     let task = Task {
+        log: open::beside(&path, "-wal"),
         path,
         options,
-        connection: Some(connection),
+        connection,
+        verdict,
+        lock,
     };
-    tokio::spawn(task.run(commands, lock));
+    tokio::spawn(task.run(commands));
     Writer { queue }
 }
 
 struct Task {
     path: PathBuf,
+    log: PathBuf,
     options: SqliteConnectOptions,
-    /// `None` after a failed transaction, of whose state nothing is then assumed.
+    /// `None` before the file is known to be sound, and after a failed transaction, of whose state
+    /// nothing is then assumed.
     connection: Option<SqliteConnection>,
+    verdict: Verdict,
+    lock: Lock,
 }
 
 impl Task {
-    async fn run(mut self, mut commands: mpsc::Receiver<Command>, lock: File) {
+    async fn run(mut self, mut commands: mpsc::Receiver<Command>) {
         let mut closing = None;
         while closing.is_none() {
             let Some(mut command) = commands.recv().await else {
@@ -160,7 +191,7 @@ impl Task {
             }
         }
         let result = self.finish().await;
-        drop(lock);
+        drop(self.lock);
         if let Some(ack) = closing {
             // Whoever closed may have stopped waiting.
             let _ = ack.send(result);
@@ -185,11 +216,28 @@ impl Task {
             // A caller that stopped waiting asks again, and is then told of duplicates.
             let _ = ack.send(answer);
         }
+        self.shorten_log().await;
+    }
+
+    /// Moves the log into the file when it has grown long; nobody waits for that.
+    async fn shorten_log(&mut self) {
+        let long = std::fs::metadata(&self.log).is_ok_and(|log| log.len() > LONG_LOG);
+        let Some(connection) = self.connection.as_mut().filter(|_| long) else {
+            return;
+        };
+        failpoints::during("store::checkpoint");
+        // Passive: what readers still need stays in the log, and moves another time.
+        let result = connection.execute("PRAGMA wal_checkpoint(PASSIVE)").await;
+        if let Err(error) = result {
+            // Nothing is lost, the log holds it.
+            tracing::warn!(%error, "the log could not be moved into the store's file");
+        }
     }
 
     /// One transaction. The outer error means that nothing was stored; an inner one that one
     /// batch was refused and the others were stored.
     async fn transaction(&mut self, group: &[Rows]) -> Result<Vec<Result<Receipt, Error>>, Error> {
+        self.verdict.clone().reached().await?;
         let path = &self.path;
         let failed = |doing| move |e| Error::sqlite(doing, path, e);
         let connection = match &mut self.connection {
@@ -203,47 +251,37 @@ impl Task {
             .await
             .map_err(failed("begin a transaction"))?;
         let mut answers = Vec::with_capacity(group.len());
-        for rows in group {
-            connection
-                .execute("SAVEPOINT batch")
-                .await
-                .map_err(failed("set a savepoint"))?;
-            let answer = match rows {
-                Rows::Batch(batch) => insert::batch(connection, path, batch).await,
-                Rows::Designs(rows) => insert::designs(connection, path, rows).await,
-                Rows::Responses(rows) => insert::responses(connection, path, rows).await,
-                Rows::Model(row) => insert::model(connection, path, row).await,
-                Rows::Optimum(row) => insert::optimum(connection, path, row).await,
-                Rows::ModelDigest(digest) => insert::model_digest(connection, path, digest).await,
-            };
-            match &answer {
-                Ok(_) => {}
-                Err(error) if error.is_refusal() => {
-                    connection
-                        .execute("ROLLBACK TO batch")
-                        .await
-                        .map_err(failed("go back to a savepoint"))?;
+        for run in group.chunk_by(|a, b| a.is_batch() && b.is_batch()) {
+            // All of it at once, and when somebody in it is refused, each on its own.
+            let mut pieces = vec![run];
+            while let Some(rows) = pieces.pop() {
+                match store(connection, path, rows).await? {
+                    Ok(receipts) => answers.extend(receipts.into_iter().map(Ok)),
+                    Err(_) if rows.len() > 1 => pieces.extend(rows.chunks(1).rev()),
+                    Err(refusal) => answers.push(Err(refusal)),
                 }
-                Err(error) => return Err(error.clone()),
             }
-            connection
-                .execute("RELEASE batch")
-                .await
-                .map_err(failed("release a savepoint"))?;
-            answers.push(answer);
         }
+        let commits = tally::count_commit(connection, path).await?;
+        failpoints::at("store::before_commit");
         connection
             .execute("COMMIT")
             .await
             .map_err(failed("commit"))?;
+        if let Err(error) = self.lock.record(commits) {
+            // Only the check against a log that is cut later is the worse for it.
+            tracing::warn!(%error, "the commit could not be noted");
+        }
+        failpoints::at("store::after_commit");
         Ok(answers)
     }
 
     async fn finish(&mut self) -> Result<(), Error> {
-        // After a failed transaction the log is left to the next opening.
+        // Nothing was written, or a transaction failed: the log is left to the next opening.
         let Some(mut connection) = self.connection.take() else {
             return Ok(());
         };
+        failpoints::during("store::checkpoint");
         // A reader elsewhere may keep part of the log in use: that is reported in the
         // statement's row, not as an error, and costs nothing but the log's size.
         connection
@@ -257,63 +295,81 @@ impl Task {
     }
 }
 
+/// Stores rows of one kind, all or none. The outer error means that the transaction is lost; the
+/// inner one that these rows were refused and left no trace.
+async fn store(
+    connection: &mut SqliteConnection,
+    path: &Path,
+    rows: &[Rows],
+) -> Result<Result<Vec<Receipt>, Error>, Error> {
+    connection
+        .execute("SAVEPOINT rows")
+        .await
+        .map_err(|e| Error::sqlite("set a savepoint", path, e))?;
+    let answer = match rows {
+        [Rows::Designs(rows)] => insert::designs(connection, path, rows).await.map(one),
+        [Rows::Responses(rows)] => insert::responses(connection, path, rows).await.map(one),
+        [Rows::Model(row)] => insert::model(connection, path, row).await.map(one),
+        [Rows::Optimum(row)] => insert::optimum(connection, path, row).await.map(one),
+        [Rows::ModelDigest(digest)] => insert::model_digest(connection, path, digest)
+            .await
+            .map(one),
+        [Rows::Extension(campaign, derived)] => {
+            insert::extension(connection, path, campaign, derived)
+                .await
+                .map(one)
+        }
+        [Rows::Clearing(approaches)] => insert::clear(connection, path, approaches).await.map(one),
+        batches => {
+            let batches: Vec<&Batch> = batches.iter().filter_map(Rows::batch).collect();
+            insert::batches(connection, path, &batches).await
+        }
+    };
+    match &answer {
+        Ok(_) => {}
+        Err(error) if error.is_refusal() => {
+            connection
+                .execute("ROLLBACK TO rows")
+                .await
+                .map_err(|e| Error::sqlite("go back to a savepoint", path, e))?;
+        }
+        Err(error) => return Err(error.clone()),
+    }
+    connection
+        .execute("RELEASE rows")
+        .await
+        .map_err(|e| Error::sqlite("release a savepoint", path, e))?;
+    Ok(answer)
+}
+
+fn one(receipt: Receipt) -> Vec<Receipt> {
+    vec![receipt]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rows::{CampaignRow, SampleRow};
+    use crate::open::tests::{campaign, filled, samples};
     use crate::store::Store;
-
-    fn samples(range: std::ops::Range<u64>) -> Batch {
-        let samples = range
-            .map(|sample| SampleRow {
-                design: 0,
-                sample,
-                delta_ste_um: 1.0,
-            })
-            .collect();
-        Batch {
-            samples,
-            ..Batch::default()
-        }
-    }
 
     #[tokio::test]
     async fn a_full_disk_loses_nothing_that_was_acknowledged() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("campaign.db");
-        let campaign = CampaignRow {
-            name: "n".into(),
-            file_text: String::new(),
-            digest: "d".into(),
-            seed: 1,
-            program_version: "0".into(),
-            model_digest: None,
-        };
-        let store = Store::create_or_open(&path, &campaign).await.unwrap();
-        let design = DesignRow {
-            design: 0,
-            x_p: 0.0,
-            x_r: 0.0,
-            ha0_p: 0.0,
-            ha0_r: 0.0,
-            hf0_p: 0.0,
-            hf0_r: 0.0,
-        };
-        store.put_designs(&[design]).await.unwrap();
-        store
-            .writer()
-            .unwrap()
-            .submit(samples(0..100))
-            .await
-            .unwrap();
-        store.close().await.unwrap();
+        filled(&path, 100).await;
 
         // Room for ten more pages of 4096 bytes: some 2000 samples.
         let pages = std::fs::metadata(&path).unwrap().len() / 4096 + 10;
         let options = open::writing(&path).pragma("max_page_count", pages.to_string());
         let connection = open::connect(&options, &path).await.unwrap();
-        let lock = File::create(folder.path().join("lock")).unwrap();
-        let writer = spawn(path.clone(), options, connection, lock);
+        let lock = Lock::take(&path).unwrap();
+        let writer = spawn(
+            path.clone(),
+            options,
+            Some(connection),
+            Verdict::sound(),
+            lock,
+        );
         let error = writer.submit(samples(100..20_000)).await.unwrap_err();
         assert!(matches!(error, Error::DiskFull { .. }), "{error}");
         assert!(!error.is_refusal(), "the batch may be submitted again");
@@ -323,7 +379,7 @@ mod tests {
         );
         writer.close().await.unwrap();
 
-        let store = Store::create_or_open(&path, &campaign).await.unwrap();
+        let store = Store::create_or_open(&path, &campaign()).await.unwrap();
         assert_eq!(store.samples_of(0).await.unwrap().len(), 200);
     }
 }

@@ -1,11 +1,18 @@
 //! The store on real files.
 
+mod damage;
+mod extending;
+#[cfg(all(unix, feature = "failpoints"))]
+mod failpoints;
 mod reading;
 mod refusal;
+mod schemas;
 mod writing;
 
 use std::path::{Path, PathBuf};
 
+use sqlx::Connection as _;
+use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
 use store::{Batch, CampaignRow, CriteriaRow, DesignRow, SampleRow, Store};
 use tempfile::TempDir;
 
@@ -102,4 +109,24 @@ fn beside(path: &Path, suffix: &str) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(suffix);
     name.into()
+}
+
+/// The newest schema that the program knows, going by the migrations' names.
+fn newest_migration() -> i64 {
+    let migrations = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../migrations");
+    std::fs::read_dir(migrations)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .filter_map(|name| name.split('_').next()?.parse().ok())
+        .max()
+        .unwrap()
+}
+
+async fn execute(path: &Path, sql: &'static str) {
+    let options = SqliteConnectOptions::new()
+        .filename(path)
+        .create_if_missing(true);
+    let mut connection = SqliteConnection::connect_with(&options).await.unwrap();
+    sqlx::raw_sql(sql).execute(&mut connection).await.unwrap();
+    connection.close().await.unwrap();
 }

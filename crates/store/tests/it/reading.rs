@@ -2,8 +2,8 @@
 
 use sha2::{Digest as _, Sha256};
 use store::{
-    Batch, Error, FailureKind, FailureRow, JobTimeRow, MissingWork, ModelRow, OptimiserRunRow,
-    OptimumRow, Progress, Receipt, ResponseRow, SampleRow, Store, VerifyRow,
+    Batch, Error, FailureGroup, FailureKind, FailureRow, JobTimeRow, MissingWork, ModelRow,
+    OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow, SampleRow, Store, VerifyRow,
 };
 
 use crate::{campaign, design, feasible, folder, infeasible, open, sample, samples, store_with};
@@ -271,21 +271,30 @@ async fn missing_work_is_what_a_restart_has_to_do() {
     assert_eq!(counts, [(0, 6), (1, 0), (2, 2), (3, 2), (4, 1), (5, 0)]);
 }
 
+/// The sum of the hashes, byte by byte as one adds on paper.
+fn documented_digest(rows: &[SampleRow]) -> String {
+    let mut sum = [0_u8; 32];
+    for row in rows {
+        let mut bytes = Vec::new();
+        bytes.extend(row.design.to_le_bytes());
+        bytes.extend(row.sample.to_le_bytes());
+        bytes.extend(row.delta_ste_um.to_le_bytes());
+        let mut carry = 0;
+        for (sum, byte) in sum.iter_mut().zip(Sha256::digest(&bytes)) {
+            let total = u16::from(*sum) + u16::from(byte) + carry;
+            *sum = (total & 0xff) as u8;
+            carry = total >> 8;
+        }
+    }
+    sum.iter().map(|b| format!("{b:02x}")).collect()
+}
+
 #[tokio::test]
 async fn the_digest_is_the_documented_one_whatever_the_order() {
     let rows: Vec<SampleRow> = (0..7)
         .flat_map(|d| (0..300).map(move |s| sample(d, s, (d * 1000 + s) as f64 / 7.0)))
         .collect();
-    let mut bytes = Vec::new();
-    for row in &rows {
-        bytes.extend(row.design.to_le_bytes());
-        bytes.extend(row.sample.to_le_bytes());
-        bytes.extend(row.delta_ste_um.to_le_bytes());
-    }
-    let expected: String = Sha256::digest(&bytes)
-        .iter()
-        .map(|b| format!("{b:02x}"))
-        .collect();
+    let expected = documented_digest(&rows);
 
     let mut shuffled = rows.clone();
     // A permutation: 1201 is coprime to 2100.
@@ -300,16 +309,153 @@ async fn the_digest_is_the_documented_one_whatever_the_order() {
             writer.submit(samples(chunk.iter().copied())).await.unwrap();
         }
         assert_eq!(store.samples_digest().await.unwrap(), expected);
+        assert_eq!(store.recompute_samples_digest().await.unwrap(), expected);
     }
 }
 
 #[tokio::test]
-async fn the_digest_of_nothing_is_that_of_no_bytes() {
+async fn the_digest_of_nothing_is_nought() {
     let (_folder, path) = folder();
     let store = open(&path).await;
-    // FIPS 180-4, the empty message.
-    let empty = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855";
-    assert_eq!(store.samples_digest().await.unwrap(), empty);
+    assert_eq!(store.samples_digest().await.unwrap(), "0".repeat(64));
+    assert_eq!(
+        store.recompute_samples_digest().await.unwrap(),
+        "0".repeat(64)
+    );
+}
+
+#[tokio::test]
+async fn tallies_are_what_a_count_of_the_rows_would_say() {
+    let (_folder, path) = folder();
+    let store = store_with(&path, 3).await;
+    let writer = store.writer().unwrap();
+    let verify = |approach: &str, sample, delta_ste_um| VerifyRow {
+        approach: approach.into(),
+        sample,
+        delta_ste_um,
+    };
+    // Some new, some held, some twice, some with the sign of zero, and some refused.
+    let mut held = Vec::new();
+    let mut count = [0, 0];
+    for round in 0..40_u64 {
+        let rows: Vec<SampleRow> = (0..30)
+            .map(|i| {
+                let key = (round * 7 + i * i) % 400;
+                let value = if key % 50 == 0 { -0.0 } else { key as f64 };
+                sample(key % 3, key / 3, value)
+            })
+            .collect();
+        let good = Batch {
+            verify: (0..4)
+                .map(|i| verify(["a", "b"][i % 2], round / 2 + i as u64, 1.0))
+                .collect(),
+            ..samples(rows.iter().copied())
+        };
+        let bad = Batch {
+            verify: vec![verify("a", 1000 + round, 1.0), verify("a", 0, 2.0)],
+            ..samples([sample(0, 1000 + round, 1.0)])
+        };
+        let (good, bad) = tokio::join!(writer.submit(good), writer.submit(bad));
+        assert!(good.is_ok());
+        assert!(matches!(bad, Err(Error::VerifyConflict { .. })));
+        held.extend(rows.iter().map(|row| (row.design, row.sample)));
+        held.sort_unstable();
+        held.dedup();
+        assert_eq!(
+            store.samples_digest().await.unwrap(),
+            store.recompute_samples_digest().await.unwrap()
+        );
+        let counts = store.sampled_counts().await.unwrap();
+        for (design, samples) in counts {
+            let really = held.iter().filter(|(d, _)| *d == design).count() as u64;
+            assert_eq!(samples, really, "design {design}");
+            assert_eq!(store.samples_of(design).await.unwrap().len() as u64, really);
+        }
+        count = [0, 0];
+        for (i, approach) in ["a", "b"].into_iter().enumerate() {
+            count[i] = store.verify_samples(approach).await.unwrap().len() as u64;
+        }
+        assert_eq!(
+            store.verify_counts().await.unwrap(),
+            [("a".to_owned(), count[0]), ("b".to_owned(), count[1])]
+        );
+        let progress = store.progress().await.unwrap();
+        assert_eq!(progress.samples, held.len() as u64);
+        assert_eq!(progress.verify_samples, count[0] + count[1]);
+    }
+    assert!(
+        count[0] > 10 && held.len() > 100,
+        "the test stored too little"
+    );
+}
+
+#[tokio::test]
+async fn failures_are_grouped_by_kind_and_cause() {
+    let (_folder, path) = folder();
+    let store = open(&path).await;
+    let failure = |job: &str, worker: &str, kind, error: &str| FailureRow {
+        job: job.into(),
+        attempt: 1,
+        worker: worker.into(),
+        kind,
+        error: error.into(),
+        at_unix_ms: None,
+    };
+    let failures = vec![
+        failure("j1", "w1", FailureKind::Quarantine, "panicked at 17:3"),
+        failure(
+            "j1",
+            "w2",
+            FailureKind::Failure,
+            "tip radius 1.25 mm\nat mesh 3",
+        ),
+        failure(
+            "j2",
+            "w1",
+            FailureKind::Failure,
+            "tip radius 17 mm\nat mesh 4",
+        ),
+        failure("j3", "w9", FailureKind::Failure, "panicked at 1:25"),
+        failure("j3", "w3", FailureKind::Failure, "tip radius 1.25 mm"),
+        failure("j4", "w4", FailureKind::Crash, ""),
+    ];
+    let batch = Batch {
+        failures,
+        ..Batch::default()
+    };
+    store.writer().unwrap().submit(batch).await.unwrap();
+    let group = |kind, cause: &str, count, last: [&str; 3]| FailureGroup {
+        kind,
+        cause: cause.into(),
+        count,
+        last_error: last[0].into(),
+        last_job: last[1].into(),
+        last_worker: last[2].into(),
+    };
+    assert_eq!(
+        store.failure_groups().await.unwrap(),
+        [
+            group(FailureKind::Crash, "", 1, ["", "j4", "w4"]),
+            group(
+                FailureKind::Failure,
+                "panicked at #:#",
+                1,
+                ["panicked at 1:25", "j3", "w9"]
+            ),
+            group(
+                FailureKind::Failure,
+                "tip radius # mm",
+                3,
+                ["tip radius 1.25 mm", "j3", "w3"]
+            ),
+            group(
+                FailureKind::Quarantine,
+                "panicked at #:#",
+                1,
+                ["panicked at 17:3", "j1", "w1"]
+            ),
+        ]
+    );
 }
 
 #[tokio::test]

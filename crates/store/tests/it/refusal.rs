@@ -3,11 +3,9 @@
 use std::fs;
 use std::path::Path;
 
-use sqlx::Connection as _;
-use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
 use store::{CampaignRow, Error, Store};
 
-use crate::{beside, campaign, folder, open, read, sample, samples, store_with};
+use crate::{beside, campaign, execute, folder, open, read, sample, samples, store_with};
 
 /// Opens in both ways, and checks that both fail and neither changes the file.
 async fn refused(path: &Path) -> (Error, Error) {
@@ -196,7 +194,7 @@ async fn other_schemas_are_refused() {
             writing,
             Error::NewerSchema {
                 found: 9999,
-                known: 1,
+                known: 2,
                 ..
             }
         ),
@@ -207,7 +205,7 @@ async fn other_schemas_are_refused() {
             reading,
             Error::NewerSchema {
                 found: 9999,
-                known: 1,
+                known: 2,
                 ..
             }
         ),
@@ -221,7 +219,7 @@ async fn other_schemas_are_refused() {
             error,
             Error::OlderSchema {
                 found: 0,
-                known: 1,
+                known: 2,
                 ..
             }
         ),
@@ -246,13 +244,4 @@ async fn filled(path: &Path) {
     let rows = (0..10).flat_map(|d| (0..500).map(move |s| sample(d, s, 1.0 / (s + 1) as f64)));
     store.writer().unwrap().submit(samples(rows)).await.unwrap();
     store.close().await.unwrap();
-}
-
-async fn execute(path: &Path, sql: &'static str) {
-    let options = SqliteConnectOptions::new()
-        .filename(path)
-        .create_if_missing(true);
-    let mut connection = SqliteConnection::connect_with(&options).await.unwrap();
-    sqlx::raw_sql(sql).execute(&mut connection).await.unwrap();
-    connection.close().await.unwrap();
 }

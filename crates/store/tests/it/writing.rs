@@ -3,7 +3,9 @@
 use std::fs;
 use std::path::Path;
 
-use store::{Batch, Error, JobTimeRow, OptimiserRunRow, Receipt, Store, VerifyRow};
+use store::{
+    Batch, Error, FailureKind, FailureRow, JobTimeRow, OptimiserRunRow, Receipt, Store, VerifyRow,
+};
 
 use crate::{beside, campaign, design, feasible, folder, open, sample, samples, store_with};
 
@@ -327,6 +329,73 @@ fn commits(path: &Path) -> usize {
         .chunks_exact(24 + page)
         .filter(|frame| frame[4..8] != [0; 4])
         .count()
+}
+
+#[tokio::test]
+async fn batches_that_share_a_commit_have_receipts_of_their_own() {
+    let (_folder, path) = folder();
+    let store = store_with(&path, 3).await;
+    let failure = |job: u64| FailureRow {
+        job: job.to_string(),
+        attempt: 1,
+        worker: "w".into(),
+        kind: FailureKind::Failure,
+        error: "no".into(),
+        at_unix_ms: None,
+    };
+    // Every batch brings one sample of its own, one that it shares with its neighbour, and what
+    // all of them bring; every tenth contradicts what is held.
+    let batch = |i: u64| Batch {
+        criteria: vec![feasible(0)],
+        times: vec![JobTimeRow {
+            job: i / 2,
+            cpu_seconds: i as f64,
+        }],
+        failures: vec![failure(i)],
+        ..samples([
+            sample(0, i, 1.0),
+            sample(1, i / 2, 1.0),
+            sample(2, 0, if i % 10 == 9 { 2.0 } else { 1.0 }),
+        ])
+    };
+    const BATCHES: u64 = 100;
+    let waiting: Vec<_> = (0..BATCHES)
+        .map(|i| {
+            let (writer, batch) = (store.writer().unwrap(), batch(i));
+            tokio::spawn(async move { writer.submit(batch).await })
+        })
+        .collect();
+    let mut total = Receipt::default();
+    for (i, one) in waiting.into_iter().enumerate() {
+        match one.await.unwrap() {
+            Ok(receipt) => {
+                assert_eq!(receipt.new_rows + receipt.duplicate_rows, 6, "batch {i}");
+                // Its own sample and its failure, whoever else brings the rest.
+                assert!(receipt.new_rows >= 2, "batch {i}: {receipt:?}");
+                total.new_rows += receipt.new_rows;
+                total.duplicate_rows += receipt.duplicate_rows;
+            }
+            Err(error) => {
+                assert!(
+                    matches!(error, Error::Conflict { design: 2, .. }),
+                    "{error}"
+                );
+                assert_eq!(i % 10, 9, "batch {i} is not to blame");
+            }
+        }
+    }
+    // 90 batches with a sample and a failure each; a sample and a time for each pair, of which
+    // none is refused as a whole; the criteria and the sample that all bring.
+    assert_eq!(total.new_rows, 2 * 90 + 2 * 50 + 2);
+    assert_eq!(total.duplicate_rows, 6 * 90 - total.new_rows);
+    let progress = store.progress().await.unwrap();
+    assert_eq!((progress.samples, progress.failures), (90 + 50 + 1, 90));
+    assert_eq!(store.failures().await.unwrap().len(), 90);
+    assert_eq!(store.job_times().await.unwrap().len(), 50);
+    assert_eq!(
+        store.samples_digest().await.unwrap(),
+        store.recompute_samples_digest().await.unwrap()
+    );
 }
 
 #[tokio::test]

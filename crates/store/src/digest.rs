@@ -1,0 +1,105 @@
+//! The digest of a set of samples.
+
+use std::fmt::Write as _;
+use std::ops::AddAssign;
+
+use sha2::{Digest as _, Sha256};
+
+/// A sum modulo 2²⁵⁶ over samples, each with the SHA-256 of its design and its index as 64-bit
+/// little-endian integers and of the bits of its ΔSTE in µm, little-endian, read as a
+/// little-endian number.
+///
+/// A sum does not depend on the order and can be carried on, sample by sample, in the transactions
+/// that store them: that is what a hash over the whole table in order could not. The price is that
+/// it is a checksum and no signature. Two different tables agree by accident with probability
+/// 2⁻²⁵⁶, but somebody who may choose samples freely can construct two that agree (the generalised
+/// birthday problem; Bellare and Micciancio, *A New Paradigm for Collision-Free Hashing*, 1997).
+/// Samples that were wrong before they were stored have a digest as good as any.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(crate) struct SamplesDigest {
+    /// The lowest 64 bits first.
+    limbs: [u64; 4],
+}
+
+impl SamplesDigest {
+    pub(crate) fn of(design: u64, sample: u64, delta_ste_um: f64) -> Self {
+        let mut bytes = [0; 24];
+        bytes[..8].copy_from_slice(&design.to_le_bytes());
+        bytes[8..16].copy_from_slice(&sample.to_le_bytes());
+        bytes[16..].copy_from_slice(&delta_ste_um.to_bits().to_le_bytes());
+        Self::from_bytes(&Sha256::digest(bytes).into())
+    }
+
+    pub(crate) fn from_bytes(bytes: &[u8; 32]) -> Self {
+        let mut limbs = [0; 4];
+        for (limb, bytes) in limbs.iter_mut().zip(bytes.as_chunks().0) {
+            *limb = u64::from_le_bytes(*bytes);
+        }
+        Self { limbs }
+    }
+
+    pub(crate) fn to_bytes(self) -> [u8; 32] {
+        let mut bytes = [0; 32];
+        for (bytes, limb) in bytes.as_chunks_mut().0.iter_mut().zip(self.limbs) {
+            *bytes = limb.to_le_bytes();
+        }
+        bytes
+    }
+
+    /// The bytes in hex, the lowest first: so that a single sample shows its SHA-256.
+    pub(crate) fn to_hex(self) -> String {
+        let mut hex = String::with_capacity(64);
+        for byte in self.to_bytes() {
+            // Writing to a string cannot fail.
+            let _ = write!(hex, "{byte:02x}");
+        }
+        hex
+    }
+}
+
+impl AddAssign for SamplesDigest {
+    fn add_assign(&mut self, other: Self) {
+        let mut carry = false;
+        for (limb, other) in self.limbs.iter_mut().zip(other.limbs) {
+            let (sum, over) = limb.overflowing_add(other);
+            let (sum, over_again) = sum.overflowing_add(u64::from(carry));
+            *limb = sum;
+            carry = over || over_again;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn carries_run_through_all_limbs_and_out_of_the_last() {
+        let largest = SamplesDigest::from_bytes(&[0xff; 32]);
+        let mut one = [0; 32];
+        one[0] = 1;
+        let one = SamplesDigest::from_bytes(&one);
+        let mut sum = largest;
+        sum += one;
+        assert_eq!(sum, SamplesDigest::default());
+        sum += largest;
+        assert_eq!(sum, largest);
+        // 2^64 - 1 + 2^64 - 1 + no carry, in the lowest limb only.
+        let mut low = SamplesDigest {
+            limbs: [u64::MAX, 0, u64::MAX, 0],
+        };
+        low += low;
+        assert_eq!(low.limbs, [u64::MAX - 1, 1, u64::MAX - 1, 1]);
+    }
+
+    #[test]
+    fn one_sample_shows_its_sha_256() {
+        // printf '\x01\0\0\0\0\0\0\0\x02\0\0\0\0\0\0\0\0\0\0\0\0\0\xf8\x3f' | sha256sum
+        let digest = SamplesDigest::of(1, 2, 1.5);
+        assert_eq!(
+            digest.to_hex(),
+            "67ed80773030edf97eb81715481cff392c429f6a63eecff7d8f5f8ceda2a5229"
+        );
+        assert_eq!(SamplesDigest::from_bytes(&digest.to_bytes()), digest);
+    }
+}

@@ -1,0 +1,156 @@
+//! Crashes and accidents: what is left opens with everything in it, or is refused.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use store::{Error, Store};
+
+use crate::{beside, campaign, folder, open, read, sample, samples, store_with};
+
+const BATCHES: u64 = 6;
+const ROWS: u64 = 300;
+
+/// What a crash leaves after six acknowledged batches: the file and its log, under another name.
+async fn crashed(path: &Path) -> PathBuf {
+    let store = store_with(path, 1).await;
+    for batch in 0..BATCHES {
+        let rows = (0..ROWS).map(|i| sample(0, batch * ROWS + i, 1.5));
+        store.writer().unwrap().submit(samples(rows)).await.unwrap();
+    }
+    let left = path.with_file_name("left.db");
+    for suffix in ["", "-wal", ".lock"] {
+        fs::copy(beside(path, suffix), beside(&left, suffix)).unwrap();
+    }
+    left
+}
+
+#[tokio::test]
+async fn a_log_with_a_torn_end_is_resumed() {
+    let (_folder, path) = folder();
+    let left = crashed(&path).await;
+    // The beginning of a commit that was never finished, as a power failure leaves it.
+    let mut log = read(&beside(&left, "-wal"));
+    log.extend_from_within(32..5000);
+    fs::write(beside(&left, "-wal"), log).unwrap();
+    let store = open(&left).await;
+    assert_eq!(store.progress().await.unwrap().samples, BATCHES * ROWS);
+}
+
+#[tokio::test]
+async fn a_log_that_was_cut_is_refused() {
+    let (_folder, path) = folder();
+    let left = crashed(&path).await;
+    let log = read(&beside(&left, "-wal"));
+    for length in [log.len() - 1, log.len() / 2, 100, 0] {
+        fs::write(beside(&left, "-wal"), &log[..length]).unwrap();
+        let before = read(&left);
+        let error = Store::create_or_open(&left, &campaign())
+            .await
+            .expect_err("refused");
+        assert!(
+            matches!(error, Error::Behind { held, acknowledged, .. } if held < acknowledged),
+            "{length} of {} bytes: {error}",
+            log.len()
+        );
+        assert!(error.to_string().contains("left.db.lock"), "{error}");
+        assert_eq!(read(&left), before);
+    }
+
+    // Put back, it goes on with everything.
+    fs::write(beside(&left, "-wal"), &log).unwrap();
+    let store = open(&left).await;
+    assert_eq!(store.progress().await.unwrap().samples, BATCHES * ROWS);
+}
+
+#[tokio::test]
+async fn a_cut_log_can_be_accepted_and_loses_whole_batches_only() {
+    let (_folder, path) = folder();
+    let left = crashed(&path).await;
+    let log = read(&beside(&left, "-wal"));
+    fs::write(beside(&left, "-wal"), &log[..log.len() * 2 / 3]).unwrap();
+    fs::remove_file(beside(&left, ".lock")).unwrap();
+    let store = open(&left).await;
+    let held = store.progress().await.unwrap().samples;
+    assert!(held < BATCHES * ROWS, "nothing was cut");
+    assert_eq!(held % ROWS, 0, "part of a batch");
+    assert_eq!(store.samples_of(0).await.unwrap().len() as u64, held);
+    assert_eq!(
+        store.samples_digest().await.unwrap(),
+        store.recompute_samples_digest().await.unwrap()
+    );
+    let all = samples((0..BATCHES * ROWS).map(|i| sample(0, i, 1.5)));
+    let receipt = store.writer().unwrap().submit(all).await.unwrap();
+    assert_eq!(receipt.duplicate_rows, held);
+}
+
+#[tokio::test]
+async fn an_older_copy_is_refused_in_the_place_of_a_newer_store() {
+    let (_folder, path) = folder();
+    let store = store_with(&path, 1).await;
+    store.close().await.unwrap();
+    let copy = read(&path);
+    let store = open(&path).await;
+    let rows = samples([sample(0, 0, 1.0)]);
+    store.writer().unwrap().submit(rows).await.unwrap();
+    store.close().await.unwrap();
+    fs::write(&path, copy).unwrap();
+    let error = Store::create_or_open(&path, &campaign()).await.unwrap_err();
+    assert!(matches!(error, Error::Behind { .. }), "{error}");
+
+    // Removed by its owner, who wants a new one.
+    fs::remove_file(&path).unwrap();
+    let store = open(&path).await;
+    assert_eq!(store.designs().await.unwrap(), []);
+    store.close().await.unwrap();
+    open(&path).await;
+}
+
+#[tokio::test]
+async fn a_damaged_log_page_is_refused() {
+    let (_folder, path) = folder();
+    let left = crashed(&path).await;
+    let mut log = read(&beside(&left, "-wal"));
+    // In the middle: everything after it is unreachable, too, since checksums are chained.
+    let middle = log.len() / 2;
+    log[middle..middle + 64].fill(0xa5);
+    fs::write(beside(&left, "-wal"), log).unwrap();
+    let error = Store::create_or_open(&left, &campaign()).await.unwrap_err();
+    assert!(matches!(error, Error::Behind { .. }), "{error}");
+}
+
+#[cfg(target_os = "linux")]
+#[tokio::test]
+async fn a_folder_that_takes_no_files_is_named() {
+    let path = Path::new("/proc/self/campaign.db");
+    let error = Store::create_or_open(path, &campaign()).await.unwrap_err();
+    assert!(matches!(error, Error::Io { .. }), "{error}");
+    assert!(error.to_string().contains("campaign.db"), "{error}");
+}
+
+#[cfg(unix)]
+#[tokio::test]
+async fn a_store_that_may_not_be_written_is_refused_and_can_be_read() {
+    use std::os::unix::fs::PermissionsExt as _;
+
+    let (folder, path) = folder();
+    store_with(&path, 3).await.close().await.unwrap();
+    let mode = |path: &Path, mode| {
+        fs::set_permissions(path, fs::Permissions::from_mode(mode)).unwrap();
+    };
+    mode(&path, 0o444);
+    // The superuser may write to anything, and then there is nothing to refuse.
+    let may_write_anyway = fs::File::options().append(true).open(&path).is_ok();
+    let opened = Store::create_or_open(&path, &campaign()).await;
+    assert_eq!(opened.is_ok(), may_write_anyway);
+    drop(opened);
+    let reader = Store::open_read_only(&path).await.unwrap();
+    assert_eq!(reader.designs().await.unwrap().len(), 3);
+    reader.close().await.unwrap();
+
+    mode(&path, 0o644);
+    mode(folder.path(), 0o555);
+    let new = folder.path().join("new.db");
+    let created = Store::create_or_open(&new, &campaign()).await;
+    assert_eq!(created.is_ok(), may_write_anyway);
+    mode(folder.path(), 0o755);
+}

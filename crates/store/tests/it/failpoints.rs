@@ -1,0 +1,140 @@
+//! The process dies at a fail point; what it had acknowledged is there afterwards, once.
+//!
+//! The dying is done by a child: this very program, told to run the one ignored test below.
+
+use std::os::unix::process::ExitStatusExt as _;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use store::{Batch, Error, Store};
+
+use crate::{campaign, folder, newest_migration, open, sample, samples, schemas, store_with};
+
+const BATCHES: u64 = 8;
+const ROWS: u64 = 2000;
+const SIGABRT: i32 = 6;
+
+fn batch(index: u64) -> Batch {
+    samples((0..ROWS).map(|i| sample(0, index * ROWS + i, i as f64)))
+}
+
+#[expect(clippy::print_stderr, reason = "how the child tells its parent")]
+#[tokio::test]
+#[ignore = "run by the other tests, as a process that dies"]
+async fn child() {
+    let _scenario = fail::FailScenario::setup();
+    let path = std::env::var_os("STORE_UNDER_TEST").expect("set by the parent");
+    let store = open(Path::new(&path)).await;
+    let writer = store.writer().unwrap();
+    for index in 0..BATCHES {
+        writer.submit(batch(index)).await.unwrap();
+        eprintln!("acknowledged");
+    }
+    store.close().await.unwrap();
+    eprintln!("closed");
+}
+
+/// Runs the child; returns how many batches were acknowledged, and whether it was killed.
+fn run_child(path: &Path, fail_points: &str) -> (u64, bool) {
+    let Output { status, stderr, .. } = Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", "failpoints::child", "--ignored", "--nocapture"])
+        .env("STORE_UNDER_TEST", path)
+        .env("FAILPOINTS", fail_points)
+        .output()
+        .unwrap();
+    let stderr = String::from_utf8(stderr).unwrap();
+    let killed = status.signal() == Some(SIGABRT);
+    assert!(
+        killed || stderr.contains("closed"),
+        "{fail_points}: {stderr}"
+    );
+    let acknowledged = stderr.matches("acknowledged").count();
+    (acknowledged as u64, killed)
+}
+
+/// How many whole batches are held, after checking that nothing else is.
+async fn held_batches(store: &Store) -> u64 {
+    let held = store.progress().await.unwrap().samples;
+    assert_eq!(held % ROWS, 0, "part of a batch");
+    let rows = store.samples_of(0).await.unwrap();
+    let expected: Vec<(u64, f64)> = (0..held).map(|i| (i, (i % ROWS) as f64)).collect();
+    assert_eq!(rows, expected);
+    assert_eq!(
+        store.samples_digest().await.unwrap(),
+        store.recompute_samples_digest().await.unwrap()
+    );
+    held / ROWS
+}
+
+/// What the store's digest is when nobody dies.
+async fn undisturbed() -> String {
+    let (_folder, path) = folder();
+    let store = store_with(&path, 1).await;
+    for index in 0..BATCHES {
+        store.writer().unwrap().submit(batch(index)).await.unwrap();
+    }
+    store.samples_digest().await.unwrap()
+}
+
+/// Submits everything once more: what is missing goes in, the rest are duplicates.
+async fn finish(path: &Path, held: u64) {
+    let store = open(path).await;
+    assert_eq!(held_batches(&store).await, held);
+    let mut new_rows = 0;
+    for index in 0..BATCHES {
+        let receipt = store.writer().unwrap().submit(batch(index)).await.unwrap();
+        new_rows += receipt.new_rows;
+    }
+    assert_eq!(new_rows, (BATCHES - held) * ROWS);
+    assert_eq!(store.samples_digest().await.unwrap(), undisturbed().await);
+}
+
+#[tokio::test]
+async fn killed_before_a_commit() {
+    let (_folder, path) = folder();
+    store_with(&path, 1).await.close().await.unwrap();
+    let child = run_child(&path, "store::before_commit=3*off->return");
+    assert_eq!(child, (3, true));
+    finish(&path, 3).await;
+}
+
+#[tokio::test]
+async fn killed_between_commit_and_acknowledgement() {
+    let (_folder, path) = folder();
+    store_with(&path, 1).await.close().await.unwrap();
+    let child = run_child(&path, "store::after_commit=3*off->return");
+    assert_eq!(child, (3, true));
+    finish(&path, 4).await;
+}
+
+#[tokio::test]
+async fn killed_during_a_checkpoint() {
+    let mut deaths = 0;
+    for microseconds in [0, 100, 400, 1500] {
+        let (_folder, path) = folder();
+        store_with(&path, 1).await.close().await.unwrap();
+        let point = format!("store::checkpoint=return({microseconds})");
+        let (acknowledged, killed) = run_child(&path, &point);
+        // A late death may come after the end.
+        deaths += u32::from(killed);
+        assert_eq!(acknowledged, BATCHES);
+        finish(&path, BATCHES).await;
+    }
+    assert!(deaths > 0, "no child died in time");
+}
+
+#[tokio::test]
+async fn killed_during_a_migration() {
+    let (_folder, path) = folder();
+    std::fs::copy(schemas::fixture(1), &path).unwrap();
+    let child = run_child(&path, "store::migration=return");
+    assert_eq!(child, (0, true));
+    let error = Store::open_read_only(&path).await.unwrap_err();
+    let known = newest_migration();
+    assert!(
+        matches!(error, Error::OlderSchema { found: 1, known: k, .. } if k == known),
+        "{error}"
+    );
+    let store = Store::create_or_open(&path, &campaign()).await.unwrap();
+    schemas::holds_every_row(&store).await;
+}
