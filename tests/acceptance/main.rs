@@ -2,6 +2,12 @@
 
 mod bad_input;
 mod campaign;
+mod chaos;
 mod cluster;
 mod commands;
+mod external;
+mod failpoints;
+mod faults;
+mod operations;
 mod paper;
+mod security;

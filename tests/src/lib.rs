@@ -1,6 +1,8 @@
 //! What the acceptance suite needs to drive the real programs: their binaries, processes that end
 //! with the test, and campaign files made from the shipped ones.
 
+pub mod chaos;
+
 use std::io::Read as _;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::path::{Path, PathBuf};
@@ -14,28 +16,43 @@ use tempfile::TempDir;
 /// Longer than anything here takes on a slow, busy machine.
 const PATIENCE: Duration = Duration::from_secs(240);
 
-/// The path of a program of the workspace, built with the profile of the running test.
+/// The path of a program of the workspace, built with the profile of the running program.
 ///
 /// # Panics
 ///
 /// When it cannot be built.
 #[must_use]
 pub fn binary(name: &str) -> PathBuf {
+    programs().join(name)
+}
+
+/// The folder of the workspace's programs, built with the profile of the running program; or, to
+/// try programs that are installed somewhere, the folder in the variable `PITCHLINE_PROGRAMS`.
+///
+/// # Panics
+///
+/// When they cannot be built.
+#[must_use]
+pub fn programs() -> PathBuf {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     let folder = FOLDER.get_or_init(|| {
-        let exe = std::env::current_exe().expect("the test's own path");
-        // TARGET/PROFILE/deps/acceptance-HASH
-        let profile = exe
-            .ancestors()
-            .nth(2)
-            .expect("a test lives in target/PROFILE/deps");
-        let target = profile
-            .parent()
-            .expect("a test lives in target/PROFILE/deps");
+        if let Some(folder) = std::env::var_os("PITCHLINE_PROGRAMS") {
+            return PathBuf::from(folder);
+        }
+        let exe = std::env::current_exe().expect("the program's own path");
+        // TARGET/PROFILE/deps/acceptance-HASH, or TARGET/PROFILE/chaos
+        let is_test = exe.parent().is_some_and(|folder| folder.ends_with("deps"));
+        let profile = exe.ancestors().nth(if is_test { 2 } else { 1 });
+        let profile = profile.expect("programs live in target/PROFILE");
+        let target = profile.parent().expect("programs live in target/PROFILE");
         let mut cargo = Command::new(env!("CARGO"));
-        // The command that the suite itself is run with: then there is nothing left to build, and
-        // otherwise nothing is built twice with other features.
-        cargo.args(["test", "--workspace", "--no-run", "--quiet"]);
+        if is_test {
+            // The command that the suite itself is run with: then there is nothing left to build,
+            // and otherwise nothing is built twice with other features.
+            cargo.args(["test", "--workspace", "--no-run", "--quiet"]);
+        } else {
+            cargo.args(["build", "-p", "coordinator", "-p", "worker", "--quiet"]);
+        }
         cargo.arg("--target-dir").arg(target).current_dir(root());
         if profile.file_name().is_some_and(|name| name == "release") {
             cargo.arg("--release");
@@ -44,13 +61,29 @@ pub fn binary(name: &str) -> PathBuf {
         assert!(status.success(), "the programs under test do not build");
         profile.to_owned()
     });
-    folder.join(name)
+    folder.clone()
 }
 
 /// The root of the workspace.
 #[must_use]
 pub fn root() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
+}
+
+/// The quick campaign's file with `changes` (text to replace, and by what).
+///
+/// # Panics
+///
+/// When a change hits nothing.
+#[must_use]
+pub fn quick_campaign(changes: &[(&str, &str)]) -> String {
+    let shipped = root().join("campaigns/quick.toml");
+    let mut text = std::fs::read_to_string(shipped).expect("the quick campaign is shipped");
+    for (from, to) in changes {
+        assert!(text.contains(from), "the quick campaign has no {from:?}");
+        text = text.replacen(from, to, 1);
+    }
+    text
 }
 
 /// A folder of a test's own, with helpers to run programs in it.
@@ -100,13 +133,7 @@ impl Sandbox {
     ///
     /// When a change hits nothing.
     pub fn campaign(&self, name: &str, changes: &[(&str, &str)]) -> PathBuf {
-        let shipped = root().join("campaigns/quick.toml");
-        let mut text = std::fs::read_to_string(shipped).expect("the quick campaign is shipped");
-        for (from, to) in changes {
-            assert!(text.contains(from), "the quick campaign has no {from:?}");
-            text = text.replacen(from, to, 1);
-        }
-        self.write(name, &text)
+        self.write(name, &quick_campaign(changes))
     }
 
     /// Runs `coordinator` to its end.
@@ -141,8 +168,24 @@ impl Sandbox {
     /// When it cannot be started.
     #[must_use]
     pub fn start(&self, program: &str, arguments: &[&str]) -> Running {
+        self.start_with(program, arguments, &[])
+    }
+
+    /// Starts a program with environment variables of its own.
+    ///
+    /// # Panics
+    ///
+    /// When it cannot be started.
+    #[must_use]
+    pub fn start_with(
+        &self,
+        program: &str,
+        arguments: &[&str],
+        variables: &[(&str, &str)],
+    ) -> Running {
         let child = Command::new(binary(program))
             .args(arguments)
+            .envs(variables.iter().copied())
             .current_dir(self.folder.path())
             .env("PITCHLINE_LOG", "warn")
             .stdout(Stdio::null())

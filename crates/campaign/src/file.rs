@@ -14,7 +14,7 @@ pub use campaign::{
 };
 pub(crate) use pair::gear_size;
 pub use pair::{PairFile, PairSection};
-pub use sections::{Load, Material, Wear};
+pub use sections::{Load, Material, SimulatorKind, SimulatorSection, Wear};
 
 /// Why a campaign or pair file was refused.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

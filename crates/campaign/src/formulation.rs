@@ -333,6 +333,26 @@ impl Problem {
         }
     }
 
+    /// The normal module of a design in mm, which follows from the campaign's centre distance.
+    ///
+    /// # Errors
+    ///
+    /// The involute equation has no solution.
+    pub fn normal_module(&self, variables: &Variables) -> Result<f64, gear::Infeasible> {
+        let [pinion, mate] = variables.profile_shift;
+        self.module_of(variables.helix_angle_deg, pinion + mate)
+    }
+
+    fn module_of(&self, helix_angle_deg: f64, shift: f64) -> Result<f64, gear::Infeasible> {
+        gear::normal_module(
+            self.template.teeth,
+            self.template.size,
+            self.template.pressure_angle,
+            helix_angle_deg.to_radians(),
+            shift,
+        )
+    }
+
     /// Geometry and compliance of a design.
     ///
     /// # Errors
@@ -446,6 +466,21 @@ impl Problem {
         std::array::from_fn(|index| scale(ranges[index / 2], unit[index]))
     }
 
+    /// The inverse of [`Self::robust_point`].
+    #[must_use]
+    pub fn unit_point(&self, x: &[f64; ROBUST_VARIABLES]) -> [f64; ROBUST_VARIABLES] {
+        let bounds = &self.campaign.bounds;
+        let ranges = [
+            bounds.profile_shift,
+            bounds.tool_addendum,
+            bounds.tool_dedendum,
+        ];
+        std::array::from_fn(|index| {
+            let [low, high] = ranges[index / 2];
+            (x[index] - low) / (high - low)
+        })
+    }
+
     /// The design at `unit` in the unit cube of all eleven variables.
     ///
     /// The radii's bounds are multiples of the design's own module (the paper's (3)), so the last
@@ -458,13 +493,7 @@ impl Problem {
         let bounds = &self.campaign.bounds;
         let x = self.robust_point(unit);
         let helix_angle_deg = scale(bounds.helix_angle_deg, unit[10]);
-        let module = gear::normal_module(
-            self.template.teeth,
-            self.template.size,
-            self.template.pressure_angle,
-            helix_angle_deg.to_radians(),
-            x[0] + x[1],
-        )?;
+        let module = self.module_of(helix_angle_deg, x[0] + x[1])?;
         let tip = bounds.tip_radius_modules;
         let root = bounds.root_radius_modules;
         let frozen = Frozen {

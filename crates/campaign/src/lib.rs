@@ -2,17 +2,21 @@
 //!
 //! - [`Campaign`] and [`PairFile`] are what a user writes, parsed and validated ([`mod@file`]).
 //! - [`formulation`] turns a design point into a gear pair, its criteria and its constraints.
+//! - [`simulator`] is what the stages ask of whoever simulates a design.
 //! - [`task`] is the work that is leased to workers: what goes out, what comes back, and the pure
 //!   function between them.
-//! - [`plan`] decides, from what the store holds, which tasks and which local steps come next.
+//! - [`plan`] decides, from what the store holds, which stages and which local steps come next.
+//! - [`batches`] cuts missing samples into jobs whose size follows what a sample costs.
 //!
 //! Nothing here does I/O, reads a clock or knows where it runs.
 
+pub mod batches;
 pub mod file;
 pub mod formulation;
 pub mod optimise;
 pub mod plan;
 pub mod probe;
+pub mod simulator;
 pub mod task;
 
 pub use file::{Campaign, FileError, PairFile};

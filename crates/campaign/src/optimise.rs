@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use stats::streams::{Purpose, stream};
 
 use crate::formulation::{Approach, Criteria, Frozen, Problem, Variables};
+use crate::simulator::{NoAnswer, Simulator};
 
 /// How often a run whose printed winner is infeasible continues before it gives up.
 const CONTINUATIONS: u32 = 10;
@@ -61,6 +62,7 @@ pub struct RunResult {
 
 /// The criterion of one formulation, with the bookkeeping of a run.
 struct Objective<'a> {
+    simulator: &'a dyn Simulator,
     problem: &'a Problem,
     approach: Approach,
     frozen: Frozen,
@@ -68,6 +70,8 @@ struct Objective<'a> {
     simulator_calls: u64,
     printed: Option<(f64, Found)>,
     best: Option<Found>,
+    /// Why the simulator failed; from then on it is not asked again.
+    failed: Option<String>,
 }
 
 /// An evaluated design, before it is known whether it is an improvement.
@@ -82,9 +86,10 @@ struct Candidate {
 ///
 /// # Errors
 ///
-/// A sentence: the model is missing or cannot be read, or no design could be simulated at all.
+/// A sentence: the model is missing or cannot be read, or the simulator failed. A run in which no
+/// design could be simulated is a result.
 pub fn run(
-    problem: &Problem,
+    simulator: &dyn Simulator,
     approach: Approach,
     start: u32,
     frozen: &Frozen,
@@ -101,6 +106,7 @@ pub fn run(
         }
         _ => None,
     };
+    let problem = simulator.problem();
     let settings = problem.campaign().optimise;
     let dimension = approach.variables();
     let bounds = Bounds::unit(dimension).map_err(|error| error.to_string())?;
@@ -112,6 +118,7 @@ pub fn run(
     );
     let origin: Vec<f64> = (0..dimension).map(|_| rng.random()).collect();
     let mut objective = Objective {
+        simulator,
         problem,
         approach,
         frozen: *frozen,
@@ -119,6 +126,7 @@ pub fn run(
         simulator_calls: 0,
         printed: None,
         best: None,
+        failed: None,
     };
 
     let schedule = Schedule {
@@ -154,7 +162,7 @@ pub fn run(
 
     // The printed winner is feasible exactly when nothing is left to do.
     let mut continuations = 0;
-    if printed.is_some_and(|found| !found.feasible) {
+    if objective.failed.is_none() && printed.is_some_and(|found| !found.feasible) {
         let schedule = Schedule {
             evaluations: settings.restart_at.max(settings.evaluations / 2) as usize,
             restart_at: 0,
@@ -178,6 +186,9 @@ pub fn run(
         }
     }
 
+    if let Some(error) = objective.failed {
+        return Err(error);
+    }
     Ok(RunResult {
         approach,
         start,
@@ -232,33 +243,51 @@ impl Objective<'_> {
         }
     }
 
-    /// Simulates a design and keeps it if it is the best feasible one so far.
+    /// Simulates a design and keeps it if it is the best feasible one so far; none when it cannot
+    /// be simulated.
     fn evaluate(&mut self, unit: &[f64]) -> Option<Candidate> {
+        if self.failed.is_some() {
+            return None;
+        }
+        match self.try_evaluate(unit) {
+            Ok(candidate) => candidate,
+            Err(NoAnswer::Refused(_)) => None,
+            Err(NoAnswer::Failed(error)) => {
+                self.failed = Some(format!("simulator call {}: {error}", self.simulator_calls));
+                None
+            }
+        }
+    }
+
+    fn try_evaluate(&mut self, unit: &[f64]) -> Result<Option<Candidate>, NoAnswer> {
         let problem = self.problem;
         let variables = match self.approach {
-            Approach::NoWear => problem.full_point(unit).ok()?,
+            Approach::NoWear => match problem.full_point(unit) {
+                Ok(variables) => variables,
+                Err(_) => return Ok(None),
+            },
             _ => Variables::robust(&problem.robust_point(unit), &self.frozen),
         };
         self.simulator_calls += 1;
-        let pair = problem.pair(&variables).ok()?;
+        let mut design = self.simulator.prepare(&variables)?;
         let (criterion_um, pressure) = match self.approach {
             Approach::Archard => {
                 self.simulator_calls += 1;
-                let analysis = pair.archard(problem.wear()).analysis;
+                let analysis = design.archard()?;
                 (analysis.delta_ste_um, analysis.hertz_pressure_mpa)
             }
             _ => {
-                let analysis = pair.unworn();
+                let analysis = design.unworn()?;
                 let criterion_um = self.model.as_ref().map_or(analysis.delta_ste_um, |model| {
                     model.mean(&variables.robust_part())
                 });
                 (criterion_um, analysis.hertz_pressure_mpa)
             }
         };
-        let mut criteria = problem.criteria(&pair, pressure);
+        let mut criteria = design.criteria(pressure);
         let violation = problem.violation(&criteria);
         if !(criterion_um.is_finite() && violation.is_finite()) {
-            return None;
+            return Ok(None);
         }
         let mut feasible = problem.is_feasible(&criteria);
         let improves = self
@@ -268,7 +297,7 @@ impl Objective<'_> {
             // The search takes the pressure of the unworn pair, one call as in the paper. What is
             // kept as an optimum must satisfy its limit worn, too; that costs a call now and then.
             self.simulator_calls += 1;
-            criteria.hertz_pressure_mpa = pair.archard(problem.wear()).analysis.hertz_pressure_mpa;
+            criteria.hertz_pressure_mpa = design.archard()?.hertz_pressure_mpa;
             feasible = problem.is_feasible(&criteria);
         }
         let found = Found {
@@ -280,7 +309,7 @@ impl Objective<'_> {
         if feasible && improves {
             self.best = Some(found);
         }
-        Some(Candidate { found, violation })
+        Ok(Some(Candidate { found, violation }))
     }
 }
 

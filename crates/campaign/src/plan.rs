@@ -11,20 +11,14 @@
 //! ```
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 
+use sha2::{Digest as _, Sha256};
+
+use crate::batches::StreamId;
 use crate::file::{Campaign, FrozenFrom};
 use crate::formulation::{Approach, Frozen, ROBUST_VARIABLES, Variables};
-use crate::task::{SampleRange, SampleRequest, Task};
-
-/// About how many samples a sampling job holds: tens of milliseconds of work, so that losing a
-/// worker loses little and the round trips still vanish in it.
-const SAMPLES_PER_JOB: u32 = 750;
-
-/// The most designs of a sampling job: with few samples each, their criteria are the work.
-const DESIGNS_PER_JOB_MAX: u32 = 50;
-
-/// Samples of a verification job.
-pub const VERIFY_SAMPLES_PER_JOB: u32 = 250;
+use crate::task::Task;
 
 /// A point that gets fresh samples.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,7 +34,7 @@ pub struct VerifyPoint {
 }
 
 /// A design of the DoE and what is stored of it.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct DesignState {
     /// Its six variables.
     pub x: [f64; ROBUST_VARIABLES],
@@ -48,16 +42,8 @@ pub struct DesignState {
     pub has_criteria: bool,
     /// Whether it could be simulated; meaningless without criteria.
     pub simulated: bool,
-    /// How many samples are stored, always the first ones.
-    pub samples: u32,
-}
-
-impl DesignState {
-    /// Whether nothing is missing.
-    #[must_use]
-    pub const fn is_done(&self, samples_per_design: u32) -> bool {
-        self.has_criteria && (!self.simulated || self.samples >= samples_per_design)
-    }
+    /// The samples that are missing, disjoint and ascending; none of a design that was refused.
+    pub missing: Vec<Range<u32>>,
 }
 
 /// What the store holds, as far as decisions need it.
@@ -81,14 +67,14 @@ pub struct State {
     pub reference_points: Vec<VerifyPoint>,
     /// Stored fresh samples of the optima.
     pub verified: BTreeMap<Approach, BTreeSet<u32>>,
-    /// Jobs that were given up.
-    pub quarantined: BTreeSet<u64>,
+    /// Designs and points whose samples were given up.
+    pub given_up: BTreeSet<StreamId>,
 }
 
 /// Something that only the coordinator does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LocalStep {
-    /// Make the DoE.
+    /// Make the DoE, or what is missing of it.
     Doe,
     /// Compute the responses of all designs from their samples.
     Statistics,
@@ -101,8 +87,13 @@ pub enum LocalStep {
 /// What comes next.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Next {
-    /// Jobs whose inputs exist and whose results are missing, with their stable numbers.
-    pub jobs: Vec<(u64, Task)>,
+    /// Runs of optimisers whose inputs exist and whose results are missing, with their stable
+    /// numbers.
+    pub runs: Vec<(u64, Task)>,
+    /// The variables that all designs share, when designs lack samples.
+    pub sampling: Option<Frozen>,
+    /// The points that lack samples.
+    pub points: Vec<VerifyPoint>,
     /// A step of the coordinator's own.
     pub local: Option<LocalStep>,
 }
@@ -111,23 +102,26 @@ impl Next {
     /// Whether nothing is left to do but the report.
     #[must_use]
     pub const fn is_finished(&self) -> bool {
-        self.jobs.is_empty() && self.local.is_none()
+        self.runs.is_empty()
+            && self.sampling.is_none()
+            && self.points.is_empty()
+            && self.local.is_none()
     }
 }
 
 /// The kind of a job, in the top byte of its number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum JobKind {
-    /// Samples of the DoE; the rest is the chunk.
+    /// Samples of the DoE; for the rest see [`crate::batches`].
     Sample,
-    /// A run of an optimiser; the rest is approach and start.
+    /// A run of an optimiser; the rest is approach, start and a digest of what it starts from.
     Optimise,
-    /// Fresh samples; the rest is point and chunk.
+    /// Fresh samples; the rest is as for samples of the DoE.
     Verify,
 }
 
 impl JobKind {
-    const fn tag(self) -> u64 {
+    pub(crate) const fn tag(self) -> u64 {
         match self {
             Self::Optimise => 1,
             Self::Sample => 2,
@@ -145,22 +139,32 @@ impl JobKind {
             _ => None,
         }
     }
-
-    const fn number(self, major: u64, minor: u64) -> u64 {
-        (self.tag() << 56) | (major << 28) | minor
-    }
 }
 
 /// The number of the job that runs start `start` of `approach`.
+///
+/// A run from other inputs (another kriging model, other frozen variables) is another job: what a
+/// worker brings late cannot be taken for it.
 #[must_use]
-pub const fn run_job(approach: Approach, start: u32) -> u64 {
-    JobKind::Optimise.number(approach.number(), start as u64)
+pub fn run_job(task: &Task) -> u64 {
+    let Task::Optimise {
+        approach, start, ..
+    } = task
+    else {
+        return 0;
+    };
+    let json = serde_json::to_vec(task).expect("plain numbers and names serialise");
+    let digest = Sha256::digest(&json);
+    let stamp = u64::from(u32::from_be_bytes([
+        digest[0], digest[1], digest[2], digest[3],
+    ]));
+    (JobKind::Optimise.tag() << 56) | (approach.number() << 48) | (u64::from(*start) << 32) | stamp
 }
 
-/// How many designs a sampling job holds.
+/// The approach and the start of a run's job number.
 #[must_use]
-pub fn designs_per_job(campaign: &Campaign) -> u32 {
-    (SAMPLES_PER_JOB / campaign.sampling.samples_per_design).clamp(1, DESIGNS_PER_JOB_MAX)
+pub const fn run_parts(job: u64) -> (u64, u32) {
+    ((job >> 48) & 0xff, ((job >> 32) & 0xffff) as u32)
 }
 
 /// The frozen variables, once they are known.
@@ -180,7 +184,7 @@ pub fn frozen(campaign: &Campaign, printed: Frozen, state: &State) -> Option<Fro
 /// Decides what comes next.
 #[must_use]
 pub fn next(campaign: &Campaign, printed: Frozen, state: &State) -> Next {
-    let mut jobs = Vec::new();
+    let mut runs = Vec::new();
     let frozen = frozen(campaign, printed, state);
 
     for approach in Approach::OPTIMISED {
@@ -204,51 +208,30 @@ pub fn next(campaign: &Campaign, printed: Frozen, state: &State) -> Next {
                     frozen,
                     model,
                 };
-                jobs.push((run_job(approach, start), task));
+                runs.push((run_job(&task), task));
             }
         }
     }
-    if let Some(frozen) = frozen {
-        sampling_jobs(campaign, frozen, state, &mut jobs);
-    }
-    for point in verify_points(state) {
-        verify_jobs(campaign.verify.samples, &point, &mut jobs);
-    }
-    jobs.retain(|(job, _)| !state.quarantined.contains(job));
+    let is_open = |(index, design): (usize, &DesignState)| {
+        !design.missing.is_empty() && !state.gave_up_design(index)
+    };
+    let lacks_samples = state.designs.iter().enumerate().any(is_open);
+    let mut points = verify_points(state);
+    points.retain(|point| {
+        (0..campaign.verify.samples).any(|sample| !point.stored.contains(&sample))
+            && !state.given_up.contains(&StreamId::Point(point.number))
+    });
     Next {
-        jobs,
+        runs,
+        sampling: frozen.filter(|_| lacks_samples),
+        points,
         local: local_step(campaign, state),
     }
 }
 
-fn sampling_jobs(campaign: &Campaign, frozen: Frozen, state: &State, jobs: &mut Vec<(u64, Task)>) {
-    let wanted = campaign.sampling.samples_per_design;
-    let chunk_size = designs_per_job(campaign) as usize;
-    // Chunks have fixed borders, so that a job keeps its number after a restart.
-    for (chunk, designs) in state.designs.chunks(chunk_size).enumerate() {
-        let missing: Vec<SampleRequest> = designs
-            .iter()
-            .enumerate()
-            .filter(|(_, design)| !design.is_done(wanted))
-            .map(|(offset, design)| SampleRequest {
-                design: (chunk * chunk_size + offset) as u32,
-                x: design.x,
-                samples: SampleRange {
-                    first: design.samples,
-                    count: wanted - design.samples,
-                },
-            })
-            .collect();
-        if !missing.is_empty() {
-            let job = JobKind::Sample.number(0, chunk as u64);
-            jobs.push((
-                job,
-                Task::Sample {
-                    frozen,
-                    designs: missing,
-                },
-            ));
-        }
+impl State {
+    fn gave_up_design(&self, index: usize) -> bool {
+        u32::try_from(index).is_ok_and(|index| self.given_up.contains(&StreamId::Design(index)))
     }
 }
 
@@ -268,29 +251,8 @@ pub fn verify_points(state: &State) -> Vec<VerifyPoint> {
         .collect()
 }
 
-fn verify_jobs(wanted: u32, point: &VerifyPoint, jobs: &mut Vec<(u64, Task)>) {
-    let mut first = 0;
-    while first < wanted {
-        let end = wanted.min(first + VERIFY_SAMPLES_PER_JOB);
-        if (first..end).any(|sample| !point.stored.contains(&sample)) {
-            let chunk = first / VERIFY_SAMPLES_PER_JOB;
-            let task = Task::Verify {
-                point: point.name.clone(),
-                number: point.number,
-                variables: point.variables,
-                samples: SampleRange {
-                    first,
-                    count: end - first,
-                },
-            };
-            jobs.push((JobKind::Verify.number(point.number, u64::from(chunk)), task));
-        }
-        first = end;
-    }
-}
-
 fn local_step(campaign: &Campaign, state: &State) -> Option<LocalStep> {
-    if state.designs.is_empty() {
+    if state.designs.len() < campaign.doe.designs as usize {
         return Some(LocalStep::Doe);
     }
     let chosen = |approach| state.optima.contains_key(&approach);
@@ -298,9 +260,7 @@ fn local_step(campaign: &Campaign, state: &State) -> Option<LocalStep> {
     let settled = |approach| {
         (0..starts).all(|start| {
             let key = (approach, start);
-            state.runs.contains(&key)
-                || state.failed_runs.contains(&key)
-                || state.quarantined.contains(&run_job(approach, start))
+            state.runs.contains(&key) || state.failed_runs.contains(&key)
         })
     };
     for approach in Approach::OPTIMISED {
@@ -309,12 +269,11 @@ fn local_step(campaign: &Campaign, state: &State) -> Option<LocalStep> {
             return Some(LocalStep::Choose(approach));
         }
     }
-    let wanted = campaign.sampling.samples_per_design;
-    let chunk_size = designs_per_job(campaign) as usize;
-    let sampled = state.designs.iter().enumerate().all(|(index, design)| {
-        let job = JobKind::Sample.number(0, (index / chunk_size) as u64);
-        design.is_done(wanted) || state.quarantined.contains(&job)
-    });
+    let sampled = state
+        .designs
+        .iter()
+        .enumerate()
+        .all(|(index, design)| design.missing.is_empty() || state.gave_up_design(index));
     if !sampled {
         return None;
     }
@@ -348,15 +307,8 @@ mod tests {
                 x: [0.5; ROBUST_VARIABLES],
                 has_criteria: index < done,
                 simulated: index < done,
-                samples: if index < done { 30 } else { 0 },
+                missing: if index < done { vec![] } else { vec![0..30] },
             })
-            .collect()
-    }
-
-    fn kinds(next: &Next) -> Vec<JobKind> {
-        next.jobs
-            .iter()
-            .map(|(job, _)| JobKind::of(*job).unwrap())
             .collect()
     }
 
@@ -365,7 +317,7 @@ mod tests {
         let campaign = campaign();
         let next = next(&campaign, printed(&campaign), &State::default());
         assert_eq!(next.local, Some(LocalStep::Doe));
-        assert_eq!(kinds(&next), vec![JobKind::Optimise; 6]);
+        assert_eq!(next.runs.len(), 6);
     }
 
     #[test]
@@ -377,48 +329,30 @@ mod tests {
             ..State::default()
         };
         let first = next(&campaign, printed(&campaign), &state);
-        assert_eq!(kinds(&first), vec![JobKind::Optimise; 3]);
+        assert_eq!((first.runs.len(), first.sampling), (3, None));
         let state = State {
             optima: BTreeMap::from([(Approach::NoWear, None)]),
             ..state
         };
         let then = next(&campaign, printed(&campaign), &state);
-        assert!(kinds(&then).contains(&JobKind::Sample));
+        assert_eq!(then.sampling, Some(printed(&campaign)));
     }
 
     #[test]
-    fn a_restart_asks_only_for_what_is_missing_under_the_same_numbers() {
+    fn a_run_from_another_model_is_another_job() {
         let campaign = campaign();
-        let fresh = State {
-            designs: designs(0),
-            ..State::default()
+        let run = |start, model: &str| {
+            run_job(&Task::Optimise {
+                approach: Approach::Kriging,
+                start,
+                frozen: printed(&campaign),
+                model: Some(model.to_owned()),
+            })
         };
-        let resumed = State {
-            designs: designs(30),
-            ..State::default()
-        };
-        let all = next(&campaign, printed(&campaign), &fresh).jobs;
-        let rest = next(&campaign, printed(&campaign), &resumed).jobs;
-        let sampling = |jobs: &[(u64, Task)]| -> Vec<(u64, usize)> {
-            jobs.iter()
-                .filter_map(|(job, task)| match task {
-                    Task::Sample { designs, .. } => Some((*job, designs.len())),
-                    _ => None,
-                })
-                .collect()
-        };
-        assert_eq!(
-            sampling(&all)
-                .iter()
-                .map(|(_, count)| count)
-                .collect::<Vec<_>>(),
-            [&25, &25, &10]
-        );
-        let rest = sampling(&rest);
-        assert_eq!(
-            rest,
-            vec![(sampling(&all)[1].0, 20), (sampling(&all)[2].0, 10)]
-        );
+        assert_eq!(run(1, "a"), run(1, "a"));
+        assert_ne!(run(1, "a"), run(1, "b"));
+        assert_eq!(run_parts(run(7, "a")), (3, 7));
+        assert_eq!(JobKind::of(run(7, "a")), Some(JobKind::Optimise));
     }
 
     #[test]
@@ -438,28 +372,27 @@ mod tests {
         let mut steps = Vec::new();
         for _ in 0..20 {
             let next = next(&campaign, printed, &state);
-            for (_, task) in &next.jobs {
+            for (_, task) in &next.runs {
                 match task {
                     Task::Optimise {
                         approach, start, ..
                     } => {
                         state.runs.insert((*approach, *start));
                     }
-                    Task::Verify {
-                        number, samples, ..
-                    } => {
-                        let approach = *Approach::ALL
-                            .iter()
-                            .find(|a| a.number() == *number)
-                            .unwrap();
-                        let stored = state.verified.entry(approach).or_default();
-                        stored.extend(samples.first..samples.first + samples.count);
-                    }
-                    Task::Sample { .. } => panic!("all samples are stored"),
+                    _ => panic!("only runs are named one by one"),
                 }
             }
+            assert_eq!(next.sampling, None, "all samples are stored");
+            for point in &next.points {
+                let approach = *Approach::ALL
+                    .iter()
+                    .find(|approach| approach.number() == point.number)
+                    .unwrap();
+                let stored = state.verified.entry(approach).or_default();
+                stored.extend(0..campaign.verify.samples);
+            }
             match next.local {
-                None if next.jobs.is_empty() => break,
+                None if next.is_finished() => break,
                 None => {}
                 Some(step) => {
                     steps.push(step);
@@ -491,7 +424,7 @@ mod tests {
     }
 
     #[test]
-    fn a_quarantined_job_does_not_hold_up_the_campaign() {
+    fn designs_that_were_given_up_do_not_hold_up_the_campaign() {
         let campaign = campaign();
         let printed = printed(&campaign);
         let mut state = State {
@@ -499,16 +432,11 @@ mod tests {
             ..State::default()
         };
         let waiting = next(&campaign, printed, &state);
-        let (job, _) = waiting
-            .jobs
-            .iter()
-            .find(|(job, _)| JobKind::of(*job) == Some(JobKind::Sample))
-            .unwrap();
-        assert_eq!(waiting.local, None);
-        state.quarantined.insert(*job);
+        assert_eq!((waiting.local, waiting.sampling), (None, Some(printed)));
+        state.given_up.extend((50..60).map(StreamId::Design));
         let going_on = next(&campaign, printed, &state);
         assert_eq!(going_on.local, Some(LocalStep::Statistics));
-        assert!(!kinds(&going_on).contains(&JobKind::Sample));
+        assert_eq!(going_on.sampling, None);
     }
 
     #[test]

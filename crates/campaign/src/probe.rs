@@ -10,38 +10,82 @@ use sha2::{Digest, Sha256};
 use stats::streams::{Purpose, stream};
 
 use crate::formulation::{Problem, ROBUST_VARIABLES, Variables};
+use crate::simulator::{NoAnswer, Simulator};
 
 /// How many designs are simulated; about two in three can be.
-const DESIGNS: u64 = 12;
+pub const DESIGNS: u32 = 12;
 
-/// SHA-256, as hex, of the bits of a fixed set of simulations of `problem`.
+/// SHA-256, as hex, of the bits of a fixed set of simulations of `problem` by the built-in model.
+///
+/// # Panics
+///
+/// Never: the built-in model refuses designs, but does not fail.
 #[must_use]
 pub fn model_digest(problem: &Problem) -> String {
+    digest_of(problem, DESIGNS).expect("the built-in model refuses but never fails")
+}
+
+/// SHA-256, as hex, of the bits of what `simulator` answers about the first `designs` of a fixed
+/// set of designs, and of the version that it gives itself.
+///
+/// # Errors
+///
+/// The simulator failed: a sentence.
+pub fn digest_of(simulator: &dyn Simulator, designs: u32) -> Result<String, String> {
     let mut hash = Sha256::new();
-    let mut absorb = |value: f64| hash.update(value.to_bits().to_le_bytes());
+    if let Some(version) = simulator.version() {
+        hash.update(version.as_bytes());
+    }
+    let problem = simulator.problem();
     let frozen = problem.printed_frozen();
-    for design in 0..DESIGNS {
+    for design in 0..u64::from(designs) {
         let mut rng = stream(0, Purpose::Test, design, 0);
         let unit: [f64; ROBUST_VARIABLES] = std::array::from_fn(|_| rng.random());
         let variables = Variables::robust(&problem.robust_point(&unit), &frozen);
-        let Ok(pair) = problem.pair(&variables) else {
-            absorb(0.0);
-            continue;
+        let mut absorb = |value: f64| hash.update(value.to_bits().to_le_bytes());
+        let mut answer = || -> Result<(), NoAnswer> {
+            let mut design = simulator.prepare(&variables)?;
+            let unworn = design.unworn()?;
+            absorb(unworn.delta_ste_um);
+            let criteria = design.criteria(unworn.hertz_pressure_mpa);
+            absorb(criteria.hertz_pressure_mpa);
+            absorb(criteria.root_stress_mpa);
+            absorb(criteria.specific_sliding);
+            absorb(design.archard()?.delta_ste_um);
+            for _ in 0..2 {
+                absorb(design.sample(&mut rng).map_err(NoAnswer::Failed)?);
+            }
+            Ok(())
         };
-        let unworn = pair.unworn();
-        absorb(unworn.delta_ste_um);
-        let criteria = problem.criteria(&pair, unworn.hertz_pressure_mpa);
-        absorb(criteria.hertz_pressure_mpa);
-        absorb(criteria.root_stress_mpa);
-        absorb(criteria.specific_sliding);
-        absorb(pair.archard(problem.wear()).analysis.delta_ste_um);
-        let mut sampler = pair.sampler(problem.wear());
-        for _ in 0..2 {
-            absorb(sampler.draw(&mut rng));
+        match answer() {
+            Ok(()) => {}
+            Err(NoAnswer::Refused(_)) => absorb(0.0),
+            Err(NoAnswer::Failed(error)) => {
+                return Err(format!("question {design} of the model digest: {error}"));
+            }
         }
     }
-    hash.finalize()
+    Ok(hash
+        .finalize()
         .iter()
         .map(|byte| format!("{byte:02x}"))
-        .collect()
+        .collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Campaign;
+
+    #[test]
+    fn the_digest_depends_on_the_problem_and_on_how_much_is_asked() {
+        let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
+        let paper = Problem::new(campaign.clone());
+        campaign.load.pinion_torque_nm += 1.0;
+        let other = Problem::new(campaign);
+        assert_eq!(model_digest(&paper), model_digest(&paper));
+        assert_ne!(model_digest(&paper), model_digest(&other));
+        assert_ne!(digest_of(&paper, 2), digest_of(&paper, 3));
+        assert_ne!(digest_of(&paper, 2), digest_of(&other, 2));
+    }
 }

@@ -3,19 +3,22 @@
 //!
 //! Tasks and their results travel as JSON inside the protocol's opaque payloads. Floating-point
 //! numbers survive the way bit for bit: they are written with the shortest digits that read back
-//! as the same number.
+//! as the same number. Variants are named by the key around them rather than by a tag inside, because
+//! a reader that has to look for the tag first must keep everything else meanwhile, which for long
+//! lists of samples costs as much as a third of computing them.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use serde::{Deserialize, Serialize};
 use stats::streams::{Purpose, stream};
 
-use crate::formulation::{Approach, Criteria, Frozen, Problem, ROBUST_VARIABLES, Variables};
+use crate::formulation::{Approach, Criteria, Frozen, ROBUST_VARIABLES, Variables};
 use crate::optimise::{self, RunResult};
+use crate::simulator::{NoAnswer, Prepared, Simulator};
 
 /// A piece of work.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "task", rename_all = "kebab-case", deny_unknown_fields)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Task {
     /// Criteria and samples of designs of the DoE.
     Sample {
@@ -72,7 +75,7 @@ pub struct SampleRequest {
 
 /// What a task gives.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "task", rename_all = "kebab-case", deny_unknown_fields)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum TaskResult {
     /// Of [`Task::Sample`], in the order of its designs.
     Sample {
@@ -107,7 +110,7 @@ pub struct DesignResult {
 
 /// What the simulator made of a design.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "outcome", rename_all = "kebab-case", deny_unknown_fields)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum DesignOutcome {
     /// It can be simulated.
     Simulated {
@@ -140,16 +143,40 @@ pub const NOT_A_NUMBER: &str = "not-a-number";
 ///
 /// # Errors
 ///
-/// A sentence for the task's failure record: the simulator refused a design that must be simulated,
-/// or the kriging model cannot be read. A failure on a design of the DoE is a result, not an error.
-pub fn execute(problem: &Problem, task: &Task) -> Result<TaskResult, String> {
+/// A sentence for the task's failure record: the simulator failed, or refused a design that must
+/// be simulated, or the kriging model cannot be read. A design of the DoE that cannot be simulated
+/// is a result, not an error.
+pub fn execute(simulator: &dyn Simulator, task: &Task) -> Result<TaskResult, String> {
+    execute_until(simulator, task, &|| true)
+}
+
+/// Does a task for as long as `keep_going` says, which is asked before every sample.
+///
+/// What is finished by then is a valid partial result. A sampling task then gives the designs that
+/// were done, in their order, the last one possibly with fewer samples than asked for (but never
+/// none); a verifying task gives fewer samples; either may give nothing at all. An optimiser's run
+/// has no useful part and goes on to its end.
+///
+/// # Errors
+///
+/// As [`execute`].
+pub fn execute_until(
+    simulator: &dyn Simulator,
+    task: &Task,
+    keep_going: &dyn Fn() -> bool,
+) -> Result<TaskResult, String> {
     match task {
         Task::Sample { frozen, designs } => {
-            let designs = designs
-                .iter()
-                .map(|request| sample(problem, frozen, request))
-                .collect();
-            Ok(TaskResult::Sample { designs })
+            let mut done = Vec::with_capacity(designs.len());
+            for request in designs {
+                let outcome = guarded(|| simulate(simulator, frozen, request, keep_going))?;
+                let Some(outcome) = outcome else { break };
+                done.push(DesignResult {
+                    design: request.design,
+                    outcome,
+                });
+            }
+            Ok(TaskResult::Sample { designs: done })
         }
         Task::Optimise {
             approach,
@@ -157,7 +184,7 @@ pub fn execute(problem: &Problem, task: &Task) -> Result<TaskResult, String> {
             frozen,
             model,
         } => {
-            let run = optimise::run(problem, *approach, *start, frozen, model.as_deref())?;
+            let run = optimise::run(simulator, *approach, *start, frozen, model.as_deref())?;
             Ok(TaskResult::Optimise { run: Box::new(run) })
         }
         Task::Verify {
@@ -166,10 +193,19 @@ pub fn execute(problem: &Problem, task: &Task) -> Result<TaskResult, String> {
             variables,
             samples,
         } => {
-            let pair = problem.pair(variables).map_err(|error| error.to_string())?;
-            let samples_um = draw(problem, &pair, Purpose::Verify, *number, *samples);
+            let mut design = simulator
+                .prepare(variables)
+                .map_err(|error| format!("{point}: {error}"))?;
+            let names = Names {
+                seed: simulator.problem().campaign().seed,
+                purpose: Purpose::Verify,
+                design: *number,
+            };
+            let samples_um = draw(design.as_mut(), names, *samples, keep_going)
+                .map_err(|(sample, error)| format!("{point}, sample {sample}: {error}"))?;
             if let Some(index) = samples_um.iter().position(|sample| !sample.is_finite()) {
-                return Err(format!("sample {index} of {point} is not a number"));
+                let sample = samples.first as usize + index;
+                return Err(format!("{point}, sample {sample}: ΔSTE is not a number"));
             }
             Ok(TaskResult::Verify {
                 point: point.clone(),
@@ -180,55 +216,63 @@ pub fn execute(problem: &Problem, task: &Task) -> Result<TaskResult, String> {
     }
 }
 
-fn sample(problem: &Problem, frozen: &Frozen, request: &SampleRequest) -> DesignResult {
-    let outcome = guarded(|| simulate(problem, frozen, request));
-    DesignResult {
-        design: request.design,
-        outcome,
-    }
-}
+/// A design's outcome, or none when it was stopped before the first sample.
+type Simulated = Result<Option<DesignOutcome>, String>;
 
 /// Runs `simulate` and turns a panic into a refusal that carries its message.
-fn guarded(simulate: impl FnOnce() -> DesignOutcome) -> DesignOutcome {
+fn guarded(simulate: impl FnOnce() -> Simulated) -> Simulated {
     catch_unwind(AssertUnwindSafe(simulate)).unwrap_or_else(|panic| {
         let message = panic
             .downcast_ref::<String>()
             .map(String::as_str)
             .or_else(|| panic.downcast_ref::<&str>().copied())
             .unwrap_or("no message");
-        DesignOutcome::Refused {
+        Ok(Some(DesignOutcome::Refused {
             reason: format!("{SIMULATOR_PANIC}: {message}"),
-        }
+        }))
     })
 }
 
-fn simulate(problem: &Problem, frozen: &Frozen, request: &SampleRequest) -> DesignOutcome {
+fn simulate(
+    simulator: &dyn Simulator,
+    frozen: &Frozen,
+    request: &SampleRequest,
+    keep_going: &dyn Fn() -> bool,
+) -> Simulated {
+    if !keep_going() {
+        return Ok(None);
+    }
+    let number = request.design;
     let variables = Variables::robust(&request.x, frozen);
-    let pair = match problem.pair(&variables) {
-        Ok(pair) => pair,
-        Err(gear::Error::Infeasible(infeasible)) => {
-            let reason = format!("{}: {infeasible}", infeasible.code());
-            return DesignOutcome::Refused { reason };
-        }
-        Err(error) => {
-            return DesignOutcome::Refused {
-                reason: format!("invalid-input: {error}"),
-            };
-        }
+    let analysed = simulator.prepare(&variables).and_then(|mut design| {
+        let unworn = design.unworn()?;
+        let worn = design.archard()?;
+        Ok((design, unworn, worn))
+    });
+    let (mut design, unworn, worn) = match analysed {
+        Ok(analysed) => analysed,
+        Err(NoAnswer::Refused(reason)) => return Ok(Some(DesignOutcome::Refused { reason })),
+        Err(NoAnswer::Failed(error)) => return Err(format!("design {number}: {error}")),
     };
-    let unworn = pair.unworn();
-    let worn = pair.archard(problem.wear());
-    let criteria = problem.criteria(&pair, unworn.hertz_pressure_mpa);
-    let design = u64::from(request.design);
-    let samples_um = draw(problem, &pair, Purpose::Wear, design, request.samples);
+    let criteria = design.criteria(unworn.hertz_pressure_mpa);
+    let names = Names {
+        seed: simulator.problem().campaign().seed,
+        purpose: Purpose::Wear,
+        design: u64::from(number),
+    };
+    let samples_um = draw(design.as_mut(), names, request.samples, keep_going)
+        .map_err(|(sample, error)| format!("design {number}, sample {sample}: {error}"))?;
+    if samples_um.is_empty() && request.samples.count > 0 {
+        return Ok(None);
+    }
     let mut numbers = vec![
         criteria.contact_ratio,
         criteria.specific_sliding,
         criteria.hertz_pressure_mpa,
         criteria.root_stress_mpa,
-        worn.analysis.hertz_pressure_mpa,
+        worn.hertz_pressure_mpa,
         unworn.delta_ste_um,
-        worn.analysis.delta_ste_um,
+        worn.delta_ste_um,
     ];
     numbers.extend(&samples_um);
     numbers.extend(
@@ -239,37 +283,51 @@ fn simulate(problem: &Problem, frozen: &Frozen, request: &SampleRequest) -> Desi
     );
     if !numbers.iter().all(|number| number.is_finite()) {
         let reason = format!("{NOT_A_NUMBER}: the simulator gave a result that is no number");
-        return DesignOutcome::Refused { reason };
+        return Ok(Some(DesignOutcome::Refused { reason }));
     }
-    DesignOutcome::Simulated {
+    Ok(Some(DesignOutcome::Simulated {
         criteria,
-        hertz_pressure_worn_mpa: worn.analysis.hertz_pressure_mpa,
+        hertz_pressure_worn_mpa: worn.hertz_pressure_mpa,
         delta_ste_um: unworn.delta_ste_um,
-        delta_ste_archard_um: worn.analysis.delta_ste_um,
+        delta_ste_archard_um: worn.delta_ste_um,
         first: request.samples.first,
         samples_um,
-    }
+    }))
 }
 
-/// Samples of ΔSTE in µm, each from its own random stream.
-pub fn draw(
-    problem: &Problem,
-    pair: &gear::Pair,
+/// What the random streams of one design's samples are named by, besides the sample.
+#[derive(Debug, Clone, Copy)]
+struct Names {
+    seed: u64,
     purpose: Purpose,
     design: u64,
+}
+
+/// Samples of ΔSTE in µm, each from its own random stream; the error names the sample.
+fn draw(
+    design: &mut dyn Prepared,
+    names: Names,
     samples: SampleRange,
-) -> Vec<f64> {
-    let seed = problem.campaign().seed;
-    let mut sampler = pair.sampler(problem.wear());
-    (samples.first..samples.first + samples.count)
-        .map(|index| sampler.draw(&mut stream(seed, purpose, design, u64::from(index))))
-        .collect()
+    keep_going: &dyn Fn() -> bool,
+) -> Result<Vec<f64>, (u32, String)> {
+    let mut drawn = Vec::with_capacity(samples.count as usize);
+    for index in samples.first..samples.first.saturating_add(samples.count) {
+        if !keep_going() {
+            break;
+        }
+        let mut rng = stream(names.seed, names.purpose, names.design, u64::from(index));
+        drawn.push(design.sample(&mut rng).map_err(|error| (index, error))?);
+    }
+    Ok(drawn)
 }
 
 #[cfg(test)]
 mod tests {
+    use std::cell::Cell;
+
     use super::*;
     use crate::Campaign;
+    use crate::formulation::Problem;
 
     fn problem() -> Problem {
         Problem::new(Campaign::parse("paper.toml", Campaign::PAPER).unwrap())
@@ -299,9 +357,9 @@ mod tests {
         let outcome = guarded(|| panic!("no such tooth"));
         assert_eq!(
             outcome,
-            DesignOutcome::Refused {
+            Ok(Some(DesignOutcome::Refused {
                 reason: "simulator-panic: no such tooth".to_owned()
-            }
+            }))
         );
     }
 
@@ -323,26 +381,159 @@ mod tests {
             DesignOutcome::Refused { reason } if reason.starts_with("no-involute-solution: ")));
     }
 
+    fn samples(result: &TaskResult) -> Vec<(u32, Vec<f64>)> {
+        let TaskResult::Sample { designs } = result else {
+            panic!("a sampling result")
+        };
+        designs
+            .iter()
+            .filter_map(|design| match &design.outcome {
+                DesignOutcome::Simulated { samples_um, .. } => {
+                    Some((design.design, samples_um.clone()))
+                }
+                DesignOutcome::Refused { .. } => None,
+            })
+            .collect()
+    }
+
+    fn of_one_design(samples: SampleRange) -> Task {
+        let Task::Sample { frozen, designs } = request(0) else {
+            unreachable!("the request is one for samples")
+        };
+        let designs = vec![SampleRequest {
+            samples,
+            ..designs[0]
+        }];
+        Task::Sample { frozen, designs }
+    }
+
+    /// What workers compute is what the gear model computes, to the last bit.
+    #[test]
+    fn tasks_ask_the_built_in_model_and_nothing_else() {
+        let problem = problem();
+        let variables = Variables::robust(
+            &[0.25, 1.37, 1.37, 0.85, 1.31, 0.80],
+            &problem.printed_frozen(),
+        );
+        let pair = problem.pair(&variables).unwrap();
+        let unworn = pair.unworn();
+        let worn = pair.archard(problem.wear()).analysis;
+        let mut sampler = pair.sampler(problem.wear());
+        let seed = problem.campaign().seed;
+        let drawn = (2..7)
+            .map(|index| sampler.draw(&mut stream(seed, Purpose::Wear, 3, index)))
+            .collect();
+        let task = of_one_design(SampleRange { first: 2, count: 5 });
+        let TaskResult::Sample { designs } = execute(&problem, &task).unwrap() else {
+            panic!("a sampling result")
+        };
+        assert_eq!(
+            designs[0].outcome,
+            DesignOutcome::Simulated {
+                criteria: problem.criteria(&pair, unworn.hertz_pressure_mpa),
+                hertz_pressure_worn_mpa: worn.hertz_pressure_mpa,
+                delta_ste_um: unworn.delta_ste_um,
+                delta_ste_archard_um: worn.delta_ste_um,
+                first: 2,
+                samples_um: drawn,
+            }
+        );
+        assert_eq!(
+            problem.normal_module(&variables).unwrap(),
+            pair.geometry().normal_module
+        );
+    }
+
     #[test]
     fn a_sample_does_not_depend_on_who_draws_its_neighbours() {
         let problem = problem();
-        let frozen = problem.printed_frozen();
-        let variables = Variables::robust(&[0.25, 1.37, 1.37, 0.85, 1.31, 0.80], &frozen);
-        let pair = problem.pair(&variables).unwrap();
-        let all = draw(
-            &problem,
-            &pair,
-            Purpose::Wear,
-            3,
-            SampleRange { first: 0, count: 8 },
-        );
-        let tail = draw(
-            &problem,
-            &pair,
-            Purpose::Wear,
-            3,
-            SampleRange { first: 5, count: 3 },
-        );
-        assert_eq!(all[5..], tail);
+        let drawn = |first, count| {
+            let task = of_one_design(SampleRange { first, count });
+            samples(&execute(&problem, &task).unwrap())[0].1.clone()
+        };
+        assert_eq!(drawn(0, 8)[5..], drawn(5, 3));
+    }
+
+    #[test]
+    fn a_stopped_task_gives_what_is_done() {
+        let problem = problem();
+        let Task::Sample { frozen, designs } = request(4) else {
+            unreachable!("the request is one for samples")
+        };
+        let later = SampleRequest {
+            design: 5,
+            ..designs[0]
+        };
+        let task = Task::Sample {
+            frozen,
+            designs: vec![designs[0], designs[1], later],
+        };
+        let whole = samples(&execute(&problem, &task).unwrap());
+        let stopped_after = |questions: u32| {
+            let left = Cell::new(questions);
+            let keep_going = || {
+                let going = left.get() > 0;
+                left.set(left.get().saturating_sub(1));
+                going
+            };
+            execute_until(&problem, &task, &keep_going).unwrap()
+        };
+        // Asked before each design and each sample: 1 + 4, 1 (refused), 1 + 4.
+        for (questions, designs, of_last) in [
+            (0, 0, 0),
+            (1, 0, 0),
+            (2, 1, 1),
+            (4, 1, 3),
+            (5, 1, 4),
+            (6, 2, 4),
+            (7, 2, 4),
+            (9, 3, 2),
+            (11, 3, 4),
+        ] {
+            let part = stopped_after(questions);
+            let TaskResult::Sample { designs: done } = &part else {
+                panic!("a sampling result")
+            };
+            assert_eq!(done.len(), designs, "after {questions} questions");
+            let part = samples(&part);
+            assert_eq!(part.last().map_or(0, |last| last.1.len()), of_last);
+            for ((design, part), (same, whole)) in part.iter().zip(&whole) {
+                assert_eq!((design, part.as_slice()), (same, &whole[..part.len()]));
+            }
+        }
+    }
+
+    #[test]
+    fn a_stopped_verification_gives_fewer_samples() {
+        let problem = problem();
+        let task = Task::Verify {
+            point: "archard".to_owned(),
+            number: 2,
+            variables: Variables::robust(
+                &[0.25, 1.37, 1.37, 0.85, 1.31, 0.80],
+                &problem.printed_frozen(),
+            ),
+            samples: SampleRange {
+                first: 10,
+                count: 5,
+            },
+        };
+        let left = Cell::new(3);
+        let keep_going = || left.replace(left.get() - 1) > 0;
+        let (
+            Ok(TaskResult::Verify {
+                samples_um: whole, ..
+            }),
+            Ok(TaskResult::Verify {
+                first, samples_um, ..
+            }),
+        ) = (
+            execute(&problem, &task),
+            execute_until(&problem, &task, &keep_going),
+        )
+        else {
+            panic!("two verifying results")
+        };
+        assert_eq!((first, samples_um.as_slice()), (10, &whole[..3]));
     }
 }

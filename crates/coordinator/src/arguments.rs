@@ -3,14 +3,21 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{ArgGroup, Args, Parser, Subcommand};
 use coordinator::export::Table;
+use coordinator::guard::GuardFiles;
 use coordinator::simulate::WearChoice;
+use worker::SimulatorArguments;
+use worker::client::Credentials;
+use worker::console::LogFormat;
 
 /// Plans a Monte Carlo campaign of gear designs, leases its jobs to workers, and writes the report.
 #[derive(Debug, Parser)]
 #[command(version, after_help = worker::console::help_footer())]
 pub(crate) struct Arguments {
+    /// How to write the log
+    #[arg(long, value_enum, default_value_t, global = true)]
+    pub(crate) log_format: LogFormat,
     #[command(subcommand)]
     pub(crate) command: Command,
 }
@@ -24,6 +31,12 @@ pub(crate) enum Command {
     Serve(Serve),
     /// Say how far a campaign is, also while it runs
     Status(Status),
+    /// Say why nothing, or nothing more, is being computed
+    Explain(Explain),
+    /// Lease no more jobs; the coordinator ends when those that are out are in
+    Drain(Drain),
+    /// Give jobs that were given up another chance
+    Retry(Retry),
     /// Write the report of a campaign, also while it runs
     Report(Report),
     /// Write a table of a campaign as CSV
@@ -36,6 +49,8 @@ pub(crate) enum Command {
     Check(Check),
     /// Write a commented campaign file to start from
     Init(Init),
+    /// Make certificates and tokens for a coordinator that listens beyond loopback
+    Keygen(Keygen),
 }
 
 #[derive(Debug, Args)]
@@ -52,6 +67,8 @@ pub(crate) struct Run {
     /// How many workers to start in this process [default: the number of processors]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) workers: Option<u16>,
+    #[command(flatten)]
+    pub(crate) simulator: SimulatorArguments,
     /// The folder of the report [default: NAME-report]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
@@ -68,28 +85,76 @@ pub(crate) struct Serve {
     /// Accept a store on a network file system, whose locks and syncs may not keep their word
     #[arg(long)]
     pub(crate) allow_network_store: bool,
-    /// The address to listen on, such as 127.0.0.1:7400; loopback only, as the connection is open
+    /// The address to listen on, such as 127.0.0.1:7400; beyond loopback it takes TLS and tokens
     #[arg(long, value_name = "ADDR")]
     pub(crate) listen: SocketAddr,
-    /// Listen on an address that is not loopback although anybody there could join or read along
+    #[command(flatten)]
+    pub(crate) guard: GuardFiles,
+    /// Listen beyond loopback without TLS or tokens, although anybody there could join or read along
     #[arg(long)]
     pub(crate) insecure: bool,
     /// The folder of the report [default: NAME-report]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
+    /// Serve metrics for Prometheus at http://ADDR/metrics; loopback only, unless --insecure
+    #[arg(long, value_name = "ADDR")]
+    pub(crate) metrics: Option<SocketAddr>,
     /// Stay up when the campaign is finished, until a signal comes
     #[arg(long)]
     pub(crate) keep_serving: bool,
 }
 
 #[derive(Debug, Args)]
+#[command(group = ArgGroup::new("source").required(true).args(["db", "connect"]))]
 pub(crate) struct Status {
     /// The store
     #[arg(long, value_name = "FILE")]
-    pub(crate) db: PathBuf,
+    pub(crate) db: Option<PathBuf>,
+    /// The address of the running coordinator, which knows its workers and their pace, too
+    #[arg(long, value_name = "URL")]
+    pub(crate) connect: Option<String>,
+    #[command(flatten)]
+    pub(crate) credentials: Credentials,
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
+    /// Print again whenever something has changed, until the campaign is finished
+    #[arg(long)]
+    pub(crate) watch: bool,
+}
+
+/// How a running coordinator is reached.
+#[derive(Debug, Args)]
+pub(crate) struct Client {
+    /// The address of the running coordinator, such as http://127.0.0.1:7400
+    #[arg(long, value_name = "URL")]
+    pub(crate) connect: String,
+    #[command(flatten)]
+    pub(crate) credentials: Credentials,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Explain {
+    #[command(flatten)]
+    pub(crate) client: Client,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Drain {
+    #[command(flatten)]
+    pub(crate) client: Client,
+    /// Take an earlier request back
+    #[arg(long)]
+    pub(crate) resume: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Retry {
+    #[command(flatten)]
+    pub(crate) client: Client,
+    /// The jobs that were set aside because they failed again and again
+    #[arg(long)]
+    pub(crate) quarantined: bool,
 }
 
 #[derive(Debug, Args)]
@@ -147,6 +212,20 @@ pub(crate) struct Check {
     /// The campaign file
     #[arg(value_name = "CAMPAIGN.toml")]
     pub(crate) campaign: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Keygen {
+    /// The folder to put them in
+    #[arg(value_name = "DIR")]
+    pub(crate) folder: PathBuf,
+    /// A further name or address by which workers and clients reach the coordinator; may be repeated
+    #[arg(long = "host", value_name = "NAME")]
+    pub(crate) hosts: Vec<String>,
+    /// For how many days the certificates hold
+    #[arg(long, value_name = "N", default_value_t = coordinator::keygen::DAYS,
+        value_parser = clap::value_parser!(u32).range(1..=36_500))]
+    pub(crate) days: u32,
 }
 
 #[derive(Debug, Args)]

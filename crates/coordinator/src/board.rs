@@ -1,17 +1,23 @@
 //! Jobs and workers behind one lock: where the service and the engine meet.
 //!
-//! The scheduler decides; the board adds what it must not know: real time, the tasks themselves,
-//! who the workers are, and the bells that wake whoever waits.
+//! The scheduler decides who computes what, [`Batches`] cuts samples into jobs at the moment they
+//! are asked for; the board adds what both must not know: real time, who the workers are, and the
+//! bells that wake whoever waits.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use campaign::plan::JobKind;
-use campaign::task::Task;
+use campaign::Frozen;
+use campaign::batches::{Batches, StreamId};
+use campaign::plan::{self, DesignState, JobKind, VerifyPoint};
+use campaign::task::{SampleRange, Task};
 use protocol::v1::{Job, JobAttempt};
-use scheduler::{Completion, Failure, JobId, Scheduler, WorkerId};
+use scheduler::{Counts, Failure, JobId, Scheduler, WorkerId};
 use tokio::sync::Notify;
+use tokio::time::Instant;
+
+use crate::pace::Pace;
 
 /// A task with its payload for the wire, made once.
 #[derive(Debug)]
@@ -19,6 +25,13 @@ pub struct Posted {
     /// The task.
     pub task: Task,
     payload: Vec<u8>,
+}
+
+impl Posted {
+    fn new(task: Task) -> Arc<Self> {
+        let payload = serde_json::to_vec(&task).expect("plain numbers and names serialise");
+        Arc::new(Self { task, payload })
+    }
 }
 
 /// A registered worker.
@@ -32,29 +45,56 @@ pub struct WorkerInfo {
     told_finished: bool,
 }
 
-struct Inner {
-    scheduler: Scheduler<Arc<Posted>>,
-    tasks: BTreeMap<u64, Arc<Posted>>,
-    /// Jobs that are neither done nor given up, by group.
-    open: BTreeMap<Group, BTreeSet<u64>>,
-    workers: BTreeMap<String, WorkerInfo>,
-    quarantined: BTreeSet<u64>,
-    finished: bool,
+/// What a stored result settles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Covered {
+    /// Samples of a design or point.
+    Samples(StreamId, SampleRange),
+    /// A design that cannot be simulated.
+    Refused(u32),
 }
 
-/// Jobs that are settled together before the engine looks again: all sampling, or one approach's
-/// runs, or one point's samples.
-type Group = (JobKind, u64);
+/// A job whose lease ran out after it had started.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Vanished {
+    /// The job.
+    pub job: u64,
+    /// The attempt.
+    pub attempt: u32,
+    /// Who had it.
+    pub worker: String,
+    /// Whether that was once too often.
+    pub given_up: bool,
+}
+
+struct Inner {
+    scheduler: Scheduler<Arc<Posted>>,
+    batches: Batches,
+    /// Runs that are neither done nor given up, by approach: they are settled together.
+    open_runs: BTreeMap<u64, BTreeSet<u64>>,
+    workers: BTreeMap<String, WorkerInfo>,
+    /// Jobs done since the start; the scheduler forgets them.
+    done: u64,
+    pace: Pace,
+    /// Whether the first plan is posted: before, nobody can be told what is needed.
+    is_ready: bool,
+    is_finished: bool,
+    /// Grows with whatever a client might want to see.
+    revision: u64,
+}
 
 /// The jobs of a campaign and its workers.
 pub struct Board {
     inner: Mutex<Inner>,
+    lease: Duration,
     origin: Instant,
     epoch: u64,
     /// Rings when jobs may have become available.
     available: Notify,
     /// Rings when a group of jobs is settled.
     settled: Notify,
+    /// Rings when the revision grows.
+    changed: Notify,
 }
 
 impl Board {
@@ -62,18 +102,23 @@ impl Board {
     #[must_use]
     pub fn new(options: scheduler::Options, epoch: u64) -> Self {
         Self {
+            lease: options.lease,
             inner: Mutex::new(Inner {
                 scheduler: Scheduler::new(options, epoch),
-                tasks: BTreeMap::new(),
-                open: BTreeMap::new(),
+                batches: Batches::default(),
+                open_runs: BTreeMap::new(),
                 workers: BTreeMap::new(),
-                quarantined: BTreeSet::new(),
-                finished: false,
+                done: 0,
+                pace: Pace::default(),
+                is_ready: false,
+                is_finished: false,
+                revision: 1,
             }),
             origin: Instant::now(),
             epoch,
             available: Notify::new(),
             settled: Notify::new(),
+            changed: Notify::new(),
         }
     }
 
@@ -81,6 +126,12 @@ impl Board {
     #[must_use]
     pub const fn epoch(&self) -> u64 {
         self.epoch
+    }
+
+    /// How long a worker may be silent.
+    #[must_use]
+    pub const fn lease_time(&self) -> Duration {
+        self.lease
     }
 
     fn lock(&self) -> MutexGuard<'_, Inner> {
@@ -96,36 +147,84 @@ impl Board {
     pub fn post(&self, jobs: Vec<(u64, Task)>) {
         let mut inner = self.lock();
         for (job, task) in jobs {
-            if inner.tasks.contains_key(&job) {
+            if inner.scheduler.payload(JobId(job)).is_some() {
                 continue;
             }
-            let payload = serde_json::to_vec(&task).expect("plain numbers and names serialise");
-            let posted = Arc::new(Posted { task, payload });
-            inner.scheduler.add_job(JobId(job), Arc::clone(&posted), 0);
-            inner.tasks.insert(job, posted);
-            inner.open.entry(group(job)).or_default().insert(job);
+            inner.scheduler.add_job(JobId(job), Posted::new(task), 0);
+            if JobKind::of(job) == Some(JobKind::Optimise) {
+                let approach = plan::run_parts(job).0;
+                inner.open_runs.entry(approach).or_default().insert(job);
+            }
         }
+        self.release_lock(inner);
+    }
+
+    /// Makes missing samples of the DoE available to workers.
+    pub fn post_designs(&self, frozen: Frozen, designs: &[DesignState]) {
+        let mut inner = self.lock();
+        inner.batches.add_designs(frozen, designs);
+        self.release_lock(inner);
+    }
+
+    /// Makes missing samples of points available to workers, `wanted` for each.
+    pub fn post_points(&self, points: &[VerifyPoint], wanted: u32) {
+        let mut inner = self.lock();
+        for point in points {
+            inner.batches.add_point(point, wanted);
+        }
+        self.release_lock(inner);
+    }
+
+    fn release_lock(&self, inner: MutexGuard<'_, Inner>) {
         drop(inner);
         self.available.notify_waiters();
     }
 
-    /// The task of a job on the board.
-    #[must_use]
-    pub fn task(&self, job: u64) -> Option<Arc<Posted>> {
-        self.lock().tasks.get(&job).cloned()
+    /// Opens the board to workers.
+    pub fn open(&self) {
+        self.lock().is_ready = true;
     }
 
-    /// Notes a worker; it stays known until the coordinator ends.
-    pub fn register(&self, worker_id: &str, host: &str, slots: u32) {
-        self.lock().workers.insert(
-            worker_id.to_owned(),
-            WorkerInfo {
-                host: host.to_owned(),
-                slots,
-                last_seen: Instant::now(),
-                told_finished: false,
-            },
-        );
+    /// Whether workers can be told what is needed.
+    #[must_use]
+    pub fn is_open(&self) -> bool {
+        self.lock().is_ready
+    }
+
+    /// The task of a job that is not done.
+    #[must_use]
+    pub fn task(&self, job: u64) -> Option<Arc<Posted>> {
+        self.lock().scheduler.payload(JobId(job)).cloned()
+    }
+
+    /// Notes a worker with the jobs that it holds from before; it stays known until the coordinator
+    /// ends. Returns those of the jobs whose results are no longer needed.
+    pub fn register(&self, worker_id: &str, host: &str, slots: u32, held: &[Job]) -> Vec<u64> {
+        let now = self.now();
+        let worker = WorkerId(worker_id.to_owned());
+        let mut inner = self.lock();
+        let info = WorkerInfo {
+            host: host.to_owned(),
+            slots,
+            last_seen: Instant::now(),
+            told_finished: false,
+        };
+        inner.workers.insert(worker_id.to_owned(), info);
+        let mut cancelled = Vec::new();
+        for job in held {
+            if !inner.take_over(job) {
+                cancelled.push(job.job);
+                continue;
+            }
+            let held = scheduler::Held {
+                job: JobId(job.job),
+                attempt: job.attempt,
+                started: false,
+            };
+            inner.scheduler.heartbeat(&worker, &[held], now);
+        }
+        self.touch(&mut inner);
+        cancelled
     }
 
     /// Notes a sign of life; false if the worker is not registered.
@@ -145,16 +244,18 @@ impl Board {
     /// the campaign is finished.
     pub async fn lease(&self, worker_id: &str, credit: usize, wait: Duration) -> Vec<Job> {
         let worker = WorkerId(worker_id.to_owned());
-        let deadline = tokio::time::Instant::now() + wait;
+        let deadline = Instant::now() + wait;
         loop {
             let available = self.available.notified();
             {
                 let mut inner = self.lock();
-                if inner.finished {
+                if inner.is_finished {
                     return Vec::new();
                 }
+                inner.cut_jobs(credit, self.lease);
                 let grants = inner.scheduler.lease(&worker, credit, self.now());
                 if !grants.is_empty() {
+                    self.touch(&mut inner);
                     return grants
                         .into_iter()
                         .map(|grant| Job {
@@ -191,14 +292,35 @@ impl Board {
             .collect()
     }
 
-    /// Marks a job as done, its result being in the store.
-    pub fn complete(&self, worker_id: &str, job: u64, attempt: u32) -> Completion {
+    /// Ends a job whose results are stored: `covered` is what they settle, `seconds` what the job
+    /// took.
+    pub fn complete(
+        &self,
+        worker_id: &str,
+        job: u64,
+        attempt: u32,
+        covered: &[Covered],
+        seconds: f64,
+    ) {
         let worker = WorkerId(worker_id.to_owned());
         let now = self.now();
         let mut inner = self.lock();
-        let completion = inner.scheduler.complete(&worker, JobId(job), attempt, now);
-        self.settle(&mut inner, job);
-        completion
+        for covered in covered {
+            match *covered {
+                Covered::Samples(stream, samples) => {
+                    inner.batches.stored(stream, samples);
+                    inner.pace.count(now, u64::from(samples.count));
+                }
+                Covered::Refused(design) => inner.batches.refused(design),
+            }
+        }
+        inner.scheduler.complete(&worker, JobId(job), attempt, now);
+        if inner.scheduler.forget(JobId(job)).is_some() {
+            inner.done += 1;
+            inner.batches.close(job, Some(seconds));
+            self.settle(&mut inner, job);
+        }
+        self.touch(&mut inner);
     }
 
     /// Counts a failure of a job.
@@ -210,11 +332,10 @@ impl Board {
             .scheduler
             .fail(&worker, JobId(job), attempt, error, now);
         if failure == Failure::Quarantined {
-            inner.quarantined.insert(job);
-            self.settle(&mut inner, job);
+            self.give_up(&mut inner, job);
         }
-        drop(inner);
-        self.available.notify_waiters();
+        self.touch(&mut inner);
+        self.release_lock(inner);
         failure
     }
 
@@ -223,14 +344,14 @@ impl Board {
         let worker = WorkerId(worker_id.to_owned());
         let jobs: Vec<JobId> = jobs.iter().map(|job| JobId(*job)).collect();
         let now = self.now();
-        self.lock().scheduler.release(&worker, &jobs, now);
-        self.available.notify_waiters();
+        let mut inner = self.lock();
+        inner.scheduler.release(&worker, &jobs, now);
+        self.release_lock(inner);
     }
 
-    /// Takes back the jobs of workers that have not been heard of for a whole lease.
-    ///
-    /// Returns those that had started, as (job, attempt, worker, whether the job was given up).
-    pub fn expire(&self) -> Vec<(u64, u32, String, bool)> {
+    /// Takes back the jobs of workers that have not been heard of for a whole lease; returns those
+    /// that had started.
+    pub fn expire(&self) -> Vec<Vanished> {
         let now = self.now();
         let mut inner = self.lock();
         let expired = inner.scheduler.expire(now);
@@ -238,61 +359,180 @@ impl Board {
             return Vec::new();
         }
         for job in expired.iter().filter(|expired| expired.quarantined) {
-            inner.quarantined.insert(job.job.0);
-            self.settle(&mut inner, job.job.0);
+            self.give_up(&mut inner, job.job.0);
         }
-        drop(inner);
-        self.available.notify_waiters();
+        self.touch(&mut inner);
+        self.release_lock(inner);
         expired
             .into_iter()
             .filter(|expired| expired.crashed || expired.quarantined)
-            .map(|expired| {
-                (
-                    expired.job.0,
-                    expired.attempt,
-                    expired.worker.0,
-                    expired.quarantined,
-                )
+            .map(|expired| Vanished {
+                job: expired.job.0,
+                attempt: expired.attempt,
+                worker: expired.worker.0,
+                given_up: expired.quarantined,
             })
             .collect()
     }
 
-    fn settle(&self, inner: &mut Inner, job: u64) {
-        let group = group(job);
-        if let Some(open) = inner.open.get_mut(&group) {
-            open.remove(&job);
-            if open.is_empty() {
-                inner.open.remove(&group);
-                self.settled.notify_waiters();
+    fn give_up(&self, inner: &mut Inner, job: u64) {
+        if JobKind::of(job) != Some(JobKind::Optimise) && inner.batches.give_up(job).is_none() {
+            // Its designs become jobs of their own.
+            inner.scheduler.forget(JobId(job));
+        }
+        self.settle(inner, job);
+    }
+
+    /// Gives jobs that were given up another chance, and returns them.
+    pub fn retry(&self) -> Vec<u64> {
+        let mut inner = self.lock();
+        let jobs = inner.scheduler.retry_quarantined();
+        inner.batches.retry();
+        for job in &jobs {
+            if JobKind::of(job.0) == Some(JobKind::Optimise) {
+                let approach = plan::run_parts(job.0).0;
+                inner.open_runs.entry(approach).or_default().insert(job.0);
             }
         }
-        // With fewer jobs left, some may be leased a second time.
-        self.available.notify_waiters();
+        if !jobs.is_empty() {
+            inner.is_finished = false;
+            self.touch(&mut inner);
+        }
+        self.release_lock(inner);
+        self.settled.notify_waiters();
+        jobs.into_iter().map(|job| job.0).collect()
     }
 
-    /// Jobs that were given up.
+    /// Rings when the last job of a group is done or given up.
+    fn settle(&self, inner: &mut Inner, job: u64) {
+        let is_settled = match JobKind::of(job) {
+            Some(JobKind::Optimise) => {
+                let approach = plan::run_parts(job).0;
+                let open = inner.open_runs.entry(approach).or_default();
+                open.remove(&job);
+                open.is_empty()
+            }
+            Some(JobKind::Sample) => inner.batches.designs_are_settled(),
+            Some(JobKind::Verify) => inner
+                .batches
+                .point_is_settled(campaign::batches::parts(job).0),
+            None => false,
+        };
+        if is_settled {
+            self.settled.notify_waiters();
+        }
+        if inner.scheduler.queued() == 0 && !inner.batches.has_free() {
+            // With fewer jobs left, some may be leased a second time.
+            self.available.notify_waiters();
+        }
+    }
+
+    fn touch(&self, inner: &mut Inner) {
+        inner.revision += 1;
+        self.changed.notify_waiters();
+    }
+
+    /// What was given up: designs and points, and runs of optimisers.
     #[must_use]
-    pub fn quarantined(&self) -> BTreeSet<u64> {
-        self.lock().quarantined.clone()
+    pub fn given_up(&self) -> (BTreeSet<StreamId>, Vec<u64>) {
+        let inner = self.lock();
+        let runs = inner.scheduler.quarantined();
+        let runs = runs.into_iter().map(|(job, _)| job.0);
+        (
+            inner.batches.given_up().collect(),
+            runs.filter(|job| JobKind::of(*job) == Some(JobKind::Optimise))
+                .collect(),
+        )
     }
 
-    /// How many groups of jobs are open, and a future that ends when one more is settled.
-    pub fn watch(&self) -> (usize, tokio::sync::futures::Notified<'_>) {
-        let settled = self.settled.notified();
-        (self.lock().open.len(), settled)
+    /// A future that ends when one more group of jobs is settled.
+    pub fn watch(&self) -> tokio::sync::futures::Notified<'_> {
+        self.settled.notified()
+    }
+
+    /// Stops or resumes leasing; returns how many jobs are out.
+    pub fn drain(&self, draining: bool) -> usize {
+        let mut inner = self.lock();
+        inner.scheduler.set_draining(draining);
+        let leased = inner.scheduler.counts().leased;
+        self.touch(&mut inner);
+        self.release_lock(inner);
+        leased
+    }
+
+    /// Ends when leasing was stopped and no job is out any more.
+    pub async fn drained(&self) {
+        loop {
+            let changed = self.changed.notified();
+            {
+                let inner = self.lock();
+                if inner.scheduler.is_draining() && inner.scheduler.counts().leased == 0 {
+                    return;
+                }
+            }
+            changed.await;
+        }
+    }
+
+    /// Ends when a finished campaign has work again, as after a retry.
+    pub async fn reopened(&self) {
+        loop {
+            let changed = self.changed.notified();
+            if !self.lock().is_finished {
+                return;
+            }
+            changed.await;
+        }
+    }
+
+    /// Waits until the revision is another one than `seen`, at most for `wait`; returns it.
+    pub async fn changed(&self, seen: u64, wait: Duration) -> u64 {
+        let deadline = Instant::now() + wait;
+        loop {
+            let changed = self.changed.notified();
+            let revision = self.lock().revision;
+            if revision != seen || tokio::time::timeout_at(deadline, changed).await.is_err() {
+                return revision;
+            }
+        }
+    }
+
+    /// Why nothing, or nothing more, is being computed.
+    #[must_use]
+    pub fn explain(&self) -> Vec<String> {
+        let now = self.now();
+        let inner = self.lock();
+        if inner.is_finished {
+            return vec!["the campaign is finished".to_owned()];
+        }
+        let mut sentences: Vec<String> = inner
+            .scheduler
+            .explain(now)
+            .iter()
+            .map(ToString::to_string)
+            .collect();
+        if inner.batches.has_free() {
+            sentences.push(
+                "samples are waiting to be cut into jobs: every worker that asks gets some"
+                    .to_owned(),
+            );
+        }
+        sentences
     }
 
     /// Tells all workers that the campaign is finished.
     pub fn finish(&self) {
-        self.lock().finished = true;
-        self.available.notify_waiters();
+        let mut inner = self.lock();
+        inner.is_finished = true;
+        self.touch(&mut inner);
+        self.release_lock(inner);
     }
 
     /// Whether the campaign is finished; notes that `worker_id` has been told so.
     #[must_use]
     pub fn is_finished_for(&self, worker_id: &str) -> bool {
         let mut inner = self.lock();
-        let finished = inner.finished;
+        let finished = inner.is_finished;
         if let Some(worker) = inner.workers.get_mut(worker_id) {
             worker.told_finished |= finished;
         }
@@ -308,21 +548,112 @@ impl Board {
             .all(|worker| worker.told_finished || worker.last_seen.elapsed() > recently)
     }
 
-    /// The registered workers.
+    /// What only the running coordinator knows.
     #[must_use]
-    pub fn workers(&self) -> Vec<(String, WorkerInfo)> {
-        self.lock()
-            .workers
-            .iter()
-            .map(|(id, info)| (id.clone(), info.clone()))
-            .collect()
+    pub fn live(&self) -> Live {
+        let now = self.now();
+        let inner = self.lock();
+        let of: BTreeMap<String, scheduler::WorkerStatus> = inner
+            .scheduler
+            .workers()
+            .into_iter()
+            .map(|status| (status.worker.0.clone(), status))
+            .collect();
+        let workers = inner.workers.iter().map(|(id, info)| {
+            let status = of.get(id);
+            LiveWorker {
+                id: id.clone(),
+                host: info.host.clone(),
+                slots: info.slots,
+                leased: status.map_or(0, |status| status.leased),
+                completed: status.map_or(0, |status| status.completed),
+                failed: status.map_or(0, |status| status.failed + status.crashed),
+                silent_for: info.last_seen.elapsed(),
+                is_set_aside: status
+                    .and_then(|status| status.set_aside_until)
+                    .is_some_and(|until| until > now),
+            }
+        });
+        Live {
+            workers: workers.collect(),
+            counts: inner.scheduler.counts(),
+            done: inner.done,
+            samples_per_second: inner.pace.per_second(now),
+            is_draining: inner.scheduler.is_draining(),
+        }
     }
 }
 
-/// The group that a job is settled with.
-fn group(job: u64) -> Group {
-    match JobKind::of(job) {
-        Some(JobKind::Sample) | None => (JobKind::Sample, 0),
-        Some(kind) => (kind, (job & 0x00ff_ffff_ffff_ffff) >> 28),
+/// What only the running coordinator knows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Live {
+    /// The registered workers.
+    pub workers: Vec<LiveWorker>,
+    /// Jobs by state; done ones are forgotten and counted apart.
+    pub counts: Counts,
+    /// Jobs done since the start.
+    pub done: u64,
+    /// Samples stored per second, lately.
+    pub samples_per_second: f64,
+    /// Whether leasing was stopped.
+    pub is_draining: bool,
+}
+
+/// A registered worker, as people see it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LiveWorker {
+    /// Its name on the wire.
+    pub id: String,
+    /// Where it runs.
+    pub host: String,
+    /// How many jobs it computes at once.
+    pub slots: u32,
+    /// Jobs that it holds.
+    pub leased: usize,
+    /// Jobs that it has finished.
+    pub completed: u64,
+    /// Jobs that failed on it or died with it.
+    pub failed: u64,
+    /// How long ago it was heard of.
+    pub silent_for: Duration,
+    /// Whether it gets no jobs for a while, having failed too many.
+    pub is_set_aside: bool,
+}
+
+impl Inner {
+    /// Cuts samples into jobs until `credit` jobs wait.
+    fn cut_jobs(&mut self, credit: usize, lease: Duration) {
+        if self.scheduler.is_draining() {
+            return;
+        }
+        let present = self
+            .workers
+            .values()
+            .filter(|worker| worker.last_seen.elapsed() <= 2 * lease);
+        let slots = present.map(|worker| worker.slots as usize).sum();
+        while self.scheduler.queued() < credit
+            && let Some((job, task)) = self.batches.draw(slots)
+        {
+            self.scheduler.add_job(JobId(job), Posted::new(task), 0);
+        }
+    }
+
+    /// Whether a job that a worker holds from before a restart is needed; if so, it is on the board
+    /// afterwards.
+    fn take_over(&mut self, job: &Job) -> bool {
+        if let Some(posted) = self.scheduler.payload(JobId(job.job)) {
+            return posted.payload == job.payload;
+        }
+        let Ok(task) = serde_json::from_slice::<Task>(&job.payload) else {
+            return false;
+        };
+        if !self.batches.adopt(job.job, &task) {
+            return false;
+        }
+        let posted = Arc::new(Posted {
+            task,
+            payload: job.payload.clone(),
+        });
+        self.scheduler.add_job(JobId(job.job), posted, 0)
     }
 }

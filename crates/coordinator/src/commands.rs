@@ -4,23 +4,23 @@ use std::fs::{self, File, OpenOptions};
 use std::io::Write as _;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::SystemTime;
 
-use anyhow::Context as _;
-use campaign::formulation::{Problem, ROBUST_VARIABLES};
-use campaign::plan;
-use campaign::task::{self, SampleRange, SampleRequest, Task};
-use campaign::{Approach, Campaign, FileError, PairFile};
+use campaign::{Campaign, FileError, PairFile};
+use coordinator::guard::{Guard, GuardError};
+use coordinator::keygen::{self, KeygenError};
 use coordinator::server::{self, Outcome, Plan, Workers};
-use coordinator::{comparing, export, references, reporting, simulate, status};
+use coordinator::{comparing, export, reporting, simulate, status};
 use protocol::exit;
-use rand::RngExt as _;
-use stats::streams::{Purpose, stream};
 use store::Store;
 use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
 
 use crate::arguments::{self, Command};
+use crate::progress::Progress;
+
+mod checking;
+mod steering;
 
 /// A file that cannot be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -41,13 +41,17 @@ pub(crate) async fn execute(command: Command) -> anyhow::Result<u8> {
     match command {
         Command::Run(arguments) => run(arguments).await,
         Command::Serve(arguments) => serve(arguments).await,
-        Command::Status(arguments) => print_status(arguments).await,
+        Command::Status(arguments) => steering::status(arguments).await,
+        Command::Explain(arguments) => steering::explain(&arguments).await,
+        Command::Drain(arguments) => steering::drain(&arguments).await,
+        Command::Retry(arguments) => steering::retry(&arguments).await,
         Command::Report(arguments) => write_report(arguments).await,
         Command::Export(arguments) => export_table(arguments).await,
         Command::Compare(arguments) => compare(arguments).await,
         Command::Simulate(arguments) => simulate_pair(&arguments),
-        Command::Check(arguments) => check(&arguments),
+        Command::Check(arguments) => checking::check(&arguments),
         Command::Init(arguments) => init(&arguments),
+        Command::Keygen(arguments) => make_keys(&arguments),
     }
 }
 
@@ -59,6 +63,21 @@ pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
         }
         if cause.is::<FileAccess>() {
             return exit::FILE_ACCESS;
+        }
+        if let Some(error) = cause.downcast_ref::<worker::Error>() {
+            return error.exit_code();
+        }
+        if let Some(guard) = cause.downcast_ref::<GuardError>() {
+            return match guard {
+                GuardError::Open { .. } => exit::USAGE,
+                GuardError::File(_) | GuardError::NoToken { .. } => exit::FILE_ACCESS,
+            };
+        }
+        match cause.downcast_ref::<KeygenError>() {
+            Some(KeygenError::Host { .. }) => return exit::USAGE,
+            Some(KeygenError::Random(_) | KeygenError::Certificate(_)) => return exit::FAILURE,
+            Some(_) => return exit::FILE_ACCESS,
+            None => {}
         }
         if cause.is::<Usage>() {
             return exit::USAGE;
@@ -132,13 +151,37 @@ async fn run(arguments: arguments::Run) -> anyhow::Result<u8> {
         .db
         .unwrap_or_else(|| PathBuf::from(format!("{}.db", campaign.name)));
     refuse_network_store(&db, arguments.allow_network_store)?;
+    let exec = arguments.simulator.exec();
+    match (campaign.is_external(), &exec) {
+        (true, None) => {
+            return Err(Usage(format!(
+                "campaign {} is simulated by an external program: give it with --exec 'CMD'",
+                campaign.name
+            ))
+            .into());
+        }
+        (false, Some(_)) => {
+            return Err(Usage(format!(
+                "campaign {} is simulated by the built-in model: leave out --exec, or give the \
+                 campaign a section [simulator] with kind = \"external\"",
+                campaign.name
+            ))
+            .into());
+        }
+        _ => {}
+    }
     let plan = Plan {
         out: out_folder(arguments.out, &campaign),
         campaign,
         file_text: text,
         db,
         listen: SocketAddr::from(([127, 0, 0, 1], 0)),
-        workers: Workers::Local(arguments.workers.map_or(processors, usize::from)),
+        guard: Guard::default(),
+        workers: Workers::Local {
+            count: arguments.workers.map_or(processors, usize::from),
+            exec,
+        },
+        metrics: None,
     };
     conduct(plan).await
 }
@@ -146,14 +189,9 @@ async fn run(arguments: arguments::Run) -> anyhow::Result<u8> {
 async fn serve(arguments: arguments::Serve) -> anyhow::Result<u8> {
     let text = read(&arguments.campaign)?;
     let campaign = Campaign::parse(&arguments.campaign.display().to_string(), &text)?;
-    if !arguments.listen.ip().is_loopback() && !arguments.insecure {
-        return Err(Usage(format!(
-            "--listen {} is reachable by others, and the connection is neither encrypted nor \
-             guarded: listen on 127.0.0.1 (through a tunnel, if workers are elsewhere), or accept \
-             the risk with --insecure",
-            arguments.listen
-        ))
-        .into());
+    let guard = Guard::load(&arguments.guard)?;
+    if !arguments.insecure {
+        guard.suffices_for(arguments.listen)?;
     }
     refuse_network_store(&arguments.db, arguments.allow_network_store)?;
     let plan = Plan {
@@ -162,9 +200,11 @@ async fn serve(arguments: arguments::Serve) -> anyhow::Result<u8> {
         file_text: text,
         db: arguments.db,
         listen: arguments.listen,
+        guard,
         workers: Workers::Remote {
             keep_serving: arguments.keep_serving,
         },
+        metrics: arguments.metrics,
     };
     conduct(plan).await
 }
@@ -202,7 +242,9 @@ async fn conduct(plan: Plan) -> anyhow::Result<u8> {
     let shutdown = CancellationToken::new();
     tokio::spawn(worker::console::watch_signals(shutdown.clone(), "stopping"));
     let db = plan.db.clone();
-    match server::run(plan, shutdown).await? {
+    let progress = Progress::new();
+    let observer: server::Observer = Box::new(move |status| progress.show(status));
+    match server::run(plan, Some(observer), shutdown).await? {
         Outcome::Finished { given_up, report } => {
             let store = Store::open_read_only(&db).await?;
             let status = status::read(&store).await?;
@@ -223,17 +265,6 @@ async fn conduct(plan: Plan) -> anyhow::Result<u8> {
             Ok(exit::INTERRUPTED)
         }
     }
-}
-
-async fn print_status(arguments: arguments::Status) -> anyhow::Result<u8> {
-    let store = Store::open_read_only(&arguments.db).await?;
-    let status = status::read(&store).await?;
-    if arguments.json {
-        print(&(serde_json::to_string(&status)? + "\n"))?;
-    } else {
-        print(&status::describe(&status))?;
-    }
-    Ok(exit::OK)
 }
 
 async fn write_report(arguments: arguments::Report) -> anyhow::Result<u8> {
@@ -273,6 +304,13 @@ fn simulate_pair(arguments: &arguments::Simulate) -> anyhow::Result<u8> {
     Ok(exit::OK)
 }
 
+fn make_keys(arguments: &arguments::Keygen) -> anyhow::Result<u8> {
+    let (folder, hosts) = (&arguments.folder, &arguments.hosts);
+    keygen::make(folder, hosts, arguments.days, SystemTime::now())?;
+    print(&keygen::describe(folder, hosts))?;
+    Ok(exit::OK)
+}
+
 fn init(arguments: &arguments::Init) -> anyhow::Result<u8> {
     let mut file = create_new(&arguments.file)?;
     file.write_all(Campaign::PAPER.as_bytes())
@@ -286,134 +324,4 @@ fn init(arguments: &arguments::Init) -> anyhow::Result<u8> {
         arguments.file.display()
     ))?;
     Ok(exit::OK)
-}
-
-fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
-    let text = read(&arguments.campaign)?;
-    let campaign = Campaign::parse(&arguments.campaign.display().to_string(), &text)?;
-    let problem = Problem::new(campaign.clone());
-    let n = u64::from(campaign.doe.designs);
-    let k = u64::from(campaign.sampling.samples_per_design);
-    let per_job = u64::from(plan::designs_per_job(&campaign));
-    let starts = u64::from(campaign.optimise.starts);
-    let evaluations = u64::from(campaign.optimise.evaluations);
-    let points = references::points(&problem).len() as u64 + Approach::ALL.len() as u64;
-    let verify = u64::from(campaign.verify.samples);
-    let measured = measure(&problem)?;
-
-    let feasible = n as f64 * measured.feasible;
-    let sampling =
-        n as f64 * measured.design_seconds + feasible * k as f64 * measured.sample_seconds;
-    let analyses = (3 * starts * evaluations) as f64;
-    let optimising = analyses * measured.design_seconds;
-    let verifying = (points * verify) as f64 * measured.sample_seconds;
-    // Measured with the paper's campaign: 6 s of search for its DoE, and 10 s of a fit whose time is
-    // cubic in the points.
-    let making = 6.0 * n as f64 / 3000.0;
-    let fitting = 10.0 * (feasible / 3000.0).powi(3);
-    let mut plan = format!(
-        "{} is valid: campaign {}, seed {}, {} and {} teeth\n\n",
-        arguments.campaign.display(),
-        campaign.name,
-        campaign.seed,
-        campaign.teeth()[0],
-        campaign.teeth()[1]
-    );
-    let rows = [
-        ("doe", 1, format!("{n} points, maximin"), making),
-        (
-            "sample",
-            n.div_ceil(per_job),
-            format!("{n} designs, at most {} samples", n * k),
-            sampling,
-        ),
-        (
-            "fit",
-            1,
-            format!("about {feasible:.0} designs that can be simulated"),
-            fitting,
-        ),
-        (
-            "optimise",
-            3 * starts,
-            format!("{} analyses", 3 * starts * evaluations),
-            optimising,
-        ),
-        (
-            "verify",
-            points * verify.div_ceil(u64::from(plan::VERIFY_SAMPLES_PER_JOB)),
-            format!("{points} designs, {} samples", points * verify),
-            verifying,
-        ),
-    ];
-    for (stage, jobs, what, seconds) in &rows {
-        plan += &format!("{stage:<10}{jobs:>6} jobs   {what:<50}{seconds:>8.1} core-seconds\n");
-    }
-    let total: f64 = rows.iter().map(|row| row.3).sum();
-    let jobs: u64 = rows.iter().map(|row| row.1).sum();
-    plan += &format!(
-        "{:<10}{jobs:>6} jobs   {:<50}{total:>8.1} core-seconds (estimated)\n",
-        "all", ""
-    );
-    for warning in campaign.warnings() {
-        plan += &format!("\nwarning: {warning}\n");
-    }
-    print(&plan)?;
-    Ok(exit::OK)
-}
-
-/// What one processor of this machine takes, from a few designs of the campaign.
-struct Measured {
-    /// The share of random designs that can be simulated.
-    feasible: f64,
-    /// Criteria and both deterministic analyses of a design, seconds.
-    design_seconds: f64,
-    /// A sample of ΔSTE, seconds.
-    sample_seconds: f64,
-}
-
-fn measure(problem: &Problem) -> anyhow::Result<Measured> {
-    const DESIGNS: u32 = 40;
-    let mut seconds = [0.0; 2];
-    let mut feasible = 0.0;
-    let samples = [4, 104];
-    for (pass, count) in samples.into_iter().enumerate() {
-        let designs: Vec<SampleRequest> = (0..DESIGNS)
-            .map(|design| {
-                let mut rng = stream(problem.campaign().seed, Purpose::Test, u64::from(design), 1);
-                let unit: [f64; ROBUST_VARIABLES] = std::array::from_fn(|_| rng.random());
-                SampleRequest {
-                    design,
-                    x: problem.robust_point(&unit),
-                    samples: SampleRange { first: 0, count },
-                }
-            })
-            .collect();
-        let task = Task::Sample {
-            frozen: problem.printed_frozen(),
-            designs,
-        };
-        let before = Instant::now();
-        let result = task::execute(problem, &task)
-            .map_err(anyhow::Error::msg)
-            .context("a trial run")?;
-        seconds[pass] = before.elapsed().as_secs_f64();
-        if let campaign::task::TaskResult::Sample { designs } = result {
-            let simulated = |design: &&campaign::task::DesignResult| {
-                matches!(
-                    design.outcome,
-                    campaign::task::DesignOutcome::Simulated { .. }
-                )
-            };
-            feasible = designs.iter().filter(simulated).count() as f64;
-        }
-    }
-    let drawn = feasible.max(1.0) * f64::from(samples[1] - samples[0]);
-    let sample_seconds = ((seconds[1] - seconds[0]) / drawn).max(0.0);
-    let without_samples = seconds[0] - feasible * f64::from(samples[0]) * sample_seconds;
-    Ok(Measured {
-        feasible: feasible / f64::from(DESIGNS),
-        design_seconds: (without_samples / f64::from(DESIGNS)).max(0.0),
-        sample_seconds,
-    })
 }

@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context as _;
+use campaign::batches::StreamId;
 use campaign::formulation::Problem;
 use campaign::plan::{self, LocalStep, VerifyPoint};
 use campaign::{Approach, Campaign};
@@ -12,13 +13,16 @@ use store::{Batch, FailureKind, Store, Writer};
 use tokio_util::sync::CancellationToken;
 use tracing::{error, info, warn};
 
-use crate::board::Board;
+use crate::board::{Board, Vanished};
 use crate::snapshot::{self, P90_MODEL};
 use crate::steps::{self, Cost, ModelSummary};
 use crate::{ingest, references};
 
 /// How often leases are looked over.
 const EXPIRY_PERIOD: Duration = Duration::from_millis(200);
+
+/// The approaches that learn from the samples of the DoE.
+pub const SAMPLED_APPROACHES: [&str; 2] = [Approach::Kriging.name(), Approach::BestOfDoe.name()];
 
 /// What the engine works with.
 pub struct Engine {
@@ -46,34 +50,45 @@ impl Engine {
     ///
     /// The store fails, or a local step does.
     pub async fn run(&self, shutdown: &CancellationToken) -> anyhow::Result<Option<Ended>> {
-        let references = references::points(&self.problem);
-        let mut fit_failed = None;
+        let references: &[VerifyPoint] = &references::points(&self.problem);
+        let fit_failed = &mut None;
         loop {
             if shutdown.is_cancelled() {
                 return Ok(None);
             }
             // Before the state is read: what is settled in between must not be slept through.
-            let (_, settled) = self.board.watch();
-            let mut state = snapshot::load(&self.store, self.campaign(), &references).await?;
-            state.quarantined = self.board.quarantined();
+            let settled = self.board.watch();
+            let mut state = snapshot::load(&self.store, self.campaign(), references).await?;
+            let (streams, runs) = self.board.given_up();
+            for job in &runs {
+                let (approach, start) = plan::run_parts(*job);
+                let approach = Approach::ALL.into_iter().find(|a| a.number() == approach);
+                state.failed_runs.extend(approach.map(|a| (a, start)));
+            }
+            state.given_up = streams;
             state.fit_failed = fit_failed.is_some();
             let next = plan::next(self.campaign(), self.problem.printed_frozen(), &state);
             let finished = next.is_finished();
-            self.board.post(next.jobs);
+            self.board.post(next.runs);
+            if let Some(frozen) = next.sampling {
+                self.board.post_designs(frozen, &state.designs);
+            }
+            self.board
+                .post_points(&next.points, self.campaign().verify.samples);
+            self.board.open();
             if let Some(step) = next.local {
-                self.do_step(step, &references, &mut fit_failed).await?;
+                self.do_step(step, references, fit_failed).await?;
                 continue;
             }
             if finished {
-                let given_up = state
-                    .quarantined
-                    .iter()
-                    .map(|job| ingest::job_name(*job))
-                    .collect();
+                let mut given_up: Vec<String> =
+                    state.given_up.iter().map(|id| stream_name(*id)).collect();
+                given_up.extend(runs.into_iter().map(ingest::job_name));
                 return Ok(Some(Ended { given_up }));
             }
             tokio::select! {
                 () = settled => {}
+                () = self.board.drained() => return Ok(None),
                 () = shutdown.cancelled() => return Ok(None),
             }
         }
@@ -88,7 +103,13 @@ impl Engine {
         let mut period = tokio::time::interval(EXPIRY_PERIOD);
         loop {
             period.tick().await;
-            for (job, attempt, worker, given_up) in self.board.expire() {
+            for vanished in self.board.expire() {
+                let Vanished {
+                    job,
+                    attempt,
+                    worker,
+                    given_up,
+                } = vanished;
                 let name = ingest::job_name(job);
                 let (kind, sentence) = if given_up {
                     error!(job = %name, %worker, "too many workers vanished: the job is given up");
@@ -146,17 +167,24 @@ impl Engine {
 
     async fn make_doe(&self) -> anyhow::Result<()> {
         let problem = Arc::clone(&self.problem);
+        let existing = self.store.designs().await?;
         info!(
             designs = self.campaign().doe.designs,
+            existing = existing.len(),
             "making the maximin Latin hypercube"
         );
-        let rows = blocking(move || steps::doe(&problem)).await?.0?;
+        let rows = blocking(move || steps::doe(&problem, &existing)).await?.0?;
         self.store.put_designs(&rows).await?;
         info!("sampling");
         Ok(())
     }
 
     async fn compute_responses(&self) -> anyhow::Result<()> {
+        if !self.store.responses().await?.is_empty() {
+            // Samples came after the model was fitted, as of jobs that got another chance: what
+            // was learned without them is learned again.
+            self.store.clear_derived(&SAMPLED_APPROACHES).await?;
+        }
         let wanted = self.campaign().sampling.samples_per_design as usize;
         let mut rows = Vec::new();
         let mut current: Option<u64> = None;
@@ -178,7 +206,9 @@ impl Engine {
                     close(current, &mut samples)?;
                     current = Some(row.design);
                 }
-                samples.push(row.delta_ste_um);
+                if samples.len() < wanted {
+                    samples.push(row.delta_ste_um);
+                }
                 Ok(())
             })
             .await?;
@@ -295,6 +325,14 @@ impl Engine {
                 .map(|row| row.cpu_seconds)
                 .sum(),
         })
+    }
+}
+
+/// A design or point, as people see it.
+fn stream_name(id: StreamId) -> String {
+    match id {
+        StreamId::Design(design) => format!("samples of design {design}"),
+        StreamId::Point(number) => format!("fresh samples of point {number}"),
     }
 }
 

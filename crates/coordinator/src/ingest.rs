@@ -1,11 +1,30 @@
 //! From what workers hand in to rows of the store.
 
-use campaign::task::{DesignOutcome, Task, TaskResult};
+use campaign::batches::{self, StreamId};
+use campaign::plan::{JobKind, run_parts};
+use campaign::task::{DesignOutcome, SampleRange, Task, TaskResult};
 use store::{
     Batch, CriteriaRow, FailureKind, FailureRow, JobTimeRow, OptimiserRunRow, SampleRow, VerifyRow,
 };
 
-/// Reads a result and turns it into rows, after checking that it answers `task` and nothing else.
+use crate::board::Covered;
+
+/// A result as rows, with what they settle.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Parsed {
+    /// The rows.
+    pub batch: Batch,
+    /// What they settle once they are stored.
+    pub covered: Vec<Covered>,
+}
+
+/// Reads a result and turns it into rows, after checking that it answers `task`, or a part of it,
+/// and nothing else.
+///
+/// `task` is none for a job that the board does not know, as when it was done twice or given out
+/// before a restart. Samples of the DoE are then taken all the same, because they are what they
+/// are whoever asks; runs and fresh samples depend on a model or an optimum that may have been
+/// replaced, so nothing is made of them.
 ///
 /// # Errors
 ///
@@ -15,7 +34,7 @@ pub fn rows(
     task: Option<&Task>,
     payload: &[u8],
     cpu_seconds: f64,
-) -> Result<Batch, String> {
+) -> Result<Parsed, String> {
     let result: TaskResult = serde_json::from_slice(payload)
         .map_err(|error| format!("the result cannot be read: {error}"))?;
     if let Some(task) = task
@@ -29,17 +48,27 @@ pub fn rows(
         0.0
     };
     let mut batch = Batch::default();
+    let mut covered = Vec::new();
+    let mut cover = |stream, first: u32, samples: usize| {
+        // More samples than that do not fit into a message.
+        let count = u32::try_from(samples).unwrap_or(u32::MAX);
+        covered.push(Covered::Samples(stream, SampleRange { first, count }));
+    };
     match result {
         TaskResult::Sample { designs } => {
+            let mut refused = Vec::new();
             for result in designs {
                 let design = u64::from(result.design);
                 match result.outcome {
-                    DesignOutcome::Refused { reason } => batch.criteria.push(CriteriaRow {
-                        design,
-                        feasible: false,
-                        reason: Some(reason),
-                        ..CriteriaRow::default()
-                    }),
+                    DesignOutcome::Refused { reason } => {
+                        refused.push(Covered::Refused(result.design));
+                        batch.criteria.push(CriteriaRow {
+                            design,
+                            feasible: false,
+                            reason: Some(reason),
+                            ..CriteriaRow::default()
+                        });
+                    }
                     DesignOutcome::Simulated {
                         criteria,
                         hertz_pressure_worn_mpa,
@@ -48,6 +77,7 @@ pub fn rows(
                         first,
                         samples_um,
                     } => {
+                        cover(StreamId::Design(result.design), first, samples_um.len());
                         batch.criteria.push(CriteriaRow {
                             design,
                             feasible: true,
@@ -76,7 +106,9 @@ pub fn rows(
                     }
                 }
             }
+            covered.extend(refused);
         }
+        _ if task.is_none() => return Ok(Parsed::default()),
         TaskResult::Optimise { run } => batch.runs.push(OptimiserRunRow {
             approach: run.approach.name().to_owned(),
             start: u64::from(run.start),
@@ -90,6 +122,9 @@ pub fn rows(
             first,
             samples_um,
         } => {
+            if let Some(Task::Verify { number, .. }) = task {
+                cover(StreamId::Point(*number), first, samples_um.len());
+            }
             batch
                 .verify
                 .extend(samples_um.iter().zip(u64::from(first)..).map(
@@ -102,7 +137,7 @@ pub fn rows(
         }
     }
     batch.times.push(JobTimeRow { job, cpu_seconds });
-    Ok(batch)
+    Ok(Parsed { batch, covered })
 }
 
 /// The record of a failed attempt.
@@ -121,21 +156,23 @@ pub fn failure(job: u64, attempt: u32, worker: &str, kind: FailureKind, error: &
 /// A job's number as people see it.
 #[must_use]
 pub fn job_name(job: u64) -> String {
-    use campaign::plan::JobKind;
-    let major = (job & 0x00ff_ffff_ffff_ffff) >> 28;
-    let minor = job & 0x0fff_ffff;
+    let (index, first) = batches::parts(job);
     match JobKind::of(job) {
-        Some(JobKind::Sample) => format!("sample-{minor}"),
-        Some(JobKind::Optimise) => format!("optimise-{major}-{minor}"),
-        Some(JobKind::Verify) => format!("verify-{major}-{minor}"),
+        Some(JobKind::Sample) => format!("sample-{index}-{first}"),
+        Some(JobKind::Verify) => format!("verify-{index}-{first}"),
+        Some(JobKind::Optimise) => {
+            let (approach, start) = run_parts(job);
+            format!("optimise-{approach}-{start}")
+        }
         None => format!("unknown-{job:016x}"),
     }
 }
 
+/// Whether a result answers a task, or the beginning of it.
 fn answers(result: &TaskResult, task: &Task) -> bool {
     match (result, task) {
         (TaskResult::Sample { designs: results }, Task::Sample { designs, .. }) => {
-            results.len() == designs.len()
+            results.len() <= designs.len()
                 && results.iter().zip(designs).all(|(result, request)| {
                     result.design == request.design
                         && match &result.outcome {
@@ -144,7 +181,7 @@ fn answers(result: &TaskResult, task: &Task) -> bool {
                                 first, samples_um, ..
                             } => {
                                 *first == request.samples.first
-                                    && samples_um.len() == request.samples.count as usize
+                                    && samples_um.len() <= request.samples.count as usize
                             }
                         }
                 })
@@ -167,7 +204,7 @@ fn answers(result: &TaskResult, task: &Task) -> bool {
                 ..
             },
         ) => {
-            point == asked && *first == samples.first && samples_um.len() == samples.count as usize
+            point == asked && *first == samples.first && samples_um.len() <= samples.count as usize
         }
         _ => false,
     }
@@ -176,7 +213,7 @@ fn answers(result: &TaskResult, task: &Task) -> bool {
 #[cfg(test)]
 mod tests {
     use campaign::Frozen;
-    use campaign::task::{SampleRange, SampleRequest};
+    use campaign::task::SampleRequest;
 
     use super::*;
 
@@ -200,8 +237,8 @@ mod tests {
 
     #[test]
     fn an_answer_to_another_question_is_refused() {
-        let answer = br#"{"task":"sample","designs":
-            [{"design":8,"outcome":{"outcome":"refused","reason":"contact-gap: no"}}]}"#;
+        let answer = br#"{"sample":{"designs":
+            [{"design":8,"outcome":{"refused":{"reason":"contact-gap: no"}}}]}}"#;
         let error = rows(0, Some(&task()), answer, 0.0).unwrap_err();
         assert!(error.contains("another task"), "{error}");
     }
@@ -209,17 +246,27 @@ mod tests {
     #[test]
     fn garbage_is_refused() {
         assert!(rows(0, Some(&task()), b"\xff\x00", 0.0).is_err());
-        assert!(rows(0, Some(&task()), br#"{"task":"sample"}"#, 0.0).is_err());
+        assert!(rows(0, Some(&task()), br#"{"sample":{}}"#, 0.0).is_err());
     }
 
     #[test]
     fn a_refused_design_becomes_a_row_with_its_reason() {
-        let answer = br#"{"task":"sample","designs":
-            [{"design":7,"outcome":{"outcome":"refused","reason":"contact-gap: no"}}]}"#;
-        let batch = rows(0, Some(&task()), answer, f64::NAN).unwrap();
+        let answer = br#"{"sample":{"designs":
+            [{"design":7,"outcome":{"refused":{"reason":"contact-gap: no"}}}]}}"#;
+        let Parsed { batch, covered } = rows(0, Some(&task()), answer, f64::NAN).unwrap();
+        assert_eq!(covered, [Covered::Refused(7)]);
         assert_eq!(batch.criteria.len(), 1);
         assert!(!batch.criteria[0].feasible);
         assert_eq!(batch.criteria[0].reason.as_deref(), Some("contact-gap: no"));
         assert_eq!(batch.times[0].cpu_seconds, 0.0);
+    }
+
+    #[test]
+    fn a_result_that_nobody_waits_for_is_kept_only_if_it_cannot_be_stale() {
+        let sample = br#"{"sample":{"designs":
+            [{"design":8,"outcome":{"refused":{"reason":"contact-gap: no"}}}]}}"#;
+        assert_eq!(rows(0, None, sample, 0.0).unwrap().batch.criteria.len(), 1);
+        let verify = br#"{"verify":{"point":"archard","first":0,"samples_um":[1.5]}}"#;
+        assert_eq!(rows(0, None, verify, 0.0).unwrap(), Parsed::default());
     }
 }

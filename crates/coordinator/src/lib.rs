@@ -4,15 +4,24 @@
 //!   ([`steps`]) itself and puts the jobs on the [`board`].
 //! - [`board`] holds the scheduler and the workers behind one lock; [`service`] is the gRPC face
 //!   of it; [`ingest`] turns what workers hand in into rows of the store.
+//! - [`metrics`] shows the same to Prometheus.
+//! - [`listening`] keeps the port, [`guard`] has what guards it, [`access`] says who may call what,
+//!   and [`keygen`] makes the secrets.
 //! - [`status`], [`export`], [`simulate`], [`reporting`] and [`comparing`] read: they work beside a running
 //!   campaign, too.
 
+pub mod access;
 pub mod board;
 pub mod comparing;
 pub mod engine;
 pub mod export;
 pub mod ingest;
+pub mod guard;
+pub mod keygen;
+pub mod listening;
 pub mod local;
+pub mod metrics;
+mod pace;
 pub mod references;
 pub mod reporting;
 pub mod server;

@@ -2,6 +2,7 @@
 
 mod arguments;
 mod commands;
+mod progress;
 
 use std::process::ExitCode;
 
@@ -10,8 +11,10 @@ use protocol::exit;
 use worker::console;
 
 fn main() -> ExitCode {
+    #[cfg(feature = "failpoints")]
+    let _fail_points = fail::FailScenario::setup();
     let arguments = arguments::Arguments::parse();
-    console::start_log();
+    console::start_log(arguments.log_format);
     let runtime = match tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)
         .enable_all()

@@ -181,7 +181,11 @@ fn header(sources: &Sources, samples_digest: String, times: &[store::JobTimeRow]
             stage("verify", seconds(Verify)),
         ],
         facts: vec![
-            ("tooth model".to_owned(), campaign.pair.tooth_model.clone()),
+            if campaign.is_external() {
+                ("simulator".to_owned(), "an external program".to_owned())
+            } else {
+                ("tooth model".to_owned(), campaign.pair.tooth_model.clone())
+            },
             (
                 "wear".to_owned(),
                 format!(
@@ -241,6 +245,10 @@ fn doe(sources: &Sources) -> Vec<DoePoint> {
 
 /// Figure 2 shows Archard's design, or else the first one there is.
 fn wear(sources: &Sources) -> Option<WearProfiles> {
+    // The profiles are the built-in model's.
+    if sources.problem.campaign().is_external() {
+        return None;
+    }
     let (name, variables) = [Approach::Archard, Approach::NoWear]
         .iter()
         .find_map(|approach| {

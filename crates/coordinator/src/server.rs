@@ -5,33 +5,39 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use anyhow::Context as _;
 use campaign::formulation::Problem;
 use campaign::{Campaign, probe};
-use protocol::v1::campaign_server::CampaignServer;
-use protocol::{DESCRIPTORS, MAX_MESSAGE_BYTES};
 use store::{CampaignRow, Store};
 use tokio::net::TcpListener;
-use tokio_stream::wrappers::TcpListenerStream;
 use tokio_util::sync::CancellationToken;
-use tonic::transport::Server;
 use tracing::{info, warn};
 
 use crate::board::Board;
-use crate::engine::{Ended, Engine};
-use crate::service::Service;
-use crate::{local, reporting};
+use crate::engine::{Ended, Engine, SAMPLED_APPROACHES};
+use crate::guard::Guard;
+use crate::listening;
+use crate::service::{Recorder as _, Service, StoreRecorder};
+use crate::status::Status;
+use crate::{local, metrics, reporting};
 
 /// How long a worker may be silent before its jobs go to others.
 const LEASE: Duration = Duration::from_secs(5);
 /// How long workers get to hear that the campaign is finished.
 const FAREWELL: Duration = Duration::from_secs(3);
 
+/// How often an observer sees the status.
+const OBSERVING_PERIOD: Duration = Duration::from_millis(500);
+
 /// Who computes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Workers {
-    /// This many workers in the coordinator's process.
-    Local(usize),
+    /// Workers in the coordinator's process.
+    Local {
+        /// How many.
+        count: usize,
+        /// The external simulator that they run, for a campaign that asks for one.
+        exec: Option<worker::Exec>,
+    },
     /// Workers that connect from outside.
     Remote {
         /// Whether to stay up when the campaign is finished.
@@ -50,11 +56,18 @@ pub struct Plan {
     pub db: PathBuf,
     /// The address to listen on.
     pub listen: SocketAddr,
+    /// What guards that address.
+    pub guard: Guard,
     /// Where the report goes.
     pub out: PathBuf,
     /// Who computes.
     pub workers: Workers,
+    /// Where metrics are served, if anywhere.
+    pub metrics: Option<SocketAddr>,
 }
+
+/// Sees how far a campaign is, twice a second.
+pub type Observer = Box<dyn Fn(&Status) + Send>;
 
 /// Why a campaign could not be run.
 #[derive(Debug, thiserror::Error)]
@@ -94,12 +107,17 @@ pub enum Outcome {
 /// # Errors
 ///
 /// The store, the address or a stage.
-pub async fn run(plan: Plan, shutdown: CancellationToken) -> Result<Outcome, Error> {
+pub async fn run(
+    plan: Plan,
+    observer: Option<Observer>,
+    shutdown: CancellationToken,
+) -> Result<Outcome, Error> {
     for warning in plan.campaign.warnings() {
         warn!("{warning}");
     }
     let problem = Arc::new(Problem::new(plan.campaign.clone()));
-    let model_digest = probe::model_digest(&problem);
+    // An external simulator is asked by workers alone: the first of them decides.
+    let model_digest = (!plan.campaign.is_external()).then(|| probe::model_digest(&problem));
     let row = CampaignRow {
         name: plan.campaign.name.clone(),
         file_text: plan.file_text.clone(),
@@ -108,25 +126,33 @@ pub async fn run(plan: Plan, shutdown: CancellationToken) -> Result<Outcome, Err
         program_version: env!("CARGO_PKG_VERSION").to_owned(),
         model_digest: None,
     };
-    // The port first: a taken one must not leave a store behind.
-    let listener = TcpListener::bind(plan.listen)
-        .await
-        .map_err(|source| Error::Listen {
-            address: plan.listen,
-            source,
-        })?;
+    // The ports first: a taken one must not leave a store behind.
+    let listener = listen(plan.listen).await?;
+    let metrics = match plan.metrics {
+        Some(address) => Some(listen(address).await?),
+        None => None,
+    };
     let address = listener.local_addr().map_err(|source| Error::Listen {
         address: plan.listen,
         source,
     })?;
-    let store = Store::create_or_open(&plan.db, &row).await?;
+    let store = Store::create_or_open_with(&plan.db, &row, |held| {
+        Campaign::parse("the store's campaign file", &held.file_text)
+            .is_ok_and(|held| plan.campaign.extends(&held))
+    })
+    .await?;
+    if store.campaign().await?.digest != row.digest {
+        info!("the campaign has grown: what the store holds is kept, the rest is added");
+        store.extend(&row, &SAMPLED_APPROACHES).await?;
+    }
     let result = run_open(
         &plan,
         &problem,
         model_digest,
         &store,
-        listener,
-        address,
+        (listener, address),
+        metrics,
+        observer,
         &shutdown,
     )
     .await;
@@ -134,37 +160,64 @@ pub async fn run(plan: Plan, shutdown: CancellationToken) -> Result<Outcome, Err
     result
 }
 
+async fn listen(address: SocketAddr) -> Result<TcpListener, Error> {
+    TcpListener::bind(address)
+        .await
+        .map_err(|source| Error::Listen { address, source })
+}
+
 async fn run_open(
     plan: &Plan,
     problem: &Arc<Problem>,
-    model_digest: String,
+    model_digest: Option<String>,
     store: &Store,
-    listener: TcpListener,
-    address: SocketAddr,
+    (listener, address): (TcpListener, SocketAddr),
+    metrics: Option<TcpListener>,
+    observer: Option<Observer>,
     shutdown: &CancellationToken,
 ) -> Result<Outcome, Error> {
-    store.pin_model_digest(&model_digest).await?;
+    if let Some(digest) = &model_digest {
+        store.pin_model_digest(digest).await?;
+    }
     let writer = store.writer()?;
     let options = scheduler::Options {
         lease: LEASE,
         ..scheduler::Options::default()
     };
     let board = Arc::new(Board::new(options, rand::random()));
+    let recorder = StoreRecorder {
+        store: store.clone(),
+        writer: writer.clone(),
+    };
     let service = Service {
         board: Arc::clone(&board),
-        writer: writer.clone(),
-        store: store.clone(),
+        recorder: recorder.clone(),
         campaign_json: plan.campaign.to_json(),
         model_digest,
-        lease: LEASE,
     };
     let hang_up = CancellationToken::new();
-    let server = tokio::spawn(serve(service, listener, hang_up.clone()));
+    let server = tokio::spawn(listening::serve(
+        service,
+        listener,
+        plan.guard.clone(),
+        hang_up.clone(),
+    ));
     info!(%address, store = %plan.db.display(), campaign = %plan.campaign.name, "serving");
 
+    if let Some(listener) = metrics {
+        let (board, recorder) = (Arc::clone(&board), recorder.clone());
+        tokio::spawn(metrics::serve(listener, board, recorder, hang_up.clone()));
+    }
+    if let Some(observer) = observer {
+        let (board, stop) = (Arc::clone(&board), hang_up.clone());
+        tokio::spawn(stop.run_until_cancelled_owned(observe(observer, board, recorder)));
+    }
+
     let stop_workers = CancellationToken::new();
-    let mut local_workers = match plan.workers {
-        Workers::Local(count) => local::spawn_workers(address, count, &stop_workers),
+    let mut local_workers = match &plan.workers {
+        Workers::Local { count, exec } => {
+            local::spawn_workers(address, *count, exec.as_ref(), &stop_workers)
+        }
         Workers::Remote { .. } => tokio::task::JoinSet::new(),
     };
     let engine = Engine {
@@ -173,31 +226,35 @@ async fn run_open(
         writer,
         board,
     };
-    let ended = tokio::select! {
-        ended = engine.run(shutdown) => ended.map_err(Error::from),
-        failed = engine.watch_leases() => Err(Error::from(
-            failed.err().unwrap_or_else(|| anyhow::anyhow!("the lease watch ended")),
-        )),
-        failed = first_failure(&mut local_workers), if !local_workers.is_empty() => {
-            Err(Error::from(failed))
-        }
-    };
-    let outcome = match ended {
-        Ok(Some(Ended { given_up })) => {
-            let report = reporting::write(store, &plan.out)
-                .await
-                .map_err(Error::from)?;
-            info!(report = %report.display(), "report written");
-            engine.board.finish();
-            farewell(&engine.board).await;
-            if plan.workers == (Workers::Remote { keep_serving: true }) {
-                info!("finished; serving on until a signal comes");
-                shutdown.cancelled().await;
+    let outcome = loop {
+        let ended = tokio::select! {
+            ended = engine.run(shutdown) => ended.map_err(Error::from),
+            failed = engine.watch_leases() => Err(Error::from(
+                failed.err().unwrap_or_else(|| anyhow::anyhow!("the lease watch ended")),
+            )),
+            failed = first_failure(&mut local_workers), if !local_workers.is_empty() => {
+                Err(Error::from(failed))
             }
-            Ok(Outcome::Finished { given_up, report })
+        };
+        let given_up = match ended {
+            Ok(Some(Ended { given_up })) => given_up,
+            Ok(None) => break Ok(Outcome::Interrupted),
+            Err(error) => break Err(error),
+        };
+        let report = reporting::write(store, &plan.out)
+            .await
+            .map_err(Error::from)?;
+        info!(report = %report.display(), "report written");
+        engine.board.finish();
+        farewell(&engine.board).await;
+        if plan.workers == (Workers::Remote { keep_serving: true }) {
+            info!("finished; serving on until a signal comes");
+            tokio::select! {
+                () = shutdown.cancelled() => {}
+                () = engine.board.reopened() => continue,
+            }
         }
-        Ok(None) => Ok(Outcome::Interrupted),
-        Err(error) => Err(error),
+        break Ok(Outcome::Finished { given_up, report });
     };
     stop_workers.cancel();
     let finish_workers = async { while local_workers.join_next().await.is_some() {} };
@@ -229,38 +286,20 @@ async fn first_failure(
     std::future::pending().await
 }
 
-/// Waits until the workers know that the campaign is finished, so that they leave by themselves.
-async fn farewell(board: &Board) {
-    let deadline = tokio::time::Instant::now() + FAREWELL;
-    while !board.all_told(LEASE) && tokio::time::Instant::now() < deadline {
-        tokio::time::sleep(Duration::from_millis(20)).await;
+async fn observe(observer: Observer, board: Arc<Board>, recorder: StoreRecorder) {
+    let mut period = tokio::time::interval(OBSERVING_PERIOD);
+    loop {
+        period.tick().await;
+        if let Ok(status) = recorder.status().await {
+            observer(&status.with(board.live()));
+        }
     }
 }
 
-async fn serve(
-    service: Service,
-    listener: TcpListener,
-    hang_up: CancellationToken,
-) -> anyhow::Result<()> {
-    let (health_reporter, health) = tonic_health::server::health_reporter();
-    health_reporter
-        .set_serving::<CampaignServer<Service>>()
-        .await;
-    let reflection = tonic_reflection::server::Builder::configure()
-        .register_encoded_file_descriptor_set(DESCRIPTORS)
-        .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
-        .build_v1()
-        .context("the reflection service")?;
-    let campaign = CampaignServer::new(service)
-        .max_decoding_message_size(MAX_MESSAGE_BYTES)
-        .max_encoding_message_size(MAX_MESSAGE_BYTES);
-    Server::builder()
-        .tcp_nodelay(true)
-        .http2_keepalive_interval(Some(Duration::from_secs(10)))
-        .add_service(health)
-        .add_service(reflection)
-        .add_service(campaign)
-        .serve_with_incoming_shutdown(TcpListenerStream::new(listener), hang_up.cancelled_owned())
-        .await
-        .context("the server")
+/// Waits until the workers know that the campaign is finished, so that they leave by themselves.
+async fn farewell(board: &Board) {
+    let deadline = tokio::time::Instant::now() + FAREWELL;
+    while !board.all_told(board.lease_time()) && tokio::time::Instant::now() < deadline {
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
 }

@@ -3,41 +3,80 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use futures_util::future::join_all;
 use protocol::Refusal;
 use protocol::v1::{
-    Directive, HeartbeatRequest, HeartbeatResponse, JobResult, LeaseRequest, LeaseResponse,
-    RegisterRequest, RegisterResponse, ReleaseRequest, ReleaseResponse, ReportRequest,
-    ReportResponse, StatusRequest, StatusResponse, campaign_server, job_result,
+    Directive, DrainRequest, DrainResponse, ExplainRequest, ExplainResponse, HeartbeatRequest,
+    HeartbeatResponse, JobResult, LeaseRequest, LeaseResponse, RegisterRequest, RegisterResponse,
+    ReleaseRequest, ReleaseResponse, ReportRequest, ReportResponse, RetryRequest, RetryResponse,
+    StatusRequest, StatusResponse, WatchRequest, WatchResponse, campaign_server, job_result,
 };
 use scheduler::Failure;
-use store::{Batch, FailureKind, Store, Writer};
+use store::{Batch, FailureKind, Receipt, Store, Writer};
 use tonic::{Request, Response, Status};
-use tracing::{error, info, warn};
+use tracing::{debug, error, info, warn};
 
 use crate::board::Board;
-use crate::{ingest, status};
+use crate::ingest::{self, Parsed};
+use crate::status;
 
-/// The longest a lease call may wait.
+/// The longest a call may wait for something to happen.
 const LONGEST_WAIT: Duration = Duration::from_secs(60);
 
-/// What the service needs to answer.
-pub struct Service {
-    /// The jobs and workers.
-    pub board: Arc<Board>,
-    /// Where results go.
-    pub writer: Writer,
-    /// Where status comes from.
+/// Where results go and where status comes from: the store, or a stand-in for it in tests whose
+/// clock is not the system's.
+#[tonic::async_trait]
+pub trait Recorder: Clone + Send + Sync + 'static {
+    /// Stores a batch, all of it or nothing, and returns when it is safe.
+    async fn record(&self, batch: Batch) -> Result<Receipt, store::Error>;
+
+    /// The digest of the simulator whose samples are held, which becomes `offered` if there is none.
+    async fn pin_model(&self, offered: &str) -> Result<(), store::Error>;
+
+    /// How far the campaign is.
+    async fn status(&self) -> anyhow::Result<status::Status>;
+}
+
+/// The real thing.
+#[derive(Debug, Clone)]
+pub struct StoreRecorder {
+    /// The store.
     pub store: Store,
-    /// The campaign as JSON, for workers.
-    pub campaign_json: String,
-    /// What a worker's simulator must answer like.
-    pub model_digest: String,
-    /// How long a worker may be silent.
-    pub lease: Duration,
+    /// Its writer.
+    pub writer: Writer,
 }
 
 #[tonic::async_trait]
-impl campaign_server::Campaign for Service {
+impl Recorder for StoreRecorder {
+    async fn record(&self, batch: Batch) -> Result<Receipt, store::Error> {
+        self.writer.submit(batch).await
+    }
+
+    async fn pin_model(&self, offered: &str) -> Result<(), store::Error> {
+        self.store.pin_model_digest(offered).await
+    }
+
+    async fn status(&self) -> anyhow::Result<status::Status> {
+        status::read(&self.store).await
+    }
+}
+
+/// What the service needs to answer; clones share it.
+#[derive(Clone)]
+pub struct Service<R> {
+    /// The jobs and workers.
+    pub board: Arc<Board>,
+    /// Where results go.
+    pub recorder: R,
+    /// The campaign as JSON, for workers.
+    pub campaign_json: String,
+    /// What a worker's simulator must answer like; none for an external simulator, which only
+    /// workers can ask.
+    pub model_digest: Option<String>,
+}
+
+#[tonic::async_trait]
+impl<R: Recorder> campaign_server::Campaign for Service<R> {
     async fn register(
         &self,
         request: Request<RegisterRequest>,
@@ -55,25 +94,28 @@ impl campaign_server::Campaign for Service {
                  build on both sides"
             )));
         }
+        self.require_open()?;
         // A worker's first call asks what the campaign is; only the one that brings the digest of
         // its answers makes it a worker.
+        let mut cancelled = Vec::new();
         if !request.model_digest.is_empty() {
-            if request.model_digest != self.model_digest {
-                return Err(Refusal::Model.status(
-                    "the worker's simulator gives other numbers than the coordinator's, so their \
-                     samples must not be mixed: run the same build on both sides",
-                ));
-            }
-            self.board
-                .register(&request.worker_id, &request.host, request.slots);
+            self.check_model(&request.model_digest).await?;
+            cancelled = self.board.register(
+                &request.worker_id,
+                &request.host,
+                request.slots,
+                &request.held,
+            );
             info!(worker = %request.worker_id, host = %request.host, slots = request.slots,
-                "worker registered");
+                held = request.held.len(), "worker registered");
         }
+        let lease = self.board.lease_time();
         Ok(Response::new(RegisterResponse {
             campaign_json: self.campaign_json.clone(),
             epoch: self.board.epoch(),
-            lease_ms: self.lease.as_millis() as u32,
-            heartbeat_ms: (self.lease / 5).as_millis() as u32,
+            lease_ms: lease.as_millis() as u32,
+            heartbeat_ms: (lease / 5).as_millis() as u32,
+            cancelled,
         }))
     }
 
@@ -112,46 +154,11 @@ impl campaign_server::Campaign for Service {
                 directive: Directive::Register.into(),
             }));
         }
-        let worker = &request.worker_id;
-        let mut accepted = Vec::new();
-        let mut batches = Vec::new();
-        for result in &request.results {
-            match self.read(result) {
-                Ok(batch) => {
-                    accepted.push(result);
-                    batches.push(batch);
-                }
-                Err(error) => self.fail(worker, result, &error).await?,
-            }
-        }
-        // One result that contradicts the store must not take the others with it, so each is a
-        // batch of its own; the writer commits all that are waiting at once.
-        let commits = batches.into_iter().map(|batch| {
-            let writer = self.writer.clone();
-            tokio::spawn(async move { writer.submit(batch).await })
-        });
-        let commits: Vec<_> = commits.collect();
-        for (result, commit) in accepted.into_iter().zip(commits) {
-            match commit
-                .await
-                .map_err(|_| Status::internal("the commit was abandoned"))?
-            {
-                Ok(_) => {
-                    self.board.complete(worker, result.job, result.attempt);
-                }
-                Err(refused) if refused.is_refusal() => {
-                    // What is stored stays. Somebody computes other numbers, which must be heard;
-                    // a job that is done stays done, any other one is tried again elsewhere.
-                    error!(job = %ingest::job_name(result.job), %worker, error = %refused,
-                        "a worker contradicts the store");
-                    self.fail(worker, result, &refused.to_string()).await?;
-                }
-                Err(failed) => {
-                    error!(error = %failed, "results could not be stored");
-                    return Err(Status::unavailable(format!("not stored: {failed}")));
-                }
-            }
-        }
+        let service = self.clone();
+        // A caller that goes away must not leave results stored but their jobs open.
+        tokio::spawn(async move { service.take_results(request).await })
+            .await
+            .map_err(|_| Status::internal("the report was abandoned"))??;
         Ok(Response::new(ReportResponse {
             directive: Directive::Continue.into(),
         }))
@@ -188,17 +195,139 @@ impl campaign_server::Campaign for Service {
         &self,
         _request: Request<StatusRequest>,
     ) -> Result<Response<StatusResponse>, Status> {
-        let status = status::read(&self.store)
-            .await
-            .map_err(|error| Status::unavailable(error.to_string()))?;
-        let status_json =
-            serde_json::to_string(&status).map_err(|error| Status::internal(error.to_string()))?;
+        let status_json = self.status_json().await?;
         Ok(Response::new(StatusResponse { status_json }))
+    }
+
+    async fn watch(
+        &self,
+        request: Request<WatchRequest>,
+    ) -> Result<Response<WatchResponse>, Status> {
+        let request = request.into_inner();
+        let wait = Duration::from_millis(request.wait_ms.into()).min(LONGEST_WAIT);
+        let revision = self.board.changed(request.seen, wait).await;
+        Ok(Response::new(WatchResponse {
+            revision,
+            status_json: self.status_json().await?,
+        }))
+    }
+
+    async fn explain(
+        &self,
+        _request: Request<ExplainRequest>,
+    ) -> Result<Response<ExplainResponse>, Status> {
+        let sentences = self.board.explain();
+        Ok(Response::new(ExplainResponse { sentences }))
+    }
+
+    async fn drain(
+        &self,
+        request: Request<DrainRequest>,
+    ) -> Result<Response<DrainResponse>, Status> {
+        let resume = request.into_inner().resume;
+        let leased = self.board.drain(!resume) as u64;
+        if resume {
+            info!("leasing again");
+        } else {
+            info!(leased, "draining: no more jobs are leased");
+        }
+        Ok(Response::new(DrainResponse { leased }))
+    }
+
+    async fn retry(
+        &self,
+        _request: Request<RetryRequest>,
+    ) -> Result<Response<RetryResponse>, Status> {
+        let jobs = self.board.retry();
+        let jobs: Vec<String> = jobs.into_iter().map(ingest::job_name).collect();
+        info!(jobs = %jobs.join(", "), "another chance for jobs that were given up");
+        Ok(Response::new(RetryResponse { jobs }))
     }
 }
 
-impl Service {
-    fn read(&self, result: &JobResult) -> Result<Batch, String> {
+impl<R: Recorder> Service<R> {
+    /// Refuses, for a moment only, while the board does not know yet what is needed.
+    fn require_open(&self) -> Result<(), Status> {
+        if self.board.is_open() {
+            Ok(())
+        } else {
+            Err(Status::unavailable("the coordinator is starting"))
+        }
+    }
+
+    async fn check_model(&self, offered: &str) -> Result<(), Status> {
+        let refuse = || {
+            Refusal::Model.status(
+                "the worker's simulator gives other numbers than the one that this campaign was \
+                 started with, so their samples must not be mixed: run the same build (or \
+                 the same external program) everywhere",
+            )
+        };
+        match &self.model_digest {
+            Some(digest) if digest == offered => Ok(()),
+            Some(_) => Err(refuse()),
+            None => match self.recorder.pin_model(offered).await {
+                Ok(()) => Ok(()),
+                Err(store::Error::ModelDigestConflict { .. }) => Err(refuse()),
+                Err(failed) => Err(Status::unavailable(format!("not stored: {failed}"))),
+            },
+        }
+    }
+
+    async fn status_json(&self) -> Result<String, Status> {
+        let status = self
+            .recorder
+            .status()
+            .await
+            .map_err(|error| Status::unavailable(error.to_string()))?
+            .with(self.board.live());
+        serde_json::to_string(&status).map_err(|error| Status::internal(error.to_string()))
+    }
+
+    async fn take_results(&self, request: ReportRequest) -> Result<(), Status> {
+        let worker = &request.worker_id;
+        let mut accepted = Vec::new();
+        let mut commits = Vec::new();
+        for result in &request.results {
+            match self.read(result) {
+                Ok(Parsed { batch, covered }) => {
+                    if batch == Batch::default() {
+                        debug!(job = %ingest::job_name(result.job), %worker, "a stale result");
+                    }
+                    accepted.push((result, covered));
+                    commits.push(self.recorder.record(batch));
+                }
+                Err(error) => self.fail(worker, result, &error).await?,
+            }
+        }
+        // One result that contradicts the store must not take the others with it, so each is a
+        // batch of its own; the writer commits all that are waiting at once.
+        for ((result, covered), commit) in accepted.into_iter().zip(join_all(commits).await) {
+            match commit {
+                Ok(_) => self.board.complete(
+                    worker,
+                    result.job,
+                    result.attempt,
+                    &covered,
+                    result.wall_seconds,
+                ),
+                Err(refused) if refused.is_refusal() => {
+                    // What is stored stays. Somebody computes other numbers, which must be heard;
+                    // a job that is done stays done, any other one is tried again elsewhere.
+                    error!(job = %ingest::job_name(result.job), %worker, error = %refused,
+                        "a worker contradicts the store");
+                    self.fail(worker, result, &refused.to_string()).await?;
+                }
+                Err(failed) => {
+                    error!(error = %failed, "results could not be stored");
+                    return Err(Status::unavailable(format!("not stored: {failed}")));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn read(&self, result: &JobResult) -> Result<Parsed, String> {
         match &result.outcome {
             Some(job_result::Outcome::Result(payload)) => {
                 let posted = self.board.task(result.job);
@@ -223,23 +352,13 @@ impl Service {
             warn!(job = %name, %worker, %error, "a job failed");
             FailureKind::Failure
         };
-        self.record(worker, result, kind, error).await
-    }
-
-    async fn record(
-        &self,
-        worker: &str,
-        result: &JobResult,
-        kind: FailureKind,
-        error: &str,
-    ) -> Result<(), Status> {
         let row = ingest::failure(result.job, result.attempt, worker, kind, error);
         let batch = Batch {
             failures: vec![row],
             ..Batch::default()
         };
-        self.writer
-            .submit(batch)
+        self.recorder
+            .record(batch)
             .await
             .map(|_| ())
             .map_err(|error| Status::unavailable(format!("not stored: {error}")))

@@ -90,7 +90,7 @@ pub async fn load(
             x: row_point(row),
             has_criteria: false,
             simulated: false,
-            samples: 0,
+            missing: Vec::new(),
         })
         .collect();
     for row in store.criteria().await? {
@@ -99,17 +99,21 @@ pub async fn load(
             design.simulated = row.feasible;
         }
     }
-    for (design, samples) in store.sampled_counts().await? {
-        if let Some(design) = designs.get_mut(design as usize) {
-            design.samples = u32::try_from(samples).unwrap_or(u32::MAX);
+    let wanted = u64::from(campaign.sampling.samples_per_design);
+    for work in store.missing_work(wanted).await? {
+        if let Some(design) = designs.get_mut(work.design as usize) {
+            // Both ends lie below the number of samples, which has 32 bits.
+            let narrow = |range: &std::ops::Range<u64>| range.start as u32..range.end as u32;
+            design.missing = work.samples.iter().map(narrow).collect();
         }
     }
-    // Designs whose job was given up have no samples, and so no response to wait for.
+    // Designs that were given up have no samples, and so no response to wait for.
     let sampled = designs
         .iter()
-        .filter(|design| design.simulated && design.samples >= campaign.sampling.samples_per_design)
+        .filter(|design| design.simulated && design.missing.is_empty())
         .count();
-    let has_responses = !designs.is_empty() && store.responses().await?.len() == sampled;
+    let has_responses =
+        designs.len() == campaign.doe.designs as usize && store.responses().await?.len() == sampled;
 
     let mut state = State {
         designs,

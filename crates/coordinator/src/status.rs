@@ -1,13 +1,16 @@
 //! How far a campaign is, read from its store.
 
-use campaign::Campaign;
-use serde::Serialize;
-use store::Store;
+use std::collections::BTreeMap;
 
+use campaign::Campaign;
+use serde::{Deserialize, Serialize};
+use store::{FailureKind, Store};
+
+use crate::board;
 use crate::snapshot;
 
 /// What `coordinator status --json` prints.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Status {
     /// The version of this object.
     pub schema_version: u32,
@@ -20,7 +23,7 @@ pub struct Status {
     /// Whether every stage is done.
     pub finished: bool,
     /// The first stage that is not: `doe`, `sample`, `fit`, `optimise`, `verify` or `done`.
-    pub stage: &'static str,
+    pub stage: String,
     /// Designs of the DoE: wanted, made, simulated or refused, and those that can be simulated.
     pub designs: Designs,
     /// Samples of the DoE.
@@ -33,10 +36,70 @@ pub struct Status {
     pub optima: Vec<Optimum>,
     /// Failures on record.
     pub failures: u64,
+    /// The same, grouped by cause.
+    pub failure_groups: Vec<FailureGroup>,
+    /// What only the running coordinator knows; absent when the store alone was asked.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub live: Option<Live>,
+}
+
+/// Failures with one cause.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FailureGroup {
+    /// `crash`, `failure` or `quarantine`.
+    pub kind: String,
+    /// What they have in common.
+    pub cause: String,
+    /// How many.
+    pub count: u64,
+    /// The last one's message.
+    pub last_error: String,
+    /// The last one's job.
+    pub last_job: String,
+}
+
+/// What only the running coordinator knows.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Live {
+    /// Jobs that wait, are leased, were done since the start, or were given up.
+    pub jobs_queued: u64,
+    /// See `jobs_queued`.
+    pub jobs_leased: u64,
+    /// See `jobs_queued`.
+    pub jobs_done: u64,
+    /// See `jobs_queued`.
+    pub jobs_given_up: u64,
+    /// Samples stored per second, lately.
+    pub samples_per_second: f64,
+    /// Seconds until the samples of the DoE are there at this rate, while they are being taken.
+    pub eta_seconds: Option<f64>,
+    /// Whether leasing was stopped.
+    pub draining: bool,
+    /// The workers.
+    pub workers: Vec<Worker>,
+}
+
+/// A worker.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Worker {
+    /// Where it runs.
+    pub host: String,
+    /// How many jobs it computes at once.
+    pub slots: u32,
+    /// Jobs that it holds.
+    pub leased: u64,
+    /// Jobs that it has finished.
+    pub completed: u64,
+    /// Jobs that failed on it or died with it.
+    pub failed: u64,
+    /// Seconds since it was heard of.
+    pub silent_seconds: f64,
+    /// Whether it gets no jobs for a while, having failed too many.
+    pub set_aside: bool,
 }
 
 /// Counts of designs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Designs {
     /// n.
     pub wanted: u64,
@@ -49,7 +112,7 @@ pub struct Designs {
 }
 
 /// Counts of samples.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Samples {
     /// k.
     pub per_design: u64,
@@ -58,7 +121,7 @@ pub struct Samples {
 }
 
 /// Done of wanted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Progress {
     /// How many are done.
     pub done: u64,
@@ -67,7 +130,7 @@ pub struct Progress {
 }
 
 /// A chosen optimum.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Optimum {
     /// The approach's name.
     pub approach: String,
@@ -88,9 +151,10 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
     let progress = store.progress().await?;
     let wanted_runs = 3 * u64::from(campaign.optimise.starts);
     let verify = u64::from(campaign.verify.samples);
+    let verified: BTreeMap<String, u64> = store.verify_counts().await?.into_iter().collect();
     let mut optima = Vec::new();
     for row in snapshot::optima(store).await? {
-        let done = store.verify_samples(&row.approach).await?.len() as u64;
+        let done = verified.get(&row.approach).copied().unwrap_or(0);
         optima.push(Optimum {
             criterion_um: row.feasible.then_some(row.criterion_um),
             verified: Progress {
@@ -108,28 +172,32 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
     let verified = optima
         .iter()
         .all(|optimum| optimum.verified.done >= optimum.verified.wanted);
-    let stage = if progress.designs == 0 {
+    // Later stages speak for earlier ones: designs that were given up stay without samples.
+    let chosen = |approach: campaign::Approach| {
+        optima
+            .iter()
+            .any(|optimum| optimum.approach == approach.name())
+    };
+    let all_chosen = campaign::Approach::ALL.into_iter().all(chosen);
+    let stage = if progress.designs < wanted {
         "doe"
-    } else if !sampled {
-        "sample"
-    } else if optima.iter().any(|optimum| optimum.approach == "kriging") {
-        match (optima.len() == campaign::Approach::ALL.len(), verified) {
-            (false, _) => "optimise",
-            (true, false) => "verify",
-            (true, true) => "done",
-        }
-    } else if progress.models == 0 {
+    } else if all_chosen {
+        if verified { "done" } else { "verify" }
+    } else if progress.models > 0 || chosen(campaign::Approach::Kriging) {
+        "optimise"
+    } else if sampled || chosen(campaign::Approach::BestOfDoe) {
         "fit"
     } else {
-        "optimise"
+        "sample"
     };
+    let groups = store.failure_groups().await?.into_iter();
     Ok(Status {
-        schema_version: 1,
+        schema_version: 2,
         campaign: row.name,
         campaign_digest: row.digest,
         program_version: row.program_version,
         finished: stage == "done",
-        stage,
+        stage: stage.to_owned(),
         designs: Designs {
             wanted,
             made: progress.designs,
@@ -147,7 +215,79 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
         },
         optima,
         failures: progress.failures,
+        failure_groups: groups.map(FailureGroup::from).collect(),
+        live: None,
     })
+}
+
+impl From<store::FailureGroup> for FailureGroup {
+    fn from(group: store::FailureGroup) -> Self {
+        let kind = match group.kind {
+            FailureKind::Crash => "crash",
+            FailureKind::Failure => "failure",
+            FailureKind::Quarantine => "quarantine",
+        };
+        Self {
+            kind: kind.to_owned(),
+            cause: group.cause,
+            count: group.count,
+            last_error: group.last_error,
+            last_job: group.last_job,
+        }
+    }
+}
+
+impl Status {
+    /// Adds what the running coordinator knows.
+    #[must_use]
+    pub fn with(self, live: board::Live) -> Self {
+        let rate = live.samples_per_second;
+        let eta_seconds = (self.stage == "sample" && rate > 0.0).then(|| self.missing() / rate);
+        let count = |count: usize| count as u64;
+        let workers = live.workers.into_iter().map(|worker| Worker {
+            host: worker.host,
+            slots: worker.slots,
+            leased: count(worker.leased),
+            completed: worker.completed,
+            failed: worker.failed,
+            silent_seconds: worker.silent_for.as_secs_f64(),
+            set_aside: worker.is_set_aside,
+        });
+        let live = Live {
+            jobs_queued: count(live.counts.queued),
+            jobs_leased: count(live.counts.leased),
+            jobs_done: live.done,
+            jobs_given_up: count(live.counts.quarantined),
+            samples_per_second: rate,
+            eta_seconds,
+            draining: live.is_draining,
+            workers: workers.collect(),
+        };
+        Self {
+            live: Some(live),
+            ..self
+        }
+    }
+
+    /// About how many samples of the DoE are missing: of the designs that have not been tried, as
+    /// many are taken to be feasible as of the others.
+    #[must_use]
+    pub fn missing(&self) -> f64 {
+        let Designs {
+            wanted,
+            done,
+            feasible,
+            ..
+        } = self.designs;
+        let share = if done > 0 {
+            feasible as f64 / done as f64
+        } else {
+            1.0
+        };
+        let expected = (feasible as f64 + share * wanted.saturating_sub(done) as f64)
+            * self.samples.per_design as f64;
+        (expected - self.samples.done as f64).max(0.0)
+    }
 }
 
 /// The status for people.
@@ -198,5 +338,71 @@ pub fn describe(status: &Status) -> String {
         );
     }
     let _ = writeln!(text, "failures        {}", status.failures);
+    for group in &status.failure_groups {
+        let FailureGroup {
+            kind,
+            cause,
+            count,
+            last_job,
+            ..
+        } = group;
+        let _ = writeln!(text, "  {count:>6} x {kind}: {cause} (last: {last_job})");
+    }
+    if let Some(live) = &status.live {
+        describe_live(live, &mut text);
+    }
     text
+}
+
+fn describe_live(live: &Live, text: &mut String) {
+    use std::fmt::Write as _;
+    let Live {
+        jobs_queued,
+        jobs_leased,
+        jobs_done,
+        jobs_given_up,
+        ..
+    } = live;
+    let _ = writeln!(
+        text,
+        "jobs            {jobs_leased} leased, {jobs_queued} queued, {jobs_done} done, \
+         {jobs_given_up} given up{}",
+        if live.draining { "; draining" } else { "" }
+    );
+    let eta = live
+        .eta_seconds
+        .map_or_else(String::new, |seconds| format!(", {} to go", span(seconds)));
+    let _ = writeln!(
+        text,
+        "rate            {:.0} samples per second{eta}",
+        live.samples_per_second
+    );
+    for worker in &live.workers {
+        let Worker {
+            host,
+            slots,
+            leased,
+            completed,
+            failed,
+            silent_seconds,
+            set_aside,
+        } = worker;
+        let aside = if *set_aside { ", set aside" } else { "" };
+        let _ = writeln!(
+            text,
+            "worker          {host}: {slots} slots, {leased} jobs, {completed} done, {failed} \
+             failed, heard of {silent_seconds:.1} s ago{aside}"
+        );
+    }
+}
+
+/// A length of time for people.
+#[must_use]
+pub fn span(seconds: f64) -> String {
+    match seconds {
+        s if s < 90.0 => format!("{s:.0} s"),
+        s if s < 5400.0 => format!("{:.0} min", s / 60.0),
+        s if s < 172_800.0 => format!("{:.1} h", s / 3600.0),
+        s => format!("{:.1} d", s / 86_400.0),
+    }
 }

@@ -1,6 +1,6 @@
 //! The steps that the coordinator does itself: pure work between reading and writing the store.
 
-use campaign::formulation::Problem;
+use campaign::formulation::{Problem, ROBUST_VARIABLES};
 use campaign::optimise::{Found, RunResult};
 use campaign::{Approach, Campaign};
 use kriging::{Data, FitOptions, Model};
@@ -38,20 +38,33 @@ pub struct ModelSummary {
     pub cpu_seconds: f64,
 }
 
-/// Makes the DoE.
+/// Makes the DoE, or what is missing of it beside the `existing` designs, which stay as they are.
 ///
 /// # Errors
 ///
-/// A sentence; a validated campaign gives none.
-pub fn doe(problem: &Problem) -> anyhow::Result<Vec<DesignRow>> {
+/// The existing designs are no Latin hypercube of the campaign's bounds; nothing else for a
+/// validated campaign.
+pub fn doe(problem: &Problem, existing: &[DesignRow]) -> anyhow::Result<Vec<DesignRow>> {
     let campaign = problem.campaign();
     let options = doe::Options {
         seed: campaign.seed,
         ..doe::Options::default()
     };
     let n = campaign.doe.designs as usize;
-    let design = doe::maximin(n, campaign::formulation::ROBUST_VARIABLES, &options)?;
-    Ok((0..n)
+    let design = if existing.is_empty() {
+        doe::maximin(n, ROBUST_VARIABLES, &options)?
+    } else {
+        let units = existing
+            .iter()
+            .flat_map(|row| problem.unit_point(&row_point(row)));
+        let held = doe::Design {
+            n: existing.len(),
+            d: ROBUST_VARIABLES,
+            points: units.collect(),
+        };
+        doe::enlarge(&held, n, &options)?
+    };
+    Ok((existing.len()..n)
         .map(|index| {
             let [x_p, x_r, ha0_p, ha0_r, hf0_p, hf0_r] = problem.robust_point(design.point(index));
             DesignRow {
@@ -250,16 +263,12 @@ pub fn choose_of_doe(
         let (Some(design), true) = (designs.get(response.design as usize), better) else {
             continue;
         };
-        let pressure = criteria
+        let variables = campaign::Variables::robust(&row_point(design), frozen);
+        let criteria = criteria
             .iter()
             .find(|row| row.design == response.design)
-            .and_then(|row| row.hertz_pressure_worn_mpa);
-        let Some(pressure) = pressure else { continue };
-        let variables = campaign::Variables::robust(&row_point(design), frozen);
-        let Ok(pair) = problem.pair(&variables) else {
-            continue;
-        };
-        let criteria = problem.criteria(&pair, pressure);
+            .and_then(|row| worn_criteria(problem, &variables, row));
+        let Some(criteria) = criteria else { continue };
         if problem.is_feasible(&criteria) {
             best = Some(Found {
                 variables,
@@ -275,6 +284,23 @@ pub fn choose_of_doe(
         "No design of the DoE satisfies every constraint.".to_owned()
     };
     optimum(Approach::BestOfDoe, best.as_ref(), cost, note)
+}
+
+/// The criteria that the simulator gave for a design, with the contact pressure of worn flanks.
+fn worn_criteria(
+    problem: &Problem,
+    variables: &campaign::Variables,
+    row: &CriteriaRow,
+) -> Option<campaign::Criteria> {
+    Some(campaign::Criteria {
+        contact_ratio: row.contact_ratio?,
+        specific_sliding: row.specific_sliding?,
+        hertz_pressure_mpa: row.hertz_pressure_worn_mpa?,
+        root_stress_mpa: row.root_stress_mpa?,
+        clearance_mm: [row.clearance_p_mm?, row.clearance_r_mm?],
+        flank_margin_mm: [row.flank_margin_p_mm?, row.flank_margin_r_mm?],
+        normal_module_mm: problem.normal_module(variables).ok()?,
+    })
 }
 
 /// The row of an approach for which nothing could be done.

@@ -9,7 +9,7 @@ pub const USAGE: u8 = 2;
 /// A campaign or pair file has an unknown or missing key, a wrong type or a value that makes no
 /// sense.
 pub const BAD_FILE: u8 = 3;
-/// A file cannot be read or written, or would be overwritten.
+/// A file cannot be read or written, would be overwritten, or holds a secret that others can read.
 pub const FILE_ACCESS: u8 = 4;
 /// There is no store where one is expected.
 pub const NO_STORE: u8 = 5;
@@ -25,7 +25,8 @@ pub const STORE_LOCKED: u8 = 9;
 pub const CANNOT_LISTEN: u8 = 10;
 /// No coordinator answers at the address, or none has for too long. Trying again may help.
 pub const UNREACHABLE: u8 = 11;
-/// The coordinator refused the worker for good: another version, or other numbers.
+/// The coordinator refused for good: another version, other numbers, a token or certificate that it
+/// does not take; or its own certificate is not to be trusted.
 pub const REFUSED: u8 = 12;
 /// The campaign ended, but some of its jobs were given up; the report names them.
 pub const INCOMPLETE: u8 = 13;
@@ -43,7 +44,7 @@ pub const TABLE: [(u8, &str); 15] = [
     ),
     (
         FILE_ACCESS,
-        "a file cannot be read or written, or would be overwritten",
+        "a file cannot be read or written, would be overwritten, or shows a secret",
     ),
     (NO_STORE, "there is no store where one is expected"),
     (OTHER_CAMPAIGN, "the store holds another campaign"),
@@ -60,7 +61,7 @@ pub const TABLE: [(u8, &str); 15] = [
     (UNREACHABLE, "no coordinator answers; trying again may help"),
     (
         REFUSED,
-        "the coordinator refused the worker for good: other version, other numbers",
+        "the coordinator refused for good: version, numbers, token or certificate",
     ),
     (
         INCOMPLETE,

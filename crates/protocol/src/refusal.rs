@@ -3,7 +3,7 @@
 use tonic::metadata::MetadataValue;
 use tonic::{Code, Status};
 
-/// Why a worker was refused. A refusal is final: asking again gets the same answer, so a worker
+/// Why a call was refused. A refusal is final: asking again gets the same answer, so a program
 /// that is refused exits. Everything that may pass (a coordinator that is starting, a lost
 /// connection) is a plain gRPC status instead, and the worker tries again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -14,18 +14,34 @@ pub enum Refusal {
     Model,
     /// The request makes no sense (an empty worker id, no slots).
     Malformed,
+    /// The call brought no token, or one that the coordinator does not know.
+    Unknown,
+    /// The call's token is good, but not for this call.
+    Forbidden,
+    /// The call came over an open connection, and the coordinator wants an encrypted one.
+    NotEncrypted,
 }
 
 const HEADER: &str = "pitchline-refusal";
 
 impl Refusal {
-    const ALL: [Self; 3] = [Self::Version, Self::Model, Self::Malformed];
+    const ALL: [Self; 6] = [
+        Self::Version,
+        Self::Model,
+        Self::Malformed,
+        Self::Unknown,
+        Self::Forbidden,
+        Self::NotEncrypted,
+    ];
 
     const fn name(self) -> &'static str {
         match self {
             Self::Version => "version",
             Self::Model => "model",
             Self::Malformed => "malformed",
+            Self::Unknown => "unknown",
+            Self::Forbidden => "forbidden",
+            Self::NotEncrypted => "not-encrypted",
         }
     }
 
@@ -33,8 +49,10 @@ impl Refusal {
     #[must_use]
     pub fn status(self, message: impl Into<String>) -> Status {
         let code = match self {
-            Self::Version | Self::Model => Code::FailedPrecondition,
+            Self::Version | Self::Model | Self::NotEncrypted => Code::FailedPrecondition,
             Self::Malformed => Code::InvalidArgument,
+            Self::Unknown => Code::Unauthenticated,
+            Self::Forbidden => Code::PermissionDenied,
         };
         let mut status = Status::new(code, message);
         status

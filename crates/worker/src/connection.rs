@@ -1,12 +1,11 @@
-//! Calls to the coordinator, and what their failures mean.
+//! Why a worker, or a command, cannot go on with its coordinator.
 
-use std::time::Duration;
+use std::path::PathBuf;
 
-use protocol::v1::campaign_client::CampaignClient;
-use protocol::v1::{RegisterRequest, RegisterResponse};
-use protocol::{MAX_MESSAGE_BYTES, Refusal};
-use tonic::Status;
-use tonic::transport::{Channel, Endpoint};
+use protocol::{Refusal, exit};
+
+use crate::credentials::CredentialError;
+use crate::tls::TlsFault;
 
 /// Why a worker ended without having been told to.
 #[derive(Debug, thiserror::Error)]
@@ -16,6 +15,41 @@ pub enum Error {
     Address {
         /// What was given.
         url: String,
+    },
+    /// An encrypted connection whose other end cannot be told from an impostor.
+    #[error("{url} needs --tls-ca FILE, the ca.pem that `coordinator keygen` made")]
+    NoAuthority {
+        /// The address.
+        url: String,
+    },
+    /// An authority for a connection that has no use for it.
+    #[error("--tls-ca is for encrypted connections, and {url} is an open one: is it https://?")]
+    NeedlessAuthority {
+        /// The address.
+        url: String,
+    },
+    /// The token would travel for everybody to read.
+    #[error(
+        "the token in {} would go to {url} in clear: use https:// with --tls-ca, or a tunnel to \
+         http://127.0.0.1",
+        path.display()
+    )]
+    TokenInClear {
+        /// The address.
+        url: String,
+        /// The token's file.
+        path: PathBuf,
+    },
+    /// A file with a secret or a certificate cannot be used.
+    #[error(transparent)]
+    Credentials(#[from] CredentialError),
+    /// The two ends do not trust each other.
+    #[error("the coordinator at {url} {fault}")]
+    Tls {
+        /// The address.
+        url: String,
+        /// What is the matter.
+        fault: TlsFault,
     },
     /// No coordinator ever answered.
     #[error(
@@ -36,8 +70,8 @@ pub enum Error {
         /// For how long.
         seconds: u64,
     },
-    /// The coordinator refused this worker for good.
-    #[error("the coordinator at {url} refused this worker: {message}")]
+    /// The coordinator refused this program for good.
+    #[error("the coordinator at {url} refused: {message}")]
     Refused {
         /// The address.
         url: String,
@@ -54,6 +88,26 @@ pub enum Error {
         /// What was wrong.
         reason: String,
     },
+    /// The coordinator could not do what it was asked to.
+    #[error("the coordinator at {url} could not answer: {reason}")]
+    Failed {
+        /// The address.
+        url: String,
+        /// What it said.
+        reason: String,
+    },
+    /// The campaign's designs are not for the simulator that this worker has.
+    #[error("{reason}")]
+    WrongSimulator {
+        /// What is wrong and what would be right.
+        reason: String,
+    },
+    /// The external simulator does not answer the questions that every worker answers first.
+    #[error("the external simulator is of no use: {reason}")]
+    Program {
+        /// What it did.
+        reason: String,
+    },
     /// The compute threads cannot be started.
     #[error("cannot start {slots} compute threads: {reason}")]
     Threads {
@@ -64,63 +118,22 @@ pub enum Error {
     },
 }
 
-/// A lazily connected client: a call connects when it must.
-#[derive(Debug, Clone)]
-pub(crate) struct Connection {
-    pub(crate) url: String,
-    pub(crate) client: CampaignClient<Channel>,
-}
-
-impl Connection {
-    pub(crate) fn new(url: &str) -> Result<Self, Error> {
-        let address = || Error::Address {
-            url: url.to_owned(),
-        };
-        let endpoint = Endpoint::from_shared(url.to_owned()).map_err(|_| address())?;
-        if endpoint.uri().scheme_str() != Some("http") || endpoint.uri().authority().is_none() {
-            return Err(address());
-        }
-        let channel = endpoint
-            .connect_timeout(Duration::from_secs(3))
-            .http2_keep_alive_interval(Duration::from_secs(10))
-            .keep_alive_timeout(Duration::from_secs(10))
-            .tcp_nodelay(true)
-            .connect_lazy();
-        let client = CampaignClient::new(channel)
-            .max_decoding_message_size(MAX_MESSAGE_BYTES)
-            .max_encoding_message_size(MAX_MESSAGE_BYTES);
-        Ok(Self {
-            url: url.to_owned(),
-            client,
-        })
-    }
-
-    /// Registers once. `Ok(Err(_))` is a failure that may pass.
-    pub(crate) async fn register(
-        &self,
-        request: RegisterRequest,
-    ) -> Result<Result<RegisterResponse, Status>, Error> {
-        match self.client.clone().register(request).await {
-            Ok(response) => Ok(Ok(response.into_inner())),
-            Err(status) => match Refusal::of(&status) {
-                Some(refusal) => Err(Error::Refused {
-                    url: self.url.clone(),
-                    refusal,
-                    message: status.message().to_owned(),
-                }),
-                None => Ok(Err(status)),
-            },
+impl Error {
+    /// The exit code of a program that ends with this error.
+    #[must_use]
+    pub const fn exit_code(&self) -> u8 {
+        match self {
+            Self::Unreachable { .. } | Self::Away { .. } => exit::UNREACHABLE,
+            Self::Refused { .. } | Self::Tls { .. } | Self::WrongSimulator { .. } => exit::REFUSED,
+            Self::Address { .. }
+            | Self::NoAuthority { .. }
+            | Self::NeedlessAuthority { .. }
+            | Self::TokenInClear { .. } => exit::USAGE,
+            Self::Credentials(_) => exit::FILE_ACCESS,
+            Self::Nonsense { .. }
+            | Self::Failed { .. }
+            | Self::Program { .. }
+            | Self::Threads { .. } => exit::FAILURE,
         }
     }
-}
-
-/// The innermost cause of a failed call, which is what a user can act on.
-pub(crate) fn cause(status: &Status) -> String {
-    let mut innermost: &dyn std::error::Error = status;
-    let mut message = status.message().to_owned();
-    while let Some(source) = innermost.source() {
-        innermost = source;
-        message = innermost.to_string();
-    }
-    message
 }

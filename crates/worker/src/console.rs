@@ -1,7 +1,9 @@
 //! What the two programs have in common towards the person at the terminal.
 
 use std::io::{IsTerminal as _, Write as _};
+use std::sync::OnceLock;
 
+use indicatif::MultiProgress;
 use protocol::exit;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio_util::sync::CancellationToken;
@@ -10,16 +12,50 @@ use tracing_subscriber::EnvFilter;
 /// The environment variable that says what to log.
 pub const LOG_VARIABLE: &str = "PITCHLINE_LOG";
 
+/// How the log is written.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum LogFormat {
+    /// Lines for people.
+    #[default]
+    Text,
+    /// One JSON object per line.
+    Json,
+}
+
 /// Starts logging to standard error, in colour only on a terminal that wants it.
-pub fn start_log() {
+pub fn start_log(format: LogFormat) {
     let filter = EnvFilter::try_from_env(LOG_VARIABLE).unwrap_or_else(|_| EnvFilter::new("info"));
-    let stderr = std::io::stderr();
-    tracing_subscriber::fmt()
+    let subscriber = tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_ansi(stderr.is_terminal() && std::env::var_os("NO_COLOR").is_none())
         .with_target(false)
-        .with_writer(std::io::stderr)
-        .init();
+        .with_writer(|| BesideBars);
+    match format {
+        LogFormat::Text => {
+            let stderr = std::io::stderr();
+            let colour = stderr.is_terminal() && std::env::var_os("NO_COLOR").is_none();
+            subscriber.with_ansi(colour).init();
+        }
+        LogFormat::Json => subscriber.json().flatten_event(true).init(),
+    }
+}
+
+/// The progress bars of this program, on standard error; none are drawn unless it is a terminal.
+pub fn bars() -> &'static MultiProgress {
+    static BARS: OnceLock<MultiProgress> = OnceLock::new();
+    BARS.get_or_init(MultiProgress::new)
+}
+
+/// Standard error, from which the bars step aside while a line of the log is written.
+struct BesideBars;
+
+impl std::io::Write for BesideBars {
+    fn write(&mut self, buffer: &[u8]) -> std::io::Result<usize> {
+        bars().suspend(|| std::io::stderr().write(buffer))
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        std::io::stderr().flush()
+    }
 }
 
 /// Says on standard error, whatever is logged, why a program ends.

@@ -7,10 +7,16 @@
 //! anew and hands in what it has.
 
 mod backoff;
+pub mod client;
 mod connection;
 pub mod console;
+pub mod credentials;
+mod dial;
+mod exec;
 mod held;
+mod tls;
 mod work;
 
 pub use connection::Error;
+pub use exec::{Exec, SimulatorArguments};
 pub use work::{Options, Summary, Worker};

@@ -6,18 +6,26 @@ use std::time::Duration;
 use clap::Parser;
 use protocol::exit;
 use tokio_util::sync::CancellationToken;
-use worker::{Error, Options, Worker, console};
+use worker::client::{Credentials, Dial};
+use worker::{Options, SimulatorArguments, Worker, console};
 
 /// Leases jobs from a coordinator, simulates, and reports the results.
 #[derive(Debug, Parser)]
 #[command(version, after_help = console::help_footer())]
 struct Arguments {
+    /// How to write the log
+    #[arg(long, value_enum, default_value_t)]
+    log_format: console::LogFormat,
     /// The coordinator's address, such as http://127.0.0.1:7400
     #[arg(long, value_name = "URL", env = "PITCHLINE_CONNECT")]
     connect: String,
+    #[command(flatten)]
+    credentials: Credentials,
     /// How many jobs to compute at once [default: the number of processors]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     slots: Option<u16>,
+    #[command(flatten)]
+    simulator: SimulatorArguments,
     /// How many seconds to wait for the coordinator to answer for the first time
     #[arg(long, value_name = "SECONDS", default_value_t = 30)]
     connect_timeout: u64,
@@ -37,11 +45,14 @@ struct Arguments {
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    console::start_log();
+    console::start_log(arguments.log_format);
     let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let options = Options {
         connect: arguments.connect,
+        credentials: arguments.credentials,
+        dial: Dial::default(),
         slots: arguments.slots.map_or(processors, usize::from),
+        exec: arguments.simulator.exec(),
         host: host(),
         connect_timeout: Duration::from_secs(arguments.connect_timeout),
         give_up_after: Duration::from_secs(arguments.give_up_after),
@@ -78,12 +89,7 @@ fn main() -> ExitCode {
         }
         Err(error) => {
             console::complain(&error.to_string());
-            ExitCode::from(match error {
-                Error::Unreachable { .. } | Error::Away { .. } => exit::UNREACHABLE,
-                Error::Refused { .. } => exit::REFUSED,
-                Error::Address { .. } => exit::USAGE,
-                Error::Nonsense { .. } | Error::Threads { .. } => exit::FAILURE,
-            })
+            ExitCode::from(error.exit_code())
         }
     }
 }

@@ -1,11 +1,13 @@
 //! The worker itself.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, RwLock};
 use std::time::{Duration, Instant};
 
+use campaign::Campaign;
 use campaign::formulation::Problem;
-use campaign::task::{Task, execute};
-use campaign::{Campaign, probe};
+use campaign::task::{Task, execute_until};
+use protocol::Role;
 use protocol::v1::{
     Directive, HeartbeatRequest, Job, JobResult, LeaseRequest, RegisterRequest, ReleaseRequest,
     ReportRequest, job_result,
@@ -16,7 +18,9 @@ use tokio_util::sync::CancellationToken;
 use tracing::{debug, info, warn};
 
 use crate::backoff::Backoff;
-use crate::connection::{Connection, Error, cause};
+use crate::client::{Credentials, Dial, Link, cause, connect_by};
+use crate::connection::Error;
+use crate::exec::{Backend, Exec};
 use crate::held::HeldJobs;
 
 /// How long a lease call waits at the coordinator for a job to turn up.
@@ -24,13 +28,22 @@ const LEASE_WAIT: Duration = Duration::from_secs(5);
 /// How long beyond that the answer may take before the call counts as lost.
 const CALL_TIMEOUT: Duration = Duration::from_secs(20);
 
+/// The part of the grace period for which jobs may go on as if nothing had happened.
+const PATIENT_PART: f64 = 0.8;
+
 /// A worker's settings.
 #[derive(Debug, Clone)]
 pub struct Options {
     /// The coordinator's address, as in `http://127.0.0.1:7400`.
     pub connect: String,
+    /// What the worker shows to the coordinator, and what it trusts it by.
+    pub credentials: Credentials,
+    /// How connections are opened; over TCP by default.
+    pub dial: Dial,
     /// How many jobs are computed at once.
     pub slots: usize,
+    /// The external simulator, for a campaign that is not simulated by the built-in model.
+    pub exec: Option<Exec>,
     /// Where the worker runs, for people.
     pub host: String,
     /// How long the first contact may take.
@@ -63,12 +76,14 @@ pub struct Worker {
 /// What all tasks of a worker share.
 struct Shared {
     options: Options,
-    connection: Connection,
+    connection: Link,
     worker_id: String,
     /// The problem with the digest of its model; replaced when a restarted coordinator names
     /// another campaign.
     problem: RwLock<Option<Arc<Registered>>>,
     held: HeldJobs,
+    /// Asks samplers to stop between two samples.
+    hurry: AtomicBool,
     /// Ends the worker.
     stop: CancellationToken,
 }
@@ -78,6 +93,8 @@ struct Shared {
 struct Registered {
     epoch: u64,
     problem: Problem,
+    /// What simulates the campaign's designs here.
+    backend: Arc<Backend>,
     campaign_json: String,
     model_digest: String,
     heartbeat: Duration,
@@ -105,7 +122,12 @@ impl Worker {
                 slots,
                 reason: error.to_string(),
             })?;
-        let connection = Connection::new(&self.options.connect)?;
+        let connection = connect_by(
+            self.options.dial.clone(),
+            &self.options.connect,
+            &self.options.credentials,
+            Role::Worker,
+        )?;
         // Cancelled by us when the campaign is finished or an error ends the worker, too.
         let stop = CancellationToken::new();
         let shared = Arc::new(Shared {
@@ -114,6 +136,7 @@ impl Worker {
             connection,
             problem: RwLock::new(None),
             held: HeldJobs::default(),
+            hurry: AtomicBool::new(false),
             stop: stop.clone(),
         });
         let registered = tokio::select! {
@@ -121,7 +144,7 @@ impl Worker {
             () = shutdown.cancelled() => return Ok(Summary { jobs: 0, finished: false }),
         };
         info!(
-            coordinator = %shared.connection.url,
+            coordinator = %shared.connection.url(),
             campaign = %registered.problem.campaign().name,
             slots,
             "registered"
@@ -156,6 +179,9 @@ impl Worker {
         reporter_stop.cancel();
         let jobs = reporter.await.unwrap_or(0);
         tasks.shutdown().await;
+        if let Some(registered) = shared.registered() {
+            registered.backend.stop();
+        }
         let finished = matches!(end?, End::Finished);
         Ok(Summary { jobs, finished })
     }
@@ -181,7 +207,7 @@ impl Shared {
         };
         let since = Instant::now();
         let mut backoff = Backoff::new();
-        let url = self.connection.url.clone();
+        let url = self.connection.url().to_owned();
         loop {
             // The digest depends on the campaign, which only the coordinator knows: the first call
             // asks for it, the second one answers the question.
@@ -194,29 +220,44 @@ impl Shared {
                     .as_ref()
                     .map_or_else(String::new, |k| k.model_digest.clone()),
                 slots: u32::try_from(options.slots).unwrap_or(u32::MAX),
+                held: if known.is_some() {
+                    self.held.jobs()
+                } else {
+                    Vec::new()
+                },
             };
-            let call = tokio::time::timeout(CALL_TIMEOUT, self.connection.register(request));
+            let mut client = self.connection.client();
+            let call = tokio::time::timeout(CALL_TIMEOUT, client.register(request));
             let reason = match call.await {
-                Ok(answer) => match answer? {
+                Ok(answer) => match answer {
                     Ok(response) => {
+                        let response = response.into_inner();
                         let confirmed = known
                             .as_ref()
                             .filter(|known| known.campaign_json == response.campaign_json);
-                        let problem = match confirmed {
-                            Some(known) => known.problem.clone(),
-                            None => self.learn(&response.campaign_json)?,
+                        let (problem, backend, model_digest) = match confirmed {
+                            Some(known) => (
+                                known.problem.clone(),
+                                Arc::clone(&known.backend),
+                                known.model_digest.clone(),
+                            ),
+                            None => self.learn(&response.campaign_json).await?,
                         };
                         let registered = Arc::new(Registered {
                             epoch: response.epoch,
-                            model_digest: match confirmed {
-                                Some(known) => known.model_digest.clone(),
-                                None => probe::model_digest(&problem),
-                            },
+                            model_digest,
                             problem,
+                            backend,
                             campaign_json: response.campaign_json.clone(),
                             heartbeat: Duration::from_millis(response.heartbeat_ms.max(10).into()),
                         });
                         let done = confirmed.is_some();
+                        if done {
+                            self.held.cancel(&response.cancelled);
+                        } else {
+                            // What is held belongs to another campaign, if to any.
+                            self.held.cancel_all();
+                        }
                         *self.problem.write().unwrap_or_else(|e| e.into_inner()) =
                             Some(Arc::clone(&registered));
                         if done {
@@ -224,7 +265,10 @@ impl Shared {
                         }
                         continue;
                     }
-                    Err(status) => cause(&status),
+                    Err(status) => match self.connection.refusal(&status) {
+                        Some(refusal) => return Err(refusal),
+                        None => cause(&status),
+                    },
                 },
                 Err(_) => "no answer in time".to_owned(),
             };
@@ -243,12 +287,33 @@ impl Shared {
         }
     }
 
-    fn learn(&self, campaign_json: &str) -> Result<Problem, Error> {
+    /// The problem of a new campaign, what simulates it here, and the digest of its model.
+    async fn learn(&self, campaign_json: &str) -> Result<(Problem, Arc<Backend>, String), Error> {
         let campaign = Campaign::from_json(campaign_json).map_err(|error| Error::Nonsense {
-            url: self.connection.url.clone(),
+            url: self.connection.url().to_owned(),
             reason: error.to_string(),
         })?;
-        Ok(Problem::new(campaign))
+        let problem = Problem::new(campaign);
+        let backend = Arc::new(Backend::choose(&problem, self.options.exec.as_ref())?);
+        // An external program may take its time to answer, and must not hold up anything else.
+        let questions = {
+            let (problem, backend) = (problem.clone(), Arc::clone(&backend));
+            tokio::task::spawn_blocking(move || backend.model_digest(&problem))
+        };
+        // Should the worker be asked to end meanwhile, this wait is dropped, and nobody else
+        // would end the program.
+        let unwatched = Unwatched(Some(Arc::clone(&backend)));
+        let model_digest = questions.await.map_err(|error| Error::Program {
+            reason: error.to_string(),
+        })??;
+        unwatched.keep();
+        Ok((problem, backend, model_digest))
+    }
+
+    /// Whether an external simulator was ended because this worker ends.
+    fn programs_are_stopped(&self) -> bool {
+        self.registered()
+            .is_some_and(|registered| registered.backend.is_stopped())
     }
 
     fn registered(&self) -> Option<Arc<Registered>> {
@@ -265,7 +330,7 @@ impl Shared {
             .registered()
             .is_some_and(|registered| registered.epoch == epoch)
         {
-            info!(coordinator = %self.connection.url, "registering again");
+            info!(coordinator = %self.connection.url(), "registering again");
             self.register(false).await?;
         }
         Ok(())
@@ -289,19 +354,17 @@ impl Shared {
         }
     }
 
-    /// Gives back what has not started, waits for the rest, and gives back what takes too long.
+    /// Gives back what has not started and waits for the rest. Towards the end of the grace period
+    /// samplers stop between two samples and hand in what they have; what is not done even then is
+    /// given back.
     async fn drain(&self) {
         let mut given_up = self.held.give_up_waiting();
-        let deadline = tokio::time::Instant::now() + self.options.grace;
-        while self.held.computing() > 0 {
-            let changed = self.held.changed.notified();
-            if self.held.computing() == 0 {
-                break;
-            }
-            if tokio::time::timeout_at(deadline, changed).await.is_err() {
-                given_up.extend(self.held.give_up_all());
-            }
-        }
+        let now = tokio::time::Instant::now();
+        self.computed_by(now + self.options.grace.mul_f64(PATIENT_PART))
+            .await;
+        self.hurry.store(true, Ordering::Relaxed);
+        self.computed_by(now + self.options.grace).await;
+        given_up.extend(self.held.give_up_all());
         if given_up.is_empty() {
             return;
         }
@@ -309,11 +372,42 @@ impl Shared {
             worker_id: self.worker_id.clone(),
             jobs: given_up,
         };
-        let mut client = self.connection.client.clone();
+        let mut client = self.connection.client();
         // A release that gets lost costs no more than the wait for the lease to run out.
         let call = tokio::time::timeout(Duration::from_secs(2), client.release(request));
         if !matches!(call.await, Ok(Ok(_))) {
             debug!("the release of unfinished jobs was not acknowledged");
+        }
+    }
+}
+
+impl Shared {
+    /// Waits until nothing is being computed, at most until `deadline`.
+    async fn computed_by(&self, deadline: tokio::time::Instant) {
+        loop {
+            let changed = self.held.changed.notified();
+            if self.held.computing() == 0
+                || tokio::time::timeout_at(deadline, changed).await.is_err()
+            {
+                return;
+            }
+        }
+    }
+}
+
+/// Ends an external program unless it is kept.
+struct Unwatched(Option<Arc<Backend>>);
+
+impl Unwatched {
+    fn keep(mut self) {
+        self.0 = None;
+    }
+}
+
+impl Drop for Unwatched {
+    fn drop(&mut self) {
+        if let Some(backend) = &self.0 {
+            backend.stop();
         }
     }
 }
@@ -329,15 +423,16 @@ async fn after(limit: Option<Duration>) {
 /// Leases jobs and hands them to the compute threads.
 async fn lease(shared: Arc<Shared>, pool: rayon::ThreadPool) -> Result<End, Error> {
     let slots = shared.options.slots.max(1);
-    // One job ahead per slot hides the round trip.
-    let capacity = slots * 2;
     let mut backoff = Backoff::new();
     let mut away_since: Option<Instant> = None;
-    let mut client = shared.connection.client.clone();
+    let mut client = shared.connection.client();
     loop {
         let changed = shared.held.changed.notified();
-        let credit = capacity.saturating_sub(shared.held.computing());
-        if credit == 0 {
+        let capacity = shared.held.capacity(slots);
+        let computing = shared.held.computing();
+        let credit = capacity.saturating_sub(computing);
+        // Short jobs are asked for by the handful, unless a slot is idle.
+        if credit == 0 || (computing >= slots && credit < capacity / 4) {
             tokio::select! {
                 () = changed => continue,
                 () = shared.stop.cancelled() => return Ok(End::Stopped),
@@ -358,12 +453,15 @@ async fn lease(shared: Arc<Shared>, pool: rayon::ThreadPool) -> Result<End, Erro
             Ok(Ok(response)) => response.into_inner(),
             failed => {
                 if let Ok(Err(status)) = &failed {
+                    if let Some(refusal) = shared.connection.refusal(status) {
+                        return Err(refusal);
+                    }
                     debug!(reason = %cause(status), "leasing failed");
                 }
                 let since = *away_since.get_or_insert_with(Instant::now);
                 if since.elapsed() > shared.options.give_up_after {
                     return Err(Error::Away {
-                        url: shared.connection.url.clone(),
+                        url: shared.connection.url().to_owned(),
                         seconds: shared.options.give_up_after.as_secs(),
                     });
                 }
@@ -386,7 +484,8 @@ async fn lease(shared: Arc<Shared>, pool: rayon::ThreadPool) -> Result<End, Erro
             _ => {}
         }
         for job in response.jobs {
-            if shared.held.take(job.job, job.attempt) {
+            let job = Arc::new(job);
+            if shared.held.take(&job) {
                 let shared = Arc::clone(&shared);
                 pool.spawn_fifo(move || compute(&shared, &job));
             }
@@ -396,15 +495,28 @@ async fn lease(shared: Arc<Shared>, pool: rayon::ThreadPool) -> Result<End, Erro
 
 /// Does one job on a compute thread.
 fn compute(shared: &Shared, job: &Job) {
-    if !shared.held.start(job.job) {
+    let Some(cancelled) = shared.held.start(job.job) else {
+        return;
+    };
+    let keep_going = || !cancelled.load(Ordering::Relaxed) && !shared.hurry.load(Ordering::Relaxed);
+    let began = Instant::now();
+    let before = clock_gettime(ClockId::ThreadCPUTime);
+    let (outcome, program_seconds) = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+        attempt(shared, job, &keep_going)
+    }))
+    .unwrap_or_else(|_| {
+        let error = "the job panicked; the worker's log has the message".to_owned();
+        (Err(error), 0.0)
+    });
+    let after = clock_gettime(ClockId::ThreadCPUTime);
+    // What an external program takes is somebody else's time on the processor.
+    let cpu_seconds = (after.tv_sec - before.tv_sec) as f64
+        + 1e-9 * (after.tv_nsec - before.tv_nsec) as f64
+        + program_seconds;
+    if outcome.is_err() && shared.programs_are_stopped() {
+        // Nobody waits for it any more: the job was given back, or the campaign is finished.
         return;
     }
-    let before = clock_gettime(ClockId::ThreadCPUTime);
-    let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| attempt(shared, job)))
-        .unwrap_or_else(|_| Err("the job panicked; the worker's log has the message".to_owned()));
-    let after = clock_gettime(ClockId::ThreadCPUTime);
-    let cpu_seconds =
-        (after.tv_sec - before.tv_sec) as f64 + 1e-9 * (after.tv_nsec - before.tv_nsec) as f64;
     if let Err(error) = &outcome {
         warn!(job = job.job, attempt = job.attempt, %error, "a job failed");
     }
@@ -417,22 +529,38 @@ fn compute(shared: &Shared, job: &Job) {
         attempt: job.attempt,
         outcome: Some(outcome),
         cpu_seconds,
+        wall_seconds: began.elapsed().as_secs_f64(),
     });
 }
 
-fn attempt(shared: &Shared, job: &Job) -> Result<Vec<u8>, String> {
-    let task: Task = serde_json::from_slice(&job.payload)
-        .map_err(|error| format!("the task cannot be read: {error}"))?;
-    let registered = shared.registered().ok_or("the worker is not registered")?;
-    let result = execute(&registered.problem, &task)?;
-    serde_json::to_vec(&result).map_err(|error| format!("the result cannot be written: {error}"))
+/// The result's payload, and how many seconds an external program took for it.
+fn attempt(
+    shared: &Shared,
+    job: &Job,
+    keep_going: &dyn Fn() -> bool,
+) -> (Result<Vec<u8>, String>, f64) {
+    let task: Task = match serde_json::from_slice(&job.payload) {
+        Ok(task) => task,
+        Err(error) => return (Err(format!("the task cannot be read: {error}")), 0.0),
+    };
+    let Some(registered) = shared.registered() else {
+        return (Err("the worker is not registered".to_owned()), 0.0);
+    };
+    let (result, seconds) = registered.backend.with(&registered.problem, |simulator| {
+        execute_until(simulator, &task, keep_going)
+    });
+    let payload = result.and_then(|result| {
+        serde_json::to_vec(&result)
+            .map_err(|error| format!("the result cannot be written: {error}"))
+    });
+    (payload, seconds)
 }
 
 /// Hands in results until they are acknowledged; returns how many were.
 async fn report(shared: Arc<Shared>, stop: CancellationToken) -> u64 {
     let mut acknowledged = 0;
     let mut backoff = Backoff::new();
-    let mut client = shared.connection.client.clone();
+    let mut client = shared.connection.client();
     let mut attempts_after_stop = 0;
     loop {
         let changed = shared.held.changed.notified();
@@ -487,7 +615,7 @@ async fn report(shared: Arc<Shared>, stop: CancellationToken) -> u64 {
 
 /// Tells the coordinator regularly what is held, and does what it answers.
 async fn heartbeat(shared: Arc<Shared>) -> Result<End, Error> {
-    let mut client = shared.connection.client.clone();
+    let mut client = shared.connection.client();
     loop {
         let period = shared
             .registered()

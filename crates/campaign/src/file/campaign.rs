@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::pair::size;
-use super::sections::parse_name;
+use super::sections::{SimulatorKind, SimulatorSection, parse_name};
 use super::validate::Source;
 use super::{FileError, Load, Material, Wear};
 
@@ -44,6 +44,9 @@ pub struct Campaign {
     pub verify: Verify,
     /// `[report]`
     pub report: Report,
+    /// `[simulator]`; left out of the digest where it says nothing, as in files of before it.
+    #[serde(default, skip_serializing_if = "SimulatorSection::is_default")]
+    pub simulator: SimulatorSection,
 }
 
 /// `[pair]` of a campaign: what all its designs share.
@@ -197,6 +200,12 @@ impl Campaign {
     /// The file of the paper's campaign, as shipped.
     pub const PAPER: &'static str = include_str!("../../../../campaigns/paper.toml");
 
+    /// Whether an external program simulates.
+    #[must_use]
+    pub fn is_external(&self) -> bool {
+        self.simulator.kind == SimulatorKind::External
+    }
+
     /// Parses and validates `text`; `file` names it in errors.
     ///
     /// # Errors
@@ -230,6 +239,25 @@ impl Campaign {
             .iter()
             .map(|byte| format!("{byte:02x}"))
             .collect()
+    }
+
+    /// Whether this is `held` made larger: more designs, more samples per design or more fresh
+    /// samples, and everything else the same. What was computed for `held` is then part of it.
+    #[must_use]
+    pub fn extends(&self, held: &Self) -> bool {
+        let sizes = |campaign: &Self| {
+            [
+                campaign.doe.designs,
+                campaign.sampling.samples_per_design,
+                campaign.verify.samples,
+            ]
+        };
+        let grows = sizes(self).iter().zip(sizes(held)).all(|(a, b)| *a >= b);
+        let mut same = self.clone();
+        same.doe.designs = held.doe.designs;
+        same.sampling.samples_per_design = held.sampling.samples_per_design;
+        same.verify.samples = held.verify.samples;
+        grows && same == *held
     }
 
     /// The campaign as JSON, for the wire.
@@ -293,6 +321,14 @@ impl Campaign {
         self.wear.validate(source)?;
         self.bounds.validate(source)?;
         self.frozen.validate(source)?;
+        self.simulator.validate(source)?;
+        source.require(
+            !(self.is_external() && self.report.compare_with_paper),
+            "report.compare_with_paper",
+            self.report.compare_with_paper,
+            "false when simulator.kind is \"external\": the paper's figures are compared with the \
+             built-in model's",
+        )?;
         let count = |key: &str, value: u32, low: u32, high: u32| {
             source.require(
                 (low..=high).contains(&value),
@@ -437,6 +473,18 @@ mod tests {
     }
 
     #[test]
+    fn a_campaign_is_extended_by_more_of_the_same_only() {
+        let held = Campaign::parse("c.toml", Campaign::PAPER).unwrap();
+        let mut larger = held.clone();
+        larger.doe.designs += 100;
+        larger.sampling.samples_per_design += 10;
+        assert!(larger.extends(&held));
+        assert!(!held.extends(&larger));
+        larger.seed += 1;
+        assert!(!larger.extends(&held), "other samples");
+    }
+
+    #[test]
     fn the_shipped_files_are_valid() {
         let paper = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
         assert_eq!(paper.teeth(), [20, 22]);
@@ -457,6 +505,45 @@ mod tests {
         let b = Campaign::parse("b", &stripped).unwrap();
         assert_eq!(a.digest(), b.digest());
         assert_eq!(Campaign::from_json(&a.to_json()).unwrap(), a);
+    }
+
+    #[test]
+    fn a_simulator_section_that_says_nothing_changes_no_digest() {
+        let parse = |section: &str| {
+            let text = format!("{}\n{section}", Campaign::PAPER);
+            Campaign::parse(
+                "c.toml",
+                &text.replace("compare_with_paper = true", "compare_with_paper = false"),
+            )
+        };
+        let absent = parse("").unwrap();
+        assert!(!absent.to_json().contains("simulator"));
+        let built_in = parse("[simulator]\nkind = \"built-in\"").unwrap();
+        assert_eq!(absent.digest(), built_in.digest());
+        let external = parse("[simulator]\nkind = \"external\"").unwrap();
+        assert!(external.is_external());
+        assert_ne!(absent.digest(), external.digest());
+        assert_eq!(Campaign::from_json(&external.to_json()).unwrap(), external);
+        for (section, why) in [
+            ("[simulator]\nkind = \"magic\"", "unknown variant"),
+            (
+                "[simulator]\nkind = \"external\"\nprobe_designs = 13",
+                "from 0 to 12",
+            ),
+            (
+                "[simulator]\nkind = \"built-in\"\nprobe_designs = 1",
+                "simulator.probe_designs is 1",
+            ),
+        ] {
+            let error = parse(section).unwrap_err().to_string();
+            assert!(error.contains(why), "{section}: {error}");
+        }
+        let text = format!("{}\n[simulator]\nkind = \"external\"", Campaign::PAPER);
+        let error = Campaign::parse("c.toml", &text).unwrap_err().to_string();
+        assert!(
+            error.contains("report.compare_with_paper is true"),
+            "{error}"
+        );
     }
 
     #[test]

@@ -106,6 +106,64 @@ impl Wear {
     }
 }
 
+/// Who simulates.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SimulatorKind {
+    /// The gear model of this program.
+    #[default]
+    BuiltIn,
+    /// A program that every worker is started with.
+    External,
+}
+
+/// `[simulator]`, optional.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SimulatorSection {
+    /// Who simulates; the built-in model if the section is absent.
+    pub kind: SimulatorKind,
+    /// How many designs an external program simulates when a worker starts, to prove that all
+    /// workers run the same one; see [`SimulatorSection::probe_designs`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub probe_designs: Option<u32>,
+}
+
+impl SimulatorSection {
+    /// The designs of the model digest if the file does not say.
+    const PROBE_DESIGNS: u32 = 3;
+
+    /// How many designs the model digest of an external program rests on. With none it rests on
+    /// the version alone that the program gives itself: for simulations that take very long.
+    #[must_use]
+    pub fn probe_designs(&self) -> u32 {
+        self.probe_designs.unwrap_or(Self::PROBE_DESIGNS)
+    }
+
+    /// Whether the section says no more than its absence would.
+    pub(super) fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
+
+    pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
+        let most = crate::probe::DESIGNS;
+        match (self.kind, self.probe_designs) {
+            (SimulatorKind::BuiltIn, Some(found)) => Err(source.refuse(
+                "simulator.probe_designs",
+                found,
+                "absent: it is for kind = \"external\"",
+            )),
+            (SimulatorKind::External, Some(found)) => source.require(
+                found <= most,
+                "simulator.probe_designs",
+                found,
+                &format!("a whole number from 0 to {most}"),
+            ),
+            (_, None) => Ok(()),
+        }
+    }
+}
+
 /// Parses a name such as a kernel's; the error lists what would be right.
 pub(super) fn parse_name<T>(source: Source<'_>, key: &str, name: &str) -> Result<T, FileError>
 where

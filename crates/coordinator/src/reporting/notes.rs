@@ -14,7 +14,9 @@ pub(super) fn notes(sources: &Sources, failures: &[store::FailureRow]) -> Vec<St
                 .map(|warning| format!("Kriging: {warning}.")),
         );
     }
-    notes.extend(pointed_tips(sources));
+    if !campaign.is_external() {
+        notes.extend(pointed_tips(sources));
+    }
     let panics = |name: &str| {
         sources
             .criteria
@@ -54,11 +56,15 @@ pub(super) fn notes(sources: &Sources, failures: &[store::FailureRow]) -> Vec<St
          with wear are judged by the pressure on flanks with Archard’s wear."
             .to_owned(),
     );
-    notes.push(
+    notes.push(if campaign.is_external() {
+        "An external program simulated the designs. What only the built-in model knows is left \
+         out: drawings of the optima, their transmission error curves and profiles of worn flanks."
+            .to_owned()
+    } else {
         "The model leaves out dynamics, friction, misalignment, pitch errors and the elastic \
          coupling of neighbouring slices; its compliance has no gear body."
-            .to_owned(),
-    );
+            .to_owned()
+    });
     notes
 }
 

@@ -88,7 +88,12 @@ fn optimum(
         .fresh
         .get(&row.approach)
         .map_or(&[][..], Vec::as_slice);
-    let pair = sources.problem.pair(variables).ok();
+    // Drawings and curves are the built-in model's.
+    let pair = if sources.problem.campaign().is_external() {
+        None
+    } else {
+        sources.problem.pair(variables).ok()
+    };
     Optimum {
         variables: variables.values(),
         criterion_um: row.criterion_um,

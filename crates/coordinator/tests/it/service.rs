@@ -1,30 +1,55 @@
 //! What the service accepts, refuses and stores.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
+use campaign::batches::StreamId;
 use campaign::formulation::Problem;
-use campaign::task::{SampleRange, SampleRequest, Task, execute};
+use campaign::plan::DesignState;
+use campaign::task::{DesignOutcome, Task, TaskResult, execute};
 use campaign::{Campaign, probe};
 use coordinator::board::Board;
-use coordinator::service::Service;
+use coordinator::service::{Service, StoreRecorder};
+use coordinator::status::Status;
 use protocol::Refusal;
 use protocol::v1::campaign_server::Campaign as _;
 use protocol::v1::{
-    Directive, HeartbeatRequest, Job, JobAttempt, JobResult, LeaseRequest, RegisterRequest,
-    ReleaseRequest, ReportRequest, job_result,
+    Directive, DrainRequest, ExplainRequest, HeartbeatRequest, Job, JobAttempt, JobResult,
+    LeaseRequest, RegisterRequest, ReleaseRequest, ReportRequest, RetryRequest, WatchRequest,
+    job_result,
 };
 use store::{CampaignRow, DesignRow, FailureKind, Store};
 use tempfile::TempDir;
-use tonic::{Request, Status};
+use tonic::Request;
 
 /// The number of the only job on the board.
 const JOB: u64 = 2 << 56;
 
+/// How many samples it asks for.
+const SAMPLES: usize = 10;
+
+/// The only design.
+const X: [f64; 6] = [0.25, 1.37, 1.37, 0.85, 1.31, 0.80];
+
+/// A board with one design that lacks its samples.
+fn board(problem: &Problem, epoch: u64) -> Arc<Board> {
+    let board = Board::new(scheduler::Options::default(), epoch);
+    let design = DesignState {
+        x: X,
+        has_criteria: false,
+        simulated: false,
+        missing: vec![0..SAMPLES as u32],
+    };
+    board.post_designs(problem.printed_frozen(), &[design]);
+    board.open();
+    Arc::new(board)
+}
+
 struct Bench {
     _folder: TempDir,
     problem: Problem,
-    service: Service,
+    service: Service<StoreRecorder>,
     board: Arc<Board>,
     store: Store,
 }
@@ -43,8 +68,7 @@ async fn bench() -> Bench {
     let store = Store::create_or_open(&folder.path().join("s.db"), &row)
         .await
         .unwrap();
-    let x = [0.25, 1.37, 1.37, 0.85, 1.31, 0.80];
-    let [x_p, x_r, ha0_p, ha0_r, hf0_p, hf0_r] = x;
+    let [x_p, x_r, ha0_p, ha0_r, hf0_p, hf0_r] = X;
     store
         .put_designs(&[DesignRow {
             design: 0,
@@ -58,28 +82,15 @@ async fn bench() -> Bench {
         .await
         .unwrap();
     let problem = Problem::new(campaign.clone());
-    let board = Arc::new(Board::new(scheduler::Options::default(), 7));
-    board.post(vec![(
-        JOB,
-        Task::Sample {
-            frozen: problem.printed_frozen(),
-            designs: vec![SampleRequest {
-                design: 0,
-                x,
-                samples: SampleRange {
-                    first: 0,
-                    count: 30,
-                },
-            }],
-        },
-    )]);
+    let board = board(&problem, 7);
     let service = Service {
         board: Arc::clone(&board),
-        writer: store.writer().unwrap(),
-        store: store.clone(),
+        recorder: StoreRecorder {
+            store: store.clone(),
+            writer: store.writer().unwrap(),
+        },
         campaign_json: campaign.to_json(),
-        model_digest: probe::model_digest(&problem),
-        lease: Duration::from_secs(5),
+        model_digest: Some(probe::model_digest(&problem)),
     };
     Bench {
         _folder: folder,
@@ -96,12 +107,13 @@ impl Bench {
             worker_id: worker.to_owned(),
             host: "here".to_owned(),
             program_version: env!("CARGO_PKG_VERSION").to_owned(),
-            model_digest: self.service.model_digest.clone(),
+            model_digest: self.service.model_digest.clone().unwrap(),
             slots: 1,
+            held: Vec::new(),
         }
     }
 
-    async fn register(&self, request: RegisterRequest) -> Result<(), Status> {
+    async fn register(&self, request: RegisterRequest) -> Result<(), tonic::Status> {
         self.service.register(Request::new(request)).await.map(drop)
     }
 
@@ -127,6 +139,7 @@ impl Bench {
             attempt,
             outcome: Some(outcome),
             cpu_seconds: 0.5,
+            wall_seconds: 0.5,
         };
         let request = ReportRequest {
             worker_id: worker.to_owned(),
@@ -166,7 +179,7 @@ async fn another_version_or_another_model_is_refused_for_good() {
 
     let refused = bench.register(bench.introduction("")).await.unwrap_err();
     assert_eq!(Refusal::of(&refused), Some(Refusal::Malformed));
-    assert!(bench.board.workers().is_empty());
+    assert!(bench.board.live().workers.is_empty());
 }
 
 #[tokio::test]
@@ -208,7 +221,7 @@ async fn a_result_is_stored_before_it_is_acknowledged_and_only_once() {
             bench.report("w", jobs[0].attempt, outcome).await,
             Directive::Continue
         );
-        assert_eq!(bench.samples().await, 30);
+        assert_eq!(bench.samples().await, SAMPLES);
     }
     assert!(bench.store.failures().await.unwrap().is_empty());
     let times = bench.store.job_times().await.unwrap();
@@ -226,11 +239,11 @@ async fn a_result_that_contradicts_the_store_is_loud_and_changes_nothing() {
     bench.report("honest", jobs[0].attempt, outcome).await;
     let held = bench.store.samples_digest().await.unwrap();
 
-    let mut result: campaign::task::TaskResult = serde_json::from_slice(&answer).unwrap();
-    if let campaign::task::TaskResult::Sample { designs } = &mut result
-        && let campaign::task::DesignOutcome::Simulated { samples_um, .. } = &mut designs[0].outcome
+    let mut result: TaskResult = serde_json::from_slice(&answer).unwrap();
+    if let TaskResult::Sample { designs } = &mut result
+        && let DesignOutcome::Simulated { samples_um, .. } = &mut designs[0].outcome
     {
-        samples_um[17] += 1e-9;
+        samples_um[7] += 1e-9;
     }
     let outcome = job_result::Outcome::Result(serde_json::to_vec(&result).unwrap());
     bench.report("wrong", 2, outcome).await;
@@ -239,7 +252,7 @@ async fn a_result_that_contradicts_the_store_is_loud_and_changes_nothing() {
     assert_eq!(failures.len(), 1);
     assert_eq!(failures[0].worker, "wrong");
     assert!(
-        failures[0].error.contains("sample 17 of design 0"),
+        failures[0].error.contains("sample 7 of design 0"),
         "{}",
         failures[0].error
     );
@@ -258,10 +271,8 @@ async fn garbage_counts_as_a_failure_until_the_job_is_given_up() {
             Directive::Continue
         );
     }
-    assert_eq!(
-        bench.board.quarantined().into_iter().collect::<Vec<_>>(),
-        [JOB]
-    );
+    let (given_up, _) = bench.board.given_up();
+    assert_eq!(given_up, BTreeSet::from([StreamId::Design(0)]));
     assert_eq!(bench.samples().await, 0);
     let failures = bench.store.failures().await.unwrap();
     assert_eq!(
@@ -273,6 +284,113 @@ async fn garbage_counts_as_a_failure_until_the_job_is_given_up() {
             .iter()
             .all(|row| row.error.contains("cannot be read"))
     );
+
+    // Another chance, and this time an honest worker.
+    let retried = bench.service.retry(Request::new(RetryRequest {})).await;
+    assert_eq!(retried.unwrap().into_inner().jobs, ["sample-0-0"]);
+    bench.register(bench.introduction("e")).await.unwrap();
+    let (jobs, _) = bench.lease("e").await;
+    let outcome = job_result::Outcome::Result(bench.answer(&jobs[0]));
+    bench.report("e", jobs[0].attempt, outcome).await;
+    assert_eq!(bench.samples().await, SAMPLES);
+    assert!(bench.board.given_up().0.is_empty());
+}
+
+#[tokio::test]
+async fn what_a_partial_result_leaves_undone_is_leased_again() {
+    let bench = bench().await;
+    bench.register(bench.introduction("leaver")).await.unwrap();
+    let (jobs, _) = bench.lease("leaver").await;
+    let mut result: TaskResult = serde_json::from_slice(&bench.answer(&jobs[0])).unwrap();
+    let TaskResult::Sample { designs } = &mut result else {
+        panic!("a sampling result")
+    };
+    let DesignOutcome::Simulated { samples_um, .. } = &mut designs[0].outcome else {
+        panic!("the design can be simulated")
+    };
+    samples_um.truncate(4);
+    let outcome = job_result::Outcome::Result(serde_json::to_vec(&result).unwrap());
+    bench.report("leaver", jobs[0].attempt, outcome).await;
+    assert_eq!(bench.samples().await, 4);
+
+    bench.register(bench.introduction("next")).await.unwrap();
+    let (jobs, _) = bench.lease("next").await;
+    let Ok(Task::Sample { designs, .. }) = serde_json::from_slice(&jobs[0].payload) else {
+        panic!("a sampling task")
+    };
+    assert_eq!((designs[0].samples.first, designs[0].samples.count), (4, 6));
+}
+
+#[tokio::test]
+async fn a_restarted_coordinator_takes_over_what_its_workers_hold() {
+    let mut bench = bench().await;
+    bench.register(bench.introduction("w")).await.unwrap();
+    let (jobs, _) = bench.lease("w").await;
+
+    // The restart: nothing is known of jobs and workers.
+    let empty = Arc::new(Board::new(scheduler::Options::default(), 8));
+    bench.service.board = Arc::clone(&empty);
+    let mut request = bench.introduction("w");
+    request.held = jobs.clone();
+    let starting = bench.register(request.clone()).await.unwrap_err();
+    assert_eq!(starting.code(), tonic::Code::Unavailable, "it may pass");
+    bench.service.board = board(&bench.problem, 8);
+    let mut stale = jobs[0].clone();
+    stale.job += 1 << 24;
+    stale.payload = br#"{"verify":{}}"#.to_vec();
+    request.held.push(stale.clone());
+    let answer = bench.service.register(Request::new(request)).await.unwrap();
+    assert_eq!(answer.into_inner().cancelled, [stale.job]);
+
+    bench.register(bench.introduction("other")).await.unwrap();
+    let (others, _) = bench.lease("other").await;
+    let is_other = |job: &Job| job.job != jobs[0].job || job.attempt > jobs[0].attempt;
+    assert!(others.iter().all(is_other), "it is computed already");
+    let outcome = job_result::Outcome::Result(bench.answer(&jobs[0]));
+    bench.report("w", jobs[0].attempt, outcome).await;
+    assert_eq!(bench.samples().await, SAMPLES);
+    assert!(bench.store.failures().await.unwrap().is_empty());
+}
+
+#[tokio::test]
+async fn a_drained_coordinator_leases_nothing_and_says_so() {
+    let bench = bench().await;
+    bench.register(bench.introduction("w")).await.unwrap();
+    let drain = |resume| bench.service.drain(Request::new(DrainRequest { resume }));
+    assert_eq!(drain(false).await.unwrap().into_inner().leased, 0);
+    assert!(bench.lease("w").await.0.is_empty());
+    let explain = bench.service.explain(Request::new(ExplainRequest {})).await;
+    let sentences = explain.unwrap().into_inner().sentences;
+    assert!(
+        sentences.iter().any(|s| s.contains("draining")),
+        "{sentences:?}"
+    );
+    tokio::time::timeout(Duration::from_secs(5), bench.board.drained())
+        .await
+        .expect("nothing is out");
+    drain(true).await.unwrap();
+    assert_eq!(bench.lease("w").await.0.len(), 1);
+}
+
+#[tokio::test]
+async fn whoever_watches_hears_of_a_change_and_of_nothing_else() {
+    let bench = bench().await;
+    let watch = |seen, wait_ms| {
+        let request = WatchRequest { seen, wait_ms };
+        let call = bench.service.watch(Request::new(request));
+        async { call.await.unwrap().into_inner() }
+    };
+    let first = watch(0, 0).await;
+    let status: Status = serde_json::from_str(&first.status_json).unwrap();
+    assert_eq!((status.samples.done, status.live.is_some()), (0, true));
+    let again = watch(first.revision, 50).await;
+    assert_eq!(again.revision, first.revision, "nothing has happened");
+    let (changed, _) = tokio::join!(
+        watch(first.revision, 60_000),
+        bench.register(bench.introduction("w"))
+    );
+    assert!(changed.revision > first.revision);
+    assert!(changed.status_json.contains("\"host\":\"here\""));
 }
 
 #[tokio::test]

@@ -1,0 +1,137 @@
+//! What the stages ask of a simulator, whoever answers: the built-in gear model, or a program from
+//! elsewhere.
+//!
+//! A design is prepared once; then its criteria, its two deterministic analyses and its samples
+//! are asked for one by one, because each may take microseconds or hours.
+
+use stats::streams::StreamRng;
+
+use crate::formulation::{Criteria, Problem, Variables};
+
+/// Why a simulator gave no number.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum NoAnswer {
+    /// The design cannot be simulated, which is a result: a short name and a sentence, as in
+    /// `contact-gap: …`.
+    #[error("{0}")]
+    Refused(String),
+    /// The simulator itself failed. Another attempt may succeed.
+    #[error("{0}")]
+    Failed(String),
+}
+
+/// What a quasi-static analysis over a mesh period gives.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Analysis {
+    /// ΔSTE, µm.
+    pub delta_ste_um: f64,
+    /// The largest contact pressure, MPa.
+    pub hertz_pressure_mpa: f64,
+}
+
+/// A simulator of the designs of one campaign.
+pub trait Simulator {
+    /// The campaign's problem.
+    fn problem(&self) -> &Problem;
+
+    /// Which program answers, if it says; part of the model digest.
+    fn version(&self) -> Option<String> {
+        None
+    }
+
+    /// Prepares a design.
+    ///
+    /// # Errors
+    ///
+    /// The design cannot be simulated, or the simulator failed.
+    fn prepare<'a>(&'a self, variables: &Variables) -> Result<Box<dyn Prepared + 'a>, NoAnswer>;
+}
+
+/// A design, ready to be analysed.
+pub trait Prepared {
+    /// The criteria, with the contact pressure of the analysis that matters, in MPa.
+    fn criteria(&self, hertz_pressure_mpa: f64) -> Criteria;
+
+    /// The pair as made.
+    ///
+    /// # Errors
+    ///
+    /// The design cannot be simulated, or the simulator failed.
+    fn unworn(&mut self) -> Result<Analysis, NoAnswer>;
+
+    /// The pair with Archard's wear.
+    ///
+    /// # Errors
+    ///
+    /// The design cannot be simulated, or the simulator failed.
+    fn archard(&mut self) -> Result<Analysis, NoAnswer>;
+
+    /// ΔSTE in µm with random wear, drawn from `rng` alone.
+    ///
+    /// # Errors
+    ///
+    /// The simulator failed. A design that was prepared cannot be refused for one of its samples:
+    /// which samples are drawn together depends on how the campaign is cut into jobs.
+    fn sample(&mut self, rng: &mut StreamRng) -> Result<f64, String>;
+}
+
+/// The built-in gear model, which refuses but never fails.
+impl Simulator for Problem {
+    fn problem(&self) -> &Problem {
+        self
+    }
+
+    fn prepare<'a>(&'a self, variables: &Variables) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
+        let pair = self.pair(variables).map_err(|error| {
+            NoAnswer::Refused(match error {
+                gear::Error::Infeasible(infeasible) => {
+                    format!("{}: {infeasible}", infeasible.code())
+                }
+                error => format!("invalid-input: {error}"),
+            })
+        })?;
+        Ok(Box::new(BuiltIn {
+            problem: self,
+            pair,
+            sampler: None,
+        }))
+    }
+}
+
+struct BuiltIn<'a> {
+    problem: &'a Problem,
+    pair: gear::Pair,
+    /// Made for the first sample: an optimiser never asks for one.
+    sampler: Option<gear::Sampler>,
+}
+
+impl Prepared for BuiltIn<'_> {
+    fn criteria(&self, hertz_pressure_mpa: f64) -> Criteria {
+        self.problem.criteria(&self.pair, hertz_pressure_mpa)
+    }
+
+    fn unworn(&mut self) -> Result<Analysis, NoAnswer> {
+        Ok(Analysis::of(&self.pair.unworn()))
+    }
+
+    fn archard(&mut self) -> Result<Analysis, NoAnswer> {
+        let worn = self.pair.archard(self.problem.wear());
+        Ok(Analysis::of(&worn.analysis))
+    }
+
+    fn sample(&mut self, rng: &mut StreamRng) -> Result<f64, String> {
+        let sampler = self
+            .sampler
+            .get_or_insert_with(|| self.pair.sampler(self.problem.wear()));
+        Ok(sampler.draw(rng))
+    }
+}
+
+impl Analysis {
+    const fn of(analysis: &gear::Analysis) -> Self {
+        Self {
+            delta_ste_um: analysis.delta_ste_um,
+            hertz_pressure_mpa: analysis.hertz_pressure_mpa,
+        }
+    }
+}

@@ -1,0 +1,163 @@
+//! What a campaign would do, and how long that takes here.
+
+use std::time::Instant;
+
+use anyhow::Context as _;
+use campaign::formulation::{Problem, ROBUST_VARIABLES};
+use campaign::task::{self, SampleRange, SampleRequest, Task};
+use campaign::{Approach, Campaign};
+use coordinator::references;
+use protocol::exit;
+use rand::RngExt as _;
+use stats::streams::{Purpose, stream};
+
+use super::{print, read};
+use crate::arguments;
+
+/// `coordinator check`: validates a campaign file and says what it would do.
+pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
+    let text = read(&arguments.campaign)?;
+    let campaign = Campaign::parse(&arguments.campaign.display().to_string(), &text)?;
+    let problem = Problem::new(campaign.clone());
+    let n = u64::from(campaign.doe.designs);
+    let k = u64::from(campaign.sampling.samples_per_design);
+    let starts = u64::from(campaign.optimise.starts);
+    let evaluations = u64::from(campaign.optimise.evaluations);
+    let points = references::points(&problem).len() as u64 + Approach::ALL.len() as u64;
+    let verify = u64::from(campaign.verify.samples);
+    // What an external program takes, and which designs it refuses, only a run can tell.
+    let measured = if campaign.is_external() {
+        None
+    } else {
+        Some(measure(&problem)?)
+    };
+    let Measured {
+        feasible,
+        design_seconds,
+        sample_seconds,
+    } = measured.unwrap_or(Measured {
+        feasible: 1.0,
+        design_seconds: f64::NAN,
+        sample_seconds: f64::NAN,
+    });
+
+    let feasible = n as f64 * feasible;
+    let sampling = n as f64 * design_seconds + feasible * k as f64 * sample_seconds;
+    let analyses = (3 * starts * evaluations) as f64;
+    let optimising = analyses * design_seconds;
+    let verifying = (points * verify) as f64 * sample_seconds;
+    // Measured with the paper's campaign: 6 s of search for its DoE, and 10 s of a fit whose time is
+    // cubic in the points.
+    let making = 6.0 * n as f64 / 3000.0;
+    let fitting = 10.0 * (feasible / 3000.0).powi(3);
+    let mut plan = format!(
+        "{} is valid: campaign {}, seed {}, {} and {} teeth\n\n",
+        arguments.campaign.display(),
+        campaign.name,
+        campaign.seed,
+        campaign.teeth()[0],
+        campaign.teeth()[1]
+    );
+    let rows = [
+        ("doe", format!("{n} points, maximin"), making),
+        (
+            "sample",
+            format!("{n} designs, at most {} samples", n * k),
+            sampling,
+        ),
+        (
+            "fit",
+            if measured.is_some() {
+                format!("about {feasible:.0} designs that can be simulated")
+            } else {
+                format!("at most {n} designs")
+            },
+            fitting,
+        ),
+        (
+            "optimise",
+            format!("{} runs, {} analyses", 3 * starts, 3 * starts * evaluations),
+            optimising,
+        ),
+        (
+            "verify",
+            format!("{points} designs, {} samples", points * verify),
+            verifying,
+        ),
+    ];
+    for (stage, what, seconds) in &rows {
+        plan += &if measured.is_some() {
+            format!("{stage:<10}{what:<55}{seconds:>8.1} core-seconds\n")
+        } else {
+            format!("{stage:<10}{what}\n")
+        };
+    }
+    if measured.is_some() {
+        let total: f64 = rows.iter().map(|row| row.2).sum();
+        plan += &format!("{:<65}{total:>8.1} core-seconds (estimated)\n", "all");
+    } else {
+        plan += "\nAn external program simulates, so there is no estimate of how long it takes.\n";
+    }
+    for warning in campaign.warnings() {
+        plan += &format!("\nwarning: {warning}\n");
+    }
+    print(&plan)?;
+    Ok(exit::OK)
+}
+
+/// What one processor of this machine takes, from a few designs of the campaign.
+#[derive(Clone, Copy)]
+struct Measured {
+    /// The share of random designs that can be simulated.
+    feasible: f64,
+    /// Criteria and both deterministic analyses of a design, seconds.
+    design_seconds: f64,
+    /// A sample of ΔSTE, seconds.
+    sample_seconds: f64,
+}
+
+fn measure(problem: &Problem) -> anyhow::Result<Measured> {
+    const DESIGNS: u32 = 40;
+    let mut seconds = [0.0; 2];
+    let mut feasible = 0.0;
+    let samples = [4, 104];
+    for (pass, count) in samples.into_iter().enumerate() {
+        let designs: Vec<SampleRequest> = (0..DESIGNS)
+            .map(|design| {
+                let mut rng = stream(problem.campaign().seed, Purpose::Test, u64::from(design), 1);
+                let unit: [f64; ROBUST_VARIABLES] = std::array::from_fn(|_| rng.random());
+                SampleRequest {
+                    design,
+                    x: problem.robust_point(&unit),
+                    samples: SampleRange { first: 0, count },
+                }
+            })
+            .collect();
+        let task = Task::Sample {
+            frozen: problem.printed_frozen(),
+            designs,
+        };
+        let before = Instant::now();
+        let result = task::execute(problem, &task)
+            .map_err(anyhow::Error::msg)
+            .context("a trial run")?;
+        seconds[pass] = before.elapsed().as_secs_f64();
+        if let campaign::task::TaskResult::Sample { designs } = result {
+            let simulated = |design: &&campaign::task::DesignResult| {
+                matches!(
+                    design.outcome,
+                    campaign::task::DesignOutcome::Simulated { .. }
+                )
+            };
+            feasible = designs.iter().filter(simulated).count() as f64;
+        }
+    }
+    let drawn = feasible.max(1.0) * f64::from(samples[1] - samples[0]);
+    let sample_seconds = ((seconds[1] - seconds[0]) / drawn).max(0.0);
+    let without_samples = seconds[0] - feasible * f64::from(samples[0]) * sample_seconds;
+    Ok(Measured {
+        feasible: feasible / f64::from(DESIGNS),
+        design_seconds: (without_samples / f64::from(DESIGNS)).max(0.0),
+        sample_seconds,
+    })
+}

@@ -1,0 +1,124 @@
+//! Looking at a campaign that runs, and steering it.
+
+use std::io::IsTerminal as _;
+use std::time::Duration;
+
+use coordinator::status::{self, Status};
+use protocol::v1::{DrainRequest, ExplainRequest, RetryRequest, WatchRequest};
+use protocol::{Role, exit};
+use store::Store;
+use worker::client::{Link, connect};
+
+use super::{Usage, print};
+use crate::arguments::{self, Client};
+
+/// How often a store is looked at.
+const PERIOD: Duration = Duration::from_secs(1);
+
+/// Home, and clear what is below.
+const CLEAR: &str = "\x1b[H\x1b[J";
+
+/// `coordinator status`.
+pub(super) async fn status(arguments: arguments::Status) -> anyhow::Result<u8> {
+    let mut source = match (&arguments.db, &arguments.connect) {
+        (Some(db), _) => Source::Store(Store::open_read_only(db).await?),
+        (None, Some(url)) => Source::Coordinator {
+            link: connect(url, &arguments.credentials, Role::Client)?,
+            seen: 0,
+        },
+        (None, None) => {
+            let sentence = "give the store (--db) or the coordinator's address (--connect)";
+            return Err(Usage(sentence.to_owned()).into());
+        }
+    };
+    loop {
+        let status = source.next().await?;
+        let text = if arguments.json {
+            serde_json::to_string(&status)? + "\n"
+        } else {
+            status::describe(&status)
+        };
+        let clear = arguments.watch && !arguments.json && std::io::stdout().is_terminal();
+        print(&format!("{}{text}", if clear { CLEAR } else { "" }))?;
+        if !arguments.watch || status.finished {
+            return Ok(exit::OK);
+        }
+        tokio::time::sleep(PERIOD).await;
+    }
+}
+
+/// Who is asked.
+enum Source {
+    Store(Store),
+    Coordinator { link: Link, seen: u64 },
+}
+
+impl Source {
+    async fn next(&mut self) -> anyhow::Result<Status> {
+        match self {
+            Self::Store(store) => status::read(store).await,
+            Self::Coordinator { link, seen } => {
+                let request = WatchRequest {
+                    seen: *seen,
+                    wait_ms: 10_000,
+                };
+                let answer = link.client().watch(request).await;
+                let answer = answer.map_err(|status| link.error(&status))?.into_inner();
+                *seen = answer.revision;
+                Ok(serde_json::from_str(&answer.status_json)?)
+            }
+        }
+    }
+}
+
+fn link(client: &Client) -> Result<Link, worker::Error> {
+    connect(&client.connect, &client.credentials, Role::Client)
+}
+
+/// `coordinator explain`.
+pub(super) async fn explain(arguments: &arguments::Explain) -> anyhow::Result<u8> {
+    let link = link(&arguments.client)?;
+    let answer = link.client().explain(ExplainRequest {}).await;
+    let answer = answer.map_err(|status| link.error(&status))?.into_inner();
+    print(&(answer.sentences.join("\n") + "\n"))?;
+    Ok(exit::OK)
+}
+
+/// `coordinator drain`.
+pub(super) async fn drain(arguments: &arguments::Drain) -> anyhow::Result<u8> {
+    let link = link(&arguments.client)?;
+    let request = DrainRequest {
+        resume: arguments.resume,
+    };
+    let answer = link.client().drain(request).await;
+    let leased = answer
+        .map_err(|status| link.error(&status))?
+        .into_inner()
+        .leased;
+    print(&if arguments.resume {
+        "leasing again\n".to_owned()
+    } else {
+        format!("draining: the coordinator ends when the {leased} jobs that are out are in\n")
+    })?;
+    Ok(exit::OK)
+}
+
+/// `coordinator retry`.
+pub(super) async fn retry(arguments: &arguments::Retry) -> anyhow::Result<u8> {
+    if !arguments.quarantined {
+        let sentence = "say what to try again: --quarantined is all there is so far";
+        return Err(Usage(sentence.to_owned()).into());
+    }
+    let link = link(&arguments.client)?;
+    let answer = link.client().retry(RetryRequest {}).await;
+    let jobs = answer
+        .map_err(|status| link.error(&status))?
+        .into_inner()
+        .jobs;
+    print(&if jobs.is_empty() {
+        "no job was given up\n".to_owned()
+    } else {
+        jobs.join("\n") + "\n"
+    })?;
+    Ok(exit::OK)
+}

@@ -1,0 +1,70 @@
+//! A campaign's progress as a bar on a terminal.
+
+use std::time::Duration;
+
+use coordinator::status::{Live, Status};
+use indicatif::{ProgressBar, ProgressStyle};
+use worker::console;
+
+const TICK: Duration = Duration::from_millis(200);
+
+/// What is shown while a campaign runs.
+pub(crate) struct Progress {
+    bar: ProgressBar,
+}
+
+impl Progress {
+    /// An empty bar; it is not drawn unless standard error is a terminal.
+    pub(crate) fn new() -> Self {
+        let bar = console::bars().add(ProgressBar::new(0));
+        let style = ProgressStyle::with_template("{prefix:>9} [{bar:30}] {pos}/{len} {msg}");
+        if let Ok(style) = style {
+            bar.set_style(style.progress_chars("=> "));
+        }
+        bar.enable_steady_tick(TICK);
+        Self { bar }
+    }
+
+    /// Shows the stage that runs.
+    pub(crate) fn show(&self, status: &Status) {
+        let (position, length, message) = match status.stage.as_str() {
+            "sample" => {
+                let left = status.missing().round() as u64;
+                let done = status.samples.done;
+                (done, done + left, pace(status.live.as_ref()))
+            }
+            "verify" => {
+                let verified = status.optima.iter().map(|optimum| optimum.verified);
+                let sum = verified.fold((0, 0), |(done, wanted), progress| {
+                    (done + progress.done, wanted + progress.wanted)
+                });
+                (sum.0, sum.1, "fresh samples".to_owned())
+            }
+            "doe" | "fit" | "done" => (0, 0, String::new()),
+            _ => {
+                let runs = status.optimiser_runs;
+                (runs.done, runs.wanted, "runs".to_owned())
+            }
+        };
+        self.bar.set_prefix(status.stage.clone());
+        self.bar.set_length(length);
+        self.bar.set_position(position);
+        self.bar.set_message(message);
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+fn pace(live: Option<&Live>) -> String {
+    let Some(live) = live else {
+        return "samples".to_owned();
+    };
+    let eta = live.eta_seconds.map_or_else(String::new, |seconds| {
+        format!(", {} to go", coordinator::status::span(seconds))
+    });
+    format!("samples, {:.0} per second{eta}", live.samples_per_second)
+}

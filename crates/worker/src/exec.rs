@@ -1,0 +1,389 @@
+//! Simulators from elsewhere: programs that answer one line of JSON for each line they are asked.
+//!
+//! A slot keeps a process over many requests. A process that dies, answers nonsense or takes too
+//! long fails the job that asked, and the next job gets a new one. `campaigns/external/README.md`
+//! describes the protocol for whoever writes such a program.
+
+mod messages;
+mod process;
+#[cfg(test)]
+mod tests;
+
+use std::cell::{Cell, RefCell};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::time::{Duration, Instant};
+
+use campaign::file::SimulatorKind;
+use campaign::formulation::{Problem, Variables};
+use campaign::simulator::{Analysis, NoAnswer, Prepared, Simulator};
+use campaign::{Criteria, probe};
+use rand::Rng as _;
+use serde::de::DeserializeOwned;
+use serde_json::{Map, Value};
+use stats::streams::StreamRng;
+
+use crate::connection::Error;
+use messages::{AnalysisAnswer, Answer, CriteriaAnswer, SampleAnswer, Started};
+use process::Process;
+
+/// How long a program may take to get ready, at least.
+const START: Duration = Duration::from_secs(30);
+
+/// What both programs' command lines say about an external simulator.
+#[derive(Debug, Clone, PartialEq, clap::Args)]
+pub struct SimulatorArguments {
+    /// The simulator of a campaign whose [simulator] is "external": a command for `sh -c`
+    #[arg(long, value_name = "CMD")]
+    exec: Option<String>,
+    /// How many seconds the external simulator may take for one answer
+    #[arg(long, value_name = "SECONDS", default_value = "600", value_parser = seconds)]
+    exec_timeout: Duration,
+}
+
+impl SimulatorArguments {
+    /// The external simulator, if there is one.
+    #[must_use]
+    pub fn exec(self) -> Option<Exec> {
+        let timeout = self.exec_timeout;
+        self.exec.map(|command| Exec { command, timeout })
+    }
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds: f64 = text.parse().map_err(|_| "no number".to_owned())?;
+    // Above a century it is no timeout any more, and clocks overflow.
+    if seconds > 0.0 && seconds < 3e9 {
+        Ok(Duration::from_secs_f64(seconds))
+    } else {
+        Err("it must be above 0 and below 3e9".to_owned())
+    }
+}
+
+/// An external simulator, as the command line names it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Exec {
+    /// What `sh -c` runs.
+    pub command: String,
+    /// How long one answer may take.
+    pub timeout: Duration,
+}
+
+/// What simulates the designs of one campaign on this worker.
+#[derive(Debug)]
+pub(crate) enum Backend {
+    /// The built-in gear model.
+    BuiltIn,
+    /// A program.
+    External(Programs),
+}
+
+/// The processes of an external simulator: as many as are asked at once.
+#[derive(Debug)]
+pub(crate) struct Programs {
+    exec: Exec,
+    idle: Mutex<Vec<Process>>,
+    /// What the first process called itself; the others must be the same program.
+    version: OnceLock<String>,
+    stop: Arc<AtomicBool>,
+}
+
+impl Backend {
+    /// What the campaign asks for, if this worker has it.
+    ///
+    /// # Errors
+    ///
+    /// The campaign needs an external simulator and there is none, or the other way round.
+    pub(crate) fn choose(problem: &Problem, exec: Option<&Exec>) -> Result<Self, Error> {
+        let campaign = problem.campaign();
+        let name = &campaign.name;
+        match (campaign.simulator.kind, exec) {
+            (SimulatorKind::BuiltIn, None) => Ok(Self::BuiltIn),
+            (SimulatorKind::External, Some(exec)) => Ok(Self::External(Programs {
+                exec: exec.clone(),
+                idle: Mutex::new(Vec::new()),
+                version: OnceLock::new(),
+                stop: Arc::new(AtomicBool::new(false)),
+            })),
+            (SimulatorKind::External, None) => Err(Error::WrongSimulator {
+                reason: format!(
+                    "campaign {name} is simulated by an external program: start this worker with \
+                     --exec 'CMD'"
+                ),
+            }),
+            (SimulatorKind::BuiltIn, Some(_)) => Err(Error::WrongSimulator {
+                reason: format!(
+                    "campaign {name} is simulated by the built-in model: start this worker without \
+                     --exec, or give the campaign a section [simulator] with kind = \"external\""
+                ),
+            }),
+        }
+    }
+
+    /// The digest of the answers to the fixed questions. It may take as long as they do.
+    ///
+    /// # Errors
+    ///
+    /// The program fails on them.
+    pub(crate) fn model_digest(&self, problem: &Problem) -> Result<String, Error> {
+        match self {
+            Self::BuiltIn => Ok(probe::model_digest(problem)),
+            Self::External(programs) => {
+                let questions = problem.campaign().simulator.probe_designs();
+                let session = programs.session(problem);
+                session
+                    .start()
+                    .and_then(|()| probe::digest_of(&session, questions))
+                    .map_err(|reason| Error::Program { reason })
+            }
+        }
+    }
+
+    /// Lets `work` ask the simulator. Returns its result, and how many seconds a program took to
+    /// answer: no clock of this process counts them.
+    pub(crate) fn with<T>(
+        &self,
+        problem: &Problem,
+        work: impl FnOnce(&dyn Simulator) -> T,
+    ) -> (T, f64) {
+        match self {
+            Self::BuiltIn => (work(problem), 0.0),
+            Self::External(programs) => {
+                let session = programs.session(problem);
+                let result = work(&session);
+                (result, session.waited.get().as_secs_f64())
+            }
+        }
+    }
+
+    /// Whether [`Self::stop`] was called.
+    pub(crate) fn is_stopped(&self) -> bool {
+        matches!(self, Self::External(programs) if programs.stop.load(Ordering::Relaxed))
+    }
+
+    /// Ends all programs, also those that are being waited for.
+    pub(crate) fn stop(&self) {
+        if let Self::External(programs) = self {
+            programs.stop.store(true, Ordering::Relaxed);
+            programs.idle().clear();
+        }
+    }
+}
+
+impl Programs {
+    fn session<'a>(&'a self, problem: &'a Problem) -> Session<'a> {
+        Session {
+            programs: self,
+            problem,
+            process: RefCell::new(None),
+            requests: Cell::new(0),
+            waited: Cell::new(Duration::ZERO),
+        }
+    }
+
+    fn idle(&self) -> std::sync::MutexGuard<'_, Vec<Process>> {
+        // A list of processes is never half changed.
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A program for the length of one job.
+#[derive(Debug)]
+struct Session<'a> {
+    programs: &'a Programs,
+    problem: &'a Problem,
+    /// Taken out while it is asked, so that what goes wrong there ends it.
+    process: RefCell<Option<Process>>,
+    /// Numbers the requests.
+    requests: Cell<u64>,
+    waited: Cell<Duration>,
+}
+
+impl Session<'_> {
+    /// Makes sure that there is a process that is ready to be asked.
+    fn start(&self) -> Result<(), String> {
+        if self.process.borrow().is_some() {
+            return Ok(());
+        }
+        while let Some(process) = self.programs.idle().pop() {
+            // One that died while nobody asked it is nobody's failure.
+            if !process.has_ended() {
+                *self.process.borrow_mut() = Some(process);
+                return Ok(());
+            }
+        }
+        let stop = Arc::clone(&self.programs.stop);
+        let process = Process::start(&self.programs.exec.command, stop)?;
+        *self.process.borrow_mut() = Some(process);
+        let request = messages::start(self.problem.campaign())?;
+        let timeout = self.programs.exec.timeout.max(START);
+        let started = match self.exchange::<Started>(request, timeout, Started::check)? {
+            Answer::Given(started) => started,
+            Answer::Refused(reason) | Answer::Error(reason) => {
+                self.process.borrow_mut().take();
+                return Err(format!("the simulator did not start: {reason}"));
+            }
+        };
+        let first = self
+            .programs
+            .version
+            .get_or_init(|| started.version.clone());
+        if *first != started.version {
+            self.process.borrow_mut().take();
+            return Err(format!(
+                "the simulator called itself {first:?} before and {:?} now: it must not change \
+                 during a campaign",
+                started.version
+            ));
+        }
+        Ok(())
+    }
+
+    /// Asks about a design.
+    fn ask<T: DeserializeOwned>(
+        &self,
+        name: &str,
+        design: &Value,
+        seed: Option<[u32; 4]>,
+    ) -> Result<T, NoAnswer> {
+        self.start().map_err(NoAnswer::Failed)?;
+        let question = messages::question(name, design, seed);
+        let timeout = self.programs.exec.timeout;
+        match self.exchange(question, timeout, |_| Ok(())) {
+            Ok(Answer::Given(answer)) => Ok(answer),
+            Ok(Answer::Refused(reason)) => Err(NoAnswer::Refused(reason)),
+            Ok(Answer::Error(error)) => {
+                Err(NoAnswer::Failed(format!("the simulator says: {error}")))
+            }
+            Err(error) => Err(NoAnswer::Failed(error)),
+        }
+    }
+
+    fn exchange<T: DeserializeOwned>(
+        &self,
+        request: Map<String, Value>,
+        timeout: Duration,
+        check: impl FnOnce(&T) -> Result<(), String>,
+    ) -> Result<Answer<T>, String> {
+        let Some(mut process) = self.process.borrow_mut().take() else {
+            return Err("the simulator was asked before it was started".to_owned());
+        };
+        let id = self.requests.get() + 1;
+        self.requests.set(id);
+        let line = messages::line(request, id);
+        let since = Instant::now();
+        let answer = process.ask(&line, timeout);
+        self.waited.set(self.waited.get() + since.elapsed());
+        let answer = answer?;
+        let read = messages::read(&answer, id).and_then(|read| {
+            if let Answer::Given(given) = &read {
+                check(given)?;
+            }
+            Ok(read)
+        });
+        match read {
+            Ok(read) => {
+                *self.process.borrow_mut() = Some(process);
+                Ok(read)
+            }
+            Err(reason) => Err(process.refute(&answer, &reason, &line)),
+        }
+    }
+}
+
+impl Drop for Session<'_> {
+    fn drop(&mut self) {
+        if let Some(process) = self.process.borrow_mut().take()
+            && !self.programs.stop.load(Ordering::Relaxed)
+        {
+            self.programs.idle().push(process);
+        }
+    }
+}
+
+impl Simulator for Session<'_> {
+    fn problem(&self) -> &Problem {
+        self.problem
+    }
+
+    fn version(&self) -> Option<String> {
+        self.programs.version.get().cloned()
+    }
+
+    fn prepare<'a>(&'a self, variables: &Variables) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
+        // The module follows from the campaign's centre distance, whoever simulates.
+        let module = self
+            .problem
+            .normal_module(variables)
+            .map_err(|infeasible| {
+                NoAnswer::Refused(format!("{}: {infeasible}", infeasible.code()))
+            })?;
+        let design = messages::design(variables, module);
+        let answer: CriteriaAnswer = self.ask("criteria", &design, None)?;
+        Ok(Box::new(Design {
+            session: self,
+            design,
+            criteria: Criteria {
+                contact_ratio: answer.contact_ratio,
+                specific_sliding: answer.specific_sliding,
+                hertz_pressure_mpa: 0.0,
+                root_stress_mpa: answer.root_stress_mpa,
+                clearance_mm: answer.clearance_mm,
+                flank_margin_mm: answer.flank_margin_mm,
+                normal_module_mm: module,
+            },
+        }))
+    }
+}
+
+/// A design whose criteria a program has given.
+struct Design<'a> {
+    session: &'a Session<'a>,
+    design: Value,
+    /// Without the pressure, which is an analysis's.
+    criteria: Criteria,
+}
+
+impl Design<'_> {
+    fn analyse(&self, name: &str) -> Result<Analysis, NoAnswer> {
+        let answer: AnalysisAnswer = self.session.ask(name, &self.design, None)?;
+        Ok(Analysis {
+            delta_ste_um: answer.delta_ste_um,
+            hertz_pressure_mpa: answer.hertz_pressure_mpa,
+        })
+    }
+}
+
+impl Prepared for Design<'_> {
+    fn criteria(&self, hertz_pressure_mpa: f64) -> Criteria {
+        Criteria {
+            hertz_pressure_mpa,
+            ..self.criteria
+        }
+    }
+
+    fn unworn(&mut self) -> Result<Analysis, NoAnswer> {
+        self.analyse("unworn")
+    }
+
+    fn archard(&mut self) -> Result<Analysis, NoAnswer> {
+        self.analyse("archard")
+    }
+
+    fn sample(&mut self, rng: &mut StreamRng) -> Result<f64, String> {
+        // 128 bits of the stream, in words that every program's numbers can hold.
+        let [low, high] = [rng.next_u64(), rng.next_u64()];
+        let seed = [low, low >> 32, high, high >> 32].map(|word| word as u32);
+        let answer: SampleAnswer = self
+            .session
+            .ask("sample", &self.design, Some(seed))
+            .map_err(|error| match error {
+                NoAnswer::Refused(reason) => format!(
+                    "the simulator refused a sample ({reason}): refuse the design when its \
+                     criteria or its analyses are asked for, or answer with an error"
+                ),
+                NoAnswer::Failed(error) => error,
+            })?;
+        Ok(answer.delta_ste_um)
+    }
+}

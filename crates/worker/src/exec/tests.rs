@@ -1,0 +1,437 @@
+//! External simulators that behave, and that do not.
+
+use std::sync::atomic::AtomicU32;
+
+use campaign::Campaign;
+use campaign::task::{
+    DesignOutcome, SampleRange, SampleRequest, Task, TaskResult, execute, execute_until,
+};
+
+use super::*;
+
+/// A simulator as a shell script: reads requests, and answers each kind by a function.
+const PREAMBLE: &str = r#"
+answer() { printf '{"id":%s,%s}\n' "$id" "$1"; }
+on_start() { answer '"protocol":1,"version":"test"'; }
+on_criteria() {
+    answer '"contact_ratio":1.6,"specific_sliding":1.5,"root_stress_mpa":700,"clearance_mm":[0.5,0.5],"flank_margin_mm":[0.1,0.1]'
+}
+on_unworn() { answer '"delta_ste_um":0.5,"hertz_pressure_mpa":1200'; }
+on_archard() { answer '"delta_ste_um":0.75,"hertz_pressure_mpa":1300.5'; }
+# The first word of the seed, as thousandths of its lowest digits.
+on_sample() {
+    word=${line##*'"seed":['}; word=${word%%,*}
+    answer "\"delta_ste_um\":1.$(printf %03d $((word % 1000)))"
+}
+"#;
+const LOOP: &str = r#"
+while read -r line; do
+    id=${line#*'"id":'}; id=${id%%[,\}]*}
+    name=${line#*'"request":"'}; name=${name%%'"'*}
+    "on_$name"
+done
+"#;
+
+fn problem() -> Problem {
+    let text = Campaign::PAPER.replace("compare_with_paper = true", "compare_with_paper = false")
+        + "\n[simulator]\nkind = \"external\"\nprobe_designs = 1\n";
+    Problem::new(Campaign::parse("external.toml", &text).unwrap())
+}
+
+fn backend_of(command: String, timeout: Duration) -> Backend {
+    let exec = Exec { command, timeout };
+    Backend::choose(&problem(), Some(&exec)).unwrap()
+}
+
+/// A backend whose script has `changes` to the functions above.
+fn backend(changes: &str) -> Backend {
+    backend_of(
+        format!("{PREAMBLE}\n{changes}\n{LOOP}"),
+        Duration::from_secs(60),
+    )
+}
+
+fn task(designs: u32, samples: SampleRange) -> Task {
+    Task::Sample {
+        frozen: problem().printed_frozen(),
+        designs: (0..designs)
+            .map(|design| SampleRequest {
+                design,
+                x: [0.25, 1.37, 1.37, 0.85, 1.31, 0.80],
+                samples,
+            })
+            .collect(),
+    }
+}
+
+const THREE: SampleRange = SampleRange { first: 0, count: 3 };
+
+fn run(backend: &Backend, task: &Task) -> Result<TaskResult, String> {
+    backend
+        .with(&problem(), |simulator| execute(simulator, task))
+        .0
+}
+
+fn samples(result: &TaskResult) -> Vec<Vec<f64>> {
+    let TaskResult::Sample { designs } = result else {
+        panic!("a sampling result")
+    };
+    designs
+        .iter()
+        .map(|design| match &design.outcome {
+            DesignOutcome::Simulated { samples_um, .. } => samples_um.clone(),
+            DesignOutcome::Refused { reason } => panic!("refused: {reason}"),
+        })
+        .collect()
+}
+
+/// Processes whose command line holds `mark`.
+fn processes(mark: &str) -> usize {
+    std::fs::read_dir("/proc")
+        .unwrap()
+        .filter_map(Result::ok)
+        .filter_map(|entry| std::fs::read(entry.path().join("cmdline")).ok())
+        .filter(|line| String::from_utf8_lossy(line).contains(mark))
+        .count()
+}
+
+fn eventually(what: &str, holds: impl Fn() -> bool) {
+    let since = Instant::now();
+    while !holds() {
+        assert!(
+            since.elapsed() < Duration::from_secs(20),
+            "waiting for {what}"
+        );
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// A text that no other test's command line holds.
+fn mark() -> String {
+    static NEXT: AtomicU32 = AtomicU32::new(0);
+    let next = NEXT.fetch_add(1, Ordering::Relaxed);
+    format!("external-{}-{next}-", std::process::id())
+}
+
+#[test]
+fn answers_become_results_and_one_process_gives_them_all() {
+    let backend = backend("echo started >&2");
+    let result = run(&backend, &task(2, THREE)).unwrap();
+    let TaskResult::Sample { designs } = &result else {
+        panic!("a sampling result")
+    };
+    let DesignOutcome::Simulated {
+        criteria,
+        hertz_pressure_worn_mpa,
+        delta_ste_um,
+        delta_ste_archard_um,
+        first,
+        samples_um,
+    } = &designs[1].outcome
+    else {
+        panic!("a simulated design")
+    };
+    assert_eq!(
+        (criteria.contact_ratio, criteria.hertz_pressure_mpa),
+        (1.6, 1200.0)
+    );
+    assert!((criteria.normal_module_mm - 4.0).abs() < 1.5);
+    assert_eq!(*hertz_pressure_worn_mpa, 1300.5);
+    assert_eq!(
+        (*delta_ste_um, *delta_ste_archard_um, *first),
+        (0.5, 0.75, 0)
+    );
+    assert_eq!(samples_um.len(), 3);
+    assert_ne!(
+        samples_um[0], samples_um[1],
+        "every sample has a seed of its own"
+    );
+    // The same job again gives the same numbers, and so does a part of it.
+    assert_eq!(run(&backend, &task(2, THREE)).unwrap(), result);
+    let part = run(&backend, &task(1, SampleRange { first: 2, count: 1 })).unwrap();
+    assert_eq!(samples(&part)[0], [samples(&result)[0][2]]);
+    let Backend::External(programs) = &backend else {
+        panic!("an external backend")
+    };
+    assert_eq!(programs.idle().len(), 1, "one process served every job");
+}
+
+#[test]
+fn the_digest_tells_programs_apart() {
+    let digest = |changes| backend(changes).model_digest(&problem()).unwrap();
+    let usual = digest("");
+    assert_eq!(usual, digest(""));
+    assert_ne!(
+        usual,
+        digest(r#"on_archard() { answer '"delta_ste_um":0.76,"hertz_pressure_mpa":1300.5'; }"#)
+    );
+    assert_ne!(
+        usual,
+        digest(r#"on_start() { answer '"protocol":1,"version":"other"'; }"#)
+    );
+    let error = backend("on_start() { answer '\"protocol\":2'; }")
+        .model_digest(&problem())
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("speaks protocol 2"), "{error}");
+}
+
+#[test]
+fn a_refused_design_is_a_result_and_a_refused_sample_is_none() {
+    let refusing = "on_unworn() { answer '\"refused\":\"contact-gap: the teeth lose contact\"'; }";
+    let TaskResult::Sample { designs } = run(&backend(refusing), &task(2, THREE)).unwrap() else {
+        panic!("a sampling result")
+    };
+    for design in designs {
+        let DesignOutcome::Refused { reason } = design.outcome else {
+            panic!("a refused design")
+        };
+        assert_eq!(reason, "contact-gap: the teeth lose contact");
+    }
+    let refusing = "on_sample() { answer '\"refused\":\"contact-gap: not now\"'; }";
+    let error = run(&backend(refusing), &task(1, THREE)).unwrap_err();
+    assert!(
+        error.contains("design 0, sample 0") && error.contains("refused a sample"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_failure_names_design_sample_status_request_and_standard_error() {
+    // Fails on the third sample of the second design.
+    let dying = r#"
+        n=0
+        on_sample() {
+            n=$((n + 1))
+            [ $n -lt 6 ] || { echo 'out of licences' >&2; exit 3; }
+            answer '"delta_ste_um":1'
+        }"#;
+    let error = run(&backend(dying), &task(2, THREE)).unwrap_err();
+    for part in [
+        "design 1, sample 2: the simulator ended (exit status: 3) before it had answered",
+        "\"request\":\"sample\"",
+        "out of licences",
+    ] {
+        assert!(error.contains(part), "no {part:?} in: {error}");
+    }
+}
+
+#[test]
+fn a_process_that_died_is_replaced() {
+    let once = mark();
+    let file = std::env::temp_dir().join(&once);
+    let dying = format!(
+        "on_sample() {{ [ -e {file} ] || {{ : > {file}; kill -9 $$; }}; answer '\"delta_ste_um\":1'; }}",
+        file = file.display()
+    );
+    let backend = backend(&dying);
+    let error = run(&backend, &task(1, THREE)).unwrap_err();
+    assert!(error.contains("signal: 9"), "{error}");
+    assert_eq!(
+        samples(&run(&backend, &task(1, THREE)).unwrap()),
+        [[1.0; 3]]
+    );
+    std::fs::remove_file(file).unwrap();
+}
+
+#[test]
+fn a_process_that_died_between_jobs_fails_none() {
+    // It ends by itself after the third sample, when nobody asks.
+    let dying = r#"
+        n=0
+        on_sample() { n=$((n + 1)); answer '"delta_ste_um":1'; [ $n -lt 3 ] || exit 0; }"#;
+    let backend = backend(dying);
+    for _ in 0..2 {
+        assert_eq!(
+            samples(&run(&backend, &task(1, THREE)).unwrap()),
+            [[1.0; 3]]
+        );
+        let Backend::External(programs) = &backend else {
+            panic!("an external backend")
+        };
+        eventually("its end", || programs.idle().iter().all(Process::has_ended));
+    }
+}
+
+#[test]
+fn what_hangs_is_killed_with_everything_it_started() {
+    let mark = mark();
+    let hanging = format!(
+        "{PREAMBLE}\non_sample() {{ echo 'still thinking' >&2; sh -c 'sleep 600; : {mark}' & wait; }}\n{LOOP}"
+    );
+    let backend = backend_of(hanging, Duration::from_millis(300));
+    let error = run(&backend, &task(1, THREE)).unwrap_err();
+    assert!(
+        error.contains("gave no answer within 0.3 s and was killed"),
+        "{error}"
+    );
+    assert!(error.contains("still thinking"), "{error}");
+    eventually("the processes' end", || processes(&mark) == 0);
+}
+
+#[test]
+fn nonsense_ends_the_process_and_is_quoted() {
+    for (nonsense, why) in [
+        (
+            "echo hello",
+            "nonsense (expected value at line 1 column 1): hello",
+        ),
+        ("answer '\"delta_ste_um\":NaN'", "nonsense (expected value"),
+        (
+            "id=99; answer '\"delta_ste_um\":1'",
+            "it answers request 99 instead of 5",
+        ),
+        ("printf '\\377\\376\\n'", "nonsense"),
+        (
+            "answer '\"delta_ste_um\":1'; echo more",
+            "said what nobody had asked for: more",
+        ),
+        (
+            "printf '{\"id\":'; exit 0",
+            "in the middle of the answer {\"id\":",
+        ),
+        (
+            "exec >&-; sleep 600",
+            "closed its standard output and was killed",
+        ),
+        (
+            "answer '\"error\":\"no licence\"'",
+            "the simulator says: no licence",
+        ),
+    ] {
+        // Too much output must not be taken for the answer to the next question, whenever it comes.
+        let changes = format!("on_sample() {{ {nonsense}; }}");
+        let error = run(&backend(&changes), &task(1, THREE)).unwrap_err();
+        let split = nonsense.ends_with("more") && error.contains("nonsense");
+        assert!(error.contains(why) || split, "{nonsense}: {error}");
+        assert!(error.starts_with("design 0, sample "), "{error}");
+    }
+}
+
+#[test]
+fn slow_writers_of_partial_lines_are_waited_for() {
+    let slow = r#"on_sample() {
+        printf '{"id":%s,' "$id"; sleep 0.05; printf '"delta_ste_um":'; sleep 0.05; printf '2.5}\n'
+    }"#;
+    assert_eq!(
+        samples(&run(&backend(slow), &task(1, THREE)).unwrap()),
+        [[2.5; 3]]
+    );
+}
+
+#[test]
+fn a_flood_of_standard_error_blocks_nothing_and_its_end_is_kept() {
+    let flooding = r#"
+        n=0
+        on_sample() {
+            n=$((n + 1))
+            awk 'BEGIN { for (i = 0; i < 40000; i++) print "a line of no interest " i }' >&2
+            [ $n -lt 3 ] || { echo 'the last line' >&2; exit 1; }
+            answer '"delta_ste_um":1'
+        }"#;
+    let error = run(&backend(flooding), &task(1, THREE)).unwrap_err();
+    assert!(
+        error.contains("sample 2") && error.ends_with("the last line"),
+        "{error}"
+    );
+    let tail = error.split_once("standard error:\n").unwrap().1;
+    assert!(tail.len() > 10_000 && tail.len() < 17_000, "{}", tail.len());
+}
+
+#[test]
+fn an_answer_without_end_is_cut_short() {
+    let endless = "on_sample() { awk 'BEGIN { for (;;) printf \"0123456789\" }'; }";
+    let error = run(&backend(endless), &task(1, THREE)).unwrap_err();
+    assert!(
+        error.contains("an answer of more than 1048576 bytes"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_command_that_is_none_says_what_the_shell_said() {
+    let backend = backend_of("/no/such/simulator".to_owned(), Duration::from_secs(5));
+    let error = backend.model_digest(&problem()).unwrap_err().to_string();
+    assert!(
+        error.contains("/no/such/simulator: not found") || error.contains("No such file"),
+        "{error}"
+    );
+    assert!(error.contains("exit status: 127"), "{error}");
+}
+
+#[test]
+fn stopping_ends_what_is_waited_for() {
+    let mark = mark();
+    let hanging = format!("{PREAMBLE}\non_sample() {{ : {mark}; sleep 600; }}\n{LOOP}");
+    let backend = backend_of(hanging, Duration::from_secs(600));
+    std::thread::scope(|scope| {
+        let job = scope.spawn(|| run(&backend, &task(1, THREE)));
+        eventually("the program", || processes(&mark) > 0);
+        backend.stop();
+        let error = job.join().unwrap().unwrap_err();
+        assert!(error.contains("because the worker stops"), "{error}");
+    });
+    eventually("the program's end", || processes(&mark) == 0);
+}
+
+#[test]
+fn a_stopped_task_keeps_its_finished_samples() {
+    let asked = Cell::new(0);
+    let keep_going = || {
+        asked.set(asked.get() + 1);
+        asked.get() <= 3
+    };
+    let backend = backend("");
+    let (result, seconds) = backend.with(&problem(), |simulator| {
+        execute_until(simulator, &task(2, THREE), &keep_going)
+    });
+    // Asked before the design and before each of its samples.
+    assert_eq!(
+        samples(&result.unwrap()),
+        [samples(&run(&backend, &task(1, THREE)).unwrap())[0][..2].to_vec()]
+    );
+    assert!(seconds > 0.0);
+}
+
+#[test]
+fn a_failing_program_fails_the_optimiser_too() {
+    let task = Task::Optimise {
+        approach: campaign::Approach::Archard,
+        start: 0,
+        frozen: problem().printed_frozen(),
+        model: None,
+    };
+    let failing = "n=0\non_archard() { n=$((n + 1)); [ $n -lt 4 ] || exit 9; answer '\"delta_ste_um\":1,\"hertz_pressure_mpa\":1'; }";
+    let error = run(&backend(failing), &task).unwrap_err();
+    assert!(
+        error.starts_with("simulator call ") && error.contains("exit status: 9"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_simulator_that_the_campaign_does_not_want_is_refused() {
+    let built_in = Problem::new(Campaign::parse("paper.toml", Campaign::PAPER).unwrap());
+    let exec = Exec {
+        command: "true".to_owned(),
+        timeout: Duration::from_secs(1),
+    };
+    let unwanted = Backend::choose(&built_in, Some(&exec)).unwrap_err();
+    assert!(
+        unwanted.to_string().contains("without --exec"),
+        "{unwanted}"
+    );
+    let missing = Backend::choose(&problem(), None).unwrap_err();
+    assert!(missing.to_string().contains("--exec 'CMD'"), "{missing}");
+    for error in [unwanted, missing] {
+        assert_eq!(error.exit_code(), protocol::exit::REFUSED);
+    }
+}
+
+#[test]
+fn timeouts_are_numbers_of_seconds() {
+    assert_eq!(seconds("0.25"), Ok(Duration::from_millis(250)));
+    for nonsense in ["0", "-1", "nan", "inf", "1e300", "soon"] {
+        assert!(seconds(nonsense).is_err(), "{nonsense}");
+    }
+}

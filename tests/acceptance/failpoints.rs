@@ -1,0 +1,64 @@
+//! A coordinator that dies at the worst moments, of which the store's fail points are some.
+
+use std::os::unix::process::ExitStatusExt as _;
+
+use acceptance::{Sandbox, assert_code, free_address};
+
+/// Enough samples for the store's log to be moved into its file more than once.
+const CAMPAIGN: [(&str, &str); 6] = [
+    ("designs = 150 ", "designs = 200 "),
+    ("samples_per_design = 10 ", "samples_per_design = 2500 "),
+    ("evaluations = 1200 ", "evaluations = 100 "),
+    ("restart_at = 600 ", "restart_at = 50 "),
+    ("starts = 3", "starts = 1"),
+    ("compare_with_paper = true", "compare_with_paper = false"),
+];
+
+const SIGABRT: i32 = 6;
+
+#[test]
+fn a_coordinator_that_dies_around_a_commit_loses_and_repeats_nothing() {
+    let sandbox = Sandbox::new();
+    let file = sandbox.campaign("campaign.toml", &CAMPAIGN);
+    let file = file.to_str().unwrap();
+    assert_code(
+        &sandbox.coordinator(&["run", file, "--db", "undisturbed.db"]),
+        0,
+    );
+    let undisturbed = sandbox.status("undisturbed.db").unwrap();
+
+    let address = free_address().to_string();
+    let url = format!("http://{address}");
+    let serve = ["serve", file, "--db", "c.db", "--listen", &address];
+    let worker = sandbox.start("worker", &["--connect", &url, "--slots", "2"]);
+    let mut done = 0;
+    // The first commits of all hold no samples.
+    for point in [
+        "store::before_commit=3*off->return",
+        "store::after_commit=2*off->return",
+        "store::checkpoint=return(300)",
+        "store::after_commit=1*off->return",
+    ] {
+        let coordinator = sandbox.start_with("coordinator", &serve, &[("FAILPOINTS", point)]);
+        let (status, errors) = coordinator.finish();
+        assert_eq!(status.signal(), Some(SIGABRT), "{point}: {status} {errors}");
+        let held = sandbox.status("c.db").unwrap();
+        let now = held["samples"]["done"].as_u64().unwrap();
+        assert!(now >= done, "{point}: from {done} samples back to {now}");
+        assert_eq!(held["finished"], false, "{point}: nothing was left to do");
+        done = now;
+    }
+    assert!(done > 0, "every death came before the first sample");
+
+    let coordinator = sandbox.start("coordinator", &serve);
+    for (name, process) in [("coordinator", coordinator), ("worker", worker)] {
+        let (status, errors) = process.finish();
+        assert_eq!(status.code(), Some(0), "{name}: {errors}");
+    }
+    let disturbed = sandbox.status("c.db").unwrap();
+    assert_eq!(disturbed["finished"], true, "{disturbed}");
+    assert_eq!(disturbed["samples_digest"], undisturbed["samples_digest"]);
+    assert_eq!(disturbed["samples"], undisturbed["samples"]);
+    assert_eq!(disturbed["optima"], undisturbed["optima"]);
+    assert_eq!(disturbed["failures"], 0, "nobody is to blame");
+}

@@ -1,0 +1,240 @@
+//! What a disk does to a campaign: each fault is refused with a sentence, or survived with
+//! nothing acknowledged lost. Never is a store silently begun anew.
+
+use std::fs::OpenOptions;
+use std::io::{Seek as _, SeekFrom, Write as _};
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+use acceptance::{Sandbox, assert_code, binary, errors};
+
+/// A campaign that samples long enough to be killed, and does little else.
+const LONG: [(&str, &str); 6] = [
+    ("designs = 150 ", "designs = 40 "),
+    ("samples_per_design = 10 ", "samples_per_design = 20000 "),
+    ("evaluations = 1200 ", "evaluations = 60 "),
+    ("restart_at = 600 ", "restart_at = 30 "),
+    ("starts = 3", "starts = 1"),
+    ("compare_with_paper = true", "compare_with_paper = false"),
+];
+
+/// One that is over at once.
+const TINY: [(&str, &str); 5] = [
+    ("designs = 150 ", "designs = 12 "),
+    ("evaluations = 1200 ", "evaluations = 60 "),
+    ("restart_at = 600 ", "restart_at = 30 "),
+    ("starts = 3", "starts = 1"),
+    ("compare_with_paper = true", "compare_with_paper = false"),
+];
+
+fn samples(sandbox: &Sandbox, db: &str) -> u64 {
+    let status = sandbox.status(db).expect("the store is there");
+    status["samples"]["done"].as_u64().expect("a number")
+}
+
+/// A campaign, killed after some samples; returns its file and how many samples were stored.
+fn killed(sandbox: &Sandbox, db: &str) -> (String, u64) {
+    let file = sandbox.campaign("long.toml", &LONG);
+    let file = file.to_str().unwrap().to_owned();
+    let running = sandbox.start("coordinator", &["run", &file, "--db", db]);
+    let some = |status: &serde_json::Value| status["samples"]["done"].as_u64() > Some(10_000);
+    sandbox.wait_for(db, "some samples", some);
+    running.kill();
+    let held = samples(sandbox, db);
+    (file, held)
+}
+
+/// Runs a shell script in the sandbox with the program `coordinator` as `$0`.
+fn shell(sandbox: &Sandbox, script: &str) -> Output {
+    Command::new("sh")
+        .args(["-c", script])
+        .arg(binary("coordinator"))
+        .current_dir(sandbox.path("."))
+        .env("PITCHLINE_LOG", "off")
+        .stdin(Stdio::null())
+        .output()
+        .expect("there is a shell")
+}
+
+/// Whether a mount namespace of one's own can be had, as root in most containers.
+fn can_unshare() -> bool {
+    let probe = Command::new("unshare").args(["-m", "true"]).output();
+    probe.is_ok_and(|output| output.status.success())
+}
+
+/// One sentence, with the store's name in it.
+fn assert_refused(output: &Output, codes: &[i32], db: &str) {
+    let said = errors(output);
+    let code = output.status.code().expect("it ended by itself");
+    assert!(codes.contains(&code), "{code}: {said}");
+    assert!(said.contains(db), "no {db} in {said}");
+    assert!(!said.contains("panicked"), "{said}");
+}
+
+#[test]
+fn a_truncated_wal_costs_at_most_what_was_in_it() {
+    let sandbox = Sandbox::new();
+    let (file, held) = killed(&sandbox, "t.db");
+    let wal = sandbox.path("t.db-wal");
+    let length = std::fs::metadata(&wal)
+        .expect("a killed campaign leaves its log")
+        .len();
+    // A copy whose log lost its end resumes from an older commit, and says nothing false.
+    for (name, keep) in [("half", length / 2), ("odd", length / 3 + 7), ("none", 0)] {
+        let db = format!("{name}.db");
+        std::fs::copy(sandbox.path("t.db"), sandbox.path(&db)).unwrap();
+        let copy = sandbox.path(&format!("{db}-wal"));
+        std::fs::copy(&wal, &copy).unwrap();
+        let log = OpenOptions::new().write(true).open(&copy).unwrap();
+        log.set_len(keep).unwrap();
+        let before = samples_or_refusal(&sandbox, &db);
+        assert!(before.is_none_or(|before| before <= held), "{name}");
+    }
+    // The one whose log is whole has everything, and goes on from there.
+    assert_eq!(samples(&sandbox, "t.db"), held);
+    assert_code(&sandbox.coordinator(&["run", &file, "--db", "t.db"]), 0);
+    // So does the one with half a log: what is missing is computed again, to the same digest.
+    let refused = sandbox.coordinator(&["run", &file, "--db", "half.db"]);
+    if refused.status.success() {
+        let (whole, half) = (sandbox.status("t.db"), sandbox.status("half.db"));
+        assert_eq!(
+            whole.unwrap()["samples_digest"],
+            half.unwrap()["samples_digest"]
+        );
+    } else {
+        assert_refused(&refused, &[5, 7, 8], "half.db");
+    }
+}
+
+/// How many samples a store has, or none if it is refused with a sentence.
+fn samples_or_refusal(sandbox: &Sandbox, db: &str) -> Option<u64> {
+    let output = sandbox.coordinator(&["status", "--db", db, "--json"]);
+    if output.status.success() {
+        let status: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        return status["samples"]["done"].as_u64();
+    }
+    assert_refused(&output, &[5, 7, 8], db);
+    None
+}
+
+#[test]
+fn a_damaged_page_is_refused_and_left_as_it_is() {
+    let sandbox = Sandbox::new();
+    let file = sandbox.campaign("tiny.toml", &TINY);
+    let file = file.to_str().unwrap();
+    assert_code(&sandbox.coordinator(&["run", file, "--db", "d.db"]), 0);
+    let path = sandbox.path("d.db");
+    let whole = std::fs::read(&path).unwrap();
+    // Every page but the first, whose damage is that of a file that is no store at all.
+    let pages = whole.len() / 4096;
+    assert!(pages > 8, "{pages} pages");
+    let mut refused = 0;
+    for page in [pages / 4, pages / 2, 3 * pages / 4] {
+        let mut store = OpenOptions::new().write(true).open(&path).unwrap();
+        store.seek(SeekFrom::Start(4096 * page as u64)).unwrap();
+        store.write_all(&[0x5a; 4096]).unwrap();
+        drop(store);
+        let damaged = std::fs::read(&path).unwrap();
+        let output = sandbox.coordinator(&["run", file, "--db", "d.db"]);
+        if output.status.code() != Some(0) {
+            assert_refused(&output, &[8], "d.db");
+            assert_eq!(
+                std::fs::read(&path).unwrap(),
+                damaged,
+                "a refused store was touched"
+            );
+            refused += 1;
+        }
+        std::fs::write(&path, &whole).unwrap();
+    }
+    assert_eq!(refused, 3, "a page full of nonsense was not noticed");
+    assert_code(&sandbox.coordinator(&["run", file, "--db", "d.db"]), 0);
+}
+
+#[test]
+fn a_store_that_cannot_be_written_is_refused_and_can_still_be_read() {
+    if !can_unshare() {
+        // Permissions do not bind root, and only root gets a mount namespace.
+        read_only_by_permissions();
+        return;
+    }
+    let sandbox = Sandbox::new();
+    let folder = sandbox.path("kept");
+    std::fs::create_dir(&folder).unwrap();
+    let (file, held) = killed(&sandbox, "kept/r.db");
+    let script = format!(
+        "unshare -m sh -c 'mount --bind kept kept && mount -o remount,ro,bind kept kept && \
+         \"$0\" run {file} --db kept/r.db' \"$0\""
+    );
+    let output = shell(&sandbox, &script);
+    assert_refused(&output, &[4], "r.db");
+    // Nothing was lost by trying.
+    assert_eq!(samples(&sandbox, "kept/r.db"), held);
+    assert_code(
+        &sandbox.coordinator(&["run", &file, "--db", "kept/r.db"]),
+        0,
+    );
+}
+
+fn read_only_by_permissions() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let sandbox = Sandbox::new();
+    let (file, held) = killed(&sandbox, "r.db");
+    let mode = |path: &Path, mode| {
+        std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();
+    };
+    for name in ["r.db", "r.db-wal", "r.db-shm", "r.db.lock"] {
+        mode(&sandbox.path(name), 0o444);
+    }
+    let output = sandbox.coordinator(&["run", &file, "--db", "r.db"]);
+    assert_refused(&output, &[4], "r.db");
+    for name in ["r.db", "r.db-wal", "r.db-shm", "r.db.lock"] {
+        mode(&sandbox.path(name), 0o644);
+    }
+    assert!(samples(&sandbox, "r.db") >= held);
+}
+
+/// A file that may not grow is a disk that is full, for whoever writes it.
+#[test]
+fn a_full_disk_ends_the_campaign_with_a_sentence_and_loses_nothing() {
+    let sandbox = Sandbox::new();
+    let (file, held) = killed(&sandbox, "f.db");
+    let size = ["f.db", "f.db-wal"]
+        .map(|name| std::fs::metadata(sandbox.path(name)).map_or(0, |file| file.len()));
+    // Blocks of 512 bytes; room for a little more than there is. The signal that a process gets
+    // for trying to write more is ignored, as on a full disk there is none.
+    let blocks = (size.iter().max().unwrap() + 300_000) / 512;
+    let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" run {file} --db f.db");
+    let output = shell(&sandbox, &script);
+    assert_refused(&output, &[1, 4], "");
+    let left = samples(&sandbox, "f.db");
+    assert!(left >= held, "{left} of {held} samples are left");
+    // With room again, it goes on.
+    assert_code(&sandbox.coordinator(&["run", &file, "--db", "f.db"]), 0);
+    let status = sandbox.status("f.db").unwrap();
+    assert_eq!(status["finished"], true, "{status}");
+}
+
+/// The same on a file system that is really full.
+#[test]
+fn a_full_file_system_ends_the_campaign_with_a_sentence() {
+    if !can_unshare() {
+        return;
+    }
+    let sandbox = Sandbox::new();
+    let file = sandbox.campaign("long.toml", &LONG);
+    let file = file.to_str().unwrap();
+    std::fs::create_dir(sandbox.path("small")).unwrap();
+    // What is on the small disk when it is full is kept, and continued where there is room.
+    let script = format!(
+        "unshare -m sh -c 'mount -t tmpfs -o size=1500k none small && {{ \"$0\" run {file} --db \
+         small/s.db; code=$?; cp small/s.db* .; exit $code; }}' \"$0\""
+    );
+    let output = shell(&sandbox, &script);
+    assert_refused(&output, &[1, 4], "");
+    let held = samples(&sandbox, "s.db");
+    assert!(held > 0, "nothing was stored before the disk was full");
+    assert_code(&sandbox.coordinator(&["run", file, "--db", "s.db"]), 0);
+    let status = sandbox.status("s.db").unwrap();
+    assert_eq!(status["finished"], true, "{status}");
+}

@@ -1,0 +1,168 @@
+//! Looking at a running campaign, steering it, and making it larger.
+
+use std::io::{Read as _, Write as _};
+use std::net::TcpStream;
+
+use acceptance::{Sandbox, assert_code, free_address, printed};
+
+/// A campaign of little work.
+const SMALL: [(&str, &str); 6] = [
+    ("designs = 150 ", "designs = 60 "),
+    ("samples_per_design = 10 ", "samples_per_design = 6 "),
+    ("evaluations = 1200 ", "evaluations = 100 "),
+    ("restart_at = 600 ", "restart_at = 50 "),
+    ("starts = 3", "starts = 1"),
+    ("compare_with_paper = true", "compare_with_paper = false"),
+];
+
+fn with(changes: &[(&'static str, &'static str)]) -> Vec<(&'static str, &'static str)> {
+    let kept = SMALL.into_iter();
+    let kept = kept.filter(|(from, _)| changes.iter().all(|(other, _)| other != from));
+    kept.chain(changes.iter().copied()).collect()
+}
+
+fn export(sandbox: &Sandbox, db: &str, name: &str) -> Vec<String> {
+    let arguments = ["export", "--db", db, "--table", "samples", "--out", name];
+    assert_code(&sandbox.coordinator(&arguments), 0);
+    let text = std::fs::read_to_string(sandbox.path(name)).unwrap();
+    text.lines().map(str::to_owned).collect()
+}
+
+#[test]
+fn a_campaign_made_larger_keeps_what_it_has() {
+    let sandbox = Sandbox::new();
+    let small = sandbox.campaign("small.toml", &SMALL);
+    let run = |file: &std::path::Path| {
+        sandbox.coordinator(&["run", file.to_str().unwrap(), "--db", "c.db"])
+    };
+    assert_code(&run(&small), 0);
+    let before = export(&sandbox, "c.db", "before.csv");
+
+    let larger = with(&[
+        ("designs = 150 ", "designs = 90 "),
+        ("samples_per_design = 10 ", "samples_per_design = 9 "),
+    ]);
+    let larger = sandbox.campaign("larger.toml", &larger);
+    assert_code(&run(&larger), 0);
+    let status = sandbox.status("c.db").unwrap();
+    assert_eq!(status["finished"], true, "{status}");
+    assert_eq!(status["designs"]["done"], 90);
+    let feasible = status["designs"]["feasible"].as_u64().unwrap();
+    assert_eq!(status["samples"]["done"], 9 * feasible);
+    let after = export(&sandbox, "c.db", "after.csv");
+    assert!(
+        before.iter().all(|row| after.contains(row)),
+        "a sample has changed"
+    );
+
+    // Smaller again, or another problem, is another campaign.
+    assert_code(&run(&small), 6);
+    let other = with(&[("seed = 2009", "seed = 2010")]);
+    assert_code(&run(&sandbox.campaign("other.toml", &other)), 6);
+    let unchanged = sandbox.status("c.db").unwrap();
+    assert_eq!(unchanged["samples_digest"], status["samples_digest"]);
+}
+
+#[test]
+fn a_running_campaign_can_be_asked_and_drained() {
+    let sandbox = Sandbox::new();
+    let long = with(&[
+        ("designs = 150 ", "designs = 300 "),
+        ("samples_per_design = 10 ", "samples_per_design = 4000 "),
+    ]);
+    let file = sandbox.campaign("long.toml", &long);
+    let (address, metrics) = (free_address().to_string(), free_address().to_string());
+    let url = format!("http://{address}");
+    let serve = [
+        "serve",
+        file.to_str().unwrap(),
+        "--db",
+        "c.db",
+        "--listen",
+        &address,
+        "--metrics",
+        &metrics,
+        "--log-format",
+        "json",
+    ];
+    let coordinator = sandbox.start("coordinator", &serve);
+    sandbox.wait_for("c.db", "the DoE", |status| status["stage"] == "sample");
+    let ask = |arguments: &[&str]| {
+        let output = sandbox.coordinator(&[arguments, &["--connect", &url]].concat());
+        assert_code(&output, 0);
+        printed(&output)
+    };
+    let why = ask(&["explain"]);
+    assert!(why.contains("no worker has ever connected"), "{why}");
+
+    let worker = sandbox.start("worker", &["--connect", &url, "--slots", "1"]);
+    let some = |status: &serde_json::Value| status["samples"]["done"].as_u64() > Some(10_000);
+    sandbox.wait_for("c.db", "some samples", some);
+    let status: serde_json::Value =
+        serde_json::from_str(&ask(&["status", "--json"])).expect("the status is JSON");
+    let workers = status["live"]["workers"].as_array().expect("the live part");
+    assert_eq!(workers.len(), 1, "{status}");
+    assert!(status["live"]["samples_per_second"].as_f64() > Some(0.0));
+    assert!(ask(&["status"]).contains("samples per second"));
+
+    let mut stream = TcpStream::connect(&metrics).unwrap();
+    stream
+        .write_all(b"GET /metrics HTTP/1.1\r\nhost: here\r\nconnection: close\r\n\r\n")
+        .unwrap();
+    let mut page = String::new();
+    stream.read_to_string(&mut page).unwrap();
+    for line in ["pitchline_samples_total ", "pitchline_workers 1", "# EOF"] {
+        assert!(page.contains(line), "no {line:?} in\n{page}");
+    }
+
+    assert!(ask(&["drain"]).contains("draining"));
+    let (ended, errors) = coordinator.finish();
+    assert_eq!(ended.code(), Some(14), "{errors}");
+    let held = sandbox.status("c.db").unwrap();
+    assert_eq!(
+        (&held["failures"], &held["finished"]),
+        (&0.into(), &false.into())
+    );
+
+    // The same command continues, and the worker has waited.
+    let again = sandbox.start("coordinator", &serve);
+    let done = |status: &serde_json::Value| status["samples"]["done"].as_u64();
+    sandbox.wait_for("c.db", "more samples", |status| done(status) > done(&held));
+    worker.terminate();
+    assert_eq!(worker.finish().0.code(), Some(0));
+    again.terminate();
+    assert_eq!(again.finish().0.code(), Some(14));
+}
+
+#[test]
+fn whoever_watches_sees_the_end() {
+    let sandbox = Sandbox::new();
+    let file = sandbox.campaign("small.toml", &SMALL);
+    let address = free_address().to_string();
+    let url = format!("http://{address}");
+    let serve = [
+        "serve",
+        file.to_str().unwrap(),
+        "--db",
+        "c.db",
+        "--listen",
+        &address,
+    ];
+    let serve = [&serve[..], &["--keep-serving"]].concat();
+    let coordinator = sandbox.start("coordinator", &serve);
+    sandbox.wait_for("c.db", "a store", |_| true);
+    let worker = sandbox.start("worker", &["--connect", &url]);
+    let watch = ["status", "--watch", "--json", "--connect", &url];
+    let output = sandbox.coordinator(&watch);
+    assert_code(&output, 0);
+    let text = printed(&output);
+    let last: serde_json::Value =
+        serde_json::from_str(text.lines().last().expect("at least one line")).unwrap();
+    assert_eq!(last["finished"], true, "{last}");
+    assert_eq!(worker.finish().0.code(), Some(0));
+    let again = sandbox.coordinator(&["retry", "--quarantined", "--connect", &url]);
+    assert_code(&again, 0);
+    assert!(printed(&again).contains("no job was given up"));
+    coordinator.terminate();
+    assert_eq!(coordinator.finish().0.code(), Some(0));
+}

@@ -1,0 +1,444 @@
+//! Keys made by `keygen`, programs that use them, and programs that try without.
+
+use std::fs;
+use std::io::{Read as _, Write as _};
+use std::net::TcpStream;
+use std::os::unix::fs::PermissionsExt as _;
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use acceptance::{Running, Sandbox, assert_code, binary, errors, free_address, printed};
+
+const TINY: [(&str, &str); 4] = [
+    ("designs = 150 ", "designs = 12 "),
+    ("evaluations = 1200 ", "evaluations = 60 "),
+    ("restart_at = 600 ", "restart_at = 30 "),
+    ("compare_with_paper = true", "compare_with_paper = false"),
+];
+
+/// A refusal is no matter of waiting: even a busy machine says no within this.
+const BOUNDED: Duration = Duration::from_secs(30);
+
+/// A coordinator with keys of its own, that stays up.
+struct Guarded {
+    sandbox: Sandbox,
+    coordinator: Running,
+    port: u16,
+}
+
+impl Guarded {
+    /// Everything that `keygen` offers; `client_ca` demands certificates of workers, too.
+    fn start(changes: &[(&str, &str)], client_ca: bool) -> Self {
+        let sandbox = Sandbox::new();
+        assert_code(&sandbox.coordinator(&["keygen", "keys"]), 0);
+        let file = sandbox.campaign("c.toml", changes);
+        let address = free_address();
+        let listen = address.to_string();
+        let mut serve = vec![
+            "serve",
+            file.to_str().unwrap(),
+            "--db",
+            "c.db",
+            "--listen",
+            &listen,
+            "--keep-serving",
+            "--tls-cert",
+            "keys/server.pem",
+            "--tls-key",
+            "keys/server.key",
+            "--token-file",
+            "keys/coordinator.tokens",
+        ];
+        if client_ca {
+            serve.extend(["--client-ca", "keys/ca.pem"]);
+        }
+        let coordinator = sandbox.start("coordinator", &serve);
+        Self {
+            sandbox,
+            coordinator,
+            port: address.port(),
+        }
+    }
+
+    fn worker(&self, scheme: &str, more: &[&str]) -> Output {
+        let url = format!("{scheme}://localhost:{}", self.port);
+        let arguments = [&["--connect", &url, "--slots", "1"], more].concat();
+        self.sandbox.run("worker", &arguments)
+    }
+
+    /// A worker that must be refused for good, with a sentence of these `parts`.
+    fn refused(&self, scheme: &str, more: &[&str], code: i32, parts: &[&str]) {
+        let since = Instant::now();
+        let output = self.worker(scheme, more);
+        assert_code(&output, code);
+        let message = errors(&output);
+        assert_eq!(message.trim().lines().count(), 1, "{message}");
+        for part in parts {
+            assert!(message.contains(part), "no {part:?} in {message}");
+        }
+        assert!(since.elapsed() < BOUNDED, "{message} took too long");
+        no_secret_in(&self.sandbox, &message);
+    }
+}
+
+/// No token that was made stands in `text`.
+fn no_secret_in(sandbox: &Sandbox, text: &str) {
+    let tokens = fs::read_to_string(sandbox.path("keys/coordinator.tokens")).unwrap();
+    let secrets: Vec<&str> = tokens
+        .lines()
+        .filter(|line| line.starts_with("pitchline-"))
+        .collect();
+    assert_eq!(secrets.len(), 2);
+    for secret in secrets {
+        let digits = secret.rsplit('-').next().unwrap();
+        assert!(!text.contains(digits), "a secret in {text}");
+    }
+}
+
+const CA: [&str; 2] = ["--tls-ca", "keys/ca.pem"];
+const TOKEN: [&str; 2] = ["--token-file", "keys/worker.token"];
+const CERTIFICATE: [&str; 4] = [
+    "--tls-cert",
+    "keys/client.pem",
+    "--tls-key",
+    "keys/client.key",
+];
+
+#[test]
+fn keygen_makes_private_files_names_them_and_overwrites_nothing() {
+    let sandbox = Sandbox::new();
+    let output = sandbox.coordinator(&["keygen", "keys", "--host", "head.example.org"]);
+    assert_code(&output, 0);
+    let described = printed(&output);
+    let mode = |name: &str| {
+        fs::metadata(sandbox.path(name))
+            .unwrap()
+            .permissions()
+            .mode()
+            & 0o777
+    };
+    assert_eq!(mode("keys"), 0o700);
+    for name in ["ca.pem", "server.pem", "client.pem"] {
+        assert!(described.contains(name), "no {name} in {described}");
+        assert!(sandbox.path("keys").join(name).exists());
+    }
+    for name in [
+        "ca.key",
+        "server.key",
+        "client.key",
+        "coordinator.tokens",
+        "worker.token",
+        "client.token",
+    ] {
+        let name = format!("keys/{name}");
+        assert_eq!(mode(&name), 0o600, "{name}");
+        assert!(described.contains(&name), "no {name} in {described}");
+        let secret = fs::read_to_string(sandbox.path(&name)).unwrap();
+        for line in secret.lines().filter(|line| line.len() > 40) {
+            let shown = described.contains(line) && !line.starts_with('#');
+            assert!(!shown, "{name} is printed");
+        }
+    }
+    for part in [
+        "coordinator serve",
+        "worker",
+        "https://head.example.org:7400",
+    ] {
+        assert!(described.contains(part), "no {part:?} in {described}");
+    }
+
+    let before = fs::read(sandbox.path("keys/worker.token")).unwrap();
+    let again = sandbox.coordinator(&["keygen", "keys"]);
+    assert_code(&again, 4);
+    assert!(
+        errors(&again).contains("nothing is overwritten"),
+        "{}",
+        errors(&again)
+    );
+    assert_eq!(fs::read(sandbox.path("keys/worker.token")).unwrap(), before);
+    assert_code(
+        &sandbox.coordinator(&["keygen", "more", "--host", "no host"]),
+        2,
+    );
+    assert!(!sandbox.path("more").exists());
+}
+
+#[test]
+fn a_campaign_finishes_over_tls_with_tokens() {
+    for client_ca in [false, true] {
+        let guarded = Guarded::start(&TINY, client_ca);
+        let mut shown = [CA, TOKEN].concat();
+        if client_ca {
+            shown.extend(CERTIFICATE);
+        }
+        assert_code(&guarded.worker("https", &shown), 0);
+        let status = guarded.sandbox.status("c.db").unwrap();
+        assert_eq!(status["finished"], true, "{status}");
+        guarded.coordinator.terminate();
+        let (status, log) = guarded.coordinator.finish();
+        assert_eq!(status.code(), Some(0), "{log}");
+    }
+}
+
+#[test]
+fn a_worker_without_the_right_to_is_refused_for_good() {
+    let guarded = Guarded::start(&TINY, false);
+    let sandbox = &guarded.sandbox;
+    assert_code(&sandbox.coordinator(&["keygen", "others"]), 0);
+    let with_token = |file: &'static str| [&CA[..], &["--token-file", file]].concat();
+
+    guarded.refused("https", &CA, 12, &["a token is needed", "--token-file"]);
+    let wrong = with_token("others/worker.token");
+    guarded.refused("https", &wrong, 12, &["not one of this coordinator's"]);
+    let client = with_token("keys/client.token");
+    guarded.refused(
+        "https",
+        &client,
+        12,
+        &["a client's token", "takes a worker's"],
+    );
+    let astray = [&["--tls-ca", "others/ca.pem"], &TOKEN[..]].concat();
+    guarded.refused("https", &astray, 12, &["has not signed", "ca.pem"]);
+    guarded.refused("http", &TOKEN, 12, &["TLS only", "https://"]);
+    guarded.refused("https", &TOKEN, 2, &["--tls-ca"]);
+
+    fs::write(sandbox.path("rubbish"), "hunter2").unwrap();
+    fs::set_permissions(sandbox.path("rubbish"), fs::Permissions::from_mode(0o600)).unwrap();
+    guarded.refused("https", &with_token("rubbish"), 4, &["line 1 is no token"]);
+    guarded.refused("https", &with_token("nowhere"), 4, &["nowhere"]);
+    let exposed = sandbox.path("others/worker.token");
+    fs::set_permissions(exposed, fs::Permissions::from_mode(0o640)).unwrap();
+    guarded.refused("https", &wrong, 4, &["chmod 600 others/worker.token"]);
+
+    // After all that the right worker is as welcome as ever.
+    assert_code(&guarded.worker("https", &[CA, TOKEN].concat()), 0);
+    guarded.coordinator.terminate();
+    let (status, log) = guarded.coordinator.finish();
+    assert_eq!(status.code(), Some(0), "{log}");
+    assert!(log.contains("refused a call"), "{log}");
+    no_secret_in(sandbox, &log);
+}
+
+#[test]
+fn a_worker_without_a_certificate_is_refused_where_one_is_wanted() {
+    let guarded = Guarded::start(&TINY, true);
+    assert_code(&guarded.sandbox.coordinator(&["keygen", "others"]), 0);
+    let shown = [CA, TOKEN].concat();
+    guarded.refused(
+        "https",
+        &shown,
+        12,
+        &["asks for a certificate", "--tls-cert"],
+    );
+    let others = [
+        "--tls-cert",
+        "others/client.pem",
+        "--tls-key",
+        "others/client.key",
+    ];
+    let wrong = [&shown[..], &others].concat();
+    guarded.refused("https", &wrong, 12, &["does not accept the certificate"]);
+    // The certificate does not stand in for the token.
+    let no_token = [&CA[..], &CERTIFICATE].concat();
+    guarded.refused("https", &no_token, 12, &["a token is needed"]);
+    let half = [&shown[..], &CERTIFICATE[..2]].concat();
+    let output = guarded.worker("https", &half);
+    assert_code(&output, 2);
+}
+
+#[test]
+fn clients_look_and_steer_with_their_own_token() {
+    let guarded = Guarded::start(&TINY, true);
+    let url = format!("https://localhost:{}", guarded.port);
+    let ask = |command: &str, token: &str| {
+        let token = ["--token-file", token];
+        let arguments = [&[command, "--connect", &url][..], &CA, &CERTIFICATE, &token].concat();
+        guarded.sandbox.coordinator(&arguments)
+    };
+    // The port opens before there is anything to tell.
+    guarded.sandbox.wait_for("c.db", "the store", |_| true);
+    for command in ["status", "explain"] {
+        assert_code(&ask(command, "keys/client.token"), 0);
+    }
+    for command in ["status", "explain", "drain"] {
+        let output = ask(command, "keys/worker.token");
+        assert_code(&output, 12);
+        let message = errors(&output);
+        assert!(message.contains("a worker's token"), "{message}");
+        assert!(message.contains("takes a client's"), "{message}");
+        no_secret_in(&guarded.sandbox, &message);
+    }
+    // The refused drain has drained nothing.
+    let shown = [&CA[..], &TOKEN, &CERTIFICATE].concat();
+    assert_code(&guarded.worker("https", &shown), 0);
+    let status = guarded.sandbox.status("c.db").unwrap();
+    assert_eq!(status["finished"], true, "{status}");
+}
+
+#[test]
+fn a_secret_does_not_travel_in_clear() {
+    let sandbox = Sandbox::new();
+    assert_code(&sandbox.coordinator(&["keygen", "keys"]), 0);
+    // An address that is kept for examples: nothing must be sent there in any case.
+    let url = "http://192.0.2.1:7400";
+    let output = sandbox.run("worker", &["--connect", url, TOKEN[0], TOKEN[1]]);
+    assert_code(&output, 2);
+    let message = errors(&output);
+    for part in ["in clear", "https://", url] {
+        assert!(message.contains(part), "no {part:?} in {message}");
+    }
+    let output = sandbox.run("worker", &["--connect", "http://127.0.0.1:1", CA[0], CA[1]]);
+    assert_code(&output, 2);
+}
+
+#[test]
+fn a_coordinator_does_not_open_itself_by_mistake() {
+    let sandbox = Sandbox::new();
+    assert_code(&sandbox.coordinator(&["keygen", "keys"]), 0);
+    let file = sandbox.campaign("tiny.toml", &TINY);
+    let file = file.to_str().unwrap();
+    let beyond = ["serve", file, "--db", "c.db", "--listen", "0.0.0.0:0"];
+    let tls = [
+        "--tls-cert",
+        "keys/server.pem",
+        "--tls-key",
+        "keys/server.key",
+    ];
+    let tokens = ["--token-file", "keys/coordinator.tokens"];
+    for (more, parts) in [
+        (&[][..], ["needs TLS and tokens", "--token-file"]),
+        (&tls[..], ["needs tokens", "--token-file"]),
+        (&tokens[..], ["needs TLS", "--tls-cert"]),
+    ] {
+        let output = sandbox.coordinator(&[&beyond[..], more].concat());
+        assert_code(&output, 2);
+        let message = errors(&output);
+        for part in [&parts[..], &["0.0.0.0:0", "keygen", "--insecure"]].concat() {
+            assert!(message.contains(part), "no {part:?} in {message}");
+        }
+    }
+    let half = [&beyond[..], &["--token-file", "keys/worker.token"]].concat();
+    let output = sandbox.coordinator(&half);
+    assert_code(&output, 4);
+    assert!(
+        errors(&output).contains("no client's token"),
+        "{}",
+        errors(&output)
+    );
+    let path = sandbox.path("keys/coordinator.tokens");
+    fs::set_permissions(path, fs::Permissions::from_mode(0o644)).unwrap();
+    let output = sandbox.coordinator(&[&beyond[..], &tls, &tokens].concat());
+    assert_code(&output, 4);
+    assert!(errors(&output).contains("chmod 600"), "{}", errors(&output));
+    assert!(
+        !sandbox.path("c.db").exists(),
+        "a refused command left a store"
+    );
+}
+
+#[test]
+fn strangers_on_the_port_disturb_nobody() {
+    // Some seconds of sampling, meanwhile garbage comes in all the time.
+    let longer = [
+        ("designs = 150 ", "designs = 60 "),
+        ("samples_per_design = 10 ", "samples_per_design = 2000 "),
+        ("evaluations = 1200 ", "evaluations = 60 "),
+        ("restart_at = 600 ", "restart_at = 30 "),
+        ("compare_with_paper = true", "compare_with_paper = false"),
+    ];
+    let guarded = Guarded::start(&longer, false);
+    let url = format!("https://localhost:{}", guarded.port);
+    let work = [&["--connect", &url, "--slots", "1"][..], &CA, &TOKEN].concat();
+    let worker = guarded.sandbox.start("worker", &work);
+    guarded
+        .sandbox
+        .wait_for("c.db", "the first samples", |status| {
+            status["samples"]["done"].as_u64() > Some(0)
+        });
+
+    // Some hold half a handshake for as long as they are let, others talk rubbish.
+    let mut half_open = Vec::new();
+    for index in 0..200_u32 {
+        let mut stream = TcpStream::connect(("127.0.0.1", guarded.port)).unwrap();
+        let rubbish: Vec<u8> = match index % 4 {
+            0 => b"\x16\x03\x01\x40\x00\x01".to_vec(),
+            1 => b"POST /pitchline.v1.Campaign/Report HTTP/1.1\r\n\r\n".to_vec(),
+            2 => b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\xff\xff\xff\xff\xff\xff\xff\xff\xff".to_vec(),
+            _ => (0..4096).map(|byte| (byte * index % 251) as u8).collect(),
+        };
+        // It may have been hung up on already.
+        let _ = stream.write_all(&rubbish);
+        half_open.push(stream);
+    }
+    let (status, log) = worker.finish();
+    assert_eq!(status.code(), Some(0), "{log}");
+    let status = guarded.sandbox.status("c.db").unwrap();
+    assert_eq!(status["finished"], true, "{status}");
+    assert_eq!(status["failures"], 0, "{status}");
+
+    let since = Instant::now();
+    for mut stream in half_open {
+        stream.set_read_timeout(Some(BOUNDED)).unwrap();
+        // Whatever it says, or however hard it hangs up: it must end.
+        let ended = stream.read_to_end(&mut Vec::new());
+        assert!(
+            !matches!(&ended, Err(error) if error.kind() == std::io::ErrorKind::WouldBlock),
+            "a stranger is still connected"
+        );
+    }
+    assert!(
+        since.elapsed() < BOUNDED,
+        "strangers were kept for too long"
+    );
+    guarded.coordinator.terminate();
+    let (status, log) = guarded.coordinator.finish();
+    assert_eq!(status.code(), Some(0), "{log}");
+    assert!(log.contains("dropped a connection"), "{log}");
+    assert!(
+        log.lines().count() < 100,
+        "strangers can fill the log:\n{log}"
+    );
+}
+
+#[test]
+fn no_log_is_so_chatty_that_it_tells_a_secret() {
+    let sandbox = Sandbox::new();
+    assert_code(&sandbox.coordinator(&["keygen", "keys"]), 0);
+    sandbox.campaign("c.toml", &TINY);
+    let address = free_address().to_string();
+    let chatty = |program: &str, arguments: &[&str]| {
+        let mut command = Command::new(binary(program));
+        command
+            .args(arguments)
+            .current_dir(sandbox.path(""))
+            .env("PITCHLINE_LOG", "trace")
+            .stdout(Stdio::null());
+        command
+    };
+    let serve = [
+        "serve",
+        "c.toml",
+        "--db",
+        "c.db",
+        "--listen",
+        &address,
+        "--token-file",
+        "keys/coordinator.tokens",
+    ];
+    let log = fs::File::create(sandbox.path("coordinator.log")).unwrap();
+    let mut coordinator = chatty("coordinator", &serve).stderr(log).spawn().unwrap();
+    let url = format!("http://{address}");
+    // One that is refused, and one that does all the work.
+    for (token, code) in [("keys/client.token", 12), ("keys/worker.token", 0)] {
+        let arguments = ["--connect", &url, "--slots", "1", "--token-file", token];
+        let output = chatty("worker", &arguments).output().unwrap();
+        assert_eq!(output.status.code(), Some(code), "{token}");
+        let log = errors(&output);
+        assert!(log.contains("TRACE"), "the log is not chatty at all");
+        no_secret_in(&sandbox, &log);
+    }
+    assert!(coordinator.wait().unwrap().success());
+    let log = fs::read_to_string(sandbox.path("coordinator.log")).unwrap();
+    assert!(log.contains("TRACE"), "the log is not chatty at all");
+    no_secret_in(&sandbox, &log);
+}

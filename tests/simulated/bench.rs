@@ -1,0 +1,206 @@
+//! A small campaign whose store is a list, and what its samples must be.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::time::Duration;
+
+use campaign::formulation::Problem;
+use campaign::plan::DesignState;
+use campaign::task::{
+    DesignOutcome, DesignResult, SampleRange, SampleRequest, Task, TaskResult, execute,
+};
+use campaign::{Campaign, probe};
+use coordinator::board::Board;
+use coordinator::service::{Recorder, Service};
+use coordinator::status::Status;
+use protocol::v1::RegisterRequest;
+use store::{Batch, Receipt};
+
+/// How long a worker may be silent.
+pub(crate) const LEASE: Duration = Duration::from_secs(5);
+
+/// A commit takes a moment, in which anything may happen.
+const COMMIT: Duration = Duration::from_millis(20);
+
+/// Feasible, all of them: the first with the tool's addenda moved a little.
+pub(crate) const DESIGNS: u32 = 6;
+
+/// How many samples each design needs.
+pub(crate) const SAMPLES: u32 = 400;
+
+/// Samples by (design, index).
+pub(crate) type Samples = BTreeMap<(u64, u64), f64>;
+
+/// What is stored; it outlives every coordinator. Clones share it.
+#[derive(Clone, Default)]
+pub(crate) struct Memory {
+    inner: Arc<Mutex<Stored>>,
+}
+
+#[derive(Default)]
+pub(crate) struct Stored {
+    pub(crate) samples: Samples,
+    pub(crate) criteria: BTreeMap<u64, bool>,
+    pub(crate) failures: Vec<String>,
+    /// Rows that came again.
+    pub(crate) duplicates: u64,
+    /// Rows that came again with another value.
+    pub(crate) conflicts: u64,
+}
+
+impl Memory {
+    pub(crate) fn with<T>(&self, act: impl FnOnce(&mut Stored) -> T) -> T {
+        act(&mut self.inner.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    pub(crate) fn is_complete(&self) -> bool {
+        self.with(|stored| stored.samples.len() == (DESIGNS * SAMPLES) as usize)
+    }
+
+    /// What a coordinator that starts now finds missing.
+    pub(crate) fn designs(&self) -> Vec<DesignState> {
+        let state = |design: u32| {
+            let id = u64::from(design);
+            let missing = self.with(|stored| {
+                let held = |sample: &u32| stored.samples.contains_key(&(id, u64::from(*sample)));
+                let missing = (0..SAMPLES).filter(|sample| !held(sample));
+                missing.map(|sample| sample..sample + 1).collect()
+            });
+            DesignState {
+                x: x(design),
+                has_criteria: self.with(|stored| stored.criteria.contains_key(&id)),
+                simulated: true,
+                missing: join(missing),
+            }
+        };
+        (0..DESIGNS).map(state).collect()
+    }
+}
+
+/// Neighbouring ranges as one.
+fn join(ranges: Vec<std::ops::Range<u32>>) -> Vec<std::ops::Range<u32>> {
+    let mut joined: Vec<std::ops::Range<u32>> = Vec::new();
+    for range in ranges {
+        match joined.last_mut() {
+            Some(last) if last.end == range.start => last.end = range.end,
+            _ => joined.push(range),
+        }
+    }
+    joined
+}
+
+#[tonic::async_trait]
+impl Recorder for Memory {
+    async fn record(&self, batch: Batch) -> Result<Receipt, store::Error> {
+        tokio::time::sleep(COMMIT).await;
+        let mut receipt = Receipt::default();
+        self.with(|stored| {
+            for row in batch.samples {
+                let key = (row.design, row.sample);
+                if let Some(held) = stored.samples.insert(key, row.delta_ste_um) {
+                    stored.conflicts += u64::from(held.to_bits() != row.delta_ste_um.to_bits());
+                    stored.duplicates += 1;
+                    receipt.duplicate_rows += 1;
+                } else {
+                    receipt.new_rows += 1;
+                }
+            }
+            for row in batch.criteria {
+                stored.criteria.insert(row.design, row.feasible);
+            }
+            stored
+                .failures
+                .extend(batch.failures.into_iter().map(|row| row.error));
+        });
+        Ok(receipt)
+    }
+
+    async fn pin_model(&self, _offered: &str) -> Result<(), store::Error> {
+        Ok(())
+    }
+
+    async fn status(&self) -> anyhow::Result<Status> {
+        anyhow::bail!("there is no store to ask")
+    }
+}
+
+fn x(design: u32) -> [f64; 6] {
+    let shift = f64::from(design) * 0.01;
+    [0.25 + shift, 1.37, 1.37, 0.85, 1.31, 0.80]
+}
+
+/// The shipped quick campaign.
+pub(crate) fn campaign() -> Campaign {
+    Campaign::parse("quick.toml", &acceptance::quick_campaign(&[])).expect("it is shipped")
+}
+
+/// A board with what is missing.
+pub(crate) fn board(problem: &Problem, memory: &Memory, epoch: u64) -> Arc<Board> {
+    let options = scheduler::Options {
+        lease: LEASE,
+        ..scheduler::Options::default()
+    };
+    let board = Board::new(options, epoch);
+    board.post_designs(problem.printed_frozen(), &memory.designs());
+    board.open();
+    Arc::new(board)
+}
+
+/// The service over it.
+pub(crate) fn service(problem: &Problem, memory: &Memory, epoch: u64) -> Service<Memory> {
+    Service {
+        board: board(problem, memory, epoch),
+        recorder: memory.clone(),
+        campaign_json: problem.campaign().to_json(),
+        model_digest: Some(digest().to_owned()),
+    }
+}
+
+/// What the built-in model's answers hash to.
+fn digest() -> &'static str {
+    static DIGEST: OnceLock<String> = OnceLock::new();
+    DIGEST.get_or_init(|| probe::model_digest(&Problem::new(campaign())))
+}
+
+/// How a worker introduces itself.
+pub(crate) fn introduction(worker: &str) -> RegisterRequest {
+    RegisterRequest {
+        worker_id: worker.to_owned(),
+        host: "here".to_owned(),
+        program_version: env!("CARGO_PKG_VERSION").to_owned(),
+        model_digest: digest().to_owned(),
+        slots: 1,
+        held: Vec::new(),
+    }
+}
+
+/// The samples as one machine computes them, without a network.
+pub(crate) fn expected(problem: &Problem) -> Samples {
+    let designs = (0..DESIGNS).map(|design| SampleRequest {
+        design,
+        x: x(design),
+        samples: SampleRange {
+            first: 0,
+            count: SAMPLES,
+        },
+    });
+    let task = Task::Sample {
+        frozen: problem.printed_frozen(),
+        designs: designs.collect(),
+    };
+    let Ok(TaskResult::Sample { designs }) = execute(problem, &task) else {
+        panic!("the designs can be sampled");
+    };
+    let mut samples = Samples::new();
+    for DesignResult { design, outcome } in designs {
+        let DesignOutcome::Simulated { samples_um, .. } = outcome else {
+            panic!("design {design} can be simulated");
+        };
+        samples.extend(
+            (0..)
+                .zip(samples_um)
+                .map(|(i, sample)| ((u64::from(design), i), sample)),
+        );
+    }
+    samples
+}

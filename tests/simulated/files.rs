@@ -1,0 +1,195 @@
+//! Whatever a file holds, it is refused with a file and a line, or makes sense.
+
+use campaign::formulation::Problem;
+use campaign::{Campaign, FileError, PairFile};
+use proptest::prelude::*;
+
+const PAIR: &str = r#"[pair]
+teeth = [20, 22]
+centre_distance_mm = 110.0
+pressure_angle_deg = 18.0
+helix_angle_deg = 30.0
+face_width_mm = 10.0
+profile_shift = [0.49, 0.49]
+tool_addendum = [1.20, 1.11]
+tool_dedendum = [1.00, 1.09]
+tip_radius_mm = [0.0003, 0.19]
+root_radius_mm = [0.64, 0.23]
+tooth_model = "hertz-beam"
+[load]
+pinion_torque_nm = 200.0
+[material]
+youngs_modulus_gpa = 200.0
+poisson_ratio = 0.29
+yield_mpa = 980.0
+hertz_limit_mpa = 1550.0
+"#;
+
+/// A change of a text: of which line, to what.
+#[derive(Debug, Clone)]
+enum Change {
+    Drop(usize),
+    Double(usize),
+    /// Another value for its key.
+    Value(usize, String),
+    /// Another line in its place.
+    Line(usize, String),
+    /// The end of the text.
+    Cut(usize),
+}
+
+fn a_change() -> impl Strategy<Value = Change> {
+    let values = [
+        "0",
+        "-0",
+        "-1",
+        "1",
+        "2",
+        "1e308",
+        "-1e308",
+        "1e-308",
+        "5e-324",
+        "nan",
+        "inf",
+        "-inf",
+        "4294967295",
+        "4294967296",
+        "18446744073709551615",
+        "18446744073709551616",
+        "true",
+        "\"\"",
+        "\"x\"",
+        "[]",
+        "[1.0, 1.0]",
+        "[2.0, 1.0]",
+        "[nan, 1.0]",
+        "[0.0, inf]",
+        "[1e308, -1e308]",
+        "{}",
+        "[[]]",
+        "1979-05-27",
+        "0x10",
+        "1_0.5",
+        "'''",
+        "# no value",
+    ];
+    let value = prop_oneof![
+        prop::sample::select(values.to_vec()).prop_map(str::to_owned),
+        any::<f64>().prop_map(|value| format!("{value:?}")),
+        any::<i64>().prop_map(|value| value.to_string()),
+    ];
+    let line = || 0..200_usize;
+    prop_oneof![
+        1 => line().prop_map(Change::Drop),
+        1 => line().prop_map(Change::Double),
+        6 => (line(), value).prop_map(|(line, value)| Change::Value(line, value)),
+        1 => (line(), "\\PC{0,30}").prop_map(|(line, text)| Change::Line(line, text)),
+        1 => (0..1000_usize).prop_map(Change::Cut),
+    ]
+}
+
+fn changed(text: &str, changes: &[Change]) -> String {
+    let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
+    for change in changes {
+        if lines.is_empty() {
+            break;
+        }
+        let count = lines.len();
+        match change {
+            Change::Drop(line) => drop(lines.remove(line % count)),
+            Change::Double(line) => lines.insert(line % count, lines[line % count].clone()),
+            Change::Value(line, value) => {
+                let line = &mut lines[line % count];
+                if let Some((key, _)) = line.split_once('=') {
+                    *line = format!("{key}= {value}");
+                }
+            }
+            Change::Line(line, text) => lines[line % count].clone_from(text),
+            Change::Cut(place) => lines.truncate(count * place / 1000),
+        }
+    }
+    lines.join("\n")
+}
+
+fn assert_names_the_line(error: &FileError, text: &str) {
+    let sentence = error.to_string();
+    let line = sentence.strip_prefix("some.toml, line ").and_then(|rest| {
+        let (line, _) = rest.split_once(':')?;
+        line.parse::<usize>().ok()
+    });
+    let last = text.lines().count().max(1);
+    // The end of a file that lacks something may be said to be on the line after the last.
+    assert!(
+        line.is_some_and(|line| (1..=last + 1).contains(&line)),
+        "{sentence}"
+    );
+}
+
+fn config(cases: u32) -> ProptestConfig {
+    ProptestConfig {
+        cases,
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    }
+}
+
+fn shipped() -> Vec<String> {
+    let folder = acceptance::root().join("campaigns");
+    let mut texts = Vec::new();
+    let mut folders = vec![folder];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).expect("campaigns are shipped") {
+            let path = entry.expect("the folder can be read").path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path
+                .extension()
+                .is_some_and(|extension| extension == "toml")
+            {
+                texts.push(std::fs::read_to_string(path).expect("it is text"));
+            }
+        }
+    }
+    texts.sort();
+    texts
+}
+
+#[test]
+fn a_campaign_file_makes_sense_or_is_refused_by_its_line() {
+    let texts = shipped();
+    assert!(texts.len() >= 2, "the paper's campaign and the quick one");
+    let good = |text: &&String| Campaign::parse("some.toml", text).is_ok();
+    assert!(texts.iter().filter(good).count() >= 2);
+    let changes = prop::collection::vec(a_change(), 1..4);
+    let mutated =
+        (prop::sample::select(texts), changes).prop_map(|(text, changes)| changed(&text, &changes));
+    let text = prop_oneof![8 => mutated, 1 => "\\PC{0,200}", 1 => "[a-z =\\[\\]\"0-9.\n]{0,200}"];
+    proptest!(config(2000), |(text in text)| {
+        match Campaign::parse("some.toml", &text) {
+            Err(error) => assert_names_the_line(&error, &text),
+            Ok(campaign) => {
+                // What is accepted can be worked with, and survives the wire.
+                let json = campaign.to_json();
+                let again = Campaign::from_json(&json).expect("what was written can be read");
+                prop_assert_eq!(&again, &campaign);
+                prop_assert_eq!(again.digest(), campaign.digest());
+                campaign.warnings();
+                Problem::new(campaign);
+            }
+        }
+    });
+}
+
+#[test]
+fn a_pair_file_makes_sense_or_is_refused_by_its_line() {
+    assert!(PairFile::parse("some.toml", PAIR).is_ok());
+    let changes = prop::collection::vec(a_change(), 0..4);
+    let mutated = changes.prop_map(|changes| changed(PAIR, &changes));
+    let text = prop_oneof![8 => mutated, 1 => "\\PC{0,200}"];
+    proptest!(config(2000), |(text in text)| {
+        match PairFile::parse("some.toml", &text) {
+            Err(error) => assert_names_the_line(&error, &text),
+            Ok(pair) => drop(pair.to_gear()),
+        }
+    });
+}

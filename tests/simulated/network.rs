@@ -1,0 +1,484 @@
+//! The service and the worker library on a simulated network that fails in every way there is.
+//! Minutes of its time pass in a moment; only the samples are computed for real.
+
+use std::net::Ipv4Addr;
+use std::pin::Pin;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::task::{Context, Poll};
+use std::time::Duration;
+
+use campaign::formulation::Problem;
+use campaign::task::{Task, execute};
+use coordinator::board::Board;
+use protocol::Role;
+use protocol::v1::campaign_server::CampaignServer;
+use protocol::v1::{
+    Directive, HeartbeatRequest, Job, JobAttempt, JobResult, LeaseRequest, ReleaseRequest,
+    ReportRequest, job_result,
+};
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::sync::mpsc;
+use tokio_stream::wrappers::ReceiverStream;
+use tokio_util::sync::CancellationToken;
+use tonic::transport::Server;
+use tonic::transport::server::Connected;
+use turmoil::net::{TcpListener, TcpStream};
+use turmoil::{Builder, Sim};
+use worker::client::{Credentials, Dial, Link, connect_by};
+use worker::{Options, Worker};
+
+use crate::bench::{LEASE, Memory, campaign, expected, introduction, service};
+
+const URL: &str = "http://coordinator:7400";
+const PORT: u16 = 7400;
+const WORKERS: [&str; 2] = ["worker-0", "worker-1"];
+
+/// A connection that the server has accepted.
+struct Accepted(TcpStream);
+
+impl Connected for Accepted {
+    type ConnectInfo = ();
+
+    fn connect_info(&self) {}
+}
+
+impl AsyncRead for Accepted {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<std::io::Result<()>> {
+        Pin::new(&mut self.0).poll_read(context, buffer)
+    }
+}
+
+impl AsyncWrite for Accepted {
+    fn poll_write(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Poll<std::io::Result<usize>> {
+        Pin::new(&mut self.0).poll_write(context, bytes)
+    }
+
+    fn poll_flush(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<std::io::Result<()>> {
+        Pin::new(&mut self.0).poll_flush(context)
+    }
+
+    fn poll_shutdown(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<std::io::Result<()>> {
+        Pin::new(&mut self.0).poll_shutdown(context)
+    }
+}
+
+/// What is left when a coordinator is gone, and the one that runs.
+#[derive(Clone)]
+struct World {
+    problem: Arc<Problem>,
+    memory: Memory,
+    epoch: Arc<AtomicU64>,
+    board: Arc<Mutex<Option<Arc<Board>>>>,
+    /// Whether the campaign may end.
+    may_end: bool,
+}
+
+impl World {
+    fn new() -> Self {
+        Self {
+            problem: Arc::new(Problem::new(campaign())),
+            memory: Memory::default(),
+            epoch: Arc::default(),
+            board: Arc::default(),
+            may_end: true,
+        }
+    }
+
+    fn board(&self) -> Option<Arc<Board>> {
+        self.board
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
+    }
+
+    /// A coordinator, until it is crashed.
+    async fn serve(self) -> turmoil::Result {
+        let epoch = 1 + self.epoch.fetch_add(1, Ordering::SeqCst);
+        let service = service(&self.problem, &self.memory, epoch);
+        let board = Arc::clone(&service.board);
+        *self.board.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::clone(&board));
+        let (memory, may_end) = (self.memory.clone(), self.may_end);
+        tokio::spawn(async move {
+            loop {
+                tokio::time::sleep(LEASE / 20).await;
+                board.expire();
+                if may_end && memory.is_complete() {
+                    board.finish();
+                }
+            }
+        });
+        let listener = TcpListener::bind((Ipv4Addr::UNSPECIFIED, PORT)).await?;
+        let (sender, accepted) = mpsc::channel(16);
+        tokio::spawn(async move {
+            while let Ok((stream, _)) = listener.accept().await {
+                if sender
+                    .send(Ok::<_, std::io::Error>(Accepted(stream)))
+                    .await
+                    .is_err()
+                {
+                    return;
+                }
+            }
+        });
+        Server::builder()
+            .add_service(CampaignServer::new(service))
+            .serve_with_incoming(ReceiverStream::new(accepted))
+            .await?;
+        Ok(())
+    }
+}
+
+fn dial() -> Dial {
+    Dial::new(|host, port| async move { TcpStream::connect((host, port)).await })
+}
+
+fn link() -> Link {
+    connect_by(dial(), URL, &Credentials::default(), Role::Worker).expect("a good address")
+}
+
+fn options(host: &str) -> Options {
+    Options {
+        connect: URL.to_owned(),
+        credentials: Credentials::default(),
+        dial: dial(),
+        slots: 1,
+        exec: None,
+        host: host.to_owned(),
+        connect_timeout: Duration::from_secs(600),
+        give_up_after: Duration::from_secs(600),
+        grace: Duration::from_secs(1),
+        max_runtime: None,
+        idle_exit: None,
+    }
+}
+
+fn simulation(seed: u64) -> Builder {
+    let mut builder = Builder::new();
+    builder
+        .rng_seed(seed)
+        .tick_duration(Duration::from_millis(5))
+        .simulation_duration(Duration::from_secs(100_000))
+        .tcp_capacity(4096);
+    builder
+}
+
+fn start_coordinator(sim: &mut Sim<'_>, world: &World) {
+    let world = world.clone();
+    sim.host("coordinator", move || world.clone().serve());
+}
+
+fn start_workers(sim: &mut Sim<'_>) {
+    for name in WORKERS {
+        sim.client(name, async move {
+            let summary = Worker::new(options(name))
+                .run(CancellationToken::new())
+                .await?;
+            assert!(summary.finished, "{name} left before the end");
+            Ok(())
+        });
+    }
+}
+
+/// Runs until every worker has left, with `trouble` as soon as both are there and `repair` when
+/// `lasting` is over.
+fn run(
+    mut sim: Sim<'_>,
+    world: &World,
+    lasting: Duration,
+    trouble: impl Fn(&mut Sim<'_>),
+    repair: impl Fn(&mut Sim<'_>),
+) {
+    let all_there = || {
+        world
+            .board()
+            .is_some_and(|board| board.live().workers.len() == 2)
+    };
+    while !all_there() {
+        assert!(!sim.step().unwrap(), "it ended before it began");
+    }
+    trouble(&mut sim);
+    let until = sim.elapsed() + lasting;
+    let mut ended = false;
+    while sim.elapsed() < until && !ended {
+        ended = sim.step().unwrap();
+    }
+    repair(&mut sim);
+    while !ended {
+        ended = sim.step().unwrap();
+    }
+    world.memory.with(|stored| {
+        assert_eq!(stored.conflicts, 0);
+        assert_eq!(stored.failures, [""; 0]);
+        assert!(
+            stored.samples == expected(&world.problem),
+            "other samples than undisturbed"
+        );
+    });
+}
+
+/// Beyond the lease and beyond what a call may take.
+const LONG: Duration = Duration::from_secs(40);
+
+#[test]
+fn an_undisturbed_network_loses_nothing() {
+    let world = World::new();
+    let mut sim = simulation(1).build();
+    start_coordinator(&mut sim, &world);
+    start_workers(&mut sim);
+    run(sim, &world, Duration::ZERO, |_| {}, |_| {});
+}
+
+#[test]
+fn a_partition_loses_nothing() {
+    let world = World::new();
+    let mut sim = simulation(2).build();
+    start_coordinator(&mut sim, &world);
+    start_workers(&mut sim);
+    let memory = world.memory.clone();
+    let repair = |sim: &mut Sim<'_>| {
+        assert!(!memory.is_complete(), "nobody was cut off");
+        for worker in WORKERS {
+            sim.repair(worker, "coordinator");
+        }
+    };
+    let trouble = |sim: &mut Sim<'_>| {
+        for worker in WORKERS {
+            sim.partition(worker, "coordinator");
+        }
+    };
+    run(sim, &world, LONG, trouble, repair);
+}
+
+#[test]
+fn a_partition_one_way_loses_nothing() {
+    for (seed, to_coordinator) in [(3, true), (4, false)] {
+        let world = World::new();
+        let mut sim = simulation(seed).build();
+        start_coordinator(&mut sim, &world);
+        start_workers(&mut sim);
+        let way = |worker| {
+            if to_coordinator {
+                (worker, "coordinator")
+            } else {
+                ("coordinator", worker)
+            }
+        };
+        let trouble = |sim: &mut Sim<'_>| {
+            for (from, to) in WORKERS.map(way) {
+                sim.partition_oneway(from, to);
+            }
+        };
+        let repair = |sim: &mut Sim<'_>| {
+            for (from, to) in WORKERS.map(way) {
+                sim.repair_oneway(from, to);
+            }
+        };
+        run(sim, &world, LONG, trouble, repair);
+    }
+}
+
+#[test]
+fn a_delay_beyond_the_lease_loses_nothing() {
+    let world = World::new();
+    let mut sim = simulation(5).build();
+    start_coordinator(&mut sim, &world);
+    start_workers(&mut sim);
+    let trouble = |sim: &mut Sim<'_>| {
+        for worker in WORKERS {
+            sim.hold(worker, "coordinator");
+        }
+    };
+    let repair = |sim: &mut Sim<'_>| {
+        for worker in WORKERS {
+            sim.release(worker, "coordinator");
+        }
+    };
+    run(sim, &world, 2 * LEASE, trouble, repair);
+}
+
+#[test]
+fn a_slow_network_loses_nothing() {
+    let world = World::new();
+    let mut sim = simulation(6)
+        .min_message_latency(Duration::from_millis(200))
+        .max_message_latency(Duration::from_millis(2000))
+        .build();
+    start_coordinator(&mut sim, &world);
+    start_workers(&mut sim);
+    run(sim, &world, Duration::ZERO, |_| {}, |_| {});
+}
+
+/// The coordinator is restarted while nobody hears of it: the workers' ends of their connections
+/// stay open, to nobody.
+#[test]
+fn connections_half_open_after_a_restart_lose_nothing() {
+    let world = World::new();
+    let mut sim = simulation(7).build();
+    start_coordinator(&mut sim, &world);
+    start_workers(&mut sim);
+    let trouble = |sim: &mut Sim<'_>| {
+        for worker in WORKERS {
+            sim.partition(worker, "coordinator");
+        }
+        sim.bounce("coordinator");
+    };
+    let repair = |sim: &mut Sim<'_>| {
+        for worker in WORKERS {
+            sim.repair(worker, "coordinator");
+        }
+    };
+    run(sim, &world, LEASE, trouble, repair);
+    assert_eq!(world.epoch.load(Ordering::SeqCst), 2);
+}
+
+#[test]
+fn a_coordinator_that_is_away_for_a_while_loses_nothing() {
+    let world = World::new();
+    let mut sim = simulation(8).build();
+    start_coordinator(&mut sim, &world);
+    start_workers(&mut sim);
+    let crash = |sim: &mut Sim<'_>| sim.crash("coordinator");
+    let bounce = |sim: &mut Sim<'_>| sim.bounce("coordinator");
+    run(sim, &world, LONG, crash, bounce);
+}
+
+/// A worker whose every call arrives twice, over two connections and so in either order, and some
+/// of them once more when they are long out of date.
+async fn stutter(problem: Arc<Problem>) -> turmoil::Result {
+    let (one, two) = (link(), link());
+    macro_rules! twice {
+        ($method:ident, $request:expr) => {{
+            let request = $request;
+            let (mut one, mut two) = (one.client(), two.client());
+            let (first, second) = tokio::join!(one.$method(request.clone()), two.$method(request));
+            (first?.into_inner(), second?.into_inner())
+        }};
+    }
+    let worker_id = "stutterer".to_owned();
+    twice!(register, introduction(&worker_id));
+    let mut past: Vec<ReportRequest> = Vec::new();
+    loop {
+        let request = LeaseRequest {
+            worker_id: worker_id.clone(),
+            credit: 1,
+            wait_ms: 500,
+        };
+        let (first, second) = twice!(lease, request);
+        if [&first, &second]
+            .iter()
+            .any(|answer| answer.directive() == Directive::Finished)
+        {
+            return Ok(());
+        }
+        let jobs: Vec<Job> = first.jobs.into_iter().chain(second.jobs).collect();
+        let held = jobs.iter().map(|job| JobAttempt {
+            job: job.job,
+            attempt: job.attempt,
+            started: true,
+        });
+        let heartbeat = HeartbeatRequest {
+            worker_id: worker_id.clone(),
+            held: held.collect(),
+        };
+        twice!(heartbeat, heartbeat.clone());
+        let mut results = Vec::new();
+        for job in &jobs {
+            let task: Task = serde_json::from_slice(&job.payload)?;
+            let result = execute(&*problem, &task)?;
+            results.push(JobResult {
+                job: job.job,
+                attempt: job.attempt,
+                outcome: Some(job_result::Outcome::Result(serde_json::to_vec(&result)?)),
+                cpu_seconds: 0.1,
+                wall_seconds: 1.0,
+            });
+        }
+        let report = ReportRequest {
+            worker_id: worker_id.clone(),
+            results,
+        };
+        twice!(report, report.clone());
+        // Out of date by now, all three.
+        twice!(heartbeat, heartbeat);
+        let release = ReleaseRequest {
+            worker_id: worker_id.clone(),
+            jobs: jobs.iter().map(|job| job.job).collect(),
+        };
+        twice!(release, release);
+        if let Some(old) = past.first() {
+            twice!(report, old.clone());
+        }
+        past.push(report);
+    }
+}
+
+#[test]
+fn calls_that_come_twice_and_in_another_order_change_nothing() {
+    for seed in 10..13 {
+        let world = World::new();
+        let mut sim = simulation(seed).build();
+        start_coordinator(&mut sim, &world);
+        sim.client("stutterer", stutter(Arc::clone(&world.problem)));
+        sim.run().unwrap();
+        world.memory.with(|stored| {
+            assert_eq!(stored.conflicts, 0);
+            assert_eq!(stored.failures, [""; 0]);
+            assert!(stored.duplicates > 0, "nothing came twice");
+            assert!(stored.samples == expected(&world.problem));
+        });
+        let counts = world.board().expect("it ran").live().counts;
+        assert_eq!(
+            (counts.queued, counts.leased, counts.quarantined),
+            (0, 0, 0)
+        );
+    }
+}
+
+#[test]
+fn a_thousand_workers_that_register_at_once_are_all_served() {
+    const CROWD: usize = 1000;
+    let world = World {
+        may_end: false,
+        ..World::new()
+    };
+    let mut sim = simulation(20).build();
+    start_coordinator(&mut sim, &world);
+    sim.client("crowd", async move {
+        let mut crowd = tokio::task::JoinSet::new();
+        for index in 0..CROWD {
+            crowd.spawn(async move {
+                let link = link();
+                let worker_id = format!("worker {index}");
+                let registered = link.client().register(introduction(&worker_id)).await?;
+                let heartbeat = HeartbeatRequest {
+                    worker_id,
+                    held: Vec::new(),
+                };
+                let answer = link.client().heartbeat(heartbeat).await?.into_inner();
+                assert_eq!(answer.directive(), Directive::Continue);
+                Ok::<u64, tonic::Status>(registered.into_inner().epoch)
+            });
+        }
+        while let Some(served) = crowd.join_next().await {
+            assert_eq!(served??, 1);
+        }
+        Ok(())
+    });
+    sim.run().unwrap();
+    assert_eq!(world.board().expect("it ran").live().workers.len(), CROWD);
+}

@@ -1,0 +1,157 @@
+//! What goes wrong in a round, and when: all of it follows from a seed.
+
+use std::time::Duration;
+
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt as _, SeedableRng as _};
+
+use super::proxy::Fault;
+
+/// How many workers a round has.
+pub(crate) const WORKERS: usize = 2;
+
+/// Beyond the lease of five seconds.
+const LONG: Duration = Duration::from_millis(5600);
+
+/// How many leases of started jobs may run out in a round: at three, a job that happened to run
+/// each time would rightly be given up.
+const MAX_CRASHES: usize = 2;
+
+/// A process of the cluster.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Who {
+    /// The coordinator.
+    Coordinator,
+    /// A worker.
+    Worker(usize),
+}
+
+/// Something done to the cluster.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Act {
+    /// SIGKILL.
+    Kill(Who),
+    /// SIGTERM.
+    Terminate(Who),
+    /// SIGSTOP.
+    Stop(Who),
+    /// SIGCONT.
+    Continue(Who),
+    /// Starts what is not running.
+    Start(Who),
+    /// Makes a worker's network good or bad; with `cut`, its connections end.
+    Network {
+        /// Whose.
+        worker: usize,
+        /// How bad.
+        fault: Fault,
+        /// Whether connections end.
+        cut: bool,
+    },
+    /// Starts one more coordinator on the same store, which must be refused.
+    Intrude,
+}
+
+/// Acts with their times since the start of the round, in order; trouble starts within `span`.
+#[must_use]
+pub(crate) fn plan(seed: u64, round: u64, span: Duration) -> Vec<(Duration, Act)> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(round);
+    let mut acts = Vec::new();
+    let mut crashes = 0;
+    for _ in 0..rng.random_range(3..8) {
+        let at = span.mul_f64(rng.random_range(0.05..0.95));
+        let mut spell = |low: u64, high: u64| Duration::from_millis(rng.random_range(low..high));
+        let (short, pause) = (spell(100, 1500), spell(50, 800));
+        let worker = rng.random_range(0..WORKERS);
+        let whom = Who::Worker(worker);
+        let coordinator = Who::Coordinator;
+        let crash_allowed = crashes < MAX_CRASHES;
+        match rng.random_range(0..20) {
+            0..4 => acts.extend([
+                (at, Act::Kill(coordinator)),
+                (at + pause, Act::Start(coordinator)),
+            ]),
+            4 => acts.extend([
+                (at, Act::Terminate(coordinator)),
+                (at + pause, Act::Start(coordinator)),
+            ]),
+            5..7 => acts.extend([
+                (at, Act::Stop(coordinator)),
+                (at + short, Act::Continue(coordinator)),
+            ]),
+            7..10 if crash_allowed => {
+                crashes += 1;
+                acts.extend([(at, Act::Kill(whom)), (at + pause, Act::Start(whom))]);
+            }
+            10 => acts.extend([(at, Act::Terminate(whom)), (at + pause, Act::Start(whom))]),
+            11 => acts.extend([(at, Act::Stop(whom)), (at + short, Act::Continue(whom))]),
+            12 if crash_allowed && rng.random_bool(0.5) => {
+                crashes += 1;
+                acts.extend([(at, Act::Stop(whom)), (at + LONG, Act::Continue(whom))]);
+            }
+            13 => acts.push((at, Act::Intrude)),
+            _ => {
+                let fault = match rng.random_range(0..7) {
+                    0 => Fault::Refuse,
+                    1 => Fault::Mute,
+                    2 => Fault::Deaf,
+                    3 => Fault::Partition,
+                    4 => Fault::HalfOpenAtWorker,
+                    5 => Fault::HalfOpenAtCoordinator,
+                    _ => Fault::Delay(Duration::from_millis(rng.random_range(20..300))),
+                };
+                let network = |fault, cut| Act::Network { worker, fault, cut };
+                let long = crash_allowed && rng.random_bool(0.1);
+                crashes += usize::from(long);
+                acts.push((at, network(fault, false)));
+                let end = at + if long { LONG } else { short };
+                acts.push((end, network(Fault::None, rng.random_bool(0.5))));
+            }
+        }
+    }
+    acts.sort_by_key(|(at, _)| *at);
+    acts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SPAN: Duration = Duration::from_secs(4);
+
+    #[test]
+    fn a_plan_follows_from_its_seed_and_round() {
+        assert_eq!(plan(1, 2, SPAN), plan(1, 2, SPAN));
+        assert_ne!(plan(1, 2, SPAN), plan(1, 3, SPAN));
+        assert_ne!(plan(1, 2, SPAN), plan(2, 2, SPAN));
+    }
+
+    #[test]
+    fn two_hundred_rounds_have_everything_in_them() {
+        let acts: Vec<Act> = (0..200)
+            .flat_map(|n| plan(1, n, SPAN))
+            .map(|(_, act)| act)
+            .collect();
+        let faults = [
+            Fault::Refuse,
+            Fault::Mute,
+            Fault::Deaf,
+            Fault::Partition,
+            Fault::HalfOpenAtWorker,
+            Fault::HalfOpenAtCoordinator,
+        ];
+        for fault in faults {
+            let has = |act: &Act| matches!(act, Act::Network { fault: f, .. } if *f == fault);
+            assert!(acts.iter().any(has), "{fault:?}");
+        }
+        let coordinator = Who::Coordinator;
+        let mut wanted = vec![Act::Intrude];
+        for who in [coordinator, Who::Worker(0), Who::Worker(1)] {
+            wanted.extend([Act::Kill(who), Act::Terminate(who), Act::Stop(who)]);
+        }
+        for act in wanted {
+            assert!(acts.contains(&act), "{act:?}");
+        }
+    }
+}
