@@ -1,18 +1,20 @@
 //! The state of a search: a design, the strain of each of its points, and the swaps that reduce it.
 
+use pulp::{Arch, Simd, WithSimd};
 use rand::RngExt as _;
 use stats::streams::StreamRng;
 
 use crate::design::random_columns;
-use crate::table::{Neighbour, Table};
+use crate::table::{Neighbours, Table};
 
 /// Random levels looked at for a point before the best of them is tried; at most a quarter of all,
 /// since the best of all would always be the same one.
 const SAMPLES: usize = 16;
 /// Partners tried per repair.
 const PARTNERS: usize = 4;
-/// What a scan costs besides the coordinates it looks at, in points.
-const SCAN_OVERHEAD: u64 = 64;
+/// What a scan and the choice of a level cost besides the coordinates looked at, in points: measured,
+/// so that the budget stands for time at every size.
+const SCAN_OVERHEAD: u64 = 500;
 /// Marks points that are not in the list of strained ones.
 const NOWHERE: u32 = u32::MAX;
 /// Excludes no point from a sum of strains.
@@ -36,8 +38,8 @@ pub(crate) struct Search {
     best_squared: i64,
     spent: u64,
     /// Room for the neighbours of the two points of a swap.
-    near_first: Vec<Neighbour>,
-    near_second: Vec<Neighbour>,
+    near_first: Neighbours,
+    near_second: Neighbours,
 }
 
 impl Search {
@@ -54,8 +56,8 @@ impl Search {
             place: vec![NOWHERE; n],
             best_squared: 0,
             spent: 0,
-            near_first: Vec::new(),
-            near_second: Vec::new(),
+            near_first: Neighbours::default(),
+            near_second: Neighbours::default(),
         }
     }
 
@@ -85,12 +87,7 @@ impl Search {
         let mut smallest = (n * n * d) as i64; // more than any pair has
         for i in 0..n {
             self.spent += cost(self.table.near(i, None, smallest, &mut self.near_first), d);
-            smallest -= self
-                .near_first
-                .iter()
-                .map(|other| other.left)
-                .max()
-                .unwrap_or(0);
+            smallest -= self.near_first.left.iter().copied().max().unwrap_or(0);
         }
         self.keep_as(smallest);
         smallest
@@ -127,7 +124,7 @@ impl Search {
             self.spent += cost(seen, self.table.variables());
             self.add(
                 i,
-                near.iter().map(|other| self.pair_strain(other.left)).sum(),
+                near.left.iter().map(|left| self.pair_strain(*left)).sum(),
             );
         }
         self.near_first = near;
@@ -161,7 +158,8 @@ impl Search {
             .near(first, Some(k), self.squared_radius, &mut near_first);
         self.spent += cost(seen, d);
         let from = self.table.level(first, k);
-        let here = self.strain_at(&near_first, from, NOBODY);
+        let shift = self.shift;
+        let here = strain_at(&near_first, shift, from, NOBODY);
         for _ in 0..PARTNERS {
             let Some((there, to)) = self.sample_level(&near_first, from, n) else {
                 break;
@@ -175,10 +173,10 @@ impl Search {
                 .near(second, Some(k), self.squared_radius, &mut near_second);
             self.spent += cost(seen, d);
             // The pair itself keeps its distance, so both sums leave it out.
-            let before =
-                self.strain_at(&near_first, from, second) + self.strain_at(&near_second, to, first);
-            let after =
-                self.strain_at(&near_first, to, second) + self.strain_at(&near_second, from, first);
+            let before = strain_at(&near_first, shift, from, second)
+                + strain_at(&near_second, shift, to, first);
+            let after = strain_at(&near_first, shift, to, second)
+                + strain_at(&near_second, shift, from, first);
             let allowed = if slack > 0 {
                 self.rng.random_range(0..slack)
             } else {
@@ -197,53 +195,35 @@ impl Search {
 
     /// The least strained of a few random levels other than `from`, with its strain; the first one
     /// without strain ends the search.
-    fn sample_level(&mut self, near: &[Neighbour], from: i64, n: usize) -> Option<(i64, i64)> {
-        let mut best: Option<(i64, i64)> = None;
-        for _ in 0..SAMPLES.min(n.div_ceil(4)) {
-            let level = i64::from(self.rng.random_range(0..n as u32));
-            if level == from {
-                continue;
-            }
-            let strain = self.strain_at(near, level, NOBODY);
-            if best.is_none_or(|(least, _)| strain < least) {
-                best = Some((strain, level));
-            }
-            if strain == 0 {
-                break;
-            }
-        }
-        best
-    }
-
-    /// The strain of a point with these neighbours at `level` of the missing variable, leaving out
-    /// the pair with the point `except`.
-    fn strain_at(&self, near: &[Neighbour], level: i64, except: usize) -> i64 {
-        near.iter()
-            .filter(|other| other.point != except)
-            .map(|other| self.pair_strain(other.left_at(level)))
-            .sum()
+    fn sample_level(&mut self, near: &Neighbours, from: i64, n: usize) -> Option<(i64, i64)> {
+        let rng = &mut self.rng;
+        Arch::new().dispatch(LeastStrained {
+            near,
+            shift: self.shift,
+            from,
+            samples: SAMPLES.min(n.div_ceil(4)),
+            draw: || i64::from(rng.random_range(0..n as u32)),
+        })
     }
 
     /// Accounts for the move of `point` between two levels. Its distance to `except` is unchanged.
-    fn move_strain(&mut self, point: usize, near: &[Neighbour], from: i64, to: i64, except: usize) {
+    fn move_strain(&mut self, point: usize, near: &Neighbours, from: i64, to: i64, except: usize) {
         let mut total = 0;
-        for other in near.iter().filter(|other| other.point != except) {
-            let (old, new) = (other.left_at(from), other.left_at(to));
-            let change = self.pair_strain(new) - self.pair_strain(old);
-            self.add(other.point, change);
+        for (i, &other) in near.points.iter().enumerate() {
+            if other == except {
+                continue;
+            }
+            let (left, level) = (near.left[i], near.levels[i]);
+            let strain = |at: i64| pair_strain(left - (level - at) * (level - at), self.shift);
+            let change = strain(to) - strain(from);
+            self.add(other, change);
             total += change;
         }
         self.add(point, total);
     }
 
-    /// The strain of a pair whose squared distance is `left` below the squared radius: the square
-    /// of `left`, scaled; positive as soon as `left` is.
     fn pair_strain(&self, left: i64) -> i64 {
-        if left <= 0 {
-            return 0;
-        }
-        let scaled = (left >> self.shift) + 1;
-        scaled * scaled
+        pair_strain(left, self.shift)
     }
 
     fn add(&mut self, point: usize, change: i64) {
@@ -266,6 +246,60 @@ impl Search {
             self.best_squared = squared;
             self.best.clone_from(&self.table);
         }
+    }
+}
+
+/// The strain of a pair whose squared distance is `left` below the squared radius: the square of
+/// `left`, scaled; positive as soon as `left` is.
+#[inline(always)]
+fn pair_strain(left: i64, shift: u32) -> i64 {
+    let scaled = (left >> shift) + 1;
+    if left > 0 { scaled * scaled } else { 0 }
+}
+
+/// The strain of a point with these neighbours at `level` of the missing variable, leaving out the
+/// pair with the point `except`.
+#[inline(always)]
+fn strain_at(near: &Neighbours, shift: u32, level: i64, except: usize) -> i64 {
+    let others = near.points.iter().zip(near.left.iter().zip(&near.levels));
+    others
+        .map(|(point, (left, other))| {
+            let difference = other - level;
+            let strain = pair_strain(left - difference * difference, shift);
+            if *point == except { 0 } else { strain }
+        })
+        .sum()
+}
+
+/// The search of [`Search::sample_level`] for one instruction set; whole numbers are the same in all.
+struct LeastStrained<'s, F> {
+    near: &'s Neighbours,
+    shift: u32,
+    from: i64,
+    samples: usize,
+    draw: F,
+}
+
+impl<F: FnMut() -> i64> WithSimd for LeastStrained<'_, F> {
+    type Output = Option<(i64, i64)>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, _: S) -> Self::Output {
+        let mut best: Option<(i64, i64)> = None;
+        for _ in 0..self.samples {
+            let level = (self.draw)();
+            if level == self.from {
+                continue;
+            }
+            let strain = strain_at(self.near, self.shift, level, NOBODY);
+            if best.is_none_or(|(least, _)| strain < least) {
+                best = Some((strain, level));
+            }
+            if strain == 0 {
+                break;
+            }
+        }
+        best
     }
 }
 

@@ -1,27 +1,31 @@
 //! The levels of a design in the layout the optimiser scans.
 
+use std::ops::Range;
+
+use pulp::{Arch, Simd, WithSimd};
+
 /// Points per block of a scan; columns are padded by as many, so that blocks may overrun.
 const BLOCK: usize = 16;
 /// Relative slack of the single-precision filter. A sum of 20 squares of exact differences errs by
 /// less than 22 · 2⁻²⁴ ≈ 1.3e-6; what passes is checked in integers.
 const SLACK: f32 = 1.0 + 1e-5;
 
-/// A point near another one in all variables but one.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Neighbour {
-    /// The other point.
-    pub(crate) point: usize,
-    /// What is left of the squared radius for the missing variable: r² − Σ (differences)² > 0.
-    pub(crate) left: i64,
-    /// The other point's level in the missing variable.
-    pub(crate) level: i64,
+/// The points near another one in all variables but one.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Neighbours {
+    /// The other points.
+    pub(crate) points: Vec<usize>,
+    /// What each leaves of the squared radius for the missing variable: r² − Σ (differences)² > 0.
+    pub(crate) left: Vec<i64>,
+    /// Their levels in the missing variable.
+    pub(crate) levels: Vec<i64>,
 }
 
-impl Neighbour {
-    /// What is left of the squared radius when the point in the middle is at `level`.
-    pub(crate) fn left_at(&self, level: i64) -> i64 {
-        let difference = self.level - level;
-        self.left - difference * difference
+impl Neighbours {
+    fn clear(&mut self) {
+        self.points.clear();
+        self.left.clear();
+        self.levels.clear();
     }
 }
 
@@ -98,56 +102,130 @@ impl Table {
         i: usize,
         k: Option<usize>,
         squared_radius: i64,
-        found: &mut Vec<Neighbour>,
+        found: &mut Neighbours,
     ) -> usize {
         found.clear();
         // The root may round down, and a point at exactly the radius is not near.
         let reach = (squared_radius as f64).sqrt() as usize + 1;
         let (first, last) = (i.saturating_sub(reach), (i + reach + 1).min(self.n));
-        let limit = squared_radius as f32 * SLACK;
-        let skip = k.unwrap_or(self.d);
-        let mut start = first;
-        while start < last {
-            let mut sums = [0.0_f32; BLOCK];
-            for c in (0..self.d).filter(|&c| c != skip) {
-                let column = &self.levels[c * self.stride..];
-                let here = column[i];
-                for (sum, level) in sums.iter_mut().zip(&column[start..start + BLOCK]) {
-                    let difference = level - here;
-                    *sum += difference * difference;
-                }
-            }
-            // `f32::min` takes care of NaN, which this does not need, and would not vectorise.
-            if sums
-                .iter()
-                .fold(f32::INFINITY, |a, &b| if b < a { b } else { a })
-                < limit
-            {
-                for (point, _) in (start..).zip(sums).filter(|(_, sum)| *sum < limit) {
-                    if point == i {
-                        continue;
-                    }
-                    let left = squared_radius - self.squared_distance(i, point, skip);
-                    if left > 0 {
-                        let level = k.map_or(0, |k| self.level(point, k));
-                        found.push(Neighbour { point, left, level });
-                    }
-                }
-            }
-            start += BLOCK;
-        }
+        Arch::new().dispatch(Scan {
+            table: self,
+            i,
+            k,
+            squared_radius,
+            run: first..last,
+            found,
+        });
         last - first
     }
 
+    /// The squared distance in all variables but `skip`. Differences are below 2¹⁷, so the sum of 20
+    /// squares is exact in an `f64`.
+    #[inline(always)]
     fn squared_distance(&self, i: usize, j: usize, skip: usize) -> i64 {
-        (0..self.d)
-            .filter(|&k| k != skip)
-            .map(|k| {
-                let difference = self.level(i, k) - self.level(j, k);
-                difference * difference
-            })
-            .sum()
+        let columns = self.levels.chunks_exact(self.stride).enumerate();
+        let squares = columns.filter(|(k, _)| *k != skip).map(|(_, column)| {
+            let difference = f64::from(column[i]) - f64::from(column[j]);
+            difference * difference
+        });
+        squares.sum::<f64>() as i64
     }
+}
+
+/// [`Table::near`] for one instruction set. That changes the speed, never the result: single
+/// precision only sorts out what is far, and what passes is measured in integers.
+struct Scan<'s> {
+    table: &'s Table,
+    i: usize,
+    k: Option<usize>,
+    squared_radius: i64,
+    run: Range<usize>,
+    found: &'s mut Neighbours,
+}
+
+impl WithSimd for Scan<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self {
+            table,
+            i,
+            k,
+            squared_radius,
+            run,
+            found,
+        } = self;
+        // Whole numbers below 2²⁴ are exact in single precision, and so are sums that stay below.
+        let exact = squared_radius < 1 << 24;
+        let limit = squared_radius as f32 * if exact { 1.0 } else { SLACK };
+        let skip = k.unwrap_or(table.d);
+        let (before, behind) = table.levels.split_at(skip * table.stride);
+        let behind = behind.get(table.stride..).unwrap_or(&[]);
+        for start in run.step_by(BLOCK) {
+            let sums = add_squares([0.0; BLOCK], before, table.stride, i, start);
+            let sums = add_squares(sums, behind, table.stride, i, start);
+            if smallest(&sums) >= limit {
+                continue;
+            }
+            // Which lanes are near is hard to predict, so no branch depends on it.
+            let (mut lanes, mut count) = ([0_usize; BLOCK], 0);
+            for (lane, sum) in sums.iter().enumerate() {
+                lanes[count % BLOCK] = lane;
+                count += usize::from(*sum < limit);
+            }
+            for &lane in &lanes[..count] {
+                let point = start + lane;
+                let squared = if exact {
+                    sums[lane] as i64
+                } else {
+                    table.squared_distance(i, point, skip)
+                };
+                if point != i && squared < squared_radius {
+                    found.points.push(point);
+                    found.left.push(squared_radius - squared);
+                    found.levels.push(k.map_or(0, |k| table.level(point, k)));
+                }
+            }
+        }
+    }
+}
+
+/// Adds to `sums` the squared differences from point `i` of the block at `start`, in each column of
+/// `levels`.
+#[inline(always)]
+fn add_squares(
+    mut sums: [f32; BLOCK],
+    levels: &[f32],
+    stride: usize,
+    i: usize,
+    start: usize,
+) -> [f32; BLOCK] {
+    for column in levels.chunks_exact(stride) {
+        let here = column[i];
+        for (sum, level) in sums.iter_mut().zip(&column[start..start + BLOCK]) {
+            let difference = level - here;
+            *sum += difference * difference;
+        }
+    }
+    sums
+}
+
+/// The smallest of a block, none of them NaN, by halves: a chain of comparisons would not vectorise.
+#[inline(always)]
+fn smallest(values: &[f32; BLOCK]) -> f32 {
+    let mut values = *values;
+    let mut half = BLOCK / 2;
+    while half > 0 {
+        for lane in 0..half {
+            let other = values[lane + half];
+            if other < values[lane] {
+                values[lane] = other;
+            }
+        }
+        half /= 2;
+    }
+    values[0]
 }
 
 #[cfg(test)]
@@ -164,7 +242,7 @@ mod tests {
             let mut rng = stream(5, Purpose::Test, n as u64, d as u64);
             let table = Table::new(n, &random_columns(n, d - 1, &mut rng));
             let squared_radius = (share * n as f64).powi(2) as i64;
-            let mut found = Vec::new();
+            let mut found = Neighbours::default();
             for i in [0, 1, n / 2, n - 1] {
                 for k in [None, Some(1), Some(d - 1)] {
                     table.near(i, k, squared_radius, &mut found);
@@ -173,7 +251,8 @@ mod tests {
                         .filter(|&j| j != i && left(j) > 0)
                         .map(|j| (j, left(j)))
                         .collect();
-                    let got: Vec<(usize, i64)> = found.iter().map(|f| (f.point, f.left)).collect();
+                    let pairs = found.points.iter().zip(&found.left);
+                    let got: Vec<(usize, i64)> = pairs.map(|(p, l)| (*p, *l)).collect();
                     assert_eq!(
                         got, expected,
                         "{n} points, {d} variables, around {i} without {k:?}"

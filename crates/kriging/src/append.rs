@@ -52,17 +52,7 @@ impl Model {
             points.len(),
         );
 
-        let mut model = Self::assemble(
-            self.kernel,
-            self.trend,
-            points,
-            self.parameters.clone(),
-            self.jitter,
-        );
-        model.calibration = self.calibration;
-        if !model.coordinates_are_finite() {
-            return Err(Error::Extent { what: "x" });
-        }
+        let mut model = self.with(points)?;
         // Coordinates are taken relative to their smallest value, which the new points may have
         // moved: the old factor stays right, since correlations depend on differences only.
         let extended = self.extended_factor(&model);
@@ -91,10 +81,15 @@ impl Model {
         let mut exponent = vec![0.0; n];
         let mut correlation = vec![0.0; n];
         for k in 0..m {
-            let at: Vec<f64> = longer.columns.iter().map(|c| c[old + k]).collect();
+            let at: Vec<f64> = longer
+                .coordinates
+                .columns
+                .iter()
+                .map(|c| c[old + k])
+                .collect();
             longer.kernel.correlations(
                 &at,
-                |j| &longer.columns[j],
+                |j| &longer.coordinates.columns[j],
                 &mut exponent,
                 &mut correlation,
             );
@@ -157,18 +152,19 @@ impl Model {
             };
         }
         points.warnings = joined(&old.warnings, &points, before + data.y.len(), points.len());
-        let mut model = Self::assemble(
-            self.kernel,
-            self.trend,
-            points,
-            self.parameters.clone(),
-            self.jitter,
-        );
+        self.with(points)?.anew()
+    }
+
+    /// This model's parameters on other points, still to be solved.
+    fn with(&self, points: Points) -> Result<Self, Error> {
+        let parameters = self.parameters.clone();
+        let mut model = Self::assemble(self.kernel, self.trend, points, parameters, self.jitter);
         model.calibration = self.calibration;
-        if !model.coordinates_are_finite() {
-            return Err(Error::Extent { what: "x" });
+        if model.coordinates.are_finite() {
+            Ok(model)
+        } else {
+            Err(Error::Extent { what: "x" })
         }
-        model.anew()
     }
 
     /// Factorises the whole matrix.

@@ -53,14 +53,7 @@ pub(crate) fn minimise(
     let mut fresh = true;
 
     for iterations in 0..limits.max_iterations {
-        let free = (0..n)
-            .filter(|&i| {
-                let out_below = at[i] <= limits.lower[i] && gradient[i] > 0.0;
-                let out_above = at[i] >= limits.upper[i] && gradient[i] < 0.0;
-                !out_below && !out_above
-            })
-            .collect();
-        let step = inward_step(&curvature, &gradient, free, &at, limits);
+        let step = newton_direction(&curvature, &gradient, &at, limits);
         let promised = -0.5 * dot(&step, &gradient);
         if promised < limits.tolerance {
             return Some(Outcome {
@@ -72,8 +65,7 @@ pub(crate) fn minimise(
             });
         }
 
-        let longest = step.iter().fold(0.0_f64, |a, s| a.max(s.abs()));
-        let mut t = (LONGEST_STEP / longest).min(1.0);
+        let mut t = first_length(&step);
         let mut accepted = None;
         for _ in 0..20 {
             let trial: Vec<f64> = at.iter().zip(&step).map(|(a, s)| a + t * s).collect();
@@ -141,6 +133,61 @@ pub(crate) fn minimise(
         converged: false,
         met_failure,
     })
+}
+
+/// One step of a search from `at`, its length that of the parabola through both values and the slope
+/// here; `value` gives the value alone. Costs one of each, and may end above the start where the
+/// function is no parabola.
+pub(crate) fn one_step(
+    first: &Evaluation,
+    value: impl FnOnce(&[f64]) -> Option<f64>,
+    at: &[f64],
+    limits: &Limits<'_>,
+) -> Vec<f64> {
+    let step = newton_direction(&first.curvature, &first.gradient, at, limits);
+    let along = |t: f64| -> Vec<f64> {
+        let trial: Vec<f64> = at.iter().zip(&step).map(|(a, s)| a + t * s).collect();
+        clamp(&trial, limits)
+    };
+    let t = first_length(&step);
+    let trial = along(t);
+    let moved: Vec<f64> = trial.iter().zip(at).map(|(t, a)| t - a).collect();
+    let slope = dot(&moved, &first.gradient);
+    let share = match value(&trial) {
+        None => 0.25,
+        Some(there) => {
+            let excess = there - first.value - slope;
+            if excess > 0.0 && slope < 0.0 {
+                (-0.5 * slope / excess).clamp(0.1, 1.0)
+            } else {
+                1.0
+            }
+        }
+    };
+    along(share * t)
+}
+
+/// The quasi-Newton step on the variables that are not held at the box.
+fn newton_direction(
+    curvature: &[f64],
+    gradient: &[f64],
+    at: &[f64],
+    limits: &Limits<'_>,
+) -> Vec<f64> {
+    let free = (0..at.len())
+        .filter(|&i| {
+            let out_below = at[i] <= limits.lower[i] && gradient[i] > 0.0;
+            let out_above = at[i] >= limits.upper[i] && gradient[i] < 0.0;
+            !out_below && !out_above
+        })
+        .collect();
+    inward_step(curvature, gradient, free, at, limits)
+}
+
+/// The share of a step that moves no variable farther than [`LONGEST_STEP`].
+fn first_length(step: &[f64]) -> f64 {
+    let longest = step.iter().fold(0.0_f64, |a, s| a.max(s.abs()));
+    (LONGEST_STEP / longest).min(1.0)
 }
 
 fn clamp(at: &[f64], limits: &Limits<'_>) -> Vec<f64> {

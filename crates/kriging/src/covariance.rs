@@ -125,14 +125,3 @@ pub(crate) fn half_solve(factor: &[f64], n: usize, vectors: &mut [f64]) {
         Par::Seq,
     );
 }
-
-/// Writes the lower triangle of C⁻¹ to `inverse`.
-pub(crate) fn invert(factor: &[f64], n: usize, inverse: &mut [f64]) {
-    let mut memory = MemBuffer::new(llt::inverse::inverse_scratch::<f64>(n, Par::Seq));
-    llt::inverse::inverse(
-        MatMut::from_column_major_slice_mut(inverse, n, n),
-        MatRef::from_column_major_slice(factor, n, n),
-        Par::Seq,
-        MemStack::new(&mut memory),
-    );
-}

@@ -75,6 +75,18 @@ pub enum Error {
         /// The name given.
         name: String,
     },
+    /// No accuracy has this name.
+    #[error("no accuracy is called {name:?}, use exact, fine, standard or coarse")]
+    UnknownAccuracy {
+        /// The name given.
+        name: String,
+    },
+    /// The options ask an approximate fit for what only the exact one offers.
+    #[error("the approximate fit does not offer {what}, choose the exact one")]
+    ExactOnly {
+        /// What was asked for.
+        what: &'static str,
+    },
     /// The covariance matrix could not be factorised anywhere the search looked, not even with the
     /// largest jitter.
     #[error("no covariance matrix of the search is positive definite, even with jitter {jitter:e}")]

@@ -6,6 +6,8 @@
 //! half its coordinate's extent: likelihoods of deterministic functions have a spurious optimum
 //! where all ranges vanish and the model is white noise, and that start lies on the right side of it.
 
+use std::borrow::Cow;
+
 use rand::RngExt as _;
 use rand::seq::SliceRandom as _;
 use rayon::prelude::*;
@@ -393,7 +395,7 @@ impl<'a> Search<'a> {
 
     /// Finds a fitting σ² for a start's ranges by fixed-point iteration, and the value there.
     fn value_at(&self, subset: &Scaled, mut at: Vec<f64>, jitter: f64) -> Option<(f64, Vec<f64>)> {
-        let mut likelihood = Likelihood::new(self.form(), subset, jitter);
+        let mut likelihood = Likelihood::new(self.form(), Cow::Borrowed(subset), jitter);
         let last = at.len() - 1;
         let mut best = likelihood.evaluate(&at, Order::Value)?;
         for _ in 0..3 {
@@ -421,7 +423,7 @@ impl<'a> Search<'a> {
             max_iterations: self.options.max_iterations,
             tolerance: if last { TOLERANCE } else { SUBSET_TOLERANCE },
         };
-        let mut likelihood = Likelihood::new(self.form(), subset, jitter);
+        let mut likelihood = Likelihood::new(self.form(), Cow::Borrowed(subset), jitter);
         let mut best: Option<Found> = None;
         for jitter in JITTERS.into_iter().filter(|j| *j >= jitter) {
             likelihood.jitter = jitter;

@@ -58,8 +58,8 @@ impl Model {
             .map(|(f, w)| -2.0 * f * w)
             .collect();
         let mut variance = self.slopes_of_sum(x, &pull);
-        let slopes = shortfall[1..].iter().zip(&self.extents);
-        for (&j, (coefficient, extent)) in self.active.iter().zip(slopes) {
+        let slopes = shortfall[1..].iter().zip(&self.coordinates.extents);
+        for (&j, (coefficient, extent)) in self.coordinates.active.iter().zip(slopes) {
             variance[j] += 2.0 * coefficient / extent;
         }
         let scale = self.parameters.sigma2 * self.calibration;
@@ -77,12 +77,16 @@ impl Model {
         let n = self.points();
         let at = self.scaled(x);
         let (mut correlation, mut scratch) = (vec![0.0; n], vec![0.0; n]);
-        self.kernel
-            .correlations(&at, |j| &self.columns[j], &mut scratch, &mut correlation);
+        self.kernel.correlations(
+            &at,
+            |j| &self.coordinates.columns[j],
+            &mut scratch,
+            &mut correlation,
+        );
         let mut factors = correlation.clone();
         self.kernel.multiply_by_radial_factors(
             &at,
-            |j| &self.columns[j],
+            |j| &self.coordinates.columns[j],
             &mut scratch,
             &mut factors,
         );
@@ -106,8 +110,11 @@ impl Model {
     fn slopes_of_sum(&self, x: &[f64], pull: &[f64]) -> Vec<f64> {
         let mut slopes = vec![0.0; self.dimensions()];
         let at = self.scaled(x);
-        for (k, &j) in self.active.iter().enumerate() {
-            slopes[j] = self.scale[k] * self.kernel.slope_dot(at[k], &self.columns[k], pull);
+        for (k, &j) in self.coordinates.active.iter().enumerate() {
+            slopes[j] = self.coordinates.scale[k]
+                * self
+                    .kernel
+                    .slope_dot(at[k], &self.coordinates.columns[k], pull);
         }
         slopes
     }

@@ -55,6 +55,8 @@ pub enum Kernel {
 
 /// Number of sums kept side by side so that they can be vectorised in a fixed order.
 const LANES: usize = 8;
+/// Points whose correlations are computed together.
+const BLOCK: usize = 128;
 
 impl Kernel {
     /// Every kernel, in the order of the documentation.
@@ -264,14 +266,21 @@ impl<'a, F: Fn(usize) -> &'a [f64]> WithSimd for Correlations<'_, F> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        self.exponent.fill(0.0);
-        self.out.fill(1.0);
-        for (j, at) in self.at.iter().enumerate() {
-            self.kernel
-                .accumulate(*at, (self.column)(j), self.out, self.exponent);
+        // In blocks, so that what all coordinates add to stays in the nearest cache.
+        let blocks = self
+            .exponent
+            .chunks_mut(BLOCK)
+            .zip(self.out.chunks_mut(BLOCK));
+        for (start, (exponent, out)) in (0..).step_by(BLOCK).zip(blocks) {
+            exponent.fill(0.0);
+            out.fill(1.0);
+            for (j, at) in self.at.iter().enumerate() {
+                let column = &(self.column)(j)[start..start + out.len()];
+                self.kernel.accumulate(*at, column, out, exponent);
+            }
+            self.kernel.finish_radial(out, exponent);
+            multiply_by_exp_of_minus(exponent, out);
         }
-        self.kernel.finish_radial(self.out, self.exponent);
-        multiply_by_exp_of_minus(self.exponent, self.out);
     }
 }
 

@@ -19,16 +19,19 @@
 //! # Ok::<(), kriging::Error>(())
 //! ```
 //!
-//! For more points than a dense matrix can hold there is [`fit_vecchia`].
+//! For more points than a dense matrix can hold there is [`fit_vecchia`]; [`fit_with_accuracy`] chooses
+//! the method by the accuracy asked for.
 //!
 //! The covariance parameters are those of the highest likelihood, see [`fit()`]; predictions and
 //! leave-one-out validation are methods of [`Model`].
 
 #![warn(missing_docs)]
 
+mod accuracy;
 mod append;
 mod bfgs;
 mod calibration;
+mod coordinates;
 mod covariance;
 mod data;
 mod error;
@@ -36,14 +39,17 @@ mod exponential;
 mod fit;
 mod gls;
 mod gradient;
+mod inverse;
 mod kernel;
 mod likelihood;
 mod loo;
 mod model;
+mod profile;
 mod stored;
 mod vecchia;
 mod warning;
 
+pub use accuracy::{Accuracy, Plan, Surrogate, fit_with_accuracy};
 pub use data::Data;
 pub use error::Error;
 pub use fit::{FitOptions, fit};
@@ -52,5 +58,6 @@ pub use gradient::Gradient;
 pub use kernel::Kernel;
 pub use loo::LeaveOneOut;
 pub use model::{Model, Parameters, Prediction};
+pub use profile::{LikelihoodGradient, LogLikelihood};
 pub use vecchia::{Vecchia, VecchiaOptions, fit_vecchia};
 pub use warning::Warning;

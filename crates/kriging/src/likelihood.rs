@@ -14,9 +14,12 @@
 //! The trend μ is at its optimum for every θ and σ², so it adds nothing to the derivatives. With
 //! unequal noise σ² has no closed form, so it is a variable of the search like the ranges.
 
+use std::borrow::Cow;
+
 use crate::covariance::{self, complete, factorise, fill_correlations, log_determinant};
 use crate::data::Scaled;
 use crate::gls::{Gls, Trend};
+use crate::inverse::invert;
 use crate::kernel::Kernel;
 
 /// What an evaluation computes beyond the value.
@@ -54,7 +57,7 @@ pub(crate) struct Form {
 /// all ranges are tied; a nugget's ln τ² stands before ln σ². Holds its matrices, so that evaluations do not allocate them again.
 pub(crate) struct Likelihood<'a> {
     form: Form,
-    data: &'a Scaled,
+    data: Cow<'a, Scaled>,
     /// The trend's basis, column by column.
     basis: Vec<f64>,
     /// The noise variances with the nugget.
@@ -69,14 +72,14 @@ pub(crate) struct Likelihood<'a> {
 }
 
 impl<'a> Likelihood<'a> {
-    pub(crate) fn new(form: Form, data: &'a Scaled, jitter: f64) -> Self {
+    pub(crate) fn new(form: Form, data: Cow<'a, Scaled>, jitter: f64) -> Self {
         Self {
             form,
-            data,
             basis: form.trend.basis(&data.columns, data.len(), 0.5),
             noise: data.noise.clone(),
             jitter,
             columns: data.columns.clone(),
+            data,
             correlation: Vec::new(),
             factor: Vec::new(),
             inverse: Vec::new(),
@@ -143,7 +146,7 @@ impl<'a> Likelihood<'a> {
         };
         if order >= Order::Gradient {
             self.inverse.resize(n * n, 0.0);
-            covariance::invert(&self.factor, n, &mut self.inverse);
+            invert(&self.factor, n, &mut self.inverse);
             evaluation.gradient = self.gradient(parameters.len(), &beta, quadratic, sigma2, nugget);
         }
         if order >= Order::Curvature {
@@ -394,7 +397,7 @@ mod tests {
                     tied,
                     nugget,
                 };
-                let mut likelihood = Likelihood::new(form, &data, 1e-8);
+                let mut likelihood = Likelihood::new(form, Cow::Borrowed(&data), 1e-8);
                 let exact = likelihood.evaluate(&at, Order::Gradient).unwrap().gradient;
                 for i in 0..at.len() {
                     let mut shifted = |step: f64| {
@@ -424,7 +427,7 @@ mod tests {
     fn curvature_is_the_average_information() {
         // Symmetric with a positive diagonal, as a sum of uᵀPu must be.
         let data = sample(200, 2, 0.05);
-        let mut likelihood = Likelihood::new(Form::default(), &data, 0.0);
+        let mut likelihood = Likelihood::new(Form::default(), Cow::Borrowed(&data), 0.0);
         let at = [-0.5, 0.1, 0.4];
         let c = likelihood
             .evaluate(&at, Order::Curvature)
@@ -438,7 +441,7 @@ mod tests {
         }
         // For σ² alone, without noise, u = z: the closed form is ½ zᵀC⁻¹z/σ².
         let data = sample(50, 2, 0.0);
-        let mut likelihood = Likelihood::new(Form::default(), &data, 0.0);
+        let mut likelihood = Likelihood::new(Form::default(), Cow::Borrowed(&data), 0.0);
         let e = likelihood.evaluate(&at, Order::Curvature).unwrap();
         let closed = 0.5 * e.next_sigma2 * 50.0 / 0.4_f64.exp();
         assert!((e.curvature[8] / closed - 1.0).abs() < 1e-9);
@@ -447,7 +450,7 @@ mod tests {
     #[test]
     fn white_noise_is_the_limit_of_short_ranges() {
         let data = sample(60, 2, 0.05);
-        let mut likelihood = Likelihood::new(Form::default(), &data, 0.0);
+        let mut likelihood = Likelihood::new(Form::default(), Cow::Borrowed(&data), 0.0);
         let best = (-400..200)
             .map(|i| likelihood.evaluate(&[-15.0, -15.0, 0.01 * f64::from(i)], Order::Value))
             .map(|e| e.unwrap().value)

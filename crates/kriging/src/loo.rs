@@ -1,7 +1,7 @@
 //! Leave-one-out validation in closed form.
 
 use crate::calibration::Z_TWO_SIDED_90;
-use crate::covariance::invert;
+use crate::inverse::invert;
 use crate::model::Model;
 
 /// How well each observation is predicted from all others, with the covariance parameters kept and

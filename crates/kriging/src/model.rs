@@ -4,6 +4,7 @@ use std::sync::OnceLock;
 
 use rayon::prelude::*;
 
+use crate::coordinates::{Coordinates, rows};
 use crate::covariance::{
     JITTERS, complete, factorise, fill_correlations, half_solve, log_determinant, noise_ratio,
     solve,
@@ -60,18 +61,7 @@ pub struct Model {
     /// C⁻¹(y − Fμ), see [`crate::covariance`].
     pub(crate) weights: Vec<f64>,
     pub(crate) nll: f64,
-    /// The coordinates the model depends on.
-    pub(crate) active: Vec<usize>,
-    /// For each of them, its smallest value among the points: coordinates are taken relative to it.
-    origin: Vec<f64>,
-    /// For each of them, the middle and the extent of its values: a linear trend's basis is the
-    /// distance from the one in units of the other.
-    centres: Vec<f64>,
-    pub(crate) extents: Vec<f64>,
-    /// For each of them, length factor of the kernel over range.
-    pub(crate) scale: Vec<f64>,
-    /// For each of them, the points' scaled coordinates.
-    pub(crate) columns: Vec<Vec<f64>>,
+    pub(crate) coordinates: Coordinates,
     /// Computed when a variance is first asked for.
     solved: OnceLock<Solved>,
 }
@@ -136,8 +126,8 @@ impl Model {
             Trend::Constant => Vec::new(),
             Trend::Linear => {
                 let mut slopes = vec![0.0; self.points.d];
-                let found = coefficients[1..].iter().zip(&self.extents);
-                for (&j, (coefficient, extent)) in self.active.iter().zip(found) {
+                let found = coefficients[1..].iter().zip(&self.coordinates.extents);
+                for (&j, (coefficient, extent)) in self.coordinates.active.iter().zip(found) {
                     slopes[j] = coefficient / extent;
                 }
                 slopes
@@ -170,7 +160,7 @@ impl Model {
         let n = self.points.len();
         let in_extents: Vec<Vec<f64>> = match self.trend {
             Trend::Constant => Vec::new(),
-            Trend::Linear => (0..self.active.len())
+            Trend::Linear => (0..self.coordinates.active.len())
                 .map(|k| {
                     (0..n)
                         .map(|i| self.basis_at(self.points.row(i), k))
@@ -189,15 +179,18 @@ impl Model {
 
     /// The linear basis function of active coordinate k.
     fn basis_at(&self, x: &[f64], k: usize) -> f64 {
-        (x[self.active[k]] - self.centres[k]) / self.extents[k]
+        let Coordinates {
+            active, extents, ..
+        } = &self.coordinates;
+        (x[active[k]] - self.coordinates.centre(k)) / extents[k]
     }
 
     /// The trend at `x`.
     fn trend_at(&self, x: &[f64]) -> f64 {
         let mut sum = self.parameters.mu;
         if self.trend == Trend::Linear {
-            for (&j, centre) in self.active.iter().zip(&self.centres) {
-                sum += self.parameters.slopes[j] * (x[j] - centre);
+            for (k, &j) in self.coordinates.active.iter().enumerate() {
+                sum += self.parameters.slopes[j] * (x[j] - self.coordinates.centre(k));
             }
         }
         sum
@@ -212,29 +205,7 @@ impl Model {
         parameters: Parameters,
         jitter: f64,
     ) -> Self {
-        let n = points.len();
-        let active: Vec<usize> = (0..points.d)
-            .filter(|&j| parameters.ranges[j].is_finite())
-            .collect();
-        let column = |j: usize| (0..n).map(move |i| (i, j));
-        let (mut origin, mut centres, mut extents) = (Vec::new(), Vec::new(), Vec::new());
-        for &j in &active {
-            let values = || column(j).map(|(i, j)| points.row(i)[j]);
-            let low = values().fold(f64::INFINITY, f64::min);
-            let high = values().fold(f64::NEG_INFINITY, f64::max);
-            origin.push(low);
-            centres.push(low + 0.5 * (high - low));
-            extents.push(high - low);
-        }
-        let scale: Vec<f64> = active
-            .iter()
-            .map(|&j| kernel.length_factor() / parameters.ranges[j])
-            .collect();
-        let columns = active
-            .iter()
-            .zip(origin.iter().zip(&scale))
-            .map(|(&j, (o, s))| column(j).map(|(i, j)| (points.row(i)[j] - o) * s).collect())
-            .collect();
+        let coordinates = Coordinates::new(kernel, &points, &parameters.ranges);
         Self {
             kernel,
             trend,
@@ -244,12 +215,7 @@ impl Model {
             calibration: 1.0,
             weights: Vec::new(),
             nll: 0.0,
-            active,
-            origin,
-            centres,
-            extents,
-            scale,
-            columns,
+            coordinates,
             solved: OnceLock::new(),
         }
     }
@@ -270,7 +236,7 @@ impl Model {
             let block = &mut correlation[..end - start];
             self.kernel.correlations(
                 &at,
-                |j| &self.columns[j][start..end],
+                |j| &self.coordinates.columns[j][start..end],
                 &mut exponent[..end - start],
                 block,
             );
@@ -286,22 +252,8 @@ impl Model {
     ///
     /// [`Error::Shape`] if `x` is not a whole number of rows.
     pub fn means(&self, x: &[f64]) -> Result<Vec<f64>, Error> {
-        let rows = self.rows(x)?;
+        let rows = rows(x, self.points.d)?;
         Ok(rows.into_par_iter().map(|x| self.mean(x)).collect())
-    }
-
-    fn rows<'x>(&self, x: &'x [f64]) -> Result<Vec<&'x [f64]>, Error> {
-        let d = self.points.d;
-        let rows: Vec<&[f64]> = x.chunks_exact(d).collect();
-        if rows.len() * d != x.len() {
-            let expected = (rows.len() + 1) * d;
-            return Err(Error::Shape {
-                what: "x",
-                expected,
-                got: x.len(),
-            });
-        }
-        Ok(rows)
     }
 
     /// Mean and variance at `x` (d coordinates), equations (19) and (20). The first call after
@@ -324,7 +276,7 @@ impl Model {
     ///
     /// [`Error::Shape`] if `x` is not a whole number of rows.
     pub fn predict_many(&self, x: &[f64]) -> Result<Vec<Prediction>, Error> {
-        let rows = self.rows(x)?;
+        let rows = rows(x, self.points.d)?;
         // Every batch is computed by one thread, whichever that is.
         Ok(rows
             .par_chunks(BATCH)
@@ -342,7 +294,7 @@ impl Model {
         for (x, r) in rows.iter().zip(correlations.chunks_exact_mut(n)) {
             let at = self.scaled(x);
             self.kernel
-                .correlations(&at, |j| &self.columns[j], &mut exponent, r);
+                .correlations(&at, |j| &self.coordinates.columns[j], &mut exponent, r);
             shortfalls.push(self.shortfall(x, r));
             means.push(self.mean_from(x, r));
         }
@@ -426,22 +378,13 @@ impl Model {
         &self.points.warnings
     }
 
-    /// Whether no coordinate overflows in units of its range.
-    pub(crate) fn coordinates_are_finite(&self) -> bool {
-        self.columns.iter().flatten().all(|c| c.is_finite())
-    }
-
     pub(crate) fn scaled(&self, x: &[f64]) -> Vec<f64> {
         assert_eq!(
             x.len(),
             self.points.d,
             "a point must have the model's number of coordinates"
         );
-        self.active
-            .iter()
-            .zip(self.origin.iter().zip(&self.scale))
-            .map(|(&j, (o, s))| (x[j] - o) * s)
-            .collect()
+        self.coordinates.scaled(x)
     }
 
     pub(crate) fn solved(&self) -> &Solved {
@@ -460,7 +403,7 @@ impl Model {
         let n = self.points.len();
         let Parameters { sigma2, nugget, .. } = self.parameters;
         let mut correlation = vec![0.0; n * n];
-        fill_correlations(self.kernel, &self.columns, n, &mut correlation);
+        fill_correlations(self.kernel, &self.coordinates.columns, n, &mut correlation);
         let mut factor = vec![0.0; n * n];
         let levels = JITTERS.into_iter().filter(|j| *j > self.jitter);
         for jitter in std::iter::once(self.jitter).chain(levels) {

@@ -6,7 +6,7 @@ use crate::data::Points;
 use crate::gls::Trend;
 use crate::kernel::Kernel;
 use crate::model::{Model, Parameters};
-use crate::{Error, Warning};
+use crate::{Error, Vecchia, Warning};
 
 /// Raised when a change of the format would make older programs misread it.
 const VERSION: u32 = 1;
@@ -62,6 +62,99 @@ struct Version {
     version: u32,
 }
 
+/// A model of nearest neighbours. Its name in the file keeps it from being read as the other kind.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct StoredVecchia {
+    version: u32,
+    method: Method,
+    /// Observations per prediction.
+    neighbours: usize,
+    /// Whether predictions are those of the whole model, of which `model` then has the weights.
+    dense: bool,
+    model: Stored,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Method {
+    Vecchia,
+}
+
+/// Refuses text of another format version.
+fn check_version(text: &str) -> Result<(), Error> {
+    let Version { version } = serde_json::from_str(text).map_err(Error::Json)?;
+    if version != VERSION {
+        return Err(Error::Version {
+            found: version,
+            supported: VERSION,
+        });
+    }
+    Ok(())
+}
+
+impl Vecchia {
+    /// The model as one JSON object. Numbers are written so that they are read back exactly.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Json`] if the writer fails.
+    pub fn to_json(&self) -> Result<String, Error> {
+        let model = match &self.exact {
+            Some(model) => Stored::of(model),
+            None => Stored {
+                negative_log_likelihood: self.nll,
+                ..Stored::new(self.kernel, &self.points, &self.parameters)
+            },
+        };
+        let stored = StoredVecchia {
+            version: VERSION,
+            method: Method::Vecchia,
+            neighbours: self.neighbours,
+            dense: self.exact.is_some(),
+            model,
+        };
+        serde_json::to_string(&stored).map_err(Error::Json)
+    }
+
+    /// Reads what [`Vecchia::to_json`] wrote. The means of the model read are bit for bit those of the
+    /// model written.
+    ///
+    /// # Errors
+    ///
+    /// As [`Model::from_json`], and [`Error::OutOfRange`] for an impossible number of neighbours.
+    pub fn from_json(text: &str) -> Result<Self, Error> {
+        check_version(text)?;
+        let stored: StoredVecchia = serde_json::from_str(text).map_err(Error::Json)?;
+        let (model, neighbours) = (stored.model, stored.neighbours);
+        if neighbours == 0 || neighbours > model.y.len() {
+            return Err(Error::OutOfRange {
+                what: "neighbours",
+                value: neighbours as f64,
+            });
+        }
+        let kernel = model.kernel;
+        let assemble = |points, parameters, nll, exact| {
+            Self::assemble(kernel, points, parameters, nll, neighbours, exact)
+        };
+        if stored.dense {
+            let exact = model.into_model()?;
+            let (points, parameters) = (exact.points.clone(), exact.parameters.clone());
+            let nll = exact.nll;
+            return Ok(assemble(points, parameters, nll, Some(Box::new(exact))));
+        }
+        model.check(0)?;
+        let nll = model.negative_log_likelihood;
+        let (points, parameters) = model.into_parts();
+        let read = assemble(points, parameters, nll, None);
+        if read.coordinates.are_finite() {
+            Ok(read)
+        } else {
+            Err(Error::Extent { what: "x" })
+        }
+    }
+}
+
 impl Model {
     /// The model as one JSON object. Numbers are written so that they are read back exactly.
     ///
@@ -69,32 +162,7 @@ impl Model {
     ///
     /// [`Error::Json`] if the writer fails.
     pub fn to_json(&self) -> Result<String, Error> {
-        let stored = Stored {
-            version: VERSION,
-            kernel: self.kernel,
-            dimensions: self.points.d,
-            mu: self.parameters.mu,
-            sigma2: self.parameters.sigma2,
-            ranges: self
-                .parameters
-                .ranges
-                .iter()
-                .map(|r| r.is_finite().then_some(*r))
-                .collect(),
-            jitter: self.jitter,
-            negative_log_likelihood: self.nll,
-            warnings: self.points.warnings.clone(),
-            x: self.points.x.clone(),
-            y: self.points.y.clone(),
-            noise_variance: self.points.noise.clone(),
-            weights: self.weights.clone(),
-            first_observation: self.points.first.clone(),
-            trend: self.trend,
-            slopes: self.parameters.slopes.clone(),
-            nugget: self.parameters.nugget,
-            calibration: self.calibration,
-        };
-        serde_json::to_string(&stored).map_err(Error::Json)
+        serde_json::to_string(&Stored::of(self)).map_err(Error::Json)
     }
 
     /// Reads what [`Model::to_json`] wrote. The means of the model read are bit for bit those of the
@@ -105,61 +173,94 @@ impl Model {
     /// [`Error::Json`] and [`Error::Version`] for text that is not such a model, [`Error::Shape`],
     /// [`Error::NonFinite`] and [`Error::NegativeNoise`] for one whose numbers do not fit together.
     pub fn from_json(text: &str) -> Result<Self, Error> {
-        let Version { version } = serde_json::from_str(text).map_err(Error::Json)?;
-        if version != VERSION {
-            return Err(Error::Version {
-                found: version,
-                supported: VERSION,
-            });
-        }
+        check_version(text)?;
         let stored: Stored = serde_json::from_str(text).map_err(Error::Json)?;
-        stored.check()?;
+        stored.into_model()
+    }
+}
+
+impl Stored {
+    /// What all models have; no weights, likelihood, jitter or trend.
+    fn new(kernel: Kernel, points: &Points, parameters: &Parameters) -> Self {
+        let ranges = parameters.ranges.iter();
+        Self {
+            version: VERSION,
+            kernel,
+            dimensions: points.d,
+            mu: parameters.mu,
+            sigma2: parameters.sigma2,
+            ranges: ranges.map(|r| r.is_finite().then_some(*r)).collect(),
+            jitter: 0.0,
+            negative_log_likelihood: 0.0,
+            warnings: points.warnings.clone(),
+            x: points.x.clone(),
+            y: points.y.clone(),
+            noise_variance: points.noise.clone(),
+            weights: Vec::new(),
+            first_observation: points.first.clone(),
+            trend: Trend::Constant,
+            slopes: parameters.slopes.clone(),
+            nugget: parameters.nugget,
+            calibration: 1.0,
+        }
+    }
+
+    fn of(model: &Model) -> Self {
+        Self {
+            jitter: model.jitter,
+            negative_log_likelihood: model.nll,
+            weights: model.weights.clone(),
+            trend: model.trend,
+            calibration: model.calibration,
+            ..Self::new(model.kernel, &model.points, &model.parameters)
+        }
+    }
+
+    fn into_parts(self) -> (Points, Parameters) {
         let points = Points {
-            d: stored.dimensions,
-            x: stored.x,
-            y: stored.y,
-            noise: stored.noise_variance,
-            first: stored.first_observation,
+            d: self.dimensions,
+            x: self.x,
+            y: self.y,
+            noise: self.noise_variance,
+            first: self.first_observation,
             within: 0.0,
-            warnings: stored.warnings,
+            warnings: self.warnings,
         };
-        let ranges = stored
-            .ranges
-            .iter()
-            .map(|r| r.unwrap_or(f64::INFINITY))
-            .collect();
+        let ranges = self.ranges.iter();
         let parameters = Parameters {
-            mu: stored.mu,
-            sigma2: stored.sigma2,
-            ranges,
-            slopes: stored.slopes,
-            nugget: stored.nugget,
+            mu: self.mu,
+            sigma2: self.sigma2,
+            ranges: ranges.map(|r| r.unwrap_or(f64::INFINITY)).collect(),
+            slopes: self.slopes,
+            nugget: self.nugget,
         };
-        let mut model = Self::assemble(
-            stored.kernel,
-            stored.trend,
-            points,
-            parameters,
-            stored.jitter,
-        );
-        model.weights = stored.weights;
-        model.nll = stored.negative_log_likelihood;
-        model.calibration = stored.calibration;
-        if !model.coordinates_are_finite() {
+        (points, parameters)
+    }
+
+    fn into_model(mut self) -> Result<Model, Error> {
+        self.check(self.y.len())?;
+        let (kernel, trend, jitter) = (self.kernel, self.trend, self.jitter);
+        let (nll, calibration) = (self.negative_log_likelihood, self.calibration);
+        let weights = std::mem::take(&mut self.weights);
+        let (points, parameters) = self.into_parts();
+        let mut model = Model::assemble(kernel, trend, points, parameters, jitter);
+        model.weights = weights;
+        model.nll = nll;
+        model.calibration = calibration;
+        if !model.coordinates.are_finite() {
             return Err(Error::Extent { what: "x" });
         }
         if !model.determines_trend() {
             return Err(Error::Trend {
                 distinct: model.points(),
-                coefficients: model.trend.coefficients(model.active.len()),
+                coefficients: model.trend.coefficients(model.coordinates.active.len()),
             });
         }
         Ok(model)
     }
-}
 
-impl Stored {
-    fn check(&self) -> Result<(), Error> {
+    /// Whether the numbers fit together, with so many weights.
+    fn check(&self, weights: usize) -> Result<(), Error> {
         let (n, d) = (self.y.len(), self.dimensions);
         if n < 2 {
             return Err(Error::TooFewPoints { distinct: n });
@@ -170,7 +271,7 @@ impl Stored {
             ("x", n.checked_mul(d).unwrap_or(0), self.x.len()),
             ("ranges", d, self.ranges.len()),
             ("noise variance", n, self.noise_variance.len()),
-            ("weights", n, self.weights.len()),
+            ("weights", weights, self.weights.len()),
             ("first observation", n, self.first_observation.len()),
         ];
         for (what, expected, got) in shapes {

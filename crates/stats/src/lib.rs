@@ -8,11 +8,16 @@
 //!   known noise of the observation.
 //! - [`normal_p90`]: the same with the exact quantile, the exact variance or without bias.
 //! - [`harrell_davis_p90`], [`order_statistic_p90`], [`choose_p90`]: where samples are not normal.
+//! - [`control_variate_p90`], [`normal_coefficients`] and [`grouped_p90`]: the same percentile from fewer
+//!   samples, by a control variate, antithetic or quasi-random coefficients.
+//! - [`samples_needed`]: how many more samples until the percentile is precise enough.
 //! - [`lilliefors`]: whether the sample may be called normal at all.
 //! - [`streams`]: named random streams.
 
 #![warn(missing_docs)]
 
+mod coefficients;
+mod control;
 mod error;
 mod exact;
 mod moments;
@@ -20,14 +25,19 @@ mod normality;
 mod percentile;
 mod quantile;
 mod rank;
+mod sequential;
 pub mod streams;
 
+pub use coefficients::{GROUPED_MIN_GROUPS, Sampling, grouped_p90, normal_coefficients};
+pub use control::{CONTROL_MIN_SAMPLES, Control, Controlled, control_variate_p90};
 pub use error::Error;
 pub use exact::{
     EXACT_Z90, NormalOptions, VarianceFormula, Z90, c4, exact_p90_variance, normal_p90, sd_bias,
 };
 pub use moments::mean_sd;
-pub use normality::{LILLIEFORS_MIN_SAMPLES, Lilliefors, lilliefors};
+pub use normality::{
+    LILLIEFORS_MIN_SAMPLES, Lilliefors, lilliefors, lilliefors_critical_value, lilliefors_p_value,
+};
 pub use percentile::{
     PAPER_Z90, PERCENTILE_MIN_SAMPLES, Percentile, p90_interval, p90_variance, percentile_p90,
 };
@@ -36,3 +46,4 @@ pub use quantile::{
     harrell_davis_p90, order_statistic_p90,
 };
 pub use rank::spearman;
+pub use sequential::{SequentialRule, samples_needed};

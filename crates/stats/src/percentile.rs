@@ -2,7 +2,7 @@
 
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-use crate::{Error, mean_sd};
+use crate::{Error, NormalOptions, normal_p90};
 
 /// The 90 % quantile of the standard normal distribution as the paper rounds it in (8) and (14)
 /// (exactly 1.28155…).
@@ -35,21 +35,7 @@ pub struct Percentile {
 ///
 /// [`Error::TooFewSamples`] below [`PERCENTILE_MIN_SAMPLES`], and the errors of [`mean_sd`].
 pub fn percentile_p90(samples: &[f64]) -> Result<Percentile, Error> {
-    let n = samples.len();
-    check_count(n)?;
-    let (mean, sd) = mean_sd(samples)?;
-    let p90 = mean + PAPER_Z90 * sd;
-    let variance = p90_variance(sd * sd, n, PAPER_Z90)?;
-    if !p90.is_finite() {
-        return Err(Error::Overflow { n });
-    }
-    Ok(Percentile {
-        n,
-        mean,
-        sd,
-        p90,
-        variance,
-    })
+    normal_p90(samples, &NormalOptions::default())
 }
 
 /// The variance of m + z s for `k` normal samples of variance `sigma2`, equation (14):

@@ -121,7 +121,7 @@ fn a_seed_names_a_design() {
 #[test]
 fn the_first_point_is_pinned() {
     let design = maximin(25, 4, &options(2009, 0.01)).unwrap();
-    assert_eq!(levels(&design)[0], [12, 0, 16, 11]);
+    assert_eq!(levels(&design)[0], [12, 11, 2, 21]);
 }
 
 /// Small enough to try all: the search finds the optimum.
@@ -153,7 +153,7 @@ fn tiny_designs_are_optimal() {
 /// random designs has about 0.30 and 0.14.
 #[test]
 fn points_are_far_apart_in_six_variables() {
-    for (n, effort, threshold) in [(100, 1.0, 0.60), (500, 0.4, 0.41)] {
+    for (n, effort, threshold) in [(100, 1.0, 0.60), (500, 1.0, 0.41)] {
         let design = maximin(n, 6, &options(1, effort)).unwrap();
         let distance = design.min_distance();
         assert!(
@@ -181,7 +181,7 @@ fn the_search_beats_a_thousand_random_designs() {
 #[test]
 fn large_designs_are_accepted() {
     let start = maximin(20_000, 3, &options(1, 0.0)).unwrap();
-    let design = maximin(20_000, 3, &options(1, 0.002)).unwrap();
+    let design = maximin(20_000, 3, &options(1, 0.01)).unwrap();
     assert!(design.is_latin() && start.is_latin());
     assert!(design.min_distance() > start.min_distance());
     assert!(random_lhs(100_000, 20, 1).unwrap().is_latin());

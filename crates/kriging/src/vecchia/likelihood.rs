@@ -409,7 +409,7 @@ mod tests {
                 kernel,
                 ..Form::default()
             };
-            let exact = Likelihood::new(form, &data, 0.0)
+            let exact = Likelihood::new(form, std::borrow::Cow::Borrowed(&data), 0.0)
                 .evaluate(&at, Order::Gradient)
                 .unwrap();
             // Rounding times the condition of the matrix.

@@ -102,6 +102,26 @@ proptest! {
     }
 
     #[test]
+    fn the_mean_interpolates_as_the_noise_vanishes(
+        seed in 0..1000_u64, n in 8..30_usize, kernel in kernels(), linear in any::<bool>(),
+    ) {
+        let mut sample = random_sample(seed, n, 2, 3.0);
+        sample.y = sample.x.chunks(2).map(|x| (4.0 * x[0]).sin() + (4.0 * x[1]).sin()).collect();
+        let miss = |noise: f64| {
+            let sample = Sample { noise: vec![noise; n], ..sample.clone() };
+            let model = fit(&sample.data(), &options(kernel, linear)).unwrap();
+            (0..n)
+                .map(|i| (model.mean(sample.row(i)) - sample.y[i]).abs())
+                .fold(0.0, f64::max)
+        };
+        // No residual is beyond a few standard deviations of the noise; a jitter of the smoothest
+        // kernel adds 1e-8 of a process variance that may be a hundred times the data's.
+        prop_assert!(miss(1e-4) < 0.05);
+        prop_assert!(miss(1e-8) < 2e-3);
+        prop_assert!(miss(0.0) < 1e-3);
+    }
+
+    #[test]
     fn permutations_do_not_change_a_bit(
         seed in 0..1000_u64, n in 8..40_usize, step in 1..40_usize, kernel in kernels(),
         linear in any::<bool>(), nugget in any::<bool>(),

@@ -1,6 +1,9 @@
 //! Kriging by nearest-neighbour conditioning against the exact one.
 
-use kriging::{Error, FitOptions, VecchiaOptions, Warning, fit, fit_vecchia};
+use kriging::{
+    Accuracy, Error, FitOptions, Model, Plan, Surrogate, Trend, Vecchia, VecchiaOptions, Warning,
+    fit, fit_vecchia, fit_with_accuracy,
+};
 
 use crate::common::Sample;
 
@@ -100,4 +103,109 @@ fn hard_data_and_odd_options() {
         })
     ));
     assert!(model.predict_many(&[0.1, 0.2, 0.3]).is_err());
+}
+
+#[test]
+fn a_newton_step_comes_near_the_optimum() {
+    // The subset is a quarter of the points.
+    let sample = Sample::smooth(500, 2, 0.05);
+    let exact = fit(&sample.data(), &FitOptions::default()).unwrap();
+    let of = |newton_step: bool| {
+        let options = VecchiaOptions {
+            subset: if newton_step { 312 } else { 125 },
+            newton_step,
+            ..VecchiaOptions::default()
+        };
+        let model = fit_vecchia(&sample.data(), &options).unwrap();
+        model.negative_log_likelihood() - exact.negative_log_likelihood()
+    };
+    let (with, without) = (of(true), of(false));
+    assert!(with > -1e-6 && with < 1.5, "{with}");
+    assert!(with < 0.5 * without, "{with} {without}");
+}
+
+#[test]
+fn stored_models_predict_the_same_bits() {
+    let sample = Sample::smooth(60, 2, 0.01);
+    for options in [sparse(), VecchiaOptions::default()] {
+        let model = fit_vecchia(&sample.data(), &options).unwrap();
+        let text = model.to_json().unwrap();
+        let read = Vecchia::from_json(&text).unwrap();
+        for x in [[0.3, 0.6], [1.2, -0.4]] {
+            assert_eq!(read.mean(&x).to_bits(), model.mean(&x).to_bits());
+            assert_eq!(read.predict(&x), model.predict(&x));
+        }
+        assert_eq!(read.to_json().unwrap(), text);
+        assert_eq!(read.conditioning(), model.conditioning());
+        assert_eq!(read.warnings(), model.warnings());
+
+        // One kind of model is not read as the other, nor another version, nor a broken one.
+        assert!(matches!(Model::from_json(&text), Err(Error::Json(_))));
+        let newer = text.replacen("\"version\":1", "\"version\":2", 1);
+        assert!(matches!(
+            Vecchia::from_json(&newer),
+            Err(Error::Version { found: 2, .. })
+        ));
+        let none = text.replacen("\"neighbours\":60", "\"neighbours\":0", 1);
+        assert!(none != text);
+        assert!(matches!(
+            Vecchia::from_json(&none),
+            Err(Error::OutOfRange {
+                what: "neighbours",
+                ..
+            })
+        ));
+        let short = text.replacen("\"y\":[", "\"y\":[1.0,", 1);
+        assert!(matches!(
+            Vecchia::from_json(&short),
+            Err(Error::Shape { .. })
+        ));
+        let bad = text.replacen("\"sigma2\":", "\"sigma2\":-", 1);
+        assert!(Vecchia::from_json(&bad).is_err());
+    }
+    let exact = fit(&sample.data(), &FitOptions::default()).unwrap();
+    let text = exact.to_json().unwrap();
+    assert!(matches!(Vecchia::from_json(&text), Err(Error::Json(_))));
+}
+
+#[test]
+fn the_accuracy_chooses_the_method() {
+    let dense = VecchiaOptions::default().dense;
+    assert_eq!(Accuracy::Exact.plan(100_000), Plan::Exact);
+    assert_eq!(Accuracy::Fine.plan(1000), Plan::Exact);
+    for accuracy in Accuracy::ALL {
+        assert_eq!(accuracy.name().parse::<Accuracy>().unwrap(), accuracy);
+    }
+    assert!("finest".parse::<Accuracy>().is_err());
+    let neighbours = |accuracy: Accuracy, n: usize| match accuracy.plan(n) {
+        Plan::Vecchia(options) if options.dense < n => options.prediction_neighbours,
+        _ => n,
+    };
+    // Never fewer observations for a finer accuracy.
+    for n in [100, 1000, 1001, dense, dense + 1, 2 * dense + 1, 100_000] {
+        let counts = Accuracy::ALL.map(|accuracy| neighbours(accuracy, n));
+        assert!(counts.is_sorted_by(|a, b| a >= b), "{n}: {counts:?}");
+    }
+
+    let sample = Sample::smooth(80, 2, 0.01);
+    let options = FitOptions::default();
+    let of = |accuracy| fit_with_accuracy(&sample.data(), &options, accuracy).unwrap();
+    let (exact, standard) = (of(Accuracy::Exact), of(Accuracy::Standard));
+    assert!(matches!(exact, Surrogate::Exact(_)));
+    assert!(matches!(standard, Surrogate::Vecchia(_)));
+    let x = [0.4, 0.7];
+    let p = exact.predict(&x);
+    assert!((p.mean - standard.mean(&x)).abs() < 0.05 * p.variance.sqrt());
+    assert_eq!(standard.means(&x).unwrap(), [standard.mean(&x)]);
+    assert_eq!(exact.predict_many(&x).unwrap()[0], p);
+    let linear = FitOptions {
+        trend: Trend::Linear,
+        ..FitOptions::default()
+    };
+    assert!(matches!(
+        fit_with_accuracy(&sample.data(), &linear, Accuracy::Coarse),
+        Err(Error::ExactOnly {
+            what: "a linear trend"
+        })
+    ));
 }

@@ -5,3 +5,5 @@ mod moments;
 mod normality;
 mod percentile;
 mod quantile;
+mod reduction;
+mod sequential;

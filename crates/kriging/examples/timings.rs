@@ -1,0 +1,109 @@
+//! Processor time of the fit's and the prediction's parts, beside that of a matrix product.
+//!
+//! `cargo run --release -p kriging --example timings -- F.csv [ROWS]` (a header; d coordinates, `y`,
+//! `noise_var`, anything; 36 000 rows are predicted)
+//!
+//! Times are the processor's, of all threads together, the best of several runs. Other work on the
+//! machine slows them; the rate of a matrix product of the same size says by how much.
+
+#![expect(clippy::print_stdout, reason = "an example's output is its purpose")]
+
+use std::error::Error;
+
+use faer::linalg::matmul::matmul;
+use faer::{Accum, Mat, Par};
+use kriging::{Data, FitOptions, LogLikelihood, VecchiaOptions, fit, fit_vecchia};
+use rand::RngExt as _;
+use rustix::time::{ClockId, clock_gettime};
+use stats::streams::{Purpose, stream};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut arguments = std::env::args().skip(1);
+    let file = arguments.next().ok_or("usage: timings F.csv [ROWS]")?;
+    let rows: usize = arguments.next().map_or(Ok(36_000), |text| text.parse())?;
+
+    let mut reader = csv::Reader::from_path(file)?;
+    let d = reader.headers()?.iter().position(|name| name == "y");
+    let d = d.ok_or("the file needs a column y")?;
+    let (mut x, mut y, mut noise_variance) = (Vec::new(), Vec::new(), Vec::new());
+    for record in reader.records() {
+        let row: Vec<f64> = record?.iter().map(str::parse).collect::<Result<_, _>>()?;
+        x.extend_from_slice(&row[..d]);
+        y.push(row[d]);
+        noise_variance.push(row[d + 1]);
+    }
+    let data = Data {
+        x: &x,
+        d,
+        y: &y,
+        noise_variance: &noise_variance,
+    };
+    let n = y.len();
+    println!("n = {n}, d = {d}; processor time in seconds");
+
+    let a = Mat::<f64>::from_fn(n, n, |i, j| (i + 2 * j) as f64 / n as f64);
+    let mut b = a.clone();
+    let product = || matmul(b.as_mut(), Accum::Replace, &a, &a, 1.0, Par::Seq);
+    let (seconds, ()) = best(3, product);
+    let rate = 2.0 * (n as f64).powi(3) / seconds * 1e-9;
+    println!("matrix product            {seconds:9.4}   {rate:.0} GFlop/s");
+
+    let (seconds, model) = best(3, || fit(&data, &FitOptions::default()));
+    let model = model?;
+    let nll = model.negative_log_likelihood();
+    println!("fit                       {seconds:9.4}   nll {nll:.3}");
+
+    let mut function = LogLikelihood::new(&data, model.kernel(), model.trend())?;
+    let (seconds, value) = best(7, || function.evaluate(model.parameters()));
+    let slope = value?.ln_sigma2;
+    let rate = (n as f64).powi(3) / seconds * 1e-9;
+    println!("likelihood with gradient  {seconds:9.4}   {rate:.0} GFlop/s, slope {slope:.1e}");
+
+    let mut rng = stream(1, Purpose::Test, 0, 0);
+    let points: Vec<f64> = (0..rows * d).map(|_| rng.random()).collect();
+    let (seconds, means) = best(5, || model.means(&points));
+    let first = means?[0];
+    println!("{rows} means             {seconds:9.4}   the first {first:.6}");
+    let (seconds, sum) = best(20, || {
+        points
+            .chunks_exact(d)
+            .take(100)
+            .map(|x| model.mean(x))
+            .sum::<f64>()
+    });
+    println!(
+        "one mean                  {:9.2e}   sum of 100 {sum:.6}",
+        seconds / 100.0
+    );
+    let (seconds, predictions) = best(2, || model.predict_many(&points));
+    let first = predictions?[0].variance;
+    // A triangular solve takes n² multiplications and additions.
+    let rate = (n as f64).powi(2) * rows as f64 / seconds * 1e-9;
+    println!("{rows} with variances    {seconds:9.4}   {rate:.0} GFlop/s, the first {first:.6}");
+
+    let (seconds, vecchia) = best(3, || fit_vecchia(&data, &VecchiaOptions::default()));
+    let nll = vecchia?.negative_log_likelihood();
+    println!("vecchia fit               {seconds:9.4}   nll {nll:.3}");
+    Ok(())
+}
+
+/// The least processor time of several runs, and the last result.
+fn best<T>(runs: usize, mut run: impl FnMut() -> T) -> (f64, T) {
+    let timed = |run: &mut dyn FnMut() -> T| {
+        let start = processor_seconds();
+        let result = run();
+        (processor_seconds() - start, result)
+    };
+    let (mut least, mut result) = timed(&mut run);
+    for _ in 1..runs {
+        let (seconds, next) = timed(&mut run);
+        least = least.min(seconds);
+        result = next;
+    }
+    (least, result)
+}
+
+fn processor_seconds() -> f64 {
+    let time = clock_gettime(ClockId::ProcessCPUTime);
+    time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
+}

@@ -1,0 +1,78 @@
+//! The points' coordinates in units of the ranges.
+
+use crate::data::Points;
+use crate::kernel::Kernel;
+
+/// The coordinates a model depends on, those of finite range. All vectors have one entry for each.
+#[derive(Debug, Clone)]
+pub(crate) struct Coordinates {
+    /// Which of the points' d coordinates they are.
+    pub(crate) active: Vec<usize>,
+    /// The smallest value among the points: coordinates are taken relative to it.
+    origin: Vec<f64>,
+    /// How far the points extend from there.
+    pub(crate) extents: Vec<f64>,
+    /// Length factor of the kernel over range.
+    pub(crate) scale: Vec<f64>,
+    /// The points' scaled coordinates.
+    pub(crate) columns: Vec<Vec<f64>>,
+}
+
+impl Coordinates {
+    pub(crate) fn new(kernel: Kernel, points: &Points, ranges: &[f64]) -> Self {
+        let active: Vec<usize> = (0..points.d).filter(|&j| ranges[j].is_finite()).collect();
+        let values = |j: usize| (0..points.len()).map(move |i| points.row(i)[j]);
+        let (mut origin, mut extents) = (Vec::new(), Vec::new());
+        for &j in &active {
+            let low = values(j).fold(f64::INFINITY, f64::min);
+            let high = values(j).fold(f64::NEG_INFINITY, f64::max);
+            origin.push(low);
+            extents.push(high - low);
+        }
+        let factor = |&j: &usize| kernel.length_factor() / ranges[j];
+        let scale: Vec<f64> = active.iter().map(factor).collect();
+        let columns = active
+            .iter()
+            .zip(origin.iter().zip(&scale))
+            .map(|(&j, (o, s))| values(j).map(|x| (x - o) * s).collect())
+            .collect();
+        Self {
+            active,
+            origin,
+            extents,
+            scale,
+            columns,
+        }
+    }
+
+    /// The middle of coordinate k among the points.
+    pub(crate) fn centre(&self, k: usize) -> f64 {
+        self.origin[k] + 0.5 * self.extents[k]
+    }
+
+    /// The scaled coordinates of `x`.
+    pub(crate) fn scaled(&self, x: &[f64]) -> Vec<f64> {
+        self.active
+            .iter()
+            .zip(self.origin.iter().zip(&self.scale))
+            .map(|(&j, (o, s))| (x[j] - o) * s)
+            .collect()
+    }
+
+    /// Whether no coordinate overflows in units of its range.
+    pub(crate) fn are_finite(&self) -> bool {
+        self.columns.iter().flatten().all(|c| c.is_finite())
+    }
+}
+
+/// The rows of d coordinates that `x` holds.
+pub(crate) fn rows(x: &[f64], d: usize) -> Result<Vec<&[f64]>, crate::Error> {
+    if !x.len().is_multiple_of(d) {
+        return Err(crate::Error::Shape {
+            what: "x",
+            expected: (x.len() / d + 1) * d,
+            got: x.len(),
+        });
+    }
+    Ok(x.chunks_exact(d).collect())
+}

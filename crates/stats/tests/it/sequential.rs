@@ -1,0 +1,101 @@
+use rand_distr::{Distribution as _, StandardNormal};
+use stats::streams::{Purpose, stream};
+use stats::{Error, SequentialRule, VarianceFormula, Z90, mean_sd, p90_variance, samples_needed};
+
+fn rule(precision: f64, batch: usize, most: usize) -> SequentialRule {
+    SequentialRule {
+        precision,
+        batch,
+        most,
+        z: Z90::Exact,
+        variance: VarianceFormula::Exact,
+    }
+}
+
+#[test]
+fn the_number_is_the_smallest_that_suffices() {
+    let rule = SequentialRule {
+        z: Z90::Paper,
+        variance: VarianceFormula::Taylor,
+        ..rule(0.2, 10, 10_000)
+    };
+    // From 60 on, one step reaches the goal.
+    let more = samples_needed(60, 1.3, &rule).unwrap();
+    assert!(more > 10 && more < 60, "{more}");
+    let error = |k: usize| p90_variance(1.3 * 1.3, k, 1.28).unwrap().sqrt();
+    assert!(error(60 + more) <= 0.2 && error(60 + more - 1) > 0.2);
+    assert_eq!(samples_needed(60 + more, 1.3, &rule).unwrap(), 0);
+}
+
+#[test]
+fn batches_are_bounded() {
+    let rule = rule(0.01, 25, 400);
+    assert_eq!(samples_needed(0, f64::NAN, &rule), Ok(25));
+    assert_eq!(samples_needed(10, 0.0, &rule), Ok(15));
+    // At most as many again, and never beyond the most.
+    assert_eq!(samples_needed(25, 1.0, &rule), Ok(25));
+    assert_eq!(samples_needed(100, 1.0, &rule), Ok(100));
+    assert_eq!(samples_needed(390, 1.0, &rule), Ok(10));
+    assert_eq!(samples_needed(400, 1.0, &rule), Ok(0));
+    assert_eq!(samples_needed(500, 1.0, &rule), Ok(0));
+    // No scatter, no need; a tiny need is still a batch.
+    assert_eq!(samples_needed(25, 0.0, &rule), Ok(0));
+    let near = SequentialRule {
+        precision: 0.2,
+        ..rule
+    };
+    assert_eq!(samples_needed(44, 1.0, &near), Ok(25));
+    // A most below the batch wins.
+    let small = SequentialRule { most: 8, ..rule };
+    assert_eq!(samples_needed(0, 0.0, &small), Ok(8));
+    assert_eq!(samples_needed(8, 0.0, &small), Ok(0));
+    for precision in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let rule = SequentialRule { precision, ..rule };
+        assert!(matches!(
+            samples_needed(30, 1.0, &rule),
+            Err(Error::OutOfRange { .. })
+        ));
+    }
+    assert!(samples_needed(30, f64::NAN, &rule).is_err());
+}
+
+/// Root mean square deviation of the percentile from its mean, its bias, and the mean number of
+/// samples, for standard normal samples under a rule.
+fn simulate(rule: &SequentialRule, repeats: u64) -> (f64, f64, f64) {
+    let (mut sum, mut squares, mut count) = (0.0, 0.0, 0.0);
+    for i in 0..repeats {
+        let mut rng = stream(3, Purpose::Test, rule.batch as u64, i);
+        let mut samples: Vec<f64> = Vec::new();
+        loop {
+            let sd = mean_sd(&samples).map_or(f64::NAN, |(_, sd)| sd);
+            let more = samples_needed(samples.len(), sd, rule).unwrap();
+            if more == 0 {
+                break;
+            }
+            samples.extend((0..more).map(|_| -> f64 { StandardNormal.sample(&mut rng) }));
+        }
+        let (mean, sd) = mean_sd(&samples).unwrap();
+        let off = mean + rule.z.value() * (sd - 1.0);
+        sum += off;
+        squares += off * off;
+        count += samples.len() as f64;
+    }
+    let n = repeats as f64;
+    let bias = sum / n;
+    ((squares / n - bias * bias).sqrt(), bias, count / n)
+}
+
+#[test]
+fn stopping_costs_little() {
+    // 0.135 takes 100 samples.
+    for (batch, excess, bias) in [(25, 1.02, 0.02), (10, 1.04, 0.025)] {
+        let (error, off, count) = simulate(&rule(0.135, batch, 1000), 20_000);
+        // The error of the standard error is 1/√40 000 = 0.5 %.
+        assert!(
+            error < excess * 0.135 && error > 0.9 * 0.135,
+            "{batch}: {error} {off} {count}"
+        );
+        assert!(off < 0.003 && off > -bias, "{batch}: {off} {error} {count}");
+        assert!(count > 90.0 && count < 125.0, "{batch}: {count}");
+    }
+}
