@@ -265,9 +265,17 @@ fn a_program_that_fails_on_one_design_spoils_no_other() {
     let run = ["run", &file, "--db", "store.db", "--exec", &exec];
     assert_code(&sandbox.coordinator(&run), 13);
     let status = finished(&sandbox, "store.db");
-    let groups = status["failure_groups"].to_string();
-    for part in ["exit status: 7", "the mesher gave up", "sample 0"] {
-        assert!(groups.contains(part), "no {part:?} in {groups}");
+    let table = ["export", "--db", "store.db", "--table", "failures"];
+    let table = [&table[..], &["--out", "failures.csv"]].concat();
+    assert_code(&sandbox.coordinator(&table), 0);
+    let failures = std::fs::read_to_string(sandbox.path("failures.csv")).unwrap();
+    for part in [
+        "exit status: 7",
+        "the mesher gave up",
+        "sample 0",
+        "quarantine",
+    ] {
+        assert!(failures.contains(part), "no {part:?} in {failures}");
     }
     assert_eq!(status["designs"]["done"], 19, "{status}");
     let feasible = status["designs"]["feasible"].as_u64().unwrap();

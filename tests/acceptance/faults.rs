@@ -152,7 +152,7 @@ fn a_damaged_page_is_refused_and_left_as_it_is() {
 }
 
 #[test]
-fn a_store_that_cannot_be_written_is_refused_and_can_still_be_read() {
+fn a_store_that_cannot_be_written_is_refused_and_loses_nothing() {
     if !can_unshare() {
         // Permissions do not bind root, and only root gets a mount namespace.
         read_only_by_permissions();

@@ -160,10 +160,7 @@ async fn served(campaign: &Campaign, digest: Option<String>) -> anyhow::Result<S
     let board = Arc::new(Board::new(options, 1));
     let service = Service {
         board: Arc::clone(&board),
-        recorder: StoreRecorder {
-            store: store.clone(),
-            writer: store.writer()?,
-        },
+        recorder: StoreRecorder::new(&store)?,
         campaign_json: campaign.to_json(),
         model_digest: digest,
     };
@@ -736,10 +733,7 @@ async fn large(designs: usize, samples: usize) -> anyhow::Result<()> {
         store.progress().await?.samples,
         began.elapsed()
     );
-    let recorder = StoreRecorder {
-        store: store.clone(),
-        writer: writer.clone(),
-    };
+    let recorder = StoreRecorder::new(&store)?;
     recorder.status().await?;
     let began = Instant::now();
     let status = recorder.status().await?;

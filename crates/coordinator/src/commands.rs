@@ -101,7 +101,9 @@ const fn store_exit_code(error: &store::Error) -> u8 {
         E::NoStore { .. } => exit::NO_STORE,
         E::OtherCampaign { .. } | E::ModelDigestConflict { .. } => exit::OTHER_CAMPAIGN,
         E::NotADatabase { .. } | E::NotAStore { .. } => exit::NOT_A_STORE,
-        E::Damaged { .. } | E::NewerSchema { .. } | E::OlderSchema { .. } => exit::UNUSABLE_STORE,
+        E::Damaged { .. } | E::Behind { .. } | E::NewerSchema { .. } | E::OlderSchema { .. } => {
+            exit::UNUSABLE_STORE
+        }
         E::Locked { .. } => exit::STORE_LOCKED,
         E::Io { .. } | E::DiskFull { .. } => exit::FILE_ACCESS,
         _ => exit::FAILURE,

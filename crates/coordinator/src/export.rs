@@ -20,6 +20,8 @@ pub enum Table {
     Responses,
     /// What the approaches found.
     Optima,
+    /// Everything that went wrong, in its order, with all that was said about it.
+    Failures,
 }
 
 /// Writes a table.
@@ -34,6 +36,7 @@ pub async fn write(store: &Store, table: Table, out: impl Write) -> anyhow::Resu
         Table::Samples => samples(store, &mut out).await?,
         Table::Responses => responses(store, &mut out).await?,
         Table::Optima => optima(store, &mut out).await?,
+        Table::Failures => failures(store, &mut out).await?,
     }
     out.flush()?;
     Ok(())
@@ -46,6 +49,16 @@ fn number(value: f64) -> String {
 
 fn optional(value: Option<f64>) -> String {
     value.map_or_else(String::new, number)
+}
+
+async fn failures<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Result<()> {
+    out.write_record(["job", "attempt", "worker", "kind", "error"])?;
+    for row in store.failures().await? {
+        let attempt = row.attempt.to_string();
+        let kind = row.kind.as_str();
+        out.write_record([&row.job, &attempt, &row.worker, kind, &row.error])?;
+    }
+    Ok(())
 }
 
 async fn designs<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Result<()> {

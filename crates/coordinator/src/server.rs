@@ -150,14 +150,19 @@ pub async fn run(
         &problem,
         model_digest,
         &store,
-        (listener, address),
-        metrics,
+        Ports {
+            listener,
+            address,
+            metrics,
+        },
         observer,
         &shutdown,
     )
     .await;
-    store.close().await?;
-    result
+    let closed = store.close().await;
+    let outcome = result?;
+    closed?;
+    Ok(outcome)
 }
 
 async fn listen(address: SocketAddr) -> Result<TcpListener, Error> {
@@ -166,17 +171,31 @@ async fn listen(address: SocketAddr) -> Result<TcpListener, Error> {
         .map_err(|source| Error::Listen { address, source })
 }
 
+/// What is listened on.
+struct Ports {
+    listener: TcpListener,
+    address: SocketAddr,
+    metrics: Option<TcpListener>,
+}
+
 async fn run_open(
     plan: &Plan,
     problem: &Arc<Problem>,
     model_digest: Option<String>,
     store: &Store,
-    (listener, address): (TcpListener, SocketAddr),
-    metrics: Option<TcpListener>,
+    ports: Ports,
     observer: Option<Observer>,
     shutdown: &CancellationToken,
 ) -> Result<Outcome, Error> {
-    if let Some(digest) = &model_digest {
+    let Ports {
+        listener,
+        address,
+        metrics,
+    } = ports;
+    // Not written again, as a commit waits until a large file has been checked.
+    if let Some(digest) = &model_digest
+        && store.campaign().await?.model_digest.as_ref() != Some(digest)
+    {
         store.pin_model_digest(digest).await?;
     }
     let writer = store.writer()?;
@@ -185,10 +204,7 @@ async fn run_open(
         ..scheduler::Options::default()
     };
     let board = Arc::new(Board::new(options, rand::random()));
-    let recorder = StoreRecorder {
-        store: store.clone(),
-        writer: writer.clone(),
-    };
+    let recorder = StoreRecorder::new(store)?;
     let service = Service {
         board: Arc::clone(&board),
         recorder: recorder.clone(),
@@ -210,7 +226,7 @@ async fn run_open(
     }
     if let Some(observer) = observer {
         let (board, stop) = (Arc::clone(&board), hang_up.clone());
-        tokio::spawn(stop.run_until_cancelled_owned(observe(observer, board, recorder)));
+        tokio::spawn(stop.run_until_cancelled_owned(observe(observer, board, recorder.clone())));
     }
 
     let stop_workers = CancellationToken::new();
@@ -235,6 +251,8 @@ async fn run_open(
             failed = first_failure(&mut local_workers), if !local_workers.is_empty() => {
                 Err(Error::from(failed))
             }
+            broken = recorder.broken() => Err(Error::Store(broken)),
+            damaged = damage(store) => Err(Error::Store(damaged)),
         };
         let given_up = match ended {
             Ok(Some(Ended { given_up })) => given_up,
@@ -284,6 +302,14 @@ async fn first_failure(
         }
     }
     std::future::pending().await
+}
+
+/// Ends with what a check of the store's file finds; never when it is sound.
+async fn damage(store: &Store) -> store::Error {
+    match store.checked().await {
+        Ok(()) => std::future::pending().await,
+        Err(error) => error,
+    }
 }
 
 async fn observe(observer: Observer, board: Arc<Board>, recorder: StoreRecorder) {

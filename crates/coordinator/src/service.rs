@@ -13,6 +13,7 @@ use protocol::v1::{
 };
 use scheduler::Failure;
 use store::{Batch, FailureKind, Receipt, Store, Writer};
+use tokio::sync::watch;
 use tonic::{Request, Response, Status};
 use tracing::{debug, error, info, warn};
 
@@ -40,16 +41,57 @@ pub trait Recorder: Clone + Send + Sync + 'static {
 /// The real thing.
 #[derive(Debug, Clone)]
 pub struct StoreRecorder {
-    /// The store.
-    pub store: Store,
-    /// Its writer.
-    pub writer: Writer,
+    store: Store,
+    writer: Writer,
+    /// The first failure to write that is not the rows' fault.
+    broken: Arc<watch::Sender<Option<store::Error>>>,
+}
+
+impl StoreRecorder {
+    /// A recorder of this store.
+    ///
+    /// # Errors
+    ///
+    /// The store was opened for reading.
+    pub fn new(store: &Store) -> Result<Self, store::Error> {
+        Ok(Self {
+            store: store.clone(),
+            writer: store.writer()?,
+            broken: Arc::new(watch::Sender::new(None)),
+        })
+    }
+
+    /// Ends when the store cannot be written any more, as when the disk is full, with the reason.
+    pub async fn broken(&self) -> store::Error {
+        let mut watched = self.broken.subscribe();
+        loop {
+            if let Some(error) = watched.borrow_and_update().clone() {
+                return error;
+            }
+            if watched.changed().await.is_err() {
+                // This recorder is a sender, so there is one.
+                std::future::pending::<()>().await;
+            }
+        }
+    }
 }
 
 #[tonic::async_trait]
 impl Recorder for StoreRecorder {
     async fn record(&self, batch: Batch) -> Result<Receipt, store::Error> {
-        self.writer.submit(batch).await
+        let outcome = self.writer.submit(batch).await;
+        if let Err(error) = &outcome
+            && !error.is_refusal()
+        {
+            self.broken.send_if_modified(|first| match first {
+                Some(_) => false,
+                None => {
+                    *first = Some(error.clone());
+                    true
+                }
+            });
+        }
+        outcome
     }
 
     async fn pin_model(&self, offered: &str) -> Result<(), store::Error> {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use campaign::Campaign;
 use serde::{Deserialize, Serialize};
-use store::{FailureKind, Store};
+use store::Store;
 
 use crate::board;
 use crate::snapshot;
@@ -28,7 +28,7 @@ pub struct Status {
     pub designs: Designs,
     /// Samples of the DoE.
     pub samples: Samples,
-    /// SHA-256 of the samples table, in (design, sample) order.
+    /// The digest of all samples, whatever their order; see [`store::Store::samples_digest`].
     pub samples_digest: String,
     /// Finished runs of optimisers and how many there will be.
     pub optimiser_runs: Progress,
@@ -222,13 +222,8 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
 
 impl From<store::FailureGroup> for FailureGroup {
     fn from(group: store::FailureGroup) -> Self {
-        let kind = match group.kind {
-            FailureKind::Crash => "crash",
-            FailureKind::Failure => "failure",
-            FailureKind::Quarantine => "quarantine",
-        };
         Self {
-            kind: kind.to_owned(),
+            kind: group.kind.as_str().to_owned(),
             cause: group.cause,
             count: group.count,
             last_error: group.last_error,

@@ -180,6 +180,7 @@ async fn read(path: &Path, campaign: &CampaignRow, samples: u64) -> Result<(), F
         store.missing_work(samples + 1).await
     });
     println!("  of {} designs", missing.await?.len());
+    timed("the file checked", 0, store.checked()).await?;
     let digest = timed("digest of all rows", 0, store.recompute_samples_digest()).await?;
     if digest != store.samples_digest().await? {
         return Err("the digest on record is not that of the rows".into());

@@ -166,7 +166,9 @@ pub enum FailureKind {
 }
 
 impl FailureKind {
-    pub(crate) fn as_str(self) -> &'static str {
+    /// Its name in the table.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
         match self {
             Self::Crash => "crash",
             Self::Failure => "failure",

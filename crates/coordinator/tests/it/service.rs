@@ -85,10 +85,7 @@ async fn bench() -> Bench {
     let board = board(&problem, 7);
     let service = Service {
         board: Arc::clone(&board),
-        recorder: StoreRecorder {
-            store: store.clone(),
-            writer: store.writer().unwrap(),
-        },
+        recorder: StoreRecorder::new(&store).unwrap(),
         campaign_json: campaign.to_json(),
         model_digest: Some(probe::model_digest(&problem)),
     };
