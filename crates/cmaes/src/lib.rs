@@ -7,14 +7,19 @@
 //! does not change under a monotone transformation of the objective.
 //!
 //! - [`CmaEs`] is the strategy itself, with an ask-and-tell interface: the caller evaluates.
-//! - [`minimise`] drives it through a [`Schedule`]: a fixed number of evaluations and one planned
-//!   restart from the best design so far, as in the gear paper.
+//! - [`Run`] strings searches together until a budget is spent, with [`Restarts`] from the best
+//!   design so far (as in the gear paper), with growing populations (IPOP) or with two regimes
+//!   (BIPOP). Both are saved and resumed with serde, to the bit.
+//! - [`minimise`] drives a run through a [`Schedule`]: a fixed number of evaluations and one planned
+//!   restart, as in the gear paper; [`minimise_run`] takes every setting.
+//! - [`UncertaintyHandling`] is for objectives that are themselves random.
 //!
 //! Variables are scaled by their range: inside, the search works in the unit box, so a step of 0.3
 //! is 0.3 of each variable's range. Candidates never leave the bounds.
 //!
 //! Constraints need no penalty weight: an [`Evaluation`] may carry a violation, and feasible
-//! candidates, by value, rank before infeasible ones, by violation.
+//! candidates, by value, rank before infeasible ones, by violation. The paper's static penalty is
+//! [`Evaluation::penalised`].
 //!
 //! The search is a function of its inputs and of the random stream passed in. No product of
 //! matrices goes through a kernel chosen at run time from the processor's features, so two machines
@@ -27,19 +32,25 @@
 //! - N. Hansen and A. Ostermeier, *Completely derandomized self-adaptation in evolution
 //!   strategies*, Evolutionary Computation 9(2), 2001.
 
+mod any_number;
 mod bounds;
 mod error;
 mod evaluation;
 mod minimise;
+mod noise;
 mod options;
 mod parameters;
+mod run;
+mod state;
 mod stop;
 mod strategy;
 
 pub use bounds::Bounds;
 pub use error::Error;
 pub use evaluation::Evaluation;
-pub use minimise::{Cause, Outcome, Restart, Schedule, minimise};
+pub use minimise::{Schedule, minimise, minimise_run};
+pub use noise::UncertaintyHandling;
 pub use options::Options;
+pub use run::{Cause, Outcome, Restart, Restarts, Run, RunOptions};
 pub use stop::Stop;
 pub use strategy::CmaEs;

@@ -1,8 +1,8 @@
 //! A whole run: a budget of evaluations, a planned restart, and restarts when nothing moves.
 
-use rand::{Rng, RngExt as _};
+use rand::Rng;
 
-use crate::{Bounds, CmaEs, Error, Evaluation, Options, Stop};
+use crate::{Bounds, Error, Evaluation, Options, Outcome, Restarts, Run, RunOptions};
 
 /// How a run spends its evaluations. The default is the gear paper's.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,44 +36,6 @@ impl Default for Schedule {
     }
 }
 
-/// Why a run restarted.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Cause {
-    /// The schedule said so.
-    Planned,
-    /// The search had nothing more to gain.
-    Stopped(Stop),
-}
-
-/// One restart of a run.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Restart {
-    /// The evaluations spent before it.
-    pub evaluations: usize,
-    /// Why it came.
-    pub cause: Cause,
-    /// The best evaluation before it; none if all had failed.
-    pub best: Option<Evaluation>,
-}
-
-/// What a run found.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Outcome {
-    /// The best design, d coordinates in the caller's units.
-    pub x: Vec<f64>,
-    /// Its objective.
-    pub value: f64,
-    /// Its violation, 0 or less if it is feasible.
-    pub violation: f64,
-    /// The evaluations spent: always the whole budget.
-    pub evaluations: usize,
-    /// Every improvement: the evaluation (from 1) that brought it, and its result. The last entry
-    /// is the outcome.
-    pub history: Vec<(usize, Evaluation)>,
-    /// Every restart, planned or not.
-    pub restarts: Vec<Restart>,
-}
-
 /// Minimises `objective` over the box, from `start`, and returns the best design it evaluated.
 ///
 /// The objective returns an `f64`, or an [`Evaluation`] with a violation to be ranked feasibility
@@ -81,7 +43,7 @@ pub struct Outcome {
 /// [`Schedule::evaluations`] times; if the last generation does not fit into the budget, only its
 /// first candidates are evaluated. The start point is a mean, and not itself evaluated.
 ///
-/// The run restarts as planned, and besides whenever the search stops early ([`Stop`]), so that the
+/// The run restarts as planned, and besides whenever the search stops early ([`crate::Stop`]), so that the
 /// budget is used. A restart is a fresh search, with the initial step, around the best design so
 /// far; as long as all designs have failed, around a uniformly drawn point.
 ///
@@ -101,76 +63,43 @@ where
     R: Rng + ?Sized,
     F: FnMut(&[f64]) -> E + ?Sized,
 {
-    if schedule.evaluations == 0 {
-        return Err(Error::NoBudget);
-    }
-    let options = Options {
+    let search = Options {
         population: schedule.population,
         parents: schedule.parents,
         step: schedule.step,
         ..Options::new(bounds.clone())
     };
-    let mut search = CmaEs::new(start, options.clone())?;
-    let mut best: Option<(Vec<f64>, Evaluation)> = None;
-    let mut evaluations = 0;
-    let mut history = Vec::new();
-    let mut restarts = Vec::new();
-    let mut planned = (1..schedule.evaluations).contains(&schedule.restart_at);
+    let options = RunOptions {
+        search,
+        evaluations: schedule.evaluations,
+        restarts: Restarts::FromBest {
+            planned: schedule.restart_at,
+        },
+    };
+    minimise_run(start, options, rng, objective)
+}
 
-    loop {
-        let mut told = Vec::with_capacity(schedule.population);
-        for x in search
-            .ask(rng)
-            .into_iter()
-            .take(schedule.evaluations - evaluations)
-        {
-            let evaluation: Evaluation = objective(&x).into();
-            evaluations += 1;
-            told.push(evaluation);
-            let better = best
-                .as_ref()
-                .is_none_or(|(_, best)| evaluation.is_better_than(best));
-            if evaluation.is_usable() && better {
-                history.push((evaluations, evaluation));
-                best = Some((x, evaluation));
-            }
-        }
-        if evaluations == schedule.evaluations {
-            break;
-        }
-        search.tell(&told)?;
-
-        let due = planned && evaluations >= schedule.restart_at;
-        let cause = match search.stop() {
-            _ if due => Some(Cause::Planned),
-            stop => stop.map(Cause::Stopped),
-        };
-        if let Some(cause) = cause {
-            planned &= !due;
-            let best_so_far = best.as_ref().map(|(_, evaluation)| *evaluation);
-            restarts.push(Restart {
-                evaluations,
-                cause,
-                best: best_so_far,
-            });
-            let start = match &best {
-                Some((x, _)) => x.clone(),
-                None => {
-                    let unit: Vec<f64> = start.iter().map(|_| rng.random()).collect();
-                    bounds.unscale(&unit)
-                }
-            };
-            search = CmaEs::new(&start, options.clone())?;
-        }
+/// [`minimise`] with every setting of the search, and any kind of restarts.
+///
+/// # Errors
+///
+/// Those of [`minimise`].
+pub fn minimise_run<E, R, F>(
+    start: &[f64],
+    options: RunOptions,
+    rng: &mut R,
+    objective: &mut F,
+) -> Result<Outcome, Error>
+where
+    E: Into<Evaluation>,
+    R: Rng + ?Sized,
+    F: FnMut(&[f64]) -> E + ?Sized,
+{
+    let mut run = Run::new(start, options)?;
+    while !run.is_finished() {
+        let candidates = run.ask(rng);
+        let told: Vec<Evaluation> = candidates.iter().map(|x| objective(x).into()).collect();
+        run.tell(&told, rng)?;
     }
-
-    let (x, Evaluation { value, violation }) = best.ok_or(Error::NothingUsable { evaluations })?;
-    Ok(Outcome {
-        x,
-        value,
-        violation,
-        evaluations,
-        history,
-        restarts,
-    })
+    run.outcome()
 }

@@ -1,9 +1,12 @@
 //! The settings of one search.
 
+use serde::{Deserialize, Serialize};
+
 use crate::{Bounds, Error};
 
 /// The settings of a [`CmaEs`](crate::CmaEs). Start from [`Options::new`] and change what you need.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Options {
     /// The candidates of one generation, λ.
     pub population: usize,

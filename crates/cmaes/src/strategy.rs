@@ -3,8 +3,11 @@
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use rand::{Rng, RngExt as _};
 use rand_distr::StandardNormal;
+use serde::{Deserialize, Serialize};
 
+use crate::noise::UncertaintyHandling;
 use crate::parameters::Parameters;
+use crate::state::Stored;
 use crate::stop::Window;
 use crate::{Error, Evaluation, Options, Stop};
 
@@ -19,6 +22,12 @@ const LARGEST_CONDITION: f64 = 1e14;
 /// evolution paths `p_sigma` and `p_c`. All of them live in the unit box; only what goes in and out
 /// is in the caller's units.
 ///
+/// **Sampling.** The normal vectors of up to d candidates of a generation are made orthogonal to
+/// each other, their lengths kept. Each alone is still standard normal, but together they explore
+/// more directions than independent ones, which saves a tenth of the evaluations (H. Wang,
+/// M. Emmerich, T. Bäck, *Mirrored orthogonal sampling with pairwise selection in evolution
+/// strategies*, SAC 2014; here without mirroring).
+///
 /// **Bounds.** A candidate that leaves the box is drawn again, up to [`Options::resamples`] times.
 /// Near a corner of d variables only one draw in 2ᵈ is inside, so redrawing alone would stall
 /// there; after the last try the coordinates that are out are set onto their bounds, and the
@@ -27,42 +36,52 @@ const LARGEST_CONDITION: f64 = 1e14;
 /// its step is shortened to a length that a draw could have (N. Hansen, *Injecting external
 /// solutions into CMA-ES*, arXiv:1110.4181).
 ///
-/// In a generation that the bounds cut into, negative weights are left out. In a corner, the bad
-/// candidates are those that lead inwards; taking variance away there leaves a distribution that
-/// is wide only in directions out of the box, and the step size diverges.
+/// In a generation of which more than three in four candidates were drawn again, negative weights
+/// are left out. In a corner, the bad candidates are those that lead inwards; taking variance away
+/// there leaves a distribution that is wide only in directions out of the box, and the step size
+/// diverges. (Of 101 seeds in 2 to 11 variables with the optimum in a corner, at two bounds or at
+/// one, every one converged; with a limit of one half or nine tenths, some did not.)
+///
+/// **Saving.** A search is written and read with serde, whole and to the bit, even between asking
+/// and telling. The random stream is the caller's: give every generation its own, named by
+/// [`CmaEs::generation`], and a search that was read goes on as if it had never been written.
 ///
 /// **Invariant.** Mean and candidates are within the bounds, all coordinates finite.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(try_from = "Stored", into = "Stored")]
 pub struct CmaEs {
-    options: Options,
+    pub(crate) options: Options,
     parameters: Parameters,
-    mean: DVector<f64>,
-    sigma: f64,
-    covariance: DMatrix<f64>,
+    pub(crate) mean: DVector<f64>,
+    pub(crate) sigma: f64,
+    /// C, of which the lower triangle is kept up to date.
+    pub(crate) covariance: DMatrix<f64>,
     /// B: eigenvectors of the covariance, as columns.
-    axes: DMatrix<f64>,
+    pub(crate) axes: DMatrix<f64>,
     /// D: square roots of its eigenvalues.
-    lengths: DVector<f64>,
-    p_sigma: DVector<f64>,
-    p_c: DVector<f64>,
-    generation: usize,
-    decomposed_at: usize,
-    evaluations: usize,
-    asked: Vec<Candidate>,
-    best: Option<(Vec<f64>, Evaluation)>,
-    window: Window,
-    stop: Option<Stop>,
+    pub(crate) lengths: DVector<f64>,
+    pub(crate) p_sigma: DVector<f64>,
+    pub(crate) p_c: DVector<f64>,
+    pub(crate) generation: usize,
+    pub(crate) decomposed_at: usize,
+    pub(crate) evaluations: usize,
+    pub(crate) asked: Vec<Candidate>,
+    pub(crate) best: Option<(Vec<f64>, Evaluation)>,
+    pub(crate) window: Window,
+    pub(crate) stop: Option<Stop>,
 }
 
 /// A candidate waiting for its evaluation.
-#[derive(Debug, Clone)]
-struct Candidate {
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Candidate {
+    /// D⁻¹Bᵀy: the step in the distribution's own measure.
+    pub(crate) z: DVector<f64>,
     /// (x − m)/σ in the unit box, shortened if x was moved to the boundary.
-    y: DVector<f64>,
+    pub(crate) y: DVector<f64>,
     /// x in the caller's units.
-    x: Vec<f64>,
+    pub(crate) x: Vec<f64>,
     /// Whether an earlier draw was out of bounds.
-    redrawn: bool,
+    pub(crate) redrawn: bool,
 }
 
 impl CmaEs {
@@ -97,13 +116,35 @@ impl CmaEs {
         })
     }
 
+    /// The search that `stored` describes, whose parts have been checked.
+    pub(crate) fn restored(stored: Stored) -> Self {
+        let n = stored.mean.len();
+        Self {
+            parameters: Parameters::new(&stored.options),
+            mean: DVector::from_vec(stored.mean),
+            sigma: stored.sigma,
+            covariance: DMatrix::from_vec(n, n, stored.covariance),
+            axes: DMatrix::from_vec(n, n, stored.axes),
+            lengths: DVector::from_vec(stored.lengths),
+            p_sigma: DVector::from_vec(stored.p_sigma),
+            p_c: DVector::from_vec(stored.p_c),
+            generation: stored.generation,
+            decomposed_at: stored.decomposed_at,
+            evaluations: stored.evaluations,
+            asked: stored.asked.into_iter().map(Into::into).collect(),
+            best: stored.best,
+            window: stored.window,
+            stop: stored.stop,
+            options: stored.options,
+        }
+    }
+
     /// Draws the next generation: λ candidates of d coordinates, in the caller's units.
     ///
     /// Asking again before telling throws the earlier candidates away.
     pub fn ask<R: Rng + ?Sized>(&mut self, rng: &mut R) -> Vec<Vec<f64>> {
-        self.asked = (0..self.options.population)
-            .map(|_| self.draw(rng))
-            .collect();
+        let directions = self.directions(rng);
+        self.asked = directions.into_iter().map(|z| self.draw(z, rng)).collect();
         self.asked
             .iter()
             .map(|candidate| candidate.x.clone())
@@ -120,40 +161,74 @@ impl CmaEs {
     /// [`Error::NothingAsked`] without candidates, [`Error::Count`] when `evaluations` is not one
     /// per candidate; the candidates then keep waiting.
     pub fn tell<E: Into<Evaluation> + Copy>(&mut self, evaluations: &[E]) -> Result<(), Error> {
-        let (expected, got) = (self.asked.len(), evaluations.len());
+        self.check_told(evaluations.len())?;
+        let evaluations: Vec<Evaluation> = evaluations.iter().map(|&e| e.into()).collect();
+        let mut order: Vec<usize> = (0..evaluations.len()).collect();
+        order.sort_by(|&a, &b| evaluations[a].rank(&evaluations[b])); // stable
+        self.learn(&evaluations, &order);
+        Ok(())
+    }
+
+    /// Learns from an objective that is itself random: the first `again.len()` candidates, at least
+    /// [`UncertaintyHandling::reevaluations`] of them, were evaluated twice, independently. From how
+    /// much that changes their ranks, `handling` measures the noise, and asks for more samples per
+    /// evaluation or lengthens the step. Candidates are ranked by both their evaluations.
+    ///
+    /// The best told ([`CmaEs::best`]) is then the luckiest; recommend [`CmaEs::mean`].
+    ///
+    /// # Errors
+    ///
+    /// Those of [`CmaEs::tell`], and [`Error::Reevaluations`] when `again` is empty or longer than
+    /// `evaluations`.
+    pub fn tell_twice<E: Into<Evaluation> + Copy>(
+        &mut self,
+        evaluations: &[E],
+        again: &[E],
+        handling: &mut UncertaintyHandling,
+    ) -> Result<(), Error> {
+        self.check_told(evaluations.len())?;
+        if again.is_empty() || again.len() > evaluations.len() {
+            let (expected, got) = (evaluations.len(), again.len());
+            return Err(Error::Reevaluations { expected, got });
+        }
+        let first: Vec<Evaluation> = evaluations.iter().map(|&e| e.into()).collect();
+        let again: Vec<Evaluation> = again.iter().map(|&e| e.into()).collect();
+        let order = handling.judge(&first, &again);
+        self.learn(&first, &order);
+        self.evaluations += again.len();
+        self.sigma *= handling.step_factor(self.mean.len());
+        Ok(())
+    }
+
+    fn check_told(&self, got: usize) -> Result<(), Error> {
+        let expected = self.asked.len();
         if expected == 0 {
             return Err(Error::NothingAsked);
         }
         if expected != got {
             return Err(Error::Count { expected, got });
         }
-        let mut ranked: Vec<(Candidate, Evaluation)> = std::mem::take(&mut self.asked)
-            .into_iter()
-            .zip(evaluations.iter().map(|&e| e.into()))
-            .collect();
-        ranked.sort_by(|(_, a), (_, b)| a.rank(b)); // stable
+        Ok(())
+    }
 
+    /// Learns from evaluations whose ranking is `order`, best first.
+    fn learn(&mut self, evaluations: &[Evaluation], order: &[usize]) {
+        let mut asked = std::mem::take(&mut self.asked);
         self.generation += 1;
-        self.evaluations += got;
-        let (candidate, evaluation) = &ranked[0];
-        if evaluation.is_usable() {
-            if self
-                .best
-                .as_ref()
-                .is_none_or(|(_, best)| evaluation.is_better_than(best))
-            {
-                self.best = Some((candidate.x.clone(), *evaluation));
+        self.evaluations += evaluations.len();
+        let sorted: Vec<Evaluation> = order.iter().map(|&i| evaluations[i]).collect();
+        if sorted[0].is_usable() {
+            let better = |(_, best): &(_, Evaluation)| sorted[0].is_better_than(best);
+            if self.best.as_ref().is_none_or(better) {
+                self.best = Some((std::mem::take(&mut asked[order[0]].x), sorted[0]));
             }
-            let steps: Vec<&DVector<f64>> = ranked.iter().map(|(c, _)| &c.y).collect();
-            let cut = ranked.iter().any(|(c, _)| c.redrawn);
-            self.adapt(&steps, cut);
+            let ranked: Vec<&Candidate> = order.iter().map(|&i| &asked[i]).collect();
+            let redrawn = ranked.iter().filter(|c| c.redrawn).count();
+            self.adapt(&ranked, 4 * redrawn > 3 * ranked.len());
         }
-
-        let sorted: Vec<Evaluation> = ranked.iter().map(|(_, e)| *e).collect();
         let flat = self.window.record(&sorted, self.options.value_tolerance);
         // A degenerate matrix, found by the update above, stays the reason.
         self.stop = self.stop.or(flat).or_else(|| self.step_stop());
-        Ok(())
     }
 
     /// Why the search should end, if it should. A stopped search can still be asked and told, but
@@ -189,21 +264,69 @@ impl CmaEs {
         self.evaluations
     }
 
-    fn draw<R: Rng + ?Sized>(&self, rng: &mut R) -> Candidate {
+    /// The number of generations told so far.
+    #[must_use]
+    pub fn generation(&self) -> usize {
+        self.generation
+    }
+
+    /// The candidates that wait for their evaluations.
+    pub(crate) fn waiting(&self) -> impl Iterator<Item = &[f64]> {
+        self.asked.iter().map(|candidate| candidate.x.as_slice())
+    }
+
+    /// The settings the search runs with.
+    #[must_use]
+    pub fn options(&self) -> &Options {
+        &self.options
+    }
+
+    /// λ standard normal vectors, orthogonal in groups of up to d.
+    fn directions<R: Rng + ?Sized>(&self, rng: &mut R) -> Vec<DVector<f64>> {
+        let n = self.mean.len();
+        let mut drawn: Vec<DVector<f64>> = Vec::with_capacity(self.options.population);
+        let mut squares: Vec<f64> = Vec::with_capacity(self.options.population);
+        for k in 0..self.options.population {
+            let mut z = normal(n, rng);
+            let length = z.norm();
+            // The modified Gram–Schmidt process, whose rounding does not add up.
+            for (other, squared) in drawn[k / n * n..k].iter().zip(&squares[k / n * n..k]) {
+                let share = dot(other.as_slice(), z.as_slice()) / squared;
+                add(z.as_mut_slice(), -share, other.as_slice());
+            }
+            let left = z.norm();
+            // Nearly parallel to the others' span by chance, as good as never: rounding would
+            // decide about the direction, so the draw stays as it was.
+            if left > 1e-8 * length {
+                z *= length / left;
+            } else {
+                z = normal(n, rng);
+            }
+            squares.push(z.norm_squared());
+            drawn.push(z);
+        }
+        drawn
+    }
+
+    fn draw<R: Rng + ?Sized>(&self, mut z: DVector<f64>, rng: &mut R) -> Candidate {
         let n = self.mean.len();
         let mut y = DVector::zeros(n);
         let mut unit = DVector::zeros(n);
         for attempt in 0..=self.options.resamples {
+            if attempt > 0 {
+                z.apply(|z| *z = rng.sample(StandardNormal));
+            }
             y.fill(0.0);
-            for (axis, length) in self.axes.column_iter().zip(&self.lengths) {
-                let z: f64 = rng.sample(StandardNormal);
-                y.axpy(length * z, &axis, 1.0);
+            let axes = self.axes.as_slice().chunks_exact(n);
+            for ((axis, length), z) in axes.zip(&self.lengths).zip(&z) {
+                add(y.as_mut_slice(), length * z, axis);
             }
             unit.copy_from(&self.mean);
-            unit.axpy(self.sigma, &y, 1.0);
+            add(unit.as_mut_slice(), self.sigma, y.as_slice());
             if unit.iter().all(|u| (0.0..=1.0).contains(u)) {
                 let x = self.options.bounds.unscale(unit.iter());
                 return Candidate {
+                    z,
                     y,
                     x,
                     redrawn: attempt > 0,
@@ -216,42 +339,50 @@ impl CmaEs {
                 *y = (*u - m) / self.sigma;
             }
         }
+        for ((z, axis), length) in z.iter_mut().zip(self.axes.column_iter()).zip(&self.lengths) {
+            *z = axis.dot(&y) / length;
+        }
         // Off the long axis of a narrow distribution, a small correction is a huge step in its own
         // measure, and would make the step size explode.
         let n = n as f64;
         let longest = n.sqrt() + 2.0 * n / (n + 2.0);
-        let length = self.whiten(&y).norm();
+        let length = z.norm();
         if length > longest {
             y *= longest / length;
+            z *= longest / length;
         }
         Candidate {
+            z,
             y,
             x: self.options.bounds.unscale(unit.iter()),
             redrawn: true,
         }
     }
 
-    /// One generation's update of mean, paths, step size and covariance from the steps (x − m)/σ,
-    /// best first: the tutorial's eqs. (41) to (47). `cut` says that the bounds cut into them.
-    fn adapt(&mut self, steps: &[&DVector<f64>], cut: bool) {
+    /// One generation's update of mean, paths, step size and covariance from the candidates, best
+    /// first: the tutorial's eqs. (41) to (47). `cut` says that the bounds cut into them.
+    fn adapt(&mut self, ranked: &[&Candidate], cut: bool) {
         let p = &self.parameters;
-        let n = self.mean.len() as f64;
+        let size = self.mean.len();
+        let n = size as f64;
 
-        let mut step = DVector::zeros(self.mean.len());
-        for (y, w) in steps.iter().zip(&p.weights[..self.options.parents]) {
-            step.axpy(*w, y, 1.0);
+        let mut step = DVector::zeros(size);
+        let mut own = DVector::zeros(size);
+        for (c, w) in ranked.iter().zip(&p.weights[..self.options.parents]) {
+            add(step.as_mut_slice(), *w, c.y.as_slice());
+            add(own.as_mut_slice(), *w, c.z.as_slice());
         }
         self.mean.axpy(self.sigma, &step, 1.0);
         // An average of points in the box is in the box, up to rounding.
         self.mean.apply(|m| *m = m.clamp(0.0, 1.0));
 
-        let white = self.whiten(&step);
+        // C^(−½) of the step, as B of the average z.
         let kept = 1.0 - p.c_sigma;
-        self.p_sigma.axpy(
-            (p.c_sigma * (2.0 - p.c_sigma) * p.mu_eff).sqrt(),
-            &white,
-            kept,
-        );
+        let gain = (p.c_sigma * (2.0 - p.c_sigma) * p.mu_eff).sqrt();
+        self.p_sigma *= kept;
+        for (axis, z) in self.axes.column_iter().zip(&own) {
+            self.p_sigma.axpy(gain * z, &axis, 1.0);
+        }
         let norm = self.p_sigma.norm();
 
         // While the step size catches up with a too small start, pausing p_c keeps the covariance
@@ -266,26 +397,6 @@ impl CmaEs {
         };
         self.p_c.axpy(gain, &step, 1.0 - p.c_c);
 
-        let weights: Vec<f64> = steps
-            .iter()
-            .zip(&p.weights)
-            .map(|(y, &w)| {
-                if w >= 0.0 {
-                    return w;
-                }
-                if cut {
-                    return 0.0;
-                }
-                // (46): a bad step counts by its direction, so that a long one cannot make C
-                // indefinite. A step of zero length has no direction.
-                let squared = self.whiten(y).norm_squared();
-                if squared > f64::MIN_POSITIVE {
-                    w * n / squared
-                } else {
-                    0.0
-                }
-            })
-            .collect();
         let pause = if steady {
             0.0
         } else {
@@ -294,9 +405,22 @@ impl CmaEs {
         let used = if cut { 1.0 } else { p.weights.iter().sum() };
         let decay = 1.0 + pause - p.c_1 - p.c_mu * used;
         self.covariance *= decay;
-        self.covariance.ger(p.c_1, &self.p_c, &self.p_c, 1.0);
-        for (y, w) in steps.iter().zip(weights) {
-            self.covariance.ger(p.c_mu * w, y, y, 1.0);
+        add_product(&mut self.covariance, p.c_1, &self.p_c);
+        for (c, &w) in ranked.iter().zip(&p.weights) {
+            let weight = if w >= 0.0 {
+                w
+            } else if cut {
+                continue;
+            } else {
+                // (46): a bad step counts by its direction, so that a long one cannot make C
+                // indefinite. A step of zero length has no direction.
+                let squared = c.z.norm_squared();
+                if squared <= f64::MIN_POSITIVE {
+                    continue;
+                }
+                w * n / squared
+            };
+            add_product(&mut self.covariance, p.c_mu * weight, &c.y);
         }
 
         // The tutorial's cap on the change of one generation.
@@ -307,15 +431,6 @@ impl CmaEs {
         if self.generation >= self.decomposed_at + p.decompose_every {
             self.decompose();
         }
-    }
-
-    /// C^(−½) y of the last decomposition.
-    fn whiten(&self, y: &DVector<f64>) -> DVector<f64> {
-        let mut white = DVector::zeros(y.len());
-        for (axis, length) in self.axes.column_iter().zip(&self.lengths) {
-            white.axpy(axis.dot(y) / length, &axis, 1.0);
-        }
-        white
     }
 
     /// Brings B and D up to date with C. If C has none, they stay as they are and the search stops.
@@ -367,5 +482,29 @@ impl CmaEs {
             return Some(Stop::StepTooLarge { step: longest });
         }
         None
+    }
+}
+
+fn normal<R: Rng + ?Sized>(n: usize, rng: &mut R) -> DVector<f64> {
+    DVector::from_fn(n, |_, _| rng.sample(StandardNormal))
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// a ← a + weight · b.
+fn add(a: &mut [f64], weight: f64, b: &[f64]) {
+    for (a, b) in a.iter_mut().zip(b) {
+        *a += weight * b;
+    }
+}
+
+/// C ← C + weight · v vᵀ, the lower triangle only.
+fn add_product(matrix: &mut DMatrix<f64>, weight: f64, v: &DVector<f64>) {
+    let v = v.as_slice();
+    let columns = matrix.as_mut_slice().chunks_exact_mut(v.len());
+    for (j, column) in columns.enumerate() {
+        add(&mut column[j..], weight * v[j], &v[j..]);
     }
 }

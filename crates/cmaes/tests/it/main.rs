@@ -3,7 +3,10 @@
 
 mod budget;
 mod functions;
+mod noise;
+mod restarts;
 mod robustness;
+mod saving;
 
 use cmaes::{Bounds, CmaEs, Evaluation, Options, Stop};
 use stats::streams::{Purpose, StreamRng, stream};

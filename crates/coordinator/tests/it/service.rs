@@ -39,7 +39,7 @@ fn board(problem: &Problem, epoch: u64) -> Arc<Board> {
         x: X,
         has_criteria: false,
         simulated: false,
-        missing: vec![0..SAMPLES as u32],
+        missing: Vec::from([0..SAMPLES as u32]),
     };
     board.post_designs(problem.printed_frozen(), &[design]);
     board.open();

@@ -1,0 +1,40 @@
+//! What can be wrong with the rows and settings that a round is decided from.
+
+/// Why no round could be decided.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A design does not have one coordinate per variable, each a finite number.
+    #[error("design {index} must have {expected} finite coordinates, one per variable")]
+    Design {
+        /// Which design, from 0 in its list.
+        index: usize,
+        /// The number of variables.
+        expected: usize,
+    },
+    /// A response's variance is negative or not a number.
+    #[error(
+        "variance of the response of design {index} is {value}: it must be finite and not negative"
+    )]
+    Variance {
+        /// Which design, from 0.
+        index: usize,
+        /// Its variance.
+        value: f64,
+    },
+    /// A setting makes no round.
+    #[error("{name} is {value}: it must be {expected}")]
+    Setting {
+        /// The setting's name.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// What would be right.
+        expected: &'static str,
+    },
+    /// A model could not be extended by a point.
+    #[error("the kriging model cannot be used: {0}")]
+    Model(#[from] kriging::Error),
+    /// The search within a model could not be set up.
+    #[error("the search for infill points cannot be set up: {0}")]
+    Search(#[from] cmaes::Error),
+}

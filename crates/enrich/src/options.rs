@@ -1,0 +1,153 @@
+//! The settings of the enrichment.
+
+use cmaes::Bounds;
+use kriging::Kernel;
+use serde::{Deserialize, Serialize};
+
+use crate::Error;
+
+/// How promising a new observation is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Criterion {
+    /// Expected quantile improvement: by how much the lowest upper quantile among the designs is
+    /// expected to fall, given the noise of the observation to come. V. Picheny, D. Ginsbourger,
+    /// Y. Richet, G. Caplin, *Quantile-based optimization of noisy computer experiments with tunable
+    /// precision*, Technometrics 55(1), 2013.
+    ExpectedQuantileImprovement,
+    /// Expected improvement of the model that interpolates the noisy model's own predictions, so
+    /// that it vanishes at the designs. A. Forrester, A. Keane, N. Bressloff, *Design and analysis
+    /// of "noisy" computer experiments*, AIAA Journal 44(10), 2006; with the noisy model's process
+    /// variance kept.
+    ReinterpolatedExpectedImprovement,
+    /// Knowledge gradient: by how much the lowest mean among a set of candidates is expected to
+    /// fall. P. Frazier, W. Powell, S. Dayanik, *The knowledge-gradient policy for correlated normal
+    /// beliefs*, INFORMS Journal on Computing 21(4), 2009. The candidates are the most promising
+    /// designs and the new one itself.
+    KnowledgeGradient,
+}
+
+impl Criterion {
+    /// All of them.
+    pub const ALL: [Self; 3] = [
+        Self::ExpectedQuantileImprovement,
+        Self::ReinterpolatedExpectedImprovement,
+        Self::KnowledgeGradient,
+    ];
+
+    /// The name in files and reports.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::ExpectedQuantileImprovement => "expected-quantile-improvement",
+            Self::ReinterpolatedExpectedImprovement => "reinterpolated-expected-improvement",
+            Self::KnowledgeGradient => "knowledge-gradient",
+        }
+    }
+}
+
+/// The settings of the enrichment. Start from [`Options::new`] and change what you need.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// The box of the designs, in the caller's units.
+    pub bounds: Bounds,
+    /// Seed of the searches within the models.
+    pub seed: u64,
+    /// The infill criterion.
+    pub criterion: Criterion,
+    /// The correlation function of the models.
+    pub kernel: Kernel,
+    /// Whether to model the logarithm of the response where all responses are positive. A response
+    /// that spans decades is much smoother so, and the noise stays known: its variance is divided by
+    /// the square of the response.
+    pub logarithm: bool,
+    /// Infill points of a round.
+    pub batch: usize,
+    /// Samples of a new design.
+    pub samples_new: u32,
+    /// Samples of each turn at an existing design.
+    pub samples_more: u32,
+    /// The most samples that all rounds may still ask for.
+    pub samples_left: u32,
+    /// δ of the stopping rule, µm.
+    pub delta_um: f64,
+    /// β of the quantiles by which designs are compared, as a standard normal deviate: 1.28 for
+    /// 90 %.
+    pub quantile_z: f64,
+    /// One infill point in this many is chosen with the model of all designs, over the whole box;
+    /// the others within the trust region. 1 is always the whole box.
+    pub global_every: usize,
+    /// How many basins are followed: good designs that are far apart, each with its trust region.
+    pub basins: usize,
+    /// Designs nearest to a basin's best one that its model is fitted to.
+    pub local_points: usize,
+    /// Designs nearest to a basin's best one that its trust region spans.
+    pub region_points: usize,
+    /// Evaluations of the exact constraints in the search for one infill point.
+    pub search_evaluations: usize,
+    /// Starts of the search for the covariance parameters.
+    pub fit_starts: usize,
+}
+
+impl Options {
+    /// Expected quantile improvement, batches of 12, 30 samples for a new design and for a turn at
+    /// an old one, δ = 0.02 µm, 90 % quantiles, every fourth point global, three basins
+    /// with models of 25 d designs and regions of 5 d.
+    #[must_use]
+    pub fn new(bounds: Bounds) -> Self {
+        let d = bounds.dimension();
+        Self {
+            bounds,
+            seed: 0,
+            criterion: Criterion::ExpectedQuantileImprovement,
+            kernel: Kernel::default(),
+            logarithm: true,
+            batch: 12,
+            samples_new: 30,
+            samples_more: 30,
+            samples_left: u32::MAX,
+            delta_um: 0.02,
+            quantile_z: 1.28,
+            global_every: 4,
+            basins: 3,
+            local_points: 25 * d,
+            region_points: 5 * d,
+            search_evaluations: 500,
+            fit_starts: 5,
+        }
+    }
+
+    pub(crate) fn check(&self) -> Result<(), Error> {
+        let counts = [
+            ("batch", self.batch),
+            ("samples of a new design", self.samples_new as usize),
+            ("samples of a turn", self.samples_more as usize),
+            ("share of global points", self.global_every),
+            ("basins", self.basins),
+            ("local points", self.local_points),
+            ("region points", self.region_points),
+            ("search evaluations", self.search_evaluations),
+        ];
+        for (name, count) in counts {
+            if count == 0 {
+                let (value, expected) = (0.0, "at least 1");
+                return Err(Error::Setting {
+                    name,
+                    value,
+                    expected,
+                });
+            }
+        }
+        for (name, value) in [("delta", self.delta_um), ("quantile", self.quantile_z)] {
+            if !(value >= 0.0 && value.is_finite()) {
+                let expected = "finite and not negative";
+                return Err(Error::Setting {
+                    name,
+                    value,
+                    expected,
+                });
+            }
+        }
+        Ok(())
+    }
+}

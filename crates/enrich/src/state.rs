@@ -1,0 +1,112 @@
+//! What the rows of a campaign say: designs, their responses, earlier rounds.
+
+use serde::{Deserialize, Serialize};
+
+use crate::{Error, Options};
+
+/// A design whose response was sampled.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sampled {
+    /// The d variables, in the caller's units.
+    pub x: Vec<f64>,
+    /// How many samples the response rests on, at least 1.
+    pub samples: u32,
+    /// The response to be minimised, µm: P90 of ΔSTE. NaN or infinite marks a failure.
+    pub response_um: f64,
+    /// The variance of the response's estimate, µm².
+    pub variance_um2: f64,
+    /// How far the exact constraints are missed; 0 or less is feasible.
+    pub violation: f64,
+}
+
+/// What became of an earlier round.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RoundRecord {
+    /// [`Decision::expected_improvement_um`](crate::Decision::expected_improvement_um) of the round.
+    pub expected_improvement_um: Option<f64>,
+    /// How many infill points it asked for.
+    pub asked: u32,
+    /// How many of them could not be simulated or sampled.
+    pub failed: u32,
+}
+
+/// Everything a round is decided from. The order of the designs is that of the rows.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct State {
+    /// Designs with a response, one entry per design.
+    pub sampled: Vec<Sampled>,
+    /// Designs that could not be simulated or sampled.
+    pub failed: Vec<Vec<f64>>,
+    /// The rounds so far.
+    pub rounds: Vec<RoundRecord>,
+}
+
+/// The usable part of a state: finite responses, one entry per place.
+#[derive(Debug, Clone)]
+pub(crate) struct Rows {
+    pub(crate) sampled: Vec<Sampled>,
+    /// For each row, which entry of the state it is (the first of those merged).
+    pub(crate) index: Vec<usize>,
+    pub(crate) failed: Vec<Vec<f64>>,
+    /// How many entries were merged into others.
+    pub(crate) merged: usize,
+    /// How many responses were no numbers.
+    pub(crate) not_numbers: usize,
+}
+
+impl Rows {
+    pub(crate) fn new(state: &State, options: &Options) -> Result<Self, Error> {
+        let expected = options.bounds.dimension();
+        let all = state.sampled.iter().map(|s| &s.x).chain(&state.failed);
+        for (index, x) in all.enumerate() {
+            if x.len() != expected || x.iter().any(|v| !v.is_finite()) {
+                return Err(Error::Design { index, expected });
+            }
+        }
+        let mut rows = Self {
+            sampled: Vec::new(),
+            index: Vec::new(),
+            failed: state.failed.clone(),
+            merged: 0,
+            not_numbers: 0,
+        };
+        for (index, entry) in state.sampled.iter().enumerate() {
+            if !entry.response_um.is_finite() || entry.violation.is_nan() {
+                rows.not_numbers += 1;
+                rows.failed.push(entry.x.clone());
+                continue;
+            }
+            let value = entry.variance_um2;
+            if !(value >= 0.0 && value.is_finite()) {
+                return Err(Error::Variance { index, value });
+            }
+            match rows.sampled.iter_mut().find(|row| row.x == entry.x) {
+                Some(row) => {
+                    rows.merged += 1;
+                    merge(row, entry);
+                }
+                None => {
+                    rows.sampled.push(entry.clone());
+                    rows.index.push(index);
+                }
+            }
+        }
+        Ok(rows)
+    }
+}
+
+/// Joins two estimates of one response, weighted by their numbers of samples.
+fn merge(row: &mut Sampled, other: &Sampled) {
+    let (a, b) = (
+        f64::from(row.samples.max(1)),
+        f64::from(other.samples.max(1)),
+    );
+    let share = b / (a + b);
+    row.response_um += share * (other.response_um - row.response_um);
+    row.variance_um2 =
+        (1.0 - share).powi(2) * row.variance_um2 + share.powi(2) * other.variance_um2;
+    row.samples = row.samples.saturating_add(other.samples);
+}

@@ -1,0 +1,153 @@
+//! The kriging models that a round is decided with.
+
+use kriging::{Data, FitOptions, Model};
+
+use crate::Options;
+use crate::criterion::Belief;
+use crate::state::Rows;
+
+/// A fitted model and the scale on which it models the response.
+#[derive(Debug, Clone)]
+pub(crate) struct Surrogate {
+    model: Model,
+    logarithm: bool,
+    /// Variance of an estimate from one sample on the modelled scale; that of k samples is a k-th.
+    noise_per_sample: f64,
+    /// Which rows it was fitted to.
+    pub(crate) rows: Vec<usize>,
+}
+
+impl Surrogate {
+    /// Fits a model to the `which` rows.
+    pub(crate) fn fit(
+        rows: &Rows,
+        which: Vec<usize>,
+        options: &Options,
+    ) -> Result<Self, kriging::Error> {
+        let sampled = || which.iter().map(|&i| &rows.sampled[i]);
+        let logarithm = options.logarithm && sampled().all(|s| s.response_um > 0.0);
+        let x: Vec<f64> = sampled().flat_map(|s| s.x.iter().copied()).collect();
+        let scaled: Vec<(f64, f64)> = sampled()
+            .map(|s| {
+                if logarithm {
+                    let relative = s.variance_um2 / (s.response_um * s.response_um);
+                    (s.response_um.ln(), relative)
+                } else {
+                    (s.response_um, s.variance_um2)
+                }
+            })
+            .collect();
+        let (y, noise_variance): (Vec<f64>, Vec<f64>) = scaled.iter().copied().unzip();
+        let model = kriging::fit(
+            &Data {
+                x: &x,
+                d: options.bounds.dimension(),
+                y: &y,
+                noise_variance: &noise_variance,
+            },
+            &FitOptions {
+                kernel: options.kernel,
+                seed: options.seed,
+                starts: options.fit_starts,
+                ..FitOptions::default()
+            },
+        )?;
+        // Residuals that are mostly noise say little of the model's own variance: a calibration may
+        // widen it, never narrow it.
+        let calibrated = model.clone().calibrated();
+        let model = if calibrated.calibration() > 1.0 {
+            calibrated
+        } else {
+            model
+        };
+        let mut per_sample: Vec<f64> = sampled()
+            .zip(&noise_variance)
+            .map(|(s, v)| v * f64::from(s.samples.max(1)))
+            .collect();
+        per_sample.sort_by(f64::total_cmp);
+        let noise_per_sample = per_sample[per_sample.len() / 2];
+        Ok(Self {
+            model,
+            logarithm,
+            noise_per_sample,
+            rows: which,
+        })
+    }
+
+    pub(crate) fn warnings(&self) -> &[kriging::Warning] {
+        self.model.warnings()
+    }
+
+    /// The variance to expect of an estimate from `samples` samples.
+    pub(crate) fn noise(&self, samples: u32) -> f64 {
+        self.noise_per_sample / f64::from(samples.max(1))
+    }
+
+    pub(crate) fn belief(&self, x: &[f64]) -> Belief {
+        let prediction = self.model.predict(x);
+        Belief {
+            mean: prediction.mean,
+            sd: prediction.variance.max(0.0).sqrt(),
+            logarithm: self.logarithm,
+        }
+    }
+
+    pub(crate) fn mean(&self, x: &[f64]) -> f64 {
+        self.model.mean(x)
+    }
+
+    fn with(&self, x: &[f64], y: &[f64], noise_variance: &[f64]) -> Result<Self, kriging::Error> {
+        let data = Data {
+            x,
+            d: self.model.dimensions(),
+            y,
+            noise_variance,
+        };
+        Ok(Self {
+            model: self.model.with_points(&data)?,
+            ..self.clone()
+        })
+    }
+
+    /// The model as if `samples` samples at `x` had given what it predicts (kriging believer): the
+    /// means stay, the variance around x falls.
+    pub(crate) fn believing(&self, x: &[f64], samples: u32) -> Result<Self, kriging::Error> {
+        self.with(x, &[self.mean(x)], &[self.noise(samples)])
+    }
+
+    /// How the means at `points` change if the observation at `x` from `samples` samples comes out
+    /// one standard deviation √(s² + τ²) above its prediction: cov(point, x)/√(s² + τ²).
+    pub(crate) fn changes(
+        &self,
+        x: &[f64],
+        samples: u32,
+        points: &[&[f64]],
+    ) -> Result<Vec<f64>, kriging::Error> {
+        let belief = self.belief(x);
+        let noise = self.noise(samples);
+        let deviation = (belief.sd * belief.sd + noise).sqrt();
+        let after = self.with(x, &[belief.mean + deviation], &[noise])?;
+        let change = |p: &&[f64]| after.mean(p) - self.mean(p);
+        Ok(points.iter().map(change).collect())
+    }
+
+    /// The model that interpolates this one's means at the points it was fitted to.
+    pub(crate) fn reinterpolated(&self, rows: &Rows) -> Result<Self, kriging::Error> {
+        let points = self.rows.iter().map(|&i| &rows.sampled[i].x);
+        let y: Vec<f64> = points.clone().map(|x| self.mean(x)).collect();
+        let x: Vec<f64> = points.flatten().copied().collect();
+        // Noise-free observations replace the noisy ones of the same points.
+        self.with(&x, &y, &vec![0.0; y.len()])
+    }
+
+    /// Root mean square of the leave-one-out residuals at the given rows.
+    pub(crate) fn error_at(&self, which: &[usize]) -> f64 {
+        let residuals = self.model.leave_one_out().residuals;
+        let chosen = self.rows.iter().zip(&residuals);
+        let squares: Vec<f64> = chosen
+            .filter(|(row, _)| which.contains(row))
+            .map(|(_, r)| r * r)
+            .collect();
+        (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
+    }
+}
