@@ -601,7 +601,7 @@ mod tests {
             x: [0.5; ROBUST_VARIABLES],
             has_criteria: false,
             simulated: false,
-            missing: vec![0..samples],
+            missing: std::iter::once(0..samples).collect(),
         };
         let mut batches = Batches::default();
         batches.add_designs(FROZEN, &vec![design; count]);

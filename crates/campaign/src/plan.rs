@@ -307,7 +307,7 @@ mod tests {
                 x: [0.5; ROBUST_VARIABLES],
                 has_criteria: index < done,
                 simulated: index < done,
-                missing: if index < done { vec![] } else { vec![0..30] },
+                missing: (index >= done).then_some(0..30).into_iter().collect(),
             })
             .collect()
     }

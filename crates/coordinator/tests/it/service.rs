@@ -39,7 +39,7 @@ fn board(problem: &Problem, epoch: u64) -> Arc<Board> {
         x: X,
         has_criteria: false,
         simulated: false,
-        missing: Vec::from([0..SAMPLES as u32]),
+        missing: std::iter::once(0..SAMPLES as u32).collect(),
     };
     board.post_designs(problem.printed_frozen(), &[design]);
     board.open();
