@@ -10,6 +10,7 @@ use campaign::plan::{self, LocalStep, VerifyPoint};
 use campaign::{Approach, Campaign};
 use rustix::time::{ClockId, clock_gettime};
 use store::{Batch, FailureKind, Store, Writer};
+use tokio::time::{Instant, MissedTickBehavior};
 use tokio_util::sync::CancellationToken;
 use tracing::{error, info, warn};
 
@@ -101,8 +102,22 @@ impl Engine {
     /// The store fails.
     pub async fn watch_leases(&self) -> anyhow::Result<()> {
         let mut period = tokio::time::interval(EXPIRY_PERIOD);
+        period.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut last = Instant::now();
+        let mut patient_until = last;
         loop {
             period.tick().await;
+            let now = Instant::now();
+            let half_a_lease = self.board.lease_time() / 2;
+            if now.duration_since(last) > half_a_lease {
+                // It was this process that slept: the heartbeats of the meantime are still to be
+                // read.
+                patient_until = now + half_a_lease;
+            }
+            last = now;
+            if now < patient_until {
+                continue;
+            }
             for vanished in self.board.expire() {
                 let Vanished {
                     job,

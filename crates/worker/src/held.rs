@@ -62,9 +62,14 @@ impl HeldJobs {
         act(&mut self.inner.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Adds a leased job; false if it is already held.
+    /// Adds a leased job; false if it is already held, which then is its newest attempt.
     pub(crate) fn take(&self, job: &Arc<Job>) -> bool {
         self.with(|inner| {
+            if let Some(held) = inner.computing.get_mut(&job.job)
+                && held.job.attempt < job.attempt
+            {
+                held.job = Arc::clone(job);
+            }
             let known =
                 inner.computing.contains_key(&job.job) || inner.finished.contains_key(&job.job);
             if !known {
@@ -99,6 +104,9 @@ impl HeldJobs {
                 && !held.cancelled.load(Ordering::Relaxed)
             {
                 let job = held.job;
+                // The attempt that the coordinator knows of, should it have leased the job again.
+                let attempt = job.attempt;
+                let result = JobResult { attempt, ..result };
                 inner.finished.insert(job.job, Finished { job, result });
             }
         });
@@ -273,6 +281,21 @@ mod tests {
         held.acknowledge(&held.results());
         assert_eq!(held.unacknowledged(), 0);
         assert!(held.take(&job(7)));
+    }
+
+    #[test]
+    fn a_job_leased_again_while_it_is_held_answers_as_its_newest_attempt() {
+        let held = HeldJobs::default();
+        held.take(&job(7));
+        held.start(7);
+        let again = Job {
+            attempt: 3,
+            ..Job::clone(&job(7))
+        };
+        assert!(!held.take(&Arc::new(again)));
+        assert_eq!(held.attempts()[0].attempt, 3);
+        held.finish(result(7, 1.0));
+        assert_eq!(held.results()[0].attempt, 3, "an older one would be stale");
     }
 
     #[test]
