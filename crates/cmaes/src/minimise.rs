@@ -50,7 +50,7 @@ impl Default for Schedule {
 /// # Errors
 ///
 /// [`Error::NoBudget`] without evaluations, [`Error::NothingUsable`] when all of them failed, and
-/// those of [`CmaEs::new`].
+/// those of [`CmaEs::new`](crate::CmaEs::new).
 pub fn minimise<E, R, F>(
     start: &[f64],
     bounds: &Bounds,

@@ -33,7 +33,7 @@ pub struct Percentile {
 ///
 /// # Errors
 ///
-/// [`Error::TooFewSamples`] below [`PERCENTILE_MIN_SAMPLES`], and the errors of [`mean_sd`].
+/// [`Error::TooFewSamples`] below [`PERCENTILE_MIN_SAMPLES`], and the errors of [`mean_sd`](crate::mean_sd).
 pub fn percentile_p90(samples: &[f64]) -> Result<Percentile, Error> {
     normal_p90(samples, &NormalOptions::default())
 }
