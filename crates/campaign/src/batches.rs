@@ -372,11 +372,8 @@ impl Batches {
             Some(pace) => (TARGET_SECONDS / pace).min(1e9) as u64,
             None => FIRST_WEIGHT,
         };
-        // Counting exactly would cost more than it is worth: an open design is taken to be whole.
-        let streams = match kind {
-            JobKind::Verify => self.open_points.len(),
-            _ => self.open_designs,
-        } as u64;
+        // Counting exactly would cost more than it is worth: what is free is taken to be whole.
+        let streams = self.free.len() as u64;
         let per_stream = self
             .free
             .first()

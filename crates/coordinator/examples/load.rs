@@ -155,6 +155,7 @@ async fn served(campaign: &Campaign, digest: Option<String>) -> anyhow::Result<S
     let store = new_store(&folder.path().join("load.db"), campaign).await?;
     let options = scheduler::Options {
         lease: Duration::from_secs(5),
+        duplicate_after: Duration::from_secs(2),
         ..scheduler::Options::default()
     };
     let board = Arc::new(Board::new(options, 1));

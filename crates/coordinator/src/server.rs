@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
+use campaign::batches::TARGET_SECONDS;
 use campaign::formulation::Problem;
 use campaign::{Campaign, probe};
 use store::{CampaignRow, Store};
@@ -201,6 +202,7 @@ async fn run_open(
     let writer = store.writer()?;
     let options = scheduler::Options {
         lease: LEASE,
+        duplicate_after: Duration::from_secs_f64(2.0 * TARGET_SECONDS),
         ..scheduler::Options::default()
     };
     let board = Arc::new(Board::new(options, rand::random()));

@@ -21,6 +21,9 @@ pub struct Options {
     pub set_aside: Duration,
     /// Whether idle workers get jobs that another worker holds when nothing else is left.
     pub duplicate_tail: bool,
+    /// How long a job must have been held before it is leased a second time: about twice what a
+    /// job usually takes, as a second lease of a job that is nearly done is wasted work.
+    pub duplicate_after: Duration,
 }
 
 impl Default for Options {
@@ -32,6 +35,7 @@ impl Default for Options {
             max_worker_strikes: 3,
             set_aside: Duration::from_secs(30),
             duplicate_tail: true,
+            duplicate_after: Duration::ZERO,
         }
     }
 }

@@ -113,8 +113,10 @@ impl<J: Clone> Scheduler<J> {
         }
         if self.options.duplicate_tail && was_idle && chosen.len() < credit {
             // It holds nothing, so none of these leases is its own.
-            let tail = self.tail.iter().map(|&(_, _, id)| id);
-            chosen.extend(tail.take(credit - chosen.len()));
+            let ripe =
+                |granted: Duration| now.saturating_sub(granted) >= self.options.duplicate_after;
+            let tail = self.tail.iter().take_while(|tail| ripe(tail.0));
+            chosen.extend(tail.map(|&(_, _, id)| id).take(credit - chosen.len()));
         }
         chosen
             .into_iter()

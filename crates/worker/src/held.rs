@@ -44,8 +44,29 @@ struct Finished {
 struct Inner {
     computing: BTreeMap<u64, Held>,
     finished: BTreeMap<u64, Finished>,
-    /// What a job takes, lately, in seconds.
+    /// What a job takes, in seconds: longer at once, shorter little by little, because the
+    /// coordinator makes jobs larger when they prove to be short.
     seconds: Option<f64>,
+    /// How many jobs ahead of each slot have proved to be right; it doubles with experience.
+    ahead: usize,
+    /// Jobs finished since it did.
+    finished_since: usize,
+}
+
+impl Inner {
+    fn learn(&mut self, seconds: f64) {
+        self.seconds = Some(match self.seconds {
+            Some(mean) if seconds < mean => mean + LEARNING_RATE * (seconds - mean),
+            _ => seconds,
+        });
+        self.finished_since += 1;
+        if seconds > AHEAD_SECONDS {
+            (self.ahead, self.finished_since) = (1, 0);
+        } else if self.finished_since > self.ahead {
+            let most = AHEAD_MAX as usize;
+            (self.ahead, self.finished_since) = ((2 * self.ahead).clamp(1, most), 0);
+        }
+    }
 }
 
 /// The jobs of a worker.
@@ -98,8 +119,7 @@ impl HeldJobs {
     pub(crate) fn finish(&self, result: JobResult) {
         self.with(|inner| {
             let seconds = result.wall_seconds;
-            let mean = inner.seconds.get_or_insert(seconds);
-            *mean += LEARNING_RATE * (seconds - *mean);
+            inner.learn(seconds);
             if let Some(held) = inner.computing.remove(&result.job)
                 && !held.cancelled.load(Ordering::Relaxed)
             {
@@ -185,7 +205,7 @@ impl HeldJobs {
             Some(seconds) if seconds > LONG_SECONDS => 0,
             Some(seconds) => (AHEAD_SECONDS / seconds.max(1e-9)).clamp(1.0, AHEAD_MAX) as usize,
         };
-        slots * (1 + ahead)
+        slots * (1 + ahead.min(self.with(|inner| inner.ahead.max(1))))
     }
 
     /// As many of the results that wait for their acknowledgement as fit into a report.
@@ -360,16 +380,30 @@ mod tests {
 
     #[test]
     fn the_shorter_the_jobs_the_more_are_fetched_ahead() {
-        let capacity = |seconds: f64| {
+        let capacity = |jobs: usize, seconds: f64| {
             let held = HeldJobs::default();
-            held.take(&job(1));
-            held.finish(result(1, seconds));
+            for _ in 0..jobs {
+                held.finish(result(1, seconds));
+            }
             held.capacity(2)
         };
         assert_eq!(HeldJobs::default().capacity(2), 4);
-        assert_eq!(capacity(1e-6), 2 * 2001);
-        assert_eq!(capacity(0.01), 22);
-        assert_eq!(capacity(1.0), 4);
-        assert_eq!(capacity(3600.0), 2, "somebody else may have a slot free");
+        assert_eq!(capacity(10_000, 1e-6), 2 * 2001);
+        assert_eq!(capacity(1000, 0.01), 22);
+        assert_eq!(capacity(10, 1.0), 4);
+        assert_eq!(capacity(1, 3600.0), 2, "somebody else may have a slot free");
+        assert_eq!(capacity(2, 1e-6), 4, "two short jobs prove little");
+
+        let held = HeldJobs::default();
+        for _ in 0..500 {
+            held.finish(result(1, 1e-6));
+        }
+        assert!(held.capacity(1) > 100);
+        held.finish(result(1, 0.5));
+        assert_eq!(
+            held.capacity(1),
+            2,
+            "one long job tells that they have grown"
+        );
     }
 }

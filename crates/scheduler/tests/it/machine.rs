@@ -85,6 +85,7 @@ impl ReferenceStateMachine for Machine {
                         max_worker_strikes: strikes,
                         set_aside: at(4),
                         duplicate_tail,
+                        duplicate_after: at(2),
                     });
                     for job in (0..jobs).map(JobId) {
                         model.call(&Call::Add { job, priority: 0 });

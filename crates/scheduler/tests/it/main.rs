@@ -26,6 +26,7 @@ fn options() -> Options {
         max_worker_strikes: 3,
         set_aside: at(100),
         duplicate_tail: false,
+        duplicate_after: Duration::ZERO,
     }
 }
 

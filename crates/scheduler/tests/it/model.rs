@@ -217,6 +217,7 @@ impl Model {
         if idle && self.options.duplicate_tail {
             let mut tail: Vec<&Lease> = self.leases.iter().collect();
             tail.retain(|l| self.holders(l.held.job).len() == 1);
+            tail.retain(|l| now.saturating_sub(l.granted) >= self.options.duplicate_after);
             tail.sort_by_key(|l| (l.granted, self.jobs[&l.held.job].priority, l.held.job));
             let room = credit - chosen.len();
             chosen.extend(tail.iter().take(room).map(|l| l.held.job));
