@@ -2,7 +2,7 @@
 
 use std::net::TcpListener;
 
-use acceptance::{Sandbox, assert_code, errors, free_address};
+use acceptance::{Sandbox, assert_code, errors, free_address, small_campaign};
 
 /// The sentence of a refused command, which must be one line and name every one of `parts`.
 fn refusal(sandbox: &Sandbox, arguments: &[&str], code: i32, parts: &[&str]) {
@@ -63,7 +63,7 @@ fn a_bad_campaign_file_is_refused_by_file_line_and_key() {
 #[test]
 fn a_bad_pair_file_is_refused_by_file_line_and_key() {
     let sandbox = Sandbox::new();
-    let good = crate::commands::PAIR;
+    let good = acceptance::FIGURE_7;
     for (from, to, part) in [
         ("centre_distance_mm = 110.0", "", "pair.centre_distance_mm"),
         (
@@ -94,21 +94,15 @@ fn a_bad_pair_file_is_refused_by_file_line_and_key() {
 #[test]
 fn a_store_that_is_not_this_campaigns_is_left_alone() {
     let sandbox = Sandbox::new();
-    let tiny = [
-        ("designs = 150 ", "designs = 12 "),
-        ("evaluations = 1200 ", "evaluations = 60 "),
-        ("restart_at = 600 ", "restart_at = 30 "),
-        ("compare_with_paper = true", "compare_with_paper = false"),
-    ];
-    let file = sandbox.campaign("tiny.toml", &tiny);
+    let tiny = small_campaign(12, 10);
+    let file = sandbox.write("tiny.toml", &tiny);
     let file = file.to_str().unwrap();
     assert_code(&sandbox.coordinator(&["run", file, "--db", "tiny.db"]), 0);
     let before = std::fs::read(sandbox.path("tiny.db")).unwrap();
 
-    let other = sandbox.campaign(
-        "other.toml",
-        &[&tiny[..], &[("seed = 2009", "seed = 2010")]].concat(),
-    );
+    let changed = tiny.replacen("seed = 2009", "seed = 2010", 1);
+    assert_ne!(changed, tiny);
+    let other = sandbox.write("other.toml", &changed);
     let other = other.to_str().unwrap();
     refusal(
         &sandbox,

@@ -1,21 +1,18 @@
 //! `coordinator serve` with real workers on loopback, some of which die.
 
-use acceptance::{Sandbox, assert_code, free_address};
+use std::path::PathBuf;
 
-/// A campaign that samples for some seconds on two cores, and does little else.
-const LONG: [(&str, &str); 6] = [
-    ("designs = 150 ", "designs = 300 "),
-    ("samples_per_design = 10 ", "samples_per_design = 4000 "),
-    ("evaluations = 1200 ", "evaluations = 200 "),
-    ("restart_at = 600 ", "restart_at = 100 "),
-    ("starts = 3", "starts = 1"),
-    ("compare_with_paper = true", "compare_with_paper = false"),
-];
+use acceptance::{Sandbox, assert_code, free_address, small_campaign};
+
+/// A campaign that samples for some seconds on two cores.
+fn long(sandbox: &Sandbox) -> PathBuf {
+    sandbox.write("long.toml", &small_campaign(300, 4000))
+}
 
 #[test]
 fn kills_of_workers_and_coordinator_leave_no_trace_in_the_samples() {
     let sandbox = Sandbox::new();
-    let file = sandbox.campaign("long.toml", &LONG);
+    let file = long(&sandbox);
     let file = file.to_str().unwrap();
     assert_code(
         &sandbox.coordinator(&["run", file, "--db", "undisturbed.db"]),
@@ -74,7 +71,7 @@ fn kills_of_workers_and_coordinator_leave_no_trace_in_the_samples() {
 #[test]
 fn an_interrupted_run_continues() {
     let sandbox = Sandbox::new();
-    let file = sandbox.campaign("long.toml", &LONG);
+    let file = long(&sandbox);
     let file = file.to_str().unwrap();
     let run = ["run", file, "--db", "run.db"];
     let running = sandbox.start("coordinator", &run);
@@ -95,7 +92,7 @@ fn an_interrupted_run_continues() {
 #[test]
 fn asked_to_end_programs_give_back_what_they_hold() {
     let sandbox = Sandbox::new();
-    let file = sandbox.campaign("long.toml", &LONG);
+    let file = long(&sandbox);
     let file = file.to_str().unwrap();
     let address = free_address().to_string();
     let url = format!("http://{address}");
@@ -124,13 +121,7 @@ fn asked_to_end_programs_give_back_what_they_hold() {
 #[test]
 fn a_coordinator_that_keeps_serving_sends_workers_home_until_a_signal_comes() {
     let sandbox = Sandbox::new();
-    let tiny = [
-        ("designs = 150 ", "designs = 12 "),
-        ("evaluations = 1200 ", "evaluations = 60 "),
-        ("restart_at = 600 ", "restart_at = 30 "),
-        ("compare_with_paper = true", "compare_with_paper = false"),
-    ];
-    let file = sandbox.campaign("tiny.toml", &tiny);
+    let file = sandbox.write("tiny.toml", &small_campaign(12, 10));
     let address = free_address().to_string();
     let url = format!("http://{address}");
     let file = file.to_str().unwrap();

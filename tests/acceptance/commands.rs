@@ -1,29 +1,7 @@
 //! The commands that only look: `simulate`, `check`, `init`, `status`.
 
-use acceptance::{Sandbox, assert_code, printed};
+use acceptance::{FIGURE_7, Sandbox, assert_code, printed};
 use serde_json::Value;
-
-/// Figure 7 of the paper.
-pub(crate) const PAIR: &str = r#"[pair]
-teeth = [20, 22]
-centre_distance_mm = 110.0
-pressure_angle_deg = 18.0
-helix_angle_deg = 30.0
-face_width_mm = 10.0
-profile_shift = [0.49, 0.49]
-tool_addendum = [1.20, 1.11]
-tool_dedendum = [1.00, 1.09]
-tip_radius_mm = [0.0003, 0.19]
-root_radius_mm = [0.64, 0.23]
-tooth_model = "hertz-beam"
-[load]
-pinion_torque_nm = 200.0
-[material]
-youngs_modulus_gpa = 200.0
-poisson_ratio = 0.29
-yield_mpa = 980.0
-hertz_limit_mpa = 1550.0
-"#;
 
 fn simulate(sandbox: &Sandbox, more: &[&str]) -> Value {
     let arguments = [&["simulate", "--pair", "pair.toml", "--json"], more].concat();
@@ -42,7 +20,7 @@ fn number(object: &Value, path: &str) -> f64 {
 #[test]
 fn simulate_prints_figure_7() {
     let sandbox = Sandbox::new();
-    sandbox.write("pair.toml", PAIR);
+    sandbox.write("pair.toml", FIGURE_7);
     let unworn = simulate(&sandbox, &[]);
     assert_eq!(unworn["schema_version"], 1);
     assert_eq!(unworn["feasible"], true);
@@ -83,7 +61,7 @@ fn simulate_prints_figure_7() {
     }
     // With the module that followed from the centre distance, the centre distance follows from it.
     let module = number(&unworn, "/normal_module_mm");
-    let swapped = PAIR.replace(
+    let swapped = FIGURE_7.replace(
         "centre_distance_mm = 110.0",
         &format!("normal_module_mm = {module}"),
     );
@@ -98,7 +76,7 @@ fn simulate_prints_figure_7() {
 #[test]
 fn simulate_with_random_wear_follows_its_seed() {
     let sandbox = Sandbox::new();
-    sandbox.write("pair.toml", PAIR);
+    sandbox.write("pair.toml", FIGURE_7);
     let random = ["--wear", "random", "--seed", "7", "--samples", "40"];
     let a = simulate(&sandbox, &random);
     assert_eq!(a, simulate(&sandbox, &random));
@@ -122,7 +100,7 @@ fn simulate_with_random_wear_follows_its_seed() {
 #[test]
 fn simulate_says_why_a_pair_cannot_be() {
     let sandbox = Sandbox::new();
-    let impossible = PAIR.replace(
+    let impossible = FIGURE_7.replace(
         "profile_shift = [0.49, 0.49]",
         "profile_shift = [-1.0, -1.0]",
     );

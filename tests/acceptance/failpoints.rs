@@ -2,24 +2,15 @@
 
 use std::os::unix::process::ExitStatusExt as _;
 
-use acceptance::{Sandbox, assert_code, free_address};
-
-/// Enough samples for the store's log to be moved into its file more than once.
-const CAMPAIGN: [(&str, &str); 6] = [
-    ("designs = 150 ", "designs = 200 "),
-    ("samples_per_design = 10 ", "samples_per_design = 2500 "),
-    ("evaluations = 1200 ", "evaluations = 100 "),
-    ("restart_at = 600 ", "restart_at = 50 "),
-    ("starts = 3", "starts = 1"),
-    ("compare_with_paper = true", "compare_with_paper = false"),
-];
+use acceptance::{Sandbox, assert_code, free_address, small_campaign};
 
 const SIGABRT: i32 = 6;
 
 #[test]
 fn a_coordinator_that_dies_around_a_commit_loses_and_repeats_nothing() {
     let sandbox = Sandbox::new();
-    let file = sandbox.campaign("campaign.toml", &CAMPAIGN);
+    // Enough samples for the store's log to be moved into its file more than once.
+    let file = sandbox.write("campaign.toml", &small_campaign(200, 2500));
     let file = file.to_str().unwrap();
     assert_code(
         &sandbox.coordinator(&["run", file, "--db", "undisturbed.db"]),

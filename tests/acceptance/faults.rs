@@ -6,26 +6,12 @@ use std::io::{Seek as _, SeekFrom, Write as _};
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
-use acceptance::{Sandbox, assert_code, binary, errors};
+use acceptance::{Sandbox, assert_code, binary, errors, small_campaign};
 
-/// A campaign that samples long enough to be killed, and does little else.
-const LONG: [(&str, &str); 6] = [
-    ("designs = 150 ", "designs = 40 "),
-    ("samples_per_design = 10 ", "samples_per_design = 20000 "),
-    ("evaluations = 1200 ", "evaluations = 60 "),
-    ("restart_at = 600 ", "restart_at = 30 "),
-    ("starts = 3", "starts = 1"),
-    ("compare_with_paper = true", "compare_with_paper = false"),
-];
-
-/// One that is over at once.
-const TINY: [(&str, &str); 5] = [
-    ("designs = 150 ", "designs = 12 "),
-    ("evaluations = 1200 ", "evaluations = 60 "),
-    ("restart_at = 600 ", "restart_at = 30 "),
-    ("starts = 3", "starts = 1"),
-    ("compare_with_paper = true", "compare_with_paper = false"),
-];
+/// A campaign that samples long enough to be killed.
+fn long() -> String {
+    small_campaign(40, 20_000)
+}
 
 fn samples(sandbox: &Sandbox, db: &str) -> u64 {
     let status = sandbox.status(db).expect("the store is there");
@@ -34,7 +20,7 @@ fn samples(sandbox: &Sandbox, db: &str) -> u64 {
 
 /// A campaign, killed after some samples; returns its file and how many samples were stored.
 fn killed(sandbox: &Sandbox, db: &str) -> (String, u64) {
-    let file = sandbox.campaign("long.toml", &LONG);
+    let file = sandbox.write("long.toml", &long());
     let file = file.to_str().unwrap().to_owned();
     let running = sandbox.start("coordinator", &["run", &file, "--db", db]);
     let some = |status: &serde_json::Value| status["samples"]["done"].as_u64() > Some(10_000);
@@ -120,7 +106,7 @@ fn samples_or_refusal(sandbox: &Sandbox, db: &str) -> Option<u64> {
 #[test]
 fn a_damaged_page_is_refused_and_left_as_it_is() {
     let sandbox = Sandbox::new();
-    let file = sandbox.campaign("tiny.toml", &TINY);
+    let file = sandbox.write("tiny.toml", &small_campaign(12, 10));
     let file = file.to_str().unwrap();
     assert_code(&sandbox.coordinator(&["run", file, "--db", "d.db"]), 0);
     let path = sandbox.path("d.db");
@@ -222,7 +208,7 @@ fn a_full_file_system_ends_the_campaign_with_a_sentence() {
         return;
     }
     let sandbox = Sandbox::new();
-    let file = sandbox.campaign("long.toml", &LONG);
+    let file = sandbox.write("long.toml", &long());
     let file = file.to_str().unwrap();
     std::fs::create_dir(sandbox.path("small")).unwrap();
     // What is on the small disk when it is full is kept, and continued where there is room.

@@ -3,23 +3,7 @@
 use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
 
-use acceptance::{Sandbox, assert_code, free_address, printed};
-
-/// A campaign of little work.
-const SMALL: [(&str, &str); 6] = [
-    ("designs = 150 ", "designs = 60 "),
-    ("samples_per_design = 10 ", "samples_per_design = 6 "),
-    ("evaluations = 1200 ", "evaluations = 100 "),
-    ("restart_at = 600 ", "restart_at = 50 "),
-    ("starts = 3", "starts = 1"),
-    ("compare_with_paper = true", "compare_with_paper = false"),
-];
-
-fn with(changes: &[(&'static str, &'static str)]) -> Vec<(&'static str, &'static str)> {
-    let kept = SMALL.into_iter();
-    let kept = kept.filter(|(from, _)| changes.iter().all(|(other, _)| other != from));
-    kept.chain(changes.iter().copied()).collect()
-}
+use acceptance::{Sandbox, assert_code, free_address, printed, small_campaign};
 
 fn export(sandbox: &Sandbox, db: &str, name: &str) -> Vec<String> {
     let arguments = ["export", "--db", db, "--table", "samples", "--out", name];
@@ -31,19 +15,16 @@ fn export(sandbox: &Sandbox, db: &str, name: &str) -> Vec<String> {
 #[test]
 fn a_campaign_made_larger_keeps_what_it_has() {
     let sandbox = Sandbox::new();
-    let small = sandbox.campaign("small.toml", &SMALL);
+    let small = sandbox.write("small.toml", &small_campaign(60, 6));
     let run = |file: &std::path::Path| {
         sandbox.coordinator(&["run", file.to_str().unwrap(), "--db", "c.db"])
     };
     assert_code(&run(&small), 0);
     let before = export(&sandbox, "c.db", "before.csv");
 
-    let larger = with(&[
-        ("designs = 150 ", "designs = 90 "),
-        ("samples_per_design = 10 ", "samples_per_design = 9 "),
-    ]);
-    let larger = sandbox.campaign("larger.toml", &larger);
-    assert_code(&run(&larger), 0);
+    let larger = small_campaign(90, 9);
+    let larger_file = sandbox.write("larger.toml", &larger);
+    assert_code(&run(&larger_file), 0);
     let status = sandbox.status("c.db").unwrap();
     assert_eq!(status["finished"], true, "{status}");
     assert_eq!(status["designs"]["done"], 90);
@@ -57,8 +38,9 @@ fn a_campaign_made_larger_keeps_what_it_has() {
 
     // Smaller again, or another problem, is another campaign.
     assert_code(&run(&small), 6);
-    let other = with(&[("seed = 2009", "seed = 2010")]);
-    assert_code(&run(&sandbox.campaign("other.toml", &other)), 6);
+    let other = larger.replacen("seed = 2009", "seed = 2010", 1);
+    assert_ne!(other, larger);
+    assert_code(&run(&sandbox.write("other.toml", &other)), 6);
     let unchanged = sandbox.status("c.db").unwrap();
     assert_eq!(unchanged["samples_digest"], status["samples_digest"]);
 }
@@ -68,11 +50,7 @@ fn a_running_campaign_can_be_asked_and_drained() {
     let sandbox = Sandbox::new();
     // Far more jobs than a worker ever holds, each of a few milliseconds: the campaign is never run
     // to its end, and what is out when it is drained comes in soon.
-    let long = with(&[
-        ("designs = 150 ", "designs = 1500 "),
-        ("samples_per_design = 10 ", "samples_per_design = 4000 "),
-    ]);
-    let file = sandbox.campaign("long.toml", &long);
+    let file = sandbox.write("long.toml", &small_campaign(1500, 4000));
     let (address, metrics) = (free_address().to_string(), free_address().to_string());
     let url = format!("http://{address}");
     let serve = [
@@ -139,7 +117,7 @@ fn a_running_campaign_can_be_asked_and_drained() {
 #[test]
 fn whoever_watches_sees_the_end() {
     let sandbox = Sandbox::new();
-    let file = sandbox.campaign("small.toml", &SMALL);
+    let file = sandbox.write("small.toml", &small_campaign(60, 6));
     let address = free_address().to_string();
     let url = format!("http://{address}");
     let serve = [

@@ -7,14 +7,14 @@ use std::os::unix::fs::PermissionsExt as _;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use acceptance::{Running, Sandbox, assert_code, binary, errors, free_address, printed};
+use acceptance::{
+    Running, Sandbox, assert_code, binary, errors, free_address, printed, small_campaign,
+};
 
-const TINY: [(&str, &str); 4] = [
-    ("designs = 150 ", "designs = 12 "),
-    ("evaluations = 1200 ", "evaluations = 60 "),
-    ("restart_at = 600 ", "restart_at = 30 "),
-    ("compare_with_paper = true", "compare_with_paper = false"),
-];
+/// A campaign that is over at once.
+fn tiny() -> String {
+    small_campaign(12, 10)
+}
 
 /// A refusal is no matter of waiting: even a busy machine says no within this.
 const BOUNDED: Duration = Duration::from_secs(30);
@@ -28,10 +28,10 @@ struct Guarded {
 
 impl Guarded {
     /// Everything that `keygen` offers; `client_ca` demands certificates of workers, too.
-    fn start(changes: &[(&str, &str)], client_ca: bool) -> Self {
+    fn start(campaign: &str, client_ca: bool) -> Self {
         let sandbox = Sandbox::new();
         assert_code(&sandbox.coordinator(&["keygen", "keys"]), 0);
-        let file = sandbox.campaign("c.toml", changes);
+        let file = sandbox.write("c.toml", campaign);
         let address = free_address();
         let listen = address.to_string();
         let mut serve = vec![
@@ -166,7 +166,7 @@ fn keygen_makes_private_files_names_them_and_overwrites_nothing() {
 #[test]
 fn a_campaign_finishes_over_tls_with_tokens() {
     for client_ca in [false, true] {
-        let guarded = Guarded::start(&TINY, client_ca);
+        let guarded = Guarded::start(&tiny(), client_ca);
         let mut shown = [CA, TOKEN].concat();
         if client_ca {
             shown.extend(CERTIFICATE);
@@ -182,7 +182,7 @@ fn a_campaign_finishes_over_tls_with_tokens() {
 
 #[test]
 fn a_worker_without_the_right_to_is_refused_for_good() {
-    let guarded = Guarded::start(&TINY, false);
+    let guarded = Guarded::start(&tiny(), false);
     let sandbox = &guarded.sandbox;
     assert_code(&sandbox.coordinator(&["keygen", "others"]), 0);
     let with_token = |file: &'static str| [&CA[..], &["--token-file", file]].concat();
@@ -221,7 +221,7 @@ fn a_worker_without_the_right_to_is_refused_for_good() {
 
 #[test]
 fn a_worker_without_a_certificate_is_refused_where_one_is_wanted() {
-    let guarded = Guarded::start(&TINY, true);
+    let guarded = Guarded::start(&tiny(), true);
     assert_code(&guarded.sandbox.coordinator(&["keygen", "others"]), 0);
     let shown = [CA, TOKEN].concat();
     guarded.refused(
@@ -248,7 +248,7 @@ fn a_worker_without_a_certificate_is_refused_where_one_is_wanted() {
 
 #[test]
 fn clients_look_and_steer_with_their_own_token() {
-    let guarded = Guarded::start(&TINY, true);
+    let guarded = Guarded::start(&tiny(), true);
     let url = format!("https://localhost:{}", guarded.port);
     let ask = |command: &str, token: &str| {
         let token = ["--token-file", token];
@@ -295,7 +295,7 @@ fn a_secret_does_not_travel_in_clear() {
 fn a_coordinator_does_not_open_itself_by_mistake() {
     let sandbox = Sandbox::new();
     assert_code(&sandbox.coordinator(&["keygen", "keys"]), 0);
-    let file = sandbox.campaign("tiny.toml", &TINY);
+    let file = sandbox.write("tiny.toml", &tiny());
     let file = file.to_str().unwrap();
     let beyond = ["serve", file, "--db", "c.db", "--listen", "0.0.0.0:0"];
     let tls = [
@@ -339,13 +339,7 @@ fn a_coordinator_does_not_open_itself_by_mistake() {
 #[test]
 fn strangers_on_the_port_disturb_nobody() {
     // Some seconds of sampling, meanwhile garbage comes in all the time.
-    let longer = [
-        ("designs = 150 ", "designs = 60 "),
-        ("samples_per_design = 10 ", "samples_per_design = 2000 "),
-        ("evaluations = 1200 ", "evaluations = 60 "),
-        ("restart_at = 600 ", "restart_at = 30 "),
-        ("compare_with_paper = true", "compare_with_paper = false"),
-    ];
+    let longer = small_campaign(60, 4000);
     let guarded = Guarded::start(&longer, false);
     let url = format!("https://localhost:{}", guarded.port);
     let work = [&["--connect", &url, "--slots", "1"][..], &CA, &TOKEN].concat();
@@ -404,7 +398,7 @@ fn strangers_on_the_port_disturb_nobody() {
 fn no_log_is_so_chatty_that_it_tells_a_secret() {
     let sandbox = Sandbox::new();
     assert_code(&sandbox.coordinator(&["keygen", "keys"]), 0);
-    sandbox.campaign("c.toml", &TINY);
+    sandbox.write("c.toml", &tiny());
     let address = free_address().to_string();
     let chatty = |program: &str, arguments: &[&str]| {
         let mut command = Command::new(binary(program));

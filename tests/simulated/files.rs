@@ -1,29 +1,9 @@
 //! Whatever a file holds, it is refused with a file and a line, or makes sense.
 
+use acceptance::FIGURE_7;
 use campaign::formulation::Problem;
 use campaign::{Campaign, FileError, PairFile};
 use proptest::prelude::*;
-
-const PAIR: &str = r#"[pair]
-teeth = [20, 22]
-centre_distance_mm = 110.0
-pressure_angle_deg = 18.0
-helix_angle_deg = 30.0
-face_width_mm = 10.0
-profile_shift = [0.49, 0.49]
-tool_addendum = [1.20, 1.11]
-tool_dedendum = [1.00, 1.09]
-tip_radius_mm = [0.0003, 0.19]
-root_radius_mm = [0.64, 0.23]
-tooth_model = "hertz-beam"
-[load]
-pinion_torque_nm = 200.0
-[material]
-youngs_modulus_gpa = 200.0
-poisson_ratio = 0.29
-yield_mpa = 980.0
-hertz_limit_mpa = 1550.0
-"#;
 
 /// A change of a text: of which line, to what.
 #[derive(Debug, Clone)]
@@ -182,9 +162,9 @@ fn a_campaign_file_makes_sense_or_is_refused_by_its_line() {
 
 #[test]
 fn a_pair_file_makes_sense_or_is_refused_by_its_line() {
-    assert!(PairFile::parse("some.toml", PAIR).is_ok());
+    assert!(PairFile::parse("some.toml", FIGURE_7).is_ok());
     let changes = prop::collection::vec(a_change(), 0..4);
-    let mutated = changes.prop_map(|changes| changed(PAIR, &changes));
+    let mutated = changes.prop_map(|changes| changed(FIGURE_7, &changes));
     let text = prop_oneof![8 => mutated, 1 => "\\PC{0,200}"];
     proptest!(config(2000), |(text in text)| {
         match PairFile::parse("some.toml", &text) {

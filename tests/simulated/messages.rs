@@ -150,6 +150,7 @@ fn nonsense() -> impl Strategy<Value = Vec<u8>> {
         job,
         attempt,
         payload,
+        seconds: 1.0,
     });
     let version = prop_oneof![Just(env!("CARGO_PKG_VERSION").to_owned()), "\\PC{0,9}"];
     let held = prop::collection::vec(held, 0..4);
@@ -166,12 +167,13 @@ fn nonsense() -> impl Strategy<Value = Vec<u8>> {
             .encode_to_vec()
         },
     );
-    let lease = (a_worker(), any::<u32>(), any::<u32>());
-    let lease = lease.prop_map(|(worker_id, credit, wait_ms)| {
+    let lease = (a_worker(), any::<u32>(), any::<u32>(), any::<f64>());
+    let lease = lease.prop_map(|(worker_id, credit, wait_ms, seconds)| {
         LeaseRequest {
             worker_id,
             credit,
             wait_ms,
+            seconds,
         }
         .encode_to_vec()
     });
@@ -239,7 +241,7 @@ fn no_message_breaks_the_service() {
             let _ = service.board.drain(false);
             let good = Request::new(introduction("good"));
             service.register(good).await.expect("a good introduction");
-            let request = LeaseRequest { worker_id: "good".to_owned(), credit: 1, wait_ms: 0 };
+            let request = LeaseRequest { worker_id: "good".to_owned(), credit: 1, seconds: 1.0, wait_ms: 0 };
             let response = service.lease(Request::new(request)).await.expect("a good request");
             prop_assert_eq!(response.into_inner().jobs.len(), 1);
             Ok(())

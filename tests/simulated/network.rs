@@ -376,6 +376,7 @@ async fn stutter(problem: Arc<Problem>) -> turmoil::Result {
         let request = LeaseRequest {
             worker_id: worker_id.clone(),
             credit: 1,
+            seconds: 1.0,
             wait_ms: 500,
         };
         let (first, second) = twice!(lease, request);

@@ -86,6 +86,48 @@ pub fn quick_campaign(changes: &[(&str, &str)]) -> String {
     text
 }
 
+/// The quick campaign with so many designs of so many samples, which does little besides sampling.
+///
+/// # Panics
+///
+/// When the quick campaign is no longer what it was.
+#[must_use]
+pub fn small_campaign(designs: u32, samples: u32) -> String {
+    quick_campaign(&[
+        ("designs = 150 ", &format!("designs = {designs} ")),
+        (
+            "samples_per_design = 10 ",
+            &format!("samples_per_design = {samples} "),
+        ),
+        ("evaluations = 1200 ", "evaluations = 100 "),
+        ("restart_at = 600 ", "restart_at = 50 "),
+        ("starts = 3", "starts = 1"),
+        ("compare_with_paper = true", "compare_with_paper = false"),
+    ])
+}
+
+/// The pair file of the paper's Figure 7.
+pub const FIGURE_7: &str = r#"[pair]
+teeth = [20, 22]
+centre_distance_mm = 110.0
+pressure_angle_deg = 18.0
+helix_angle_deg = 30.0
+face_width_mm = 10.0
+profile_shift = [0.49, 0.49]
+tool_addendum = [1.20, 1.11]
+tool_dedendum = [1.00, 1.09]
+tip_radius_mm = [0.0003, 0.19]
+root_radius_mm = [0.64, 0.23]
+tooth_model = "hertz-beam"
+[load]
+pinion_torque_nm = 200.0
+[material]
+youngs_modulus_gpa = 200.0
+poisson_ratio = 0.29
+yield_mpa = 980.0
+hertz_limit_mpa = 1550.0
+"#;
+
 /// A folder of a test's own, with helpers to run programs in it.
 pub struct Sandbox {
     folder: TempDir,

@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use campaign::Frozen;
-use campaign::batches::{Batches, StreamId};
+use campaign::batches::{Batches, StreamId, TARGET_SECONDS};
 use campaign::plan::{self, DesignState, JobKind, VerifyPoint};
 use campaign::task::{SampleRange, Task};
 use protocol::v1::{Job, JobAttempt};
@@ -18,6 +18,13 @@ use tokio::sync::Notify;
 use tokio::time::Instant;
 
 use crate::pace::Pace;
+
+/// So many jobs wait, if there are samples to cut them from: a worker that has just failed one is to
+/// find another.
+const WAITING: usize = 4;
+
+/// How much a new measurement counts against the earlier ones.
+const LEARNING_RATE: f64 = 0.3;
 
 /// A task with its payload for the wire, made once.
 #[derive(Debug)]
@@ -76,6 +83,8 @@ struct Inner {
     /// Jobs done since the start; the scheduler forgets them.
     done: u64,
     pace: Pace,
+    /// What a job takes that is not cut from samples.
+    posted_seconds: f64,
     /// Whether the first plan is posted: before, nobody can be told what is needed.
     is_ready: bool,
     is_finished: bool,
@@ -110,6 +119,7 @@ impl Board {
                 workers: BTreeMap::new(),
                 done: 0,
                 pace: Pace::default(),
+                posted_seconds: TARGET_SECONDS,
                 is_ready: false,
                 is_finished: false,
                 revision: 1,
@@ -240,9 +250,15 @@ impl Board {
         }
     }
 
-    /// Leases up to `credit` jobs, waiting up to `wait` for the first; none when the time is up or
-    /// the campaign is finished.
-    pub async fn lease(&self, worker_id: &str, credit: usize, wait: Duration) -> Vec<Job> {
+    /// Leases up to `credit` jobs, and no more once they are worth `seconds`; waits up to `wait` for
+    /// the first. None when the time is up or the campaign is finished.
+    pub async fn lease(
+        &self,
+        worker_id: &str,
+        credit: usize,
+        seconds: f64,
+        wait: Duration,
+    ) -> Vec<Job> {
         let worker = WorkerId(worker_id.to_owned());
         let deadline = Instant::now() + wait;
         loop {
@@ -252,18 +268,10 @@ impl Board {
                 if inner.is_finished {
                     return Vec::new();
                 }
-                inner.cut_jobs(credit, self.lease);
-                let grants = inner.scheduler.lease(&worker, credit, self.now());
-                if !grants.is_empty() {
+                let jobs = inner.grant(&worker, credit, seconds, (self.lease, self.now()));
+                if !jobs.is_empty() {
                     self.touch(&mut inner);
-                    return grants
-                        .into_iter()
-                        .map(|grant| Job {
-                            job: grant.job.0,
-                            attempt: grant.attempt,
-                            payload: grant.payload.payload.clone(),
-                        })
-                        .collect();
+                    return jobs;
                 }
             }
             if tokio::time::timeout_at(deadline, available).await.is_err() {
@@ -317,6 +325,9 @@ impl Board {
         inner.scheduler.complete(&worker, JobId(job), attempt, now);
         if inner.scheduler.forget(JobId(job)).is_some() {
             inner.done += 1;
+            if inner.batches.expected(job).is_none() && seconds.is_finite() {
+                inner.posted_seconds += LEARNING_RATE * (seconds.max(0.0) - inner.posted_seconds);
+            }
             inner.batches.close(job, Some(seconds));
             self.settle(&mut inner, job);
         }
@@ -621,21 +632,40 @@ pub struct LiveWorker {
 }
 
 impl Inner {
-    /// Cuts samples into jobs until `credit` jobs wait.
-    fn cut_jobs(&mut self, credit: usize, lease: Duration) {
-        if self.scheduler.is_draining() {
-            return;
-        }
-        let present = self
-            .workers
-            .values()
-            .filter(|worker| worker.last_seen.elapsed() <= 2 * lease);
+    /// Grants jobs one by one, cutting them from samples as they are needed.
+    fn grant(
+        &mut self,
+        worker: &WorkerId,
+        credit: usize,
+        seconds: f64,
+        (lease, now): (Duration, Duration),
+    ) -> Vec<Job> {
+        let present = self.workers.values();
+        let present = present.filter(|worker| worker.last_seen.elapsed() <= 2 * lease);
         let slots = present.map(|worker| worker.slots as usize).sum();
-        while self.scheduler.queued() < credit
-            && let Some((job, task)) = self.batches.draw(slots)
-        {
-            self.scheduler.add_job(JobId(job), Posted::new(task), 0);
+        let mut jobs = Vec::new();
+        let mut worth = 0.0;
+        while jobs.len() < credit && (jobs.is_empty() || worth < seconds) {
+            while !self.scheduler.is_draining()
+                && self.scheduler.queued() < WAITING
+                && let Some((job, task)) = self.batches.draw(slots)
+            {
+                self.scheduler.add_job(JobId(job), Posted::new(task), 0);
+            }
+            let Some(grant) = self.scheduler.lease(worker, 1, now).pop() else {
+                break;
+            };
+            let expected = self.batches.expected(grant.job.0);
+            let seconds = expected.unwrap_or(self.posted_seconds);
+            worth += seconds;
+            jobs.push(Job {
+                job: grant.job.0,
+                attempt: grant.attempt,
+                payload: grant.payload.payload.clone(),
+                seconds,
+            });
         }
+        jobs
     }
 
     /// Whether a job that a worker holds from before a restart is needed; if so, it is on the board

@@ -7,7 +7,7 @@ use campaign::{Criteria, Variables};
 use clap::ValueEnum;
 use store::Store;
 
-use crate::snapshot::{self, optimum_variables, row_point};
+use crate::snapshot::{self, optimum_variables};
 
 /// A table that can be exported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -83,7 +83,7 @@ async fn designs<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::R
         .collect();
     for row in store.designs().await? {
         let mut record = vec![row.design.to_string()];
-        record.extend(row_point(&row).map(number));
+        record.extend(row.point().map(number));
         match criteria.get(&row.design) {
             Some(criteria) => {
                 record.push(u8::from(criteria.feasible).to_string());

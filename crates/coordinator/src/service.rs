@@ -174,7 +174,8 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
         }
         let wait = Duration::from_millis(request.wait_ms.into()).min(LONGEST_WAIT);
         let credit = (request.credit as usize).min(10_000);
-        let jobs = self.board.lease(&request.worker_id, credit, wait).await;
+        let (worker, seconds) = (&request.worker_id, request.seconds);
+        let jobs = self.board.lease(worker, credit, seconds, wait).await;
         let directive = if self.board.is_finished_for(&request.worker_id) {
             Directive::Finished
         } else {

@@ -2,20 +2,14 @@
 
 use std::collections::BTreeSet;
 
-use campaign::formulation::{ROBUST_VARIABLES, VARIABLE_NAMES, Variables};
+use campaign::formulation::{VARIABLE_NAMES, Variables};
 use campaign::plan::{DesignState, State, VerifyPoint};
 use campaign::{Approach, Campaign};
 use serde_json::{Map, Value};
-use store::{DesignRow, OptimumRow, Store};
+use store::{OptimumRow, Store};
 
 /// The name of the model of P90 in the store.
 pub const P90_MODEL: &str = "p90";
-
-/// The six variables of a row.
-#[must_use]
-pub const fn row_point(row: &DesignRow) -> [f64; ROBUST_VARIABLES] {
-    [row.x_p, row.x_r, row.ha0_p, row.ha0_r, row.hf0_p, row.hf0_r]
-}
 
 /// The approach of that name.
 #[must_use]
@@ -87,7 +81,7 @@ pub async fn load(
         .await?
         .iter()
         .map(|row| DesignState {
-            x: row_point(row),
+            x: row.point(),
             has_criteria: false,
             simulated: false,
             missing: Vec::new(),

@@ -7,7 +7,7 @@ use kriging::{Data, FitOptions, Model};
 use serde::{Deserialize, Serialize};
 use store::{CriteriaRow, DesignRow, ModelRow, OptimiserRunRow, OptimumRow, ResponseRow};
 
-use crate::snapshot::{P90_MODEL, row_point, variables_to_json};
+use crate::snapshot::{P90_MODEL, variables_to_json};
 
 /// What a reader wants to know of a fitted model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -56,7 +56,7 @@ pub fn doe(problem: &Problem, existing: &[DesignRow]) -> anyhow::Result<Vec<Desi
     } else {
         let units = existing
             .iter()
-            .flat_map(|row| problem.unit_point(&row_point(row)));
+            .flat_map(|row| problem.unit_point(&row.point()));
         let held = doe::Design {
             n: existing.len(),
             d: ROBUST_VARIABLES,
@@ -65,18 +65,7 @@ pub fn doe(problem: &Problem, existing: &[DesignRow]) -> anyhow::Result<Vec<Desi
         doe::enlarge(&held, n, &options)?
     };
     Ok((existing.len()..n)
-        .map(|index| {
-            let [x_p, x_r, ha0_p, ha0_r, hf0_p, hf0_r] = problem.robust_point(design.point(index));
-            DesignRow {
-                design: index as u64,
-                x_p,
-                x_r,
-                ha0_p,
-                ha0_r,
-                hf0_p,
-                hf0_r,
-            }
-        })
+        .map(|index| DesignRow::new(index as u64, problem.robust_point(design.point(index))))
         .collect())
 }
 
@@ -115,7 +104,7 @@ pub fn fit(
         .collect();
     let x: Vec<f64> = points
         .iter()
-        .flat_map(|(design, _)| row_point(design))
+        .flat_map(|(design, _)| design.point())
         .collect();
     let y: Vec<f64> = points.iter().map(|(_, response)| response.p90_um).collect();
     let noise: Vec<f64> = points
@@ -263,7 +252,7 @@ pub fn choose_of_doe(
         let (Some(design), true) = (designs.get(response.design as usize), better) else {
             continue;
         };
-        let variables = campaign::Variables::robust(&row_point(design), frozen);
+        let variables = campaign::Variables::robust(&design.point(), frozen);
         let criteria = criteria
             .iter()
             .find(|row| row.design == response.design)

@@ -190,15 +190,7 @@ async fn read(path: &Path, campaign: &CampaignRow, samples: u64) -> Result<(), F
 }
 
 fn design(design: u64) -> DesignRow {
-    DesignRow {
-        design,
-        x_p: 0.0,
-        x_r: 0.0,
-        ha0_p: 1.0,
-        ha0_r: 1.0,
-        hf0_p: 1.0,
-        hf0_r: 1.0,
-    }
+    DesignRow::new(design, [0.0, 0.0, 1.0, 1.0, 1.0, 1.0])
 }
 
 fn criteria(design: u64) -> CriteriaRow {

@@ -439,15 +439,7 @@ pub(crate) mod tests {
     /// A closed store of one design with so many samples.
     pub(crate) async fn filled(path: &Path, count: u64) {
         let store = Store::create_or_open(path, &campaign()).await.unwrap();
-        let design = DesignRow {
-            design: 0,
-            x_p: 0.0,
-            x_r: 0.0,
-            ha0_p: 0.0,
-            ha0_r: 0.0,
-            hf0_p: 0.0,
-            hf0_r: 0.0,
-        };
+        let design = DesignRow::new(0, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
         store.put_designs(&[design]).await.unwrap();
         let writer = store.writer().unwrap();
         writer.submit(samples(0..count)).await.unwrap();

@@ -35,6 +35,31 @@ pub struct DesignRow {
     pub hf0_r: f64,
 }
 
+impl DesignRow {
+    /// The design at a point of the variables, in the order of the fields.
+    #[must_use]
+    pub const fn new(design: u64, x: [f64; 6]) -> Self {
+        let [x_p, x_r, ha0_p, ha0_r, hf0_p, hf0_r] = x;
+        Self {
+            design,
+            x_p,
+            x_r,
+            ha0_p,
+            ha0_r,
+            hf0_p,
+            hf0_r,
+        }
+    }
+
+    /// Its variables, in the order of the fields.
+    #[must_use]
+    pub const fn point(&self) -> [f64; 6] {
+        [
+            self.x_p, self.x_r, self.ha0_p, self.ha0_r, self.hf0_p, self.hf0_r,
+        ]
+    }
+}
+
 /// The nominal criteria of a design. Those that could not be computed are `None`.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct CriteriaRow {

@@ -15,17 +15,25 @@ const RESULTS_PER_REPORT: usize = 4096;
 /// The most bytes of results in a report, unless one alone is larger.
 const BYTES_PER_REPORT: usize = MAX_MESSAGE_BYTES / 8;
 
-/// How much a new job's time counts against the earlier ones.
-const LEARNING_RATE: f64 = 0.1;
+/// Work is held for this long per slot, in seconds, that which is being computed included: enough
+/// that round trips vanish in it. Of jobs that take longer none is held ahead: another worker may
+/// have a slot free for it.
+const HELD_SECONDS: f64 = 2.0;
 
-/// Jobs are fetched ahead for this long, so that the round trips vanish in the work.
-const AHEAD_SECONDS: f64 = 0.1;
+/// More is asked for when less than this part of it is left.
+const LOW: f64 = 0.75;
 
-/// Of longer jobs none is fetched ahead: another worker may have a slot free for it.
-const LONG_SECONDS: f64 = 10.0;
+/// The most jobs per slot, however short they are.
+const HELD_JOBS: usize = 2000;
 
-/// The most jobs ahead of each slot.
-const AHEAD_MAX: f64 = 2000.0;
+/// How much more work to ask for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Wanted {
+    /// At most this many jobs.
+    pub(crate) jobs: usize,
+    /// No more once they are worth this, in seconds.
+    pub(crate) seconds: f64,
+}
 
 #[derive(Debug)]
 struct Held {
@@ -44,29 +52,6 @@ struct Finished {
 struct Inner {
     computing: BTreeMap<u64, Held>,
     finished: BTreeMap<u64, Finished>,
-    /// What a job takes, in seconds: longer at once, shorter little by little, because the
-    /// coordinator makes jobs larger when they prove to be short.
-    seconds: Option<f64>,
-    /// How many jobs ahead of each slot have proved to be right; it doubles with experience.
-    ahead: usize,
-    /// Jobs finished since it did.
-    finished_since: usize,
-}
-
-impl Inner {
-    fn learn(&mut self, seconds: f64) {
-        self.seconds = Some(match self.seconds {
-            Some(mean) if seconds < mean => mean + LEARNING_RATE * (seconds - mean),
-            _ => seconds,
-        });
-        self.finished_since += 1;
-        if seconds > AHEAD_SECONDS {
-            (self.ahead, self.finished_since) = (1, 0);
-        } else if self.finished_since > self.ahead {
-            let most = AHEAD_MAX as usize;
-            (self.ahead, self.finished_since) = ((2 * self.ahead).clamp(1, most), 0);
-        }
-    }
 }
 
 /// The jobs of a worker.
@@ -118,8 +103,6 @@ impl HeldJobs {
     /// Replaces a computed job by its result, unless nobody needs it any more.
     pub(crate) fn finish(&self, result: JobResult) {
         self.with(|inner| {
-            let seconds = result.wall_seconds;
-            inner.learn(seconds);
             if let Some(held) = inner.computing.remove(&result.job)
                 && !held.cancelled.load(Ordering::Relaxed)
             {
@@ -198,14 +181,18 @@ impl HeldJobs {
         self.with(|inner| inner.finished.len())
     }
 
-    /// How many jobs to hold: the slots and, the shorter the jobs, the more ahead of them.
-    pub(crate) fn capacity(&self, slots: usize) -> usize {
-        let ahead = match self.with(|inner| inner.seconds) {
-            None => 1,
-            Some(seconds) if seconds > LONG_SECONDS => 0,
-            Some(seconds) => (AHEAD_SECONDS / seconds.max(1e-9)).clamp(1.0, AHEAD_MAX) as usize,
-        };
-        slots * (1 + ahead.min(self.with(|inner| inner.ahead.max(1))))
+    /// What to ask for with `slots` slots; none while enough is held.
+    pub(crate) fn wanted(&self, slots: usize) -> Option<Wanted> {
+        self.with(|inner| {
+            let held = inner.computing.len();
+            let worth: f64 = inner.computing.values().map(|held| held.job.seconds).sum();
+            let (jobs, seconds) = (HELD_JOBS * slots, HELD_SECONDS * slots as f64);
+            let is_low = worth < LOW * seconds && (held as f64) < LOW * jobs as f64;
+            (held < slots || is_low).then(|| Wanted {
+                jobs: jobs - held,
+                seconds: seconds - worth,
+            })
+        })
     }
 
     /// As many of the results that wait for their acknowledgement as fit into a report.
@@ -276,6 +263,7 @@ mod tests {
             job,
             attempt: 1,
             payload: vec![7],
+            seconds: 1.0,
         })
     }
 
@@ -379,31 +367,24 @@ mod tests {
     }
 
     #[test]
-    fn the_shorter_the_jobs_the_more_are_fetched_ahead() {
-        let capacity = |jobs: usize, seconds: f64| {
+    fn the_shorter_the_jobs_the_more_are_held_ahead() {
+        let held = |jobs: u64, seconds: f64| {
             let held = HeldJobs::default();
-            for _ in 0..jobs {
-                held.finish(result(1, seconds));
+            for id in 0..jobs {
+                held.take(&Arc::new(Job {
+                    seconds,
+                    ..Job::clone(&job(id))
+                }));
             }
-            held.capacity(2)
+            held.wanted(2)
         };
-        assert_eq!(HeldJobs::default().capacity(2), 4);
-        assert_eq!(capacity(10_000, 1e-6), 2 * 2001);
-        assert_eq!(capacity(1000, 0.01), 22);
-        assert_eq!(capacity(10, 1.0), 4);
-        assert_eq!(capacity(1, 3600.0), 2, "somebody else may have a slot free");
-        assert_eq!(capacity(2, 1e-6), 4, "two short jobs prove little");
-
-        let held = HeldJobs::default();
-        for _ in 0..500 {
-            held.finish(result(1, 1e-6));
-        }
-        assert!(held.capacity(1) > 100);
-        held.finish(result(1, 0.5));
-        assert_eq!(
-            held.capacity(1),
-            2,
-            "one long job tells that they have grown"
-        );
+        let wanted = |jobs, seconds| Some(Wanted { jobs, seconds });
+        assert_eq!(held(0, 0.0), wanted(4000, 4.0));
+        assert_eq!(held(2, 1.0), wanted(3998, 2.0));
+        assert_eq!(held(4, 1.0), None);
+        assert_eq!(held(1, 3600.0), wanted(3999, -3596.0), "a slot is free");
+        assert_eq!(held(2, 3600.0), None, "somebody else may have a slot free");
+        assert_eq!(held(2500, 1e-6), wanted(1500, 4.0 - 0.0025));
+        assert_eq!(held(3500, 1e-6), None, "they are asked for by the handful");
     }
 }

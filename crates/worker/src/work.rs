@@ -428,20 +428,17 @@ async fn lease(shared: Arc<Shared>, pool: rayon::ThreadPool) -> Result<End, Erro
     let mut client = shared.connection.client();
     loop {
         let changed = shared.held.changed.notified();
-        let capacity = shared.held.capacity(slots);
-        let computing = shared.held.computing();
-        let credit = capacity.saturating_sub(computing);
-        // Short jobs are asked for by the handful, unless a slot is idle.
-        if credit == 0 || (computing >= slots && credit < capacity / 4) {
+        let Some(wanted) = shared.held.wanted(slots) else {
             tokio::select! {
                 () = changed => continue,
                 () = shared.stop.cancelled() => return Ok(End::Stopped),
             }
-        }
+        };
         let epoch = shared.epoch();
         let request = LeaseRequest {
             worker_id: shared.worker_id.clone(),
-            credit: u32::try_from(credit).unwrap_or(u32::MAX),
+            credit: u32::try_from(wanted.jobs).unwrap_or(u32::MAX),
+            seconds: wanted.seconds,
             wait_ms: LEASE_WAIT.as_millis() as u32,
         };
         let call = tokio::time::timeout(LEASE_WAIT + CALL_TIMEOUT, client.lease(request));

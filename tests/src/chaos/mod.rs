@@ -11,23 +11,13 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use crate::quick_campaign;
+use crate::small_campaign;
 use cluster::Cluster;
 
 /// How often progress is looked at, unless looking itself takes long.
 const LOOK: Duration = Duration::from_millis(250);
 /// How many undisturbed runs a disturbed one may take on a machine that others use, too.
 const PATIENCE: u32 = 30;
-
-/// What makes the campaign sample for some seconds on two cores and do little else.
-const CHANGES: [(&str, &str); 6] = [
-    ("designs = 150 ", "designs = 40 "),
-    ("samples_per_design = 10 ", "samples_per_design = 9000 "),
-    ("evaluations = 1200 ", "evaluations = 400 "),
-    ("restart_at = 600 ", "restart_at = 200 "),
-    ("starts = 3", "starts = 1"),
-    ("compare_with_paper = true", "compare_with_paper = false"),
-];
 
 /// A promise that was not kept.
 #[derive(Debug, thiserror::Error)]
@@ -64,7 +54,8 @@ impl Soak {
     ///
     /// The undisturbed run does not end well.
     pub fn new(folder: &Path, programs: &Path, seed: u64) -> Result<Self, Violation> {
-        let text = quick_campaign(&CHANGES);
+        // It samples for some seconds on two cores.
+        let text = small_campaign(40, 9000);
         let file = folder.join("campaign.toml");
         std::fs::write(&file, text).map_err(|error| Violation(error.to_string()))?;
         let run = [

@@ -68,19 +68,7 @@ async fn bench() -> Bench {
     let store = Store::create_or_open(&folder.path().join("s.db"), &row)
         .await
         .unwrap();
-    let [x_p, x_r, ha0_p, ha0_r, hf0_p, hf0_r] = X;
-    store
-        .put_designs(&[DesignRow {
-            design: 0,
-            x_p,
-            x_r,
-            ha0_p,
-            ha0_r,
-            hf0_p,
-            hf0_r,
-        }])
-        .await
-        .unwrap();
+    store.put_designs(&[DesignRow::new(0, X)]).await.unwrap();
     let problem = Problem::new(campaign.clone());
     let board = board(&problem, 7);
     let service = Service {
@@ -118,6 +106,7 @@ impl Bench {
         let request = LeaseRequest {
             worker_id: worker.to_owned(),
             credit: 1,
+            seconds: 1.0,
             wait_ms: 0,
         };
         let response = self

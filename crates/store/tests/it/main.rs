@@ -48,15 +48,7 @@ async fn store_with(path: &Path, designs: u64) -> Store {
 
 fn design(design: u64) -> DesignRow {
     let x = design as f64;
-    DesignRow {
-        design,
-        x_p: x,
-        x_r: 0.1,
-        ha0_p: 1.1,
-        ha0_r: 1.2,
-        hf0_p: 1.3,
-        hf0_r: 1.4,
-    }
+    DesignRow::new(design, [x, 0.1, 1.1, 1.2, 1.3, 1.4])
 }
 
 fn sample(design: u64, sample: u64, delta_ste_um: f64) -> SampleRow {

@@ -16,6 +16,9 @@
 
 #![expect(clippy::print_stdout, reason = "a program for the command line")]
 
+mod crowd;
+mod slow;
+
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -32,11 +35,8 @@ use coordinator::guard::Guard;
 use coordinator::listening;
 use coordinator::server::{self, Plan, Workers};
 use coordinator::service::{Recorder, Service, StoreRecorder};
-use protocol::v1::{
-    Directive, HeartbeatRequest, JobResult, LeaseRequest, RegisterRequest, ReportRequest,
-    job_result,
-};
-use protocol::{Role, v1::campaign_client::CampaignClient};
+use protocol::Role;
+use protocol::v1::LeaseRequest;
 use store::{Batch, CampaignRow, CriteriaRow, DesignRow, SampleRow, Store};
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
@@ -55,7 +55,7 @@ fn main() -> anyhow::Result<()> {
     match arguments.first().map(String::as_str) {
         Some("noop") => runtime.block_on(noop(number(1, 100_000)?)),
         Some("overhead") => runtime.block_on(overhead(number(1, 90_000)?)),
-        Some("crowd") => runtime.block_on(crowd(number(1, 1000)?, number(2, 20)?)),
+        Some("crowd") => runtime.block_on(crowd::crowd(number(1, 1000)?, number(2, 20)?)),
         Some("large") => runtime.block_on(large(number(1, 100_000)?, number(2, 100)?)),
         // What the others start.
         Some("worker") => runtime.block_on(work(&arguments[1..])),
@@ -325,80 +325,6 @@ async fn overhead(samples: usize) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// An external simulator that takes a millisecond of CPU time per sample.
-mod slow {
-    use std::io::{BufRead as _, BufReader, Write as _};
-    use std::path::Path;
-    use std::process::{Command, Stdio};
-    use std::time::{Duration, Instant};
-
-    use anyhow::Context as _;
-    use serde_json::{Value, json};
-
-    /// Answers requests until there are no more.
-    pub(super) fn simulate() -> anyhow::Result<()> {
-        let mut out = std::io::stdout().lock();
-        for line in std::io::stdin().lock().lines() {
-            let request: Value = serde_json::from_str(&line?)?;
-            let id = &request["id"];
-            let answer = match request["request"].as_str() {
-                Some("start") => json!({"id": id, "protocol": 1, "version": "slow 1"}),
-                Some("criteria") => json!({"id": id, "contact_ratio": 1.6,
-                    "specific_sliding": 1.3, "root_stress_mpa": 500.0,
-                    "clearance_mm": [0.9, 0.6], "flank_margin_mm": [0.4, 0.2]}),
-                Some("sample") => {
-                    let began = Instant::now();
-                    while began.elapsed() < Duration::from_millis(1) {
-                        std::hint::spin_loop();
-                    }
-                    json!({"id": id, "delta_ste_um": 1.5})
-                }
-                _ => json!({"id": id, "delta_ste_um": 1.25, "hertz_pressure_mpa": 1180.0}),
-            };
-            writeln!(out, "{answer}")?;
-            out.flush()?;
-        }
-        Ok(())
-    }
-
-    /// Asks such a program what a worker asks it.
-    pub(super) fn ask(program: &Path, designs: usize, samples: usize) -> anyhow::Result<()> {
-        let mut child = Command::new(program)
-            .arg("simulate")
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()?;
-        let mut to = child.stdin.take().context("it is piped")?;
-        let mut from = BufReader::new(child.stdout.take().context("it is piped")?);
-        let design = json!({"x_p": 0.25, "x_r": 0.5, "ha0_p": 1.4, "ha0_r": 1.3, "hf0_p": 1.1,
-            "hf0_r": 1.0, "rho_a_p_mm": 0.1, "rho_a_r_mm": 0.1, "rho_f_p_mm": 0.8,
-            "rho_f_r_mm": 0.8, "beta_deg": 30.0, "normal_module_mm": 4.36});
-        let mut line = String::new();
-        for _ in 0..designs {
-            let questions = ["criteria", "unworn", "archard"]
-                .into_iter()
-                .chain(std::iter::repeat_n("sample", samples));
-            for request in questions {
-                let seed = [
-                    2_683_476_519_u32,
-                    2_690_815_214,
-                    3_170_936_498,
-                    3_816_220_716,
-                ];
-                let asked = json!({"id": 1, "request": request, "design": design, "seed": seed});
-                writeln!(to, "{asked}")?;
-                line.clear();
-                from.read_line(&mut line)?;
-                let answer: Value = serde_json::from_str(&line)?;
-                std::hint::black_box(answer["delta_ste_um"].as_f64());
-            }
-        }
-        drop(to);
-        child.wait()?;
-        Ok(())
-    }
-}
-
 /// CPU time of a campaign's samples with two workers, their and the coordinator's start included.
 async fn over_grpc(
     campaign: &Campaign,
@@ -410,7 +336,7 @@ async fn over_grpc(
     let served = served(campaign, digest).await?;
     let rows: Vec<DesignRow> = (0..)
         .zip(points)
-        .map(|(design, x)| row(design, x))
+        .map(|(design, x)| DesignRow::new(design, *x))
         .collect();
     served.store.put_designs(&rows).await?;
     let missing = 0..campaign.sampling.samples_per_design;
@@ -442,19 +368,6 @@ async fn over_grpc(
     served.store.close().await?;
     let after = cpu_parts();
     Ok([after[0] - before[0], after[1] - before[1]])
-}
-
-fn row(design: u64, x: &[f64; 6]) -> DesignRow {
-    let [x_p, x_r, ha0_p, ha0_r, hf0_p, hf0_r] = *x;
-    DesignRow {
-        design,
-        x_p,
-        x_r,
-        ha0_p,
-        ha0_r,
-        hf0_p,
-        hf0_r,
-    }
 }
 
 fn tell(what: &str, samples: usize, alone: f64, spread: [f64; 2]) {
@@ -502,178 +415,17 @@ async fn coordinator(folder: &Path, campaign: &Campaign) -> anyhow::Result<(Proc
     Ok((process, format!("http://{address}")))
 }
 
-async fn crowd(workers: usize, seconds: usize) -> anyhow::Result<()> {
-    let exe = std::env::current_exe()?;
-    let folder = tempfile::tempdir_in(exe.parent().context("the program has a folder")?)?;
-    // Work for much longer than it lasts.
-    let campaign = campaign(20_000, 200)?;
-    let problem = Arc::new(Problem::new(campaign.clone()));
-    let digest = probe::model_digest(&problem);
-    let (process, url) = coordinator(folder.path(), &campaign).await?;
-    wait_for_jobs(&url, &digest).await?;
-    println!("{workers} workers at once, for {seconds} s");
-    let until = tokio::time::Instant::now() + Duration::from_secs(seconds as u64);
-    let mut crowd = tokio::task::JoinSet::new();
-    for index in 0..workers {
-        let (url, digest, problem) = (url.clone(), digest.clone(), Arc::clone(&problem));
-        crowd.spawn(member(index, url, digest, problem, until));
-    }
-    let mut waits = Vec::new();
-    let (mut served, mut registered) = (0, Vec::new());
-    while let Some(member) = crowd.join_next().await {
-        let member = member??;
-        waits.extend(member.heartbeats);
-        registered.push(member.registered);
-        served += usize::from(member.jobs > 0);
-    }
-    waits.sort();
-    registered.sort();
-    let memory = std::fs::read_to_string(format!("/proc/{}/status", process.0.id()))?;
-    let peak = memory
-        .lines()
-        .find(|line| line.starts_with("VmHWM"))
-        .unwrap_or("VmHWM: unknown");
-    let quantile = |sorted: &[Duration], part: f64| {
-        sorted[((sorted.len() as f64 * part) as usize).min(sorted.len() - 1)]
-    };
-    println!(
-        "registered: the last one after {:.2?}",
-        quantile(&registered, 1.0)
-    );
-    println!("served with jobs: {served} of {workers}");
-    println!(
-        "{} heartbeats: median {:.2?}, 99 % within {:.2?}, slowest {:.2?}",
-        waits.len(),
-        quantile(&waits, 0.5),
-        quantile(&waits, 0.99),
-        quantile(&waits, 1.0)
-    );
-    println!(
-        "the coordinator's memory at its peak: {}",
-        peak.trim_start_matches("VmHWM:").trim()
-    );
-    Ok(())
-}
-
-struct Member {
-    registered: Duration,
-    heartbeats: Vec<Duration>,
-    jobs: u64,
-}
-
-/// One worker of the crowd: real calls on a connection of its own, and real results.
-async fn member(
-    index: usize,
-    url: String,
-    digest: String,
-    problem: Arc<Problem>,
-    until: tokio::time::Instant,
-) -> anyhow::Result<Member> {
-    let worker_id = format!("member-{index}");
-    let began = Instant::now();
-    let mut client = loop {
-        match CampaignClient::connect(url.clone()).await {
-            Ok(client) => break client,
-            Err(_) => tokio::time::sleep(Duration::from_millis(50)).await,
-        }
-    };
-    client.register(introduction(&worker_id, &digest)).await?;
-    let mut member = Member {
-        registered: began.elapsed(),
-        heartbeats: Vec::new(),
-        jobs: 0,
-    };
-    let mut working = client.clone();
-    let name = worker_id.clone();
-    let work = async {
-        let mut jobs = 0;
-        loop {
-            let request = LeaseRequest {
-                worker_id: name.clone(),
-                credit: 1,
-                wait_ms: 5000,
-            };
-            for job in working.lease(request).await?.into_inner().jobs {
-                let task: Task = serde_json::from_slice(&job.payload)?;
-                if matches!(task, Task::Optimise { .. }) {
-                    // The processors are needed to measure with: this one is busy to the end.
-                    tokio::time::sleep_until(until).await;
-                    return Ok(1);
-                }
-                // Off the network's threads: it is the coordinator that is to be measured.
-                let problem = Arc::clone(&problem);
-                let computed = tokio::task::spawn_blocking(move || execute(&*problem, &task));
-                let result = computed.await?.map_err(anyhow::Error::msg)?;
-                let result = JobResult {
-                    job: job.job,
-                    attempt: job.attempt,
-                    outcome: Some(job_result::Outcome::Result(serde_json::to_vec(&result)?)),
-                    cpu_seconds: 0.0,
-                    // As from a slow machine, so that jobs stay small and all get some.
-                    wall_seconds: 1.0,
-                };
-                let request = ReportRequest {
-                    worker_id: name.clone(),
-                    results: vec![result],
-                };
-                working.report(request).await?;
-                jobs += 1;
-                if tokio::time::Instant::now() > until {
-                    return anyhow::Ok(jobs);
-                }
-                // The time that the job would take there.
-                tokio::time::sleep(Duration::from_secs(1)).await;
-            }
-            if tokio::time::Instant::now() > until {
-                return Ok(jobs);
-            }
-        }
-    };
-    let beat = async {
-        let mut waits = Vec::new();
-        loop {
-            tokio::time::sleep(Duration::from_secs(1)).await;
-            let request = HeartbeatRequest {
-                worker_id: worker_id.clone(),
-                held: Vec::new(),
-            };
-            let before = Instant::now();
-            let answer = client.heartbeat(request).await?.into_inner();
-            ensure!(
-                answer.directive() == Directive::Continue,
-                "not known any more"
-            );
-            waits.push(before.elapsed());
-            if tokio::time::Instant::now() > until {
-                return Ok(waits);
-            }
-        }
-    };
-    (member.jobs, member.heartbeats) = tokio::try_join!(work, beat)?;
-    Ok(member)
-}
-
-fn introduction(worker_id: &str, digest: &str) -> RegisterRequest {
-    RegisterRequest {
-        worker_id: worker_id.to_owned(),
-        host: "load".to_owned(),
-        program_version: env!("CARGO_PKG_VERSION").to_owned(),
-        model_digest: digest.to_owned(),
-        slots: 1,
-        held: Vec::new(),
-    }
-}
-
 /// Waits until a sampling job can be leased, and how long that took.
 async fn wait_for_jobs(url: &str, digest: &str) -> anyhow::Result<Duration> {
     let began = Instant::now();
     let link = connect(url, &Credentials::default(), Role::Worker)?;
     loop {
-        let request = introduction("first", digest);
+        let request = crowd::introduction("first", digest);
         if link.client().register(request).await.is_ok() {
             let request = LeaseRequest {
                 worker_id: "first".to_owned(),
                 credit: 100,
+                seconds: 1.0,
                 wait_ms: 10,
             };
             let leased = link.client().lease(request).await?.into_inner();
@@ -694,7 +446,9 @@ async fn large(designs: usize, samples: usize) -> anyhow::Result<()> {
     let path = folder.path().join("load.db");
     let store = new_store(&path, &campaign).await?;
     let x = [0.25, 1.37, 1.37, 0.85, 1.31, 0.80];
-    let rows: Vec<DesignRow> = (0..designs as u64).map(|design| row(design, &x)).collect();
+    let rows: Vec<DesignRow> = (0..designs as u64)
+        .map(|design| DesignRow::new(design, x))
+        .collect();
     store.put_designs(&rows).await?;
     let writer = store.writer()?;
     let began = Instant::now();

@@ -1,0 +1,179 @@
+//! A thousand workers at once, each with a connection of its own, real calls and real results.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, ensure};
+use campaign::formulation::Problem;
+use campaign::probe;
+use campaign::task::{Task, execute};
+use protocol::v1::campaign_client::CampaignClient;
+use protocol::v1::{
+    Directive, HeartbeatRequest, JobResult, LeaseRequest, RegisterRequest, ReportRequest,
+    job_result,
+};
+
+use super::{campaign, coordinator, wait_for_jobs};
+
+pub(super) async fn crowd(workers: usize, seconds: usize) -> anyhow::Result<()> {
+    let exe = std::env::current_exe()?;
+    let folder = tempfile::tempdir_in(exe.parent().context("the program has a folder")?)?;
+    // Work for much longer than it lasts.
+    let campaign = campaign(20_000, 200)?;
+    let problem = Arc::new(Problem::new(campaign.clone()));
+    let digest = probe::model_digest(&problem);
+    let (process, url) = coordinator(folder.path(), &campaign).await?;
+    wait_for_jobs(&url, &digest).await?;
+    println!("{workers} workers at once, for {seconds} s");
+    let until = tokio::time::Instant::now() + Duration::from_secs(seconds as u64);
+    let mut crowd = tokio::task::JoinSet::new();
+    for index in 0..workers {
+        let (url, digest, problem) = (url.clone(), digest.clone(), Arc::clone(&problem));
+        crowd.spawn(member(index, url, digest, problem, until));
+    }
+    let mut waits = Vec::new();
+    let (mut served, mut registered) = (0, Vec::new());
+    while let Some(member) = crowd.join_next().await {
+        let member = member??;
+        waits.extend(member.heartbeats);
+        registered.push(member.registered);
+        served += usize::from(member.jobs > 0);
+    }
+    waits.sort();
+    registered.sort();
+    let memory = std::fs::read_to_string(format!("/proc/{}/status", process.0.id()))?;
+    let peak = memory
+        .lines()
+        .find(|line| line.starts_with("VmHWM"))
+        .unwrap_or("VmHWM: unknown");
+    let quantile = |sorted: &[Duration], part: f64| {
+        sorted[((sorted.len() as f64 * part) as usize).min(sorted.len() - 1)]
+    };
+    println!(
+        "registered: the last one after {:.2?}",
+        quantile(&registered, 1.0)
+    );
+    println!("served with jobs: {served} of {workers}");
+    println!(
+        "{} heartbeats: median {:.2?}, 99 % within {:.2?}, slowest {:.2?}",
+        waits.len(),
+        quantile(&waits, 0.5),
+        quantile(&waits, 0.99),
+        quantile(&waits, 1.0)
+    );
+    println!(
+        "the coordinator's memory at its peak: {}",
+        peak.trim_start_matches("VmHWM:").trim()
+    );
+    Ok(())
+}
+
+struct Member {
+    registered: Duration,
+    heartbeats: Vec<Duration>,
+    jobs: u64,
+}
+
+/// One worker of the crowd: real calls on a connection of its own, and real results.
+async fn member(
+    index: usize,
+    url: String,
+    digest: String,
+    problem: Arc<Problem>,
+    until: tokio::time::Instant,
+) -> anyhow::Result<Member> {
+    let worker_id = format!("member-{index}");
+    let began = Instant::now();
+    let mut client = loop {
+        match CampaignClient::connect(url.clone()).await {
+            Ok(client) => break client,
+            Err(_) => tokio::time::sleep(Duration::from_millis(50)).await,
+        }
+    };
+    client.register(introduction(&worker_id, &digest)).await?;
+    let mut member = Member {
+        registered: began.elapsed(),
+        heartbeats: Vec::new(),
+        jobs: 0,
+    };
+    let mut working = client.clone();
+    let name = worker_id.clone();
+    let work = async {
+        let mut jobs = 0;
+        loop {
+            let request = LeaseRequest {
+                worker_id: name.clone(),
+                credit: 1,
+                seconds: 1.0,
+                wait_ms: 5000,
+            };
+            for job in working.lease(request).await?.into_inner().jobs {
+                let task: Task = serde_json::from_slice(&job.payload)?;
+                if matches!(task, Task::Optimise { .. }) {
+                    // The processors are needed to measure with: this one is busy to the end.
+                    tokio::time::sleep_until(until).await;
+                    return Ok(1);
+                }
+                // Off the network's threads: it is the coordinator that is to be measured.
+                let problem = Arc::clone(&problem);
+                let computed = tokio::task::spawn_blocking(move || execute(&*problem, &task));
+                let result = computed.await?.map_err(anyhow::Error::msg)?;
+                let result = JobResult {
+                    job: job.job,
+                    attempt: job.attempt,
+                    outcome: Some(job_result::Outcome::Result(serde_json::to_vec(&result)?)),
+                    cpu_seconds: 0.0,
+                    // As from a slow machine, so that jobs stay small and all get some.
+                    wall_seconds: 1.0,
+                };
+                let request = ReportRequest {
+                    worker_id: name.clone(),
+                    results: vec![result],
+                };
+                working.report(request).await?;
+                jobs += 1;
+                if tokio::time::Instant::now() > until {
+                    return anyhow::Ok(jobs);
+                }
+                // The time that the job would take there.
+                tokio::time::sleep(Duration::from_secs(1)).await;
+            }
+            if tokio::time::Instant::now() > until {
+                return Ok(jobs);
+            }
+        }
+    };
+    let beat = async {
+        let mut waits = Vec::new();
+        loop {
+            tokio::time::sleep(Duration::from_secs(1)).await;
+            let request = HeartbeatRequest {
+                worker_id: worker_id.clone(),
+                held: Vec::new(),
+            };
+            let before = Instant::now();
+            let answer = client.heartbeat(request).await?.into_inner();
+            ensure!(
+                answer.directive() == Directive::Continue,
+                "not known any more"
+            );
+            waits.push(before.elapsed());
+            if tokio::time::Instant::now() > until {
+                return Ok(waits);
+            }
+        }
+    };
+    (member.jobs, member.heartbeats) = tokio::try_join!(work, beat)?;
+    Ok(member)
+}
+
+pub(super) fn introduction(worker_id: &str, digest: &str) -> RegisterRequest {
+    RegisterRequest {
+        worker_id: worker_id.to_owned(),
+        host: "load".to_owned(),
+        program_version: env!("CARGO_PKG_VERSION").to_owned(),
+        model_digest: digest.to_owned(),
+        slots: 1,
+        held: Vec::new(),
+    }
+}
