@@ -1,5 +1,6 @@
 //! From the store to the report.
 
+mod facts;
 mod notes;
 mod optima;
 mod printed;
@@ -49,6 +50,8 @@ struct Sources {
     problem: Problem,
     criteria: Vec<CriteriaRow>,
     responses: Vec<ResponseRow>,
+    /// How many samples of the DoE are stored.
+    samples: u64,
     optima: Vec<OptimumRow>,
     runs: Vec<OptimiserRunRow>,
     model: Option<ModelSummary>,
@@ -81,6 +84,7 @@ pub async fn gather(store: &Store) -> anyhow::Result<ReportData> {
         campaign: row,
         criteria: store.criteria().await?,
         responses: store.responses().await?,
+        samples: store.progress().await?.samples,
         optima: store.optima().await?,
         runs: store.optimiser_runs().await?,
         model: match store.model(P90_MODEL).await? {
@@ -126,6 +130,7 @@ fn header(sources: &Sources, samples_digest: String, times: &[store::JobTimeRow]
     for reason in sources
         .criteria
         .iter()
+        .filter(|row| !row.feasible)
         .filter_map(|row| row.reason.as_deref())
     {
         let code = reason.split(':').next().unwrap_or(reason);
@@ -152,7 +157,7 @@ fn header(sources: &Sources, samples_digest: String, times: &[store::JobTimeRow]
         .model
         .as_ref()
         .map_or(0.0, |model| model.cpu_seconds);
-    let sampling = sampling_calls(&sources.criteria, campaign.sampling.samples_per_design);
+    let sampling = sampling_calls(&sources.criteria, sources.samples);
     // An approach that rests on the DoE counts its calls as its own; here they count once.
     let optimising: u64 = sources.runs.iter().map(|run| run.simulator_calls).sum();
     let verifying: u64 = sources
@@ -180,20 +185,7 @@ fn header(sources: &Sources, samples_digest: String, times: &[store::JobTimeRow]
             stage("optimise", seconds(Optimise)),
             stage("verify", seconds(Verify)),
         ],
-        facts: vec![
-            if campaign.is_external() {
-                ("simulator".to_owned(), "an external program".to_owned())
-            } else {
-                ("tooth model".to_owned(), campaign.pair.tooth_model.clone())
-            },
-            (
-                "wear".to_owned(),
-                format!(
-                    "{} µm per flank at the deepest point",
-                    campaign.wear.max_depth_um
-                ),
-            ),
-        ],
+        facts: facts::facts(sources),
     }
 }
 

@@ -6,7 +6,7 @@ use sha2::{Digest, Sha256};
 use super::pair::size;
 use super::sections::{SimulatorKind, SimulatorSection, parse_name};
 use super::validate::Source;
-use super::{FileError, Load, Material, Wear};
+use super::{FileError, Load, Material, Sampling, Wear};
 
 /// A campaign file, validated: one problem, one DoE, one seed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -125,14 +125,6 @@ pub struct FrozenSection {
 pub struct Doe {
     /// The number of designs, n.
     pub designs: u32,
-}
-
-/// `[sampling]`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Sampling {
-    /// Samples of ΔSTE per feasible design, k.
-    pub samples_per_design: u32,
 }
 
 /// `[kriging]`
@@ -329,21 +321,9 @@ impl Campaign {
             "false when simulator.kind is \"external\": the paper's figures are compared with the \
              built-in model's",
         )?;
-        let count = |key: &str, value: u32, low: u32, high: u32| {
-            source.require(
-                (low..=high).contains(&value),
-                key,
-                value,
-                &format!("a whole number from {low} to {high}"),
-            )
-        };
+        let count = |key, value, low, high| source.count(key, value, low, high);
         count("doe.designs", self.doe.designs, 2, 100_000)?;
-        count(
-            "sampling.samples_per_design",
-            self.sampling.samples_per_design,
-            4,
-            1_000_000,
-        )?;
+        self.sampling.validate(source)?;
         count("verify.samples", self.verify.samples, 4, 1_000_000)?;
         parse_name::<kriging::Kernel>(source, "kriging.kernel", &self.kriging.kernel)?;
         source.positive(

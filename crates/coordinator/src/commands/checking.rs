@@ -62,7 +62,13 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
         ("doe", format!("{n} points, maximin"), making),
         (
             "sample",
-            format!("{n} designs, at most {} samples", n * k),
+            match campaign.sampling.precision_um {
+                None => format!("{n} designs, at most {} samples", n * k),
+                Some(precision) => format!(
+                    "{n} designs, from {k} to {} samples, for {precision} µm",
+                    campaign.sampling.samples_max()
+                ),
+            },
             sampling,
         ),
         (
