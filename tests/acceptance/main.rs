@@ -10,4 +10,5 @@ mod failpoints;
 mod faults;
 mod operations;
 mod paper;
+mod precision;
 mod security;

@@ -29,19 +29,13 @@ pub(crate) fn fill_correlations(
     matrix: &mut [f64],
 ) {
     let mut at = vec![0.0; columns.len()];
-    let mut exponent = vec![0.0; n];
     for k in 0..n {
         for (a, column) in at.iter_mut().zip(columns) {
             *a = column[k];
         }
         let run = &mut matrix[k * n + k..(k + 1) * n];
         run[0] = 1.0;
-        kernel.correlations(
-            &at,
-            |j| &columns[j][k + 1..],
-            &mut exponent[k + 1..],
-            &mut run[1..],
-        );
+        kernel.correlations(&at, |j| &columns[j][k + 1..], &mut run[1..]);
     }
 }
 

@@ -55,8 +55,8 @@ pub enum Kernel {
 
 /// Number of sums kept side by side so that they can be vectorised in a fixed order.
 const LANES: usize = 8;
-/// Points whose correlations are computed together.
-const BLOCK: usize = 128;
+/// Points whose correlations are computed side by side, all of it in registers.
+const WIDE: usize = 16;
 
 impl Kernel {
     /// Every kernel, in the order of the documentation.
@@ -151,14 +151,12 @@ impl Kernel {
         self,
         at: &[f64],
         column: impl Fn(usize) -> &'a [f64],
-        exponent: &mut [f64],
         out: &mut [f64],
     ) {
         Arch::new().dispatch(Correlations {
             kernel: self,
             at,
             column,
-            exponent,
             out,
         });
     }
@@ -257,7 +255,6 @@ struct Correlations<'s, F> {
     kernel: Kernel,
     at: &'s [f64],
     column: F,
-    exponent: &'s mut [f64],
     out: &'s mut [f64],
 }
 
@@ -266,22 +263,57 @@ impl<'a, F: Fn(usize) -> &'a [f64]> WithSimd for Correlations<'_, F> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        // In blocks, so that what all coordinates add to stays in the nearest cache.
-        let blocks = self
-            .exponent
-            .chunks_mut(BLOCK)
-            .zip(self.out.chunks_mut(BLOCK));
-        for (start, (exponent, out)) in (0..).step_by(BLOCK).zip(blocks) {
-            exponent.fill(0.0);
-            out.fill(1.0);
-            for (j, at) in self.at.iter().enumerate() {
-                let column = &(self.column)(j)[start..start + out.len()];
-                self.kernel.accumulate(*at, column, out, exponent);
-            }
-            self.kernel.finish_radial(out, exponent);
-            multiply_by_exp_of_minus(exponent, out);
+        // A kernel that is known where its loops are compiled leaves no choice inside of them.
+        match self.kernel {
+            Kernel::Matern52 => self.run(Kernel::Matern52),
+            Kernel::Matern32 => self.run(Kernel::Matern32),
+            Kernel::SquaredExponential => self.run(Kernel::SquaredExponential),
+            Kernel::Exponential => self.run(Kernel::Exponential),
+            Kernel::RadialMatern52 => self.run(Kernel::RadialMatern52),
+            Kernel::RadialMatern32 => self.run(Kernel::RadialMatern32),
+            Kernel::RadialExponential => self.run(Kernel::RadialExponential),
         }
     }
+}
+
+impl<'a, F: Fn(usize) -> &'a [f64]> Correlations<'_, F> {
+    #[inline(always)]
+    fn run(self, kernel: Kernel) {
+        let Self {
+            at, column, out, ..
+        } = self;
+        let (whole, rest) = out.as_chunks_mut::<WIDE>();
+        let mut start = 0;
+        for out in whole {
+            *out = side_by_side(kernel, at, |j| {
+                let mut points = [0.0; WIDE];
+                points.copy_from_slice(&column(j)[start..start + WIDE]);
+                points
+            });
+            start += WIDE;
+        }
+        if !rest.is_empty() {
+            // Filled up with the point itself.
+            let last = side_by_side(kernel, at, |j| {
+                let mut points = [at[j]; WIDE];
+                points[..rest.len()].copy_from_slice(&column(j)[start..start + rest.len()]);
+                points
+            });
+            rest.copy_from_slice(&last[..rest.len()]);
+        }
+    }
+}
+
+/// The correlations of [`WIDE`] points.
+#[inline(always)]
+fn side_by_side(kernel: Kernel, at: &[f64], column: impl Fn(usize) -> [f64; WIDE]) -> [f64; WIDE] {
+    let (mut out, mut exponent) = ([1.0; WIDE], [0.0; WIDE]);
+    for (j, at) in at.iter().enumerate() {
+        kernel.accumulate(*at, &column(j), &mut out, &mut exponent);
+    }
+    kernel.finish_radial(&mut out, &mut exponent);
+    multiply_by_exp_of_minus(&exponent, &mut out);
+    out
 }
 
 /// [`Kernel::log_derivative_dot`] for one instruction set.
@@ -365,7 +397,7 @@ mod tests {
     fn correlation(kernel: Kernel, h: f64, theta: f64) -> f64 {
         let column = [kernel.length_factor() * h / theta];
         let mut out = [0.0];
-        kernel.correlations(&[0.0], |_| &column, &mut [0.0], &mut out);
+        kernel.correlations(&[0.0], |_| &column, &mut out);
         out[0]
     }
 
@@ -413,7 +445,7 @@ mod tests {
         for kernel in Kernel::ALL {
             let at = |columns: [[f64; 1]; 2]| {
                 let mut out = [0.0];
-                kernel.correlations(&[0.0, 0.0], |j| &columns[j], &mut [0.0], &mut out);
+                kernel.correlations(&[0.0, 0.0], |j| &columns[j], &mut out);
                 out[0]
             };
             // 3, 4, 5: the same distance along an axis and across.

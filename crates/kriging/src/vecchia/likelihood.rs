@@ -160,7 +160,6 @@ pub(super) struct Local {
     correlation: Vec<f64>,
     /// The Cholesky factor, row by row.
     factor: Vec<f64>,
-    scratch: Vec<f64>,
 }
 
 impl Local {
@@ -172,7 +171,6 @@ impl Local {
             columns: vec![vec![0.0; largest]; dimensions],
             correlation: vec![0.0; largest * largest],
             factor: vec![0.0; largest * largest],
-            scratch: vec![0.0; largest],
         }
     }
 
@@ -194,7 +192,6 @@ impl Local {
             self.kernel.correlations(
                 &at,
                 |j| &self.columns[j][k + 1..count],
-                &mut self.scratch[k + 1..count],
                 &mut self.correlation[k * stride + k + 1..k * stride + count],
             );
         }
