@@ -4,6 +4,7 @@
 //! errors) and validated once, here: whoever holds a [`Campaign`] holds a sensible one.
 
 mod campaign;
+mod enrichment;
 mod pair;
 mod sections;
 mod validate;
@@ -12,6 +13,7 @@ pub use campaign::{
     Bounds, Campaign, Constraints, Doe, FrozenFrom, FrozenSection, Kriging, Optimise, Pair, Report,
     Sampling, Verify,
 };
+pub use enrichment::Enrichment;
 pub(crate) use pair::gear_size;
 pub use pair::{PairFile, PairSection};
 pub use sections::{Load, Material, SimulatorKind, SimulatorSection, Wear};

@@ -7,9 +7,9 @@ use anyhow::Context as _;
 use campaign::batches::StreamId;
 use campaign::formulation::Problem;
 use campaign::plan::{self, LocalStep, VerifyPoint};
-use campaign::{Approach, Campaign};
+use campaign::{Approach, Campaign, Frozen};
 use rustix::time::{ClockId, clock_gettime};
-use store::{Batch, FailureKind, Store, Writer};
+use store::{Batch, FailureKind, OptimumRow, Store, Writer};
 use tokio::time::{Instant, MissedTickBehavior};
 use tokio_util::sync::CancellationToken;
 use tracing::{error, info, warn};
@@ -17,13 +17,17 @@ use tracing::{error, info, warn};
 use crate::board::{Board, Vanished};
 use crate::snapshot::{self, P90_MODEL};
 use crate::steps::{self, Cost, ModelSummary};
-use crate::{ingest, references};
+use crate::{enrichment, ingest, references};
 
 /// How often leases are looked over.
 const EXPIRY_PERIOD: Duration = Duration::from_millis(200);
 
 /// The approaches that learn from the samples of the DoE.
-pub const SAMPLED_APPROACHES: [&str; 2] = [Approach::Kriging.name(), Approach::BestOfDoe.name()];
+pub const SAMPLED_APPROACHES: [&str; 3] = [
+    Approach::Kriging.name(),
+    Approach::BestOfDoe.name(),
+    Approach::EnrichedKriging.name(),
+];
 
 /// What the engine works with.
 pub struct Engine {
@@ -68,17 +72,21 @@ impl Engine {
             }
             state.given_up = streams;
             state.fit_failed = fit_failed.is_some();
-            let next = plan::next(self.campaign(), self.problem.printed_frozen(), &state);
+            let printed = self.problem.printed_frozen();
+            let frozen = plan::frozen(self.campaign(), printed, &state);
+            if let (Some(frozen), Some(_)) = (&frozen, &self.campaign().enrichment) {
+                state.enrichment = enrichment::progress(&self.store, frozen).await?;
+            }
+            let next = plan::next(self.campaign(), printed, &state);
             let finished = next.is_finished();
             self.board.post(next.runs);
             if let Some(frozen) = next.sampling {
                 self.board.post_designs(frozen, &state.designs);
             }
-            self.board
-                .post_points(&next.points, self.campaign().verify.samples);
+            self.board.post_points(&next.points);
             self.board.open();
             if let Some(step) = next.local {
-                self.do_step(step, references, fit_failed).await?;
+                self.do_step(step, frozen, references, fit_failed).await?;
                 continue;
             }
             if finished {
@@ -156,6 +164,7 @@ impl Engine {
     async fn do_step(
         &self,
         step: LocalStep,
+        frozen: Option<Frozen>,
         references: &[VerifyPoint],
         fit_failed: &mut Option<String>,
     ) -> anyhow::Result<()> {
@@ -173,6 +182,16 @@ impl Engine {
                     Ok(())
                 }
             },
+            LocalStep::Enrich => {
+                let frozen = frozen.context("the frozen variables are not known")?;
+                let decided = self.enrich(frozen).await;
+                decided.context("deciding the next infill points")
+            }
+            LocalStep::Choose(Approach::EnrichedKriging) => {
+                let frozen = frozen.context("the frozen variables are not known")?;
+                let row = self.choose_enriched(&frozen).await?;
+                self.put_optimum(row).await
+            }
             LocalStep::Choose(approach) => self
                 .choose(approach, references, fit_failed.as_deref())
                 .await
@@ -312,23 +331,28 @@ impl Engine {
                 steps::choose_run(&self.problem, approach, &runs, extra)?
             }
         };
+        self.put_optimum(row).await
+    }
+
+    async fn put_optimum(&self, row: OptimumRow) -> anyhow::Result<()> {
+        let approach = &row.approach;
         if row.feasible {
             info!(
-                approach = approach.name(),
+                %approach,
                 criterion_um = row.criterion_um,
                 "optimum chosen"
             );
         } else {
-            warn!(approach = approach.name(), note = %row.note, "no feasible optimum");
+            warn!(%approach, note = %row.note, "no feasible optimum");
         }
         if !row.note.is_empty() && row.feasible {
-            info!(approach = approach.name(), "{}", row.note);
+            info!(%approach, "{}", row.note);
         }
         self.store.put_optimum(&row).await?;
         Ok(())
     }
 
-    async fn sampling_cost(&self) -> anyhow::Result<Cost> {
+    pub(crate) async fn sampling_cost(&self) -> anyhow::Result<Cost> {
         let criteria = self.store.criteria().await?;
         let samples_per_design = self.campaign().sampling.samples_per_design;
         let times = self.store.job_times().await?;
@@ -347,13 +371,17 @@ impl Engine {
 fn stream_name(id: StreamId) -> String {
     match id {
         StreamId::Design(design) => format!("samples of design {design}"),
+        StreamId::Point(number) if campaign::enrichment::is_infill(number) => {
+            let mark = campaign::enrichment::mark(number);
+            format!("samples of infill point {mark}")
+        }
         StreamId::Point(number) => format!("fresh samples of point {number}"),
     }
 }
 
 /// Runs `work` on compute threads of its own, one per processor; returns their CPU time, too, in
 /// seconds.
-async fn blocking<T: Send + 'static>(
+pub(crate) async fn blocking<T: Send + 'static>(
     work: impl FnOnce() -> T + Send + 'static,
 ) -> anyhow::Result<(T, f64)> {
     let timed = move || -> anyhow::Result<(T, f64)> {

@@ -23,7 +23,7 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
     let k = u64::from(campaign.sampling.samples_per_design);
     let starts = u64::from(campaign.optimise.starts);
     let evaluations = u64::from(campaign.optimise.evaluations);
-    let points = references::points(&problem).len() as u64 + Approach::ALL.len() as u64;
+    let points = references::points(&problem).len() as u64 + Approach::of(&campaign).count() as u64;
     let verify = u64::from(campaign.verify.samples);
     // What an external program takes, and which designs it refuses, only a run can tell.
     let measured = if campaign.is_external() {
