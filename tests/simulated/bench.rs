@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
 use campaign::formulation::Problem;
-use campaign::plan::DesignState;
+use campaign::plan::OpenDesign;
 use campaign::task::{
     DesignOutcome, DesignResult, SampleRange, SampleRequest, Task, TaskResult, execute,
 };
@@ -58,7 +58,7 @@ impl Memory {
     }
 
     /// What a coordinator that starts now finds missing.
-    pub(crate) fn designs(&self) -> Vec<DesignState> {
+    pub(crate) fn designs(&self) -> Vec<OpenDesign> {
         let state = |design: u32| {
             let id = u64::from(design);
             let missing = self.with(|stored| {
@@ -66,14 +66,14 @@ impl Memory {
                 let missing = (0..SAMPLES).filter(|sample| !held(sample));
                 missing.map(|sample| sample..sample + 1).collect()
             });
-            DesignState {
+            OpenDesign {
+                design,
                 x: x(design),
-                has_criteria: self.with(|stored| stored.criteria.contains_key(&id)),
-                simulated: true,
                 missing: join(missing),
             }
         };
-        (0..DESIGNS).map(state).collect()
+        let states = (0..DESIGNS).map(state);
+        states.filter(|open| !open.missing.is_empty()).collect()
     }
 }
 

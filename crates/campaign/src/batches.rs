@@ -18,7 +18,7 @@ use std::ops::Range;
 use ranges::{gaps, join, overlap, subtract};
 
 use crate::formulation::{Frozen, ROBUST_VARIABLES, Variables};
-use crate::plan::{DesignState, JobKind, VerifyPoint};
+use crate::plan::{JobKind, OpenDesign, VerifyPoint};
 use crate::task::{SampleRange, SampleRequest, Task};
 
 /// How long a job should take: much longer than a round trip, short enough that losing a worker
@@ -112,10 +112,10 @@ pub struct Batches {
 
 impl Batches {
     /// Makes the missing samples of the DoE available; what is known already stays as it is.
-    pub fn add_designs(&mut self, frozen: Frozen, designs: &[DesignState]) {
+    pub fn add_designs(&mut self, frozen: Frozen, designs: &[OpenDesign]) {
         self.frozen = Some(frozen);
-        for (index, design) in (0..).zip(designs) {
-            let id = StreamId::Design(index);
+        for design in designs {
+            let id = StreamId::Design(design.design);
             if design.missing.is_empty() || self.streams.contains_key(&id) {
                 continue;
             }
@@ -252,7 +252,7 @@ impl Batches {
         self.settle(stream);
     }
 
-    /// Notes a design that cannot be simulated: it needs no samples.
+    /// Notes a design that cannot be simulated, or that its constraints rule out: it needs no samples.
     pub fn refused(&mut self, design: u32) {
         let id = StreamId::Design(design);
         if let Some(state) = self.streams.get_mut(&id) {

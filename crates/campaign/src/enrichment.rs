@@ -156,7 +156,8 @@ impl Progress {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Campaign;
+    use crate::plan::{self, LocalStep, State};
+    use crate::{Approach, Campaign, Frozen};
 
     #[test]
     fn numbers_follow_place_and_turn_and_never_repeat() {
@@ -205,5 +206,112 @@ mod tests {
             feasible > 0 && geometric > 0,
             "{feasible} {pressed} {geometric}"
         );
+    }
+
+    fn enriched() -> Campaign {
+        let text = include_str!("../../../campaigns/enriched.toml");
+        Campaign::parse("enriched.toml", text).unwrap()
+    }
+
+    fn point(number: u64, stored: u32, frozen: &Frozen) -> VerifyPoint {
+        VerifyPoint {
+            name: point_name(0, number),
+            number,
+            variables: Variables::robust(&[0.5; 6], frozen),
+            wanted: 30,
+            stored: (0..stored).collect(),
+        }
+    }
+
+    /// A campaign whose model has just been fitted.
+    fn fitted(campaign: &Campaign) -> State {
+        State {
+            designs: campaign.doe.designs as usize,
+            has_responses: true,
+            model: Some("model".to_owned()),
+            optima: [
+                Approach::NoWear,
+                Approach::Archard,
+                Approach::Kriging,
+                Approach::BestOfDoe,
+            ]
+            .map(|approach| (approach, None))
+            .into(),
+            runs: Approach::OPTIMISED
+                .into_iter()
+                .flat_map(|approach| (0..3).map(move |start| (approach, start)))
+                .collect(),
+            ..State::default()
+        }
+    }
+
+    #[test]
+    fn a_round_is_decided_once_the_one_before_is_settled() {
+        let campaign = enriched();
+        let frozen = Problem::new(campaign.clone()).printed_frozen();
+        let step = |state: &State| plan::next(&campaign, frozen, state).local;
+        let mut state = fitted(&campaign);
+        assert_eq!(step(&state), Some(LocalStep::Enrich));
+        // It does not wait for the runs on the model, nor for a model.
+        state.runs.clear();
+        assert_eq!(step(&state), Some(LocalStep::Enrich));
+        (state.model, state.fit_failed) = (None, true);
+        assert_eq!(step(&state), Some(LocalStep::Enrich));
+        state = fitted(&campaign);
+
+        // In the middle of a round, as after a restart: only what is missing is asked for.
+        let numbers = [FIRST + 3, FIRST + 9, FIRST + 4];
+        state.enrichment = Progress {
+            rounds: 1,
+            points: vec![
+                point(numbers[0], 30, &frozen),
+                point(numbers[1], 12, &frozen),
+                point(numbers[2], 0, &frozen),
+            ],
+            is_stopped: false,
+        };
+        let next = plan::next(&campaign, frozen, &state);
+        let open: Vec<u64> = next.points.iter().map(|point| point.number).collect();
+        assert_eq!((open.as_slice(), next.local), (&numbers[1..], None));
+        // One gets its samples, one fails: both are settled.
+        state.enrichment.points[2] = point(numbers[2], 30, &frozen);
+        assert_eq!(step(&state), None);
+        state.given_up.insert(StreamId::Point(numbers[1]));
+        let next = plan::next(&campaign, frozen, &state);
+        assert_eq!(next.local, Some(LocalStep::Enrich));
+        assert_eq!(next.points, []);
+    }
+
+    #[test]
+    fn the_round_that_stops_is_followed_by_its_recommendation_and_that_by_fresh_samples() {
+        let campaign = enriched();
+        let frozen = Problem::new(campaign.clone()).printed_frozen();
+        let approach = Approach::EnrichedKriging;
+        let mut state = fitted(&campaign);
+        state.enrichment = Progress {
+            rounds: 4,
+            points: Vec::new(),
+            is_stopped: true,
+        };
+        let next = plan::next(&campaign, frozen, &state);
+        assert_eq!(next.local, Some(LocalStep::Choose(approach)));
+        let variables = Variables::robust(&[0.5; 6], &frozen);
+        state.optima.insert(approach, Some(variables));
+        let next = plan::next(&campaign, frozen, &state);
+        assert_eq!(next.local, None);
+        let open: Vec<_> = next.points.iter().map(|p| (p.number, p.wanted)).collect();
+        assert_eq!(open, [(5, campaign.verify.samples)]);
+        let stored = (0..campaign.verify.samples).collect();
+        state.verified.insert(approach, stored);
+        assert!(plan::next(&campaign, frozen, &state).is_finished());
+    }
+
+    #[test]
+    fn without_the_section_nothing_is_enriched() {
+        let campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
+        let frozen = Problem::new(campaign.clone()).printed_frozen();
+        assert!(plan::next(&campaign, frozen, &fitted(&campaign)).is_finished());
+        assert_eq!(Approach::of(&campaign).count(), 4);
+        assert_eq!(Approach::of(&enriched()).count(), 5);
     }
 }

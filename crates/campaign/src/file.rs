@@ -6,16 +6,18 @@
 mod campaign;
 mod enrichment;
 mod pair;
+mod sampling;
 mod sections;
 mod validate;
 
 pub use campaign::{
     Bounds, Campaign, Constraints, Doe, FrozenFrom, FrozenSection, Kriging, Optimise, Pair, Report,
-    Sampling, Verify,
+    Verify,
 };
 pub use enrichment::Enrichment;
 pub(crate) use pair::gear_size;
 pub use pair::{PairFile, PairSection};
+pub use sampling::{PercentileRule, Sampling};
 pub use sections::{Load, Material, SimulatorKind, SimulatorSection, Wear};
 
 /// Why a campaign or pair file was refused.

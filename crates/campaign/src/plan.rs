@@ -45,24 +45,24 @@ impl VerifyPoint {
     }
 }
 
-/// A design of the DoE and what is stored of it.
+/// A design of the DoE that lacks samples.
 #[derive(Debug, Clone, PartialEq)]
-pub struct DesignState {
+pub struct OpenDesign {
+    /// Its index in the DoE.
+    pub design: u32,
     /// Its six variables.
     pub x: [f64; ROBUST_VARIABLES],
-    /// Whether its criteria are stored.
-    pub has_criteria: bool,
-    /// Whether it could be simulated; meaningless without criteria.
-    pub simulated: bool,
-    /// The samples that are missing, disjoint and ascending; none of a design that was refused.
+    /// The samples that are missing, disjoint and ascending.
     pub missing: Vec<Range<u32>>,
 }
 
 /// What the store holds, as far as decisions need it.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct State {
-    /// The DoE with what is stored of each design; empty before it is made.
-    pub designs: Vec<DesignState>,
+    /// How many designs of the DoE are made.
+    pub designs: usize,
+    /// Those of them that lack samples, ascending.
+    pub open: Vec<OpenDesign>,
     /// Whether the responses of all designs are stored.
     pub has_responses: bool,
     /// The kriging model as JSON, once fitted.
@@ -228,10 +228,7 @@ pub fn next(campaign: &Campaign, printed: Frozen, state: &State) -> Next {
             }
         }
     }
-    let is_open = |(index, design): (usize, &DesignState)| {
-        !design.missing.is_empty() && !state.gave_up_design(index)
-    };
-    let lacks_samples = state.designs.iter().enumerate().any(is_open);
+    let lacks_samples = state.lacks_samples();
     let mut points = verify_points(campaign, state);
     points.extend(state.enrichment.points.iter().cloned());
     points.retain(|point| {
@@ -246,8 +243,10 @@ pub fn next(campaign: &Campaign, printed: Frozen, state: &State) -> Next {
 }
 
 impl State {
-    fn gave_up_design(&self, index: usize) -> bool {
-        u32::try_from(index).is_ok_and(|index| self.given_up.contains(&StreamId::Design(index)))
+    /// Whether a design lacks samples that were not given up.
+    fn lacks_samples(&self) -> bool {
+        let is_wanted = |open: &OpenDesign| !self.given_up.contains(&StreamId::Design(open.design));
+        self.open.iter().any(is_wanted)
     }
 }
 
@@ -269,7 +268,7 @@ pub fn verify_points(campaign: &Campaign, state: &State) -> Vec<VerifyPoint> {
 }
 
 fn local_step(campaign: &Campaign, state: &State) -> Option<LocalStep> {
-    if state.designs.len() < campaign.doe.designs as usize {
+    if state.designs < campaign.doe.designs as usize {
         return Some(LocalStep::Doe);
     }
     let chosen = |approach| state.optima.contains_key(&approach);
@@ -286,12 +285,7 @@ fn local_step(campaign: &Campaign, state: &State) -> Option<LocalStep> {
             return Some(LocalStep::Choose(approach));
         }
     }
-    let sampled = state
-        .designs
-        .iter()
-        .enumerate()
-        .all(|(index, design)| design.missing.is_empty() || state.gave_up_design(index));
-    if !sampled {
+    if state.lacks_samples() {
         return None;
     }
     if !state.has_responses {
@@ -330,15 +324,18 @@ mod tests {
         crate::formulation::Problem::new(campaign.clone()).printed_frozen()
     }
 
-    fn designs(done: usize) -> Vec<DesignState> {
-        (0..60)
-            .map(|index| DesignState {
-                x: [0.5; ROBUST_VARIABLES],
-                has_criteria: index < done,
-                simulated: index < done,
-                missing: (index >= done).then_some(0..30).into_iter().collect(),
-            })
-            .collect()
+    /// The state of a campaign with all designs, the first `done` of which have their samples.
+    fn sampled(done: u32) -> State {
+        let open = |design| OpenDesign {
+            design,
+            x: [0.5; ROBUST_VARIABLES],
+            missing: std::iter::once(0..30).collect(),
+        };
+        State {
+            designs: 60,
+            open: (done..60).map(open).collect(),
+            ..State::default()
+        }
     }
 
     #[test]
@@ -353,10 +350,7 @@ mod tests {
     fn frozen_values_of_the_own_optimum_are_waited_for() {
         let mut campaign = campaign();
         campaign.frozen.from = FrozenFrom::Deterministic;
-        let state = State {
-            designs: designs(0),
-            ..State::default()
-        };
+        let state = State { ..sampled(0) };
         let first = next(&campaign, printed(&campaign), &state);
         assert_eq!((first.runs.len(), first.sampling), (3, None));
         let state = State {
@@ -388,10 +382,7 @@ mod tests {
     fn the_stages_follow_each_other_to_the_end() {
         let campaign = campaign();
         let printed = printed(&campaign);
-        let mut state = State {
-            designs: designs(60),
-            ..State::default()
-        };
+        let mut state = State { ..sampled(60) };
         for approach in [Approach::NoWear, Approach::Archard] {
             for start in 0..3 {
                 state.runs.insert((approach, start));
@@ -457,10 +448,7 @@ mod tests {
     fn designs_that_were_given_up_do_not_hold_up_the_campaign() {
         let campaign = campaign();
         let printed = printed(&campaign);
-        let mut state = State {
-            designs: designs(50),
-            ..State::default()
-        };
+        let mut state = State { ..sampled(50) };
         let waiting = next(&campaign, printed, &state);
         assert_eq!((waiting.local, waiting.sampling), (None, Some(printed)));
         state.given_up.extend((50..60).map(StreamId::Design));
@@ -473,11 +461,10 @@ mod tests {
     fn approach_three_is_left_out_when_nothing_can_be_learned() {
         let campaign = campaign();
         let state = State {
-            designs: designs(60),
             has_responses: true,
             fit_failed: true,
             optima: BTreeMap::from([(Approach::BestOfDoe, None)]),
-            ..State::default()
+            ..sampled(60)
         };
         let next = next(&campaign, printed(&campaign), &state);
         assert_eq!(next.local, Some(LocalStep::Choose(Approach::Kriging)));

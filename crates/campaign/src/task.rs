@@ -12,7 +12,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use serde::{Deserialize, Serialize};
 use stats::streams::{Purpose, stream};
 
-use crate::formulation::{Approach, Criteria, Frozen, ROBUST_VARIABLES, Variables};
+use crate::formulation::{Approach, Criteria, Frozen, Problem, ROBUST_VARIABLES, Variables};
 use crate::optimise::{self, RunResult};
 use crate::simulator::{NoAnswer, Prepared, Simulator};
 
@@ -126,6 +126,10 @@ pub enum DesignOutcome {
         first: u32,
         /// ΔSTE with random wear, µm.
         samples_um: Vec<f64>,
+        /// Why it gets no samples, although it can be simulated: its constraints rule it out, as in
+        /// `ruled-out: …`.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        ruled_out: Option<String>,
     },
     /// It cannot be simulated, or the simulator failed on it.
     Refused {
@@ -136,6 +140,8 @@ pub enum DesignOutcome {
 
 /// The name under which a panic of the simulator is recorded against a design.
 pub const SIMULATOR_PANIC: &str = "simulator-panic";
+/// The name under which a design is recorded that its constraints rule out.
+pub const RULED_OUT: &str = "ruled-out";
 /// The name under which a result that is no number is recorded against a design.
 pub const NOT_A_NUMBER: &str = "not-a-number";
 
@@ -255,14 +261,22 @@ fn simulate(
         Err(NoAnswer::Failed(error)) => return Err(format!("design {number}: {error}")),
     };
     let criteria = design.criteria(unworn.hertz_pressure_mpa);
-    let names = Names {
-        seed: simulator.problem().campaign().seed,
-        purpose: Purpose::Wear,
-        design: u64::from(number),
+    let ruled_out = ruled_out(
+        simulator.problem(),
+        &design.criteria(worn.hertz_pressure_mpa),
+    );
+    let samples_um = if ruled_out.is_some() {
+        Vec::new()
+    } else {
+        let names = Names {
+            seed: simulator.problem().campaign().seed,
+            purpose: Purpose::Wear,
+            design: u64::from(number),
+        };
+        draw(design.as_mut(), names, request.samples, keep_going)
+            .map_err(|(sample, error)| format!("design {number}, sample {sample}: {error}"))?
     };
-    let samples_um = draw(design.as_mut(), names, request.samples, keep_going)
-        .map_err(|(sample, error)| format!("design {number}, sample {sample}: {error}"))?;
-    if samples_um.is_empty() && request.samples.count > 0 {
+    if samples_um.is_empty() && request.samples.count > 0 && ruled_out.is_none() {
         return Ok(None);
     }
     let mut numbers = vec![
@@ -292,7 +306,27 @@ fn simulate(
         delta_ste_archard_um: worn.delta_ste_um,
         first: request.samples.first,
         samples_um,
+        ruled_out,
     }))
+}
+
+/// Why a design with these criteria (with the contact pressure of worn flanks) gets no samples.
+fn ruled_out(problem: &Problem, criteria: &Criteria) -> Option<String> {
+    let limit = problem.campaign().sampling.skip_violation()?;
+    let violation = problem.violation(criteria);
+    // On the edge itself the violation is zero, but the inequalities are strict. A violation that is
+    // no number is reported as such, not as a broken constraint.
+    let is_out = violation > limit || violation == 0.0 && !problem.is_feasible(criteria);
+    if !is_out {
+        return None;
+    }
+    let broken: Vec<String> = problem
+        .constraints(criteria)
+        .iter()
+        .filter(|constraint| !constraint.holds())
+        .map(ToString::to_string)
+        .collect();
+    Some(format!("{RULED_OUT}: {}", broken.join(", ")))
 }
 
 /// What the random streams of one design's samples are named by, besides the sample.
@@ -436,12 +470,53 @@ mod tests {
                 delta_ste_archard_um: worn.delta_ste_um,
                 first: 2,
                 samples_um: drawn,
+                ruled_out: None,
             }
         );
         assert_eq!(
             problem.normal_module(&variables).unwrap(),
             pair.geometry().normal_module
         );
+    }
+
+    #[test]
+    fn a_design_that_its_constraints_rule_out_gets_no_samples() {
+        let outcome = |skip_violation| {
+            let mut campaign = problem().campaign().clone();
+            campaign.sampling.skip_violation = skip_violation;
+            let problem = Problem::new(campaign);
+            let task = of_one_design(SampleRange { first: 0, count: 5 });
+            let TaskResult::Sample { designs } = execute(&problem, &task).unwrap() else {
+                panic!("a sampling result")
+            };
+            match &designs[0].outcome {
+                DesignOutcome::Simulated {
+                    criteria,
+                    hertz_pressure_worn_mpa,
+                    samples_um,
+                    ruled_out,
+                    ..
+                } => {
+                    let worn = Criteria {
+                        hertz_pressure_mpa: *hertz_pressure_worn_mpa,
+                        ..*criteria
+                    };
+                    let violation = problem.violation(&worn);
+                    (violation, samples_um.len(), ruled_out.clone())
+                }
+                DesignOutcome::Refused { reason } => panic!("{reason}"),
+            }
+        };
+        let (violation, samples, reason) = outcome(Some(0.0));
+        assert!(violation > 0.1, "this design has interference");
+        assert_eq!(samples, 0);
+        let reason = reason.unwrap();
+        assert!(reason.starts_with("ruled-out: "), "{reason}");
+        assert!(reason.contains("mate flank margin = -"), "{reason}");
+        assert_eq!(outcome(Some(0.99 * violation)).1, 0);
+        // It breaks the constraints by less than the limit, or nobody asked.
+        assert_eq!(outcome(Some(1.01 * violation)), (violation, 5, None));
+        assert_eq!(outcome(None), (violation, 5, None));
     }
 
     #[test]

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use campaign::Frozen;
 use campaign::batches::{Batches, StreamId, TARGET_SECONDS};
-use campaign::plan::{self, DesignState, JobKind, VerifyPoint};
+use campaign::plan::{self, JobKind, OpenDesign, VerifyPoint};
 use campaign::task::{SampleRange, Task};
 use protocol::v1::{Job, JobAttempt};
 use scheduler::{Counts, Failure, JobId, Scheduler, WorkerId};
@@ -57,7 +57,7 @@ pub struct WorkerInfo {
 pub enum Covered {
     /// Samples of a design or point.
     Samples(StreamId, SampleRange),
-    /// A design that cannot be simulated.
+    /// A design that cannot be simulated, or that gets no samples.
     Refused(u32),
 }
 
@@ -170,7 +170,7 @@ impl Board {
     }
 
     /// Makes missing samples of the DoE available to workers.
-    pub fn post_designs(&self, frozen: Frozen, designs: &[DesignState]) {
+    pub fn post_designs(&self, frozen: Frozen, designs: &[OpenDesign]) {
         let mut inner = self.lock();
         inner.batches.add_designs(frozen, designs);
         self.release_lock(inner);

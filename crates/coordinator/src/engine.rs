@@ -1,5 +1,6 @@
 //! Runs the stages of a campaign to the end.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -16,7 +17,7 @@ use tracing::{error, info, warn};
 
 use crate::board::{Board, Vanished};
 use crate::snapshot::{self, P90_MODEL};
-use crate::steps::{self, Cost, ModelSummary};
+use crate::steps::{self, Cost, ModelSummary, Sampled};
 use crate::{enrichment, ingest, references};
 
 /// How often leases are looked over.
@@ -57,13 +58,14 @@ impl Engine {
     pub async fn run(&self, shutdown: &CancellationToken) -> anyhow::Result<Option<Ended>> {
         let references: &[VerifyPoint] = &references::points(&self.problem);
         let fit_failed = &mut None;
+        let more = &mut BTreeMap::new();
         loop {
             if shutdown.is_cancelled() {
                 return Ok(None);
             }
             // Before the state is read: what is settled in between must not be slept through.
             let settled = self.board.watch();
-            let mut state = snapshot::load(&self.store, self.campaign(), references).await?;
+            let mut state = snapshot::load(&self.store, self.campaign(), references, more).await?;
             let (streams, runs) = self.board.given_up();
             for job in &runs {
                 let (approach, start) = plan::run_parts(*job);
@@ -81,12 +83,13 @@ impl Engine {
             let finished = next.is_finished();
             self.board.post(next.runs);
             if let Some(frozen) = next.sampling {
-                self.board.post_designs(frozen, &state.designs);
+                self.board.post_designs(frozen, &state.open);
             }
             self.board.post_points(&next.points);
             self.board.open();
             if let Some(step) = next.local {
-                self.do_step(step, frozen, references, fit_failed).await?;
+                self.do_step(step, frozen, references, fit_failed, more)
+                    .await?;
                 continue;
             }
             if finished {
@@ -167,11 +170,12 @@ impl Engine {
         frozen: Option<Frozen>,
         references: &[VerifyPoint],
         fit_failed: &mut Option<String>,
+        more: &mut BTreeMap<u64, u64>,
     ) -> anyhow::Result<()> {
         match step {
             LocalStep::Doe => self.make_doe().await.context("making the DoE"),
             LocalStep::Statistics => self
-                .compute_responses()
+                .compute_responses(more)
                 .await
                 .context("computing responses"),
             LocalStep::Fit => match self.fit().await.context("fitting the kriging model")? {
@@ -213,22 +217,43 @@ impl Engine {
         Ok(())
     }
 
-    async fn compute_responses(&self) -> anyhow::Result<()> {
+    /// Computes the responses once every design has enough samples; until then, `more` learns which
+    /// want more.
+    async fn compute_responses(&self, more: &mut BTreeMap<u64, u64>) -> anyhow::Result<()> {
         if !self.store.responses().await?.is_empty() {
             // Samples came after the model was fitted, as of jobs that got another chance: what
             // was learned without them is learned again.
             self.store.clear_derived(&SAMPLED_APPROACHES).await?;
         }
-        let wanted = self.campaign().sampling.samples_per_design as usize;
+        let sampling = self.campaign().sampling;
+        let (first, most) = (
+            sampling.samples_per_design as usize,
+            sampling.samples_max() as usize,
+        );
+        let (given_up, _) = self.board.given_up();
+        let is_given_up = |design| {
+            u32::try_from(design).is_ok_and(|design| given_up.contains(&StreamId::Design(design)))
+        };
         let mut rows = Vec::new();
+        let mut wanting = BTreeMap::new();
         let mut current: Option<u64> = None;
-        let mut samples: Vec<f64> = Vec::with_capacity(wanted);
+        let mut samples: Vec<f64> = Vec::with_capacity(first);
         let mut close = |design: Option<u64>, samples: &mut Vec<f64>| -> anyhow::Result<()> {
             if let Some(design) = design
-                && samples.len() >= wanted
+                && samples.len() >= first
             {
-                let row = steps::response(design, samples)
-                    .with_context(|| format!("the samples of design {design}"))?;
+                let context = || format!("the samples of design {design}");
+                let count = match steps::sampled(samples, &sampling).with_context(context)? {
+                    Sampled::Enough(count) => count,
+                    Sampled::Wants { samples, at_least } => {
+                        if !is_given_up(design) {
+                            wanting.insert(design, samples as u64);
+                        }
+                        at_least
+                    }
+                };
+                let row = steps::response(design, &samples[..count], sampling.percentile)
+                    .with_context(context)?;
                 rows.push(row);
             }
             samples.clear();
@@ -240,13 +265,22 @@ impl Engine {
                     close(current, &mut samples)?;
                     current = Some(row.design);
                 }
-                if samples.len() < wanted {
+                // Those beyond a hole wait until it is filled.
+                if samples.len() < most && row.sample == samples.len() as u64 {
                     samples.push(row.delta_ste_um);
                 }
                 Ok(())
             })
             .await?;
         close(current, &mut samples)?;
+        if !wanting.is_empty() {
+            info!(
+                designs = wanting.len(),
+                "more samples, for a standard error below the precision"
+            );
+            *more = wanting;
+            return Ok(());
+        }
         info!(feasible = rows.len(), "responses computed");
         self.store.put_responses(&rows).await?;
         Ok(())
@@ -296,7 +330,9 @@ impl Engine {
                 steps::left_out(approach, format!("There is no kriging model: {reason}."))?
             }
             (Approach::BestOfDoe, _) => {
-                let state = snapshot::load(&self.store, self.campaign(), references).await?;
+                let state =
+                    snapshot::load(&self.store, self.campaign(), references, &BTreeMap::new())
+                        .await?;
                 let frozen =
                     plan::frozen(self.campaign(), self.problem.printed_frozen(), &state)
                         .context("the DoE was sampled before its frozen variables were known")?;
@@ -354,10 +390,10 @@ impl Engine {
 
     pub(crate) async fn sampling_cost(&self) -> anyhow::Result<Cost> {
         let criteria = self.store.criteria().await?;
-        let samples_per_design = self.campaign().sampling.samples_per_design;
+        let samples = self.store.progress().await?.samples;
         let times = self.store.job_times().await?;
         Ok(Cost {
-            simulator_calls: steps::sampling_calls(&criteria, samples_per_design),
+            simulator_calls: steps::sampling_calls(&criteria, samples),
             cpu_seconds: times
                 .iter()
                 .filter(|row| plan::JobKind::of(row.job) == Some(plan::JobKind::Sample))

@@ -11,6 +11,7 @@ use anyhow::Context as _;
 use campaign::enrichment::{
     self, Progress, REACH, exact_violation, options, point_name, point_number,
 };
+use campaign::file::Sampling;
 use campaign::formulation::{Problem, ROBUST_VARIABLES};
 use campaign::optimise::Found;
 use campaign::plan::VerifyPoint;
@@ -71,7 +72,7 @@ struct Rows {
     designs: Vec<DesignRow>,
     criteria: Vec<CriteriaRow>,
     responses: Vec<ResponseRow>,
-    /// How many samples each design has.
+    /// How many samples each response rests on.
     counts: BTreeMap<u64, u64>,
     rounds: Vec<RoundRow>,
     infill: Vec<InfillRow>,
@@ -82,12 +83,12 @@ struct Rows {
 }
 
 impl Rows {
-    async fn read(store: &Store) -> Result<Self, store::Error> {
+    async fn read(store: &Store, sampling: &Sampling) -> anyhow::Result<Self> {
         let mut rows = Self {
             designs: store.designs().await?,
             criteria: store.criteria().await?,
             responses: store.responses().await?,
-            counts: store.sampled_counts().await?.into_iter().collect(),
+            counts: counts(store, sampling).await?,
             rounds: store.rounds().await?,
             infill: store.infill().await?,
             ..Self::default()
@@ -103,9 +104,13 @@ impl Rows {
             rows.infill.iter().map(|row| bits(&row.x)).collect();
         for design in &rows.designs {
             if sampled.contains(&bits(&design.point())) {
+                let count = rows.counts.get(&design.design).copied().unwrap_or(0);
                 let held = store.samples_of(design.design).await?;
-                let held = held.into_iter().map(|(_, value)| value).collect();
-                rows.of_designs.insert(design.design, held);
+                let held = held
+                    .into_iter()
+                    .take(count as usize)
+                    .map(|(_, value)| value);
+                rows.of_designs.insert(design.design, held.collect());
             }
         }
         Ok(rows)
@@ -185,9 +190,10 @@ impl Rows {
         for (place, samples) in &pooled {
             let entry = &mut sampled[*place];
             entry.samples = u32::try_from(samples.len()).unwrap_or(u32::MAX);
-            if let Ok(percentile) = stats::percentile_p90(samples) {
-                entry.response_um = percentile.p90;
-                entry.variance_um2 = percentile.variance;
+            let rule = problem.campaign().sampling.percentile;
+            if let Ok(row) = steps::response(0, samples, rule) {
+                entry.response_um = row.p90_um;
+                entry.variance_um2 = row.p90_variance_um2;
             }
         }
         let failed = self.infill.iter().filter(|row| self.has_failed(row));
@@ -287,6 +293,29 @@ impl Rows {
     }
 }
 
+/// How many samples each response rests on, by design. Samples may be there that came before they
+/// were wanted: those count for nothing.
+pub(crate) async fn counts(
+    store: &Store,
+    sampling: &Sampling,
+) -> anyhow::Result<BTreeMap<u64, u64>> {
+    let mut counts = BTreeMap::new();
+    for row in store.responses().await? {
+        let count = if sampling.rule().is_none() {
+            sampling.samples_per_design as usize
+        } else {
+            let held = store.samples_of(row.design).await?;
+            let held: Vec<f64> = held.into_iter().map(|(_, value)| value).collect();
+            match steps::sampled(&held, sampling)? {
+                steps::Sampled::Enough(count) => count,
+                steps::Sampled::Wants { at_least, .. } => at_least,
+            }
+        };
+        counts.insert(row.design, count as u64);
+    }
+    Ok(counts)
+}
+
 /// A design's variables as a key; zeros have lost their sign in the store.
 fn bits(x: &Point) -> [u64; ROBUST_VARIABLES] {
     x.map(f64::to_bits)
@@ -358,7 +387,8 @@ pub fn sentence(stop: &Stop) -> String {
 impl Engine {
     /// Decides the next round and stores it; its points are posted after that.
     pub(crate) async fn enrich(&self, frozen: Frozen) -> anyhow::Result<()> {
-        let rows = Rows::read(&self.store).await?;
+        let sampling = self.problem.campaign().sampling;
+        let rows = Rows::read(&self.store, &sampling).await?;
         let problem = Arc::clone(&self.problem);
         let decide = move || rows.decide(&problem, &frozen);
         let (decided, cpu_seconds) = blocking(decide).await?;

@@ -77,12 +77,17 @@ pub fn rows(
                         delta_ste_archard_um,
                         first,
                         samples_um,
+                        ruled_out,
                     } => {
-                        cover(StreamId::Design(result.design), first, samples_um.len());
+                        if ruled_out.is_some() {
+                            refused.push(Covered::Refused(result.design));
+                        } else {
+                            cover(StreamId::Design(result.design), first, samples_um.len());
+                        }
                         batch.criteria.push(CriteriaRow {
                             design,
                             feasible: true,
-                            reason: None,
+                            reason: ruled_out,
                             contact_ratio: Some(criteria.contact_ratio),
                             specific_sliding: Some(criteria.specific_sliding),
                             hertz_pressure_mpa: Some(criteria.hertz_pressure_mpa),

@@ -1,6 +1,7 @@
 //! From the store to the report.
 
 mod enrichment;
+mod facts;
 mod notes;
 mod optima;
 mod printed;
@@ -53,6 +54,8 @@ struct Sources {
     problem: Problem,
     criteria: Vec<CriteriaRow>,
     responses: Vec<ResponseRow>,
+    /// How many samples of the DoE are stored.
+    samples: u64,
     optima: Vec<OptimumRow>,
     runs: Vec<OptimiserRunRow>,
     model: Option<ModelSummary>,
@@ -89,6 +92,7 @@ pub async fn gather(store: &Store) -> anyhow::Result<ReportData> {
         responses: store.responses().await?,
         infill: store.infill().await?,
         rounds: store.rounds().await?,
+        samples: store.progress().await?.samples,
         optima: store.optima().await?,
         runs: store.optimiser_runs().await?,
         model: match store.model(P90_MODEL).await? {
@@ -135,6 +139,7 @@ fn header(sources: &Sources, samples_digest: String, times: &[store::JobTimeRow]
     for reason in sources
         .criteria
         .iter()
+        .filter(|row| !row.feasible)
         .filter_map(|row| row.reason.as_deref())
     {
         let code = reason.split(':').next().unwrap_or(reason);
@@ -161,7 +166,7 @@ fn header(sources: &Sources, samples_digest: String, times: &[store::JobTimeRow]
         .model
         .as_ref()
         .map_or(0.0, |model| model.cpu_seconds);
-    let sampling = sampling_calls(&sources.criteria, campaign.sampling.samples_per_design);
+    let sampling = sampling_calls(&sources.criteria, sources.samples);
     // An approach that rests on the DoE counts its calls as its own; here they count once.
     let optimising: u64 = sources.runs.iter().map(|run| run.simulator_calls).sum();
     let verifying: u64 = sources
@@ -203,20 +208,7 @@ fn header(sources: &Sources, samples_digest: String, times: &[store::JobTimeRow]
         infeasible,
         simulator_calls: sampling + optimising + enriching + verifying,
         stages: costs,
-        facts: vec![
-            if campaign.is_external() {
-                ("simulator".to_owned(), "an external program".to_owned())
-            } else {
-                ("tooth model".to_owned(), campaign.pair.tooth_model.clone())
-            },
-            (
-                "wear".to_owned(),
-                format!(
-                    "{} µm per flank at the deepest point",
-                    campaign.wear.max_depth_um
-                ),
-            ),
-        ],
+        facts: facts::facts(sources),
     }
 }
 

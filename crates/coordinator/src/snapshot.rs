@@ -1,9 +1,9 @@
 //! What the store holds, as the planner wants to see it.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use campaign::formulation::{VARIABLE_NAMES, Variables};
-use campaign::plan::{DesignState, State, VerifyPoint};
+use campaign::plan::{OpenDesign, State, VerifyPoint};
 use campaign::{Approach, Campaign};
 use serde_json::{Map, Value};
 use store::{OptimumRow, Store};
@@ -66,7 +66,9 @@ pub fn optimum_variables(row: &OptimumRow) -> Option<Variables> {
     variables_from_json(&row.x_json)
 }
 
-/// Reads the whole state of the campaign.
+/// Reads the state of the campaign; `more` names designs that want more samples than others.
+///
+/// Of the DoE only what is missing is read: a restart has to be quick however much is done.
 ///
 /// # Errors
 ///
@@ -75,43 +77,31 @@ pub async fn load(
     store: &Store,
     campaign: &Campaign,
     references: &[VerifyPoint],
+    more: &BTreeMap<u64, u64>,
 ) -> Result<State, store::Error> {
-    let mut designs: Vec<DesignState> = store
-        .designs()
-        .await?
-        .iter()
-        .map(|row| DesignState {
-            x: row.point(),
-            has_criteria: false,
-            simulated: false,
-            missing: Vec::new(),
-        })
-        .collect();
-    for row in store.criteria().await? {
-        if let Some(design) = designs.get_mut(row.design as usize) {
-            design.has_criteria = true;
-            design.simulated = row.feasible;
-        }
-    }
+    let progress = store.progress().await?;
     let wanted = u64::from(campaign.sampling.samples_per_design);
-    for work in store.missing_work(wanted).await? {
-        if let Some(design) = designs.get_mut(work.design as usize) {
-            // Both ends lie below the number of samples, which has 32 bits.
-            let narrow = |range: &std::ops::Range<u64>| range.start as u32..range.end as u32;
-            design.missing = work.samples.iter().map(narrow).collect();
-        }
-    }
+    let missing = store.missing_work(wanted, more).await?;
     // Designs that were given up have no samples, and so no response to wait for.
-    let sampled = designs
-        .iter()
-        .filter(|design| design.simulated && design.missing.is_empty())
-        .count();
-    let has_responses =
-        designs.len() == campaign.doe.designs as usize && store.responses().await?.len() == sampled;
-
+    let unsampled = missing.iter().filter(|work| !work.criteria).count() as u64;
+    let sampled = progress
+        .feasible
+        .saturating_sub(progress.ruled_out + unsampled);
+    let open = missing.iter().map(|work| OpenDesign {
+        // A DoE has at most 100 000 designs, and the samples of each are counted in 32 bits.
+        design: work.design.design as u32,
+        x: work.design.point(),
+        missing: work
+            .samples
+            .iter()
+            .map(|range| range.start as u32..range.end as u32)
+            .collect(),
+    });
     let mut state = State {
-        designs,
-        has_responses,
+        designs: progress.designs as usize,
+        open: open.collect(),
+        has_responses: progress.designs == u64::from(campaign.doe.designs)
+            && progress.responses == sampled,
         model: store.model(P90_MODEL).await?.map(|row| row.json),
         ..State::default()
     };

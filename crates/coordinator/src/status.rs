@@ -113,6 +113,9 @@ pub struct Designs {
     pub done: u64,
     /// Those of them that could be simulated.
     pub feasible: u64,
+    /// Those of them that get no samples, because their constraints rule them out.
+    #[serde(default)]
+    pub ruled_out: u64,
 }
 
 /// Counts of samples.
@@ -185,9 +188,12 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
     }
     let wanted = u64::from(campaign.doe.designs);
     let per_design = u64::from(campaign.sampling.samples_per_design);
-    let sampled = progress.designs == wanted
-        && progress.criteria_done == wanted
-        && progress.samples >= progress.feasible * per_design;
+    // How many samples a precision takes is known only at the end.
+    let sampled = progress.responses > 0
+        || campaign.sampling.precision_um.is_none()
+            && progress.designs == wanted
+            && progress.criteria_done == wanted
+            && progress.samples >= (progress.feasible - progress.ruled_out) * per_design;
     let verified = optima
         .iter()
         .all(|optimum| optimum.verified.done >= optimum.verified.wanted);
@@ -227,6 +233,7 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
             made: progress.designs,
             done: progress.criteria_done,
             feasible: progress.feasible,
+            ruled_out: progress.ruled_out,
         },
         samples: Samples {
             per_design,
@@ -334,6 +341,21 @@ impl Status {
         }
     }
 
+    /// What a round of infill waits for, while there is one.
+    #[must_use]
+    pub fn round_sentence(&self) -> Option<String> {
+        let enrichment = self.enrichment.filter(|_| self.stage == "enrich")?;
+        let Progress { done, wanted } = enrichment.samples;
+        let round = enrichment.round;
+        Some(if done < wanted {
+            format!("round {round} of the enrichment has {done} of its {wanted} samples")
+        } else {
+            format!(
+                "round {round} of the enrichment has its samples: the coordinator itself decides the next one"
+            )
+        })
+    }
+
     /// About how many samples of the DoE are missing: of the designs that have not been tried, as
     /// many are taken to be feasible as of the others.
     #[must_use]
@@ -342,8 +364,10 @@ impl Status {
             wanted,
             done,
             feasible,
+            ruled_out,
             ..
         } = self.designs;
+        let feasible = feasible.saturating_sub(ruled_out);
         let share = if done > 0 {
             feasible as f64 / done as f64
         } else {
@@ -376,8 +400,14 @@ pub fn describe(status: &Status) -> String {
     let _ = writeln!(text, "stage           {}", status.stage_name());
     let _ = writeln!(
         text,
-        "designs         {} of {} done, {} can be simulated",
-        designs.done, designs.wanted, designs.feasible
+        "designs         {} of {} done, {} can be simulated{}",
+        designs.done,
+        designs.wanted,
+        designs.feasible,
+        match designs.ruled_out {
+            0 => String::new(),
+            count => format!(", {count} of them ruled out by constraints"),
+        }
     );
     let _ = writeln!(
         text,

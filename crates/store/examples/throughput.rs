@@ -6,6 +6,7 @@
 
 #![expect(clippy::print_stdout, reason = "a program for the command line")]
 
+use std::collections::BTreeMap;
 use std::future::Future;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -174,10 +175,11 @@ async fn read(path: &Path, campaign: &CampaignRow, samples: u64) -> Result<(), F
     timed("closed", 0, store.close()).await?;
 
     let store = timed("opened", 0, Store::create_or_open(path, campaign)).await?;
-    let missing = timed("missing work", 0, store.missing_work(samples)).await?;
+    let none = BTreeMap::new();
+    let missing = timed("missing work", 0, store.missing_work(samples, &none)).await?;
     println!("  of {} designs", missing.len());
     let missing = timed("missing work of one sample more", 0, async {
-        store.missing_work(samples + 1).await
+        store.missing_work(samples + 1, &none).await
     });
     println!("  of {} designs", missing.await?.len());
     timed("the file checked", 0, store.checked()).await?;

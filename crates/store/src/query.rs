@@ -1,5 +1,6 @@
 //! The statements that read.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
 
@@ -11,8 +12,8 @@ use crate::Error;
 use crate::cause::first_line;
 use crate::digest::SamplesDigest;
 use crate::rows::{
-    CampaignRow, FailureGroup, FailureKind, FailureRow, MissingWork, ModelRow, OptimumRow,
-    Progress, ResponseRow, SampleRow,
+    CampaignRow, DesignRow, FailureGroup, FailureKind, FailureRow, MissingWork, ModelRow,
+    OptimumRow, Progress, ResponseRow, SampleRow,
 };
 
 /// The migrations that made the schema: version and checksum, the oldest first.
@@ -70,18 +71,22 @@ pub(crate) async fn sampled_counts(
         .collect())
 }
 
-/// Designs that lack their criteria, or are feasible and lack samples below `wanted`.
+/// Designs that lack their criteria, or are feasible, not ruled out, and lack samples below `wanted`,
+/// or below what `more` says of them.
 pub(crate) async fn missing_work(
     pool: &SqlitePool,
     path: &Path,
     wanted: u64,
+    more: &BTreeMap<u64, u64>,
 ) -> Result<Vec<MissingWork>, Error> {
     let failed = |e| Error::sqlite("look for missing work", path, e);
     // Beyond i64::MAX no sample can be stored, so nothing more could be missing or held.
     let limit = i64::try_from(wanted).unwrap_or(i64::MAX);
+    let mut missing = BTreeMap::new();
     // Designs with every sample up to their last one, and enough of them, stay in the database.
     let rows = sqlx::query!(
         r#"SELECT design.design AS "design!: i64",
+                  design.x_p, design.x_r, design.ha0_p, design.ha0_r, design.hf0_p, design.hf0_r,
                   criteria.design IS NULL AS "without_criteria!: bool",
                   coalesce(design_tally.samples, 0) AS "held!: i64",
                   coalesce(design_tally.last_sample, -1) AS "last!: i64"
@@ -89,7 +94,7 @@ pub(crate) async fn missing_work(
            LEFT JOIN criteria ON criteria.design = design.design
            LEFT JOIN design_tally ON design_tally.design = design.design
            WHERE criteria.design IS NULL
-              OR criteria.feasible = 1
+              OR criteria.feasible = 1 AND criteria.reason IS NULL
                  AND (coalesce(design_tally.samples, 0) < ?1
                       OR design_tally.samples <= design_tally.last_sample)
            ORDER BY design.design"#,
@@ -99,31 +104,71 @@ pub(crate) async fn missing_work(
     .await
     .map_err(failed)?;
 
-    let mut missing = Vec::new();
     for row in rows {
         let samples = if row.held > row.last {
             // Without holes: nothing has to be read to know what is missing.
             gaps(0..index(row.held), wanted)
         } else {
-            let held = sqlx::query_scalar!(
-                "SELECT sample FROM sample WHERE design = ? AND sample < ? ORDER BY sample",
-                row.design,
-                limit,
-            )
-            .fetch_all(pool)
-            .await
-            .map_err(failed)?;
-            gaps(held.into_iter().map(index), wanted)
+            missing_samples(pool, path, row.design, limit).await?
         };
         if row.without_criteria || !samples.is_empty() {
-            missing.push(MissingWork {
-                design: index(row.design),
+            let x = [row.x_p, row.x_r, row.ha0_p, row.ha0_r, row.hf0_p, row.hf0_r];
+            let work = MissingWork {
+                design: DesignRow::new(index(row.design), x),
                 criteria: row.without_criteria,
                 samples,
-            });
+            };
+            missing.insert(work.design.design, work);
         }
     }
-    Ok(missing)
+    for (&design, &wanted) in more {
+        let limit = i64::try_from(wanted).unwrap_or(i64::MAX);
+        let samples = missing_samples(pool, path, design.cast_signed(), limit).await?;
+        match missing.get_mut(&design) {
+            Some(work) => work.samples = samples,
+            None if samples.is_empty() => {}
+            None => {
+                let row = design_row(pool, path, design.cast_signed()).await?;
+                let work = MissingWork {
+                    design: row,
+                    criteria: false,
+                    samples,
+                };
+                missing.insert(design, work);
+            }
+        }
+    }
+    Ok(missing.into_values().collect())
+}
+
+async fn design_row(pool: &SqlitePool, path: &Path, design: i64) -> Result<DesignRow, Error> {
+    let row = sqlx::query!(
+        "SELECT x_p, x_r, ha0_p, ha0_r, hf0_p, hf0_r FROM design WHERE design = ?",
+        design
+    )
+    .fetch_one(pool)
+    .await
+    .map_err(|e| Error::sqlite("read a design", path, e))?;
+    let x = [row.x_p, row.x_r, row.ha0_p, row.ha0_r, row.hf0_p, row.hf0_r];
+    Ok(DesignRow::new(index(design), x))
+}
+
+/// What is missing of the samples `0..limit` of one design.
+async fn missing_samples(
+    pool: &SqlitePool,
+    path: &Path,
+    design: i64,
+    limit: i64,
+) -> Result<Vec<Range<u64>>, Error> {
+    let held = sqlx::query_scalar!(
+        "SELECT sample FROM sample WHERE design = ? AND sample < ? ORDER BY sample",
+        design,
+        limit,
+    )
+    .fetch_all(pool)
+    .await
+    .map_err(|e| Error::sqlite("look for missing work", path, e))?;
+    Ok(gaps(held.into_iter().map(index), index(limit)))
 }
 
 /// What `held`, ascending, leaves of `0..wanted`.
@@ -352,6 +397,8 @@ pub(crate) async fn progress(pool: &SqlitePool, path: &Path) -> Result<Progress,
         r#"SELECT (SELECT count(*) FROM design) AS "designs!: i64",
                   (SELECT count(*) FROM criteria) AS "criteria_done!: i64",
                   (SELECT count(*) FROM criteria WHERE feasible = 1) AS "feasible!: i64",
+                  (SELECT count(*) FROM criteria WHERE feasible = 1 AND reason IS NOT NULL)
+                      AS "ruled_out!: i64",
                   (SELECT samples FROM tally) AS "samples!: i64",
                   (SELECT count(*) FROM response) AS "responses!: i64",
                   (SELECT count(*) FROM model) AS "models!: i64",
@@ -367,6 +414,7 @@ pub(crate) async fn progress(pool: &SqlitePool, path: &Path) -> Result<Progress,
         designs: index(r.designs),
         criteria_done: index(r.criteria_done),
         feasible: index(r.feasible),
+        ruled_out: index(r.ruled_out),
         samples: index(r.samples),
         responses: index(r.responses),
         models: index(r.models),

@@ -67,7 +67,7 @@ pub struct CriteriaRow {
     pub design: u64,
     /// Whether the design can be made and run.
     pub feasible: bool,
-    /// Why it is infeasible: a code and a sentence.
+    /// Why it is infeasible, or gets no samples although it is feasible: a code and a sentence.
     pub reason: Option<String>,
     /// Contact ratio r_c.
     pub contact_ratio: Option<f64>,
@@ -296,10 +296,10 @@ pub struct Receipt {
 }
 
 /// What a design still lacks.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct MissingWork {
-    /// Index of the design.
-    pub design: u64,
+    /// The design.
+    pub design: DesignRow,
     /// Whether its criteria are missing.
     pub criteria: bool,
     /// The missing samples, as disjoint ascending ranges. For a design whose criteria are missing
@@ -316,6 +316,8 @@ pub struct Progress {
     pub criteria_done: u64,
     /// Those of them that are feasible.
     pub feasible: u64,
+    /// The feasible ones that get no samples, for a reason beside them.
+    pub ruled_out: u64,
     /// Samples of designs.
     pub samples: u64,
     /// Designs with a response.

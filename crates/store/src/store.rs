@@ -1,5 +1,6 @@
 //! The handle through which everyone reads, and through which the stages store their results.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use sqlx::sqlite::SqlitePool;
@@ -118,9 +119,15 @@ impl Store {
     }
 
     /// What is missing until every design has its criteria and every feasible design its samples
-    /// `0..samples_per_design`. Empty when nothing is.
-    pub async fn missing_work(&self, samples_per_design: u64) -> Result<Vec<MissingWork>, Error> {
-        query::missing_work(&self.readers, &self.path, samples_per_design).await
+    /// `0..samples_per_design`, or as many as `more` says of the design: a larger number, of a
+    /// feasible design. A feasible design with a reason beside it gets none. Empty when nothing is
+    /// missing.
+    pub async fn missing_work(
+        &self,
+        samples_per_design: u64,
+        more: &BTreeMap<u64, u64>,
+    ) -> Result<Vec<MissingWork>, Error> {
+        query::missing_work(&self.readers, &self.path, samples_per_design, more).await
     }
 
     /// The samples of one design, as (sample, ΔSTE in µm).

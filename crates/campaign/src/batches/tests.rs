@@ -9,14 +9,14 @@ const FROZEN: Frozen = Frozen {
 };
 
 fn designs(count: usize, samples: u32) -> Batches {
-    let design = DesignState {
+    let design = |design| OpenDesign {
+        design,
         x: [0.5; ROBUST_VARIABLES],
-        has_criteria: false,
-        simulated: false,
         missing: std::iter::once(0..samples).collect(),
     };
     let mut batches = Batches::default();
-    batches.add_designs(FROZEN, &vec![design; count]);
+    let designs: Vec<OpenDesign> = (0..count as u32).map(design).collect();
+    batches.add_designs(FROZEN, &designs);
     batches
 }
 

@@ -6,7 +6,7 @@ use sha2::{Digest, Sha256};
 use super::pair::size;
 use super::sections::{SimulatorKind, SimulatorSection, parse_name};
 use super::validate::Source;
-use super::{Enrichment, FileError, Load, Material, Wear};
+use super::{Enrichment, FileError, Load, Material, Sampling, Wear};
 
 /// A campaign file, validated: one problem, one DoE, one seed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -128,14 +128,6 @@ pub struct FrozenSection {
 pub struct Doe {
     /// The number of designs, n.
     pub designs: u32,
-}
-
-/// `[sampling]`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Sampling {
-    /// Samples of ΔSTE per feasible design, k.
-    pub samples_per_design: u32,
 }
 
 /// `[kriging]`
@@ -300,11 +292,11 @@ impl Campaign {
             ));
         }
         if let Some(enrichment) = &self.enrichment {
-            let most = u64::from(self.doe.designs) * u64::from(samples);
+            let first = u64::from(self.doe.designs) * u64::from(samples);
             let budget = u64::from(enrichment.samples);
-            if budget < most {
+            if budget < first {
                 warnings.push(format!(
-                    "enrichment.samples is {budget}: the DoE alone can take {most}, which leaves \
+                    "enrichment.samples is {budget}: the DoE alone can take {first}, which leaves \
                      little or nothing for infill"
                 ));
             }
@@ -358,21 +350,9 @@ impl Campaign {
                  constraints of thousands of candidates itself, with the built-in model",
             )?;
         }
-        let count = |key: &str, value: u32, low: u32, high: u32| {
-            source.require(
-                (low..=high).contains(&value),
-                key,
-                value,
-                &format!("a whole number from {low} to {high}"),
-            )
-        };
+        let count = |key, value, low, high| source.count(key, value, low, high);
         count("doe.designs", self.doe.designs, 2, 100_000)?;
-        count(
-            "sampling.samples_per_design",
-            self.sampling.samples_per_design,
-            4,
-            1_000_000,
-        )?;
+        self.sampling.validate(source)?;
         count("verify.samples", self.verify.samples, 4, 1_000_000)?;
         parse_name::<kriging::Kernel>(source, "kriging.kernel", &self.kriging.kernel)?;
         source.positive(

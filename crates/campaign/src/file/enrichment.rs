@@ -26,14 +26,7 @@ pub struct Enrichment {
 
 impl Enrichment {
     pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
-        let count = |key: &str, value: u32, low: u32, high: u32| {
-            source.require(
-                (low..=high).contains(&value),
-                key,
-                value,
-                &format!("a whole number from {low} to {high}"),
-            )
-        };
+        let count = |key, value, low, high| source.count(key, value, low, high);
         count("enrichment.samples", self.samples, 1, 1_000_000_000)?;
         count("enrichment.rounds", self.rounds, 1, 10_000)?;
         count(

@@ -97,6 +97,16 @@ impl Source<'_> {
         )
     }
 
+    /// Requires a whole number within `low..=high`.
+    pub(super) fn count(self, key: &str, value: u32, low: u32, high: u32) -> Result<(), FileError> {
+        self.require(
+            (low..=high).contains(&value),
+            key,
+            value,
+            &format!("a whole number from {low} to {high}"),
+        )
+    }
+
     /// Requires two finite values in ascending order within `[low, high]`.
     pub(super) fn ordered(
         self,

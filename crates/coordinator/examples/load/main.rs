@@ -27,7 +27,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail, ensure};
 use campaign::formulation::Problem;
-use campaign::plan::DesignState;
+use campaign::plan::OpenDesign;
 use campaign::task::{SampleRange, SampleRequest, Task, execute};
 use campaign::{Campaign, probe};
 use coordinator::board::Board;
@@ -340,12 +340,11 @@ async fn over_grpc(
         .collect();
     served.store.put_designs(&rows).await?;
     let missing = 0..campaign.sampling.samples_per_design;
-    let states: Vec<DesignState> = points
-        .iter()
-        .map(|x| DesignState {
+    let states: Vec<OpenDesign> = (0..)
+        .zip(points)
+        .map(|(design, x)| OpenDesign {
+            design,
             x: *x,
-            has_criteria: false,
-            simulated: false,
             missing: vec![missing.clone()],
         })
         .collect();

@@ -5,7 +5,7 @@ use report::{Enrichment, EnrichmentRound};
 use store::Store;
 
 use super::Sources;
-use crate::enrichment::{Round, sentence};
+use crate::enrichment::{Round, counts, sentence};
 
 /// None without an enrichment.
 pub(super) async fn enrichment(
@@ -42,22 +42,12 @@ pub(super) async fn enrichment(
     let fresh = sources.fresh.get(Approach::EnrichedKriging.name());
     let fresh = fresh.map_or(&[][..], Vec::as_slice);
     let verified = stats::percentile_p90(fresh).ok();
-    let counts = store.sampled_counts().await?;
-    let with_response = |design: u64| {
-        let found = sources
-            .responses
-            .binary_search_by_key(&design, |row| row.design);
-        found.is_ok()
-    };
+    let counts = counts(store, &sources.problem.campaign().sampling).await?;
     Ok(Some(Enrichment {
         rounds,
         tolerance_um: section.tolerance_um,
         stop,
-        doe_samples: counts
-            .iter()
-            .filter(|(design, _)| with_response(*design))
-            .map(|(_, samples)| samples)
-            .sum(),
+        doe_samples: counts.values().sum(),
         verified_um: verified.map(|percentile| percentile.p90),
         interval_of_estimate_um: recommendation
             .map(|best| best.interval_of_estimate_um(fresh.len() as u32)),

@@ -1,5 +1,6 @@
 //! The designs that the paper prints, on this model.
 
+use campaign::file::PercentileRule;
 use report::{PreliminaryDesign, PrintedDesign, PrintedFigures, SimilarDesign, paper};
 
 use super::{Sources, percentile};
@@ -13,7 +14,7 @@ pub(super) fn preliminary(sources: &Sources) -> Vec<PreliminaryDesign> {
         .enumerate()
         .filter_map(|(row, printed)| {
             let samples = sources.fresh.get(&Place::Preliminary(row).name())?;
-            let response = steps::response(0, samples).ok()?;
+            let response = steps::response(0, samples, PercentileRule::Paper).ok()?;
             let variance = stats::p90_variance(response.sd_um.powi(2), k, stats::PAPER_Z90);
             Some(PreliminaryDesign {
                 variables: printed.variables,

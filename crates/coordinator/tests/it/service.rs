@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use campaign::batches::StreamId;
 use campaign::formulation::Problem;
-use campaign::plan::DesignState;
+use campaign::plan::OpenDesign;
 use campaign::task::{DesignOutcome, Task, TaskResult, execute};
 use campaign::{Campaign, probe};
 use coordinator::board::Board;
@@ -35,10 +35,9 @@ const X: [f64; 6] = [0.25, 1.37, 1.37, 0.85, 1.31, 0.80];
 /// A board with one design that lacks its samples.
 fn board(problem: &Problem, epoch: u64) -> Arc<Board> {
     let board = Board::new(scheduler::Options::default(), epoch);
-    let design = DesignState {
+    let design = OpenDesign {
+        design: 0,
         x: X,
-        has_criteria: false,
-        simulated: false,
         missing: std::iter::once(0..SAMPLES as u32).collect(),
     };
     board.post_designs(problem.printed_frozen(), &[design]);

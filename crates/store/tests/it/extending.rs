@@ -1,5 +1,7 @@
 //! A campaign may grow: what was derived from the smaller sampling goes, what was sampled stays.
 
+use std::collections::BTreeMap;
+
 use store::{
     Batch, CampaignRow, Error, MissingWork, ModelRow, OptimiserRunRow, OptimumRow, ResponseRow,
     Store, VerifyRow,
@@ -128,13 +130,13 @@ async fn an_extension_keeps_samples_and_clears_what_was_derived() {
     // One more design, two more samples: only those are missing.
     let designs: Vec<_> = (0..3).map(design).collect();
     assert_eq!(store.put_designs(&designs).await.unwrap().new_rows, 1);
-    let missing = |design, criteria, from| MissingWork {
-        design,
+    let missing = |number, criteria, from| MissingWork {
+        design: design(number),
         criteria,
         samples: std::iter::once(from..5).collect(),
     };
     assert_eq!(
-        store.missing_work(5).await.unwrap(),
+        store.missing_work(5, &BTreeMap::new()).await.unwrap(),
         [
             missing(0, false, 3),
             missing(1, false, 3),

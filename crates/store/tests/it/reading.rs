@@ -1,5 +1,7 @@
 //! What is stored is what is read.
 
+use std::collections::BTreeMap;
+
 use sha2::{Digest as _, Sha256};
 use store::{
     Batch, Error, FailureGroup, FailureKind, FailureRow, JobTimeRow, MissingWork, ModelRow,
@@ -146,6 +148,7 @@ async fn every_table_gives_back_what_was_put() {
         designs: 2,
         criteria_done: 2,
         feasible: 1,
+        ruled_out: 0,
         samples: 2,
         responses: 2,
         models: 1,
@@ -251,8 +254,8 @@ async fn missing_work_is_what_a_restart_has_to_do() {
     };
     store.writer().unwrap().submit(batch).await.unwrap();
 
-    let missing = |design, criteria, samples: &[(u64, u64)]| MissingWork {
-        design,
+    let missing = |number, criteria, samples: &[(u64, u64)]| MissingWork {
+        design: design(number),
         criteria,
         samples: samples.iter().map(|&(from, to)| from..to).collect(),
     };
@@ -262,9 +265,12 @@ async fn missing_work_is_what_a_restart_has_to_do() {
         missing(4, true, &[(0, 4)]),
         missing(5, false, &[(0, 5)]),
     ];
-    assert_eq!(store.missing_work(5).await.unwrap(), expected);
     assert_eq!(
-        store.missing_work(0).await.unwrap(),
+        store.missing_work(5, &BTreeMap::new()).await.unwrap(),
+        expected
+    );
+    assert_eq!(
+        store.missing_work(0, &BTreeMap::new()).await.unwrap(),
         [missing(4, true, &[])]
     );
     let counts = store.sampled_counts().await.unwrap();

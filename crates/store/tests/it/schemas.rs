@@ -4,6 +4,7 @@
 //! below. Before a migration is added, the fixture of the schema it starts from is made with
 //! `cargo test -p store --test it -- --ignored makes_the_fixture`.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use sqlx::Connection as _;
@@ -237,12 +238,12 @@ pub(crate) async fn holds_every_row(store: &Store) {
         store.samples_digest().await.unwrap(),
         store.recompute_samples_digest().await.unwrap()
     );
-    let missing = store.missing_work(9).await.unwrap();
+    let missing = store.missing_work(9, &BTreeMap::new()).await.unwrap();
     let gaps: Vec<(u64, Vec<(u64, u64)>)> = missing
         .iter()
         .map(|work| {
             let ranges = work.samples.iter().map(|gap| (gap.start, gap.end));
-            (work.design, ranges.collect())
+            (work.design.design, ranges.collect())
         })
         .collect();
     assert_eq!(

@@ -1,0 +1,186 @@
+//! `[sampling]`: how many samples a design gets, and what becomes of them.
+
+use serde::{Deserialize, Serialize};
+use stats::{NormalOptions, SequentialRule, VarianceFormula, Z90};
+
+use super::FileError;
+use super::validate::Source;
+
+/// `[sampling]`
+///
+/// Keys that are left out are left out of the campaign's digest, too, as in files of before them.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sampling {
+    /// Samples of ΔSTE per feasible design, k; with a precision those of the first batch.
+    pub samples_per_design: u32,
+    /// The standard error of P90 that is good enough, µm: designs get samples until it is reached.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub precision_um: Option<f64>,
+    /// The most samples of a design, with a precision.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub samples_max: Option<u32>,
+    /// A design that breaks its constraints by more than this, summed as in the paper's (5), gets no
+    /// samples; see [`Sampling::skip_violation`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub skip_violation: Option<f64>,
+    /// How P90 is estimated.
+    #[serde(default, skip_serializing_if = "PercentileRule::is_default")]
+    pub percentile: PercentileRule,
+}
+
+/// How the 90 % percentile is estimated from samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PercentileRule {
+    /// The paper's m + 1.28 s with the variance of (14).
+    #[default]
+    Paper,
+    /// m + z s without bias, with exact z and the exact variance for normal samples.
+    Normal,
+    /// As `normal`, but Harrell and Davis's estimator where Lilliefors' test rejects normality.
+    Chosen,
+}
+
+impl PercentileRule {
+    fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// The way for normal samples.
+    #[must_use]
+    pub const fn normal(self) -> NormalOptions {
+        match self {
+            Self::Paper => NormalOptions {
+                z: Z90::Paper,
+                variance: VarianceFormula::Taylor,
+                unbiased: false,
+            },
+            Self::Normal | Self::Chosen => NormalOptions {
+                z: Z90::Exact,
+                variance: VarianceFormula::Exact,
+                unbiased: true,
+            },
+        }
+    }
+}
+
+impl Sampling {
+    /// The most samples of a design with a precision, if the file does not say.
+    const SAMPLES_MAX: u32 = 1000;
+
+    /// When a design has enough samples; none where all designs get the same number.
+    #[must_use]
+    pub fn rule(&self) -> Option<SequentialRule> {
+        let normal = self.percentile.normal();
+        self.precision_um.map(|precision| SequentialRule {
+            precision,
+            batch: self.samples_per_design as usize,
+            most: self.samples_max() as usize,
+            z: normal.z,
+            variance: normal.variance,
+        })
+    }
+
+    /// The most samples that a design may get.
+    #[must_use]
+    pub fn samples_max(&self) -> u32 {
+        let k = self.samples_per_design;
+        match self.precision_um {
+            Some(_) => self.samples_max.unwrap_or(Self::SAMPLES_MAX).max(k),
+            None => k,
+        }
+    }
+
+    /// The violation beyond which a design gets no samples; none where all that can be simulated
+    /// get some. With a precision it is zero if the file does not say: a design that its constraints
+    /// rule out then gets none.
+    #[must_use]
+    pub fn skip_violation(&self) -> Option<f64> {
+        self.skip_violation
+            .or_else(|| self.precision_um.map(|_| 0.0))
+    }
+
+    pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
+        source.count(
+            "sampling.samples_per_design",
+            self.samples_per_design,
+            4,
+            1_000_000,
+        )?;
+        if let Some(precision) = self.precision_um {
+            source.positive("sampling.precision_um", precision)?;
+        }
+        if let Some(most) = self.samples_max {
+            source.require(
+                self.precision_um.is_some(),
+                "sampling.samples_max",
+                most,
+                "left out, or beside sampling.precision_um: without a precision every design gets \
+                 samples_per_design samples",
+            )?;
+            source.count(
+                "sampling.samples_max",
+                most,
+                self.samples_per_design,
+                1_000_000,
+            )?;
+        }
+        if let Some(violation) = self.skip_violation {
+            source.not_negative("sampling.skip_violation", violation)?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Campaign;
+
+    fn parse(more: &str) -> Result<Campaign, String> {
+        let line = "[sampling]\n";
+        let text = Campaign::PAPER.replace(line, &format!("{line}{more}\n"));
+        Campaign::parse("paper.toml", &text).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_campaign_without_the_new_keys_is_what_it_was() {
+        let campaign = parse("").unwrap();
+        assert_eq!(
+            serde_json::to_string(&campaign.sampling).unwrap(),
+            r#"{"samples_per_design":30}"#
+        );
+        assert_eq!(campaign.sampling.rule(), None);
+        assert_eq!(campaign.sampling.skip_violation(), None);
+        assert_eq!(campaign.sampling.samples_max(), 30);
+    }
+
+    #[test]
+    fn a_precision_rules_out_what_breaks_a_constraint_unless_told_otherwise() {
+        let sampling = parse("precision_um = 0.05").unwrap().sampling;
+        assert_eq!(sampling.skip_violation(), Some(0.0));
+        assert_eq!(sampling.samples_max(), 1000);
+        let sampling = parse("precision_um = 0.05\nskip_violation = 0.5\nsamples_max = 90");
+        let sampling = sampling.unwrap().sampling;
+        assert_eq!(sampling.skip_violation(), Some(0.5));
+        let rule = sampling.rule().unwrap();
+        assert_eq!((rule.batch, rule.most, rule.precision), (30, 90, 0.05));
+    }
+
+    #[test]
+    fn doubtful_values_are_refused_by_name() {
+        for (text, said) in [
+            ("precision_um = 0.0", "sampling.precision_um is 0.0"),
+            ("samples_max = 50", "sampling.samples_max is 50"),
+            (
+                "precision_um = 1.0\nsamples_max = 29",
+                "a whole number from 30",
+            ),
+            ("skip_violation = -0.1", "sampling.skip_violation is -0.1"),
+            ("percentile = \"median\"", "percentile"),
+        ] {
+            let error = parse(text).unwrap_err();
+            assert!(error.contains(said) && error.contains("line"), "{error}");
+        }
+    }
+}
