@@ -2,7 +2,7 @@
 
 use acceptance::{Sandbox, assert_code, printed};
 
-fn digest(sandbox: &Sandbox, db: &str) -> String {
+pub(crate) fn digest(sandbox: &Sandbox, db: &str) -> String {
     let status = sandbox.status(db).expect("the store is there");
     assert_eq!(status["finished"], true, "{status}");
     status["samples_digest"]
@@ -11,7 +11,7 @@ fn digest(sandbox: &Sandbox, db: &str) -> String {
         .to_owned()
 }
 
-fn export(sandbox: &Sandbox, db: &str, table: &str) -> Vec<Vec<String>> {
+pub(crate) fn export(sandbox: &Sandbox, db: &str, table: &str) -> Vec<Vec<String>> {
     let out = format!("{table}-{db}.csv");
     // Export refuses to overwrite.
     let _ = std::fs::remove_file(sandbox.path(&out));

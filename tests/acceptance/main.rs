@@ -11,4 +11,5 @@ mod failpoints;
 mod faults;
 mod operations;
 mod paper;
+mod precision;
 mod security;

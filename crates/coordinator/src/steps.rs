@@ -6,6 +6,7 @@ use campaign::optimise::{Found, RunResult};
 use campaign::{Approach, Campaign};
 use kriging::{Data, FitOptions, Model};
 use serde::{Deserialize, Serialize};
+use stats::VarianceFormula;
 use store::{CriteriaRow, DesignRow, ModelRow, OptimiserRunRow, OptimumRow, ResponseRow};
 
 use crate::snapshot::{P90_MODEL, variables_to_json};
@@ -88,19 +89,30 @@ pub enum Sampled {
 }
 
 /// Goes through the batches of a design's `samples`, which are those from the first on, without a
-/// hole. What a batch asks for depends on the batches before it alone: samples that came early
+/// hole, and at least as many as the first batch has. What a batch asks for depends on the batches before it alone: samples that came early
 /// change nothing.
 ///
 /// # Errors
 ///
 /// A sample that is no number.
 pub fn sampled(samples: &[f64], sampling: &Sampling) -> Result<Sampled, stats::Error> {
-    let mut count = sampling.samples_per_design as usize;
+    let mut count = (sampling.samples_per_design as usize).min(samples.len());
     let Some(rule) = sampling.rule() else {
         return Ok(Sampled::Enough(count));
     };
     loop {
-        let (_, sd) = stats::mean_sd(&samples[..count.min(samples.len())])?;
+        let row = response(0, &samples[..count], sampling.percentile)?;
+        let of_normal = match rule.variance {
+            VarianceFormula::Taylor => stats::p90_variance,
+            VarianceFormula::Exact => stats::exact_p90_variance,
+        };
+        let normal = of_normal(row.sd_um.powi(2), count, rule.z.value())?;
+        // What s would have to be for a normal sample's percentile to be as uncertain as this one.
+        let sd = if normal > 0.0 {
+            row.sd_um * (row.p90_variance_um2 / normal).sqrt()
+        } else {
+            row.sd_um
+        };
         let more = stats::samples_needed(count, sd, &rule)?;
         if more == 0 {
             return Ok(Sampled::Enough(count));

@@ -78,7 +78,6 @@ impl Model {
         let solved = self.solved();
         let mut cross = vec![0.0; old * m];
         let mut corner = vec![0.0; m * m];
-        let mut exponent = vec![0.0; n];
         let mut correlation = vec![0.0; n];
         for k in 0..m {
             let at: Vec<f64> = longer
@@ -87,12 +86,9 @@ impl Model {
                 .iter()
                 .map(|c| c[old + k])
                 .collect();
-            longer.kernel.correlations(
-                &at,
-                |j| &longer.coordinates.columns[j],
-                &mut exponent,
-                &mut correlation,
-            );
+            longer
+                .kernel
+                .correlations(&at, |j| &longer.coordinates.columns[j], &mut correlation);
             cross[k * old..(k + 1) * old].copy_from_slice(&correlation[..old]);
             corner[k * m..(k + 1) * m].copy_from_slice(&correlation[old..]);
             let noise = longer.points.noise[old + k] + longer.parameters.nugget;

@@ -77,12 +77,8 @@ impl Model {
         let n = self.points();
         let at = self.scaled(x);
         let (mut correlation, mut scratch) = (vec![0.0; n], vec![0.0; n]);
-        self.kernel.correlations(
-            &at,
-            |j| &self.coordinates.columns[j],
-            &mut scratch,
-            &mut correlation,
-        );
+        self.kernel
+            .correlations(&at, |j| &self.coordinates.columns[j], &mut correlation);
         let mut factors = correlation.clone();
         self.kernel.multiply_by_radial_factors(
             &at,

@@ -229,17 +229,13 @@ impl Model {
     pub fn mean(&self, x: &[f64]) -> f64 {
         let at = self.scaled(x);
         let n = self.points.len();
-        let (mut exponent, mut correlation) = ([0.0; BLOCK], [0.0; BLOCK]);
+        let mut correlation = [0.0; BLOCK];
         let mut sum = 0.0;
         for start in (0..n).step_by(BLOCK) {
             let end = (start + BLOCK).min(n);
             let block = &mut correlation[..end - start];
-            self.kernel.correlations(
-                &at,
-                |j| &self.coordinates.columns[j][start..end],
-                &mut exponent[..end - start],
-                block,
-            );
+            self.kernel
+                .correlations(&at, |j| &self.coordinates.columns[j][start..end], block);
             sum += dot(block, &self.weights[start..end]);
         }
         self.trend_at(x) + sum
@@ -288,13 +284,12 @@ impl Model {
         let n = self.points.len();
         let solved = self.solved();
         let mut correlations = vec![0.0; n * rows.len()];
-        let mut exponent = vec![0.0; n];
         let mut shortfalls = Vec::with_capacity(rows.len());
         let mut means = Vec::with_capacity(rows.len());
         for (x, r) in rows.iter().zip(correlations.chunks_exact_mut(n)) {
             let at = self.scaled(x);
             self.kernel
-                .correlations(&at, |j| &self.coordinates.columns[j], &mut exponent, r);
+                .correlations(&at, |j| &self.coordinates.columns[j], r);
             shortfalls.push(self.shortfall(x, r));
             means.push(self.mean_from(x, r));
         }

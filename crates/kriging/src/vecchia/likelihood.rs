@@ -160,7 +160,6 @@ pub(super) struct Local {
     correlation: Vec<f64>,
     /// The Cholesky factor, row by row.
     factor: Vec<f64>,
-    scratch: Vec<f64>,
 }
 
 impl Local {
@@ -172,7 +171,6 @@ impl Local {
             columns: vec![vec![0.0; largest]; dimensions],
             correlation: vec![0.0; largest * largest],
             factor: vec![0.0; largest * largest],
-            scratch: vec![0.0; largest],
         }
     }
 
@@ -194,7 +192,6 @@ impl Local {
             self.kernel.correlations(
                 &at,
                 |j| &self.columns[j][k + 1..count],
-                &mut self.scratch[k + 1..count],
                 &mut self.correlation[k * stride + k + 1..k * stride + count],
             );
         }
@@ -290,14 +287,13 @@ impl Local {
                     *w = factors[j - k - 1] * (v[k] * u[j] + v[j] * u[k]);
                 }
             }
-            for (sums, column) in sums.iter_mut().zip(&self.columns) {
-                for (sum, weights) in sums.iter_mut().zip(&weights) {
-                    *sum += self.kernel.log_derivative_dot(
-                        column[k],
-                        &column[run.clone()],
-                        &weights[run.clone()],
-                    );
-                }
+            for (i, weights) in weights.iter().enumerate() {
+                self.kernel.log_derivative_dots(
+                    &at,
+                    |j| &self.columns[j][run.clone()],
+                    &weights[run.clone()],
+                    |j, dot| sums[j][i] += dot,
+                );
             }
         }
         for (sum, v) in sums[self.columns.len()].iter_mut().zip([u, of_y, of_ones]) {

@@ -127,6 +127,7 @@ fn answers_become_results_and_one_process_gives_them_all() {
         delta_ste_archard_um,
         first,
         samples_um,
+        ..
     } = &designs[1].outcome
     else {
         panic!("a simulated design")
