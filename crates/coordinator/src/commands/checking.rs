@@ -99,7 +99,7 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
             section.rounds, section.points_per_round, section.samples
         );
         // Measured with the campaign that is shipped: what choosing a point takes, models included.
-        let seconds = left * sample_seconds + 0.2 * points;
+        let seconds = left * sample_seconds + 0.05 * points;
         rows.insert(4, ("enrich", what, seconds));
     }
     for (stage, what, seconds) in &rows {
