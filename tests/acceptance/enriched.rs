@@ -54,7 +54,10 @@ fn a_coordinator_that_dies_in_the_middle_of_a_round_goes_on_with_it() {
         coordinator.kill();
         let held = sandbox.status("c.db").unwrap();
         let done = |status: &Value| status["enrichment"]["samples"]["done"].as_u64();
-        assert!(done(&held) >= done(&status), "acknowledged samples are gone");
+        assert!(
+            done(&held) >= done(&status),
+            "acknowledged samples are gone"
+        );
         assert_eq!(held["enrichment"]["ended"], false, "it died too late");
     }
     let coordinator = sandbox.start("coordinator", &serve);
@@ -68,7 +71,13 @@ fn a_coordinator_that_dies_in_the_middle_of_a_round_goes_on_with_it() {
         assert_eq!(status.code(), Some(0), "{name}: {errors}");
     }
     let disturbed = sandbox.status("c.db").unwrap();
-    for key in ["samples_digest", "samples", "optima", "enrichment", "finished"] {
+    for key in [
+        "samples_digest",
+        "samples",
+        "optima",
+        "enrichment",
+        "finished",
+    ] {
         assert_eq!(disturbed[key], undisturbed[key], "{key}");
     }
     assert_eq!(disturbed["failures"], 0, "nobody is to blame");

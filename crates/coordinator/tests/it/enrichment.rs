@@ -91,7 +91,9 @@ async fn run(path: &Path, workers: usize, fails: Fails, stop_at: Option<u64>) ->
         };
         loop {
             let counts = store.verify_counts().await.unwrap();
-            let infill = counts.iter().filter(|(name, _)| name.starts_with("infill-"));
+            let infill = counts
+                .iter()
+                .filter(|(name, _)| name.starts_with("infill-"));
             if infill.map(|(_, samples)| samples).sum::<u64>() >= stop_at {
                 return;
             }
@@ -227,7 +229,10 @@ async fn rounds_end_within_the_budget_and_resume_as_if_nothing_had_been() {
         let before = infill.iter().filter(|row| row.round < round);
         let before: u64 = before.map(|row| row.samples).sum();
         let stopped = run(&broken, workers, |_| false, Some(before + 12)).await;
-        assert_eq!(stopped, None, "round {round} was over before it could be stopped");
+        assert_eq!(
+            stopped, None,
+            "round {round} was over before it could be stopped"
+        );
     }
     run(&broken, 2, |_| false, None).await.unwrap();
     assert_eq!(found(&broken).await, expected);
@@ -269,6 +274,9 @@ async fn two_rounds_of_nothing_but_failures_end_it_without_ending_the_campaign()
     let found = found(&path).await;
     assert_eq!(found.rounds.len(), 3);
     let stop = found.rounds[2].stop_json.as_deref();
-    assert!(stop.is_some_and(|stop| stop.contains("only-failures")), "{stop:?}");
+    assert!(
+        stop.is_some_and(|stop| stop.contains("only-failures")),
+        "{stop:?}"
+    );
     assert!(found.infill.iter().all(|row| row.failed));
 }
