@@ -4,6 +4,7 @@
 //! errors) and validated once, here: whoever holds a [`Campaign`] holds a sensible one.
 
 mod campaign;
+mod enrichment;
 mod pair;
 mod sampling;
 mod sections;
@@ -13,6 +14,7 @@ pub use campaign::{
     Bounds, Campaign, Constraints, Doe, FrozenFrom, FrozenSection, Kriging, Optimise, Pair, Report,
     Verify,
 };
+pub use enrichment::Enrichment;
 pub(crate) use pair::gear_size;
 pub use pair::{PairFile, PairSection};
 pub use sampling::{ControlVariate, PercentileRule, Sampling};

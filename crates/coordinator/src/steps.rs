@@ -257,7 +257,7 @@ pub fn choose_of_doe(
 }
 
 /// The criteria that the simulator gave for a design, with the contact pressure of worn flanks.
-fn worn_criteria(
+pub(crate) fn worn_criteria(
     problem: &Problem,
     variables: &campaign::Variables,
     row: &CriteriaRow,
@@ -282,7 +282,8 @@ pub fn left_out(approach: Approach, note: String) -> anyhow::Result<OptimumRow> 
     optimum(approach, None, Cost::default(), note)
 }
 
-fn optimum(
+/// The row of what an approach found.
+pub(crate) fn optimum(
     approach: Approach,
     found: Option<&Found>,
     cost: Cost,
