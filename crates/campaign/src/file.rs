@@ -4,15 +4,18 @@
 //! errors) and validated once, here: whoever holds a [`Campaign`] holds a sensible one.
 
 mod campaign;
+mod corrections;
 mod pair;
 mod sampling;
 mod sections;
 mod validate;
+mod variant;
 
 pub use campaign::{
     Bounds, Campaign, Constraints, Doe, FrozenFrom, FrozenSection, Kriging, Optimise, Pair, Report,
     Verify,
 };
+pub use corrections::CorrectionsSection;
 pub(crate) use pair::gear_size;
 pub use pair::{PairFile, PairSection};
 pub use sampling::{PercentileRule, Sampling};

@@ -2,6 +2,7 @@
 //! functions return it as an SVG file of its own.
 
 mod gears;
+mod intervals;
 mod runs;
 mod scatter;
 
@@ -10,6 +11,7 @@ use crate::error::Error;
 use crate::svg::{Axis, Chart, Mark, Picture, Scale, Series};
 
 pub(crate) use gears::gears;
+pub use intervals::{PercentileSeries, chart_front, chart_teeth};
 pub(crate) use runs::{convergence, ste};
 pub use scatter::{Extent, Response};
 pub(crate) use scatter::{leave_one_out, responses};
