@@ -12,3 +12,4 @@ mod operations;
 mod paper;
 mod precision;
 mod security;
+mod studies;

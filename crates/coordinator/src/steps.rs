@@ -347,7 +347,7 @@ pub fn choose_of_doe(
 }
 
 /// The criteria that the simulator gave for a design, with the contact pressure of worn flanks.
-fn worn_criteria(
+pub(crate) fn worn_criteria(
     problem: &Problem,
     variables: &campaign::Variables,
     row: &CriteriaRow,
