@@ -25,6 +25,9 @@ use crate::steps::worn_criteria;
 const REFINED: u64 = 1000;
 const OF_DOE: u64 = 1 << 32;
 
+/// How far below the best design's value the tightest limit of a search lies, as a share of it.
+const REACH: f64 = 0.15;
+
 /// The second objective.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Against {
@@ -261,8 +264,9 @@ fn verify(problem: &Problem, point: &mut Point, number: u64) -> anyhow::Result<(
     Ok(())
 }
 
-/// Direct searches under `count` limits of the second objective, evenly spread from the best value
-/// among `known` to the one at the least P90, each from the best known design within its limit.
+/// Direct searches under `count` limits of the second objective: the campaign's own, then tighter
+/// and tighter ones down to [`REACH`] below the best known design, each from the best known design
+/// within its limit. A search under a limit that nothing satisfies finds nothing.
 ///
 /// # Errors
 ///
@@ -274,15 +278,24 @@ pub fn refine(
     against: Against,
     count: u32,
 ) -> anyhow::Result<Vec<Point>> {
-    let front = front_of(known, against, Point::judged_um);
-    let (Some(&first), Some(&last)) = (front.first(), front.last()) else {
-        return Ok(Vec::new());
-    };
-    let [low, high] = [first, last].map(|i| against.of(&known[i].criteria));
+    // The optimum without wear has a helix angle and radii of its own, out of these searches' reach.
+    let known: Vec<Point> = known
+        .iter()
+        .filter(|point| point.variables.frozen_part() == *frozen)
+        .cloned()
+        .collect();
+    let front = front_of(&known, against, Point::judged_um);
+    let best = front.last().map(|&i| against.of(&known[i].criteria));
     let found: Vec<Option<Point>> = (0..count)
         .into_par_iter()
         .map(|number| -> anyhow::Result<Option<Point>> {
-            let limit = low + (high - low) * f64::from(number + 1) / f64::from(count);
+            let own = against.limit(problem);
+            let limit = match (number, best) {
+                (1.., Some(best)) => {
+                    own.min(best * (1.0 - REACH * f64::from(number) / f64::from(count)))
+                }
+                _ => own,
+            };
             let within = front
                 .iter()
                 .rev()
@@ -560,7 +573,8 @@ mod tests {
         let found = refine();
         assert_eq!(found, refine());
         assert_eq!(found.len(), 2);
-        for (point, limit) in found.iter().zip([1325.0, 1500.0]) {
+        // The campaign's own limit, then half of 15 % below the best known design's 1500 MPa.
+        for (point, limit) in found.iter().zip([1550.0, 1387.5]) {
             assert!(point.criteria.hertz_pressure_mpa < limit);
             assert!(problem.is_feasible(&point.criteria));
             assert_eq!(point.fresh.unwrap().samples, 50);
