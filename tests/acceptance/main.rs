@@ -8,6 +8,7 @@ mod commands;
 mod external;
 mod failpoints;
 mod faults;
+mod namespaces;
 mod operations;
 mod paper;
 mod precision;

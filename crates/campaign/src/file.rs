@@ -18,7 +18,7 @@ pub use campaign::{
 pub use corrections::CorrectionsSection;
 pub(crate) use pair::gear_size;
 pub use pair::{PairFile, PairSection};
-pub use sampling::{PercentileRule, Sampling};
+pub use sampling::{ControlVariate, PercentileRule, Sampling};
 pub use sections::{Load, Material, SimulatorKind, SimulatorSection, Wear};
 
 /// Why a campaign or pair file was refused.

@@ -22,4 +22,4 @@ pub mod simulator;
 pub mod task;
 
 pub use file::{Campaign, FileError, PairFile};
-pub use formulation::{Approach, Criteria, Frozen, Variables};
+pub use formulation::{Approach, Criteria, Frozen, LinearResponse, Variables};

@@ -1,23 +1,26 @@
 //! Runs the stages of a campaign to the end.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context as _;
 use campaign::batches::StreamId;
+use campaign::file::ControlVariate;
 use campaign::formulation::Problem;
 use campaign::plan::{self, LocalStep, VerifyPoint};
-use campaign::{Approach, Campaign};
+use campaign::{Approach, Campaign, Frozen, LinearResponse};
 use rustix::time::{ClockId, clock_gettime};
 use store::{Batch, FailureKind, Store, Writer};
+use tokio::sync::{Mutex, MutexGuard};
 use tokio::time::{Instant, MissedTickBehavior};
 use tokio_util::sync::CancellationToken;
 use tracing::{error, info, warn};
 
 use crate::board::{Board, Vanished};
+use crate::sampling::{self, Sampled, Samples};
 use crate::snapshot::{self, P90_MODEL};
-use crate::steps::{self, Cost, ModelSummary, Sampled};
+use crate::steps::{self, Cost, ModelSummary};
 use crate::{ingest, references};
 
 /// How often leases are looked over.
@@ -36,6 +39,8 @@ pub struct Engine {
     pub writer: Writer,
     /// The jobs and workers.
     pub board: Arc<Board>,
+    /// The linear responses of designs, once they were needed.
+    linear: Mutex<BTreeMap<u64, LinearResponse>>,
 }
 
 /// How a campaign ended.
@@ -46,6 +51,18 @@ pub struct Ended {
 }
 
 impl Engine {
+    /// An engine for a campaign.
+    #[must_use]
+    pub fn new(problem: Arc<Problem>, store: Store, writer: Writer, board: Arc<Board>) -> Self {
+        Self {
+            problem,
+            store,
+            writer,
+            board,
+            linear: Mutex::default(),
+        }
+    }
+
     /// Runs all stages until nothing is missing.
     ///
     /// # Errors
@@ -80,7 +97,8 @@ impl Engine {
                 .post_points(&next.points, self.campaign().verify.samples);
             self.board.open();
             if let Some(step) = next.local {
-                self.do_step(step, references, fit_failed, more).await?;
+                let frozen = plan::frozen(self.campaign(), self.problem.printed_frozen(), &state);
+                self.do_step(step, frozen, fit_failed, more).await?;
                 continue;
             }
             if finished {
@@ -158,14 +176,14 @@ impl Engine {
     async fn do_step(
         &self,
         step: LocalStep,
-        references: &[VerifyPoint],
+        frozen: Option<Frozen>,
         fit_failed: &mut Option<String>,
         more: &mut BTreeMap<u64, u64>,
     ) -> anyhow::Result<()> {
         match step {
             LocalStep::Doe => self.make_doe().await.context("making the DoE"),
             LocalStep::Statistics => self
-                .compute_responses(more)
+                .compute_responses(frozen, more)
                 .await
                 .context("computing responses"),
             LocalStep::Fit => match self.fit().await.context("fitting the kriging model")? {
@@ -177,7 +195,7 @@ impl Engine {
                 }
             },
             LocalStep::Choose(approach) => self
-                .choose(approach, references, fit_failed.as_deref())
+                .choose(approach, frozen, fit_failed.as_deref())
                 .await
                 .with_context(|| format!("choosing the optimum of {}", approach.name())),
         }
@@ -199,17 +217,22 @@ impl Engine {
 
     /// Computes the responses once every design has enough samples; until then, `more` learns which
     /// want more.
-    async fn compute_responses(&self, more: &mut BTreeMap<u64, u64>) -> anyhow::Result<()> {
+    async fn compute_responses(
+        &self,
+        frozen: Option<Frozen>,
+        more: &mut BTreeMap<u64, u64>,
+    ) -> anyhow::Result<()> {
         if !self.store.responses().await?.is_empty() {
             // Samples came after the model was fitted, as of jobs that got another chance: what
             // was learned without them is learned again.
             self.store.clear_derived(&SAMPLED_APPROACHES).await?;
         }
-        let sampling = self.campaign().sampling;
+        let settings = self.campaign().sampling;
         let (first, most) = (
-            sampling.samples_per_design as usize,
-            sampling.samples_max() as usize,
+            settings.samples_per_design as usize,
+            settings.samples_max() as usize,
         );
+        let linear = self.linear_responses(frozen).await?;
         let (given_up, _) = self.board.given_up();
         let is_given_up = |design| {
             u32::try_from(design).is_ok_and(|design| given_up.contains(&StreamId::Design(design)))
@@ -223,7 +246,18 @@ impl Engine {
                 && samples.len() >= first
             {
                 let context = || format!("the samples of design {design}");
-                let count = match steps::sampled(samples, &sampling).with_context(context)? {
+                let control = linear.get(&design).map(|linear| {
+                    let values = sampling::controls(&self.problem, design, linear, samples.len());
+                    (values, linear.moments())
+                });
+                let with_control = Samples {
+                    values: samples,
+                    control: control
+                        .as_ref()
+                        .map(|(values, known)| (&values[..], *known)),
+                };
+                let found = sampling::sampled(with_control, &settings).with_context(context)?;
+                let count = match found {
                     Sampled::Enough(count) => count,
                     Sampled::Wants { samples, at_least } => {
                         if !is_given_up(design) {
@@ -232,8 +266,9 @@ impl Engine {
                         at_least
                     }
                 };
-                let row = steps::response(design, &samples[..count], sampling.percentile)
-                    .with_context(context)?;
+                let row =
+                    sampling::response(design, with_control.first(count), settings.percentile)
+                        .with_context(context)?;
                 rows.push(row);
             }
             samples.clear();
@@ -264,6 +299,35 @@ impl Engine {
         info!(feasible = rows.len(), "responses computed");
         self.store.put_responses(&rows).await?;
         Ok(())
+    }
+
+    /// The linear responses of the sampled designs, where the campaign asks for them as control
+    /// variates.
+    async fn linear_responses(
+        &self,
+        frozen: Option<Frozen>,
+    ) -> anyhow::Result<MutexGuard<'_, BTreeMap<u64, LinearResponse>>> {
+        let mut linear = self.linear.lock().await;
+        if self.campaign().sampling.control == ControlVariate::None {
+            return Ok(linear);
+        }
+        let counts = self.store.sampled_counts().await?;
+        let new: BTreeSet<u64> = counts
+            .into_iter()
+            .filter(|(design, samples)| *samples > 0 && !linear.contains_key(design))
+            .map(|(design, _)| design)
+            .collect();
+        if !new.is_empty() {
+            let frozen =
+                frozen.context("the DoE was sampled before its frozen variables were known")?;
+            let mut designs = self.store.designs().await?;
+            designs.retain(|row| new.contains(&row.design));
+            info!(designs = designs.len(), "linearising ΔSTE");
+            let problem = Arc::clone(&self.problem);
+            let made = blocking(move || sampling::linearise(&problem, &frozen, &designs)).await?;
+            linear.extend(made.0);
+        }
+        Ok(linear)
     }
 
     /// The inner error says why the data cannot be fitted.
@@ -302,7 +366,7 @@ impl Engine {
     async fn choose(
         &self,
         approach: Approach,
-        references: &[VerifyPoint],
+        frozen: Option<Frozen>,
         fit_failed: Option<&str>,
     ) -> anyhow::Result<()> {
         let row = match (approach, fit_failed) {
@@ -310,16 +374,12 @@ impl Engine {
                 steps::left_out(approach, format!("There is no kriging model: {reason}."))?
             }
             (Approach::BestOfDoe, _) => {
-                let state =
-                    snapshot::load(&self.store, self.campaign(), references, &BTreeMap::new())
-                        .await?;
+                let cost = self.sampling_cost(frozen).await?;
                 let frozen =
-                    plan::frozen(self.campaign(), self.problem.printed_frozen(), &state)
-                        .context("the DoE was sampled before its frozen variables were known")?;
+                    frozen.context("the DoE was sampled before its frozen variables were known")?;
                 let designs = self.store.designs().await?;
                 let criteria = self.store.criteria().await?;
                 let responses = self.store.responses().await?;
-                let cost = self.sampling_cost().await?;
                 steps::choose_of_doe(
                     &self.problem,
                     &frozen,
@@ -332,7 +392,7 @@ impl Engine {
             _ => {
                 let runs = self.store.optimiser_runs().await?;
                 let extra = if approach == Approach::Kriging {
-                    let sampling = self.sampling_cost().await?;
+                    let sampling = self.sampling_cost(frozen).await?;
                     let fit = self.store.model(P90_MODEL).await?.map_or(0.0, |row| {
                         serde_json::from_str::<ModelSummary>(&row.summary_json)
                             .map_or(0.0, |summary| summary.cpu_seconds)
@@ -363,12 +423,14 @@ impl Engine {
         Ok(())
     }
 
-    async fn sampling_cost(&self) -> anyhow::Result<Cost> {
+    async fn sampling_cost(&self, frozen: Option<Frozen>) -> anyhow::Result<Cost> {
         let criteria = self.store.criteria().await?;
         let samples = self.store.progress().await?.samples;
+        let linear = self.linear_responses(frozen).await?;
+        let control: u64 = linear.values().map(LinearResponse::analyses).sum();
         let times = self.store.job_times().await?;
         Ok(Cost {
-            simulator_calls: steps::sampling_calls(&criteria, samples),
+            simulator_calls: steps::sampling_calls(&criteria, samples) + control,
             cpu_seconds: times
                 .iter()
                 .filter(|row| plan::JobKind::of(row.job) == Some(plan::JobKind::Sample))

@@ -25,6 +25,7 @@ pub mod metrics;
 mod pace;
 pub mod references;
 pub mod reporting;
+pub mod sampling;
 pub mod server;
 pub mod service;
 pub mod simulate;

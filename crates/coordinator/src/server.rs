@@ -238,12 +238,7 @@ async fn run_open(
         }
         Workers::Remote { .. } => tokio::task::JoinSet::new(),
     };
-    let engine = Engine {
-        problem: Arc::clone(problem),
-        store: store.clone(),
-        writer,
-        board,
-    };
+    let engine = Engine::new(Arc::clone(problem), store.clone(), writer, board);
     let outcome = loop {
         let ended = tokio::select! {
             ended = engine.run(shutdown) => ended.map_err(Error::from),

@@ -1,18 +1,13 @@
 //! The steps that the coordinator does itself: pure work between reading and writing the store.
 
-use campaign::file::{PercentileRule, Sampling};
 use campaign::formulation::{Problem, ROBUST_VARIABLES};
 use campaign::optimise::{Found, RunResult};
 use campaign::{Approach, Campaign};
 use kriging::{Data, FitOptions, Model};
 use serde::{Deserialize, Serialize};
-use stats::VarianceFormula;
 use store::{CriteriaRow, DesignRow, ModelRow, OptimiserRunRow, OptimumRow, ResponseRow};
 
 use crate::snapshot::{P90_MODEL, variables_to_json};
-
-/// Normality is rejected where Lilliefors' p-value is below this, as in the paper.
-pub const SIGNIFICANCE: f64 = 0.05;
 
 /// What a reader wants to know of a fitted model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -72,91 +67,6 @@ pub fn doe(problem: &Problem, existing: &[DesignRow]) -> anyhow::Result<Vec<Desi
     Ok((existing.len()..n)
         .map(|index| DesignRow::new(index as u64, problem.robust_point(design.point(index))))
         .collect())
-}
-
-/// Whether a design has its samples.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Sampled {
-    /// It has, and so many of them make its response.
-    Enough(usize),
-    /// It has enough only with so many; of those held so many can make a response.
-    Wants {
-        /// How many it wants.
-        samples: usize,
-        /// How many would do.
-        at_least: usize,
-    },
-}
-
-/// Goes through the batches of a design's `samples`, which are those from the first on, without a
-/// hole, and at least as many as the first batch has. What a batch asks for depends on the batches before it alone: samples that came early
-/// change nothing.
-///
-/// # Errors
-///
-/// A sample that is no number.
-pub fn sampled(samples: &[f64], sampling: &Sampling) -> Result<Sampled, stats::Error> {
-    let mut count = (sampling.samples_per_design as usize).min(samples.len());
-    let Some(rule) = sampling.rule() else {
-        return Ok(Sampled::Enough(count));
-    };
-    loop {
-        let row = response(0, &samples[..count], sampling.percentile)?;
-        let of_normal = match rule.variance {
-            VarianceFormula::Taylor => stats::p90_variance,
-            VarianceFormula::Exact => stats::exact_p90_variance,
-        };
-        let normal = of_normal(row.sd_um.powi(2), count, rule.z.value())?;
-        // What s would have to be for a normal sample's percentile to be as uncertain as this one.
-        let sd = if normal > 0.0 {
-            row.sd_um * (row.p90_variance_um2 / normal).sqrt()
-        } else {
-            row.sd_um
-        };
-        let more = stats::samples_needed(count, sd, &rule)?;
-        if more == 0 {
-            return Ok(Sampled::Enough(count));
-        }
-        if count + more > samples.len() {
-            return Ok(Sampled::Wants {
-                samples: count + more,
-                at_least: count,
-            });
-        }
-        count += more;
-    }
-}
-
-/// The response of one design from its samples.
-///
-/// # Errors
-///
-/// Too few samples, or one that is no number.
-pub fn response(
-    design: u64,
-    samples: &[f64],
-    rule: PercentileRule,
-) -> Result<ResponseRow, stats::Error> {
-    let normal = rule.normal();
-    let choice = stats::choose_p90(
-        samples,
-        &stats::ChoiceRule {
-            significance: match rule {
-                PercentileRule::Paper | PercentileRule::Normal => 0.0,
-                PercentileRule::Chosen => SIGNIFICANCE,
-            },
-            normal,
-        },
-    )?;
-    Ok(ResponseRow {
-        design,
-        mean_um: choice.normal.mean,
-        sd_um: choice.normal.sd,
-        p90_um: choice.chosen.p90,
-        p90_variance_um2: choice.chosen.variance,
-        // Identical samples have no distribution to test; the row then says nothing about it.
-        lilliefors_p: choice.p_value,
-    })
 }
 
 /// Fits the kriging model of P90; `cpu_seconds` is left zero.
@@ -425,85 +335,4 @@ fn broken(problem: &Problem, found: &Found) -> String {
         .map(ToString::to_string)
         .collect();
     broken.join(", ")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn sampling(precision_um: Option<f64>) -> Sampling {
-        Sampling {
-            samples_per_design: 10,
-            precision_um,
-            samples_max: precision_um.map(|_| 60),
-            skip_violation: None,
-            percentile: PercentileRule::Normal,
-        }
-    }
-
-    /// Alternating around 1 with a standard deviation of about `sd`.
-    fn samples(count: usize, sd: f64) -> Vec<f64> {
-        (0..count)
-            .map(|index| if index % 2 == 0 { 1.0 - sd } else { 1.0 + sd })
-            .collect()
-    }
-
-    #[test]
-    fn without_a_precision_every_design_gets_the_same() {
-        let found = sampled(&samples(25, 9.0), &sampling(None));
-        assert_eq!(found, Ok(Sampled::Enough(10)));
-    }
-
-    #[test]
-    fn a_design_gets_samples_until_its_standard_error_is_below_the_precision() {
-        let precise = sampling(Some(0.1));
-        // A standard deviation of 0.1 takes about 1.8 · (0.1/0.1)² samples, one of 0.35 takes 25.
-        assert_eq!(
-            sampled(&samples(10, 0.1), &precise),
-            Ok(Sampled::Enough(10))
-        );
-        // Never more than twice as many at a time, since the deviation is an estimate.
-        let wants = |samples, at_least| Ok(Sampled::Wants { samples, at_least });
-        assert_eq!(sampled(&samples(10, 0.35), &precise), wants(20, 10));
-        assert_eq!(sampled(&samples(20, 0.35), &precise), wants(30, 20));
-        let enough = 30;
-        assert_eq!(
-            sampled(&samples(enough, 0.35), &precise),
-            Ok(Sampled::Enough(enough))
-        );
-        let row = response(0, &samples(enough, 0.35), PercentileRule::Normal).unwrap();
-        assert!(row.p90_variance_um2.sqrt() <= 0.1, "{row:?}");
-        // What came early changes nothing.
-        assert_eq!(
-            sampled(&samples(60, 0.35), &precise),
-            Ok(Sampled::Enough(enough))
-        );
-        // A noisy design ends at the most there is.
-        assert_eq!(
-            sampled(&samples(60, 40.0), &precise),
-            Ok(Sampled::Enough(60))
-        );
-    }
-
-    #[test]
-    fn the_rule_decides_between_estimators() {
-        let skewed: Vec<f64> = (0..40).map(|index| f64::from(index).powi(6)).collect();
-        let of = |rule| response(3, &skewed, rule).unwrap();
-        let (paper, normal, chosen) = (
-            of(PercentileRule::Paper),
-            of(PercentileRule::Normal),
-            of(PercentileRule::Chosen),
-        );
-        assert!(chosen.lilliefors_p.unwrap() < SIGNIFICANCE);
-        let expected = stats::harrell_davis_p90(&skewed).unwrap();
-        assert_eq!(chosen.p90_um, expected.p90);
-        assert_eq!(chosen.p90_variance_um2, expected.variance);
-        let plain = stats::percentile_p90(&skewed).unwrap();
-        assert_eq!(
-            (paper.p90_um, paper.p90_variance_um2),
-            (plain.p90, plain.variance)
-        );
-        // Exact z and an unbiased s both raise it.
-        assert!(normal.p90_um > paper.p90_um);
-    }
 }

@@ -135,4 +135,4 @@ pub use input::{
 };
 pub use outline::{Placement, gear_outline, mesh_placement};
 pub use pair::{Analysis, Pair, RootStress, Worn};
-pub use sampler::{Sampler, WearProfile};
+pub use sampler::{Sampler, WearProfile, wear_coefficients};

@@ -526,3 +526,32 @@ fn wear_of_any_kernel_is_drawn() {
         }
     }
 }
+
+#[test]
+fn a_draw_is_the_response_at_its_coefficients_and_all_but_linear_in_them() {
+    use stats::streams::{Purpose, stream};
+    let pair = pair();
+    let wear = Wear {
+        max_depth: 3.5e-3,
+        kernel: Kernel::SquaredExponential,
+        range: 0.2,
+        variance: 0.01,
+    };
+    let mut sampler = pair.sampler(&wear);
+    let modes = sampler.modes();
+    let archard = pair.archard(&wear).analysis.delta_ste_um;
+    assert_eq!(sampler.at(&vec![0.0; modes]), archard);
+    assert_eq!(sampler.at(&[]), archard, "what is missing is zero");
+    let slopes = sampler.slopes();
+    let (mut linear, mut rest) = (0.0, 0.0);
+    for sample in 0..200 {
+        let rng = || stream(1, Purpose::Test, 0, sample);
+        let drawn = sampler.draw(&mut rng());
+        let coefficients: Vec<f64> = crate::wear_coefficients(&mut rng(), modes).collect();
+        assert_eq!(drawn, sampler.at(&coefficients));
+        let control: f64 = slopes.iter().zip(&coefficients).map(|(a, b)| a * b).sum();
+        linear += control * control;
+        rest += (drawn - archard - control).powi(2);
+    }
+    assert!(rest < 0.1 * linear, "{rest} of {linear}");
+}

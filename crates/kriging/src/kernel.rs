@@ -25,7 +25,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Arch, Scalar, Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
@@ -56,7 +56,9 @@ pub enum Kernel {
 /// Number of sums kept side by side so that they can be vectorised in a fixed order.
 const LANES: usize = 8;
 /// Points whose correlations are computed side by side, all of it in registers.
-const WIDE: usize = 16;
+const WIDE: usize = 32;
+/// The most coordinates that share one division, see [`add_dots`].
+const SHARED: usize = 3;
 
 impl Kernel {
     /// Every kernel, in the order of the documentation.
@@ -165,12 +167,27 @@ impl Kernel {
     /// coordinate's a and up to [`Kernel::multiply_by_radial_factors`].
     #[inline(always)]
     fn log_derivative(self, a: f64) -> f64 {
+        let (above, below) = self.log_derivative_fraction(Scalar::new(), a);
+        above / below
+    }
+
+    /// Numerator and denominator of [`Kernel::log_derivative`].
+    #[inline(always)]
+    fn log_derivative_fraction<S: Simd>(self, simd: S, a: S::f64s) -> (S::f64s, S::f64s) {
+        let number = |value| simd.splat_f64s(value);
+        let (one, square) = (number(1.0), simd.mul_f64s(a, a));
         match self {
-            Self::Matern52 => a * a * (1.0 + a) / (3.0 + a * (3.0 + a)),
-            Self::Matern32 => a * a / (1.0 + a),
-            Self::SquaredExponential => 2.0 * a * a,
-            Self::Exponential => a,
-            Self::RadialMatern52 | Self::RadialMatern32 | Self::RadialExponential => a * a,
+            Self::Matern52 => {
+                let below = simd.mul_f64s(a, simd.add_f64s(number(3.0), a));
+                (
+                    simd.mul_f64s(square, simd.add_f64s(one, a)),
+                    simd.add_f64s(number(3.0), below),
+                )
+            }
+            Self::Matern32 => (square, simd.add_f64s(one, a)),
+            Self::SquaredExponential => (simd.mul_f64s(number(2.0), square), one),
+            Self::Exponential => (a, one),
+            Self::RadialMatern52 | Self::RadialMatern32 | Self::RadialExponential => (square, one),
         }
     }
 
@@ -211,27 +228,43 @@ impl Kernel {
         )
     }
 
-    /// Σᵢ `weights`ᵢ ∂ ln(correlationᵢ)/∂ ln θ for one coordinate.
-    pub(crate) fn log_derivative_dot(self, at: f64, column: &[f64], weights: &[f64]) -> f64 {
-        Arch::new().dispatch(DerivativeDot {
+    /// Gives `add` for each coordinate j its number and Σᵢ `weights`ᵢ ∂ ln(correlationᵢ)/∂ ln θⱼ;
+    /// arguments as in [`Kernel::correlations`].
+    pub(crate) fn log_derivative_dots<'a>(
+        self,
+        at: &[f64],
+        column: impl Fn(usize) -> &'a [f64],
+        weights: &[f64],
+        add: impl FnMut(usize, f64),
+    ) {
+        Arch::new().dispatch(DerivativeDots {
             kernel: self,
             at,
             column,
             weights,
-        })
+            add,
+        });
     }
 
-    /// Writes to `out` the derivatives ∂ correlationᵢ/∂ ln θ of one coordinate.
-    pub(crate) fn derivatives(
+    /// With D the derivatives of the `correlations` between a point and a run of points,
+    /// ∂ correlationᵢ/∂ ln θ of one coordinate: adds Dᵢ `from` to `onto`ᵢ and returns Σᵢ Dᵢ `with`ᵢ.
+    pub(crate) fn derivatives_times(
         self,
         at: f64,
         column: &[f64],
         correlations: &[f64],
-        out: &mut [f64],
-    ) {
-        for ((o, c), r) in out.iter_mut().zip(column).zip(correlations) {
-            *o = r * self.log_derivative((c - at).abs());
-        }
+        (with, from): (&[f64], f64),
+        onto: &mut [f64],
+    ) -> f64 {
+        Arch::new().dispatch(DerivativesTimes {
+            kernel: self,
+            at,
+            column,
+            correlations,
+            with,
+            from,
+            onto,
+        })
     }
 
     /// Σᵢ `weights`ᵢ ∂ ln(correlationᵢ)/∂ at for one scaled coordinate. Where a kernel has a kink,
@@ -250,6 +283,22 @@ impl Kernel {
     }
 }
 
+/// Calls a method with the kernel as a constant, so that its loops are compiled for each kernel and
+/// leave no choice inside of them.
+macro_rules! for_each_kernel {
+    ($self:ident.$method:ident($($argument:expr),*)) => {
+        match $self.kernel {
+            Kernel::Matern52 => $self.$method(Kernel::Matern52 $(, $argument)*),
+            Kernel::Matern32 => $self.$method(Kernel::Matern32 $(, $argument)*),
+            Kernel::SquaredExponential => $self.$method(Kernel::SquaredExponential $(, $argument)*),
+            Kernel::Exponential => $self.$method(Kernel::Exponential $(, $argument)*),
+            Kernel::RadialMatern52 => $self.$method(Kernel::RadialMatern52 $(, $argument)*),
+            Kernel::RadialMatern32 => $self.$method(Kernel::RadialMatern32 $(, $argument)*),
+            Kernel::RadialExponential => $self.$method(Kernel::RadialExponential $(, $argument)*),
+        }
+    };
+}
+
 /// [`Kernel::correlations`] for one instruction set.
 struct Correlations<'s, F> {
     kernel: Kernel,
@@ -263,16 +312,7 @@ impl<'a, F: Fn(usize) -> &'a [f64]> WithSimd for Correlations<'_, F> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        // A kernel that is known where its loops are compiled leaves no choice inside of them.
-        match self.kernel {
-            Kernel::Matern52 => self.run(Kernel::Matern52),
-            Kernel::Matern32 => self.run(Kernel::Matern32),
-            Kernel::SquaredExponential => self.run(Kernel::SquaredExponential),
-            Kernel::Exponential => self.run(Kernel::Exponential),
-            Kernel::RadialMatern52 => self.run(Kernel::RadialMatern52),
-            Kernel::RadialMatern32 => self.run(Kernel::RadialMatern32),
-            Kernel::RadialExponential => self.run(Kernel::RadialExponential),
-        }
+        for_each_kernel!(self.run())
     }
 }
 
@@ -282,24 +322,31 @@ impl<'a, F: Fn(usize) -> &'a [f64]> Correlations<'_, F> {
         let Self {
             at, column, out, ..
         } = self;
-        let (whole, rest) = out.as_chunks_mut::<WIDE>();
-        let mut start = 0;
-        for out in whole {
-            *out = side_by_side(kernel, at, |j| {
-                let mut points = [0.0; WIDE];
-                points.copy_from_slice(&column(j)[start..start + WIDE]);
-                points
-            });
-            start += WIDE;
-        }
-        if !rest.is_empty() {
+        let n = out.len();
+        if n < WIDE {
             // Filled up with the point itself.
-            let last = side_by_side(kernel, at, |j| {
+            let few = side_by_side(kernel, at, |j| {
                 let mut points = [at[j]; WIDE];
-                points[..rest.len()].copy_from_slice(&column(j)[start..start + rest.len()]);
+                points[..n].copy_from_slice(&column(j)[..n]);
                 points
             });
-            rest.copy_from_slice(&last[..rest.len()]);
+            out.copy_from_slice(&few[..n]);
+            return;
+        }
+        let mut start = 0;
+        loop {
+            let end = start + WIDE;
+            let values = side_by_side(kernel, at, |j| {
+                let mut points = [0.0; WIDE];
+                points.copy_from_slice(&column(j)[start..end]);
+                points
+            });
+            out[start..end].copy_from_slice(&values);
+            if end == n {
+                return;
+            }
+            // The last ones overlap with those before.
+            start = end.min(n - WIDE);
         }
     }
 }
@@ -316,59 +363,158 @@ fn side_by_side(kernel: Kernel, at: &[f64], column: impl Fn(usize) -> [f64; WIDE
     out
 }
 
-/// [`Kernel::log_derivative_dot`] for one instruction set.
-struct DerivativeDot<'s> {
+/// [`Kernel::log_derivative_dots`] for one instruction set.
+struct DerivativeDots<'s, F, G> {
+    kernel: Kernel,
+    at: &'s [f64],
+    column: F,
+    weights: &'s [f64],
+    add: G,
+}
+
+impl<'a, F: Fn(usize) -> &'a [f64], G: FnMut(usize, f64)> WithSimd for DerivativeDots<'_, F, G> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        for_each_kernel!(self.run(simd))
+    }
+}
+
+impl<'a, F: Fn(usize) -> &'a [f64], G: FnMut(usize, f64)> DerivativeDots<'_, F, G> {
+    #[inline(always)]
+    fn run<S: Simd>(mut self, kernel: Kernel, simd: S) {
+        let mut j = 0;
+        while j < self.at.len() {
+            j += match self.at.len() - j {
+                1 => self.group::<S, 1>(kernel, simd, j),
+                2 => self.group::<S, 2>(kernel, simd, j),
+                _ => self.group::<S, SHARED>(kernel, simd, j),
+            };
+        }
+    }
+
+    /// The sums of N coordinates from the `first` on; returns N.
+    #[inline(always)]
+    fn group<S: Simd, const N: usize>(&mut self, kernel: Kernel, simd: S, first: usize) -> usize {
+        let at: [f64; N] = std::array::from_fn(|g| self.at[first + g]);
+        let columns: [_; N] =
+            std::array::from_fn(|g| (self.column)(first + g).as_chunks::<LANES>());
+        let (whole, rest) = self.weights.as_chunks::<LANES>();
+        let mut sums = [[0.0; LANES]; N];
+        for (i, weights) in whole.iter().enumerate() {
+            let columns = columns.map(|(whole, _)| &whole[i]);
+            add_dots(kernel, simd, at, columns, weights, &mut sums);
+        }
+        if !rest.is_empty() {
+            // Filled up with points of no weight.
+            let fill = |values: &[f64]| {
+                let mut filled = [0.0; LANES];
+                filled[..rest.len()].copy_from_slice(&values[..rest.len()]);
+                filled
+            };
+            let last = columns.map(|(_, rest)| fill(rest));
+            add_dots(kernel, simd, at, last.each_ref(), &fill(rest), &mut sums);
+        }
+        for (g, sums) in sums.iter().enumerate() {
+            (self.add)(first + g, sums.iter().sum());
+        }
+        N
+    }
+}
+
+/// Adds the terms of [`LANES`] points to the sums of N coordinates. Divisions are slow, and one does
+/// for all: w/q₁ is w/(q₁q₂q₃) times q₂q₃.
+#[inline(always)]
+fn add_dots<S: Simd, const N: usize>(
+    kernel: Kernel,
+    simd: S,
+    at: [f64; N],
+    columns: [&[f64; LANES]; N],
+    weights: &[f64; LANES],
+    sums: &mut [[f64; LANES]; N],
+) {
+    for (v, weight) in S::as_simd_f64s(weights).0.iter().enumerate() {
+        let one = simd.splat_f64s(1.0);
+        let (mut above, mut below) = ([one; N], [one; N]);
+        // The product of the denominators before each.
+        let mut before = [one; N];
+        let mut all = one;
+        for g in 0..N {
+            let column = S::as_simd_f64s(columns[g]).0[v];
+            let a = simd.abs_f64s(simd.sub_f64s(column, simd.splat_f64s(at[g])));
+            (above[g], below[g]) = kernel.log_derivative_fraction(simd, a);
+            before[g] = all;
+            all = simd.mul_f64s(all, below[g]);
+        }
+        // The weight over the product of the denominators up to each.
+        let mut share = simd.div_f64s(*weight, all);
+        for g in (0..N).rev() {
+            let sum = &mut S::as_mut_simd_f64s(&mut sums[g]).0[v];
+            let term = simd.mul_f64s(above[g], simd.mul_f64s(before[g], share));
+            *sum = simd.add_f64s(*sum, term);
+            share = simd.mul_f64s(share, below[g]);
+        }
+    }
+}
+
+/// [`Kernel::derivatives_times`] for one instruction set.
+struct DerivativesTimes<'s> {
     kernel: Kernel,
     at: f64,
     column: &'s [f64],
-    weights: &'s [f64],
+    correlations: &'s [f64],
+    with: &'s [f64],
+    from: f64,
+    onto: &'s mut [f64],
 }
 
-impl WithSimd for DerivativeDot<'_> {
+impl WithSimd for DerivativesTimes<'_> {
     type Output = f64;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> f64 {
-        let Self {
-            kernel,
-            at,
-            column,
-            weights,
-        } = self;
-        // The match stays outside of the loop, so that each loop is vectorised on its own.
-        match kernel {
-            Kernel::Matern52 => dot(at, column, weights, |a| Kernel::Matern52.log_derivative(a)),
-            Kernel::Matern32 => dot(at, column, weights, |a| Kernel::Matern32.log_derivative(a)),
-            Kernel::SquaredExponential => dot(at, column, weights, |a| {
-                Kernel::SquaredExponential.log_derivative(a)
-            }),
-            Kernel::Exponential => dot(at, column, weights, |a| {
-                Kernel::Exponential.log_derivative(a)
-            }),
-            Kernel::RadialMatern52 | Kernel::RadialMatern32 | Kernel::RadialExponential => {
-                dot(at, column, weights, |a| {
-                    Kernel::RadialMatern52.log_derivative(a)
-                })
-            }
-        }
+    fn with_simd<S: Simd>(self, simd: S) -> f64 {
+        for_each_kernel!(self.run(simd))
     }
 }
 
-/// Σ wᵢ f(|cᵢ − at|) with a fixed order of summation that does not hinder vectorisation.
-#[inline(always)]
-fn dot(at: f64, column: &[f64], weights: &[f64], f: impl Fn(f64) -> f64) -> f64 {
-    let mut sums = [0.0; LANES];
-    let (columns, column_rest) = column.as_chunks::<LANES>();
-    let (weight_chunks, weight_rest) = weights.as_chunks::<LANES>();
-    for (c, w) in columns.iter().zip(weight_chunks) {
-        for lane in 0..LANES {
-            sums[lane] += w[lane] * f((c[lane] - at).abs());
+impl DerivativesTimes<'_> {
+    #[inline(always)]
+    fn run<S: Simd>(self, kernel: Kernel, simd: S) -> f64 {
+        let (columns, column_rest) = self.column.as_chunks::<LANES>();
+        let (correlations, correlation_rest) = self.correlations.as_chunks::<LANES>();
+        let (with, with_rest) = self.with.as_chunks::<LANES>();
+        let (onto, onto_rest) = self.onto.as_chunks_mut::<LANES>();
+        let (at, from) = (simd.splat_f64s(self.at), simd.splat_f64s(self.from));
+        let mut sums = [0.0; LANES];
+        for (((c, r), w), o) in columns.iter().zip(correlations).zip(with).zip(onto) {
+            let run = S::as_simd_f64s(c)
+                .0
+                .iter()
+                .zip(S::as_simd_f64s(r).0)
+                .zip(S::as_simd_f64s(w).0)
+                .zip(S::as_mut_simd_f64s(o).0)
+                .zip(S::as_mut_simd_f64s(&mut sums).0);
+            for ((((c, r), w), o), sum) in run {
+                let a = simd.abs_f64s(simd.sub_f64s(*c, at));
+                let (above, below) = kernel.log_derivative_fraction(simd, a);
+                let derivative = simd.mul_f64s(*r, simd.div_f64s(above, below));
+                *o = simd.add_f64s(*o, simd.mul_f64s(derivative, from));
+                *sum = simd.add_f64s(*sum, simd.mul_f64s(derivative, *w));
+            }
         }
+        let rest = column_rest
+            .iter()
+            .zip(correlation_rest)
+            .zip(with_rest)
+            .zip(onto_rest);
+        for (lane, (((c, r), w), o)) in rest.enumerate() {
+            let derivative = r * kernel.log_derivative((c - self.at).abs());
+            *o += derivative * self.from;
+            sums[lane] += derivative * w;
+        }
+        sums.iter().sum()
     }
-    for (lane, (c, w)) in column_rest.iter().zip(weight_rest).enumerate() {
-        sums[lane] += w * f((c - at).abs());
-    }
-    sums.iter().sum()
 }
 
 impl fmt::Display for Kernel {

@@ -205,12 +205,12 @@ impl<'a> Likelihood<'a> {
                 &mut squares[k + 1..],
                 weights,
             );
-            for (j, column) in self.columns.iter().enumerate() {
-                gradient[self.parameter_of(j)] +=
-                    self.form
-                        .kernel
-                        .log_derivative_dot(column[k], &column[k + 1..], weights);
-            }
+            self.form.kernel.log_derivative_dots(
+                &at,
+                |j| &self.columns[j][k + 1..],
+                weights,
+                |j, dot| gradient[self.parameter_of(j)] += dot,
+            );
         }
         if self.form.nugget {
             let sum: f64 = (0..n)
@@ -237,7 +237,7 @@ impl<'a> Likelihood<'a> {
     ) -> Vec<f64> {
         let n = self.data.len();
         let mut directions = vec![0.0; count * n];
-        let (mut derivative, mut factors, mut squares) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+        let (mut factors, mut squares) = (vec![0.0; n], vec![0.0; n]);
         let mut at = vec![0.0; self.columns.len()];
         for k in 0..n {
             let factors = &mut factors[k + 1..];
@@ -251,19 +251,17 @@ impl<'a> Likelihood<'a> {
                 &mut squares[k + 1..],
                 factors,
             );
-            let derivative = &mut derivative[k + 1..];
             for (j, column) in self.columns.iter().enumerate() {
-                self.form
-                    .kernel
-                    .derivatives(column[k], &column[k + 1..], factors, derivative);
                 let p = self.parameter_of(j);
-                let direction = &mut directions[p * n..(p + 1) * n];
-                direction[k] += dot(derivative, &beta[k + 1..]);
-                let from = beta[k];
-                direction[k + 1..]
-                    .iter_mut()
-                    .zip(&*derivative)
-                    .for_each(|(u, d)| *u += d * from);
+                let direction = &mut directions[p * n + k..(p + 1) * n];
+                let (own, others) = direction.split_at_mut(1);
+                own[0] += self.form.kernel.derivatives_times(
+                    column[k],
+                    &column[k + 1..],
+                    factors,
+                    (&beta[k + 1..], beta[k]),
+                    others,
+                );
             }
         }
         if self.form.nugget {

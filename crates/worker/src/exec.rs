@@ -10,7 +10,7 @@ mod process;
 mod tests;
 
 use std::cell::{Cell, RefCell};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -86,6 +86,8 @@ pub(crate) struct Programs {
     /// What the first process called itself; the others must be the same program.
     version: OnceLock<String>,
     stop: Arc<AtomicBool>,
+    /// How many sessions there are, each of which may hold a process.
+    sessions: AtomicUsize,
 }
 
 impl Backend {
@@ -104,6 +106,7 @@ impl Backend {
                 idle: Mutex::new(Vec::new()),
                 version: OnceLock::new(),
                 stop: Arc::new(AtomicBool::new(false)),
+                sessions: AtomicUsize::new(0),
             })),
             (SimulatorKind::External, None) => Err(Error::WrongSimulator {
                 reason: format!(
@@ -168,10 +171,16 @@ impl Backend {
             programs.idle().clear();
         }
     }
+
+    /// Whether a program is still asked something, or about to be ended.
+    pub(crate) fn is_busy(&self) -> bool {
+        matches!(self, Self::External(programs) if programs.sessions.load(Ordering::Acquire) > 0)
+    }
 }
 
 impl Programs {
     fn session<'a>(&'a self, problem: &'a Problem) -> Session<'a> {
+        self.sessions.fetch_add(1, Ordering::Relaxed);
         Session {
             programs: self,
             problem,
@@ -298,6 +307,8 @@ impl Drop for Session<'_> {
         {
             self.programs.idle().push(process);
         }
+        // After a process that is not kept has ended and was waited for.
+        self.programs.sessions.fetch_sub(1, Ordering::Release);
     }
 }
 

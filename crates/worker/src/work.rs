@@ -30,6 +30,8 @@ const CALL_TIMEOUT: Duration = Duration::from_secs(20);
 
 /// The part of the grace period for which jobs may go on as if nothing had happened.
 const PATIENT_PART: f64 = 0.8;
+/// How long a leaving worker waits for the programs that it has ended.
+const LAST_PROGRAMS: Duration = Duration::from_secs(1);
 
 /// A worker's settings.
 #[derive(Debug, Clone)]
@@ -181,6 +183,12 @@ impl Worker {
         tasks.shutdown().await;
         if let Some(registered) = shared.registered() {
             registered.backend.stop();
+            // Programs that are asked something end within a moment; a worker that left before them
+            // would leave nobody to wait for them.
+            let since = Instant::now();
+            while registered.backend.is_busy() && since.elapsed() < LAST_PROGRAMS {
+                tokio::time::sleep(Duration::from_millis(5)).await;
+            }
         }
         let finished = matches!(end?, End::Finished);
         Ok(Summary { jobs, finished })

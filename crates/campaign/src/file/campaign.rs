@@ -330,7 +330,7 @@ impl Campaign {
         )?;
         let count = |key, value, low, high| source.count(key, value, low, high);
         count("doe.designs", self.doe.designs, 2, 100_000)?;
-        self.sampling.validate(source)?;
+        self.sampling.validate(source, self.is_external())?;
         count("verify.samples", self.verify.samples, 4, 1_000_000)?;
         parse_name::<kriging::Kernel>(source, "kriging.kernel", &self.kriging.kernel)?;
         source.positive(

@@ -311,7 +311,7 @@ async fn overhead(samples: usize) -> anyhow::Result<()> {
 
     let exe = std::env::current_exe()?;
     let command = format!("exec {} simulate", exe.display());
-    let slow = samples / 10;
+    let slow = samples / 3;
     let text = toml::to_string(&campaign((slow / PER_DESIGN) as u32, PER_DESIGN as u32)?)?
         + "\n[simulator]\nkind = \"external\"\nprobe_designs = 0\n";
     let external = Campaign::parse("external.toml", &text)?;

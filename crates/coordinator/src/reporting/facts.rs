@@ -1,9 +1,9 @@
 //! What a reader ought to know of how a campaign's numbers came about.
 
-use campaign::file::PercentileRule;
+use campaign::file::{ControlVariate, PercentileRule};
 
 use super::Sources;
-use crate::steps::SIGNIFICANCE;
+use crate::sampling::SIGNIFICANCE;
 
 /// (label, value) pairs.
 pub(super) fn facts(sources: &Sources) -> Vec<(String, String)> {
@@ -25,6 +25,13 @@ pub(super) fn facts(sources: &Sources) -> Vec<(String, String)> {
     facts.extend(ruled_out(sources));
     facts.extend(precision(sources));
     facts.extend(percentiles(sources));
+    if campaign.sampling.control == ControlVariate::Linearised {
+        facts.push((
+            "control variate".to_owned(),
+            "ΔSTE linearised in the wear, for two more analyses per coefficient and design"
+                .to_owned(),
+        ));
+    }
     facts
 }
 

@@ -5,7 +5,7 @@ use report::{PreliminaryDesign, PrintedDesign, PrintedFigures, SimilarDesign, pa
 
 use super::{Sources, percentile};
 use crate::references::{Place, printed};
-use crate::steps;
+use crate::sampling::{self, Samples};
 
 pub(super) fn preliminary(sources: &Sources) -> Vec<PreliminaryDesign> {
     let k = sources.problem.campaign().sampling.samples_per_design as usize;
@@ -14,7 +14,11 @@ pub(super) fn preliminary(sources: &Sources) -> Vec<PreliminaryDesign> {
         .enumerate()
         .filter_map(|(row, printed)| {
             let samples = sources.fresh.get(&Place::Preliminary(row).name())?;
-            let response = steps::response(0, samples, PercentileRule::Paper).ok()?;
+            let plain = Samples {
+                values: samples,
+                control: None,
+            };
+            let response = sampling::response(0, plain, PercentileRule::Paper).ok()?;
             let variance = stats::p90_variance(response.sd_um.powi(2), k, stats::PAPER_Z90);
             Some(PreliminaryDesign {
                 variables: printed.variables,

@@ -287,14 +287,13 @@ impl Local {
                     *w = factors[j - k - 1] * (v[k] * u[j] + v[j] * u[k]);
                 }
             }
-            for (sums, column) in sums.iter_mut().zip(&self.columns) {
-                for (sum, weights) in sums.iter_mut().zip(&weights) {
-                    *sum += self.kernel.log_derivative_dot(
-                        column[k],
-                        &column[run.clone()],
-                        &weights[run.clone()],
-                    );
-                }
+            for (i, weights) in weights.iter().enumerate() {
+                self.kernel.log_derivative_dots(
+                    &at,
+                    |j| &self.columns[j][run.clone()],
+                    &weights[run.clone()],
+                    |j, dot| sums[j][i] += dot,
+                );
             }
         }
         for (sum, v) in sums[self.columns.len()].iter_mut().zip([u, of_y, of_ones]) {
