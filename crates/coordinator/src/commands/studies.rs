@@ -145,7 +145,7 @@ pub(super) async fn pareto(arguments: arguments::Pareto) -> anyhow::Result<u8> {
         let refined = pareto::refine(&problem, &frozen, &points, against, refine)?;
         points.extend(refined);
         pareto::mark(&mut points, against);
-        pareto::write_tables(&out, &problem, against, &all, &points).map(|page| (page, out))
+        pareto::write_tables(&out, &problem, against, &all, &points, refine).map(|page| (page, out))
     });
     finish(page.await?)
 }

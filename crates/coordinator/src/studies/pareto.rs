@@ -343,7 +343,7 @@ pub fn mark(points: &mut [Point], against: Against) {
 }
 
 /// Writes `pareto.csv`, `pareto.md` and `pareto.svg` into `out`; returns the Markdown. `all` are the
-/// designs behind the front of the DoE, `marked` what [`mark`] has seen.
+/// designs behind the front of the DoE, `marked` what [`mark`] has seen, after so many `searches`.
 ///
 /// # Errors
 ///
@@ -354,6 +354,7 @@ pub fn write_tables(
     against: Against,
     all: &[Point],
     marked: &[Point],
+    searches: u32,
 ) -> anyhow::Result<String> {
     write(out, "pareto.csv", all_figures(marked).csv()?)?;
     let mut page = format!(
@@ -369,6 +370,15 @@ pub fn write_tables(
         against.limit(problem),
         summary(problem, against, marked).markdown()
     );
+    if searches > 0 {
+        let found = marked
+            .iter()
+            .filter(|point| point.source == Source::Refined);
+        page += &format!(
+            "\n{} of {searches} direct searches found a design within their limit.\n",
+            found.count()
+        );
+    }
     match chart(problem, against, all, marked) {
         Ok(svg) => {
             write(out, "pareto.svg", svg)?;

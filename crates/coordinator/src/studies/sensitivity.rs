@@ -101,7 +101,7 @@ pub fn scenarios(problem: &Problem, optimum: &Optimum) -> anyhow::Result<Vec<Sce
     Ok(scenarios
         .into_par_iter()
         .map(|(parameter, factor)| {
-            let mut wear = problem.wear().clone();
+            let mut wear = *problem.wear();
             match parameter {
                 "wear variance" => wear.variance *= factor,
                 "wear range" => wear.range *= factor,
@@ -178,7 +178,7 @@ fn deviated(
         ..problem.pair_input(&variables)
     };
     let pair = gear::Pair::new(&input, &gear::Discretisation::default()).ok()?;
-    let mut wear = problem.wear().clone();
+    let mut wear = *problem.wear();
     let factor = |number: usize| 1.0 + deviation(ROBUST_VARIABLES + number, tolerances.scenario);
     wear.max_depth *= factor(0);
     wear.variance *= factor(1);
