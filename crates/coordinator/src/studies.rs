@@ -111,6 +111,8 @@ pub struct External {
     pub campaign: String,
 }
 
+/// Refuses campaigns that a study cannot simulate.
+///
 /// # Errors
 ///
 /// The campaign's simulator is an external program.

@@ -265,7 +265,7 @@ fn verify(problem: &Problem, point: &mut Point, number: u64) -> anyhow::Result<(
 }
 
 /// Direct searches under `count` limits of the second objective: the campaign's own, then tighter
-/// and tighter ones down to [`REACH`] below the best known design, each from the best known design
+/// and tighter ones down to 15 % below the best known design, each from the best known design
 /// within its limit. A search under a limit that nothing satisfies finds nothing.
 ///
 /// # Errors
