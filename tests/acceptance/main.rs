@@ -14,3 +14,4 @@ mod operations;
 mod paper;
 mod precision;
 mod security;
+mod studies;

@@ -4,16 +4,19 @@
 //! errors) and validated once, here: whoever holds a [`Campaign`] holds a sensible one.
 
 mod campaign;
+mod corrections;
 mod enrichment;
 mod pair;
 mod sampling;
 mod sections;
 mod validate;
+mod variant;
 
 pub use campaign::{
     Bounds, Campaign, Constraints, Doe, FrozenFrom, FrozenSection, Kriging, Optimise, Pair, Report,
     Verify,
 };
+pub use corrections::CorrectionsSection;
 pub use enrichment::Enrichment;
 pub(crate) use pair::gear_size;
 pub use pair::{PairFile, PairSection};

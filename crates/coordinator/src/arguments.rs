@@ -11,6 +11,9 @@ use worker::SimulatorArguments;
 use worker::client::Credentials;
 use worker::console::LogFormat;
 
+mod studies;
+pub(crate) use studies::{Corrections, FinishedCampaign, Pareto, Sensitivity, Sweep};
+
 /// Plans a Monte Carlo campaign of gear designs, leases its jobs to workers, and writes the report.
 #[derive(Debug, Parser)]
 #[command(version, after_help = worker::console::help_footer())]
@@ -37,6 +40,14 @@ pub(crate) enum Command {
     Drain(Drain),
     /// Give jobs that were given up another chance
     Retry(Retry),
+    /// Run a campaign for each of several numbers of teeth, and compare
+    Sweep(Sweep),
+    /// Design with and without profile corrections, and compare
+    Corrections(Corrections),
+    /// Say what the recommended design owes to the wear's parameters and to tolerances
+    Sensitivity(Sensitivity),
+    /// Weigh P90 against the contact pressure or the root stress
+    Pareto(Pareto),
     /// Write the report of a campaign, also while it runs
     Report(Report),
     /// Write a table of a campaign as CSV

@@ -21,6 +21,7 @@ use crate::progress::Progress;
 
 mod checking;
 mod steering;
+mod studies;
 
 /// A file that cannot be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -45,6 +46,10 @@ pub(crate) async fn execute(command: Command) -> anyhow::Result<u8> {
         Command::Explain(arguments) => steering::explain(&arguments).await,
         Command::Drain(arguments) => steering::drain(&arguments).await,
         Command::Retry(arguments) => steering::retry(&arguments).await,
+        Command::Sweep(arguments) => studies::sweep(arguments).await,
+        Command::Corrections(arguments) => studies::corrections(arguments).await,
+        Command::Sensitivity(arguments) => studies::sensitivity(arguments).await,
+        Command::Pareto(arguments) => studies::pareto(arguments).await,
         Command::Report(arguments) => write_report(arguments).await,
         Command::Export(arguments) => export_table(arguments).await,
         Command::Compare(arguments) => compare(arguments).await,
@@ -148,30 +153,11 @@ async fn run(arguments: arguments::Run) -> anyhow::Result<u8> {
         ),
     };
     let campaign = Campaign::parse(&name, &text)?;
-    let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let db = arguments
         .db
         .unwrap_or_else(|| PathBuf::from(format!("{}.db", campaign.name)));
     refuse_network_store(&db, arguments.allow_network_store)?;
-    let exec = arguments.simulator.exec();
-    match (campaign.is_external(), &exec) {
-        (true, None) => {
-            return Err(Usage(format!(
-                "campaign {} is simulated by an external program: give it with --exec 'CMD'",
-                campaign.name
-            ))
-            .into());
-        }
-        (false, Some(_)) => {
-            return Err(Usage(format!(
-                "campaign {} is simulated by the built-in model: leave out --exec, or give the \
-                 campaign a section [simulator] with kind = \"external\"",
-                campaign.name
-            ))
-            .into());
-        }
-        _ => {}
-    }
+    let workers = local_workers(&campaign, arguments.simulator, arguments.workers)?;
     let plan = Plan {
         out: out_folder(arguments.out, &campaign),
         campaign,
@@ -179,13 +165,41 @@ async fn run(arguments: arguments::Run) -> anyhow::Result<u8> {
         db,
         listen: SocketAddr::from(([127, 0, 0, 1], 0)),
         guard: Guard::default(),
-        workers: Workers::Local {
-            count: arguments.workers.map_or(processors, usize::from),
-            exec,
-        },
+        workers,
         metrics: None,
     };
     conduct(plan).await
+}
+
+/// Workers of this process, one per processor unless `count` says otherwise, with the simulator
+/// that the campaign asks for.
+fn local_workers(
+    campaign: &Campaign,
+    simulator: worker::SimulatorArguments,
+    count: Option<u16>,
+) -> Result<Workers, Usage> {
+    let exec = simulator.exec();
+    match (campaign.is_external(), &exec) {
+        (true, None) => {
+            return Err(Usage(format!(
+                "campaign {} is simulated by an external program: give it with --exec 'CMD'",
+                campaign.name
+            )));
+        }
+        (false, Some(_)) => {
+            return Err(Usage(format!(
+                "campaign {} is simulated by the built-in model: leave out --exec, or give the \
+                 campaign a section [simulator] with kind = \"external\"",
+                campaign.name
+            )));
+        }
+        _ => {}
+    }
+    let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    Ok(Workers::Local {
+        count: count.map_or(processors, usize::from),
+        exec,
+    })
 }
 
 async fn serve(arguments: arguments::Serve) -> anyhow::Result<u8> {

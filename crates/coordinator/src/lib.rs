@@ -9,6 +9,7 @@
 //!   and [`keygen`] makes the secrets.
 //! - [`status`], [`export`], [`simulate`], [`reporting`] and [`comparing`] read: they work beside a running
 //!   campaign, too.
+//! - [`studies`] go beyond one campaign: other teeth, corrections, tolerances, a second objective.
 
 pub mod access;
 pub mod board;
@@ -32,3 +33,4 @@ pub mod simulate;
 pub mod snapshot;
 pub mod status;
 pub mod steps;
+pub mod studies;

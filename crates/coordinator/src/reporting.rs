@@ -221,7 +221,8 @@ fn limits(campaign: &Campaign) -> Limits {
     }
 }
 
-fn percentile(samples: &[f64]) -> Percentile {
+/// P90 of the samples with its 95 % interval; no numbers where there are too few.
+pub(crate) fn percentile(samples: &[f64]) -> Percentile {
     let nothing = Percentile {
         value_um: f64::NAN,
         low_um: f64::NAN,

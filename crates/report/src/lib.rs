@@ -23,8 +23,9 @@ pub mod paper;
 mod svg;
 
 pub use charts::{
-    Extent, Response, chart_convergence, chart_expected_improvement, chart_gears,
-    chart_leave_one_out, chart_prediction, chart_responses, chart_ste, chart_wear,
+    Extent, PercentileSeries, Response, chart_convergence, chart_expected_improvement, chart_front,
+    chart_gears, chart_leave_one_out, chart_prediction, chart_responses, chart_ste, chart_teeth,
+    chart_wear,
 };
 pub use comparison::{Comparison, comparison_markdown, comparisons};
 pub use data::{

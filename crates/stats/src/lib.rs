@@ -11,6 +11,7 @@
 //! - [`control_variate_p90`], [`normal_coefficients`] and [`grouped_p90`]: the same percentile from fewer
 //!   samples, by a control variate, antithetic or quasi-random coefficients.
 //! - [`samples_needed`]: how many more samples until the percentile is precise enough.
+//! - [`SensitivityPlan`]: which share of an output's variance comes from which input.
 //! - [`lilliefors`]: whether the sample may be called normal at all.
 //! - [`streams`]: named random streams.
 
@@ -25,6 +26,7 @@ mod normality;
 mod percentile;
 mod quantile;
 mod rank;
+mod sensitivity;
 mod sequential;
 pub mod streams;
 
@@ -46,4 +48,5 @@ pub use quantile::{
     harrell_davis_p90, order_statistic_p90,
 };
 pub use rank::spearman;
+pub use sensitivity::{Index, SENSITIVITY_INPUTS, SENSITIVITY_ROWS, Sensitivity, SensitivityPlan};
 pub use sequential::{SequentialRule, samples_needed};

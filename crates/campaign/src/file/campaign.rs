@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+use super::corrections::CorrectionsSection;
 use super::pair::size;
 use super::sections::{SimulatorKind, SimulatorSection, parse_name};
 use super::validate::Source;
@@ -50,6 +51,9 @@ pub struct Campaign {
     /// `[enrichment]`; left out of the digest where it is absent, as in files of before it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub enrichment: Option<Enrichment>,
+    /// `[corrections]`; left out of the digest where it is absent, as in files of before it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub corrections: Option<CorrectionsSection>,
 }
 
 /// `[pair]` of a campaign: what all its designs share.
@@ -333,6 +337,9 @@ impl Campaign {
         self.bounds.validate(source)?;
         self.frozen.validate(source)?;
         self.simulator.validate(source)?;
+        if let Some(corrections) = &self.corrections {
+            corrections.validate(source)?;
+        }
         source.require(
             !(self.is_external() && self.report.compare_with_paper),
             "report.compare_with_paper",

@@ -2,6 +2,7 @@
 //! functions return it as an SVG file of its own.
 
 mod gears;
+mod intervals;
 mod rounds;
 mod runs;
 mod scatter;
@@ -13,6 +14,7 @@ use crate::error::Error;
 use crate::svg::{Axis, Chart, Mark, Picture, Scale, Series};
 
 pub(crate) use gears::gears;
+pub use intervals::{PercentileSeries, chart_front, chart_teeth};
 pub(crate) use rounds::{expected_improvement, prediction};
 pub(crate) use runs::{convergence, ste};
 pub use scatter::{Extent, Response};

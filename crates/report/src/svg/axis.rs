@@ -6,6 +6,8 @@ use crate::number;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Scale {
     Linear,
+    /// Linear, with ticks at whole numbers only.
+    Whole,
     /// Decadic; only for positive values.
     Log,
 }
@@ -28,7 +30,7 @@ impl Ruler {
         let (low, high) = (low.min(high), low.max(high));
         match scale {
             Scale::Log if low > 0.0 => Self::log(low, high, wanted),
-            _ => Self::linear(low, high, wanted),
+            _ => Self::linear(low, high, wanted, scale == Scale::Whole),
         }
     }
 
@@ -40,12 +42,12 @@ impl Ruler {
     /// Where a value lies, 0 at the low end and 1 at the high end.
     pub(crate) fn position(&self, value: f64) -> f64 {
         match self.scale {
-            Scale::Linear => (value - self.low) / (self.high - self.low),
+            Scale::Linear | Scale::Whole => (value - self.low) / (self.high - self.low),
             Scale::Log => (value / self.low).ln() / (self.high / self.low).ln(),
         }
     }
 
-    fn linear(low: f64, high: f64, wanted: usize) -> Self {
+    fn linear(low: f64, high: f64, wanted: usize, whole: bool) -> Self {
         let (mut low, mut high) = (low, high);
         let size = low.abs().max(high.abs());
         // Equal values, or values that differ by rounding only: show the value in the middle.
@@ -55,10 +57,11 @@ impl Ruler {
         }
         let raw = (high - low) / wanted.max(2) as f64;
         let power = 10f64.powf(raw.log10().floor());
+        let power = if whole { power.max(1.0) } else { power };
         let step = [1.0, 2.0, 2.5, 5.0, 10.0]
             .into_iter()
             .map(|m| m * power)
-            .find(|step| *step >= raw * (1.0 - 1e-9))
+            .find(|step| *step >= raw * (1.0 - 1e-9) && !(whole && step.fract() != 0.0))
             .unwrap_or(10.0 * power);
         // A hair of slack, so that 0.3 / 0.1 does not ask for one more tick.
         let first = (low / step + 1e-6).floor();
@@ -149,6 +152,10 @@ mod tests {
         assert_eq!(labels(&ruler), ["−5", "−4", "−3", "−2", "−1", "0"]);
         let ruler = Ruler::new(Scale::Linear, 0.1, 0.95, 4);
         assert_eq!(labels(&ruler), ["0.00", "0.25", "0.50", "0.75", "1.00"]);
+        let ruler = Ruler::new(Scale::Whole, 19.0, 21.0, 12);
+        assert_eq!(labels(&ruler), ["19", "20", "21"]);
+        let ruler = Ruler::new(Scale::Whole, 17.0, 42.0, 12);
+        assert_eq!(labels(&ruler).first(), Some(&"15"));
     }
 
     #[test]

@@ -10,7 +10,7 @@ const GREATEST: f64 = 1e99;
 
 /// Whether a chart can show the value on this scale.
 pub(crate) fn drawable(value: f64, scale: Scale) -> bool {
-    value.abs() < GREATEST && (scale == Scale::Linear || value > 1.0 / GREATEST)
+    value.abs() < GREATEST && (scale != Scale::Log || value > 1.0 / GREATEST)
 }
 
 /// One axis.

@@ -1,0 +1,3 @@
+//! Runs of the campaign's optimiser on problems that are made to be hard.
+
+mod stability;

@@ -1,0 +1,253 @@
+//! What a run does where the gear model is at its worst: next to nothing feasible, plateaus of
+//! failures, numbers that are none, optima in corners and on constraints. Each has a defined and
+//! reported result.
+//!
+//! The simulator is made of formulas of the six robust variables, scaled to [0, 1].
+
+use campaign::formulation::{Criteria, Problem, Variables};
+use campaign::optimise::{self, RunResult};
+use campaign::simulator::{Analysis, NoAnswer, Prepared, Simulator};
+use campaign::{Approach, Campaign};
+use stats::streams::StreamRng;
+
+/// What a formula says of a point of the unit cube.
+#[derive(Debug, Clone, Copy)]
+struct Answer {
+    /// ΔSTE, µm.
+    delta_ste_um: f64,
+    /// g_s, which must be below 2.
+    sliding: f64,
+}
+
+/// None where the design cannot be simulated.
+type Formula = fn(&[f64; 6]) -> Option<Answer>;
+
+struct Made {
+    problem: Problem,
+    formula: Formula,
+}
+
+struct Design(Answer);
+
+impl Prepared for Design {
+    fn criteria(&self, hertz_pressure_mpa: f64) -> Criteria {
+        Criteria {
+            contact_ratio: 1.5,
+            specific_sliding: self.0.sliding,
+            hertz_pressure_mpa,
+            root_stress_mpa: 500.0,
+            clearance_mm: [0.5; 2],
+            flank_margin_mm: [0.1; 2],
+            normal_module_mm: 4.0,
+        }
+    }
+
+    fn unworn(&mut self) -> Result<Analysis, NoAnswer> {
+        Ok(Analysis {
+            delta_ste_um: self.0.delta_ste_um,
+            hertz_pressure_mpa: 1000.0,
+        })
+    }
+
+    fn archard(&mut self) -> Result<Analysis, NoAnswer> {
+        self.unworn()
+    }
+
+    fn sample(&mut self, _rng: &mut StreamRng) -> Result<f64, String> {
+        Ok(self.0.delta_ste_um)
+    }
+}
+
+impl Simulator for Made {
+    fn problem(&self) -> &Problem {
+        &self.problem
+    }
+
+    fn prepare<'a>(&'a self, variables: &Variables) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
+        let unit = self.problem.unit_point(&variables.robust_part());
+        match (self.formula)(&unit) {
+            Some(answer) => Ok(Box::new(Design(answer))),
+            None => Err(NoAnswer::Refused(
+                "made: there is no such design".to_owned(),
+            )),
+        }
+    }
+}
+
+fn run(formula: Formula, evaluations: u32, start: u32) -> RunResult {
+    let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
+    campaign.optimise.evaluations = evaluations;
+    campaign.optimise.restart_at = evaluations / 2;
+    let made = Made {
+        problem: Problem::new(campaign),
+        formula,
+    };
+    let frozen = made.problem.printed_frozen();
+    optimise::run(&made, Approach::Archard, start, &frozen, None).unwrap()
+}
+
+fn unit(result: &RunResult) -> [f64; 6] {
+    let campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
+    let best = result.best.expect("a feasible design");
+    Problem::new(campaign).unit_point(&best.variables.robust_part())
+}
+
+fn squares(u: &[f64; 6], at: f64) -> f64 {
+    u.iter().map(|u| (u - at).powi(2)).sum()
+}
+
+/// A ball of 0.1 % of the box: its volume π³/6 r⁶ is 0.001 at r = 0.240.
+#[test]
+fn a_feasible_region_of_a_thousandth_of_the_box_is_found() {
+    const RADIUS: f64 = 0.240;
+    let volume = std::f64::consts::PI.powi(3) / 6.0 * RADIUS.powi(6);
+    assert!((volume / 1e-3 - 1.0).abs() < 0.02, "{volume}");
+    let formula: Formula = |u| {
+        Some(Answer {
+            // The criterion draws away from the ball.
+            delta_ste_um: 1.0 + u.iter().sum::<f64>(),
+            sliding: 1.999 + squares(u, 0.7).sqrt() - RADIUS,
+        })
+    };
+    for start in 0..3 {
+        let result = run(formula, 6000, start);
+        let best = result.best.expect("the ball is found");
+        assert!(best.feasible && best.criteria.specific_sliding < 2.0);
+        // Its lowest point lies on its surface, where all coordinates are equal.
+        let lowest = 1.0 + 6.0 * (0.7 - (RADIUS + 0.001) / 6f64.sqrt());
+        // A tenth of a per cent: what a constraint's strict inequality and 6000 designs leave.
+        assert!(
+            (best.criterion_um / lowest - 1.0).abs() < 1e-3,
+            "start {start}: {} against {lowest}",
+            best.criterion_um
+        );
+    }
+}
+
+/// Most of the box cannot be simulated and is valued 100, as level as a table.
+#[test]
+fn a_run_gets_off_a_plateau_of_100s() {
+    let formula: Formula = |u| {
+        (u[0] < 0.5 && u[1] < 0.5).then(|| Answer {
+            delta_ste_um: 1.0 + squares(u, 0.25),
+            sliding: 1.0,
+        })
+    };
+    for start in 0..3 {
+        let result = run(formula, 4000, start);
+        let best = result.best.expect("a quarter of the box can be simulated");
+        assert!(
+            best.criterion_um < 1.0 + 1e-6,
+            "start {start}: {}",
+            best.criterion_um
+        );
+        assert!(
+            result.simulator_calls < 2 * result.evaluations,
+            "refusals cost one call"
+        );
+    }
+}
+
+#[test]
+fn plateaus_of_100s_everywhere_end_without_a_design_and_say_why_they_restarted() {
+    let result = run(|_| None, 600, 0);
+    assert_eq!((result.printed, result.best), (None, None));
+    assert_eq!((result.evaluations, result.continuations), (600, 0));
+    assert_eq!(result.history.first().map(|(_, value)| *value), Some(100.0));
+    assert!(!result.restarts.is_empty(), "a plateau stops a search");
+    for (_, reason) in &result.restarts {
+        assert!(!reason.is_empty());
+    }
+}
+
+/// A criterion that is no number is a failure, never an optimum.
+#[test]
+fn a_criterion_that_is_no_number_is_a_failure() {
+    let formula: Formula = |u| {
+        Some(Answer {
+            delta_ste_um: if u[2] > 0.3 {
+                f64::NAN
+            } else {
+                1.0 + squares(u, 0.6)
+            },
+            sliding: 1.0,
+        })
+    };
+    let result = run(formula, 4000, 0);
+    let found = unit(&result);
+    assert!(result.best.unwrap().criterion_um.is_finite());
+    // The best of what is left lies at the edge of the region without numbers.
+    assert!((found[2] - 0.3).abs() < 1e-3, "{found:?}");
+    let nothing = run(
+        |_| {
+            Some(Answer {
+                delta_ste_um: f64::NAN,
+                sliding: 1.0,
+            })
+        },
+        600,
+        0,
+    );
+    assert_eq!((nothing.printed, nothing.best), (None, None));
+}
+
+/// A constraint that is no number is not satisfied.
+#[test]
+fn a_constraint_that_is_no_number_makes_no_optimum() {
+    let result = run(
+        |u| {
+            Some(Answer {
+                delta_ste_um: 1.0 + squares(u, 0.5),
+                sliding: if u[0] < 0.5 { f64::NAN } else { 1.0 },
+            })
+        },
+        2000,
+        0,
+    );
+    let found = unit(&result);
+    assert!(found[0] >= 0.5, "{found:?}");
+    assert!(result.best.unwrap().criteria.specific_sliding.is_finite());
+}
+
+#[test]
+fn an_optimum_in_a_corner_is_reached() {
+    let formula: Formula = |u| {
+        Some(Answer {
+            delta_ste_um: 1.0 + u.iter().sum::<f64>(),
+            sliding: 1.0,
+        })
+    };
+    for start in 0..3 {
+        let result = run(formula, 4000, start);
+        // To the corner itself within 1e-6 of each variable's range.
+        let found = unit(&result);
+        assert!(
+            found.iter().all(|u| (0.0..1e-6).contains(u)),
+            "start {start}: {found:?}"
+        );
+        assert_eq!(result.continuations, 0, "nothing was infeasible");
+    }
+}
+
+/// The optimum lies on a constraint, and the printed weight is too small to hold the search there.
+#[test]
+fn an_optimum_on_a_constraint_is_approached_from_the_feasible_side() {
+    let formula: Formula = |u| {
+        Some(Answer {
+            // One unit of the first variable gains more than the weight of 10 · ½ takes.
+            delta_ste_um: 20.0 - 10.0 * u[0] + squares(u, 0.5),
+            sliding: 1.5 + u[0],
+        })
+    };
+    for start in 0..3 {
+        let result = run(formula, 3000, start);
+        let printed = result.printed.expect("every design can be simulated");
+        assert!(!printed.feasible, "the weight was meant to be too small");
+        assert!(result.continuations > 0);
+        let found = unit(&result);
+        let best = result.best.expect("the run goes on until it is feasible");
+        assert!(best.criteria.specific_sliding < 2.0);
+        // What one continuation of 1500 designs leaves.
+        assert!((0.5 - found[0]).abs() < 1e-3, "start {start}: {found:?}");
+    }
+}

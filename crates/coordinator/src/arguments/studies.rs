@@ -1,0 +1,124 @@
+//! The arguments of the studies.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use coordinator::snapshot;
+use coordinator::studies::pareto::Against;
+use coordinator::studies::sweep::Teeth;
+use worker::SimulatorArguments;
+
+#[derive(Debug, Args)]
+pub(crate) struct Sweep {
+    /// The campaign file
+    #[arg(value_name = "CAMPAIGN.toml")]
+    pub(crate) campaign: PathBuf,
+    /// Numbers of teeth of the pinion: 17..30 is 17 to 29, 17..=30 is 17 to 30
+    ///
+    /// The mate's number follows from pair.gear_ratio, or stays pair.gear_teeth; the module
+    /// follows from pair.centre_distance_mm, or the other way round. With frozen.from = "printed"
+    /// all numbers share the radii and the helix angle of the file; with "deterministic" each
+    /// has its own.
+    #[arg(long, value_name = "RANGE")]
+    pub(crate) teeth: Teeth,
+    /// The folder of the stores, reports and tables; a sweep that it holds is continued
+    /// [default: NAME-sweep]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Accept stores on a network file system, whose locks and syncs may not keep their word
+    #[arg(long)]
+    pub(crate) allow_network_store: bool,
+    /// How many workers to start in this process [default: the number of processors]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub(crate) workers: Option<u16>,
+    #[command(flatten)]
+    pub(crate) simulator: SimulatorArguments,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Corrections {
+    /// The campaign file, with a section [corrections]
+    ///
+    /// [corrections] holds bounds: tip_relief_um and tip_relief_length_mm for both gears (with
+    /// tip_relief_shape = "linear" or "parabolic"), crowning_um, or all of them. Each set of
+    /// corrections costs optimise.starts searches of optimise.evaluations designs, of
+    /// sampling.samples_per_design samples each; a crowned sample costs about seventeen times one
+    /// without.
+    #[arg(value_name = "CAMPAIGN.toml")]
+    pub(crate) campaign: PathBuf,
+    /// The folder of the tables [default: NAME-corrections]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+}
+
+/// A campaign and its finished store.
+#[derive(Debug, Args)]
+pub(crate) struct FinishedCampaign {
+    /// The campaign file
+    #[arg(value_name = "CAMPAIGN.toml")]
+    pub(crate) campaign: PathBuf,
+    /// The finished store of the campaign [default: NAME.db]
+    #[arg(long, value_name = "FILE")]
+    pub(crate) db: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Sensitivity {
+    #[command(flatten)]
+    pub(crate) finished: FinishedCampaign,
+    /// The approach whose optimum is looked at [default: that of the least verified P90]
+    #[arg(long, value_name = "NAME", value_parser = approach)]
+    pub(crate) approach: Option<String>,
+    /// Largest deviation of each of the six variables, in modules
+    ///
+    /// Tools keep their module: it stays as designed, and the centre distance at which the pair
+    /// meshes without backlash follows.
+    #[arg(long, value_name = "MODULES", default_value_t = 0.01, value_parser = share)]
+    pub(crate) tolerance: f64,
+    /// Largest deviation of the wear's depth, variance and range, as a share of each
+    #[arg(long, value_name = "SHARE", default_value_t = 0.2, value_parser = share)]
+    pub(crate) scenario: f64,
+    /// Rows of the analysis, best a power of two; it takes 11 and 12 simulated pairs per row
+    #[arg(long, value_name = "N", default_value_t = 1024,
+        value_parser = clap::value_parser!(u32).range(8..=stats::SENSITIVITY_ROWS as i64))]
+    pub(crate) rows: u32,
+    /// The folder of the tables [default: NAME-sensitivity]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Pareto {
+    #[command(flatten)]
+    pub(crate) finished: FinishedCampaign,
+    /// The objective beside P90
+    #[arg(long, value_enum, default_value_t = Against::Pressure)]
+    pub(crate) against: Against,
+    /// How many direct searches, each of optimise.evaluations designs, to add to the front
+    #[arg(long, value_name = "N", default_value_t = 0,
+        value_parser = clap::value_parser!(u32).range(0..=1000))]
+    pub(crate) refine: u32,
+    /// The folder of the table and the chart [default: NAME-pareto]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+}
+
+fn approach(text: &str) -> Result<String, String> {
+    match snapshot::approach_of(text) {
+        Some(approach) => Ok(approach.name().to_owned()),
+        None => Err(format!(
+            "there are {}",
+            campaign::Approach::ALL
+                .map(campaign::Approach::name)
+                .join(", ")
+        )),
+    }
+}
+
+/// A deviation: at least none, and less than all.
+fn share(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(share) if (0.0..1.0).contains(&share) => Ok(share),
+        _ => Err("it must be a number from 0 to below 1".to_owned()),
+    }
+}

@@ -1,0 +1,301 @@
+//! `sweep`, `corrections`, `sensitivity` and `pareto`: what goes beyond one campaign.
+
+use acceptance::{Sandbox, assert_code, errors, printed, small_campaign};
+
+/// A campaign small enough to be repeated, and its file.
+fn small(sandbox: &Sandbox, name: &str) -> String {
+    let file = sandbox.write(name, &small_campaign(60, 30));
+    file.to_str().expect("a plain path").to_owned()
+}
+
+fn csv(sandbox: &Sandbox, path: &str) -> Vec<Vec<String>> {
+    let text = std::fs::read_to_string(sandbox.path(path)).expect("the table was written");
+    let fields = |line: &str| line.split(',').map(str::to_owned).collect();
+    text.lines().map(fields).collect()
+}
+
+fn column<'a>(table: &'a [Vec<String>], name: &str) -> impl Iterator<Item = &'a str> {
+    let at = table[0].iter().position(|head| head == name).expect(name);
+    table[1..].iter().map(move |row| row[at].as_str())
+}
+
+fn modified(sandbox: &Sandbox, path: &str) -> std::time::SystemTime {
+    let metadata = std::fs::metadata(sandbox.path(path)).expect("the file is there");
+    metadata.modified().expect("a time")
+}
+
+#[test]
+fn a_sweep_is_continued_after_a_kill_and_repeats_nothing() {
+    let sandbox = Sandbox::new();
+    let text = small_campaign(60, 30).replacen("samples = 100 ", "samples = 2000 ", 1);
+    let file = sandbox.write("small.toml", &text);
+    let file = file.to_str().unwrap();
+    let arguments = ["sweep", file, "--teeth", "19..=21", "--out", "sweep"];
+    let running = sandbox.start("coordinator", &arguments);
+    let finished = |status: &serde_json::Value| status["finished"] == true;
+    let first = "sweep/quick-z19.db";
+    sandbox.wait_for(first, "the first number of teeth", finished);
+    let after_first = |status: &serde_json::Value| status["stage"] != "doe";
+    sandbox.wait_for("sweep/quick-z20.db", "the second one", after_first);
+    running.kill();
+    assert!(
+        !sandbox.path("sweep/sweep.csv").exists(),
+        "nothing to tell yet"
+    );
+
+    // What was finished is not touched again: its report is written at the end of a run.
+    let report = "sweep/quick-z19-report/report.html";
+    let before = modified(&sandbox, report);
+    let output = sandbox.coordinator(&arguments);
+    assert_code(&output, 0);
+    assert_eq!(modified(&sandbox, report), before);
+    let page = printed(&output);
+    for line in ["| 19 : 21 |", "| 20 : 22 |", "| 21 : 23 |", "sweep.svg"] {
+        assert!(page.contains(line), "no {line:?} in\n{page}");
+    }
+    let table = csv(&sandbox, "sweep/sweep.csv");
+    assert!(
+        column(&table, "teeth_p")
+            .filter(|teeth| *teeth == "20")
+            .count()
+            >= 4
+    );
+    // One centre distance: more teeth are smaller ones.
+    let modules: Vec<f64> = table[1..]
+        .iter()
+        .filter(|row| row[2] == "archard")
+        .filter_map(|row| {
+            let at = table[0].iter().position(|head| head == "normal_module_mm");
+            row[at.unwrap()].parse().ok()
+        })
+        .collect();
+    assert_eq!(modules.len(), 3);
+    let svg = std::fs::read_to_string(sandbox.path("sweep/sweep.svg")).unwrap();
+    assert!(svg.contains("teeth of the pinion"));
+
+    // Again: the same tables from the same stores, in no more than it takes to read them.
+    let written = std::fs::read(sandbox.path("sweep/sweep.csv")).unwrap();
+    let third = modified(&sandbox, "sweep/quick-z21-report/report.html");
+    assert_code(&sandbox.coordinator(&arguments), 0);
+    assert_eq!(
+        std::fs::read(sandbox.path("sweep/sweep.csv")).unwrap(),
+        written
+    );
+    assert_eq!(
+        modified(&sandbox, "sweep/quick-z21-report/report.html"),
+        third
+    );
+
+    // A whole sweep, never interrupted and with another number of workers, gives the same table.
+    let arguments = [
+        "sweep",
+        file,
+        "--teeth",
+        "19..22",
+        "--out",
+        "other",
+        "--workers",
+        "3",
+    ];
+    assert_code(&sandbox.coordinator(&arguments), 0);
+    assert_eq!(
+        std::fs::read(sandbox.path("other/sweep.csv")).unwrap(),
+        written
+    );
+}
+
+#[test]
+fn teeth_for_which_nothing_is_feasible_are_said_so() {
+    let sandbox = Sandbox::new();
+    let text = small_campaign(20, 30).replacen("yield_mpa = 980.0", "yield_mpa = 1.0", 1);
+    let file = sandbox.write("weak.toml", &text);
+    let arguments = [
+        "sweep",
+        file.to_str().unwrap(),
+        "--teeth",
+        "20",
+        "--out",
+        "weak",
+    ];
+    let output = sandbox.coordinator(&arguments);
+    assert_code(&output, 0);
+    let page = printed(&output);
+    assert!(page.contains("| 20 : 22 | none feasible |"), "{page}");
+    let table = csv(&sandbox, "weak/sweep.csv");
+    assert!(column(&table, "p90_um").all(str::is_empty));
+}
+
+#[test]
+fn bad_ranges_of_teeth_are_refused() {
+    let sandbox = Sandbox::new();
+    let file = small(&sandbox, "small.toml");
+    for (teeth, why) in [
+        ("30..17", "17..=30 is 17 to 30"),
+        ("many", "no number of teeth"),
+        ("2..5", "from 4 to 2000"),
+    ] {
+        let output = sandbox.coordinator(&["sweep", &file, "--teeth", teeth]);
+        assert_code(&output, 2);
+        assert!(errors(&output).contains(why), "{}", errors(&output));
+    }
+    // 1990 teeth have a mate of 2211: refused before anything is computed.
+    let output = sandbox.coordinator(&["sweep", &file, "--teeth", "20..=1990", "--out", "never"]);
+    assert_code(&output, 3);
+    assert!(
+        errors(&output).contains("pinion teeth"),
+        "{}",
+        errors(&output)
+    );
+    assert!(!sandbox.path("never").exists());
+}
+
+#[test]
+fn corrections_are_compared_with_none() {
+    let sandbox = Sandbox::new();
+    let plain = small(&sandbox, "plain.toml");
+    let output = sandbox.coordinator(&["corrections", &plain]);
+    assert_code(&output, 2);
+    assert!(
+        errors(&output).contains("[corrections]"),
+        "{}",
+        errors(&output)
+    );
+
+    let section = "\n[corrections]\ntip_relief_um = [0.0, 20.0]\n\
+                   tip_relief_length_mm = [0.5, 4.0]\ncrowning_um = [0.0, 5.0]\n";
+    let text = small_campaign(60, 8)
+        .replacen("evaluations = 100 ", "evaluations = 800 ", 1)
+        .replacen("restart_at = 50 ", "restart_at = 400 ", 1);
+    let file = sandbox.write("corrected.toml", &(text + section));
+    let file = file.to_str().unwrap();
+    let output = sandbox.coordinator(&["corrections", file, "--out", "a"]);
+    assert_code(&output, 0);
+    let table = csv(&sandbox, "a/corrections.csv");
+    let spaces: Vec<&str> = column(&table, "corrections").collect();
+    assert_eq!(spaces, ["none", "tip relief", "tip relief and crowning"]);
+    for row in 0..3 {
+        let number = |name: &str| -> f64 {
+            let text = column(&table, name).nth(row).unwrap();
+            text.parse()
+                .unwrap_or_else(|_| panic!("{name} of {row} is {text:?}"))
+        };
+        let (low, p90, high) = (
+            number("p90_low_um"),
+            number("p90_um"),
+            number("p90_high_um"),
+        );
+        assert!(low < p90 && p90 < high);
+        assert!(number("specific_sliding") < 2.0 && number("contact_ratio") > 1.25);
+    }
+    let crowning: Vec<&str> = column(&table, "crowning_um").collect();
+    assert_eq!(crowning[..2], ["0", "0"]);
+    assert!(
+        printed(&output).contains("| tip relief |"),
+        "{}",
+        printed(&output)
+    );
+    // A campaign takes no notice of its bounds for corrections, but is another one.
+    assert_code(&sandbox.coordinator(&["check", file]), 0);
+    assert_code(
+        &sandbox.coordinator(&["corrections", file, "--out", "b"]),
+        0,
+    );
+    assert_eq!(csv(&sandbox, "b/corrections.csv"), table);
+}
+
+#[test]
+fn studies_of_a_finished_campaign_need_one() {
+    let sandbox = Sandbox::new();
+    let file = small(&sandbox, "small.toml");
+    for command in ["sensitivity", "pareto"] {
+        let output = sandbox.coordinator(&[command, &file, "--db", "nowhere.db"]);
+        assert_code(&output, 5);
+    }
+    // A coordinator without workers makes the DoE and waits.
+    let address = acceptance::free_address().to_string();
+    let serve = ["serve", &file, "--db", "begun.db", "--listen", &address];
+    let running = sandbox.start("coordinator", &serve);
+    sandbox.wait_for("begun.db", "the DoE", |status| status["stage"] == "sample");
+    running.kill();
+    for command in ["sensitivity", "pareto"] {
+        let output = sandbox.coordinator(&[command, &file, "--db", "begun.db"]);
+        assert_code(&output, 1);
+        let said = errors(&output);
+        assert!(said.contains("not finished (stage sample)"), "{said}");
+    }
+    let other = sandbox.write("other.toml", &small_campaign(61, 30));
+    let output = sandbox.coordinator(&["pareto", other.to_str().unwrap(), "--db", "begun.db"]);
+    assert_code(&output, 6);
+}
+
+#[test]
+fn a_finished_campaign_is_looked_at_from_two_more_sides() {
+    let sandbox = Sandbox::new();
+    let file = small(&sandbox, "small.toml");
+    assert_code(&sandbox.coordinator(&["run", &file, "--db", "small.db"]), 0);
+    let store = std::fs::read(sandbox.path("small.db")).unwrap();
+
+    let sensitivity = ["sensitivity", &file, "--db", "small.db", "--rows", "64"];
+    let output = sandbox.coordinator(&[&sensitivity[..], &["--out", "s"]].concat());
+    assert_code(&output, 0);
+    let scenarios = csv(&sandbox, "s/scenarios.csv");
+    assert_eq!(
+        scenarios.len(),
+        8,
+        "as designed, and three parameters by two factors"
+    );
+    // As designed is as verified.
+    let output = sandbox.coordinator(&[
+        "export",
+        "--db",
+        "small.db",
+        "--table",
+        "optima",
+        "--out",
+        "optima.csv",
+    ]);
+    assert_code(&output, 0);
+    let optima = csv(&sandbox, "optima.csv");
+    let least = column(&optima, "p90_um")
+        .filter(|text| !text.is_empty())
+        .min_by(|a, b| a.parse::<f64>().unwrap().total_cmp(&b.parse().unwrap()));
+    assert_eq!(column(&scenarios, "p90_um").next(), least);
+    let indices = csv(&sandbox, "s/indices.csv");
+    assert_eq!(indices.len(), 1 + 9 + 10);
+    let output = sandbox.coordinator(&[&sensitivity[..], &["--approach", "magic"]].concat());
+    assert_code(&output, 2);
+    assert!(
+        errors(&output).contains("best-of-doe"),
+        "{}",
+        errors(&output)
+    );
+
+    for against in ["pressure", "root-stress"] {
+        let arguments = ["pareto", &file, "--db", "small.db", "--against", against];
+        let arguments = [&arguments[..], &["--out", against, "--refine", "2"]].concat();
+        let output = sandbox.coordinator(&arguments);
+        assert_code(&output, 0);
+        let table = csv(&sandbox, &format!("{against}/pareto.csv"));
+        let objective = match against {
+            "pressure" => "hertz_pressure_mpa",
+            _ => "root_stress_mpa",
+        };
+        let number = |text: &str| text.parse::<f64>().unwrap();
+        let front: Vec<(f64, f64)> = column(&table, objective)
+            .zip(column(&table, "fresh_p90_um"))
+            .zip(column(&table, "on_front"))
+            .filter(|(_, on_front)| *on_front == "1")
+            .map(|((second, p90), _)| (number(second), number(p90)))
+            .collect();
+        assert!(!front.is_empty(), "{}", printed(&output));
+        for pair in front.windows(2) {
+            assert!(pair[0].0 < pair[1].0 && pair[0].1 > pair[1].1, "{front:?}");
+        }
+        assert!(sandbox.path(&format!("{against}/pareto.svg")).exists());
+    }
+    assert_eq!(
+        std::fs::read(sandbox.path("small.db")).unwrap(),
+        store,
+        "they only read"
+    );
+}
