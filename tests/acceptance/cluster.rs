@@ -1,6 +1,7 @@
 //! `coordinator serve` with real workers on loopback, some of which die.
 
 use std::path::PathBuf;
+use std::time::{Duration, Instant};
 
 use acceptance::{Sandbox, assert_code, free_address, small_campaign};
 
@@ -142,4 +143,40 @@ fn a_coordinator_that_keeps_serving_sends_workers_home_until_a_signal_comes() {
     assert_code(&sandbox.run("worker", &["--connect", &url]), 0);
     coordinator.terminate();
     assert_eq!(coordinator.finish().0.code(), Some(0));
+}
+
+#[test]
+fn a_coordinator_that_does_not_answer_cannot_keep_a_worker_that_is_asked_to_leave() {
+    let sandbox = Sandbox::new();
+    let file = long(&sandbox);
+    let file = file.to_str().unwrap();
+    let address = free_address().to_string();
+    let url = format!("http://{address}");
+    let serve = ["serve", file, "--db", "c.db", "--listen", &address];
+    let coordinator = sandbox.start("coordinator", &serve);
+    let work = ["--connect", &url, "--slots", "1", "--grace", "2"];
+    let worker = sandbox.start("worker", &work);
+    let some = |status: &serde_json::Value| status["samples"]["done"].as_u64() > Some(10_000);
+    sandbox.wait_for("c.db", "some samples", some);
+    coordinator.signal("STOP");
+    // By now it holds results that it cannot hand in.
+    std::thread::sleep(Duration::from_secs(2));
+    let asked = Instant::now();
+    worker.terminate();
+    let (status, errors) = worker.finish();
+    assert_eq!(status.code(), Some(0), "{errors}");
+    assert!(
+        errors.contains("results that nobody acknowledged"),
+        "{errors}"
+    );
+    // Seconds of grace, of a last attempt, and of a busy machine; a lost call alone took 20.
+    assert!(
+        asked.elapsed() < Duration::from_secs(15),
+        "{:?}",
+        asked.elapsed()
+    );
+    coordinator.signal("CONT");
+    assert_code(&sandbox.run("worker", &work), 0);
+    let (status, errors) = coordinator.finish();
+    assert_eq!(status.code(), Some(0), "{errors}");
 }

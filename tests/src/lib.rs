@@ -297,14 +297,23 @@ impl Running {
     ///
     /// When it cannot be asked.
     pub fn terminate(&self) {
+        self.signal("TERM");
+    }
+
+    /// Sends it a signal, as in `STOP`.
+    ///
+    /// # Panics
+    ///
+    /// When it has ended.
+    pub fn signal(&self, name: &str) {
         let id = self.child.id().to_string();
         let status = Command::new("kill")
-            .args(["-TERM", &id])
+            .args([&format!("-{name}"), &id])
             .status()
             .expect("kill runs");
         assert!(
             status.success(),
-            "the process ended before it could be asked to"
+            "the process ended before it could be sent SIG{name}"
         );
     }
 

@@ -1,6 +1,6 @@
 //! The worker itself.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, RwLock};
 use std::time::{Duration, Instant};
 
@@ -32,6 +32,8 @@ const CALL_TIMEOUT: Duration = Duration::from_secs(20);
 const PATIENT_PART: f64 = 0.8;
 /// How long a leaving worker waits for the programs that it has ended.
 const LAST_PROGRAMS: Duration = Duration::from_secs(1);
+/// How long a worker that has nothing left to compute tries at least to hand in what it has.
+const LAST_REPORT: Duration = Duration::from_secs(2);
 
 /// A worker's settings.
 #[derive(Debug, Clone)]
@@ -86,6 +88,8 @@ struct Shared {
     held: HeldJobs,
     /// Asks samplers to stop between two samples.
     hurry: AtomicBool,
+    /// Results that the coordinator has.
+    acknowledged: AtomicU64,
     /// Ends the worker.
     stop: CancellationToken,
 }
@@ -139,6 +143,7 @@ impl Worker {
             problem: RwLock::new(None),
             held: HeldJobs::default(),
             hurry: AtomicBool::new(false),
+            acknowledged: AtomicU64::new(0),
             stop: stop.clone(),
         });
         let registered = tokio::select! {
@@ -156,7 +161,7 @@ impl Worker {
         tasks.spawn(lease(Arc::clone(&shared), pool));
         tasks.spawn(heartbeat(Arc::clone(&shared)));
         let reporter_stop = CancellationToken::new();
-        let reporter = tokio::spawn(report(Arc::clone(&shared), reporter_stop.clone()));
+        let mut reporter = tokio::spawn(report(Arc::clone(&shared), reporter_stop.clone()));
 
         let end = tokio::select! {
             ended = tasks.join_next() => match ended {
@@ -175,11 +180,23 @@ impl Worker {
             }
         };
         stop.cancel();
+        let asked = tokio::time::Instant::now();
         if matches!(end, Ok(End::Stopped)) {
             shared.drain().await;
         }
         reporter_stop.cancel();
-        let jobs = reporter.await.unwrap_or(0);
+        // A coordinator that does not answer must not keep a worker that was asked to leave.
+        let last = tokio::time::Instant::now() + LAST_REPORT;
+        let leave_by = last.max(asked + shared.options.grace);
+        if tokio::time::timeout_at(leave_by, &mut reporter)
+            .await
+            .is_err()
+        {
+            reporter.abort();
+            let lost = shared.held.unacknowledged();
+            warn!(lost, "leaving with results that nobody acknowledged");
+        }
+        let jobs = shared.acknowledged.load(Ordering::Relaxed);
         tasks.shutdown().await;
         if let Some(registered) = shared.registered() {
             registered.backend.stop();
@@ -561,9 +578,8 @@ fn attempt(
     (payload, seconds)
 }
 
-/// Hands in results until they are acknowledged; returns how many were.
-async fn report(shared: Arc<Shared>, stop: CancellationToken) -> u64 {
-    let mut acknowledged = 0;
+/// Hands in results until they are acknowledged.
+async fn report(shared: Arc<Shared>, stop: CancellationToken) {
     let mut backoff = Backoff::new();
     let mut client = shared.connection.client();
     let mut attempts_after_stop = 0;
@@ -572,7 +588,7 @@ async fn report(shared: Arc<Shared>, stop: CancellationToken) -> u64 {
         let results = shared.held.results();
         if results.is_empty() {
             if stop.is_cancelled() {
-                return acknowledged;
+                return;
             }
             tokio::select! {
                 () = changed => {}
@@ -593,11 +609,13 @@ async fn report(shared: Arc<Shared>, stop: CancellationToken) -> u64 {
                     // Results are welcome from a registered worker only: introduce ourselves and
                     // hand them in again.
                     if shared.register_again(epoch).await.is_err() {
-                        return acknowledged;
+                        return;
                     }
                     continue;
                 }
-                acknowledged += results.len() as u64;
+                shared
+                    .acknowledged
+                    .fetch_add(results.len() as u64, Ordering::Relaxed);
                 shared.held.acknowledge(&results);
             }
             failed => {
@@ -609,7 +627,7 @@ async fn report(shared: Arc<Shared>, stop: CancellationToken) -> u64 {
                     if attempts_after_stop > 5 {
                         let lost = shared.held.unacknowledged();
                         warn!(lost, "leaving with results that nobody acknowledged");
-                        return acknowledged;
+                        return;
                     }
                 }
                 backoff.pause().await;

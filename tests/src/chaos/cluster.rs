@@ -22,6 +22,9 @@ const STORE_LOCKED: i32 = 9;
 /// Longer than a well-behaved process takes to end when asked to.
 const FAREWELL: Duration = Duration::from_secs(20);
 
+/// Longer than a coordinator takes to be refused.
+const PATIENCE: Duration = Duration::from_secs(10);
+
 struct Process {
     child: Child,
     name: String,
@@ -190,15 +193,37 @@ impl Cluster {
             "--listen",
             "127.0.0.1:0",
         ]);
-        let output = command.output();
-        let output = output.map_err(|error| Violation(format!("no second one: {error}")))?;
+        let log = self.folder.join("intruder.log");
+        let said = File::create(&log).map_err(|error| Violation(format!("no log: {error}")))?;
+        let child = command
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(said)
+            .spawn();
+        let mut intruder = Process {
+            child: child.map_err(|error| Violation(format!("no second one: {error}")))?,
+            name: "intruder".to_owned(),
+            stopped: false,
+        };
+        // One that opens the store before the first, which has just been started, serves: the first
+        // is then refused in its place, and this one ends when it is dropped.
+        let status = ended_within(&mut intruder, PATIENCE);
+        drop(intruder);
+        if status.is_none()
+            && let Some(first) = &mut self.coordinator
+            && let Ok(Some(ended)) = first.child.try_wait()
+            && ended.code() == Some(STORE_LOCKED)
+        {
+            self.coordinator.take();
+        }
         // The first one may have ended, or not have got as far as opening the store.
         self.look()?;
         let first = self.coordinator.as_ref();
         let young = || !self.folder.join("c.db").exists();
-        if first.is_some() && !young() && output.status.code() != Some(STORE_LOCKED) {
-            let said = String::from_utf8_lossy(&output.stderr);
-            let status = output.status;
+        let is_refused = status.is_some_and(|status| status.code() == Some(STORE_LOCKED));
+        if first.is_some() && !young() && !is_refused {
+            let said = std::fs::read_to_string(&log).unwrap_or_default();
+            let status = status.map_or("it serves".to_owned(), |status| status.to_string());
             return Err(Violation(format!(
                 "a second coordinator on the same store was not refused: {status}: {said}"
             )));
@@ -272,13 +297,20 @@ impl Cluster {
     }
 }
 
-fn wait(process: &mut Process) -> Result<ExitStatus, Violation> {
+fn ended_within(process: &mut Process, patience: Duration) -> Option<ExitStatus> {
     let since = Instant::now();
-    while since.elapsed() < FAREWELL {
+    while since.elapsed() < patience {
         if let Ok(Some(status)) = process.child.try_wait() {
-            return Ok(status);
+            return Some(status);
         }
         std::thread::sleep(Duration::from_millis(5));
+    }
+    None
+}
+
+fn wait(process: &mut Process) -> Result<ExitStatus, Violation> {
+    if let Some(status) = ended_within(process, FAREWELL) {
+        return Ok(status);
     }
     let seconds = FAREWELL.as_secs();
     let name = &process.name;
