@@ -126,7 +126,7 @@ impl Batches {
 
     /// Makes the missing samples of a point available. A known point of other variables is
     /// replaced: it has moved, and what was computed for the old one is of no use.
-    pub fn add_point(&mut self, point: &VerifyPoint, wanted: u32) {
+    pub fn add_point(&mut self, point: &VerifyPoint) {
         let id = StreamId::Point(point.number);
         if let Some(Stream {
             source: Source::Point { variables, .. },
@@ -139,7 +139,7 @@ impl Batches {
             self.jobs
                 .retain(|_, units| units.iter().all(|unit| unit.stream != id));
         }
-        let missing = gaps(&point.stored, wanted);
+        let missing = gaps(&point.stored, point.wanted);
         if missing.is_empty() {
             return;
         }

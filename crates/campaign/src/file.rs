@@ -5,6 +5,7 @@
 
 mod campaign;
 mod corrections;
+mod enrichment;
 mod pair;
 mod sampling;
 mod sections;
@@ -16,6 +17,7 @@ pub use campaign::{
     Verify,
 };
 pub use corrections::CorrectionsSection;
+pub use enrichment::Enrichment;
 pub(crate) use pair::gear_size;
 pub use pair::{PairFile, PairSection};
 pub use sampling::{ControlVariate, PercentileRule, Sampling};

@@ -31,7 +31,7 @@ pub const VARIABLE_NAMES: [&str; ALL_VARIABLES] = [
     "beta_deg",
 ];
 
-/// One of the paper's four ways to design the pair (section IV.D).
+/// One of the paper's four ways to design the pair (section IV.D), and one beyond it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Approach {
@@ -43,11 +43,26 @@ pub enum Approach {
     Kriging,
     /// 4) The best feasible point of the DoE.
     BestOfDoe,
+    /// The kriging prediction of P90 after rounds of infill, for campaigns with an enrichment.
+    EnrichedKriging,
 }
 
 impl Approach {
-    /// All of them, in the order of the paper's Table 5.
-    pub const ALL: [Self; 4] = [Self::NoWear, Self::Archard, Self::Kriging, Self::BestOfDoe];
+    /// All of them, those of the paper's Table 5 first and in its order.
+    pub const ALL: [Self; 5] = [
+        Self::NoWear,
+        Self::Archard,
+        Self::Kriging,
+        Self::BestOfDoe,
+        Self::EnrichedKriging,
+    ];
+
+    /// Those of a campaign: the fifth only if it has an enrichment.
+    pub fn of(campaign: &Campaign) -> impl Iterator<Item = Self> + use<> {
+        let enriches = campaign.enrichment.is_some();
+        let belongs = move |approach: &Self| *approach != Self::EnrichedKriging || enriches;
+        Self::ALL.into_iter().filter(belongs)
+    }
 
     /// The approaches that run an optimiser.
     pub const OPTIMISED: [Self; 3] = [Self::NoWear, Self::Archard, Self::Kriging];
@@ -60,6 +75,7 @@ impl Approach {
             Self::Archard => "archard",
             Self::Kriging => "kriging",
             Self::BestOfDoe => "best-of-doe",
+            Self::EnrichedKriging => "enriched-kriging",
         }
     }
 
@@ -71,6 +87,7 @@ impl Approach {
             Self::Archard => 2,
             Self::Kriging => 3,
             Self::BestOfDoe => 4,
+            Self::EnrichedKriging => 5,
         }
     }
 

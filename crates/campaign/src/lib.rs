@@ -5,6 +5,7 @@
 //! - [`simulator`] is what the stages ask of whoever simulates a design.
 //! - [`task`] is the work that is leased to workers: what goes out, what comes back, and the pure
 //!   function between them.
+//! - [`enrichment`] has the points and the settings of rounds of infill.
 //! - [`direct`] searches the percentile itself, with profile corrections if wanted.
 //! - [`plan`] decides, from what the store holds, which stages and which local steps come next.
 //! - [`batches`] cuts missing samples into jobs whose size follows what a sample costs.
@@ -13,6 +14,7 @@
 
 pub mod batches;
 pub mod direct;
+pub mod enrichment;
 pub mod file;
 pub mod formulation;
 pub mod optimise;

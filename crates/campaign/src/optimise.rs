@@ -101,8 +101,8 @@ pub fn run(
                 .map_err(|error| format!("the kriging model cannot be read: {error}"))?,
         ),
         (Approach::Kriging, None) => return Err("the task brings no kriging model".to_owned()),
-        (Approach::BestOfDoe, _) => {
-            return Err("the best point of the DoE is chosen, not optimised".to_owned());
+        (Approach::BestOfDoe | Approach::EnrichedKriging, _) => {
+            return Err(format!("{} is chosen, not optimised", approach.name()));
         }
         _ => None,
     };

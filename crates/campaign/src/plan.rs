@@ -8,6 +8,7 @@
 //! doe ─────────────┐
 //! runs without wear ┤► frozen ─► sample ─► statistics ─► fit ─► runs on kriging ─► choose ─► verify
 //!                   │         └► runs with Archard's wear ───────────────────────►   ┘         └► report
+//!                                                         └► round ⇄ its points ─►   ┘
 //! ```
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -16,6 +17,7 @@ use std::ops::Range;
 use sha2::{Digest as _, Sha256};
 
 use crate::batches::StreamId;
+use crate::enrichment::Progress;
 use crate::file::{Campaign, FrozenFrom};
 use crate::formulation::{Approach, Frozen, ROBUST_VARIABLES, Variables};
 use crate::task::Task;
@@ -29,8 +31,18 @@ pub struct VerifyPoint {
     pub number: u64,
     /// The design.
     pub variables: Variables,
-    /// How many of its samples are stored.
+    /// How many samples it gets.
+    pub wanted: u32,
+    /// Which of its samples are stored.
     pub stored: BTreeSet<u32>,
+}
+
+impl VerifyPoint {
+    /// Whether no sample is missing.
+    #[must_use]
+    pub fn is_complete(&self) -> bool {
+        (0..self.wanted).all(|sample| self.stored.contains(&sample))
+    }
 }
 
 /// A design of the DoE that lacks samples.
@@ -67,6 +79,8 @@ pub struct State {
     pub reference_points: Vec<VerifyPoint>,
     /// Stored fresh samples of the optima.
     pub verified: BTreeMap<Approach, BTreeSet<u32>>,
+    /// The rounds of infill.
+    pub enrichment: Progress,
     /// Designs and points whose samples were given up.
     pub given_up: BTreeSet<StreamId>,
 }
@@ -80,7 +94,9 @@ pub enum LocalStep {
     Statistics,
     /// Fit the kriging model.
     Fit,
-    /// Choose the best design that the runs of an approach (or the DoE) found.
+    /// Decide the next round of infill points, or to stop.
+    Enrich,
+    /// Choose the best design that the runs of an approach (or the DoE, or the last round) found.
     Choose(Approach),
 }
 
@@ -213,10 +229,10 @@ pub fn next(campaign: &Campaign, printed: Frozen, state: &State) -> Next {
         }
     }
     let lacks_samples = state.lacks_samples();
-    let mut points = verify_points(state);
+    let mut points = verify_points(campaign, state);
+    points.extend(state.enrichment.points.iter().cloned());
     points.retain(|point| {
-        (0..campaign.verify.samples).any(|sample| !point.stored.contains(&sample))
-            && !state.given_up.contains(&StreamId::Point(point.number))
+        !point.is_complete() && !state.given_up.contains(&StreamId::Point(point.number))
     });
     Next {
         runs,
@@ -236,12 +252,13 @@ impl State {
 
 /// Every point that gets fresh samples, those of the known optima included.
 #[must_use]
-pub fn verify_points(state: &State) -> Vec<VerifyPoint> {
+pub fn verify_points(campaign: &Campaign, state: &State) -> Vec<VerifyPoint> {
     let optima = state.optima.iter().filter_map(|(approach, variables)| {
         Some(VerifyPoint {
             name: approach.name().to_owned(),
             number: approach.number(),
             variables: (*variables)?,
+            wanted: campaign.verify.samples,
             stored: state.verified.get(approach).cloned().unwrap_or_default(),
         })
     });
@@ -277,7 +294,19 @@ fn local_step(campaign: &Campaign, state: &State) -> Option<LocalStep> {
     if !chosen(Approach::BestOfDoe) {
         return Some(LocalStep::Choose(Approach::BestOfDoe));
     }
-    (state.model.is_none() && !state.fit_failed).then_some(LocalStep::Fit)
+    if state.model.is_none() && !state.fit_failed {
+        return Some(LocalStep::Fit);
+    }
+    if campaign.enrichment.is_none() || chosen(Approach::EnrichedKriging) {
+        return None;
+    }
+    if state.enrichment.is_stopped {
+        return Some(LocalStep::Choose(Approach::EnrichedKriging));
+    }
+    let settled = state
+        .enrichment
+        .is_settled(|id| state.given_up.contains(&id));
+    settled.then_some(LocalStep::Enrich)
 }
 
 #[cfg(test)]
@@ -391,6 +420,7 @@ mod tests {
                         LocalStep::Doe => panic!("the DoE is stored"),
                         LocalStep::Statistics => state.has_responses = true,
                         LocalStep::Fit => state.model = Some("model".to_owned()),
+                        LocalStep::Enrich => panic!("the campaign has no enrichment"),
                         LocalStep::Choose(approach) => {
                             state.optima.insert(approach, Some(design));
                         }

@@ -176,11 +176,11 @@ impl Board {
         self.release_lock(inner);
     }
 
-    /// Makes missing samples of points available to workers, `wanted` for each.
-    pub fn post_points(&self, points: &[VerifyPoint], wanted: u32) {
+    /// Makes missing samples of points available to workers.
+    pub fn post_points(&self, points: &[VerifyPoint]) {
         let mut inner = self.lock();
         for point in points {
-            inner.batches.add_point(point, wanted);
+            inner.batches.add_point(point);
         }
         self.release_lock(inner);
     }

@@ -11,7 +11,8 @@ use campaign::formulation::Problem;
 use campaign::plan::{self, LocalStep, VerifyPoint};
 use campaign::{Approach, Campaign, Frozen, LinearResponse};
 use rustix::time::{ClockId, clock_gettime};
-use store::{Batch, FailureKind, Store, Writer};
+use stats::streams::Purpose;
+use store::{Batch, FailureKind, OptimumRow, Store, Writer};
 use tokio::sync::{Mutex, MutexGuard};
 use tokio::time::{Instant, MissedTickBehavior};
 use tokio_util::sync::CancellationToken;
@@ -21,13 +22,17 @@ use crate::board::{Board, Vanished};
 use crate::sampling::{self, Sampled, Samples};
 use crate::snapshot::{self, P90_MODEL};
 use crate::steps::{self, Cost, ModelSummary};
-use crate::{ingest, references};
+use crate::{enrichment, ingest, references};
 
 /// How often leases are looked over.
 const EXPIRY_PERIOD: Duration = Duration::from_millis(200);
 
 /// The approaches that learn from the samples of the DoE.
-pub const SAMPLED_APPROACHES: [&str; 2] = [Approach::Kriging.name(), Approach::BestOfDoe.name()];
+pub const SAMPLED_APPROACHES: [&str; 3] = [
+    Approach::Kriging.name(),
+    Approach::BestOfDoe.name(),
+    Approach::EnrichedKriging.name(),
+];
 
 /// What the engine works with.
 pub struct Engine {
@@ -87,14 +92,18 @@ impl Engine {
             }
             state.given_up = streams;
             state.fit_failed = fit_failed.is_some();
-            let next = plan::next(self.campaign(), self.problem.printed_frozen(), &state);
+            let printed = self.problem.printed_frozen();
+            let frozen = plan::frozen(self.campaign(), printed, &state);
+            if let (Some(frozen), Some(_)) = (&frozen, &self.campaign().enrichment) {
+                state.enrichment = enrichment::progress(&self.store, frozen).await?;
+            }
+            let next = plan::next(self.campaign(), printed, &state);
             let finished = next.is_finished();
             self.board.post(next.runs);
             if let Some(frozen) = next.sampling {
                 self.board.post_designs(frozen, &state.open);
             }
-            self.board
-                .post_points(&next.points, self.campaign().verify.samples);
+            self.board.post_points(&next.points);
             self.board.open();
             if let Some(step) = next.local {
                 let frozen = plan::frozen(self.campaign(), self.problem.printed_frozen(), &state);
@@ -194,6 +203,16 @@ impl Engine {
                     Ok(())
                 }
             },
+            LocalStep::Enrich => {
+                let frozen = frozen.context("the frozen variables are not known")?;
+                let decided = self.enrich(frozen).await;
+                decided.context("deciding the next infill points")
+            }
+            LocalStep::Choose(Approach::EnrichedKriging) => {
+                let frozen = frozen.context("the frozen variables are not known")?;
+                let row = self.choose_enriched(&frozen).await?;
+                self.put_optimum(row).await
+            }
             LocalStep::Choose(approach) => self
                 .choose(approach, frozen, fit_failed.as_deref())
                 .await
@@ -247,7 +266,12 @@ impl Engine {
             {
                 let context = || format!("the samples of design {design}");
                 let control = linear.get(&design).map(|linear| {
-                    let values = sampling::controls(&self.problem, design, linear, samples.len());
+                    let values = sampling::controls(
+                        &self.problem,
+                        (Purpose::Wear, design),
+                        linear,
+                        samples.len(),
+                    );
                     (values, linear.moments())
                 });
                 let with_control = Samples {
@@ -256,7 +280,7 @@ impl Engine {
                         .as_ref()
                         .map(|(values, known)| (&values[..], *known)),
                 };
-                let found = sampling::sampled(with_control, &settings).with_context(context)?;
+                let found = sampling::sampled(samples, &settings).with_context(context)?;
                 let count = match found {
                     Sampled::Enough(count) => count,
                     Sampled::Wants { samples, at_least } => {
@@ -407,23 +431,28 @@ impl Engine {
                 steps::choose_run(&self.problem, approach, &runs, extra)?
             }
         };
+        self.put_optimum(row).await
+    }
+
+    async fn put_optimum(&self, row: OptimumRow) -> anyhow::Result<()> {
+        let approach = &row.approach;
         if row.feasible {
             info!(
-                approach = approach.name(),
+                %approach,
                 criterion_um = row.criterion_um,
                 "optimum chosen"
             );
         } else {
-            warn!(approach = approach.name(), note = %row.note, "no feasible optimum");
+            warn!(%approach, note = %row.note, "no feasible optimum");
         }
         if !row.note.is_empty() && row.feasible {
-            info!(approach = approach.name(), "{}", row.note);
+            info!(%approach, "{}", row.note);
         }
         self.store.put_optimum(&row).await?;
         Ok(())
     }
 
-    async fn sampling_cost(&self, frozen: Option<Frozen>) -> anyhow::Result<Cost> {
+    pub(crate) async fn sampling_cost(&self, frozen: Option<Frozen>) -> anyhow::Result<Cost> {
         let criteria = self.store.criteria().await?;
         let samples = self.store.progress().await?.samples;
         let linear = self.linear_responses(frozen).await?;
@@ -444,13 +473,17 @@ impl Engine {
 fn stream_name(id: StreamId) -> String {
     match id {
         StreamId::Design(design) => format!("samples of design {design}"),
+        StreamId::Point(number) if campaign::enrichment::is_infill(number) => {
+            let mark = campaign::enrichment::mark(number);
+            format!("samples of infill point {mark}")
+        }
         StreamId::Point(number) => format!("fresh samples of point {number}"),
     }
 }
 
 /// Runs `work` on compute threads of its own, one per processor; returns their CPU time, too, in
 /// seconds.
-async fn blocking<T: Send + 'static>(
+pub(crate) async fn blocking<T: Send + 'static>(
     work: impl FnOnce() -> T + Send + 'static,
 ) -> anyhow::Result<(T, f64)> {
     let timed = move || -> anyhow::Result<(T, f64)> {

@@ -7,6 +7,7 @@ use campaign::{Criteria, Variables};
 use clap::ValueEnum;
 use store::Store;
 
+use crate::enrichment::{Round, sentence};
 use crate::snapshot::{self, optimum_variables};
 
 /// A table that can be exported.
@@ -20,6 +21,10 @@ pub enum Table {
     Responses,
     /// What the approaches found.
     Optima,
+    /// What every round of infill decided.
+    Rounds,
+    /// The infill points, with the percentile of the samples that each brought.
+    Infill,
     /// Everything that went wrong, in its order, with all that was said about it.
     Failures,
 }
@@ -36,6 +41,8 @@ pub async fn write(store: &Store, table: Table, out: impl Write) -> anyhow::Resu
         Table::Samples => samples(store, &mut out).await?,
         Table::Responses => responses(store, &mut out).await?,
         Table::Optima => optima(store, &mut out).await?,
+        Table::Rounds => rounds(store, &mut out).await?,
+        Table::Infill => infill(store, &mut out).await?,
         Table::Failures => failures(store, &mut out).await?,
     }
     out.flush()?;
@@ -139,6 +146,71 @@ async fn responses<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow:
             number(row.p90_variance_um2),
             optional(row.lilliefors_p),
         ])?;
+    }
+    Ok(())
+}
+
+async fn rounds<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Result<()> {
+    out.write_record([
+        "round",
+        "points",
+        "samples",
+        "failed",
+        "expected_improvement_um",
+        "predicted_um",
+        "predicted_low_um",
+        "predicted_high_um",
+        "simulator_calls",
+        "cpu_seconds",
+        "stop",
+    ])?;
+    let infill = store.infill().await?;
+    for row in store.rounds().await? {
+        let round = Round::read(row)?;
+        let row = &round.row;
+        let points = || infill.iter().filter(|point| point.round == row.round);
+        let best = round.recommendation.as_ref();
+        out.write_record([
+            (row.round + 1).to_string(),
+            points().count().to_string(),
+            points().map(|point| point.samples).sum::<u64>().to_string(),
+            points().filter(|point| point.failed).count().to_string(),
+            optional(row.expected_improvement_um),
+            optional(best.map(|best| best.predicted_um)),
+            optional(best.map(|best| best.interval_um.0)),
+            optional(best.map(|best| best.interval_um.1)),
+            row.simulator_calls.to_string(),
+            number(row.cpu_seconds),
+            round.stop.as_ref().map_or_else(String::new, sentence),
+        ])?;
+    }
+    Ok(())
+}
+
+async fn infill<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Result<()> {
+    let mut header = vec!["point", "round", "reason"];
+    header.extend(&VARIABLE_NAMES[..6]);
+    header.extend([
+        "violation",
+        "samples",
+        "failed",
+        "p90_um",
+        "p90_variance_um2",
+    ]);
+    out.write_record(&header)?;
+    for row in store.infill().await? {
+        let samples = store.verify_samples(&row.name).await?;
+        let samples: Vec<f64> = samples.iter().map(|sample| sample.delta_ste_um).collect();
+        let is_whole = samples.len() as u64 == row.samples && !row.failed;
+        let percentile = stats::percentile_p90(&samples).ok().filter(|_| is_whole);
+        let mut record = vec![row.name, (row.round + 1).to_string(), row.reason];
+        record.extend(row.x.map(number));
+        record.push(number(row.violation));
+        record.push(row.samples.to_string());
+        record.push(u8::from(row.failed).to_string());
+        record.push(optional(percentile.map(|percentile| percentile.p90)));
+        record.push(optional(percentile.map(|percentile| percentile.variance)));
+        out.write_record(&record)?;
     }
     Ok(())
 }

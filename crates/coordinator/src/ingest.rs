@@ -1,6 +1,7 @@
 //! From what workers hand in to rows of the store.
 
 use campaign::batches::{self, StreamId};
+use campaign::enrichment;
 use campaign::plan::{JobKind, run_parts};
 use campaign::task::{DesignOutcome, SampleRange, Task, TaskResult};
 use store::{
@@ -164,6 +165,9 @@ pub fn job_name(job: u64) -> String {
     let (index, first) = batches::parts(job);
     match JobKind::of(job) {
         Some(JobKind::Sample) => format!("sample-{index}-{first}"),
+        Some(JobKind::Verify) if enrichment::is_infill(index) => {
+            format!("infill-{}-{first}", enrichment::mark(index))
+        }
         Some(JobKind::Verify) => format!("verify-{index}-{first}"),
         Some(JobKind::Optimise) => {
             let (approach, start) = run_parts(job);

@@ -1,7 +1,7 @@
 //! Plans a campaign, leases its jobs to workers, and writes the report.
 //!
 //! - [`engine`] runs the stages: it asks [`campaign::plan`] what comes next, does the local steps
-//!   ([`steps`]) itself and puts the jobs on the [`board`].
+//!   ([`steps`], [`enrichment`]) itself and puts the jobs on the [`board`].
 //! - [`board`] holds the scheduler and the workers behind one lock; [`service`] is the gRPC face
 //!   of it; [`ingest`] turns what workers hand in into rows of the store.
 //! - [`metrics`] shows the same to Prometheus.
@@ -15,6 +15,7 @@ pub mod access;
 pub mod board;
 pub mod comparing;
 pub mod engine;
+pub mod enrichment;
 pub mod export;
 pub mod guard;
 pub mod ingest;

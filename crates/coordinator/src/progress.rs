@@ -40,13 +40,18 @@ impl Progress {
                 });
                 (sum.0, sum.1, "fresh samples".to_owned())
             }
+            "enrich" => {
+                let round = status.enrichment.map(|enrichment| enrichment.samples);
+                let (done, wanted) = round.map_or((0, 0), |round| (round.done, round.wanted));
+                (done, wanted, pace(status.live.as_ref()))
+            }
             "doe" | "fit" | "done" => (0, 0, String::new()),
             _ => {
                 let runs = status.optimiser_runs;
                 (runs.done, runs.wanted, "runs".to_owned())
             }
         };
-        self.bar.set_prefix(status.stage.clone());
+        self.bar.set_prefix(status.stage_name());
         self.bar.set_length(length);
         self.bar.set_position(position);
         self.bar.set_message(message);

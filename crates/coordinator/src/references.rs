@@ -35,7 +35,7 @@ impl Place {
         }
     }
 
-    /// The number that names the point's random streams; 1 to 4 are the approaches'.
+    /// The number that names the point's random streams; 1 to 5 are the approaches'.
     #[must_use]
     pub fn number(self) -> u64 {
         match self {
@@ -108,6 +108,7 @@ pub fn points(problem: &Problem) -> Vec<VerifyPoint> {
             name: place.name(),
             number: place.number(),
             variables: place.variables(),
+            wanted: problem.campaign().verify.samples,
             stored: std::collections::BTreeSet::new(),
         })
         .filter(|point| problem.pair(&point.variables).is_ok())

@@ -1,5 +1,6 @@
 //! From the store to the report.
 
+mod enrichment;
 mod facts;
 mod notes;
 mod optima;
@@ -16,8 +17,11 @@ use report::{
     ReportData, StageCost, WearProfiles,
 };
 use stats::streams::{Purpose, stream};
-use store::{CampaignRow, CriteriaRow, OptimiserRunRow, OptimumRow, ResponseRow, Store};
+use store::{
+    CampaignRow, CriteriaRow, InfillRow, OptimiserRunRow, OptimumRow, ResponseRow, RoundRow, Store,
+};
 
+use crate::enrichment::infill_seconds;
 use crate::references::Place;
 use crate::snapshot::{P90_MODEL, optimum_variables};
 use crate::steps::{ModelSummary, sampling_calls};
@@ -55,6 +59,8 @@ struct Sources {
     optima: Vec<OptimumRow>,
     runs: Vec<OptimiserRunRow>,
     model: Option<ModelSummary>,
+    infill: Vec<InfillRow>,
+    rounds: Vec<RoundRow>,
     /// Fresh samples by point.
     fresh: BTreeMap<String, Vec<f64>>,
 }
@@ -84,6 +90,8 @@ pub async fn gather(store: &Store) -> anyhow::Result<ReportData> {
         campaign: row,
         criteria: store.criteria().await?,
         responses: store.responses().await?,
+        infill: store.infill().await?,
+        rounds: store.rounds().await?,
         samples: store.progress().await?.samples,
         optima: store.optima().await?,
         runs: store.optimiser_runs().await?,
@@ -115,6 +123,7 @@ pub async fn gather(store: &Store) -> anyhow::Result<ReportData> {
         wear: wear(&sources),
         kriging: kriging(&sources),
         approaches: optima::approaches(&sources)?,
+        enrichment: enrichment::enrichment(store, &sources).await?,
         printed: if compare {
             printed::printed_designs(&sources)
         } else {
@@ -169,6 +178,25 @@ fn header(sources: &Sources, samples_digest: String, times: &[store::JobTimeRow]
         stage: name.to_owned(),
         cpu_seconds,
     };
+    let numbers = sources.infill.iter().map(|row| row.number).collect();
+    let infill = infill_seconds(times, &numbers);
+    let deciding: f64 = sources.rounds.iter().map(|round| round.cpu_seconds).sum();
+    let searching: u64 = sources
+        .rounds
+        .iter()
+        .map(|round| round.simulator_calls)
+        .sum();
+    let sampled = sources.infill.iter().filter(|row| !row.failed);
+    let enriching = searching + sampled.map(|row| row.samples).sum::<u64>();
+    let mut costs = vec![
+        stage("sample", seconds(Sample)),
+        stage("fit", fit),
+        stage("optimise", seconds(Optimise)),
+        stage("verify", seconds(Verify) - infill),
+    ];
+    if campaign.enrichment.is_some() {
+        costs.insert(3, stage("enrich", infill + deciding));
+    }
     Header {
         campaign: sources.campaign.name.clone(),
         seed: sources.campaign.seed,
@@ -178,13 +206,8 @@ fn header(sources: &Sources, samples_digest: String, times: &[store::JobTimeRow]
         samples_per_design: campaign.sampling.samples_per_design as usize,
         feasible: sources.criteria.iter().filter(|row| row.feasible).count(),
         infeasible,
-        simulator_calls: sampling + optimising + verifying,
-        stages: vec![
-            stage("sample", seconds(Sample)),
-            stage("fit", fit),
-            stage("optimise", seconds(Optimise)),
-            stage("verify", seconds(Verify)),
-        ],
+        simulator_calls: sampling + optimising + enriching + verifying,
+        stages: costs,
         facts: facts::facts(sources),
     }
 }

@@ -43,14 +43,14 @@ pub enum Sampled {
 /// # Errors
 ///
 /// A sample that is no number.
-pub fn sampled(samples: Samples<'_>, sampling: &Sampling) -> Result<Sampled, stats::Error> {
-    let held = samples.values.len();
+pub fn sampled(samples: &[f64], sampling: &Sampling) -> Result<Sampled, stats::Error> {
+    let held = samples.len();
     let mut count = (sampling.samples_per_design as usize).min(held);
     let Some(rule) = sampling.rule() else {
         return Ok(Sampled::Enough(count));
     };
     loop {
-        let row = response(0, samples.first(count), sampling.percentile)?;
+        let row = response(0, Samples::plain(&samples[..count]), sampling.percentile)?;
         let of_normal = match rule.variance {
             VarianceFormula::Taylor => stats::p90_variance,
             VarianceFormula::Exact => stats::exact_p90_variance,
@@ -124,6 +124,15 @@ pub fn response(
 }
 
 impl<'a> Samples<'a> {
+    /// Samples of which nothing is known beforehand.
+    #[must_use]
+    pub const fn plain(values: &'a [f64]) -> Self {
+        Self {
+            values,
+            control: None,
+        }
+    }
+
     /// The first `count` of them.
     #[must_use]
     pub fn first(self, count: usize) -> Self {
@@ -152,12 +161,18 @@ pub fn linearise(
         .collect()
 }
 
-/// The control's values for the first `count` samples of a design of the DoE.
+/// The control's values for the first `count` samples of a design of the DoE ([`Purpose::Wear`]) or
+/// of a point ([`Purpose::Verify`]).
 #[must_use]
-pub fn controls(problem: &Problem, design: u64, linear: &LinearResponse, count: usize) -> Vec<f64> {
+pub fn controls(
+    problem: &Problem,
+    (purpose, number): (Purpose, u64),
+    linear: &LinearResponse,
+    count: usize,
+) -> Vec<f64> {
     let seed = problem.campaign().seed;
     (0..count as u64)
-        .map(|sample| linear.of_sample(&mut stream(seed, Purpose::Wear, design, sample)))
+        .map(|sample| linear.of_sample(&mut stream(seed, purpose, number, sample)))
         .collect()
 }
 
@@ -176,17 +191,6 @@ mod tests {
         }
     }
 
-    fn plain(values: &[f64]) -> Samples<'_> {
-        Samples {
-            values,
-            control: None,
-        }
-    }
-
-    fn sampled_of(values: &[f64], sampling: &Sampling) -> Result<Sampled, stats::Error> {
-        sampled(plain(values), sampling)
-    }
-
     /// Alternating around 1 with a standard deviation of about `sd`.
     fn samples(count: usize, sd: f64) -> Vec<f64> {
         (0..count)
@@ -196,7 +200,7 @@ mod tests {
 
     #[test]
     fn without_a_precision_every_design_gets_the_same() {
-        let found = sampled_of(&samples(25, 9.0), &sampling(None));
+        let found = sampled(&samples(25, 9.0), &sampling(None));
         assert_eq!(found, Ok(Sampled::Enough(10)));
     }
 
@@ -205,28 +209,33 @@ mod tests {
         let precise = sampling(Some(0.1));
         // A standard deviation of 0.1 takes about 1.8 · (0.1/0.1)² samples, one of 0.35 takes 25.
         assert_eq!(
-            sampled_of(&samples(10, 0.1), &precise),
+            sampled(&samples(10, 0.1), &precise),
             Ok(Sampled::Enough(10))
         );
         // Never more than twice as many at a time, since the deviation is an estimate.
         let wants = |samples, at_least| Ok(Sampled::Wants { samples, at_least });
-        assert_eq!(sampled_of(&samples(10, 0.35), &precise), wants(20, 10));
-        assert_eq!(sampled_of(&samples(20, 0.35), &precise), wants(30, 20));
+        assert_eq!(sampled(&samples(10, 0.35), &precise), wants(20, 10));
+        assert_eq!(sampled(&samples(20, 0.35), &precise), wants(30, 20));
         let enough = 30;
         assert_eq!(
-            sampled_of(&samples(enough, 0.35), &precise),
+            sampled(&samples(enough, 0.35), &precise),
             Ok(Sampled::Enough(enough))
         );
-        let row = response(0, plain(&samples(enough, 0.35)), PercentileRule::Normal).unwrap();
+        let row = response(
+            0,
+            Samples::plain(&samples(enough, 0.35)),
+            PercentileRule::Normal,
+        )
+        .unwrap();
         assert!(row.p90_variance_um2.sqrt() <= 0.1, "{row:?}");
         // What came early changes nothing.
         assert_eq!(
-            sampled_of(&samples(60, 0.35), &precise),
+            sampled(&samples(60, 0.35), &precise),
             Ok(Sampled::Enough(enough))
         );
         // A noisy design ends at the most there is.
         assert_eq!(
-            sampled_of(&samples(60, 40.0), &precise),
+            sampled(&samples(60, 40.0), &precise),
             Ok(Sampled::Enough(60))
         );
     }
@@ -234,7 +243,7 @@ mod tests {
     #[test]
     fn the_rule_decides_between_estimators() {
         let skewed: Vec<f64> = (0..40).map(|index| f64::from(index).powi(6)).collect();
-        let of = |rule| response(3, plain(&skewed), rule).unwrap();
+        let of = |rule| response(3, Samples::plain(&skewed), rule).unwrap();
         let (paper, normal, chosen) = (
             of(PercentileRule::Paper),
             of(PercentileRule::Normal),
@@ -269,7 +278,7 @@ mod tests {
         let values: Vec<f64> = (0..20_000)
             .map(|sample| sampler.draw(&mut stream(seed, Purpose::Wear, 7, sample)))
             .collect();
-        let controls = controls(&problem, 7, linear, values.len());
+        let controls = controls(&problem, (Purpose::Wear, 7), linear, values.len());
         let of = |count: usize, control: bool| {
             let samples = Samples {
                 values: &values,

@@ -259,7 +259,10 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
         &self,
         _request: Request<ExplainRequest>,
     ) -> Result<Response<ExplainResponse>, Status> {
-        let sentences = self.board.explain();
+        let mut sentences = self.board.explain();
+        // Without the store there is less to say, but something.
+        let status = self.recorder.status().await.ok();
+        sentences.extend(status.and_then(|status| status.round_sentence()));
         Ok(Response::new(ExplainResponse { sentences }))
     }
 

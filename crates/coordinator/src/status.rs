@@ -22,7 +22,7 @@ pub struct Status {
     pub program_version: String,
     /// Whether every stage is done.
     pub finished: bool,
-    /// The first stage that is not: `doe`, `sample`, `fit`, `optimise`, `verify` or `done`.
+    /// The first stage that is not: `doe`, `sample`, `fit`, `optimise`, `enrich`, `verify` or `done`.
     pub stage: String,
     /// Designs of the DoE: wanted, made, simulated or refused, and those that can be simulated.
     pub designs: Designs,
@@ -32,6 +32,9 @@ pub struct Status {
     pub samples_digest: String,
     /// Finished runs of optimisers and how many there will be.
     pub optimiser_runs: Progress,
+    /// The rounds of infill; absent before the first one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub enrichment: Option<Enrichment>,
     /// Chosen optima.
     pub optima: Vec<Optimum>,
     /// Failures on record.
@@ -71,7 +74,8 @@ pub struct Live {
     pub jobs_given_up: u64,
     /// Samples stored per second, lately.
     pub samples_per_second: f64,
-    /// Seconds until the samples of the DoE are there at this rate, while they are being taken.
+    /// Seconds until the samples of the DoE, or of the round of infill, are there at this rate, while
+    /// they are being taken.
     pub eta_seconds: Option<f64>,
     /// Whether leasing was stopped.
     pub draining: bool,
@@ -132,6 +136,21 @@ pub struct Progress {
     pub wanted: u64,
 }
 
+/// The rounds of infill.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Enrichment {
+    /// The round that is being sampled, from 1; the last one once the enrichment has ended.
+    pub round: u64,
+    /// Samples of its points.
+    pub samples: Progress,
+    /// Infill points of all rounds, and how many of them have failed.
+    pub points: u64,
+    /// See `points`.
+    pub failed: u64,
+    /// Whether there will be no more rounds.
+    pub ended: bool,
+}
+
 /// A chosen optimum.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Optimum {
@@ -154,10 +173,10 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
     let progress = store.progress().await?;
     let wanted_runs = 3 * u64::from(campaign.optimise.starts);
     let verify = u64::from(campaign.verify.samples);
-    let verified: BTreeMap<String, u64> = store.verify_counts().await?.into_iter().collect();
+    let counts: BTreeMap<String, u64> = store.verify_counts().await?.into_iter().collect();
     let mut optima = Vec::new();
     for row in snapshot::optima(store).await? {
-        let done = verified.get(&row.approach).copied().unwrap_or(0);
+        let done = counts.get(&row.approach).copied().unwrap_or(0);
         optima.push(Optimum {
             criterion_um: row.feasible.then_some(row.criterion_um),
             verified: Progress {
@@ -184,11 +203,16 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
             .iter()
             .any(|optimum| optimum.approach == approach.name())
     };
-    let all_chosen = campaign::Approach::ALL.into_iter().all(chosen);
+    let all_chosen = campaign::Approach::of(&campaign).all(chosen);
+    let enrichment = enrichment(store, &counts).await?;
+    let is_left = |approach| approach != campaign::Approach::EnrichedKriging && !chosen(approach);
+    let only_enriched = !all_chosen && !campaign::Approach::of(&campaign).any(is_left);
     let stage = if progress.designs < wanted {
         "doe"
     } else if all_chosen {
         if verified { "done" } else { "verify" }
+    } else if only_enriched {
+        "enrich"
     } else if progress.models > 0 || chosen(campaign::Approach::Kriging) {
         "optimise"
     } else if sampled || chosen(campaign::Approach::BestOfDoe) {
@@ -220,11 +244,38 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
             done: progress.optimiser_runs,
             wanted: wanted_runs,
         },
+        enrichment,
         optima,
         failures: progress.failures,
         failure_groups: groups.map(FailureGroup::from).collect(),
         live: None,
     })
+}
+
+async fn enrichment(
+    store: &Store,
+    counts: &BTreeMap<String, u64>,
+) -> Result<Option<Enrichment>, store::Error> {
+    let rounds = store.rounds().await?;
+    let Some(last) = rounds.last() else {
+        return Ok(None);
+    };
+    let infill = store.infill().await?;
+    let of_last = infill.iter().filter(|row| row.round == last.round);
+    let done = of_last.clone().map(|row| {
+        let held = counts.get(&row.name).copied().unwrap_or(0);
+        held.min(row.samples)
+    });
+    Ok(Some(Enrichment {
+        round: last.round + 1,
+        samples: Progress {
+            done: done.sum(),
+            wanted: of_last.map(|row| row.samples).sum(),
+        },
+        points: infill.len() as u64,
+        failed: infill.iter().filter(|row| row.failed).count() as u64,
+        ended: last.stop_json.is_some(),
+    }))
 }
 
 impl From<store::FailureGroup> for FailureGroup {
@@ -244,7 +295,15 @@ impl Status {
     #[must_use]
     pub fn with(self, live: board::Live) -> Self {
         let rate = live.samples_per_second;
-        let eta_seconds = (self.stage == "sample" && rate > 0.0).then(|| self.missing() / rate);
+        let missing = match self.stage.as_str() {
+            "sample" => Some(self.missing()),
+            "enrich" => self.enrichment.map(|enrichment| {
+                let Progress { done, wanted } = enrichment.samples;
+                wanted.saturating_sub(done) as f64
+            }),
+            _ => None,
+        };
+        let eta_seconds = missing.filter(|_| rate > 0.0).map(|missing| missing / rate);
         let count = |count: usize| count as u64;
         let workers = live.workers.into_iter().map(|worker| Worker {
             host: worker.host,
@@ -269,6 +328,32 @@ impl Status {
             live: Some(live),
             ..self
         }
+    }
+
+    /// The stage, for people: of rounds of infill, which one.
+    #[must_use]
+    pub fn stage_name(&self) -> String {
+        match &self.enrichment {
+            Some(enrichment) if self.stage == "enrich" => {
+                format!("enrichment round {}", enrichment.round)
+            }
+            _ => self.stage.clone(),
+        }
+    }
+
+    /// What a round of infill waits for, while there is one.
+    #[must_use]
+    pub fn round_sentence(&self) -> Option<String> {
+        let enrichment = self.enrichment.filter(|_| self.stage == "enrich")?;
+        let Progress { done, wanted } = enrichment.samples;
+        let round = enrichment.round;
+        Some(if done < wanted {
+            format!("round {round} of the enrichment has {done} of its {wanted} samples")
+        } else {
+            format!(
+                "round {round} of the enrichment has its samples: the coordinator itself decides the next one"
+            )
+        })
     }
 
     /// About how many samples of the DoE are missing: of the designs that have not been tried, as
@@ -312,7 +397,7 @@ pub fn describe(status: &Status) -> String {
         status.campaign,
         &status.campaign_digest[..12]
     );
-    let _ = writeln!(text, "stage           {}", status.stage);
+    let _ = writeln!(text, "stage           {}", status.stage_name());
     let _ = writeln!(
         text,
         "designs         {} of {} done, {} can be simulated{}",
@@ -335,6 +420,28 @@ pub fn describe(status: &Status) -> String {
         "optimiser runs  {} of {}",
         optimiser_runs.done, optimiser_runs.wanted
     );
+    if let Some(enrichment) = &status.enrichment {
+        let Enrichment {
+            round,
+            samples,
+            points,
+            failed,
+            ended,
+        } = enrichment;
+        let state = if *ended {
+            "ended".to_owned()
+        } else {
+            format!("{} of {} samples", samples.done, samples.wanted)
+        };
+        let failed = match failed {
+            0 => String::new(),
+            failed => format!(", {failed} of them failed"),
+        };
+        let _ = writeln!(
+            text,
+            "enrichment      round {round}: {state}; {points} infill points{failed}"
+        );
+    }
     for optimum in &status.optima {
         let criterion = optimum.criterion_um.map_or_else(
             || "no feasible design".to_owned(),
@@ -343,7 +450,7 @@ pub fn describe(status: &Status) -> String {
         let Progress { done, wanted } = optimum.verified;
         let _ = writeln!(
             text,
-            "optimum         {:<12} {criterion}, {done} of {wanted} fresh samples",
+            "optimum         {:<16} {criterion}, {done} of {wanted} fresh samples",
             optimum.approach
         );
     }

@@ -282,7 +282,8 @@ pub fn left_out(approach: Approach, note: String) -> anyhow::Result<OptimumRow> 
     optimum(approach, None, Cost::default(), note)
 }
 
-fn optimum(
+/// The row of what an approach found.
+pub(crate) fn optimum(
     approach: Approach,
     found: Option<&Found>,
     cost: Cost,

@@ -129,6 +129,11 @@ impl<F: Fn(&[f64]) -> Option<f64>> Round<'_, F> {
             return Ok(self.decision(recommendation, None, Some(Stop::Budget { samples })));
         }
 
+        if rounds.len() >= self.options.rounds {
+            let rounds = rounds.len();
+            return Ok(self.decision(recommendation, None, Some(Stop::Rounds { rounds })));
+        }
+
         let has_model = models.is_some();
         let expected = match models {
             Some(models) => Some(self.by_criterion(models)?),

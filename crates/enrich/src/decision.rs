@@ -97,6 +97,11 @@ pub enum Stop {
         /// How many are left.
         samples: u32,
     },
+    /// There were as many rounds as there may be.
+    Rounds {
+        /// How many.
+        rounds: usize,
+    },
     /// Every infill point of two rounds in a row failed.
     OnlyFailures,
     /// No feasible design was found to observe.

@@ -69,6 +69,8 @@ pub struct Options {
     pub samples_more: u32,
     /// The most samples that all rounds may still ask for.
     pub samples_left: u32,
+    /// The most rounds.
+    pub rounds: usize,
     /// δ of the stopping rule, µm.
     pub delta_um: f64,
     /// β of the quantiles by which designs are compared, as a standard normal deviate: 1.28 for
@@ -106,6 +108,7 @@ impl Options {
             samples_new: 30,
             samples_more: 30,
             samples_left: u32::MAX,
+            rounds: usize::MAX,
             delta_um: 0.02,
             quantile_z: 1.28,
             global_every: 4,

@@ -24,6 +24,8 @@ pub struct ReportData {
     pub kriging: Vec<KrigingFit>,
     /// What each approach found (Table 5), in the order in which it is to be shown.
     pub approaches: Vec<ApproachResult>,
+    /// The rounds of infill; absent without an enrichment.
+    pub enrichment: Option<Enrichment>,
     /// The paper's printed designs on this model; shown only with `compare_with_paper`.
     pub printed: Vec<PrintedDesign>,
     /// Remarks, warnings, and what the model leaves out.
@@ -262,7 +264,7 @@ impl Approach {
             Self::ArchardWear => "Archard’s wear",
             Self::Kriging => "Kriging",
             Self::BestOfDoe => "Best of the DoE",
-            Self::KrigingEnriched => "Kriging with infill",
+            Self::KrigingEnriched => "Enriched kriging",
         }
     }
 
@@ -272,7 +274,8 @@ impl Approach {
         match self {
             Self::WithoutWear => "ΔSTE without wear",
             Self::ArchardWear => "ΔSTE with Archard’s wear",
-            Self::Kriging | Self::KrigingEnriched => "kriging mean of P90",
+            Self::Kriging => "kriging mean of P90",
+            Self::KrigingEnriched => "kriging prediction of P90 after infill",
             Self::BestOfDoe => "P90 estimated in the DoE",
         }
     }
@@ -374,6 +377,46 @@ pub struct SteCurves {
     pub unworn_um: Vec<f64>,
     /// STE with Archard's wear at each phase, µm; may be empty.
     pub worn_um: Vec<f64>,
+}
+
+/// Rounds of infill points near the optimum, on top of the DoE.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Enrichment {
+    /// The rounds, in their order.
+    pub rounds: Vec<EnrichmentRound>,
+    /// δ of the stopping rule, µm.
+    pub tolerance_um: f64,
+    /// Why the enrichment ended, in a sentence; empty while it goes on.
+    pub stop: String,
+    /// Samples of the DoE that the first round rests on.
+    pub doe_samples: u64,
+    /// Verified P90 of the recommended design, µm.
+    pub verified_um: Option<f64>,
+    /// The model's 95 % interval for an estimate from as many samples as verified it, µm.
+    pub interval_of_estimate_um: Option<(f64, f64)>,
+}
+
+/// One round of infill.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EnrichmentRound {
+    /// The round, from 1.
+    pub round: u64,
+    /// New designs.
+    pub new_designs: u64,
+    /// Designs that got more samples.
+    pub further_turns: u64,
+    /// Samples asked for.
+    pub samples: u64,
+    /// Points whose samples were given up.
+    pub failed: u64,
+    /// The most that was expected of an observation, µm.
+    pub expected_improvement_um: f64,
+    /// The model's prediction for the recommended design, µm.
+    pub predicted_um: f64,
+    /// Lower end of its 95 % interval, µm.
+    pub low_um: f64,
+    /// Upper end of it, µm.
+    pub high_um: f64,
 }
 
 /// One of the paper's printed designs (Figures 6 to 10), computed on this model.

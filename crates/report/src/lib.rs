@@ -23,15 +23,16 @@ pub mod paper;
 mod svg;
 
 pub use charts::{
-    Extent, PercentileSeries, Response, chart_convergence, chart_front, chart_gears,
-    chart_leave_one_out, chart_responses, chart_ste, chart_teeth, chart_wear,
+    Extent, PercentileSeries, Response, chart_convergence, chart_expected_improvement, chart_front,
+    chart_gears, chart_leave_one_out, chart_prediction, chart_responses, chart_ste, chart_teeth,
+    chart_wear,
 };
 pub use comparison::{Comparison, comparison_markdown, comparisons};
 pub use data::{
-    Approach, ApproachResult, Constraints, DepthFit, DepthScore, DoePoint, GearDrawing,
-    GearOutline, Header, InfeasibleReason, KrigingFit, LeaveOneOut, Limits, ModelFigure,
-    OptimiserRun, Optimum, Parameter, Percentile, PreliminaryDesign, PrintedDesign, PrintedFigures,
-    ReportData, SimilarDesign, StageCost, SteCurves, WearProfiles,
+    Approach, ApproachResult, Constraints, DepthFit, DepthScore, DoePoint, Enrichment,
+    EnrichmentRound, GearDrawing, GearOutline, Header, InfeasibleReason, KrigingFit, LeaveOneOut,
+    Limits, ModelFigure, OptimiserRun, Optimum, Parameter, Percentile, PreliminaryDesign,
+    PrintedDesign, PrintedFigures, ReportData, SimilarDesign, StageCost, SteCurves, WearProfiles,
 };
 pub use error::Error;
 pub use page::render;

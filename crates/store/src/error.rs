@@ -332,12 +332,16 @@ impl Error {
 
     /// As [`Error::sqlite`], for an insertion into `table`.
     pub(crate) fn insertion(table: &'static str, path: &Path, source: sqlx::Error) -> Self {
-        use sqlx::error::ErrorKind::{CheckViolation, ForeignKeyViolation, NotNullViolation};
+        use sqlx::error::ErrorKind::{
+            CheckViolation, ForeignKeyViolation, NotNullViolation, UniqueViolation,
+        };
         match source.as_database_error().map(|e| e.kind()) {
-            Some(CheckViolation | ForeignKeyViolation | NotNullViolation) => Self::Constraint {
-                table,
-                source: Arc::new(source),
-            },
+            Some(CheckViolation | ForeignKeyViolation | NotNullViolation | UniqueViolation) => {
+                Self::Constraint {
+                    table,
+                    source: Arc::new(source),
+                }
+            }
             _ => Self::sqlite("insert rows", path, source),
         }
     }

@@ -8,6 +8,7 @@ use sqlx::sqlite::SqliteConnection;
 use crate::Error;
 use crate::keyed::{self, Approach, Keyed};
 use crate::query;
+use crate::rounds;
 use crate::rows::{
     Batch, CampaignRow, DesignRow, FailureRow, ModelRow, OptimumRow, Receipt, ResponseRow,
 };
@@ -285,8 +286,8 @@ pub(crate) async fn extension(
     Ok(new(1))
 }
 
-/// Removes all responses and models, and of these approaches the runs, the optima and their
-/// samples.
+/// Removes all responses, models and rounds of infill, and of these approaches the runs, the optima
+/// and their samples.
 pub(crate) async fn clear(
     connection: &mut SqliteConnection,
     path: &Path,
@@ -296,6 +297,7 @@ pub(crate) async fn clear(
     for table in ["DELETE FROM response", "DELETE FROM model"] {
         connection.execute(table).await.map_err(failed)?;
     }
+    rounds::clear(connection, path).await?;
     for approach in approaches {
         for table in [
             "DELETE FROM optimiser_run WHERE approach = ?",

@@ -45,6 +45,7 @@ mod keyed;
 mod lock;
 mod open;
 mod query;
+mod rounds;
 mod rows;
 mod store;
 mod tables;
@@ -53,6 +54,7 @@ mod writer;
 
 pub use error::Error;
 pub use filesystem::network_file_system;
+pub use rounds::{InfillRow, NewRound, RoundRow};
 pub use rows::{
     Batch, CampaignRow, CriteriaRow, DesignRow, FailureGroup, FailureKind, FailureRow, JobTimeRow,
     MissingWork, ModelRow, OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow, SampleRow,

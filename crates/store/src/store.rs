@@ -10,6 +10,7 @@ use crate::check::Verdict;
 use crate::digest::SamplesDigest;
 use crate::keyed;
 use crate::query;
+use crate::rounds::{self, InfillRow, NewRound, RoundRow};
 use crate::rows::{
     CampaignRow, CriteriaRow, DesignRow, FailureGroup, FailureRow, JobTimeRow, MissingWork,
     ModelRow, OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow, SampleRow, VerifyRow,
@@ -217,6 +218,27 @@ impl Store {
         self.put(Rows::Optimum(row.clone())).await.map(drop)
     }
 
+    /// All rounds of infill.
+    pub async fn rounds(&self) -> Result<Vec<RoundRow>, Error> {
+        rounds::rounds(&self.readers, &self.path).await
+    }
+
+    /// The points of all rounds.
+    pub async fn infill(&self) -> Result<Vec<InfillRow>, Error> {
+        rounds::infill(&self.readers, &self.path).await
+    }
+
+    /// Stores a round with its points, and marks the earlier points that it found to have failed,
+    /// all or nothing.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Constraint`] when the round or one of its points is held already: a round is
+    /// decided once.
+    pub async fn put_round(&self, new: &NewRound) -> Result<(), Error> {
+        self.put(Rows::Round(new.clone())).await.map(drop)
+    }
+
     /// The samples at the optimum of one approach.
     pub async fn verify_samples(&self, approach: &str) -> Result<Vec<VerifyRow>, Error> {
         keyed::all_of(&self.readers, &self.path, approach).await
@@ -244,8 +266,9 @@ impl Store {
             .map(drop)
     }
 
-    /// Removes, all or nothing, what was derived from the samples: all responses and all models,
-    /// and of the named approaches the optimiser runs, the optima and their verification samples.
+    /// Removes, all or nothing, what was derived from the samples: all responses and all models, all
+    /// rounds of infill with their points' samples, and of the named approaches the optimiser runs,
+    /// the optima and their verification samples.
     /// For fitting again when samples came late.
     pub async fn clear_derived(&self, approaches: &[&str]) -> Result<(), Error> {
         self.put(Rows::Clearing(owned(approaches))).await.map(drop)

@@ -14,6 +14,7 @@ use tokio::sync::{mpsc, oneshot};
 
 use crate::check::Verdict;
 use crate::lock::Lock;
+use crate::rounds::{self, NewRound};
 use crate::rows::{Batch, CampaignRow, DesignRow, ModelRow, OptimumRow, Receipt, ResponseRow};
 use crate::{Error, failpoints, insert, open, tally};
 
@@ -82,6 +83,7 @@ pub(crate) enum Rows {
     Responses(Vec<ResponseRow>),
     Model(ModelRow),
     Optimum(OptimumRow),
+    Round(NewRound),
     ModelDigest(String),
     Extension(CampaignRow, Vec<String>),
     Clearing(Vec<String>),
@@ -106,6 +108,7 @@ impl Rows {
             Self::Responses(rows) => rows.len(),
             Self::Model(_)
             | Self::Optimum(_)
+            | Self::Round(_)
             | Self::ModelDigest(_)
             | Self::Extension(..)
             | Self::Clearing(_) => 1,
@@ -311,6 +314,7 @@ async fn store(
         [Rows::Responses(rows)] => insert::responses(connection, path, rows).await.map(one),
         [Rows::Model(row)] => insert::model(connection, path, row).await.map(one),
         [Rows::Optimum(row)] => insert::optimum(connection, path, row).await.map(one),
+        [Rows::Round(new)] => rounds::insert(connection, path, new).await.map(one),
         [Rows::ModelDigest(digest)] => insert::model_digest(connection, path, digest)
             .await
             .map(one),

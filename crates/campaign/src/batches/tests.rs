@@ -185,14 +185,15 @@ fn a_point_that_has_moved_starts_afresh() {
         name: "archard".to_owned(),
         number: 2,
         variables: Variables::robust(&[x; 6], &FROZEN),
+        wanted: 8,
         stored: BTreeSet::from([0, 1, 5]),
     };
     let mut batches = Batches::default();
-    batches.add_point(&point(0.1), 8);
+    batches.add_point(&point(0.1));
     let (job, task) = batches.draw(1).unwrap();
-    batches.add_point(&point(0.1), 8);
+    batches.add_point(&point(0.1));
     assert!(!batches.point_is_settled(2));
-    batches.add_point(&point(0.2), 8);
+    batches.add_point(&point(0.2));
     assert!(!batches.adopt(job, &task), "it is a job of the old point");
     let (_, task) = batches.draw(1).unwrap();
     assert!(matches!(task, Task::Verify { variables, .. }

@@ -7,7 +7,7 @@ use super::corrections::CorrectionsSection;
 use super::pair::size;
 use super::sections::{SimulatorKind, SimulatorSection, parse_name};
 use super::validate::Source;
-use super::{FileError, Load, Material, Sampling, Wear};
+use super::{Enrichment, FileError, Load, Material, Sampling, Wear};
 
 /// A campaign file, validated: one problem, one DoE, one seed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -48,6 +48,9 @@ pub struct Campaign {
     /// `[simulator]`; left out of the digest where it says nothing, as in files of before it.
     #[serde(default, skip_serializing_if = "SimulatorSection::is_default")]
     pub simulator: SimulatorSection,
+    /// `[enrichment]`; left out of the digest where it is absent, as in files of before it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub enrichment: Option<Enrichment>,
     /// `[corrections]`; left out of the digest where it is absent, as in files of before it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub corrections: Option<CorrectionsSection>,
@@ -238,7 +241,8 @@ impl Campaign {
     }
 
     /// Whether this is `held` made larger: more designs, more samples per design or more fresh
-    /// samples, and everything else the same. What was computed for `held` is then part of it.
+    /// samples, an enrichment or a larger budget for it, and everything else the same. What was
+    /// sampled for `held` is then part of it.
     #[must_use]
     pub fn extends(&self, held: &Self) -> bool {
         let sizes = |campaign: &Self| {
@@ -249,11 +253,16 @@ impl Campaign {
             ]
         };
         let grows = sizes(self).iter().zip(sizes(held)).all(|(a, b)| *a >= b);
+        let enriches = match (&self.enrichment, &held.enrichment) {
+            (Some(section), Some(held)) => section.extends(held),
+            (section, held) => held.is_none() || section == held,
+        };
         let mut same = self.clone();
         same.doe.designs = held.doe.designs;
         same.sampling.samples_per_design = held.sampling.samples_per_design;
         same.verify.samples = held.verify.samples;
-        grows && same == *held
+        same.enrichment = held.enrichment;
+        grows && enriches && same == *held
     }
 
     /// The campaign as JSON, for the wire.
@@ -285,6 +294,16 @@ impl Campaign {
                 "sampling.samples_per_design is {samples}: below 25 samples the normality of \
                  ΔSTE, on which the percentile rests, cannot be trusted"
             ));
+        }
+        if let Some(enrichment) = &self.enrichment {
+            let first = u64::from(self.doe.designs) * u64::from(samples);
+            let budget = u64::from(enrichment.samples);
+            if budget < first {
+                warnings.push(format!(
+                    "enrichment.samples is {budget}: the DoE alone can take {first}, which leaves \
+                     little or nothing for infill"
+                ));
+            }
         }
         warnings
     }
@@ -328,6 +347,16 @@ impl Campaign {
             "false when simulator.kind is \"external\": the paper's figures are compared with the \
              built-in model's",
         )?;
+        if let Some(enrichment) = &self.enrichment {
+            enrichment.validate(source)?;
+            source.require(
+                !self.is_external(),
+                "enrichment",
+                "present",
+                "absent when simulator.kind is \"external\": the coordinator evaluates the \
+                 constraints of thousands of candidates itself, with the built-in model",
+            )?;
+        }
         let count = |key, value, low, high| source.count(key, value, low, high);
         count("doe.designs", self.doe.designs, 2, 100_000)?;
         self.sampling.validate(source, self.is_external())?;

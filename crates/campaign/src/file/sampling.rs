@@ -138,6 +138,13 @@ impl Sampling {
             self.percentile,
             "\"paper\" or \"normal\" with a control variate, whose percentile is a normal one",
         )?;
+        source.require(
+            plain || self.precision_um.is_none(),
+            "sampling.precision_um",
+            self.precision_um,
+            "left out beside a control variate, with which samples_per_design samples are as good as \
+             thousands",
+        )?;
         source.count(
             "sampling.samples_per_design",
             self.samples_per_design,
@@ -214,6 +221,10 @@ mod tests {
             ),
             ("skip_violation = -0.1", "sampling.skip_violation is -0.1"),
             ("percentile = \"median\"", "percentile"),
+            (
+                "precision_um = 0.1\ncontrol = \"linearised\"",
+                "sampling.precision_um is Some(0.1)",
+            ),
             (
                 "percentile = \"chosen\"\ncontrol = \"linearised\"",
                 "sampling.percentile is Chosen",

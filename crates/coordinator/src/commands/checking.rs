@@ -23,7 +23,7 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
     let k = u64::from(campaign.sampling.samples_per_design);
     let starts = u64::from(campaign.optimise.starts);
     let evaluations = u64::from(campaign.optimise.evaluations);
-    let points = references::points(&problem).len() as u64 + Approach::ALL.len() as u64;
+    let points = references::points(&problem).len() as u64 + Approach::of(&campaign).count() as u64;
     let verify = u64::from(campaign.verify.samples);
     // What an external program takes, and which designs it refuses, only a run can tell.
     let measured = if campaign.is_external() {
@@ -58,7 +58,7 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
         campaign.teeth()[0],
         campaign.teeth()[1]
     );
-    let rows = [
+    let mut rows = vec![
         ("doe", format!("{n} points, maximin"), making),
         (
             "sample",
@@ -91,6 +91,17 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
             verifying,
         ),
     ];
+    if let Some(section) = &campaign.enrichment {
+        let left = (f64::from(section.samples) - feasible * k as f64).max(0.0);
+        let points = left / f64::from(section.samples_per_point);
+        let what = format!(
+            "at most {} rounds of {} points, {} samples with the DoE's",
+            section.rounds, section.points_per_round, section.samples
+        );
+        // Measured with the campaign that is shipped: what choosing a point takes, models included.
+        let seconds = left * sample_seconds + 0.05 * points;
+        rows.insert(4, ("enrich", what, seconds));
+    }
     for (stage, what, seconds) in &rows {
         plan += &if measured.is_some() {
             format!("{stage:<10}{what:<55}{seconds:>8.1} core-seconds\n")

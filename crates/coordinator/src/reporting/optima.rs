@@ -21,6 +21,7 @@ const fn report_approach(approach: Approach) -> report::Approach {
         Approach::Archard => report::Approach::ArchardWear,
         Approach::Kriging => report::Approach::Kriging,
         Approach::BestOfDoe => report::Approach::BestOfDoe,
+        Approach::EnrichedKriging => report::Approach::KrigingEnriched,
     }
 }
 

@@ -14,10 +14,7 @@ pub(super) fn preliminary(sources: &Sources) -> Vec<PreliminaryDesign> {
         .enumerate()
         .filter_map(|(row, printed)| {
             let samples = sources.fresh.get(&Place::Preliminary(row).name())?;
-            let plain = Samples {
-                values: samples,
-                control: None,
-            };
+            let plain = Samples::plain(samples);
             let response = sampling::response(0, plain, PercentileRule::Paper).ok()?;
             let variance = stats::p90_variance(response.sd_um.powi(2), k, stats::PAPER_Z90);
             Some(PreliminaryDesign {

@@ -1,3 +1,4 @@
-//! The service, called as the network would call it, on a real store.
+//! The service and the engine, called as the network would call them, on a real store.
 
+mod enrichment;
 mod service;

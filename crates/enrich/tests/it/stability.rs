@@ -101,6 +101,30 @@ fn two_rounds_of_only_failures_end_the_enrichment() {
 }
 
 #[test]
+fn there_are_no_more_rounds_than_there_may_be() {
+    let problem = Problem {
+        response: |x| 1.0 + x[0],
+        noise: 0.1,
+        ..flat(100.0)
+    };
+    let mut state = sampled(&problem, 30, 30);
+    let limited = Options {
+        rounds: 1,
+        ..options(&problem)
+    };
+    let first = decide(&state, &limited, &problem.violation).unwrap();
+    assert_eq!(first.stop, None);
+    state.rounds.push(RoundRecord {
+        expected_improvement_um: first.expected_improvement_um,
+        asked: 0,
+        failed: 0,
+    });
+    let second = decide(&state, &limited, &problem.violation).unwrap();
+    assert_eq!(second.stop, Some(Stop::Rounds { rounds: 1 }));
+    assert!(second.recommendation.is_some() && second.infill.is_empty());
+}
+
+#[test]
 fn entries_at_one_place_are_merged() {
     let problem = Problem {
         response: |x| 1.0 + x[0] + x[1],

@@ -3,15 +3,19 @@
 
 mod gears;
 mod intervals;
+mod rounds;
 mod runs;
 mod scatter;
 
-use crate::data::{ApproachResult, DoePoint, GearDrawing, KrigingFit, SteCurves, WearProfiles};
+use crate::data::{
+    ApproachResult, DoePoint, Enrichment, GearDrawing, KrigingFit, SteCurves, WearProfiles,
+};
 use crate::error::Error;
 use crate::svg::{Axis, Chart, Mark, Picture, Scale, Series};
 
 pub(crate) use gears::gears;
 pub use intervals::{PercentileSeries, chart_front, chart_teeth};
+pub(crate) use rounds::{expected_improvement, prediction};
 pub(crate) use runs::{convergence, ste};
 pub use scatter::{Extent, Response};
 pub(crate) use scatter::{leave_one_out, responses};
@@ -77,6 +81,24 @@ pub fn chart_gears(drawing: &GearDrawing) -> Result<String, Error> {
 /// empty is not as long as the phases.
 pub fn chart_ste(curves: &SteCurves) -> Result<String, Error> {
     ste(curves).map(|picture| picture.standalone())
+}
+
+/// The predicted P90 of the recommended design in µm against the rounds of the enrichment, as an SVG
+/// file.
+///
+/// # Errors
+/// [`Error::NothingToDraw`] if no round recommends a design.
+pub fn chart_prediction(enrichment: &Enrichment) -> Result<String, Error> {
+    prediction(enrichment).map(|picture| picture.standalone())
+}
+
+/// The most that is expected of a further observation in µm against the rounds of the enrichment, as
+/// an SVG file.
+///
+/// # Errors
+/// [`Error::NothingToDraw`] if there is neither a round with an expectation nor a tolerance.
+pub fn chart_expected_improvement(enrichment: &Enrichment) -> Result<String, Error> {
+    expected_improvement(enrichment).map(|picture| picture.standalone())
 }
 
 /// See [`chart_wear`].

@@ -1,5 +1,6 @@
 //! The page: everything as text, ready for the template, which only arranges it.
 
+mod enrichment;
 mod rows;
 
 use askama::Template;
@@ -10,6 +11,7 @@ use crate::error::Error;
 use crate::number::{self, count, fixed, percent, seconds, significant};
 use crate::paper;
 use crate::svg::{self, Picture};
+use enrichment::EnrichmentView;
 use rows::{ApproachRow, ComparedDesign, PreliminaryRow, ResponseRow, SimilarRow};
 
 /// The report as one HTML page that loads nothing and runs nothing.
@@ -48,6 +50,7 @@ struct Page<'a> {
     kriging: Vec<KrigingView>,
     approaches: Vec<ApproachRow>,
     convergence: Vec<Figure>,
+    enrichment: Option<EnrichmentView>,
     optima: Vec<OptimumView>,
     printed: Vec<ComparedDesign>,
     notes: Vec<(String, String)>,
@@ -143,6 +146,11 @@ impl<'a> Page<'a> {
                 .filter(|result| !result.runs.is_empty())
                 .map(|result| figure(charts::convergence(result)))
                 .collect::<Result<_, _>>()?,
+            enrichment: data
+                .enrichment
+                .as_ref()
+                .map(EnrichmentView::new)
+                .transpose()?,
             optima: data
                 .approaches
                 .iter()

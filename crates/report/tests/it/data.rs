@@ -50,6 +50,7 @@ pub(crate) fn plausible() -> ReportData {
             leave_one_out,
         }],
         approaches: approaches(),
+        enrichment: Some(enrichment()),
         printed: printed(),
         notes: vec![
             "The samples of design 1204 were computed twice; both results agree.".to_owned(),
@@ -57,6 +58,31 @@ pub(crate) fn plausible() -> ReportData {
                 .to_owned(),
         ],
         doe,
+    }
+}
+
+fn enrichment() -> Enrichment {
+    let rounds = (1..=4).map(|round| {
+        let predicted_um = 1.60 - 0.06 * round as f64;
+        EnrichmentRound {
+            round,
+            new_designs: 24 - 3 * round,
+            further_turns: 3 * round,
+            samples: 720,
+            failed: u64::from(round > 2),
+            expected_improvement_um: 0.2 / (round * round * round) as f64,
+            predicted_um,
+            low_um: predicted_um - 0.06 / round as f64,
+            high_um: predicted_um + 0.06 / round as f64,
+        }
+    });
+    Enrichment {
+        rounds: rounds.collect(),
+        tolerance_um: 0.01,
+        stop: "The enrichment has converged.".to_owned(),
+        doe_samples: 10_500,
+        verified_um: Some(1.35),
+        interval_of_estimate_um: Some((1.33, 1.39)),
     }
 }
 

@@ -33,6 +33,7 @@ fn empty() -> ReportData {
         wear: None,
         kriging: Vec::new(),
         approaches: Vec::new(),
+        enrichment: None,
         printed: Vec::new(),
         notes: Vec::new(),
     }
@@ -42,8 +43,9 @@ fn empty() -> ReportData {
 fn a_full_page_is_well_formed_and_shows_every_chart() {
     let page = render(&plausible()).unwrap();
     check(&page);
-    // 3 convergence charts, 4 gear drawings, 4 STE curves, wear, 2 + 2 scatter plots, kriging.
-    assert_eq!(element_count(&page, "svg"), 17);
+    // 3 convergence charts, 2 of the enrichment, 4 gear drawings, 4 STE curves, wear, 2 + 2 scatter
+    // plots, kriging.
+    assert_eq!(element_count(&page, "svg"), 19);
     assert!(
         !page.contains("class=\"empty\""),
         "a part of a full report is missing"
@@ -118,6 +120,9 @@ fn text_from_outside_is_escaped_everywhere() {
     data.kriging[0].parameters[0].name = evil();
     data.kriging[0].parameters[0].unit = evil();
     data.approaches[0].note = evil();
+    if let Some(enrichment) = &mut data.enrichment {
+        enrichment.stop = evil();
+    }
     data.approaches[1].outcome = Err(evil());
     if let Some(wear) = &mut data.wear {
         wear.subject = evil();
@@ -131,7 +136,7 @@ fn text_from_outside_is_escaped_everywhere() {
     assert!(!page.contains("<script"));
     // The title twice (head and heading), and once for each of the others; the failed approach
     // gives its reason in the table and in its own section.
-    assert_eq!(page.matches("alert(").count(), 19);
+    assert_eq!(page.matches("alert(").count(), 20);
 }
 
 #[test]
@@ -227,6 +232,37 @@ fn values_that_are_not_finite_are_dashes() {
     }
     assert!(page.contains("Nothing to draw: no design has both responses."));
     assert!(markup::text(&page).contains("– 5.82"));
+}
+
+#[test]
+fn the_enrichment_is_told_in_sentences() {
+    let text = markup::text(&render(&plausible()).unwrap());
+    for expected in [
+        "4 rounds asked for 66 new designs and 30 further turns",
+        "2880 samples beside the 10\u{202f}500 of the DoE, 13\u{202f}380 in all. 2 of the points failed.",
+        "predicts a P90 of 1.360 µm (95 % interval 1.345 to 1.375 µm)",
+        "Fresh samples give 1.350 µm, which lies within",
+        "The enrichment has converged.",
+    ] {
+        assert!(text.contains(expected), "missing: {expected}");
+    }
+    let mut data = plausible();
+    let enrichment = data.enrichment.as_mut().unwrap();
+    enrichment.verified_um = Some(1.5);
+    let page = render(&data).unwrap();
+    assert!(page.contains("which lies outside"));
+    // Before the first round, and where no model could be fitted.
+    let enrichment = data.enrichment.as_mut().unwrap();
+    enrichment.rounds.truncate(1);
+    enrichment.rounds[0].predicted_um = f64::NAN;
+    enrichment.rounds[0].expected_improvement_um = f64::NAN;
+    check(&render(&data).unwrap());
+    data.enrichment.as_mut().unwrap().rounds.clear();
+    let page = render(&data).unwrap();
+    check(&page);
+    assert!(page.contains("No round has been decided yet."));
+    data.enrichment = None;
+    assert!(!render(&data).unwrap().contains("id=\"enrichment\""));
 }
 
 #[test]

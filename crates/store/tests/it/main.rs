@@ -6,6 +6,7 @@ mod extending;
 mod failpoints;
 mod reading;
 mod refusal;
+mod rounds;
 mod schemas;
 mod writing;
 

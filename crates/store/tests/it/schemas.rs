@@ -14,6 +14,7 @@ use store::{
     OptimumRow, ResponseRow, SampleRow, Store, VerifyRow,
 };
 
+use crate::rounds::new_round;
 use crate::{
     beside, campaign, design, execute, feasible, folder, infeasible, newest_migration, open, read,
 };
@@ -141,11 +142,25 @@ async fn every_released_schema_is_brought_up_to_date() {
         }
         let store = open(&path).await;
         holds_every_row(&store).await;
+        holds_rounds(&store, schema >= 3).await;
         store.close().await.unwrap();
         // Once is enough, and readers are welcome now.
         let store = Store::open_read_only(&path).await.unwrap();
         holds_every_row(&store).await;
+        holds_rounds(&store, schema >= 3).await;
     }
+}
+
+async fn holds_rounds(store: &Store, has_any: bool) {
+    let rounds: Vec<_> = if has_any {
+        (0..2).map(|round| new_round(round, &[])).collect()
+    } else {
+        Vec::new()
+    };
+    let rows: Vec<_> = rounds.iter().map(|round| round.row.clone()).collect();
+    assert_eq!(store.rounds().await.unwrap(), rows);
+    let points: Vec<_> = rounds.into_iter().flat_map(|round| round.infill).collect();
+    assert_eq!(store.infill().await.unwrap(), points);
 }
 
 pub(crate) async fn holds_every_row(store: &Store) {
@@ -310,6 +325,9 @@ async fn makes_the_fixture() {
     store.put_responses(&all_responses()).await.unwrap();
     store.put_model(&the_model()).await.unwrap();
     store.put_optimum(&the_optimum()).await.unwrap();
+    for round in 0..2 {
+        store.put_round(&new_round(round, &[])).await.unwrap();
+    }
     store.pin_model_digest("abc").await.unwrap();
     store.close().await.unwrap();
     std::fs::copy(&path, fixture(newest_migration())).unwrap();

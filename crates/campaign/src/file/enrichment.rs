@@ -1,0 +1,144 @@
+//! The optional section `[enrichment]` of the campaign file.
+
+use enrich::Criterion;
+use serde::{Deserialize, Serialize};
+
+use super::FileError;
+use super::validate::Source;
+
+/// `[enrichment]`, optional: infill points in rounds, on top of the DoE.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Enrichment {
+    /// How promising an observation is.
+    pub criterion: Criterion,
+    /// The most samples in all, those of the DoE included.
+    pub samples: u32,
+    /// The most rounds.
+    pub rounds: u32,
+    /// Infill points of a round.
+    pub points_per_round: u32,
+    /// Samples of a new design, and of each further turn at one that is there.
+    pub samples_per_point: u32,
+    /// δ of the stopping rule, µm: less is not worth looking for.
+    pub tolerance_um: f64,
+}
+
+impl Enrichment {
+    pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
+        let count = |key, value, low, high| source.count(key, value, low, high);
+        count("enrichment.samples", self.samples, 1, 1_000_000_000)?;
+        count("enrichment.rounds", self.rounds, 1, 10_000)?;
+        count(
+            "enrichment.points_per_round",
+            self.points_per_round,
+            1,
+            1000,
+        )?;
+        // Fewer have no percentile.
+        count(
+            "enrichment.samples_per_point",
+            self.samples_per_point,
+            4,
+            1_000_000,
+        )?;
+        source.positive("enrichment.tolerance_um", self.tolerance_um)
+    }
+
+    /// Whether this may take the place of `held`: it is the same with a larger budget.
+    pub(super) fn extends(&self, held: &Self) -> bool {
+        let same = Self {
+            samples: held.samples,
+            rounds: held.rounds,
+            ..*self
+        };
+        same == *held && self.samples >= held.samples && self.rounds >= held.rounds
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::Campaign;
+
+    const ENRICHED: &str = include_str!("../../../../campaigns/enriched.toml");
+
+    #[test]
+    fn the_shipped_file_has_a_fifth_of_the_papers_samples_in_all() {
+        let campaign = Campaign::parse("enriched.toml", ENRICHED).unwrap();
+        let paper = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
+        let section = campaign.enrichment.unwrap();
+        let full = paper.doe.designs * paper.sampling.samples_per_design;
+        assert_eq!(section.samples, full / 5);
+        // Nothing else sets the two campaigns apart.
+        let mut same = campaign.clone();
+        same.name.clone_from(&paper.name);
+        same.doe = paper.doe;
+        same.sampling = paper.sampling;
+        same.enrichment = None;
+        assert_eq!(same, paper);
+        let again = Campaign::from_json(&campaign.to_json()).unwrap();
+        assert_eq!(again, campaign);
+    }
+
+    #[test]
+    fn a_campaign_without_the_section_is_what_it_was() {
+        let paper = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
+        assert!(!paper.to_json().contains("enrichment"));
+        let digest = paper.digest();
+        assert!(digest.starts_with("132353a34fb1"), "{digest}");
+    }
+
+    #[test]
+    fn bad_values_are_refused_by_key() {
+        for (from, to, key) in [
+            ("samples = 18000 ", "samples = 0 ", "enrichment.samples"),
+            ("rounds = 100 ", "rounds = 0 ", "enrichment.rounds"),
+            (
+                "points_per_round = 24 ",
+                "points_per_round = 1001 ",
+                "enrichment.points_per_round",
+            ),
+            (
+                "samples_per_point = 30 ",
+                "samples_per_point = 3 ",
+                "enrichment.samples_per_point",
+            ),
+            (
+                "tolerance_um = 0.01 ",
+                "tolerance_um = 0.0 ",
+                "enrichment.tolerance_um",
+            ),
+            (
+                "criterion = \"expected-quantile-improvement\"",
+                "criterion = \"luck\"",
+                "criterion: unknown variant `luck`",
+            ),
+            ("rounds = 100 ", "turns = 100 ", "turns"),
+            ("rounds = 100 ", "", "missing field `rounds`"),
+        ] {
+            assert!(ENRICHED.contains(from), "{from}");
+            let text = ENRICHED.replacen(from, to, 1);
+            let message = Campaign::parse("c.toml", &text).unwrap_err().to_string();
+            assert!(message.contains(key), "{to}: {message}");
+        }
+        let text = ENRICHED.replace("compare_with_paper = true", "compare_with_paper = false")
+            + "\n[simulator]\nkind = \"external\"\n";
+        let message = Campaign::parse("c.toml", &text).unwrap_err().to_string();
+        assert!(message.contains("enrichment is \"present\""), "{message}");
+    }
+
+    #[test]
+    fn it_may_be_added_to_a_campaign_and_given_more_samples() {
+        let held = Campaign::parse("enriched.toml", ENRICHED).unwrap();
+        let mut larger = held.clone();
+        let section = larger.enrichment.as_mut().unwrap();
+        (section.samples, section.rounds) = (20_000, 200);
+        assert!(larger.extends(&held) && !held.extends(&larger));
+        let mut without = held.clone();
+        without.enrichment = None;
+        assert!(held.extends(&without) && !without.extends(&held));
+        let mut other = held.clone();
+        other.enrichment.as_mut().unwrap().tolerance_um = 0.1;
+        assert!(!other.extends(&held));
+    }
+}

@@ -1,0 +1,278 @@
+//! A whole small campaign with rounds of infill, in this process: some of its infill points fail,
+//! its coordinator stops in the middle of a round, and its workers are more or fewer.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use campaign::formulation::Problem;
+use campaign::task::{Task, execute};
+use campaign::{Approach, Campaign, probe};
+use coordinator::board::Board;
+use coordinator::engine::{Ended, Engine};
+use coordinator::service::{Service, StoreRecorder};
+use coordinator::status;
+use protocol::v1::campaign_server::Campaign as _;
+use protocol::v1::{JobResult, LeaseRequest, RegisterRequest, ReportRequest, job_result};
+use store::{CampaignRow, InfillRow, OptimumRow, RoundRow, Store};
+use tokio_util::sync::CancellationToken;
+use tonic::Request;
+
+/// Samples of the DoE, at most, and the budget.
+const DESIGNS: u32 = 70;
+const BUDGET: u32 = 1000;
+
+fn campaign_file() -> String {
+    let shipped = include_str!("../../../../campaigns/enriched.toml");
+    let mut text = shipped.to_owned();
+    for (from, to) in [
+        ("designs = 600 ", &*format!("designs = {DESIGNS} ")),
+        ("samples_per_design = 20 ", "samples_per_design = 10 "),
+        ("evaluations = 12000 ", "evaluations = 60 "),
+        ("restart_at = 6000 ", "restart_at = 30 "),
+        ("starts = 3", "starts = 1"),
+        ("samples = 500 ", "samples = 20 "),
+        ("samples = 18000 ", &*format!("samples = {BUDGET} ")),
+        ("points_per_round = 24 ", "points_per_round = 5 "),
+        ("samples_per_point = 30 ", "samples_per_point = 12 "),
+        ("compare_with_paper = true", "compare_with_paper = false"),
+    ] {
+        assert!(text.contains(from), "{from}");
+        text = text.replacen(from, to, 1);
+    }
+    text
+}
+
+/// What becomes of an infill point's jobs, by the point's name.
+type Fails = fn(&str) -> bool;
+
+/// Runs the campaign on the store until it ends, or until so many infill samples are stored.
+async fn run(path: &Path, workers: usize, fails: Fails, stop_at: Option<u64>) -> Option<Ended> {
+    let text = campaign_file();
+    let campaign = Campaign::parse("c.toml", &text).unwrap();
+    let row = CampaignRow {
+        name: campaign.name.clone(),
+        file_text: text,
+        digest: campaign.digest(),
+        seed: campaign.seed,
+        program_version: "0".to_owned(),
+        model_digest: None,
+    };
+    let store = Store::create_or_open(path, &row).await.unwrap();
+    let problem = Arc::new(Problem::new(campaign.clone()));
+    let options = scheduler::Options {
+        set_aside: Duration::ZERO,
+        ..scheduler::Options::default()
+    };
+    let board = Arc::new(Board::new(options, 1));
+    let service = Service {
+        board: Arc::clone(&board),
+        recorder: StoreRecorder::new(&store).unwrap(),
+        campaign_json: campaign.to_json(),
+        model_digest: Some(probe::model_digest(&problem)),
+    };
+    let writer = store.writer().unwrap();
+    let engine = Engine::new(Arc::clone(&problem), store.clone(), writer, board);
+    let shutdown = CancellationToken::new();
+    let work = async {
+        let workers = (0..workers).map(|worker| {
+            let (service, problem) = (service.clone(), Arc::clone(&problem));
+            work(service, problem, format!("worker-{worker}"), fails)
+        });
+        futures_util::future::join_all(workers).await;
+    };
+    let enough = async {
+        let Some(stop_at) = stop_at else {
+            return std::future::pending().await;
+        };
+        loop {
+            let counts = store.verify_counts().await.unwrap();
+            let infill = counts
+                .iter()
+                .filter(|(name, _)| name.starts_with("infill-"));
+            if infill.map(|(_, samples)| samples).sum::<u64>() >= stop_at {
+                return;
+            }
+            tokio::time::sleep(Duration::from_millis(1)).await;
+        }
+    };
+    let ended = tokio::select! {
+        ended = engine.run(&shutdown) => ended.unwrap(),
+        () = work => None,
+        () = enough => None,
+    };
+    store.close().await.unwrap();
+    ended
+}
+
+/// A worker that never ends by itself.
+async fn work(service: Service<StoreRecorder>, problem: Arc<Problem>, id: String, fails: Fails) {
+    loop {
+        let request = RegisterRequest {
+            worker_id: id.clone(),
+            host: "here".to_owned(),
+            program_version: env!("CARGO_PKG_VERSION").to_owned(),
+            model_digest: service.model_digest.clone().unwrap(),
+            slots: 1,
+            held: Vec::new(),
+        };
+        if service.register(Request::new(request)).await.is_ok() {
+            break;
+        }
+        tokio::time::sleep(Duration::from_millis(1)).await;
+    }
+    loop {
+        let request = LeaseRequest {
+            worker_id: id.clone(),
+            credit: 1,
+            seconds: 1.0,
+            wait_ms: 50,
+        };
+        let leased = service.lease(Request::new(request)).await.unwrap();
+        for job in leased.into_inner().jobs {
+            let task: Task = serde_json::from_slice(&job.payload).unwrap();
+            let outcome = match &task {
+                Task::Verify { point, .. } if fails(point) => {
+                    job_result::Outcome::Error("no load path".to_owned())
+                }
+                task => {
+                    let result = execute(&*problem, task).unwrap();
+                    job_result::Outcome::Result(serde_json::to_vec(&result).unwrap())
+                }
+            };
+            let result = JobResult {
+                job: job.job,
+                attempt: job.attempt,
+                outcome: Some(outcome),
+                cpu_seconds: 0.25,
+                wall_seconds: 0.001,
+            };
+            let request = ReportRequest {
+                worker_id: id.clone(),
+                results: vec![result],
+            };
+            service.report(Request::new(request)).await.unwrap();
+        }
+        tokio::task::yield_now().await;
+    }
+}
+
+/// What a campaign found, without what was measured.
+#[derive(Debug, PartialEq)]
+struct Found {
+    digest: String,
+    rounds: Vec<RoundRow>,
+    infill: Vec<InfillRow>,
+    optimum: OptimumRow,
+}
+
+async fn found(path: &Path) -> Found {
+    let store = Store::open_read_only(path).await.unwrap();
+    let status = status::read(&store).await.unwrap();
+    assert!(status.finished, "{status:?}");
+    let optima = store.optima().await.unwrap();
+    let name = Approach::EnrichedKriging.name();
+    let optimum = optima.into_iter().find(|row| row.approach == name);
+    let rounds = store.rounds().await.unwrap().into_iter();
+    Found {
+        digest: store.samples_digest().await.unwrap(),
+        rounds: rounds
+            .map(|row| RoundRow {
+                cpu_seconds: 0.0,
+                ..row
+            })
+            .collect(),
+        infill: store.infill().await.unwrap(),
+        optimum: OptimumRow {
+            cpu_seconds: 0.0,
+            ..optimum.expect("the fifth approach has its row")
+        },
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn rounds_end_within_the_budget_and_resume_as_if_nothing_had_been() {
+    let folder = tempfile::tempdir().unwrap();
+    let (whole, broken) = (folder.path().join("w.db"), folder.path().join("b.db"));
+    let ended = run(&whole, 1, |_| false, None).await.unwrap();
+    assert_eq!(ended.given_up, Vec::<String>::new());
+    let expected = found(&whole).await;
+
+    let infill = &expected.infill;
+    assert!(expected.rounds.len() >= 3, "{:?}", expected.rounds);
+    assert!(infill.iter().all(|row| !row.failed));
+    let store = Store::open_read_only(&whole).await.unwrap();
+    let counts = store.verify_counts().await.unwrap();
+    for row in infill {
+        assert!(counts.contains(&(row.name.clone(), row.samples)), "{row:?}");
+        // New designs are sought where every constraint holds.
+        assert!(row.violation <= 0.0 || row.reason == "more", "{row:?}");
+    }
+    let sampled = store.progress().await.unwrap().samples;
+    let asked: u64 = infill.iter().map(|row| row.samples).sum();
+    assert!(sampled + asked <= u64::from(BUDGET), "{sampled} + {asked}");
+    let last = expected.rounds.last().unwrap();
+    assert!(last.stop_json.is_some() && last.recommendation_json.is_some());
+    assert!(expected.optimum.feasible, "{:?}", expected.optimum);
+    let name = Approach::EnrichedKriging.name().to_owned();
+    assert!(counts.contains(&(name, 20)), "it is verified");
+    // The DoE's calls, the infill samples and the searches.
+    let searches: u64 = expected.rounds.iter().map(|row| row.simulator_calls).sum();
+    assert!(searches > 0 && expected.optimum.simulator_calls > sampled + asked + searches);
+
+    // Stopped again and again in the middle of a round, with another number of workers.
+    for (round, workers) in [(0, 2), (1, 3), (2, 1)] {
+        let before = infill.iter().filter(|row| row.round < round);
+        let before: u64 = before.map(|row| row.samples).sum();
+        let stopped = run(&broken, workers, |_| false, Some(before + 12)).await;
+        assert_eq!(
+            stopped, None,
+            "round {round} was over before it could be stopped"
+        );
+    }
+    run(&broken, 2, |_| false, None).await.unwrap();
+    assert_eq!(found(&broken).await, expected);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn infill_points_that_fail_are_survived_and_kept_away_from() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("f.db");
+    let fails = |point: &str| point.starts_with("infill-0001") || point.starts_with("infill-0007");
+    let ended = run(&path, 2, fails, None).await.unwrap();
+    assert_eq!(ended.given_up.len(), 2, "{ended:?}");
+    assert!(ended.given_up[0].contains("infill point"), "{ended:?}");
+    let found = found(&path).await;
+    assert!(found.optimum.feasible);
+    let failed: Vec<&InfillRow> = found.infill.iter().filter(|row| row.failed).collect();
+    let indices: Vec<u64> = failed.iter().map(|row| row.infill).collect();
+    assert_eq!(indices, [1, 7]);
+    let ranges = [3.0, 3.0, 0.9, 0.9, 0.9, 0.9];
+    for row in failed.iter().filter(|row| row.reason != "more") {
+        let later = found.infill.iter().filter(|other| other.round > row.round);
+        for other in later.filter(|other| other.reason != "more") {
+            let apart = (0..6).any(|j| (row.x[j] - other.x[j]).abs() >= 0.01 * ranges[j]);
+            assert!(apart, "{other:?} is where {row:?} failed");
+        }
+    }
+    let store = Store::open_read_only(&path).await.unwrap();
+    let failures = store.failures().await.unwrap();
+    assert_eq!(failures.len(), 6, "three attempts each: {failures:?}");
+    assert!(failures.iter().all(|row| row.job.starts_with("infill-")));
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn two_rounds_of_nothing_but_failures_end_it_without_ending_the_campaign() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("n.db");
+    let ended = run(&path, 2, |point| point.starts_with("infill-"), None).await;
+    assert!(!ended.unwrap().given_up.is_empty());
+    let found = found(&path).await;
+    assert_eq!(found.rounds.len(), 3);
+    let stop = found.rounds[2].stop_json.as_deref();
+    assert!(
+        stop.is_some_and(|stop| stop.contains("only-failures")),
+        "{stop:?}"
+    );
+    assert!(found.infill.iter().all(|row| row.failed));
+}

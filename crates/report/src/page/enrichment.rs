@@ -1,0 +1,87 @@
+//! The enrichment: what its rounds did, and how its prediction fared.
+
+use super::{Figure, figure};
+use crate::charts;
+use crate::data::Enrichment;
+use crate::error::Error;
+use crate::number::{count, fixed};
+
+/// The section of the page.
+pub(super) struct EnrichmentView {
+    pub(super) sentences: Vec<String>,
+    pub(super) prediction: Figure,
+    pub(super) expected: Figure,
+}
+
+impl EnrichmentView {
+    pub(super) fn new(enrichment: &Enrichment) -> Result<Self, Error> {
+        let sentences = [
+            effort(enrichment),
+            outcome(enrichment),
+            enrichment.stop.clone(),
+        ];
+        Ok(Self {
+            sentences: sentences.into_iter().filter(|s| !s.is_empty()).collect(),
+            prediction: figure(charts::prediction(enrichment))?,
+            expected: figure(charts::expected_improvement(enrichment))?,
+        })
+    }
+}
+
+/// How many points and samples.
+fn effort(enrichment: &Enrichment) -> String {
+    let rounds = &enrichment.rounds;
+    if rounds.is_empty() {
+        return "No round has been decided yet.".to_owned();
+    }
+    let samples: u64 = rounds.iter().map(|round| round.samples).sum();
+    let failed: u64 = rounds.iter().map(|round| round.failed).sum();
+    let mut text = format!(
+        "{} rounds asked for {} new designs and {} further turns at designs that were there: {} \
+         samples beside the {} of the DoE, {} in all.",
+        rounds.len(),
+        count(rounds.iter().map(|round| round.new_designs).sum()),
+        count(rounds.iter().map(|round| round.further_turns).sum()),
+        count(samples),
+        count(enrichment.doe_samples),
+        count(samples + enrichment.doe_samples),
+    );
+    if failed > 0 {
+        text += &format!(" {} of the points failed.", count(failed));
+    }
+    text
+}
+
+/// What was predicted and what came of it.
+fn outcome(enrichment: &Enrichment) -> String {
+    let Some(last) = enrichment.rounds.last() else {
+        return String::new();
+    };
+    if !last.predicted_um.is_finite() {
+        return String::new();
+    }
+    let mut text = format!(
+        "The model predicts a P90 of {} µm (95 % interval {} to {} µm) for the design that it \
+         recommends.",
+        fixed(last.predicted_um, 3),
+        fixed(last.low_um, 3),
+        fixed(last.high_um, 3),
+    );
+    if let (Some(verified), Some((low, high))) =
+        (enrichment.verified_um, enrichment.interval_of_estimate_um)
+    {
+        let lies = if (low..=high).contains(&verified) {
+            "lies within"
+        } else {
+            "lies outside"
+        };
+        text += &format!(
+            " Fresh samples give {} µm, which {lies} the interval that it gives for an estimate from \
+             that many, {} to {} µm.",
+            fixed(verified, 3),
+            fixed(low, 3),
+            fixed(high, 3),
+        );
+    }
+    text
+}

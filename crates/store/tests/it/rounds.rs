@@ -1,0 +1,127 @@
+//! Rounds of infill points: written once, all or nothing, and cleared with what they rest on.
+
+use store::{Batch, Error, InfillRow, NewRound, RoundRow, Store, VerifyRow};
+
+use crate::{campaign, folder, open, store_with};
+
+fn point(infill: u64, round: u64) -> InfillRow {
+    InfillRow {
+        infill,
+        round,
+        name: format!("infill-{infill:04}"),
+        number: (1 << 27) + 7 * infill,
+        reason: "local".into(),
+        x: [infill as f64, -0.1, 1.1, 1.2, 1.0 / 3.0, 1.4],
+        violation: 0.0,
+        samples: 30,
+        failed: false,
+    }
+}
+
+/// A round of three points.
+pub(crate) fn new_round(round: u64, failed: &[u64]) -> NewRound {
+    NewRound {
+        row: RoundRow {
+            round,
+            expected_improvement_um: (round > 0).then_some(0.25),
+            recommendation_json: (round > 0).then(|| format!("{{\"design\":{round}}}")),
+            stop_json: None,
+            notes_json: "[]".into(),
+            simulator_calls: 800 + round,
+            cpu_seconds: 0.5,
+        },
+        infill: (3 * round..3 * round + 3)
+            .map(|i| point(i, round))
+            .collect(),
+        failed: failed.to_vec(),
+    }
+}
+
+async fn sampled(store: &Store, names: &[&str]) {
+    let verify = names
+        .iter()
+        .flat_map(|name| {
+            (0..4).map(move |sample| VerifyRow {
+                approach: (*name).into(),
+                sample,
+                delta_ste_um: 0.5,
+            })
+        })
+        .collect();
+    let batch = Batch {
+        verify,
+        ..Batch::default()
+    };
+    store.writer().unwrap().submit(batch).await.unwrap();
+}
+
+#[tokio::test]
+async fn a_round_is_held_with_its_points_and_marks_those_that_failed() {
+    let (_folder, path) = folder();
+    let store = store_with(&path, 2).await;
+    assert_eq!(store.rounds().await.unwrap(), []);
+    let (first, second) = (new_round(0, &[]), new_round(1, &[1]));
+    store.put_round(&first).await.unwrap();
+    assert_eq!(store.infill().await.unwrap(), first.infill);
+    store.put_round(&second).await.unwrap();
+    store.close().await.unwrap();
+
+    let store = Store::open_read_only(&path).await.unwrap();
+    assert_eq!(
+        store.rounds().await.unwrap(),
+        [first.row.clone(), second.row.clone()]
+    );
+    let mut points: Vec<InfillRow> = first.infill.into_iter().chain(second.infill).collect();
+    points[1].failed = true;
+    assert_eq!(store.infill().await.unwrap(), points);
+}
+
+#[tokio::test]
+async fn a_round_is_decided_once_and_never_stored_in_part() {
+    let (_folder, path) = folder();
+    let store = store_with(&path, 2).await;
+    store.put_round(&new_round(0, &[])).await.unwrap();
+    let again = store.put_round(&new_round(0, &[])).await.unwrap_err();
+    assert!(matches!(again, Error::Constraint { .. }), "{again}");
+    // Its last point is one that is held already.
+    let mut mixed = new_round(1, &[0]);
+    mixed.infill[2] = InfillRow {
+        round: 1,
+        ..point(0, 0)
+    };
+    let mixed = store.put_round(&mixed).await.unwrap_err();
+    assert!(matches!(mixed, Error::Constraint { .. }), "{mixed}");
+    let mut endless = new_round(1, &[0]);
+    endless.infill[0].violation = f64::INFINITY;
+    let endless = store.put_round(&endless).await.unwrap_err();
+    assert!(matches!(endless, Error::NotFinite { .. }), "{endless}");
+    assert_eq!(store.rounds().await.unwrap().len(), 1);
+    assert_eq!(store.infill().await.unwrap(), new_round(0, &[]).infill);
+    // The writer goes on.
+    store.put_round(&new_round(1, &[])).await.unwrap();
+}
+
+#[tokio::test]
+async fn rounds_go_with_what_was_derived_and_their_samples_with_them() {
+    let (_folder, path) = folder();
+    let store = store_with(&path, 2).await;
+    store.put_round(&new_round(0, &[])).await.unwrap();
+    sampled(&store, &["infill-0000", "infill-0002", "figure-7"]).await;
+    store.clear_derived(&[]).await.unwrap();
+    assert_eq!(store.rounds().await.unwrap(), []);
+    assert_eq!(store.infill().await.unwrap(), []);
+    assert_eq!(
+        store.verify_counts().await.unwrap(),
+        [("figure-7".to_owned(), 4)]
+    );
+    assert_eq!(store.verify_samples("infill-0000").await.unwrap(), []);
+
+    // A larger campaign decides its rounds anew.
+    store.put_round(&new_round(0, &[])).await.unwrap();
+    sampled(&store, &["infill-0001"]).await;
+    store.extend(&campaign(), &[]).await.unwrap();
+    store.close().await.unwrap();
+    let store = open(&path).await;
+    assert_eq!(store.rounds().await.unwrap(), []);
+    assert_eq!(store.progress().await.unwrap().verify_samples, 4);
+}
