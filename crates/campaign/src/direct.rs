@@ -374,6 +374,22 @@ mod tests {
         assert_ne!(fresh[..10], again[..]);
     }
 
+    /// The optimum with Archard's wear has 1071 MPa: under a limit next to it little is feasible, and
+    /// the search gets there only if it minds the pressure from the beginning.
+    #[test]
+    fn a_tight_limit_of_the_pressure_is_reached() {
+        let problem = problem(|campaign| {
+            campaign.material.hertz_limit_mpa = 1080.0;
+            campaign.optimise.evaluations = 3000;
+            campaign.optimise.restart_at = 1500;
+        });
+        let frozen = problem.printed_frozen();
+        let search = search(&problem, &frozen, &Space::plain(), 0, 0, None).unwrap();
+        let found = search.found.expect("there are such designs");
+        assert!(found.criteria.hertz_pressure_mpa < 1080.0);
+        assert!(problem.is_feasible(&found.criteria));
+    }
+
     #[test]
     fn limits_that_nothing_satisfies_end_without_a_design_and_without_a_sample() {
         let problem = problem(|campaign| campaign.constraints.contact_ratio_min = 50.0);
