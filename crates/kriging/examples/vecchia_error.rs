@@ -134,8 +134,8 @@ fn svg(curves: &[Curve]) -> String {
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" \
          font-family=\"sans-serif\" font-size=\"12\">\n\
          <rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n\
-         <text x=\"{left}\" y=\"20\" font-size=\"14\">Error of predictions from nearest observations, \
-         relative to the exact fit's</text>"
+         <text x=\"{left}\" y=\"20\" font-size=\"14\">Root mean square error from nearest observations, \
+         beyond the exact fit's</text>"
     ));
     for (value, label) in [
         (0.001, "≤ 0.1 %"),
@@ -190,9 +190,14 @@ fn svg(curves: &[Curve]) -> String {
         }
         if let Some(last) = curve.excess.last() {
             let (x, y) = at(last);
+            // A curve that ends on the axis comes from above: its name stands left of that.
+            let (x, anchor) = if last.1 > FLOOR {
+                (x + 8.0, "start")
+            } else {
+                (x - 10.0, "end")
+            };
             add(format!(
-                "<text x=\"{:.1}\" y=\"{:.1}\" fill=\"{colour}\">n = {}</text>",
-                x + 8.0,
+                "<text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"{anchor}\" fill=\"{colour}\">n = {}</text>",
                 y - 6.0,
                 curve.n
             ));

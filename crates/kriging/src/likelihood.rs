@@ -19,7 +19,7 @@ use std::borrow::Cow;
 use crate::covariance::{self, complete, factorise, fill_correlations, log_determinant};
 use crate::data::Scaled;
 use crate::gls::{Gls, Trend};
-use crate::inverse::invert;
+use crate::inverse::{invert, sample};
 use crate::kernel::Kernel;
 
 /// What an evaluation computes beyond the value.
@@ -64,6 +64,9 @@ pub(crate) struct Likelihood<'a> {
     noise: Vec<f64>,
     /// Added to the diagonal, relative to σ².
     pub(crate) jitter: f64,
+    /// How many random vectors stand for the inverse in the gradient, see
+    /// [`crate::inverse::sample`]; zero for the inverse itself.
+    pub(crate) probes: usize,
     /// `data.columns` divided by the ranges.
     columns: Vec<Vec<f64>>,
     correlation: Vec<f64>,
@@ -78,6 +81,7 @@ impl<'a> Likelihood<'a> {
             basis: form.trend.basis(&data.columns, data.len(), 0.5),
             noise: data.noise.clone(),
             jitter,
+            probes: 0,
             columns: data.columns.clone(),
             data,
             correlation: Vec::new(),
@@ -146,7 +150,10 @@ impl<'a> Likelihood<'a> {
         };
         if order >= Order::Gradient {
             self.inverse.resize(n * n, 0.0);
-            invert(&self.factor, n, &mut self.inverse);
+            match self.probes {
+                0 => invert(&self.factor, n, &mut self.inverse),
+                count => sample(&self.factor, n, count, &mut self.inverse),
+            }
             evaluation.gradient = self.gradient(parameters.len(), &beta, quadratic, sigma2, nugget);
         }
         if order >= Order::Curvature {

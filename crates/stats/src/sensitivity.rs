@@ -20,6 +20,8 @@ pub const SENSITIVITY_INPUTS: usize = 128;
 /// The most rows of an analysis, the length of the sequence.
 pub const SENSITIVITY_ROWS: usize = 65_536;
 
+/// A standard deviation, relative to the mean, that is nothing but rounding.
+const ROUNDING: f64 = 1e-12;
 /// Rows of an analysis below which bootstrap intervals say nothing.
 const FEWEST_ROWS: usize = 8;
 
@@ -172,10 +174,10 @@ impl SensitivityPlan {
         let all: Vec<usize> = (0..rows.len()).collect();
         let estimate = Estimate::of(&rows, &all, self.inputs);
         check(
-            estimate.variance > 0.0,
+            estimate.variance.sqrt() > ROUNDING * estimate.mean.abs(),
             "variance of the output",
             estimate.variance,
-            "above 0: the output does not depend on any input",
+            "above that of rounding: the output does not depend on any input",
         )?;
         let drawn: Vec<Estimate> = (0..resamples)
             .map(|_| {

@@ -581,7 +581,8 @@ mod tests {
             refine(&problem, &frozen, &known, Against::Pressure, 2).unwrap()
         };
         let found = refine();
-        assert_eq!(found, refine());
+        // By their text: what an interval is not known of is no number, and no number equals itself.
+        assert_eq!(format!("{found:?}"), format!("{:?}", refine()));
         assert_eq!(found.len(), 2);
         // The campaign's own limit, then half of 15 % below the best known design's 1500 MPa.
         for (point, limit) in found.iter().zip([1550.0, 1387.5]) {
