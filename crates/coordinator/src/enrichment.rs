@@ -8,15 +8,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use anyhow::Context as _;
-use campaign::enrichment::{
-    self, Progress, REACH, exact_violation, options, point_name, point_number,
-};
+use campaign::enrichment::{self, Progress, REACH, options, point_name, point_number};
 use campaign::file::{ControlVariate, Sampling};
 use campaign::formulation::{Problem, ROBUST_VARIABLES};
 use campaign::optimise::Found;
 use campaign::plan::VerifyPoint;
 use campaign::{Approach, Frozen, Variables};
-use enrich::{Decision, Infill, Reason, Recommendation, RoundRecord, Sampled, State, Stop};
+use enrich::{Decision, Infill, Known, Reason, Recommendation, RoundRecord, Sampled, State, Stop};
 use rayon::prelude::*;
 use stats::streams::Purpose;
 use store::{
@@ -157,13 +155,17 @@ impl Rows {
                 continue;
             };
             let x = design.point();
-            let worn = criteria
-                .get(&response.design)
-                .and_then(|row| steps::worn_criteria(problem, &Variables::robust(&x, frozen), row));
-            let violation = worn.map(|worn| enrichment::violation(problem, &worn));
-            let Some(violation) = violation.filter(|violation| *violation <= REACH) else {
+            let Some(row) = criteria.get(&response.design) else {
                 continue;
             };
+            let worn = steps::worn_criteria(problem, &Variables::robust(&x, frozen), row);
+            let violation = worn.map(|worn| enrichment::violation(problem, &worn));
+            let (Some(violation), Some(baseline_um)) = (violation, row.delta_ste_archard_um) else {
+                continue;
+            };
+            if violation > REACH {
+                continue;
+            }
             if let Some(held) = self.of_designs.get(&response.design) {
                 let stream = (Purpose::Wear, response.design, held.as_slice());
                 pooled.insert(sampled.len(), vec![stream]);
@@ -176,6 +178,7 @@ impl Rows {
                 response_um: response.p90_um,
                 variance_um2: response.p90_variance_um2,
                 violation,
+                baseline_um,
             });
         }
         for row in self.infill.iter().filter(|row| !self.has_failed(row)) {
@@ -186,6 +189,7 @@ impl Rows {
                     response_um: f64::NAN,
                     variance_um2: 0.0,
                     violation: row.violation,
+                    baseline_um: f64::NAN,
                 });
                 sampled.len() - 1
             });
@@ -194,15 +198,19 @@ impl Rows {
                 pooled.entry(place).or_default().push(stream);
             }
         }
-        let responses: Vec<(usize, usize, Option<ResponseRow>)> = pooled
+        let responses: Vec<(usize, usize, Option<ResponseRow>, Option<f64>)> = pooled
             .par_iter()
             .map(|(&place, streams)| {
-                let (count, row) = pool(problem, frozen, &sampled[place].x, streams);
-                (place, count, row)
+                let x = &sampled[place].x;
+                let (count, row) = pool(problem, frozen, x, streams);
+                (place, count, row, baseline(problem, frozen, x))
             })
             .collect();
-        for (place, count, row) in responses {
+        for (place, count, row, baseline) in responses {
             let entry = &mut sampled[place];
+            if let Some(baseline) = baseline {
+                entry.baseline_um = baseline;
+            }
             entry.samples = u32::try_from(count).unwrap_or(u32::MAX);
             if let Some(row) = row {
                 entry.response_um = row.p90_um;
@@ -238,11 +246,11 @@ impl Rows {
         let options = options(problem, section, left as u32)?;
         let state = self.state(problem, frozen);
         let calls = Cell::new(0);
-        let exact = |x: &[f64]| -> Option<f64> {
+        let exact = |x: &[f64]| -> Option<Known> {
             let x: Point = x.try_into().ok()?;
-            let (violation, took) = exact_violation(problem, &Variables::robust(&x, frozen))?;
+            let (known, took) = enrichment::known(problem, &Variables::robust(&x, frozen))?;
             calls.set(calls.get() + took);
-            Some(violation)
+            Some(known)
         };
         let decision = enrich::decide(&state, &options, &exact)?;
         let round = self.rounds.len() as u64;
@@ -253,7 +261,10 @@ impl Rows {
             let (x, violation, samples, reason) = match entry {
                 Infill::New {
                     x, samples, reason, ..
-                } => (x, exact(x), *samples, reason_name(*reason)),
+                } => {
+                    let violation = exact(x).map(|known| known.violation);
+                    (x, violation, *samples, reason_name(*reason))
+                }
                 Infill::More {
                     design, samples, ..
                 } => {
@@ -308,6 +319,13 @@ impl Rows {
 
 /// Samples and the name of their random streams.
 type Stream<'a> = (Purpose, u64, &'a [f64]);
+
+/// ΔSTE with Archard's wear at a place that can be simulated.
+fn baseline(problem: &Problem, frozen: &Frozen, x: &[f64]) -> Option<f64> {
+    let x: Point = x.try_into().ok()?;
+    let pair = problem.pair(&Variables::robust(&x, frozen)).ok()?;
+    Some(pair.archard(problem.wear()).analysis.delta_ste_um)
+}
 
 /// How many samples there are at a place, and the response that they make together.
 fn pool(

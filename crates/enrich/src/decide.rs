@@ -7,7 +7,9 @@ use stats::streams::{Purpose, stream};
 use crate::infill::{Exact, Objective, Pick, distance, fill_space, is_same, search};
 use crate::state::Rows;
 use crate::surrogate::Surrogate;
-use crate::{Decision, Error, Infill, Note, Options, Reason, Recommendation, State, Stop, Z95};
+use crate::{
+    Decision, Error, Infill, Known, Note, Options, Reason, Recommendation, State, Stop, Z95,
+};
 
 /// Names the random streams of the enrichment among those of the optimisers.
 const STREAM: u64 = 5;
@@ -27,9 +29,9 @@ const IN_A_ROW: usize = 2;
 
 /// Decides the next round from what the rows say.
 ///
-/// `constraints` evaluates the cheap deterministic criteria exactly: how far they are missed at a
-/// design (in the caller's units), 0 or less if it is feasible, none if it cannot be evaluated. No
-/// surrogate stands in for it.
+/// `exact` evaluates the cheap deterministic criteria of a design: how far the constraints are missed
+/// (in the caller's units), 0 or less if it is feasible, and a [baseline](Known::baseline_um) of the
+/// response if there is one; none if the design cannot be evaluated. No surrogate stands in for it.
 ///
 /// The models: one of all designs; and one around each of the [`Options::basins`] best designs that
 /// are at least 15 % of a range apart, of the [`Options::local_points`] nearest designs with a
@@ -51,10 +53,12 @@ const IN_A_ROW: usize = 2;
 ///
 /// [`Error::Design`], [`Error::Variance`] and [`Error::Setting`] for unusable rows and settings. A
 /// model that cannot be fitted is a note, not an error.
-pub fn decide<F>(state: &State, options: &Options, constraints: &F) -> Result<Decision, Error>
+pub fn decide<F, K>(state: &State, options: &Options, exact: &F) -> Result<Decision, Error>
 where
-    F: Fn(&[f64]) -> Option<f64>,
+    F: Fn(&[f64]) -> Option<K>,
+    K: Into<Known>,
 {
+    let constraints = &|x: &[f64]| exact(x).map(Into::into);
     options.check()?;
     let rows = Rows::new(state, options)?;
     let round = Round {
@@ -101,7 +105,7 @@ struct Basin {
     is_exhausted: bool,
 }
 
-impl<F: Fn(&[f64]) -> Option<f64>> Round<'_, F> {
+impl<F: Fn(&[f64]) -> Option<Known>> Round<'_, F> {
     fn run(mut self) -> Result<Decision, Error> {
         if self.rows.merged > 0 {
             let entries = self.rows.merged;
@@ -298,7 +302,8 @@ impl<F: Fn(&[f64]) -> Option<f64>> Round<'_, F> {
     }
 
     fn upper_quantile(&self, model: &Surrogate, row: usize) -> f64 {
-        let belief = model.belief(&self.rows.sampled[row].x);
+        let row = &self.rows.sampled[row];
+        let belief = model.belief(&row.x, row.baseline_um);
         belief.quantile_um(self.options.quantile_z)
     }
 
@@ -324,7 +329,7 @@ impl<F: Fn(&[f64]) -> Option<f64>> Round<'_, F> {
         if row.violation > 0.0 {
             return None;
         }
-        let belief = basin.model.belief(&row.x);
+        let belief = basin.model.belief(&row.x, row.baseline_um);
         Some(Recommendation {
             design: self.rows.index[basin.best],
             x: row.x.clone(),
@@ -450,7 +455,8 @@ impl<F: Fn(&[f64]) -> Option<f64>> Round<'_, F> {
         let z = self.options.quantile_z;
         let beliefs: Vec<_> = among
             .iter()
-            .map(|&i| model.belief(&self.rows.sampled[i].x))
+            .map(|&i| &self.rows.sampled[i])
+            .map(|row| model.belief(&row.x, row.baseline_um))
             .collect();
         let lowest = beliefs
             .iter()
@@ -585,7 +591,7 @@ impl<F: Fn(&[f64]) -> Option<f64>> Round<'_, F> {
             *exact_evaluations += 1;
             cmaes::Evaluation {
                 value: 0.0,
-                violation: constraints(x).unwrap_or(f64::NAN),
+                violation: constraints(x).map_or(f64::NAN, |known| known.violation),
             }
         };
         let found = cmaes::minimise_run(&start, run, &mut rng, &mut violation).ok()?;

@@ -7,7 +7,7 @@ use rand_distr::StandardNormal;
 use crate::criterion::{Belief, knowledge_gradient};
 use crate::state::Rows;
 use crate::surrogate::Surrogate;
-use crate::{Criterion, Error, Options};
+use crate::{Criterion, Error, Known, Options};
 
 /// Designs nearer to a failed one than this share of every range are not tried.
 const FAILURE_RADIUS: f64 = 0.01;
@@ -26,11 +26,11 @@ pub(crate) struct Exact<'a, F> {
     pub(crate) evaluations: u64,
 }
 
-impl<F: Fn(&[f64]) -> Option<f64>> Exact<'_, F> {
-    /// The violation at `x`; NaN where it cannot be evaluated.
-    fn violation(&mut self, x: &[f64]) -> f64 {
+impl<F: Fn(&[f64]) -> Option<Known>> Exact<'_, F> {
+    /// What is known at `x`; its violation is NaN where it cannot be evaluated.
+    fn known(&mut self, x: &[f64]) -> Known {
         self.evaluations += 1;
-        (self.constraints)(x).unwrap_or(f64::NAN)
+        (self.constraints)(x).unwrap_or(Known::from(f64::NAN))
     }
 }
 
@@ -62,24 +62,26 @@ impl<'a> Objective<'a> {
         options: &'a Options,
     ) -> Result<Self, Error> {
         let x = |i: &usize| rows.sampled[*i].x.as_slice();
+        let baseline = |i: &usize| rows.sampled[*i].baseline_um;
         let lowest = |values: &mut dyn Iterator<Item = f64>| values.fold(f64::INFINITY, f64::min);
         let mut compared = Vec::new();
         let mut reinterpolated = None;
         let threshold = match options.criterion {
             Criterion::ExpectedQuantileImprovement => lowest(&mut incumbents.iter().map(|i| {
-                let belief = model.belief(x(i));
+                let belief = model.belief(x(i), baseline(i));
                 belief.mean + options.quantile_z * belief.sd
             })),
             Criterion::ReinterpolatedExpectedImprovement => {
                 let exact = model.reinterpolated(rows)?;
-                let threshold = lowest(&mut incumbents.iter().map(|i| exact.mean(x(i))));
+                let threshold =
+                    lowest(&mut incumbents.iter().map(|i| exact.mean(x(i)) + baseline(i)));
                 reinterpolated = Some(exact);
                 threshold
             }
             Criterion::KnowledgeGradient => {
                 compared = incumbents
                     .iter()
-                    .map(|i| (x(i).to_vec(), model.mean(x(i))))
+                    .map(|i| (x(i).to_vec(), model.mean(x(i)) + baseline(i)))
                     .collect();
                 compared.sort_by(|a, b| a.1.total_cmp(&b.1));
                 compared.truncate(COMPARED);
@@ -96,14 +98,14 @@ impl<'a> Objective<'a> {
     }
 
     /// What `samples` samples at `x` are worth, µm.
-    pub(crate) fn value_um(&self, x: &[f64], samples: u32) -> f64 {
+    pub(crate) fn value_um(&self, x: &[f64], baseline: f64, samples: u32) -> f64 {
         let options = self.options;
         match (options.criterion, &self.reinterpolated) {
             (Criterion::ReinterpolatedExpectedImprovement, Some(exact)) => {
-                exact.belief(x).expected_below(self.threshold)
+                exact.belief(x, baseline).expected_below(self.threshold)
             }
-            (Criterion::KnowledgeGradient, _) => self.knowledge_um(x, samples),
-            _ => self.model.belief(x).quantile_improvement(
+            (Criterion::KnowledgeGradient, _) => self.knowledge_um(x, baseline, samples),
+            _ => self.model.belief(x, baseline).quantile_improvement(
                 self.threshold,
                 self.model.noise(samples),
                 options.quantile_z,
@@ -111,8 +113,8 @@ impl<'a> Objective<'a> {
         }
     }
 
-    fn knowledge_um(&self, x: &[f64], samples: u32) -> f64 {
-        let belief = self.model.belief(x);
+    fn knowledge_um(&self, x: &[f64], baseline: f64, samples: u32) -> f64 {
+        let belief = self.model.belief(x, baseline);
         let points: Vec<&[f64]> = self
             .compared
             .iter()
@@ -136,8 +138,8 @@ impl<'a> Objective<'a> {
         }
     }
 
-    fn belief(&self, x: &[f64]) -> Belief {
-        self.model.belief(x)
+    fn belief(&self, x: &[f64], baseline: f64) -> Belief {
+        self.model.belief(x, baseline)
     }
 }
 
@@ -153,17 +155,20 @@ pub(crate) fn search<F, R>(
     rng: &mut R,
 ) -> Result<Option<Pick>, Error>
 where
-    F: Fn(&[f64]) -> Option<f64>,
+    F: Fn(&[f64]) -> Option<Known>,
     R: Rng + ?Sized,
 {
     let options = objective.options;
     let samples = options.samples_new;
     let within = Bounds::new(region.to_vec())?;
     let mut evaluate = |x: &[f64]| -> Evaluation {
-        let violation = if near_failure(x, rows, options) {
-            f64::NAN
+        let Known {
+            violation,
+            baseline_um,
+        } = if near_failure(x, rows, options) {
+            Known::from(f64::NAN)
         } else {
-            exact.violation(x)
+            exact.known(x)
         };
         if violation.is_nan() || violation > 0.0 {
             return Evaluation {
@@ -171,12 +176,14 @@ where
                 violation,
             };
         }
-        let value = objective.value_um(x, samples);
+        let value = objective.value_um(x, baseline_um, samples);
         // Where nothing is expected, the search still ought to know which way is down.
         let value = if value > NOTHING {
             -value
         } else {
-            LIFT + objective.belief(x).quantile_um(-options.quantile_z)
+            LIFT + objective
+                .belief(x, baseline_um)
+                .quantile_um(-options.quantile_z)
         };
         Evaluation {
             value,
@@ -240,7 +247,7 @@ where
     if !evaluation.is_feasible() {
         return Ok(None);
     }
-    let value_um = objective.value_um(&x, samples);
+    let value_um = objective.value_um(&x, exact.known(&x).baseline_um, samples);
     Ok(Some(Pick { x, value_um }))
 }
 
@@ -253,7 +260,7 @@ pub(crate) fn fill_space<F, R>(
     rng: &mut R,
 ) -> Option<Vec<f64>>
 where
-    F: Fn(&[f64]) -> Option<f64>,
+    F: Fn(&[f64]) -> Option<Known>,
     R: Rng + ?Sized,
 {
     let mut best: Option<(f64, Vec<f64>)> = None;
@@ -264,7 +271,7 @@ where
             .iter()
             .map(|(low, high)| low + (high - low) * rng.random::<f64>())
             .collect();
-        let violation = exact.violation(&x);
+        let violation = exact.known(&x).violation;
         if violation.is_nan() || violation > 0.0 || near_failure(&x, rows, options) {
             continue;
         }

@@ -37,4 +37,4 @@ pub(crate) use decision::Z95;
 pub use decision::{Decision, Infill, Note, Reason, Recommendation, Stop};
 pub use error::Error;
 pub use options::{Criterion, Options};
-pub use state::{RoundRecord, Sampled, State};
+pub use state::{Known, RoundRecord, Sampled, State};

@@ -18,6 +18,31 @@ pub struct Sampled {
     pub variance_um2: f64,
     /// How far the exact constraints are missed; 0 or less is feasible.
     pub violation: f64,
+    /// [`Known::baseline_um`] of the design.
+    #[serde(default)]
+    pub baseline_um: f64,
+}
+
+/// What is known of a design without sampling it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Known {
+    /// How far the exact constraints are missed; 0 or less is feasible.
+    pub violation: f64,
+    /// A cheap relative of the response, µm, whatever the scale on which they differ: the models
+    /// learn the difference alone (M. C. Kennedy, A. O'Hagan, *Predicting the output from a complex
+    /// computer code when fast approximations are available*, Biometrika 87 (2000) 1–13, with the
+    /// factor 1). Zero everywhere if there is none.
+    pub baseline_um: f64,
+}
+
+impl From<f64> for Known {
+    /// A violation without a baseline.
+    fn from(violation: f64) -> Self {
+        Self {
+            violation,
+            baseline_um: 0.0,
+        }
+    }
 }
 
 /// What became of an earlier round.

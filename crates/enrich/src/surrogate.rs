@@ -25,7 +25,9 @@ impl Surrogate {
         options: &Options,
     ) -> Result<Self, kriging::Error> {
         let sampled = || which.iter().map(|&i| &rows.sampled[i]);
-        let logarithm = options.logarithm && sampled().all(|s| s.response_um > 0.0);
+        // A difference from a baseline may be negative, and is no longer a matter of proportions.
+        let plain = |s: &crate::Sampled| s.response_um > 0.0 && s.baseline_um == 0.0;
+        let logarithm = options.logarithm && sampled().all(plain);
         let x: Vec<f64> = sampled().flat_map(|s| s.x.iter().copied()).collect();
         let scaled: Vec<(f64, f64)> = sampled()
             .map(|s| {
@@ -33,7 +35,7 @@ impl Surrogate {
                     let relative = s.variance_um2 / (s.response_um * s.response_um);
                     (s.response_um.ln(), relative)
                 } else {
-                    (s.response_um, s.variance_um2)
+                    (s.response_um - s.baseline_um, s.variance_um2)
                 }
             })
             .collect();
@@ -83,15 +85,17 @@ impl Surrogate {
         self.noise_per_sample / f64::from(samples.max(1))
     }
 
-    pub(crate) fn belief(&self, x: &[f64]) -> Belief {
+    /// What the model believes of the response at `x`, whose baseline is given in µm.
+    pub(crate) fn belief(&self, x: &[f64], baseline: f64) -> Belief {
         let prediction = self.model.predict(x);
         Belief {
-            mean: prediction.mean,
+            mean: prediction.mean + baseline,
             sd: prediction.variance.max(0.0).sqrt(),
             logarithm: self.logarithm,
         }
     }
 
+    /// The mean at `x` on the modelled scale, that is, without the baseline.
     pub(crate) fn mean(&self, x: &[f64]) -> f64 {
         self.model.mean(x)
     }
@@ -123,7 +127,7 @@ impl Surrogate {
         samples: u32,
         points: &[&[f64]],
     ) -> Result<Vec<f64>, kriging::Error> {
-        let belief = self.belief(x);
+        let belief = self.belief(x, 0.0);
         let noise = self.noise(samples);
         let deviation = (belief.sd * belief.sd + noise).sqrt();
         let after = self.with(x, &[belief.mean + deviation], &[noise])?;

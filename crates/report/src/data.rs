@@ -392,7 +392,8 @@ pub struct Enrichment {
     pub doe_samples: u64,
     /// Verified P90 of the recommended design, µm.
     pub verified_um: Option<f64>,
-    /// The model's 95 % interval for an estimate from as many samples as verified it, µm.
+    /// The 95 % interval in which an estimate from as many fresh samples is to be expected, from the
+    /// model's uncertainty and the verification's, µm.
     pub interval_of_estimate_um: Option<(f64, f64)>,
 }
 

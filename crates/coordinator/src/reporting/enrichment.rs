@@ -7,6 +7,9 @@ use store::Store;
 use super::Sources;
 use crate::enrichment::{Round, counts, sentence};
 
+/// Deviate of a two-sided 95 % interval.
+const Z95: f64 = 1.959_963_984_540_054;
+
 /// None without an enrichment.
 pub(super) async fn enrichment(
     store: &Store,
@@ -49,7 +52,10 @@ pub(super) async fn enrichment(
         stop,
         doe_samples: counts.values().sum(),
         verified_um: verified.map(|percentile| percentile.p90),
-        interval_of_estimate_um: recommendation
-            .map(|best| best.interval_of_estimate_um(fresh.len() as u32)),
+        interval_of_estimate_um: recommendation.zip(verified).map(|(best, verified)| {
+            // Both are uncertain, the model and the verification.
+            let half = best.half_width_um().hypot(Z95 * verified.variance.sqrt());
+            (best.predicted_um - half, best.predicted_um + half)
+        }),
     }))
 }

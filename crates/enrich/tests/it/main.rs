@@ -53,6 +53,7 @@ fn add(problem: &Problem, state: &mut State, x: Vec<f64>, number: usize, samples
         samples,
         response_um,
         variance_um2,
+        baseline_um: 0.0,
     });
 }
 
