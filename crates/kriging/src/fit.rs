@@ -39,6 +39,8 @@ const NUGGET_START: f64 = 1e-2;
 /// constant in that coordinate.
 const LONGEST_RANGE: f64 = 50.0;
 /// A range whose logarithm is this close to a bound has ended there: more than the first step off a
+/// By how much less the log likelihood falls where a range is not determined.
+const FLAT: f64 = 0.5;
 /// bound, far less than anything a prediction would show.
 const NEAR: f64 = 1e-2;
 /// A likelihood counts as found when a further step promises less than this.
@@ -499,8 +501,39 @@ impl<'a> Search<'a> {
                     warnings.push(Warning::RangesAtBound { coordinates, upper });
                 }
             }
+            let coordinates = self.flat(found);
+            if !coordinates.is_empty() {
+                warnings.push(Warning::FlatRanges { coordinates });
+            }
         }
         warnings
+    }
+
+    /// The coordinates whose ranges the data do not determine. Those at a bound are reported as such.
+    fn flat(&self, found: &Found) -> Vec<usize> {
+        let at = &found.outcome.at;
+        let active = &self.data.active;
+        let is_flat = |data: &Scaled, p: usize| {
+            let value = |at: Vec<f64>| Some(self.value_at(data, at, found.jitter)?.0);
+            let Some(here) = value(at.clone()) else {
+                return false;
+            };
+            [-std::f64::consts::LN_2, std::f64::consts::LN_2]
+                .into_iter()
+                .all(|step| {
+                    let mut moved = at.clone();
+                    moved[p] = (moved[p] + step).clamp(self.lower[p], self.upper[p]);
+                    value(moved).is_some_and(|there| there - here < FLAT)
+                })
+        };
+        // More points say more: what some of them determine, all do.
+        let some = self.subset(SCREENING.min(self.data.len()));
+        (0..active.len())
+            .filter(|&p| at[p] > self.lower[p] + NEAR && at[p] < self.upper[p] - NEAR)
+            .filter(|&p| is_flat(&some, p))
+            .filter(|&p| some.len() == self.data.len() || is_flat(self.data, p))
+            .map(|p| active[p])
+            .collect()
     }
 }
 

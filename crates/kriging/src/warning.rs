@@ -56,6 +56,12 @@ pub enum Warning {
         /// Number of iterations of the last search.
         iterations: usize,
     },
+    /// The likelihood hardly changes when one of these ranges is halved or doubled (by less than half
+    /// a unit of its logarithm, σ² following): the data do not determine them.
+    FlatRanges {
+        /// Which coordinates, from 0.
+        coordinates: Vec<usize>,
+    },
     /// The ranges of some coordinates ended at a bound of the search.
     RangesAtBound {
         /// Which coordinates, from 0.
@@ -111,6 +117,11 @@ impl fmt::Display for Warning {
                     "the likelihood search had not converged after {iterations} iterations"
                 )
             }
+            Self::FlatRanges { coordinates } => write!(
+                f,
+                "the ranges of coordinates {coordinates:?} may as well be half or twice as long: \
+                 the data do not determine them"
+            ),
             Self::RangesAtBound { coordinates, upper } => {
                 let (bound, meaning) = if *upper {
                     ("upper", "the response hardly depends on them, or linearly")

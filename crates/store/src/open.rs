@@ -97,6 +97,7 @@ impl Store {
         if !exists(&path)? {
             create(&path, campaign, &mut lock).await?;
         }
+        roll_back(&path).await?;
         let (mut connection, found) = inspect(&path).await?;
         let small = size(&path)? <= check_at_once;
         // An upgrade writes, and so does a change of the journal's mode.
@@ -252,10 +253,11 @@ async fn create(path: &Path, campaign: &CampaignRow, lock: &mut Lock) -> Result<
     }
     let draft = beside(path, ".creating");
     // What a creation that was killed left behind; the lock says that nobody else is at it.
-    for leftover in [draft.clone(), beside(&draft, "-journal")] {
-        match fs::remove_file(&leftover) {
+    let companions = ["-journal", "-wal", "-shm"].map(|suffix| beside(&draft, suffix));
+    for leftover in std::iter::once(&draft).chain(&companions) {
+        match fs::remove_file(leftover) {
             Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
-                return Err(Error::io("remove the unfinished store", &leftover, e));
+                return Err(Error::io("remove the unfinished store", leftover, e));
             }
             _ => {}
         }
@@ -269,7 +271,18 @@ async fn create(path: &Path, campaign: &CampaignRow, lock: &mut Lock) -> Result<
     let mut connection = connect(&options, &draft).await?;
     migrate(&mut connection, &draft, 0).await?;
     insert::campaign(&mut connection, &draft, campaign).await?;
+    // Before it has its name: switching later takes a journal, which a kill would leave behind.
+    sqlx::query("PRAGMA journal_mode = WAL")
+        .execute(&mut connection)
+        .await
+        .map_err(|e| Error::sqlite("switch to a write-ahead log", &draft, e))?;
     close(connection, &draft).await?;
+    if exists(&companions[1])? {
+        return Err(Error::Damaged {
+            path: draft,
+            detail: "its log outlived the connection that wrote it".into(),
+        });
+    }
     // What an earlier store of this name had acknowledged does not concern the new one.
     lock.record(0)?;
     fs::rename(&draft, path).map_err(|e| Error::io("move the new store to", path, e))?;
@@ -286,6 +299,33 @@ fn sync_folder(path: &Path) -> Result<(), Error> {
             .map_err(|e| Error::io("sync the folder", folder, e))?;
     }
     Ok(())
+}
+
+/// Lets SQLite undo what a process that was killed had begun under a rollback journal, as a switch to
+/// the write-ahead log is: a reading connection may not. Only a store of ours is touched.
+async fn roll_back(path: &Path) -> Result<(), Error> {
+    let journal = beside(path, "-journal");
+    if !fs::metadata(&journal).is_ok_and(|journal| journal.len() > 0) || !is_marked(path)? {
+        return Ok(());
+    }
+    let mut connection = connect(&writing(path), path).await?;
+    sqlx::query_scalar::<_, i64>("SELECT count(*) FROM sqlite_schema")
+        .fetch_one(&mut connection)
+        .await
+        .map_err(|e| Error::sqlite("undo what was begun", path, e))?;
+    close(connection, path).await
+}
+
+/// Whether the file's header names it a store.
+fn is_marked(path: &Path) -> Result<bool, Error> {
+    // <https://www.sqlite.org/fileformat2.html> 1.3: a big-endian number at offset 68.
+    let mut header = Vec::with_capacity(72);
+    File::open(path)
+        .and_then(|file| file.take(72).read_to_end(&mut header))
+        .map_err(|e| Error::io("read", path, e))?;
+    Ok(header
+        .get(68..72)
+        .is_some_and(|id| id == (APPLICATION_ID as u32).to_be_bytes()))
 }
 
 /// Checks that the file is a store whose schema this program knows, and returns a reading

@@ -104,6 +104,32 @@ fn far_from_the_data_the_mean_and_the_variance_are_those_of_the_process() {
 }
 
 #[test]
+fn ranges_that_the_data_do_not_determine_are_reported() {
+    let mut sample = Sample::smooth(40, 2, 0.04);
+    // The second coordinate moves the response by about as much as the noise does.
+    sample.y = sample
+        .x
+        .chunks(2)
+        .zip(&sample.y)
+        .enumerate()
+        .map(|(i, (x, _))| {
+            let scatter = 0.2 * (1.7 * (i * i) as f64).sin();
+            (5.0 * x[0]).sin() + 0.15 * (4.0 * x[1]).sin() + scatter
+        })
+        .collect();
+    let model = fit(&sample.data(), &FitOptions::default()).unwrap();
+    let flat = Warning::FlatRanges {
+        coordinates: vec![1],
+    };
+    assert_eq!(
+        model.warnings(),
+        [flat],
+        "ranges {:?}",
+        model.parameters().ranges
+    );
+}
+
+#[test]
 fn ranges_at_a_bound_are_reported_together() {
     let mut sample = Sample::smooth(60, 3, 0.01);
     // Nothing depends on the last two coordinates.

@@ -154,3 +154,68 @@ async fn a_store_that_may_not_be_written_is_refused_and_can_be_read() {
     assert_eq!(created.is_ok(), may_write_anyway);
     mode(folder.path(), 0o755);
 }
+
+/// What a kill in the middle of a transaction under a rollback journal leaves: part of it is in the file,
+/// and the journal knows how to undo it.
+#[tokio::test]
+async fn a_transaction_under_a_journal_that_was_killed_is_undone() {
+    use sqlx::Connection as _;
+    use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection, SqliteJournalMode};
+
+    let (_folder, path) = folder();
+    let store = store_with(&path, 3).await;
+    let whole = (0..500).map(|i| sample(0, i, 1.5));
+    store
+        .writer()
+        .unwrap()
+        .submit(samples(whole))
+        .await
+        .unwrap();
+    store.close().await.unwrap();
+    let options = SqliteConnectOptions::new()
+        .filename(&path)
+        .journal_mode(SqliteJournalMode::Delete)
+        // Pages go to the file while the transaction is under way.
+        .pragma("cache_size", "1")
+        .pragma("cache_spill", "1");
+    let mut connection = SqliteConnection::connect_with(&options).await.unwrap();
+    sqlx::query("BEGIN IMMEDIATE")
+        .execute(&mut connection)
+        .await
+        .unwrap();
+    sqlx::query("UPDATE sample SET delta_ste_um = 9.5")
+        .execute(&mut connection)
+        .await
+        .unwrap();
+    let left = path.with_file_name("left.db");
+    for suffix in ["", "-journal", ".lock"] {
+        fs::copy(beside(&path, suffix), beside(&left, suffix)).unwrap();
+    }
+    assert!(
+        read(&beside(&left, "-journal")).len() > 512,
+        "the journal is hot"
+    );
+    let marks = read(&left)
+        .windows(8)
+        .filter(|w| *w == 9.5_f64.to_be_bytes())
+        .count();
+    assert!(marks > 100, "{marks} rows were changed in the file already");
+
+    let store = open(&left).await;
+    let held = store.samples_of(0).await.unwrap();
+    assert_eq!(held.len(), 500);
+    assert!(held.iter().all(|(_, value)| *value == 1.5));
+    assert_eq!(
+        store.samples_digest().await.unwrap(),
+        store.recompute_samples_digest().await.unwrap()
+    );
+}
+
+/// A new store is born with its log: a kill at its first opening finds no journal to leave behind.
+#[tokio::test]
+async fn a_new_store_never_has_a_rollback_journal() {
+    let (_folder, path) = folder();
+    store_with(&path, 1).await.close().await.unwrap();
+    // Bytes 18 and 19 of the header are 2 under a write-ahead log, 1 under a rollback journal.
+    assert_eq!(read(&path)[18..20], [2, 2]);
+}
