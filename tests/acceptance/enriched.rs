@@ -87,7 +87,9 @@ fn a_coordinator_that_dies_in_the_middle_of_a_round_goes_on_with_it() {
 
     // The same points with the same percentiles; of the rounds all but what they cost.
     let points = table(&sandbox, "c.db", "infill");
-    assert!(points.len() >= 10, "{points:?}");
+    for round in ["1", "2", "3"] {
+        assert!(points.iter().any(|row| row[1] == round), "{points:?}");
+    }
     assert_eq!(points, table(&sandbox, "alone.db", "infill"));
     let decided = |db: &str| -> Vec<Vec<String>> {
         let rounds = table(&sandbox, db, "rounds");
