@@ -63,12 +63,19 @@ mod tests {
     const ENRICHED: &str = include_str!("../../../../campaigns/enriched.toml");
 
     #[test]
-    fn the_shipped_file_has_a_fifth_of_the_papers_samples_in_all() {
+    fn the_shipped_file_has_a_fifth_of_the_papers_analyses_in_all() {
         let campaign = Campaign::parse("enriched.toml", ENRICHED).unwrap();
         let paper = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
         let section = campaign.enrichment.unwrap();
         let full = paper.doe.designs * paper.sampling.samples_per_design;
-        assert_eq!(section.samples, full / 5);
+        // 26 analyses for the control variate of each point, besides its samples.
+        let of_a_point = section.samples_per_point + 26;
+        let points = section.samples / section.samples_per_point;
+        assert_eq!(points * of_a_point, full / 5);
+        assert_eq!(
+            campaign.sampling.samples_per_design,
+            section.samples_per_point
+        );
         // Nothing else sets the two campaigns apart.
         let mut same = campaign.clone();
         same.name.clone_from(&paper.name);
@@ -91,7 +98,7 @@ mod tests {
     #[test]
     fn bad_values_are_refused_by_key() {
         for (from, to, key) in [
-            ("samples = 18000 ", "samples = 0 ", "enrichment.samples"),
+            ("samples = 5000 ", "samples = 0 ", "enrichment.samples"),
             ("rounds = 100 ", "rounds = 0 ", "enrichment.rounds"),
             (
                 "points_per_round = 24 ",
@@ -99,12 +106,12 @@ mod tests {
                 "enrichment.points_per_round",
             ),
             (
-                "samples_per_point = 30 ",
+                "samples_per_point = 10 ",
                 "samples_per_point = 3 ",
                 "enrichment.samples_per_point",
             ),
             (
-                "tolerance_um = 0.01 ",
+                "tolerance_um = 0.003 ",
                 "tolerance_um = 0.0 ",
                 "enrichment.tolerance_um",
             ),
@@ -121,7 +128,9 @@ mod tests {
             let message = Campaign::parse("c.toml", &text).unwrap_err().to_string();
             assert!(message.contains(key), "{to}: {message}");
         }
-        let text = ENRICHED.replace("compare_with_paper = true", "compare_with_paper = false")
+        let text = ENRICHED
+            .replace("compare_with_paper = true", "compare_with_paper = false")
+            .replace("control = \"linearised\"", "control = \"none\"")
             + "\n[simulator]\nkind = \"external\"\n";
         let message = Campaign::parse("c.toml", &text).unwrap_err().to_string();
         assert!(message.contains("enrichment is \"present\""), "{message}");
