@@ -17,6 +17,8 @@
 #![expect(clippy::print_stdout, reason = "a program for the command line")]
 
 mod crowd;
+
+mod overhead;
 mod slow;
 
 use std::net::{Ipv4Addr, SocketAddr};
@@ -27,8 +29,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail, ensure};
 use campaign::formulation::Problem;
-use campaign::plan::OpenDesign;
-use campaign::task::{SampleRange, SampleRequest, Task, execute};
+use campaign::task::Task;
 use campaign::{Campaign, probe};
 use coordinator::board::Board;
 use coordinator::guard::Guard;
@@ -51,10 +52,15 @@ fn main() -> anyhow::Result<()> {
                 .with_context(|| format!("{text:?} is no number"))
         })
     };
-    let runtime = tokio::runtime::Runtime::new()?;
-    match arguments.first().map(String::as_str) {
+    let what = arguments.first().map(String::as_str);
+    // As many threads for the network as the two programs have.
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(if what == Some("worker") { 1 } else { 2 })
+        .enable_all()
+        .build()?;
+    match what {
         Some("noop") => runtime.block_on(noop(number(1, 100_000)?)),
-        Some("overhead") => runtime.block_on(overhead(number(1, 90_000)?)),
+        Some("overhead") => runtime.block_on(overhead::measure(number(1, 90_000)?)),
         Some("crowd") => runtime.block_on(crowd::crowd(number(1, 1000)?, number(2, 20)?)),
         Some("large") => runtime.block_on(large(number(1, 100_000)?, number(2, 100)?)),
         // What the others start.
@@ -252,134 +258,6 @@ async fn noop(jobs: usize) -> anyhow::Result<()> {
     );
     served.stop.cancel();
     Ok(())
-}
-
-/// Designs spread over the paper's box; those that cannot be simulated are left out.
-fn designs(problem: &Problem, count: usize) -> Vec<[f64; 6]> {
-    use rand::RngExt as _;
-    use stats::streams::{Purpose, stream};
-    let mut rng = stream(1, Purpose::Test, 0, 0);
-    let mut designs = Vec::new();
-    while designs.len() < count {
-        let unit: [f64; 6] = std::array::from_fn(|_| rng.random());
-        let x = problem.robust_point(&unit);
-        let variables = campaign::Variables::robust(&x, &problem.printed_frozen());
-        if problem.pair(&variables).is_ok() {
-            designs.push(x);
-        }
-    }
-    designs
-}
-
-async fn overhead(samples: usize) -> anyhow::Result<()> {
-    const PER_DESIGN: usize = 30;
-    let built_in = campaign((samples / PER_DESIGN) as u32, PER_DESIGN as u32)?;
-    let problem = Problem::new(built_in.clone());
-    let points = designs(&problem, samples / PER_DESIGN);
-    // The same work in one process, on two threads, as the workers have two processors; twice, as
-    // the first time warms up.
-    let mut alone = 0.0;
-    for _ in 0..2 {
-        let before = cpu();
-        std::thread::scope(|scope| {
-            for half in points.chunks(points.len().div_ceil(2)) {
-                let problem = &problem;
-                scope.spawn(move || {
-                    for (design, x) in (0..).zip(half) {
-                        let designs = vec![SampleRequest {
-                            design,
-                            x: *x,
-                            samples: SampleRange {
-                                first: 0,
-                                count: PER_DESIGN as u32,
-                            },
-                        }];
-                        let frozen = problem.printed_frozen();
-                        let _ = std::hint::black_box(execute(
-                            problem,
-                            &Task::Sample { frozen, designs },
-                        ));
-                    }
-                });
-            }
-        });
-        alone = cpu() - before;
-    }
-    let digest = Some(probe::model_digest(&problem));
-    let spread = over_grpc(&built_in, &points, digest, None).await?;
-    tell("built-in simulator", samples, alone, spread);
-
-    let exe = std::env::current_exe()?;
-    let command = format!("exec {} simulate", exe.display());
-    let slow = samples / 3;
-    let text = toml::to_string(&campaign((slow / PER_DESIGN) as u32, PER_DESIGN as u32)?)?
-        + "\n[simulator]\nkind = \"external\"\nprobe_designs = 0\n";
-    let external = Campaign::parse("external.toml", &text)?;
-    let points = &points[..slow / PER_DESIGN];
-    // One process that asks the program itself: a worker's slot without coordinator and store.
-    let before = cpu();
-    slow::ask(&exe, points.len(), PER_DESIGN)?;
-    let alone = cpu() - before;
-    let spread = over_grpc(&external, points, None, Some(&command)).await?;
-    tell("a simulator of 1 ms per sample", slow, alone, spread);
-    Ok(())
-}
-
-/// CPU time of a campaign's samples with two workers, their and the coordinator's start included.
-async fn over_grpc(
-    campaign: &Campaign,
-    points: &[[f64; 6]],
-    digest: Option<String>,
-    exec: Option<&str>,
-) -> anyhow::Result<[f64; 2]> {
-    let before = cpu_parts();
-    let served = served(campaign, digest).await?;
-    let rows: Vec<DesignRow> = (0..)
-        .zip(points)
-        .map(|(design, x)| DesignRow::new(design, *x))
-        .collect();
-    served.store.put_designs(&rows).await?;
-    let missing = 0..campaign.sampling.samples_per_design;
-    let states: Vec<OpenDesign> = (0..)
-        .zip(points)
-        .map(|(design, x)| OpenDesign {
-            design,
-            x: *x,
-            missing: vec![missing.clone()],
-        })
-        .collect();
-    let problem = Problem::new(campaign.clone());
-    served.board.post_designs(problem.printed_frozen(), &states);
-    served.board.open();
-    let url = format!("http://{}", served.address);
-    let mut arguments = vec!["worker", &url];
-    arguments.extend(exec);
-    let workers = [Process::start(&arguments)?, Process::start(&arguments)?];
-    let wanted = points.len() as u64 * u64::from(campaign.sampling.samples_per_design);
-    while served.store.progress().await?.samples < wanted {
-        tokio::time::sleep(Duration::from_millis(100)).await;
-    }
-    served.board.finish();
-    for worker in workers {
-        worker.wait()?;
-    }
-    served.stop.cancel();
-    served.store.close().await?;
-    let after = cpu_parts();
-    Ok([after[0] - before[0], after[1] - before[1]])
-}
-
-fn tell(what: &str, samples: usize, alone: f64, spread: [f64; 2]) {
-    let micros = |seconds: f64| 1e6 * seconds / samples as f64;
-    let [coordinator, workers] = spread;
-    println!(
-        "{what}: {samples} samples, {:.1} µs each in one process; over gRPC {:.1} µs in the workers \
-         and {:.1} µs in the coordinator and its store: {:+.1} % CPU time",
-        micros(alone),
-        micros(workers),
-        micros(coordinator),
-        100.0 * ((coordinator + workers) / alone - 1.0)
-    );
 }
 
 async fn serve(arguments: &[String]) -> anyhow::Result<()> {

@@ -1,0 +1,173 @@
+//! What a sample costs over gRPC and into the store, beside what it costs alone.
+
+use std::time::Duration;
+
+use campaign::formulation::Problem;
+use campaign::plan::OpenDesign;
+use campaign::task::{SampleRange, SampleRequest, Task, execute};
+use campaign::{Campaign, probe};
+use store::DesignRow;
+
+use crate::{Process, campaign, cpu, cpu_parts, served, slow};
+
+/// Both ways so often, in turn.
+const ROUNDS: usize = 7;
+
+const PER_DESIGN: usize = 30;
+
+/// Designs spread over the paper's box; those that cannot be simulated are left out.
+fn designs(problem: &Problem, count: usize) -> Vec<[f64; 6]> {
+    use rand::RngExt as _;
+    use stats::streams::{Purpose, stream};
+    let mut rng = stream(1, Purpose::Test, 0, 0);
+    let mut designs = Vec::new();
+    while designs.len() < count {
+        let unit: [f64; 6] = std::array::from_fn(|_| rng.random());
+        let x = problem.robust_point(&unit);
+        let variables = campaign::Variables::robust(&x, &problem.printed_frozen());
+        if problem.pair(&variables).is_ok() {
+            designs.push(x);
+        }
+    }
+    designs
+}
+
+pub(super) async fn measure(samples: usize) -> anyhow::Result<()> {
+    let built_in = campaign((samples / PER_DESIGN) as u32, PER_DESIGN as u32)?;
+    let problem = Problem::new(built_in.clone());
+    let points = designs(&problem, samples / PER_DESIGN);
+    let digest = Some(probe::model_digest(&problem));
+    // The first time warms up.
+    alone(&problem, &points);
+    let mut rounds = Vec::new();
+    for _ in 0..ROUNDS {
+        let before = cpu();
+        alone(&problem, &points);
+        let alone = cpu() - before;
+        rounds.push((
+            alone,
+            over_grpc(&built_in, &points, digest.clone(), None).await?,
+        ));
+    }
+    tell("built-in simulator", samples, rounds);
+
+    let exe = std::env::current_exe()?;
+    let command = format!("exec {} simulate", exe.display());
+    let slow = samples / 3;
+    let text = toml::to_string(&campaign((slow / PER_DESIGN) as u32, PER_DESIGN as u32)?)?
+        + "\n[simulator]\nkind = \"external\"\nprobe_designs = 0\n";
+    let external = Campaign::parse("external.toml", &text)?;
+    let points = &points[..slow / PER_DESIGN];
+    // Two slots that ask the program themselves, without coordinator and store.
+    let before = cpu();
+    std::thread::scope(|scope| {
+        let halves = points.chunks(points.len().div_ceil(2));
+        let slots: Vec<_> = halves
+            .map(|half| scope.spawn(|| slow::ask(&exe, half.len(), PER_DESIGN)))
+            .collect();
+        slots
+            .into_iter()
+            .try_for_each(|slot| slot.join().expect("a slot does not panic"))
+    })?;
+    let alone = cpu() - before;
+    let spread = over_grpc(&external, points, None, Some(&command)).await?;
+    tell(
+        "a simulator of 1 ms per sample",
+        slow,
+        vec![(alone, spread)],
+    );
+    Ok(())
+}
+
+/// The samples of all points in this process, on two threads, as the workers have two processors.
+fn alone(problem: &Problem, points: &[[f64; 6]]) {
+    std::thread::scope(|scope| {
+        for half in points.chunks(points.len().div_ceil(2)) {
+            scope.spawn(move || {
+                for (design, x) in (0..).zip(half) {
+                    let designs = vec![SampleRequest {
+                        design,
+                        x: *x,
+                        samples: SampleRange {
+                            first: 0,
+                            count: PER_DESIGN as u32,
+                        },
+                    }];
+                    let frozen = problem.printed_frozen();
+                    let _ =
+                        std::hint::black_box(execute(problem, &Task::Sample { frozen, designs }));
+                }
+            });
+        }
+    });
+}
+
+/// CPU time of a campaign's samples with two workers, their and the coordinator's start included.
+async fn over_grpc(
+    campaign: &Campaign,
+    points: &[[f64; 6]],
+    digest: Option<String>,
+    exec: Option<&str>,
+) -> anyhow::Result<[f64; 2]> {
+    let before = cpu_parts();
+    let served = served(campaign, digest).await?;
+    let rows: Vec<DesignRow> = (0..)
+        .zip(points)
+        .map(|(design, x)| DesignRow::new(design, *x))
+        .collect();
+    served.store.put_designs(&rows).await?;
+    let missing = 0..campaign.sampling.samples_per_design;
+    let states: Vec<OpenDesign> = (0..)
+        .zip(points)
+        .map(|(design, x)| OpenDesign {
+            design,
+            x: *x,
+            missing: vec![missing.clone()],
+        })
+        .collect();
+    let problem = Problem::new(campaign.clone());
+    served.board.post_designs(problem.printed_frozen(), &states);
+    served.board.open();
+    let url = format!("http://{}", served.address);
+    let mut arguments = vec!["worker", &url];
+    arguments.extend(exec);
+    let workers = [Process::start(&arguments)?, Process::start(&arguments)?];
+    let wanted = points.len() as u64 * u64::from(campaign.sampling.samples_per_design);
+    while served.store.progress().await?.samples < wanted {
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    }
+    served.board.finish();
+    for worker in workers {
+        worker.wait()?;
+    }
+    served.stop.cancel();
+    served.store.close().await?;
+    let after = cpu_parts();
+    Ok([after[0] - before[0], after[1] - before[1]])
+}
+
+/// The round of the median ratio, and how far the ratios lie apart.
+fn tell(what: &str, samples: usize, mut rounds: Vec<(f64, [f64; 2])>) {
+    let more = |(alone, [coordinator, workers]): &(f64, [f64; 2])| {
+        100.0 * ((coordinator + workers) / alone - 1.0)
+    };
+    rounds.sort_by(|a, b| more(a).total_cmp(&more(b)));
+    let (alone, [coordinator, workers]) = rounds[rounds.len() / 2];
+    let micros = |seconds: f64| 1e6 * seconds / samples as f64;
+    println!(
+        "{what}: {samples} samples, {:.1} µs each in one process; over gRPC {:.1} µs in the workers \
+         and {:.1} µs in the coordinator and its store: {:+.1} % CPU time",
+        micros(alone),
+        micros(workers),
+        micros(coordinator),
+        more(&rounds[rounds.len() / 2]),
+    );
+    if let [first, .., last] = rounds.as_slice() {
+        println!(
+            "the median of {} rounds from {:+.1} to {:+.1} %",
+            rounds.len(),
+            more(first),
+            more(last)
+        );
+    }
+}
