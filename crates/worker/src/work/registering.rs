@@ -1,0 +1,183 @@
+//! How a worker introduces itself, and learns what there is to simulate.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use campaign::Campaign;
+use campaign::formulation::Problem;
+use protocol::v1::RegisterRequest;
+use tracing::{debug, info};
+
+use super::{CALL_TIMEOUT, Shared};
+use crate::backoff::Backoff;
+use crate::client::cause;
+use crate::connection::Error;
+use crate::exec::Backend;
+
+/// What registering brought.
+#[derive(Debug)]
+pub(super) struct Registered {
+    pub(super) epoch: u64,
+    pub(super) problem: Problem,
+    /// What simulates the campaign's designs here.
+    pub(super) backend: Arc<Backend>,
+    campaign_json: String,
+    model_digest: String,
+    pub(super) heartbeat: Duration,
+}
+
+impl Shared {
+    /// Registers, again and again until it works or has taken too long.
+    pub(super) async fn register(&self, first: bool) -> Result<Arc<Registered>, Error> {
+        let options = &self.options;
+        let patience = if first {
+            options.connect_timeout
+        } else {
+            options.give_up_after
+        };
+        let since = Instant::now();
+        let mut backoff = Backoff::new();
+        let url = self.connection.url().to_owned();
+        loop {
+            // The digest depends on the campaign, which only the coordinator knows: the first call
+            // asks for it, the second one answers the question.
+            let known = self.registered();
+            let request = RegisterRequest {
+                worker_id: self.worker_id.clone(),
+                host: options.host.clone(),
+                program_version: env!("CARGO_PKG_VERSION").to_owned(),
+                model_digest: known
+                    .as_ref()
+                    .map_or_else(String::new, |k| k.model_digest.clone()),
+                slots: u32::try_from(options.slots).unwrap_or(u32::MAX),
+                held: if known.is_some() {
+                    self.held.jobs()
+                } else {
+                    Vec::new()
+                },
+            };
+            let mut client = self.connection.client();
+            let call = tokio::time::timeout(CALL_TIMEOUT, client.register(request));
+            let reason = match call.await {
+                Ok(answer) => match answer {
+                    Ok(response) => {
+                        let response = response.into_inner();
+                        let confirmed = known
+                            .as_ref()
+                            .filter(|known| known.campaign_json == response.campaign_json);
+                        let (problem, backend, model_digest) = match confirmed {
+                            Some(known) => (
+                                known.problem.clone(),
+                                Arc::clone(&known.backend),
+                                known.model_digest.clone(),
+                            ),
+                            None => self.learn(&response.campaign_json).await?,
+                        };
+                        let registered = Arc::new(Registered {
+                            epoch: response.epoch,
+                            model_digest,
+                            problem,
+                            backend,
+                            campaign_json: response.campaign_json.clone(),
+                            heartbeat: Duration::from_millis(response.heartbeat_ms.max(10).into()),
+                        });
+                        let done = confirmed.is_some();
+                        if done {
+                            self.held.cancel(&response.cancelled);
+                        } else {
+                            // What is held belongs to another campaign, if to any.
+                            self.held.cancel_all();
+                        }
+                        *self.problem.write().unwrap_or_else(|e| e.into_inner()) =
+                            Some(Arc::clone(&registered));
+                        if done {
+                            return Ok(registered);
+                        }
+                        continue;
+                    }
+                    Err(status) => match self.connection.refusal(&status) {
+                        Some(refusal) => return Err(refusal),
+                        None => cause(&status),
+                    },
+                },
+                Err(_) => "no answer in time".to_owned(),
+            };
+            debug!(%reason, "registering failed");
+            if since.elapsed() > patience {
+                return Err(if first {
+                    Error::Unreachable { url, reason }
+                } else {
+                    Error::Away {
+                        url,
+                        seconds: patience.as_secs(),
+                    }
+                });
+            }
+            backoff.pause().await;
+        }
+    }
+
+    /// The problem of a new campaign, what simulates it here, and the digest of its model.
+    async fn learn(&self, campaign_json: &str) -> Result<(Problem, Arc<Backend>, String), Error> {
+        let campaign = Campaign::from_json(campaign_json).map_err(|error| Error::Nonsense {
+            url: self.connection.url().to_owned(),
+            reason: error.to_string(),
+        })?;
+        let problem = Problem::new(campaign);
+        let backend = Arc::new(Backend::choose(&problem, self.options.exec.as_ref())?);
+        // An external program may take its time to answer, and must not hold up anything else.
+        let questions = {
+            let (problem, backend) = (problem.clone(), Arc::clone(&backend));
+            tokio::task::spawn_blocking(move || backend.model_digest(&problem))
+        };
+        // Should the worker be asked to end meanwhile, this wait is dropped, and nobody else
+        // would end the program.
+        let unwatched = Unwatched(Some(Arc::clone(&backend)));
+        let model_digest = questions.await.map_err(|error| Error::Program {
+            reason: error.to_string(),
+        })??;
+        unwatched.keep();
+        Ok((problem, backend, model_digest))
+    }
+
+    pub(super) fn registered(&self) -> Option<Arc<Registered>> {
+        self.problem
+            .read()
+            .unwrap_or_else(|e| e.into_inner())
+            .clone()
+    }
+
+    /// Registers again after a coordinator said that it does not know this worker, unless another
+    /// task has done so already.
+    pub(super) async fn register_again(&self, epoch: u64) -> Result<(), Error> {
+        if self
+            .registered()
+            .is_some_and(|registered| registered.epoch == epoch)
+        {
+            info!(coordinator = %self.connection.url(), "registering again");
+            self.register(false).await?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn epoch(&self) -> u64 {
+        self.registered().map_or(0, |registered| registered.epoch)
+    }
+}
+
+/// Ends an external program unless it is kept.
+struct Unwatched(Option<Arc<Backend>>);
+
+impl Unwatched {
+    fn keep(mut self) {
+        self.0 = None;
+    }
+}
+
+impl Drop for Unwatched {
+    fn drop(&mut self) {
+        if let Some(backend) = &self.0 {
+            backend.stop();
+        }
+    }
+}
