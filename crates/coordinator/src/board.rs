@@ -4,6 +4,8 @@
 //! are asked for; the board adds what both must not know: real time, who the workers are, and the
 //! bells that wake whoever waits.
 
+mod live;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -13,11 +15,13 @@ use campaign::batches::{Batches, StreamId, TARGET_SECONDS};
 use campaign::plan::{self, JobKind, OpenDesign, VerifyPoint};
 use campaign::task::{SampleRange, Task};
 use protocol::v1::{Job, JobAttempt};
-use scheduler::{Counts, Failure, JobId, Scheduler, WorkerId};
+use scheduler::{Failure, JobId, Scheduler, WorkerId};
 use tokio::sync::Notify;
 use tokio::time::Instant;
 
 use crate::pace::Pace;
+
+pub use live::{Live, LiveWorker};
 
 /// So many jobs wait, if there are samples to cut them from: a worker that has just failed one is to
 /// find another.
@@ -508,29 +512,6 @@ impl Board {
         }
     }
 
-    /// Why nothing, or nothing more, is being computed.
-    #[must_use]
-    pub fn explain(&self) -> Vec<String> {
-        let now = self.now();
-        let inner = self.lock();
-        if inner.is_finished {
-            return vec!["the campaign is finished".to_owned()];
-        }
-        let mut sentences: Vec<String> = inner
-            .scheduler
-            .explain(now)
-            .iter()
-            .map(ToString::to_string)
-            .collect();
-        if inner.batches.has_free() {
-            sentences.push(
-                "samples are waiting to be cut into jobs: every worker that asks gets some"
-                    .to_owned(),
-            );
-        }
-        sentences
-    }
-
     /// Tells all workers that the campaign is finished.
     pub fn finish(&self) {
         let mut inner = self.lock();
@@ -558,77 +539,6 @@ impl Board {
             .values()
             .all(|worker| worker.told_finished || worker.last_seen.elapsed() > recently)
     }
-
-    /// What only the running coordinator knows.
-    #[must_use]
-    pub fn live(&self) -> Live {
-        let now = self.now();
-        let inner = self.lock();
-        let of: BTreeMap<String, scheduler::WorkerStatus> = inner
-            .scheduler
-            .workers()
-            .into_iter()
-            .map(|status| (status.worker.0.clone(), status))
-            .collect();
-        let workers = inner.workers.iter().map(|(id, info)| {
-            let status = of.get(id);
-            LiveWorker {
-                id: id.clone(),
-                host: info.host.clone(),
-                slots: info.slots,
-                leased: status.map_or(0, |status| status.leased),
-                completed: status.map_or(0, |status| status.completed),
-                failed: status.map_or(0, |status| status.failed + status.crashed),
-                silent_for: info.last_seen.elapsed(),
-                is_set_aside: status
-                    .and_then(|status| status.set_aside_until)
-                    .is_some_and(|until| until > now),
-            }
-        });
-        Live {
-            workers: workers.collect(),
-            counts: inner.scheduler.counts(),
-            done: inner.done,
-            samples_per_second: inner.pace.per_second(now),
-            is_draining: inner.scheduler.is_draining(),
-        }
-    }
-}
-
-/// What only the running coordinator knows.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Live {
-    /// The registered workers.
-    pub workers: Vec<LiveWorker>,
-    /// Jobs by state; done ones are forgotten and counted apart.
-    pub counts: Counts,
-    /// Jobs done since the start.
-    pub done: u64,
-    /// Samples stored per second, lately.
-    pub samples_per_second: f64,
-    /// Whether leasing was stopped.
-    pub is_draining: bool,
-}
-
-/// A registered worker, as people see it.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct LiveWorker {
-    /// Its name on the wire.
-    pub id: String,
-    /// Where it runs.
-    pub host: String,
-    /// How many jobs it computes at once.
-    pub slots: u32,
-    /// Jobs that it holds.
-    pub leased: usize,
-    /// Jobs that it has finished.
-    pub completed: u64,
-    /// Jobs that failed on it or died with it.
-    pub failed: u64,
-    /// How long ago it was heard of.
-    pub silent_for: Duration,
-    /// Whether it gets no jobs for a while, having failed too many.
-    pub is_set_aside: bool,
 }
 
 impl Inner {
