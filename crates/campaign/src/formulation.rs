@@ -6,7 +6,6 @@
 
 use gear::{Discretisation, PairInput};
 use serde::{Deserialize, Serialize};
-use stats::streams::StreamRng;
 
 use crate::Campaign;
 use crate::file::gear_size;
@@ -264,50 +263,12 @@ impl std::fmt::Display for Constraint {
     }
 }
 
-/// What the linear part of a design's ΔSTE is, sample by sample: a control variate.
-#[derive(Debug, Clone, PartialEq)]
-pub struct LinearResponse {
-    slopes: Vec<f64>,
-}
-
-impl LinearResponse {
-    /// How many analyses it took.
-    #[must_use]
-    pub fn analyses(&self) -> u64 {
-        2 * self.slopes.len() as u64
-    }
-
-    /// Its mean and standard deviation over the wear, µm.
-    #[must_use]
-    pub fn moments(&self) -> stats::Control {
-        stats::Control {
-            mean: 0.0,
-            sd: self
-                .slopes
-                .iter()
-                .map(|slope| slope * slope)
-                .sum::<f64>()
-                .sqrt(),
-        }
-    }
-
-    /// Its value for the sample that is drawn from `rng`, µm.
-    pub fn of_sample(&self, rng: &mut StreamRng) -> f64 {
-        let coefficients = gear::wear_coefficients(rng, self.slopes.len());
-        self.slopes
-            .iter()
-            .zip(coefficients)
-            .map(|(a, b)| a * b)
-            .sum()
-    }
-}
-
 /// A design of a campaign, ready to be simulated.
 #[derive(Debug, Clone)]
 pub struct Problem {
     campaign: Campaign,
     template: PairInput,
-    wear: gear::Wear,
+    pub(crate) wear: gear::Wear,
     discretisation: Discretisation,
 }
 
@@ -416,16 +377,6 @@ impl Problem {
     /// Why the design cannot be simulated.
     pub fn pair(&self, variables: &Variables) -> Result<gear::Pair, gear::Error> {
         gear::Pair::new(&self.pair_input(variables), &self.discretisation)
-    }
-
-    /// The linear response of a design: how much ΔSTE in µm changes with each coefficient of its wear.
-    ///
-    /// # Errors
-    ///
-    /// Why the design cannot be simulated.
-    pub fn linearise(&self, variables: &Variables) -> Result<LinearResponse, gear::Error> {
-        let slopes = self.pair(variables)?.sampler(&self.wear).slopes();
-        Ok(LinearResponse { slopes })
     }
 
     /// The criteria of a design, with the contact pressure of the analysis that matters.

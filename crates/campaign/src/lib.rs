@@ -17,6 +17,7 @@ pub mod direct;
 pub mod enrichment;
 pub mod file;
 pub mod formulation;
+mod linear;
 pub mod optimise;
 pub mod plan;
 pub mod probe;
@@ -24,4 +25,5 @@ pub mod simulator;
 pub mod task;
 
 pub use file::{Campaign, FileError, PairFile};
-pub use formulation::{Approach, Criteria, Frozen, LinearResponse, Variables};
+pub use formulation::{Approach, Criteria, Frozen, Variables};
+pub use linear::LinearResponse;

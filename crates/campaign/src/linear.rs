@@ -1,0 +1,56 @@
+//! The linear part of ΔSTE as a control variate of its samples: ΔSTE is all but linear in the wear of
+//! most designs, and the distribution of a sum of normal coefficients is known.
+
+use stats::streams::StreamRng;
+
+use crate::formulation::{Problem, Variables};
+
+/// What the linear part of a design's ΔSTE is, sample by sample: a control variate.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LinearResponse {
+    slopes: Vec<f64>,
+}
+
+impl LinearResponse {
+    /// How many analyses it took.
+    #[must_use]
+    pub fn analyses(&self) -> u64 {
+        2 * self.slopes.len() as u64
+    }
+
+    /// Its mean and standard deviation over the wear, µm.
+    #[must_use]
+    pub fn moments(&self) -> stats::Control {
+        stats::Control {
+            mean: 0.0,
+            sd: self
+                .slopes
+                .iter()
+                .map(|slope| slope * slope)
+                .sum::<f64>()
+                .sqrt(),
+        }
+    }
+
+    /// Its value for the sample that is drawn from `rng`, µm.
+    pub fn of_sample(&self, rng: &mut StreamRng) -> f64 {
+        let coefficients = gear::wear_coefficients(rng, self.slopes.len());
+        self.slopes
+            .iter()
+            .zip(coefficients)
+            .map(|(a, b)| a * b)
+            .sum()
+    }
+}
+
+impl Problem {
+    /// The linear response of a design: how much ΔSTE in µm changes with each coefficient of its wear.
+    ///
+    /// # Errors
+    ///
+    /// Why the design cannot be simulated.
+    pub fn linearise(&self, variables: &Variables) -> Result<LinearResponse, gear::Error> {
+        let slopes = self.pair(variables)?.sampler(&self.wear).slopes();
+        Ok(LinearResponse { slopes })
+    }
+}
