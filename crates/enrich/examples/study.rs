@@ -27,12 +27,12 @@
 use std::cell::Cell;
 
 use campaign::Campaign;
+use campaign::direct::{self, Search, Space};
 use campaign::formulation::{Approach, Frozen, Problem, ROBUST_VARIABLES, Variables};
 use campaign::optimise;
-use cmaes::{Bounds, Evaluation, Schedule};
+use cmaes::Bounds;
 use enrich::{Criterion, Decision, Infill, Known, Options, RoundRecord, Sampled, State, decide};
 use kriging::{Data, FitOptions};
-use rand::RngExt as _;
 use rustix::time::{ClockId, clock_gettime};
 use stats::streams::{Purpose, stream};
 
@@ -407,55 +407,28 @@ fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> 
 }
 
 /// CMA-ES on P90 from 30 samples, the same random numbers at every design.
-fn direct(problem: &Problem, seed: u64) -> Option<Row> {
-    const COMMON: u64 = 1 << 40;
+fn searched(problem: &Problem, seed: u64) -> Option<Row> {
     let frozen = problem.printed_frozen();
-    let campaign = problem.campaign();
     let begun = cpu_seconds();
-    let bounds = Bounds::unit(ROBUST_VARIABLES).expect("six variables");
-    let mut worn = 0_u64;
-    let plain = Cell::new(0_u64);
-    let mut best: Option<(f64, Vec<f64>)> = None;
-    for start in 0..campaign.optimise.starts {
-        let mut rng = stream(seed, Purpose::Optimise, 6, u64::from(start));
-        let origin: Vec<f64> = (0..ROBUST_VARIABLES).map(|_| rng.random()).collect();
-        let mut objective = |unit: &[f64]| {
-            let x = problem.robust_point(unit);
-            let Some(Known { violation, .. }) = exact(problem, &frozen, &x, &plain) else {
-                return Evaluation::from(f64::NAN);
-            };
-            let count = campaign.sampling.samples_per_design;
-            worn += u64::from(count);
-            let found = response(problem, &frozen, &x, COMMON, count);
-            Evaluation {
-                value: found.map_or(f64::NAN, |(p90, _)| p90),
-                violation,
-            }
-        };
-        let schedule = Schedule::default();
-        let outcome = cmaes::minimise(&origin, &bounds, &schedule, &mut rng, &mut objective);
-        if let Ok(outcome) = outcome
-            && outcome.violation <= 0.0
-            && best
-                .as_ref()
-                .is_none_or(|(value, _)| outcome.value < *value)
-        {
-            best = Some((outcome.value, outcome.x));
-        }
-    }
+    let runs: Vec<Search> = (0..problem.campaign().optimise.starts)
+        .map(|start| {
+            let run = direct::search(problem, &frozen, &Space::plain(), 0, start, None);
+            run.expect("a validated campaign")
+        })
+        .collect();
     let cpu = cpu_seconds() - begun;
-    let (_, unit) = best?;
-    let x = problem.robust_point(&unit);
-    let (p90, interval) = verify(problem, &Variables::robust(&x, &frozen), 11);
+    let found = runs.iter().filter_map(|run| run.found);
+    let best = found.min_by(|a, b| a.p90_um.total_cmp(&b.p90_um))?;
+    let (p90, interval) = verify(problem, &best.design.variables, 11);
     Some(Row {
         seed,
         method: "direct",
-        x,
+        x: best.design.variables.robust_part(),
         p90,
         interval,
         predicted: None,
-        worn,
-        plain: plain.get(),
+        worn: runs.iter().map(|run| run.worn_calls).sum(),
+        plain: runs.iter().map(|run| run.plain_calls).sum(),
         cpu,
     })
 }
@@ -486,7 +459,7 @@ fn main() {
         let problem = Problem::new(campaign);
         rows.extend(enriched(&problem, seed, criterion, trace));
         if !without.contains("direct") {
-            rows.extend(direct(&problem, seed));
+            rows.extend(searched(&problem, seed));
         }
         paper(&problem, seed, &without, &mut rows);
         for row in &rows[printed..] {

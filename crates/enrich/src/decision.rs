@@ -66,18 +66,6 @@ impl Recommendation {
     pub fn half_width_um(&self) -> f64 {
         0.5 * (self.interval_um.1 - self.interval_um.0)
     }
-
-    /// The model's 95 % interval for an independent estimate of the response from `samples` samples,
-    /// µm: the interval above and the estimate's own noise.
-    #[must_use]
-    pub fn interval_of_estimate_um(&self, samples: u32) -> (f64, f64) {
-        let noise = Z95 * self.sd_of_sample_um / f64::from(samples.max(1)).sqrt();
-        let beyond = |side: f64| (side - self.predicted_um).hypot(noise);
-        (
-            self.predicted_um - beyond(self.interval_um.0),
-            self.predicted_um + beyond(self.interval_um.1),
-        )
-    }
 }
 
 /// Why the enrichment ends.
