@@ -1,42 +1,81 @@
 //! `coordinator serve` with real workers on loopback, some of which die.
 
-use std::path::PathBuf;
+use std::process::Output;
 use std::time::{Duration, Instant};
 
-use acceptance::{Sandbox, assert_code, free_address, small_campaign};
+use acceptance::{Running, Sandbox, assert_code, free_address, small_campaign};
 
-/// A campaign that samples for some seconds on two cores.
-fn long(sandbox: &Sandbox) -> PathBuf {
-    sandbox.write("long.toml", &small_campaign(300, 4000))
+/// Where the coordinators of a test keep their samples.
+const DB: &str = "cluster.db";
+
+/// A coordinator's place: its campaign, its store and its address, whoever holds them.
+struct Place<'s> {
+    sandbox: &'s Sandbox,
+    file: String,
+    address: String,
+    url: String,
+}
+
+impl<'s> Place<'s> {
+    fn new(sandbox: &'s Sandbox, campaign: &str) -> Self {
+        let address = free_address().to_string();
+        Self {
+            sandbox,
+            file: sandbox.write("c.toml", campaign).display().to_string(),
+            url: format!("http://{address}"),
+            address,
+        }
+    }
+
+    /// With a campaign that samples for some seconds on two cores.
+    fn long(sandbox: &'s Sandbox) -> Self {
+        Self::new(sandbox, &small_campaign(300, 4000))
+    }
+
+    fn serve(&self, options: &[&str]) -> Running {
+        let serve = ["serve", &self.file, "--db", DB, "--listen", &self.address];
+        self.sandbox
+            .start("coordinator", &[&serve, options].concat())
+    }
+
+    fn worker(&self, options: &[&str]) -> Running {
+        let connect = ["--connect", &self.url];
+        self.sandbox.start("worker", &[&connect, options].concat())
+    }
+
+    /// A worker until it ends by itself.
+    fn work(&self, options: &[&str]) -> Output {
+        let connect = ["--connect", &self.url];
+        self.sandbox.run("worker", &[&connect, options].concat())
+    }
+
+    fn wait_for_some_samples(&self) {
+        let some = |status: &serde_json::Value| status["samples"]["done"].as_u64() > Some(10_000);
+        self.sandbox.wait_for(DB, "some samples", some);
+    }
 }
 
 #[test]
 fn kills_of_workers_and_coordinator_leave_no_trace_in_the_samples() {
     let sandbox = Sandbox::new();
-    let file = long(&sandbox);
-    let file = file.to_str().unwrap();
-    assert_code(
-        &sandbox.coordinator(&["run", file, "--db", "undisturbed.db"]),
-        0,
-    );
+    let place = Place::long(&sandbox);
+    let run = ["run", &place.file, "--db", "undisturbed.db"];
+    assert_code(&sandbox.coordinator(&run), 0);
     let undisturbed = sandbox.status("undisturbed.db").unwrap();
 
-    let address = free_address().to_string();
-    let url = format!("http://{address}");
-    let serve = ["serve", file, "--db", "cluster.db", "--listen", &address];
-    let work = ["--connect", &url, "--slots", "1"];
+    let work = ["--slots", "1"];
     let done = |status: &serde_json::Value| status["samples"]["done"].as_u64().unwrap();
 
-    let coordinator = sandbox.start("coordinator", &serve);
-    let doomed = sandbox.start("worker", &work);
-    let survivor = sandbox.start("worker", &work);
+    let coordinator = place.serve(&[]);
+    let doomed = place.worker(&work);
+    let survivor = place.worker(&work);
     let quarter = done(&undisturbed) / 4;
-    sandbox.wait_for("cluster.db", "a quarter of the samples", |status| {
+    sandbox.wait_for(DB, "a quarter of the samples", |status| {
         done(status) > quarter
     });
     doomed.kill();
-    let replacement = sandbox.start("worker", &work);
-    let status = sandbox.wait_for("cluster.db", "half of the samples", |status| {
+    let replacement = place.worker(&work);
+    let status = sandbox.wait_for(DB, "half of the samples", |status| {
         done(status) > 2 * quarter
     });
     assert!(
@@ -45,7 +84,7 @@ fn kills_of_workers_and_coordinator_leave_no_trace_in_the_samples() {
     );
     coordinator.kill();
     let held = sandbox
-        .status("cluster.db")
+        .status(DB)
         .expect("a killed coordinator leaves a store behind");
     assert!(
         done(&held) >= done(&status),
@@ -53,7 +92,7 @@ fn kills_of_workers_and_coordinator_leave_no_trace_in_the_samples() {
     );
 
     // The same command continues; the workers have not been told anything.
-    let coordinator = sandbox.start("coordinator", &serve);
+    let coordinator = place.serve(&[]);
     for (name, process) in [
         ("coordinator", coordinator),
         ("survivor", survivor),
@@ -62,7 +101,7 @@ fn kills_of_workers_and_coordinator_leave_no_trace_in_the_samples() {
         let (status, errors) = process.finish();
         assert_eq!(status.code(), Some(0), "{name}: {errors}");
     }
-    let disturbed = sandbox.status("cluster.db").unwrap();
+    let disturbed = sandbox.status(DB).unwrap();
     assert_eq!(disturbed["finished"], true, "{disturbed}");
     assert_eq!(disturbed["samples_digest"], undisturbed["samples_digest"]);
     assert_eq!(disturbed["samples"], undisturbed["samples"]);
@@ -72,20 +111,18 @@ fn kills_of_workers_and_coordinator_leave_no_trace_in_the_samples() {
 #[test]
 fn an_interrupted_run_continues() {
     let sandbox = Sandbox::new();
-    let file = long(&sandbox);
-    let file = file.to_str().unwrap();
-    let run = ["run", file, "--db", "run.db"];
+    let place = Place::long(&sandbox);
+    let run = ["run", &place.file, "--db", DB];
     let running = sandbox.start("coordinator", &run);
-    let some = |status: &serde_json::Value| status["samples"]["done"].as_u64() > Some(10_000);
-    sandbox.wait_for("run.db", "some samples", some);
+    place.wait_for_some_samples();
     running.kill();
-    let before = sandbox.status("run.db").unwrap();
+    let before = sandbox.status(DB).unwrap();
     assert_eq!(
         before["finished"], false,
         "the run was too short to be interrupted"
     );
     assert_code(&sandbox.coordinator(&run), 0);
-    let after = sandbox.status("run.db").unwrap();
+    let after = sandbox.status(DB).unwrap();
     assert_eq!(after["finished"], true);
     assert_eq!(after["failures"], 0);
 }
@@ -93,28 +130,19 @@ fn an_interrupted_run_continues() {
 #[test]
 fn asked_to_end_programs_give_back_what_they_hold() {
     let sandbox = Sandbox::new();
-    let file = long(&sandbox);
-    let file = file.to_str().unwrap();
-    let address = free_address().to_string();
-    let url = format!("http://{address}");
-    let serve = ["serve", file, "--db", "c.db", "--listen", &address];
-    let coordinator = sandbox.start("coordinator", &serve);
-    let worker = sandbox.start("worker", &["--connect", &url, "--slots", "2"]);
-    let some = |status: &serde_json::Value| status["samples"]["done"].as_u64() > Some(10_000);
-    sandbox.wait_for("c.db", "some samples", some);
+    let place = Place::long(&sandbox);
+    let coordinator = place.serve(&[]);
+    let worker = place.worker(&["--slots", "2"]);
+    place.wait_for_some_samples();
     worker.terminate();
     let (status, errors) = worker.finish();
     assert_eq!(status.code(), Some(0), "{errors}");
     // Its time is up in the middle of the campaign; it leaves in the same good order.
-    let output = sandbox.run(
-        "worker",
-        &["--connect", &url, "--slots", "2", "--max-runtime", "1"],
-    );
-    assert_code(&output, 0);
+    assert_code(&place.work(&["--slots", "2", "--max-runtime", "1"]), 0);
     coordinator.terminate();
     let (status, errors) = coordinator.finish();
     assert_eq!(status.code(), Some(14), "{errors}");
-    let held = sandbox.status("c.db").unwrap();
+    let held = sandbox.status(DB).unwrap();
     assert_eq!(held["finished"], false);
     assert_eq!(held["failures"], 0, "nobody is to blame");
 }
@@ -122,25 +150,13 @@ fn asked_to_end_programs_give_back_what_they_hold() {
 #[test]
 fn a_coordinator_that_keeps_serving_sends_workers_home_until_a_signal_comes() {
     let sandbox = Sandbox::new();
-    let file = sandbox.write("tiny.toml", &small_campaign(12, 10));
-    let address = free_address().to_string();
-    let url = format!("http://{address}");
-    let file = file.to_str().unwrap();
-    let serve = [
-        "serve",
-        file,
-        "--db",
-        "t.db",
-        "--listen",
-        &address,
-        "--keep-serving",
-    ];
-    let coordinator = sandbox.start("coordinator", &serve);
+    let place = Place::new(&sandbox, &small_campaign(12, 10));
+    let coordinator = place.serve(&["--keep-serving"]);
     // Told that the campaign is finished, a worker leaves by itself.
-    assert_code(&sandbox.run("worker", &["--connect", &url]), 0);
-    let status = sandbox.status("t.db").unwrap();
+    assert_code(&place.work(&[]), 0);
+    let status = sandbox.status(DB).unwrap();
     assert_eq!(status["finished"], true, "{status}");
-    assert_code(&sandbox.run("worker", &["--connect", &url]), 0);
+    assert_code(&place.work(&[]), 0);
     coordinator.terminate();
     assert_eq!(coordinator.finish().0.code(), Some(0));
 }
@@ -148,16 +164,11 @@ fn a_coordinator_that_keeps_serving_sends_workers_home_until_a_signal_comes() {
 #[test]
 fn a_coordinator_that_does_not_answer_cannot_keep_a_worker_that_is_asked_to_leave() {
     let sandbox = Sandbox::new();
-    let file = long(&sandbox);
-    let file = file.to_str().unwrap();
-    let address = free_address().to_string();
-    let url = format!("http://{address}");
-    let serve = ["serve", file, "--db", "c.db", "--listen", &address];
-    let coordinator = sandbox.start("coordinator", &serve);
-    let work = ["--connect", &url, "--slots", "1", "--grace", "2"];
-    let worker = sandbox.start("worker", &work);
-    let some = |status: &serde_json::Value| status["samples"]["done"].as_u64() > Some(10_000);
-    sandbox.wait_for("c.db", "some samples", some);
+    let place = Place::long(&sandbox);
+    let coordinator = place.serve(&[]);
+    let work = ["--slots", "1", "--grace", "2"];
+    let worker = place.worker(&work);
+    place.wait_for_some_samples();
     coordinator.signal("STOP");
     // By now it holds results that it cannot hand in.
     std::thread::sleep(Duration::from_secs(2));
@@ -176,7 +187,7 @@ fn a_coordinator_that_does_not_answer_cannot_keep_a_worker_that_is_asked_to_leav
         asked.elapsed()
     );
     coordinator.signal("CONT");
-    assert_code(&sandbox.run("worker", &work), 0);
+    assert_code(&place.work(&work), 0);
     let (status, errors) = coordinator.finish();
     assert_eq!(status.code(), Some(0), "{errors}");
 }
