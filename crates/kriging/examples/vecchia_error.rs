@@ -15,13 +15,12 @@ mod common;
 use std::error::Error;
 use std::fmt::Write as _;
 
-use kriging::{Data, FitOptions, VecchiaOptions, fit, fit_vecchia};
+use kriging::{FitOptions, VecchiaOptions, fit, fit_vecchia};
 use rand::RngExt as _;
 use stats::streams::{Purpose, stream};
 
-use common::{hart6, normal};
+use common::{D, NoisyHart6, hart6};
 
-const D: usize = 6;
 const TESTS: usize = 1000;
 const NEIGHBOURS: [usize; 6] = [25, 50, 100, 200, 400, 800];
 const COLOURS: [&str; 4] = ["#1b6ca8", "#c8553d", "#4f7942", "#7b4b94"];
@@ -54,21 +53,8 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 fn curve(n: usize) -> Result<Curve, Box<dyn Error>> {
     let mut rng = stream(6, Purpose::Test, n as u64, 0);
-    let x: Vec<f64> = (0..n * D).map(|_| rng.random()).collect();
-    let noise_variance: Vec<f64> = (0..n)
-        .map(|_| (0.10 + 0.06 * rng.random::<f64>()).powi(2))
-        .collect();
-    let y: Vec<f64> = x
-        .chunks_exact(D)
-        .zip(&noise_variance)
-        .map(|(x, v)| hart6(x) + v.sqrt() * normal(&mut rng))
-        .collect();
-    let data = Data {
-        x: &x,
-        d: D,
-        y: &y,
-        noise_variance: &noise_variance,
-    };
+    let sample = NoisyHart6::draw(n, &mut rng);
+    let data = sample.data();
     let test: Vec<f64> = (0..TESTS * D).map(|_| rng.random()).collect();
     let exact = fit(&data, &FitOptions::default())?.predict_many(&test)?;
     let root = |squares: f64| (squares / TESTS as f64).sqrt();

@@ -1,7 +1,49 @@
 //! What the examples have in common.
 
+#![allow(dead_code, reason = "each example uses some of it")]
+
+use kriging::Data;
 use rand::RngExt as _;
 use stats::streams::StreamRng;
+
+/// Variables of [`hart6`].
+pub(crate) const D: usize = 6;
+
+/// Random points in the unit cube with noisy values of [`hart6`].
+pub(crate) struct NoisyHart6 {
+    x: Vec<f64>,
+    y: Vec<f64>,
+    noise_variance: Vec<f64>,
+}
+
+impl NoisyHart6 {
+    /// `n` points with noise of a standard deviation of 0.10 to 0.16.
+    pub(crate) fn draw(n: usize, rng: &mut StreamRng) -> Self {
+        let x: Vec<f64> = (0..n * D).map(|_| rng.random()).collect();
+        let noise_variance: Vec<f64> = (0..n)
+            .map(|_| (0.10 + 0.06 * rng.random::<f64>()).powi(2))
+            .collect();
+        let y = x
+            .chunks_exact(D)
+            .zip(&noise_variance)
+            .map(|(x, v)| hart6(x) + v.sqrt() * normal(rng))
+            .collect();
+        Self {
+            x,
+            y,
+            noise_variance,
+        }
+    }
+
+    pub(crate) fn data(&self) -> Data<'_> {
+        Data {
+            x: &self.x,
+            d: D,
+            y: &self.y,
+            noise_variance: &self.noise_variance,
+        }
+    }
+}
 
 /// A standard normal number (Box and Muller).
 pub(crate) fn normal(rng: &mut StreamRng) -> f64 {
