@@ -1,8 +1,8 @@
 //! Our fits beside those of established libraries, and the optimum found from many seeds.
 //!
-//! `cargo run --release -p kriging --example peers -- DIRECTORY [SEEDS]` (no seeds by default)
+//! `cargo run --release -p kriging --example peers -- [SEEDS]` (no seeds by default)
 //!
-//! The directory holds `peers.json`, a list `rows` with `data`, `peer`, `kernel` (`m52p` and, for the
+//! The crate's `data` holds `peers.json`, a list `rows` with `data`, `peer`, `kernel` (`m52p` and, for the
 //! libraries that build products, `m52`: tensor-product Matérn 5/2; else `m52`: radial; `se`), `rmse`,
 //! `coverage90`, `nll`; for each data set `<data>_train.csv` (x1…xd, y, noise_var, …) and, with its
 //! first word, `<word>_test2000.csv` (x1…xd, f_true).
@@ -56,8 +56,7 @@ struct Table {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
-    let directory = arguments.next().ok_or("usage: peers DIRECTORY [SEEDS]")?;
-    let directory = Path::new(&directory);
+    let directory = &Path::new(env!("CARGO_MANIFEST_DIR")).join("data");
     let seeds: u64 = arguments.next().map_or(Ok(0), |text| text.parse())?;
     let text = std::fs::read_to_string(directory.join("peers.json"))?;
     let peers: Peers = serde_json::from_str(&text)?;
