@@ -317,6 +317,14 @@ fn a_coordinator_does_not_open_itself_by_mistake() {
             assert!(message.contains(part), "no {part:?} in {message}");
         }
     }
+    // Metrics have no guard at all.
+    let metrics = ["serve", file, "--db", "c.db", "--metrics", "0.0.0.0:9400"];
+    let output = sandbox.coordinator(&metrics);
+    assert_code(&output, 2);
+    for part in ["--metrics 0.0.0.0:9400", "127.0.0.1:9400", "--insecure"] {
+        let message = errors(&output);
+        assert!(message.contains(part), "no {part:?} in {message}");
+    }
     let half = [&beyond[..], &["--token-file", "keys/worker.token"]].concat();
     let output = sandbox.coordinator(&half);
     assert_code(&output, 4);

@@ -37,6 +37,10 @@ const SAMPLES_MAX: u64 = 200_000;
 /// The weight of the first jobs, before anything is known about what a sample costs.
 const FIRST_WEIGHT: u64 = DESIGN_WEIGHT + 10;
 
+/// How long a job of one sample is taken to last where samples may be long, in seconds, before one
+/// has come back: so long that nobody holds a second one.
+const UNKNOWN_SECONDS: f64 = 2.0;
+
 /// How much a new measurement counts against the earlier ones.
 const LEARNING_RATE: f64 = 0.3;
 
@@ -108,9 +112,16 @@ pub struct Batches {
     open_points: BTreeSet<u64>,
     /// Seconds per weight of the jobs of each kind that have come back.
     pace: BTreeMap<JobKind, f64>,
+    /// Whether a sample may take hours.
+    are_long: bool,
 }
 
 impl Batches {
+    /// Cuts jobs of one sample until one of their kind has come back: it may take hours.
+    pub const fn expect_long_samples(&mut self) {
+        self.are_long = true;
+    }
+
     /// Makes the missing samples of the DoE available; what is known already stays as it is.
     pub fn add_designs(&mut self, frozen: Frozen, designs: &[OpenDesign]) {
         self.frozen = Some(frozen);
@@ -373,13 +384,25 @@ impl Batches {
     pub fn expected(&self, job: u64) -> Option<f64> {
         let units = self.jobs.get(&job)?;
         let pace = self.pace.get(&units.first()?.stream.kind());
-        Some(pace.map_or(TARGET_SECONDS, |pace| pace * weight(units) as f64))
+        Some(match pace {
+            Some(pace) => pace * weight(units) as f64,
+            None if self.are_long => UNKNOWN_SECONDS,
+            None => TARGET_SECONDS,
+        })
+    }
+
+    /// How long the longest of the jobs that are out is expected to take, in seconds.
+    #[must_use]
+    pub fn longest_expected(&self) -> Option<f64> {
+        let expected = self.jobs.keys().filter_map(|job| self.expected(*job));
+        expected.reduce(f64::max)
     }
 
     /// How much a job may weigh.
     fn target(&self, kind: JobKind, slots: usize) -> u64 {
         let affordable = match self.pace.get(&kind) {
             Some(pace) => (TARGET_SECONDS / pace).min(1e9) as u64,
+            None if self.are_long => 0,
             None => FIRST_WEIGHT,
         };
         // Counting exactly would cost more than it is worth: what is free is taken to be whole.

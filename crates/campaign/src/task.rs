@@ -145,6 +145,22 @@ pub const RULED_OUT: &str = "ruled-out";
 /// The name under which a result that is no number is recorded against a design.
 pub const NOT_A_NUMBER: &str = "not-a-number";
 
+/// Asked before every sample whether to go on; the argument gives what is finished by then, as a
+/// result that could be handed in.
+pub type KeepGoing<'a> = dyn Fn(&dyn Fn() -> TaskResult) -> bool + 'a;
+
+impl TaskResult {
+    /// Whether there is nothing in it, as in that of a task that was stopped before its first sample.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        match self {
+            Self::Sample { designs } => designs.is_empty(),
+            Self::Optimise { .. } => false,
+            Self::Verify { samples_um, .. } => samples_um.is_empty(),
+        }
+    }
+}
+
 /// Does a task.
 ///
 /// # Errors
@@ -153,7 +169,7 @@ pub const NOT_A_NUMBER: &str = "not-a-number";
 /// be simulated, or the kriging model cannot be read. A design of the DoE that cannot be simulated
 /// is a result, not an error.
 pub fn execute(simulator: &dyn Simulator, task: &Task) -> Result<TaskResult, String> {
-    execute_until(simulator, task, &|| true)
+    execute_until(simulator, task, &|_| true)
 }
 
 /// Does a task for as long as `keep_going` says, which is asked before every sample.
@@ -169,13 +185,22 @@ pub fn execute(simulator: &dyn Simulator, task: &Task) -> Result<TaskResult, Str
 pub fn execute_until(
     simulator: &dyn Simulator,
     task: &Task,
-    keep_going: &dyn Fn() -> bool,
+    keep_going: &KeepGoing<'_>,
 ) -> Result<TaskResult, String> {
     match task {
         Task::Sample { frozen, designs } => {
             let mut done = Vec::with_capacity(designs.len());
             for request in designs {
-                let outcome = guarded(|| simulate(simulator, frozen, request, keep_going))?;
+                let with = |outcome: Option<DesignOutcome>| {
+                    let design = request.design;
+                    let last = outcome.map(|outcome| DesignResult { design, outcome });
+                    TaskResult::Sample {
+                        designs: done.iter().cloned().chain(last).collect(),
+                    }
+                };
+                let keep_going =
+                    |so_far: &dyn Fn() -> Option<DesignOutcome>| keep_going(&|| with(so_far()));
+                let outcome = guarded(|| simulate(simulator, frozen, request, &keep_going))?;
                 let Some(outcome) = outcome else { break };
                 done.push(DesignResult {
                     design: request.design,
@@ -207,20 +232,29 @@ pub fn execute_until(
                 purpose: Purpose::Verify,
                 design: *number,
             };
-            let samples_um = draw(design.as_mut(), names, *samples, keep_going)
+            let finite = |samples_um: &[f64]| {
+                let finite = samples_um.iter().position(|sample| !sample.is_finite());
+                samples_um[..finite.unwrap_or(samples_um.len())].to_vec()
+            };
+            let verified = |samples_um: &[f64]| TaskResult::Verify {
+                point: point.clone(),
+                first: samples.first,
+                samples_um: finite(samples_um),
+            };
+            let keep_going = |drawn: &[f64]| keep_going(&|| verified(drawn));
+            let samples_um = draw(design.as_mut(), names, *samples, &keep_going)
                 .map_err(|(sample, error)| format!("{point}, sample {sample}: {error}"))?;
             if let Some(index) = samples_um.iter().position(|sample| !sample.is_finite()) {
                 let sample = samples.first as usize + index;
                 return Err(format!("{point}, sample {sample}: ΔSTE is not a number"));
             }
-            Ok(TaskResult::Verify {
-                point: point.clone(),
-                first: samples.first,
-                samples_um,
-            })
+            Ok(verified(&samples_um))
         }
     }
 }
+
+/// [`KeepGoing`] of one design, which may have nothing to hand in yet.
+type KeepGoingWith<'a> = dyn Fn(&dyn Fn() -> Option<DesignOutcome>) -> bool + 'a;
 
 /// A design's outcome, or none when it was stopped before the first sample.
 type Simulated = Result<Option<DesignOutcome>, String>;
@@ -243,9 +277,9 @@ fn simulate(
     simulator: &dyn Simulator,
     frozen: &Frozen,
     request: &SampleRequest,
-    keep_going: &dyn Fn() -> bool,
+    keep_going: &KeepGoingWith<'_>,
 ) -> Simulated {
-    if !keep_going() {
+    if !keep_going(&|| None) {
         return Ok(None);
     }
     let number = request.design;
@@ -265,49 +299,68 @@ fn simulate(
         simulator.problem(),
         &design.criteria(worn.hertz_pressure_mpa),
     );
-    let samples_um = if ruled_out.is_some() {
-        Vec::new()
-    } else {
-        let names = Names {
-            seed: simulator.problem().campaign().seed,
-            purpose: Purpose::Wear,
-            design: u64::from(number),
-        };
-        draw(design.as_mut(), names, request.samples, keep_going)
-            .map_err(|(sample, error)| format!("design {number}, sample {sample}: {error}"))?
-    };
-    if samples_um.is_empty() && request.samples.count > 0 && ruled_out.is_none() {
-        return Ok(None);
-    }
-    let mut numbers = vec![
-        criteria.contact_ratio,
-        criteria.specific_sliding,
-        criteria.hertz_pressure_mpa,
-        criteria.root_stress_mpa,
-        worn.hertz_pressure_mpa,
-        unworn.delta_ste_um,
-        worn.delta_ste_um,
-    ];
-    numbers.extend(&samples_um);
-    numbers.extend(
-        criteria
-            .clearance_mm
-            .iter()
-            .chain(&criteria.flank_margin_mm),
-    );
-    if !numbers.iter().all(|number| number.is_finite()) {
-        let reason = format!("{NOT_A_NUMBER}: the simulator gave a result that is no number");
-        return Ok(Some(DesignOutcome::Refused { reason }));
-    }
-    Ok(Some(DesignOutcome::Simulated {
+    let gets_samples = ruled_out.is_none() && request.samples.count > 0;
+    let simulated = |samples_um: &[f64]| DesignOutcome::Simulated {
         criteria,
         hertz_pressure_worn_mpa: worn.hertz_pressure_mpa,
         delta_ste_um: unworn.delta_ste_um,
         delta_ste_archard_um: worn.delta_ste_um,
         first: request.samples.first,
+        samples_um: samples_um.to_vec(),
+        ruled_out: ruled_out.clone(),
+    };
+    // Criteria alone are no answer to a request for samples.
+    let outcome = |samples_um: &[f64]| {
+        (!gets_samples || !samples_um.is_empty()).then(|| if_finite(simulated(samples_um)))
+    };
+    if !gets_samples {
+        return Ok(outcome(&[]));
+    }
+    let names = Names {
+        seed: simulator.problem().campaign().seed,
+        purpose: Purpose::Wear,
+        design: u64::from(number),
+    };
+    let keep_going = |drawn: &[f64]| keep_going(&|| outcome(drawn));
+    let samples_um = draw(design.as_mut(), names, request.samples, &keep_going)
+        .map_err(|(sample, error)| format!("design {number}, sample {sample}: {error}"))?;
+    Ok(outcome(&samples_um))
+}
+
+/// The outcome itself, or a refusal if one of its numbers is none.
+fn if_finite(outcome: DesignOutcome) -> DesignOutcome {
+    let DesignOutcome::Simulated {
+        criteria,
+        hertz_pressure_worn_mpa,
+        delta_ste_um,
+        delta_ste_archard_um,
         samples_um,
-        ruled_out,
-    }))
+        ..
+    } = &outcome
+    else {
+        return outcome;
+    };
+    let numbers = [
+        criteria.contact_ratio,
+        criteria.specific_sliding,
+        criteria.hertz_pressure_mpa,
+        criteria.root_stress_mpa,
+        *hertz_pressure_worn_mpa,
+        *delta_ste_um,
+        *delta_ste_archard_um,
+    ];
+    let is_finite = numbers
+        .iter()
+        .chain(samples_um)
+        .chain(&criteria.clearance_mm)
+        .chain(&criteria.flank_margin_mm)
+        .all(|number| number.is_finite());
+    if is_finite {
+        return outcome;
+    }
+    DesignOutcome::Refused {
+        reason: format!("{NOT_A_NUMBER}: the simulator gave a result that is no number"),
+    }
 }
 
 /// Why a design with these criteria (with the contact pressure of worn flanks) gets no samples.
@@ -342,11 +395,11 @@ fn draw(
     design: &mut dyn Prepared,
     names: Names,
     samples: SampleRange,
-    keep_going: &dyn Fn() -> bool,
+    keep_going: &dyn Fn(&[f64]) -> bool,
 ) -> Result<Vec<f64>, (u32, String)> {
     let mut drawn = Vec::with_capacity(samples.count as usize);
     for index in samples.first..samples.first.saturating_add(samples.count) {
-        if !keep_going() {
+        if !keep_going(&drawn) {
             break;
         }
         let mut rng = stream(names.seed, names.purpose, names.design, u64::from(index));
@@ -357,7 +410,7 @@ fn draw(
 
 #[cfg(test)]
 mod tests {
-    use std::cell::Cell;
+    use std::cell::{Cell, RefCell};
 
     use super::*;
     use crate::Campaign;
@@ -546,12 +599,20 @@ mod tests {
         let whole = samples(&execute(&problem, &task).unwrap());
         let stopped_after = |questions: u32| {
             let left = Cell::new(questions);
-            let keep_going = || {
+            let so_far_last = RefCell::new(None);
+            let keep_going = |so_far: &dyn Fn() -> TaskResult| {
                 let going = left.get() > 0;
                 left.set(left.get().saturating_sub(1));
+                so_far_last.replace(Some(so_far()));
                 going
             };
-            execute_until(&problem, &task, &keep_going).unwrap()
+            let part = execute_until(&problem, &task, &keep_going).unwrap();
+            if left.get() == 0 && questions < 11 {
+                // What could be had when the last question was asked is what came of it.
+                assert_eq!(so_far_last.take().as_ref(), Some(&part), "{questions}");
+            }
+            assert_eq!(part.is_empty(), samples(&part).is_empty());
+            part
         };
         // Asked before each design and each sample: 1 + 4, 1 (refused), 1 + 4.
         for (questions, designs, of_last) in [
@@ -594,7 +655,7 @@ mod tests {
             },
         };
         let left = Cell::new(3);
-        let keep_going = || left.replace(left.get() - 1) > 0;
+        let keep_going = |_: &dyn Fn() -> TaskResult| left.replace(left.get() - 1) > 0;
         let (
             Ok(TaskResult::Verify {
                 samples_um: whole, ..

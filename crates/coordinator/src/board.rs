@@ -14,11 +14,14 @@ use campaign::Frozen;
 use campaign::batches::{Batches, StreamId, TARGET_SECONDS};
 use campaign::plan::{self, JobKind, OpenDesign, VerifyPoint};
 use campaign::task::{SampleRange, Task};
+use protocol::MAX_MESSAGE_BYTES;
 use protocol::v1::{Job, JobAttempt};
-use scheduler::{Failure, JobId, Scheduler, WorkerId};
+use scheduler::{Failure, History, JobId, Scheduler, WorkerId};
+use store::JobHistory;
 use tokio::sync::Notify;
 use tokio::time::Instant;
 
+use crate::ingest;
 use crate::pace::Pace;
 
 pub use live::{Live, LiveWorker};
@@ -26,6 +29,12 @@ pub use live::{Live, LiveWorker};
 /// So many jobs wait, if there are samples to cut them from: a worker that has just failed one is to
 /// find another.
 const WAITING: usize = 4;
+
+/// The most bytes of jobs in an answer, unless one alone is larger.
+const BYTES_PER_LEASE: usize = MAX_MESSAGE_BYTES / 8;
+
+/// No job is taken to last longer than this, in seconds: ten years.
+const LONGEST_JOB: f64 = 3e8;
 
 /// How much a new measurement counts against the earlier ones.
 const LEARNING_RATE: f64 = 0.3;
@@ -81,14 +90,16 @@ pub struct Vanished {
 struct Inner {
     scheduler: Scheduler<Arc<Posted>>,
     batches: Batches,
+    /// What went wrong before this coordinator started, by the jobs' names.
+    histories: BTreeMap<String, History>,
     /// Runs that are neither done nor given up, by approach: they are settled together.
     open_runs: BTreeMap<u64, BTreeSet<u64>>,
     workers: BTreeMap<String, WorkerInfo>,
     /// Jobs done since the start; the scheduler forgets them.
     done: u64,
     pace: Pace,
-    /// What a job takes that is not cut from samples.
-    posted_seconds: f64,
+    /// What a job takes that is not cut from samples, once one has come back.
+    posted_seconds: Option<f64>,
     /// Whether the first plan is posted: before, nobody can be told what is needed.
     is_ready: bool,
     is_finished: bool,
@@ -119,11 +130,12 @@ impl Board {
             inner: Mutex::new(Inner {
                 scheduler: Scheduler::new(options, epoch),
                 batches: Batches::default(),
+                histories: BTreeMap::new(),
                 open_runs: BTreeMap::new(),
                 workers: BTreeMap::new(),
                 done: 0,
                 pace: Pace::default(),
-                posted_seconds: TARGET_SECONDS,
+                posted_seconds: None,
                 is_ready: false,
                 is_finished: false,
                 revision: 1,
@@ -157,6 +169,32 @@ impl Board {
         self.origin.elapsed()
     }
 
+    /// Goes on with the attempts and counters of jobs that went wrong before a restart.
+    pub fn remember(&self, histories: Vec<JobHistory>) {
+        let known = histories.into_iter().map(|history| {
+            let JobHistory {
+                job,
+                attempts,
+                crashes,
+                failures,
+            } = history;
+            let history = History {
+                attempts,
+                crashes,
+                failures,
+            };
+            (job, history)
+        });
+        self.lock().histories = known.collect();
+    }
+
+    /// Prepares for samples that may take hours: until one is measured, a job has one sample, and
+    /// nobody holds a second.
+    pub fn expect_long_samples(&self) {
+        let mut inner = self.lock();
+        inner.batches.expect_long_samples();
+    }
+
     /// Puts jobs on the board; those already there stay as they are.
     pub fn post(&self, jobs: Vec<(u64, Task)>) {
         let mut inner = self.lock();
@@ -164,7 +202,7 @@ impl Board {
             if inner.scheduler.payload(JobId(job)).is_some() {
                 continue;
             }
-            inner.scheduler.add_job(JobId(job), Posted::new(task), 0);
+            inner.add_job(job, Posted::new(task));
             if JobKind::of(job) == Some(JobKind::Optimise) {
                 let approach = plan::run_parts(job).0;
                 inner.open_runs.entry(approach).or_default().insert(job);
@@ -224,6 +262,7 @@ impl Board {
             told_finished: false,
         };
         inner.workers.insert(worker_id.to_owned(), info);
+        inner.scheduler.set_slots(&worker, slots as usize, now);
         let mut cancelled = Vec::new();
         for job in held {
             if !inner.take_over(job) {
@@ -330,7 +369,9 @@ impl Board {
         if inner.scheduler.forget(JobId(job)).is_some() {
             inner.done += 1;
             if inner.batches.expected(job).is_none() && seconds.is_finite() {
-                inner.posted_seconds += LEARNING_RATE * (seconds.max(0.0) - inner.posted_seconds);
+                let seconds = seconds.max(0.0);
+                let known = inner.posted_seconds.unwrap_or(seconds);
+                inner.posted_seconds = Some(known + LEARNING_RATE * (seconds - known));
             }
             inner.batches.close(job, Some(seconds));
             self.settle(&mut inner, job);
@@ -475,6 +516,12 @@ impl Board {
         leased
     }
 
+    /// Whether leasing was stopped.
+    #[must_use]
+    pub fn is_draining(&self) -> bool {
+        self.lock().scheduler.is_draining()
+    }
+
     /// Ends when leasing was stopped and no job is out any more.
     pub async fn drained(&self) {
         loop {
@@ -554,20 +601,27 @@ impl Inner {
         let present = present.filter(|worker| worker.last_seen.elapsed() <= 2 * lease);
         let slots = present.map(|worker| worker.slots as usize).sum();
         let mut jobs = Vec::new();
-        let mut worth = 0.0;
-        while jobs.len() < credit && (jobs.is_empty() || worth < seconds) {
+        let (mut worth, mut bytes) = (0.0, 0);
+        while jobs.len() < credit && (jobs.is_empty() || worth < seconds && bytes < BYTES_PER_LEASE)
+        {
             while !self.scheduler.is_draining()
                 && self.scheduler.queued() < WAITING
                 && let Some((job, task)) = self.batches.draw(slots)
             {
-                self.scheduler.add_job(JobId(job), Posted::new(task), 0);
+                self.add_job(job, Posted::new(task));
+            }
+            if self.scheduler.queued() == 0 {
+                let patience = 2.0 * self.longest_job();
+                self.scheduler
+                    .set_duplicate_after(Duration::from_secs_f64(patience));
             }
             let Some(grant) = self.scheduler.lease(worker, 1, now).pop() else {
                 break;
             };
             let expected = self.batches.expected(grant.job.0);
-            let seconds = expected.unwrap_or(self.posted_seconds);
+            let seconds = expected.unwrap_or_else(|| self.posted_seconds());
             worth += seconds;
+            bytes += grant.payload.payload.len();
             jobs.push(Job {
                 job: grant.job.0,
                 attempt: grant.attempt,
@@ -594,6 +648,29 @@ impl Inner {
             task,
             payload: job.payload.clone(),
         });
-        self.scheduler.add_job(JobId(job.job), posted, 0)
+        self.add_job(job.job, posted)
+    }
+
+    fn add_job(&mut self, job: u64, posted: Arc<Posted>) -> bool {
+        let history = if self.histories.is_empty() {
+            History::default()
+        } else {
+            let name = ingest::job_name(job);
+            self.histories.remove(&name).unwrap_or_default()
+        };
+        self.scheduler.add_job_with(JobId(job), posted, 0, history)
+    }
+
+    fn posted_seconds(&self) -> f64 {
+        self.posted_seconds.unwrap_or(TARGET_SECONDS)
+    }
+
+    /// How long those jobs usually take that are out, in seconds; the slowest kind counts.
+    fn longest_job(&self) -> f64 {
+        let is_running = self.open_runs.values().any(|runs| !runs.is_empty());
+        let run = is_running.then(|| self.posted_seconds());
+        let cut = self.batches.longest_expected();
+        let longest = cut.into_iter().chain(run).fold(TARGET_SECONDS, f64::max);
+        longest.min(LONGEST_JOB)
     }
 }

@@ -208,6 +208,7 @@ async fn serve(arguments: arguments::Serve) -> anyhow::Result<u8> {
     let guard = Guard::load(&arguments.guard)?;
     if !arguments.insecure {
         guard.suffices_for(arguments.listen)?;
+        refuse_open_metrics(arguments.metrics)?;
     }
     refuse_network_store(&arguments.db, arguments.allow_network_store)?;
     let plan = Plan {
@@ -223,6 +224,20 @@ async fn serve(arguments: arguments::Serve) -> anyhow::Result<u8> {
         metrics: arguments.metrics,
     };
     conduct(plan).await
+}
+
+/// Metrics are served to whoever asks, in clear: they name workers and tell what fails.
+fn refuse_open_metrics(address: Option<SocketAddr>) -> anyhow::Result<()> {
+    match address {
+        Some(address) if !address.ip().is_loopback() => Err(Usage(format!(
+            "--metrics {address} is reachable by others and has neither encryption nor tokens: give \
+             127.0.0.1:{} and fetch them from this machine or through a tunnel, or accept the risk \
+             with --insecure",
+            address.port()
+        ))
+        .into()),
+        _ => Ok(()),
+    }
 }
 
 /// A store must be able to lock its file and to sync it, which network file systems promise rather

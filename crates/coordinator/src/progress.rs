@@ -38,7 +38,11 @@ impl Progress {
                 let sum = verified.fold((0, 0), |(done, wanted), progress| {
                     (done + progress.done, wanted + progress.wanted)
                 });
-                (sum.0, sum.1, "fresh samples".to_owned())
+                (
+                    sum.0,
+                    sum.1,
+                    format!("fresh samples{}", to_go(status.live.as_ref())),
+                )
             }
             "enrich" => {
                 let round = status.enrichment.map(|enrichment| enrichment.samples);
@@ -48,7 +52,8 @@ impl Progress {
             "doe" | "fit" | "done" => (0, 0, String::new()),
             _ => {
                 let runs = status.optimiser_runs;
-                (runs.done, runs.wanted, "runs".to_owned())
+                let message = format!("runs{}", to_go(status.live.as_ref()));
+                (runs.done, runs.wanted, message)
             }
         };
         self.bar.set_prefix(status.stage_name());
@@ -65,11 +70,15 @@ impl Drop for Progress {
 }
 
 fn pace(live: Option<&Live>) -> String {
-    let Some(live) = live else {
-        return "samples".to_owned();
-    };
-    let eta = live.eta_seconds.map_or_else(String::new, |seconds| {
-        format!(", {} to go", coordinator::status::span(seconds))
+    let rate = live.map_or_else(String::new, |live| {
+        format!(", {:.0} per second", live.samples_per_second)
     });
-    format!("samples, {:.0} per second{eta}", live.samples_per_second)
+    format!("samples{rate}{}", to_go(live))
+}
+
+fn to_go(live: Option<&Live>) -> String {
+    let eta = live.and_then(|live| live.eta_seconds);
+    eta.map_or_else(String::new, |seconds| {
+        format!(", {} to go", coordinator::status::span(seconds))
+    })
 }

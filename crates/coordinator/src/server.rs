@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use campaign::batches::TARGET_SECONDS;
 use campaign::formulation::Problem;
 use campaign::{Campaign, probe};
 use store::{CampaignRow, Store};
@@ -202,10 +201,13 @@ async fn run_open(
     let writer = store.writer()?;
     let options = scheduler::Options {
         lease: LEASE,
-        duplicate_after: Duration::from_secs_f64(2.0 * TARGET_SECONDS),
         ..scheduler::Options::default()
     };
     let board = Arc::new(Board::new(options, rand::random()));
+    board.remember(store.job_histories().await?);
+    if plan.campaign.is_external() {
+        board.expect_long_samples();
+    }
     let recorder = StoreRecorder::new(store)?;
     let service = Service {
         board: Arc::clone(&board),
@@ -256,6 +258,10 @@ async fn run_open(
             Ok(None) => break Ok(Outcome::Interrupted),
             Err(error) => break Err(error),
         };
+        // Nothing is called finished of which the check of a large file is still to tell.
+        if let Err(damaged) = store.checked().await {
+            break Err(Error::Store(damaged));
+        }
         let report = reporting::write(store, &plan.out)
             .await
             .map_err(Error::from)?;

@@ -24,6 +24,12 @@ use crate::status;
 /// The longest a call may wait for something to happen.
 const LONGEST_WAIT: Duration = Duration::from_secs(60);
 
+/// The most bytes of what a worker says about a failure, and of its host's name, that are kept.
+const ERROR_BYTES: usize = 16 << 10;
+const HOST_BYTES: usize = 256;
+/// The most jobs that a worker may say to hold from before: several times what one ever holds.
+const HELD_JOBS: usize = 100_000;
+
 /// Where results go and where status comes from: the store, or a stand-in for it in tests whose
 /// clock is not the system's.
 #[tonic::async_trait]
@@ -129,6 +135,10 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
             return Err(Refusal::Malformed
                 .status("a worker needs an id of 1 to 128 characters and at least one slot"));
         }
+        if request.held.len() > HELD_JOBS {
+            return Err(Refusal::Malformed
+                .status(format!("a worker cannot hold more than {HELD_JOBS} jobs")));
+        }
         if request.program_version != version {
             let theirs = &request.program_version;
             return Err(Refusal::Version.status(format!(
@@ -144,7 +154,7 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
             self.check_model(&request.model_digest).await?;
             cancelled = self.board.register(
                 &request.worker_id,
-                &request.host,
+                beginning(&request.host, HOST_BYTES),
                 request.slots,
                 &request.held,
             );
@@ -219,8 +229,13 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
             }));
         }
         let cancelled = self.board.heartbeat(&request.worker_id, &request.held);
+        let directive = if self.board.is_draining() {
+            Directive::Drain
+        } else {
+            Directive::Continue
+        };
         Ok(Response::new(HeartbeatResponse {
-            directive: Directive::Continue.into(),
+            directive: directive.into(),
             cancelled,
         }))
     }
@@ -230,7 +245,10 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
         request: Request<ReleaseRequest>,
     ) -> Result<Response<ReleaseResponse>, Status> {
         let request = request.into_inner();
-        self.board.release(&request.worker_id, &request.jobs);
+        // What a stranger gives back is not its own.
+        if self.board.is_known(&request.worker_id) {
+            self.board.release(&request.worker_id, &request.jobs);
+        }
         Ok(Response::new(ReleaseResponse {}))
     }
 
@@ -388,6 +406,7 @@ impl<R: Recorder> Service<R> {
     /// Counts a failure and records it.
     async fn fail(&self, worker: &str, result: &JobResult, error: &str) -> Result<(), Status> {
         let name = ingest::job_name(result.job);
+        let error = beginning(error, ERROR_BYTES);
         let failure = self
             .board
             .fail(worker, result.job, result.attempt, error.to_owned());
@@ -409,4 +428,9 @@ impl<R: Recorder> Service<R> {
             .map(|_| ())
             .map_err(|error| Status::unavailable(format!("not stored: {error}")))
     }
+}
+
+/// As much of a text as fits into so many bytes.
+fn beginning(text: &str, bytes: usize) -> &str {
+    &text[..text.floor_char_boundary(bytes)]
 }

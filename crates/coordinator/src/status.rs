@@ -1,6 +1,7 @@
 //! How far a campaign is, read from its store.
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 use campaign::Campaign;
 use serde::{Deserialize, Serialize};
@@ -8,6 +9,9 @@ use store::Store;
 
 use crate::board;
 use crate::snapshot;
+
+/// After this long without a word, a worker is taken not to help any more.
+const GONE: Duration = Duration::from_secs(15);
 
 /// What `coordinator status --json` prints.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -74,8 +78,8 @@ pub struct Live {
     pub jobs_given_up: u64,
     /// Samples stored per second, lately.
     pub samples_per_second: f64,
-    /// Seconds until the samples of the DoE, or of the round of infill, are there at this rate, while
-    /// they are being taken.
+    /// Seconds until the stage ends at the rate of late, while samples of the DoE, of a round of
+    /// infill or of the optima are taken or optimisers run.
     pub eta_seconds: Option<f64>,
     /// Whether leasing was stopped.
     pub draining: bool,
@@ -295,15 +299,29 @@ impl Status {
     #[must_use]
     pub fn with(self, live: board::Live) -> Self {
         let rate = live.samples_per_second;
+        let left = |progress: Progress| progress.wanted.saturating_sub(progress.done) as f64;
         let missing = match self.stage.as_str() {
             "sample" => Some(self.missing()),
-            "enrich" => self.enrichment.map(|enrichment| {
-                let Progress { done, wanted } = enrichment.samples;
-                wanted.saturating_sub(done) as f64
-            }),
+            "enrich" => self.enrichment.map(|enrichment| left(enrichment.samples)),
+            "verify" => Some(
+                self.optima
+                    .iter()
+                    .map(|optimum| left(optimum.verified))
+                    .sum(),
+            ),
             _ => None,
         };
-        let eta_seconds = missing.filter(|_| rate > 0.0).map(|missing| missing / rate);
+        let present = live
+            .workers
+            .iter()
+            .filter(|worker| worker.silent_for < GONE);
+        let slots: u32 = present.map(|worker| worker.slots).sum();
+        let eta_seconds = match (self.stage.as_str(), live.run_seconds) {
+            ("optimise", Some(seconds)) if slots > 0 => {
+                Some(left(self.optimiser_runs) * seconds / f64::from(slots))
+            }
+            _ => missing.filter(|_| rate > 0.0).map(|missing| missing / rate),
+        };
         let count = |count: usize| count as u64;
         let workers = live.workers.into_iter().map(|worker| Worker {
             host: worker.host,

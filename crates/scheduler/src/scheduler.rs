@@ -6,7 +6,8 @@ use std::time::Duration;
 use crate::options::Options;
 use crate::state::{Filed, Job, Lease, State, Worker};
 use crate::types::{
-    Completion, Counts, Directive, Expired, Failure, Grant, Held, JobId, WorkerId, WorkerStatus,
+    Completion, Counts, Directive, Expired, Failure, Grant, Held, History, JobId, WorkerId,
+    WorkerStatus,
 };
 
 /// A second lease is insurance against a slow worker; a third would insure against bad luck twice.
@@ -64,6 +65,11 @@ impl<J: Clone> Scheduler<J> {
         self.draining = draining;
     }
 
+    /// Changes how long a job must have been held before it is leased a second time.
+    pub fn set_duplicate_after(&mut self, patience: Duration) {
+        self.options.duplicate_after = patience;
+    }
+
     /// Whether no jobs are granted for now.
     pub fn is_draining(&self) -> bool {
         self.draining
@@ -72,18 +78,29 @@ impl<J: Clone> Scheduler<J> {
     /// Adds a job, and says whether it was new; a known one stays as it is. Jobs are granted by
     /// ascending priority, then by ascending id.
     pub fn add_job(&mut self, id: JobId, payload: J, priority: i32) -> bool {
+        self.add_job_with(id, payload, priority, History::default())
+    }
+
+    /// As [`Self::add_job`], for a job that was tried before a restart: its attempts and counters go
+    /// on from there. Whether it is given up is decided by its next crash or failure, not by these.
+    pub fn add_job_with(&mut self, id: JobId, payload: J, priority: i32, history: History) -> bool {
         if self.jobs.contains_key(&id) {
             return false;
         }
-        self.jobs.insert(id, Job::new(payload, priority));
+        self.jobs.insert(id, Job::new(payload, priority, history));
         self.queue.insert((priority, id));
         true
     }
 
+    /// Notes how many jobs a worker computes at once; 1 is assumed of one that nobody told about.
+    pub fn set_slots(&mut self, worker: &WorkerId, slots: usize, now: Duration) {
+        self.see(worker, now).slots = slots.max(1);
+    }
+
     /// Grants at most `credit` jobs to a worker.
     ///
-    /// When the queue runs empty, a worker that holds nothing is given second leases of jobs that
-    /// others hold, those held longest first. A worker that is set aside gets nothing, and one
+    /// When the queue runs empty, a worker that holds fewer jobs than it has slots is given second
+    /// leases of jobs that others hold, those held longest first, one for each free slot. A worker that is set aside gets nothing, and one
     /// that just failed a job gets it again only when there is nothing else to do: another
     /// worker's opinion is worth more than a second one of its own.
     pub fn lease(&mut self, worker: &WorkerId, credit: usize, now: Duration) -> Vec<Grant<J>> {
@@ -100,7 +117,8 @@ impl<J: Clone> Scheduler<J> {
             state.set_aside_until = None;
             state.strikes.clear();
         }
-        let was_idle = state.held.is_empty();
+        let free_slots = state.slots.saturating_sub(state.held.len());
+        let held = state.held.clone();
         let failed = state.strikes.clone();
 
         let queue = || self.queue.iter().map(|&(_, id)| id);
@@ -111,12 +129,13 @@ impl<J: Clone> Scheduler<J> {
         if chosen.is_empty() {
             chosen.extend(queue().take(credit));
         }
-        if self.options.duplicate_tail && was_idle && chosen.len() < credit {
-            // It holds nothing, so none of these leases is its own.
+        let room = free_slots.min(credit).saturating_sub(chosen.len());
+        if self.options.duplicate_tail && room > 0 {
             let ripe =
                 |granted: Duration| now.saturating_sub(granted) >= self.options.duplicate_after;
             let tail = self.tail.iter().take_while(|tail| ripe(tail.0));
-            chosen.extend(tail.map(|&(_, _, id)| id).take(credit - chosen.len()));
+            let tail = tail.map(|&(_, _, id)| id).filter(|id| !held.contains(id));
+            chosen.extend(tail.take(room));
         }
         chosen
             .into_iter()

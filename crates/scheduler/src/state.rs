@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use crate::types::{JobId, WorkerId};
+use crate::types::{History, JobId, WorkerId};
 
 #[derive(Debug, Clone)]
 pub(crate) struct Job<J> {
@@ -19,13 +19,13 @@ pub(crate) struct Job<J> {
 }
 
 impl<J> Job<J> {
-    pub(crate) const fn new(payload: J, priority: i32) -> Self {
+    pub(crate) const fn new(payload: J, priority: i32, history: History) -> Self {
         Self {
             payload,
             priority,
-            attempts: 0,
-            crashes: 0,
-            failures: 0,
+            attempts: history.attempts,
+            crashes: history.crashes,
+            failures: history.failures,
             state: State::Queued,
             filed: None,
         }
@@ -76,8 +76,10 @@ impl Filed {
     }
 }
 
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub(crate) struct Worker {
+    /// How many jobs it computes at once.
+    pub(crate) slots: usize,
     pub(crate) held: BTreeSet<JobId>,
     /// The jobs it failed since it last finished one.
     pub(crate) strikes: BTreeSet<JobId>,
@@ -88,4 +90,20 @@ pub(crate) struct Worker {
     pub(crate) failed: u64,
     pub(crate) crashed: u64,
     pub(crate) last_seen: Duration,
+}
+
+impl Default for Worker {
+    fn default() -> Self {
+        Self {
+            slots: 1,
+            held: BTreeSet::new(),
+            strikes: BTreeSet::new(),
+            set_aside_until: None,
+            times_set_aside: 0,
+            completed: 0,
+            failed: 0,
+            crashed: 0,
+            last_seen: Duration::ZERO,
+        }
+    }
 }

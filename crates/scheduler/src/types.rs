@@ -23,6 +23,17 @@ impl fmt::Display for WorkerId {
     }
 }
 
+/// What is known of a job from before a restart.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct History {
+    /// The newest attempt; 0 before the first.
+    pub attempts: u32,
+    /// How many workers went silent while they ran it, since it was last given up or retried.
+    pub crashes: u32,
+    /// How often it failed since then.
+    pub failures: u32,
+}
+
 /// A job, leased to a worker.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Grant<J> {

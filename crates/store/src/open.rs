@@ -16,7 +16,7 @@ use sqlx::sqlite::{
 };
 use sqlx::{ConnectOptions as _, Connection as _, Executor as _};
 
-use crate::check::{self, Verdict};
+use crate::check::{self, Pending, Verdict};
 use crate::lock::Lock;
 use crate::rows::CampaignRow;
 use crate::store::Store;
@@ -32,6 +32,9 @@ const SQLITE_MAGIC: &[u8; 16] = b"SQLite format 3\0";
 
 /// What `PRAGMA quick_check` reads in about a quarter of a second.
 const CHECK_AT_ONCE: u64 = 32 << 20;
+
+/// Whose samples are read and compared with their digest in about a quarter of a second.
+const COMPARE_AT_ONCE: u64 = 4 << 20;
 
 /// The schema that brought tallies, which its migration leaves in part to the program.
 const FIRST_WITH_TALLIES: i64 = 2;
@@ -61,7 +64,8 @@ impl Store {
     /// is then opened as it is, and the caller [extends](Store::extend) it.
     ///
     /// A file too large to be checked in a moment is checked in the background: reads go on
-    /// meanwhile, the first write waits. [`Store::checked`] tells the verdict.
+    /// meanwhile, the first write waits for the check of the pages. [`Store::checked`] tells the
+    /// verdict on these and on the samples.
     ///
     /// Holds an exclusive lock on `path` + `.lock` until [`Store::close`], or until the last clone
     /// of the store and of its writers is dropped and what they submitted is committed. Must be
@@ -99,11 +103,16 @@ impl Store {
         }
         roll_back(&path).await?;
         let (mut connection, found) = inspect(&path).await?;
-        let small = size(&path)? <= check_at_once;
+        let size = size(&path)?;
+        let small = size <= check_at_once;
+        let compare_at_once = size <= check_at_once.min(COMPARE_AT_ONCE);
         // An upgrade writes, and so does a change of the journal's mode.
         let at_once = small || found < known_schema() || !is_wal(&mut connection, &path).await?;
         if at_once {
             check::quick_check(&mut connection, &path).await?;
+        }
+        if found >= FIRST_WITH_TALLIES && compare_at_once {
+            check::samples(&mut connection, &path).await?;
         }
         let held = query::campaign(&mut connection, &path).await?;
         if found >= FIRST_WITH_TALLIES {
@@ -121,7 +130,7 @@ impl Store {
         }
 
         let options = writing(&path);
-        let (connection, verdict) = if at_once {
+        let (connection, pending) = if at_once {
             let mut connection = connect(&options, &path).await?;
             // SQLite opens a file that it may not write to, and complains only later.
             connection
@@ -131,10 +140,16 @@ impl Store {
             if found < known_schema() {
                 migrate(&mut connection, &path, found).await?;
             }
-            (Some(connection), Verdict::sound())
+            let pending = if compare_at_once {
+                Pending::Nothing
+            } else {
+                Pending::Samples
+            };
+            (Some(connection), pending)
         } else {
-            (None, Verdict::pending(path.clone()))
+            (None, Pending::PagesAndSamples)
         };
+        let verdict = Verdict::of(path.clone(), pending);
         let readers = readers(&path).await?;
         let writer = writer::spawn(path.clone(), options, connection, verdict.clone(), lock);
         Ok(Self {

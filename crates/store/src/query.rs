@@ -12,8 +12,8 @@ use crate::Error;
 use crate::cause::first_line;
 use crate::digest::SamplesDigest;
 use crate::rows::{
-    CampaignRow, DesignRow, FailureGroup, FailureKind, FailureRow, MissingWork, ModelRow,
-    OptimumRow, Progress, ResponseRow, SampleRow,
+    CampaignRow, DesignRow, FailureGroup, FailureKind, FailureRow, JobHistory, MissingWork,
+    ModelRow, OptimumRow, Progress, ResponseRow, SampleRow,
 };
 
 /// The migrations that made the schema: version and checksum, the oldest first.
@@ -356,6 +356,35 @@ pub(crate) async fn failures(pool: &SqlitePool, path: &Path) -> Result<Vec<Failu
             })
         })
         .collect()
+}
+
+pub(crate) async fn job_histories(
+    pool: &SqlitePool,
+    path: &Path,
+) -> Result<Vec<JobHistory>, Error> {
+    let rows = sqlx::query!(
+        r#"WITH given_up AS (
+               SELECT job, max(failure) AS last FROM failure WHERE kind = 'quarantine' GROUP BY job
+           )
+           SELECT failure.job AS "job!",
+                  max(attempt) AS "attempts!: u32",
+                  sum(kind = 'crash' AND failure > coalesce(last, 0)) AS "crashes!: u32",
+                  sum(kind = 'failure' AND failure > coalesce(last, 0)) AS "failures!: u32"
+           FROM failure LEFT JOIN given_up ON given_up.job = failure.job
+           GROUP BY failure.job ORDER BY failure.job"#
+    )
+    .fetch_all(pool)
+    .await
+    .map_err(|e| Error::sqlite("read what went wrong with jobs", path, e))?;
+    Ok(rows
+        .into_iter()
+        .map(|r| JobHistory {
+            job: r.job,
+            attempts: r.attempts,
+            crashes: r.crashes,
+            failures: r.failures,
+        })
+        .collect())
 }
 
 pub(crate) async fn failure_groups(

@@ -225,6 +225,19 @@ pub struct FailureRow {
     pub at_unix_ms: Option<i64>,
 }
 
+/// What went wrong with a job so far.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct JobHistory {
+    /// The job's name.
+    pub job: String,
+    /// The newest attempt of which something is recorded.
+    pub attempts: u32,
+    /// Recorded crashes since the job was last given up.
+    pub crashes: u32,
+    /// Recorded failures since then.
+    pub failures: u32,
+}
+
 /// Failures of one kind with one cause.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FailureGroup {

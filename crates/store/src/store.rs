@@ -12,9 +12,11 @@ use crate::keyed;
 use crate::query;
 use crate::rounds::{self, InfillRow, NewRound, RoundRow};
 use crate::rows::{
-    CampaignRow, CriteriaRow, DesignRow, FailureGroup, FailureRow, JobTimeRow, MissingWork,
-    ModelRow, OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow, SampleRow, VerifyRow,
+    CampaignRow, CriteriaRow, DesignRow, FailureGroup, FailureRow, JobHistory, JobTimeRow,
+    MissingWork, ModelRow, OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow, SampleRow,
+    VerifyRow,
 };
+use crate::tally;
 use crate::writer::{Rows, Writer};
 
 /// A campaign's store, open for reading or for both. Clones share one writer and one lock.
@@ -46,15 +48,16 @@ impl Store {
         self.writer.clone().ok_or(Error::ReadOnly)
     }
 
-    /// Waits until the file is known to be sound, which a small one is when it is open. Stop at an
-    /// error: nothing can be written any more, and nothing has been. Always true of a store that
+    /// Waits until the file is known to be sound, which a small one is when it is open: its pages,
+    /// and that its samples have the digest they were acknowledged with. Stop at an error: if pages
+    /// are damaged, nothing has been written. Always true of a store that
     /// was opened for reading, which is not checked.
     ///
     /// # Errors
     ///
     /// [`Error::Damaged`], or [`Error::Sqlite`] when the check could not be made.
     pub fn checked(&self) -> impl Future<Output = Result<(), Error>> + Send + use<> {
-        self.verdict.clone().reached()
+        self.verdict.clone().on_everything()
     }
 
     /// Commits what was submitted, moves the log into the file and gives the lock back.
@@ -169,12 +172,7 @@ impl Store {
     /// reading of all of them. A difference says that the store's file was changed by something
     /// else than this program.
     pub async fn recompute_samples_digest(&self) -> Result<String, Error> {
-        let mut digest = SamplesDigest::default();
-        self.visit_samples(|row| {
-            digest += SamplesDigest::of(row.design, row.sample, row.delta_ste_um);
-            Ok::<(), Error>(())
-        })
-        .await?;
+        let digest = tally::recompute(&self.readers, &self.path).await?;
         Ok(digest.to_hex())
     }
 
@@ -282,6 +280,11 @@ impl Store {
     /// Everything that went wrong, in the order in which it was stored.
     pub async fn failures(&self) -> Result<Vec<FailureRow>, Error> {
         query::failures(&self.readers, &self.path).await
+    }
+
+    /// What went wrong, by job.
+    pub async fn job_histories(&self) -> Result<Vec<JobHistory>, Error> {
+        query::job_histories(&self.readers, &self.path).await
     }
 
     /// What went wrong, grouped by kind and cause: by kind, and then by the cause's text.

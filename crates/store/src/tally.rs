@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use sqlx::SqliteExecutor;
 use sqlx::sqlite::SqliteConnection;
 
 use crate::Error;
@@ -129,14 +130,23 @@ pub(crate) async fn count_failure(
     Ok(())
 }
 
-/// Does what the migration that brought the tallies cannot: SQL has neither SHA-256 nor causes.
-pub(crate) async fn fill(connection: &mut SqliteConnection, path: &Path) -> Result<(), Error> {
+/// The digest of the samples that are there.
+pub(crate) async fn recompute(
+    executor: impl SqliteExecutor<'_>,
+    path: &Path,
+) -> Result<SamplesDigest, Error> {
     let mut digest = SamplesDigest::default();
-    query::visit_samples(&mut *connection, path, |row| {
+    query::visit_samples(executor, path, |row| {
         digest += SamplesDigest::of(row.design, row.sample, row.delta_ste_um);
         Ok::<(), Error>(())
     })
     .await?;
+    Ok(digest)
+}
+
+/// Does what the migration that brought the tallies cannot: SQL has neither SHA-256 nor causes.
+pub(crate) async fn fill(connection: &mut SqliteConnection, path: &Path) -> Result<(), Error> {
+    let digest = recompute(&mut *connection, path).await?;
     let digest = digest.to_bytes().to_vec();
     sqlx::query!("UPDATE tally SET samples_digest = ?", digest)
         .execute(&mut *connection)

@@ -240,7 +240,7 @@ impl Task {
     /// One transaction. The outer error means that nothing was stored; an inner one that one
     /// batch was refused and the others were stored.
     async fn transaction(&mut self, group: &[Rows]) -> Result<Vec<Result<Receipt, Error>>, Error> {
-        self.verdict.clone().reached().await?;
+        self.verdict.clone().on_pages().await?;
         let path = &self.path;
         let failed = |doing| move |e| Error::sqlite(doing, path, e);
         let connection = match &mut self.connection {

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
+use campaign::task::TaskResult;
 use protocol::MAX_MESSAGE_BYTES;
 use protocol::v1::{Job, JobAttempt, JobResult, job_result};
 use tokio::sync::Notify;
@@ -35,11 +36,20 @@ pub(crate) struct Wanted {
     pub(crate) seconds: f64,
 }
 
+/// What was finished of a job that is still being computed, and what it took until then.
+#[derive(Debug)]
+pub(crate) struct Part {
+    pub(crate) result: TaskResult,
+    pub(crate) cpu_seconds: f64,
+    pub(crate) wall_seconds: f64,
+}
+
 #[derive(Debug)]
 struct Held {
     job: Arc<Job>,
     started: bool,
     cancelled: Arc<AtomicBool>,
+    part: Option<Part>,
 }
 
 #[derive(Debug)]
@@ -83,6 +93,7 @@ impl HeldJobs {
                     job: Arc::clone(job),
                     started: false,
                     cancelled: Arc::default(),
+                    part: None,
                 };
                 inner.computing.insert(job.job, held);
             }
@@ -98,6 +109,15 @@ impl HeldJobs {
             held.started = true;
             Some(Arc::clone(&held.cancelled))
         })
+    }
+
+    /// Keeps what is finished of a job, should there be no time for the rest.
+    pub(crate) fn keep(&self, job: u64, part: Part) {
+        self.with(|inner| {
+            if let Some(held) = inner.computing.get_mut(&job) {
+                held.part = Some(part);
+            }
+        });
     }
 
     /// Replaces a computed job by its result, unless nobody needs it any more.
@@ -161,14 +181,33 @@ impl HeldJobs {
         given_up
     }
 
-    /// Forgets every job that is not finished, and returns them.
+    /// Ends every job that is not finished: those of which a part was kept are finished with that,
+    /// the others are forgotten and returned.
     pub(crate) fn give_up_all(&self) -> Vec<u64> {
-        self.with(|inner| {
-            for held in inner.computing.values() {
-                held.cancelled.store(true, Ordering::Relaxed);
+        let given_up = self.with(|inner| {
+            let mut given_up = Vec::new();
+            for (id, held) in std::mem::take(&mut inner.computing) {
+                let is_wanted = !held.cancelled.swap(true, Ordering::Relaxed);
+                let part = held.part.filter(|_| is_wanted);
+                let payload = part.as_ref().map(|part| serde_json::to_vec(&part.result));
+                let (Some(part), Some(Ok(payload))) = (part, payload) else {
+                    given_up.push(id);
+                    continue;
+                };
+                let result = JobResult {
+                    job: id,
+                    attempt: held.job.attempt,
+                    outcome: Some(job_result::Outcome::Result(payload)),
+                    cpu_seconds: part.cpu_seconds,
+                    wall_seconds: part.wall_seconds,
+                };
+                let job = held.job;
+                inner.finished.insert(id, Finished { job, result });
             }
-            std::mem::take(&mut inner.computing).into_keys().collect()
-        })
+            given_up
+        });
+        self.changed.notify_waiters();
+        given_up
     }
 
     /// How many jobs are held and not finished.
@@ -350,6 +389,38 @@ mod tests {
             1,
             "the result of a job given back is not ours"
         );
+    }
+
+    #[test]
+    fn giving_up_hands_in_what_is_finished_of_a_job() {
+        let held = HeldJobs::default();
+        for id in 1..=3 {
+            held.take(&job(id));
+            held.start(id);
+        }
+        let part = || Part {
+            result: TaskResult::Verify {
+                point: "archard".to_owned(),
+                first: 4,
+                samples_um: vec![1.5, 2.5],
+            },
+            cpu_seconds: 3.0,
+            wall_seconds: 4.0,
+        };
+        held.keep(1, part());
+        held.keep(3, part());
+        held.cancel(&[3]);
+        assert_eq!(held.give_up_all(), [2, 3], "nobody needs the third");
+        let results = held.results();
+        assert_eq!(results.len(), 1);
+        let Some(job_result::Outcome::Result(payload)) = &results[0].outcome else {
+            panic!("a result")
+        };
+        let read: TaskResult = serde_json::from_slice(payload).unwrap();
+        assert_eq!((results[0].job, read), (1, part().result));
+        // The sample that was in the way ends after all: the part has gone its way.
+        held.finish(result(1, 9.0));
+        assert_eq!(held.results(), results);
     }
 
     #[test]

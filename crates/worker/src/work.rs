@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use protocol::Role;
 use protocol::v1::ReleaseRequest;
+use tokio::sync::mpsc::UnboundedSender;
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, info, warn};
@@ -87,6 +88,8 @@ struct Shared {
     acknowledged: AtomicU64,
     /// Ends the worker.
     stop: CancellationToken,
+    /// Those who want the coordinator to know at once what is held.
+    announcements: UnboundedSender<calls::Announcement>,
 }
 
 impl Worker {
@@ -119,6 +122,7 @@ impl Worker {
         )?;
         // Cancelled by us when the campaign is finished or an error ends the worker, too.
         let stop = CancellationToken::new();
+        let (announcements, announced) = tokio::sync::mpsc::unbounded_channel();
         let shared = Arc::new(Shared {
             worker_id: format!("{:032x}", rand::random::<u128>()),
             options: self.options,
@@ -128,6 +132,7 @@ impl Worker {
             hurry: AtomicBool::new(false),
             acknowledged: AtomicU64::new(0),
             stop: stop.clone(),
+            announcements,
         });
         let registered = tokio::select! {
             registered = shared.register(true) => registered?,
@@ -142,7 +147,7 @@ impl Worker {
 
         let mut tasks: JoinSet<Result<End, Error>> = JoinSet::new();
         tasks.spawn(calls::lease(Arc::clone(&shared), pool));
-        tasks.spawn(calls::heartbeat(Arc::clone(&shared)));
+        tasks.spawn(calls::heartbeat(Arc::clone(&shared), announced));
         let reporter_stop = CancellationToken::new();
         let mut reporter = tokio::spawn(calls::report(Arc::clone(&shared), reporter_stop.clone()));
 
@@ -226,22 +231,26 @@ impl Shared {
     }
 
     /// Gives back what has not started and waits for the rest. Towards the end of the grace period
-    /// samplers stop between two samples and hand in what they have; what is not done even then is
-    /// given back.
+    /// samplers stop between two samples and hand in what they have. Of a job whose sample takes even
+    /// longer, what was kept is handed in; if that is nothing, it is given back.
     async fn drain(&self) {
-        let mut given_up = self.held.give_up_waiting();
         let now = tokio::time::Instant::now();
-        self.computed_by(now + self.options.grace.mul_f64(PATIENT_PART))
-            .await;
+        let patient_until = now + self.options.grace.mul_f64(PATIENT_PART);
+        let waiting = self.held.give_up_waiting();
+        tokio::join!(self.give_back(waiting), self.computed_by(patient_until));
         self.hurry.store(true, Ordering::Relaxed);
         self.computed_by(now + self.options.grace).await;
-        given_up.extend(self.held.give_up_all());
-        if given_up.is_empty() {
+        self.give_back(self.held.give_up_all()).await;
+    }
+
+    /// Tells the coordinator that it may lease these jobs to others.
+    async fn give_back(&self, jobs: Vec<u64>) {
+        if jobs.is_empty() {
             return;
         }
         let request = ReleaseRequest {
             worker_id: self.worker_id.clone(),
-            jobs: given_up,
+            jobs,
         };
         let mut client = self.connection.client();
         // A release that gets lost costs no more than the wait for the lease to run out.

@@ -18,6 +18,8 @@ pub struct Live {
     pub done: u64,
     /// Samples stored per second, lately.
     pub samples_per_second: f64,
+    /// What a run of an optimiser takes, in seconds, once one has ended.
+    pub run_seconds: Option<f64>,
     /// Whether leasing was stopped.
     pub is_draining: bool,
 }
@@ -98,6 +100,7 @@ impl Board {
             counts: inner.scheduler.counts(),
             done: inner.done,
             samples_per_second: inner.pace.per_second(now),
+            run_seconds: inner.posted_seconds,
             is_draining: inner.scheduler.is_draining(),
         }
     }

@@ -1,19 +1,23 @@
 //! Looking at a campaign that runs, and steering it.
 
 use std::io::IsTerminal as _;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use coordinator::status::{self, Status};
 use protocol::v1::{DrainRequest, ExplainRequest, RetryRequest, WatchRequest};
 use protocol::{Role, exit};
 use store::Store;
 use worker::client::{Link, connect};
+use worker::console;
 
 use super::{Usage, print};
 use crate::arguments::{self, Client};
 
 /// How often a store is looked at.
 const PERIOD: Duration = Duration::from_secs(1);
+
+/// How long who watches waits for a coordinator that was there before, as while it is restarted.
+const AWAY: Duration = Duration::from_secs(60);
 
 /// Home, and clear what is below.
 const CLEAR: &str = "\x1b[H\x1b[J";
@@ -31,8 +35,24 @@ pub(super) async fn status(arguments: arguments::Status) -> anyhow::Result<u8> {
             return Err(Usage(sentence.to_owned()).into());
         }
     };
+    let mut away_since: Option<Instant> = None;
     loop {
-        let status = source.next().await?;
+        let status = match source.next().await {
+            Ok(status) => status,
+            Err(error) if arguments.watch && source.may_come_back(&error) => {
+                let since = *away_since.get_or_insert_with(|| {
+                    console::complain(&format!("{error}; asking again"));
+                    Instant::now()
+                });
+                if since.elapsed() > AWAY {
+                    return Err(error);
+                }
+                tokio::time::sleep(PERIOD).await;
+                continue;
+            }
+            Err(error) => return Err(error),
+        };
+        away_since = None;
         let text = if arguments.json {
             serde_json::to_string(&status)? + "\n"
         } else {
@@ -54,6 +74,15 @@ enum Source {
 }
 
 impl Source {
+    /// Whether a coordinator that has answered before does not do so now.
+    fn may_come_back(&self, error: &anyhow::Error) -> bool {
+        let is_away = matches!(
+            error.downcast_ref(),
+            Some(worker::Error::Unreachable { .. })
+        );
+        is_away && matches!(self, Self::Coordinator { seen, .. } if *seen > 0)
+    }
+
     async fn next(&mut self) -> anyhow::Result<Status> {
         match self {
             Self::Store(store) => status::read(store).await,

@@ -1,6 +1,6 @@
 //! What becomes of a job, one event at a time.
 
-use scheduler::{Completion, Counts, Directive, Failure, JobId, Options, Scheduler};
+use scheduler::{Completion, Counts, Directive, Failure, History, JobId, Options, Scheduler};
 
 use crate::{at, ids, options, running, scheduler, waiting, worker};
 
@@ -270,10 +270,13 @@ fn idle_workers_get_second_leases_at_the_end_and_nobody_a_third() {
         s.lease(&a, 5, at(1)).is_empty(),
         "never a second lease of its own job"
     );
-    let second = s.lease(&b, 2, at(2));
-    assert_eq!(ids(&second), [0, 1], "those held longest");
+    s.set_slots(&b, 2, at(2));
+    let second = s.lease(&b, 1, at(2));
+    assert_eq!(ids(&second), [0], "the one held longest");
     assert_eq!(second[0].attempt, 2);
-    assert!(s.lease(&b, 1, at(2)).is_empty(), "b is not idle");
+    let third = s.lease(&b, 9, at(2));
+    assert_eq!(ids(&third), [1], "one for its other slot, and not again 0");
+    assert!(s.lease(&b, 1, at(2)).is_empty(), "b has no slot free");
     assert_eq!(ids(&s.lease(&c, 9, at(3))), [2]);
     assert!(s.lease(&d, 9, at(3)).is_empty());
     assert_eq!(
@@ -294,6 +297,27 @@ fn idle_workers_get_second_leases_at_the_end_and_nobody_a_third() {
         Directive::Cancel
     );
     assert_eq!(s.complete(&a, JobId(0), 1, at(6)), Completion::Duplicate);
+}
+
+#[test]
+fn attempts_and_counters_go_on_after_a_restart() {
+    let mut s = scheduler(options(), 0);
+    let history = History {
+        attempts: 5,
+        crashes: 1,
+        failures: 1,
+    };
+    for job in 0..2 {
+        assert!(s.add_job_with(JobId(job), "tried before".into(), 0, history));
+    }
+    let a = worker("a");
+    let grants = s.lease(&a, 2, at(0));
+    assert_eq!(grants.iter().map(|g| g.attempt).collect::<Vec<_>>(), [6, 6]);
+    let failure = s.fail(&a, JobId(0), 6, "no".into(), at(1));
+    assert_eq!(failure, Failure::Quarantined, "the second of two");
+    s.heartbeat(&a, &[running(1, 6)], at(1));
+    let over = s.expire(at(11));
+    assert!(over[0].quarantined, "the second of two");
 }
 
 #[test]

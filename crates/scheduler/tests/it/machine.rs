@@ -101,6 +101,7 @@ impl ReferenceStateMachine for Machine {
         prop_oneof![
             2 => (a_job(), -1..2).prop_map(|(job, priority)| Call::Add { job, priority }),
             6 => (a_worker(), 0..4_usize).prop_map(|(worker, credit)| Call::Lease { worker, credit }),
+            1 => (a_worker(), 1..4_usize).prop_map(|(worker, slots)| Call::Slots { worker, slots }),
             6 => a_heartbeat(model),
             3 => a_holding(model).prop_map(|holding| Call::Complete { holding }),
             4 => a_holding(model).prop_map(|holding| Call::Fail { holding }),
@@ -147,6 +148,10 @@ impl StateMachineTest for Machine {
         let s = &mut watched.scheduler;
         let answer = match call {
             Call::Add { job, priority } => Answer::Added(s.add_job(job, job.0, priority)),
+            Call::Slots { worker, slots } => {
+                s.set_slots(&worker, slots, now);
+                Answer::None
+            }
             Call::Lease { worker, credit } => Answer::Granted(s.lease(&worker, credit, now)),
             Call::Heartbeat { worker, held } => Answer::Told(s.heartbeat(&worker, &held, now)),
             Call::Complete { holding: h } => {
@@ -173,7 +178,6 @@ impl StateMachineTest for Machine {
                 Answer::Forgot(s.forget(job))
             }
             Call::Restart => {
-                watched.attempts.clear();
                 *s = restarted(model);
                 Answer::None
             }
@@ -255,7 +259,7 @@ impl StateMachineTest for Machine {
 fn restarted(model: &Model) -> Scheduler<u64> {
     let mut scheduler = Scheduler::new(model.options.clone(), model.epoch);
     for (id, job) in &model.jobs {
-        assert!(scheduler.add_job(*id, id.0, job.priority));
+        assert!(scheduler.add_job_with(*id, id.0, job.priority, Model::past(job)));
     }
     scheduler
 }

@@ -5,13 +5,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use scheduler::{
-    Completion, Directive, Expired, Failure, Grant, Held, JobId, Options, WorkerId, WorkerStatus,
+    Completion, Directive, Expired, Failure, Grant, Held, History, JobId, Options, WorkerId,
+    WorkerStatus,
 };
 
 /// What becomes of a scheduler next.
 #[derive(Debug, Clone)]
 pub(crate) enum Call {
     Add { job: JobId, priority: i32 },
+    Slots { worker: WorkerId, slots: usize },
     Lease { worker: WorkerId, credit: usize },
     Heartbeat { worker: WorkerId, held: Vec<Held> },
     Complete { holding: Holding },
@@ -51,8 +53,8 @@ pub(crate) enum Answer {
 pub(crate) struct Job {
     pub(crate) priority: i32,
     pub(crate) attempts: u32,
-    crashes: u32,
-    failures: u32,
+    pub(crate) crashes: u32,
+    pub(crate) failures: u32,
     pub(crate) end: Option<End>,
 }
 
@@ -72,6 +74,7 @@ pub(crate) struct Lease {
 
 #[derive(Debug, Clone, Default)]
 struct Worker {
+    slots: Option<usize>,
     set_aside_until: Option<Duration>,
     times_set_aside: u32,
     completed: u64,
@@ -122,6 +125,10 @@ impl Model {
     pub(crate) fn call(&mut self, call: &Call) {
         self.answer = match call {
             Call::Add { job, priority } => Answer::Added(self.add(*job, *priority)),
+            Call::Slots { worker, slots } => {
+                self.see(worker).slots = Some(*slots);
+                Answer::None
+            }
             Call::Lease { worker, credit } => Answer::Granted(self.lease(worker, *credit)),
             Call::Heartbeat { worker, held } => {
                 self.see(worker);
@@ -166,7 +173,8 @@ impl Model {
         !known
     }
 
-    /// A new coordinator adds what its store does not have; nobody is known to it.
+    /// A new coordinator adds what its store does not have, with what its store knows of earlier
+    /// attempts; nobody is known to it.
     fn restart(&mut self) {
         self.epoch += 1;
         self.draining = false;
@@ -177,7 +185,7 @@ impl Model {
         let before = std::mem::take(&mut self.jobs);
         for (id, job) in before {
             if !self.stored.contains(&id) {
-                self.add(id, job.priority);
+                self.jobs.insert(id, Job { end: None, ..job });
             }
         }
     }
@@ -202,7 +210,9 @@ impl Model {
             self.see(worker).set_aside_until = None;
             self.strikes.retain(|(who, _)| who != worker);
         }
-        let idle = !self.leases.iter().any(|l| l.held.worker == *worker);
+        let slots = self.see(worker).slots.unwrap_or(1);
+        let own = self.leases.iter().filter(|l| l.held.worker == *worker);
+        let free_slots = slots.saturating_sub(own.count());
 
         let mut queue = self.queued();
         queue.sort_by_key(|id| (self.jobs[id].priority, *id));
@@ -214,12 +224,13 @@ impl Model {
             fresh
         };
         chosen.truncate(credit);
-        if idle && self.options.duplicate_tail {
+        if self.options.duplicate_tail {
             let mut tail: Vec<&Lease> = self.leases.iter().collect();
+            tail.retain(|l| l.held.worker != *worker);
             tail.retain(|l| self.holders(l.held.job).len() == 1);
             tail.retain(|l| now.saturating_sub(l.granted) >= self.options.duplicate_after);
             tail.sort_by_key(|l| (l.granted, self.jobs[&l.held.job].priority, l.held.job));
-            let room = credit - chosen.len();
+            let room = credit.min(free_slots).saturating_sub(chosen.len());
             chosen.extend(tail.iter().take(room).map(|l| l.held.job));
         }
         let mut grants = Vec::new();
@@ -424,6 +435,15 @@ impl Model {
         self.jobs.get(&id)?.end.as_ref()?;
         self.jobs.remove(&id);
         Some(id.0)
+    }
+
+    /// What a store could know of a job.
+    pub(crate) fn past(job: &Job) -> History {
+        History {
+            attempts: job.attempts,
+            crashes: job.crashes,
+            failures: job.failures,
+        }
     }
 
     /// Who holds a job.

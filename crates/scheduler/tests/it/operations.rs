@@ -211,6 +211,7 @@ fn every_reason_is_explained() {
     assert_eq!(s.explain(at(4)), [draining, running]);
     s.set_draining(false);
 
+    s.set_slots(&b, 2, at(5));
     s.lease(&b, 2, at(5));
     let last = Explanation::LastLeases {
         leased: 4,

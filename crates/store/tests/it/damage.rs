@@ -219,3 +219,43 @@ async fn a_new_store_never_has_a_rollback_journal() {
     // Bytes 18 and 19 of the header are 2 under a write-ahead log, 1 under a rollback journal.
     assert_eq!(read(&path)[18..20], [2, 2]);
 }
+
+/// A number that changes on the disk leaves its page sound.
+#[tokio::test]
+async fn a_bit_that_flipped_in_a_sample_is_found_at_the_next_opening() {
+    // Some megabytes are compared with their digest in the background.
+    for (count, at_once) in [(500_u64, true), (200_000, false)] {
+        let (_folder, path) = folder();
+        let store = store_with(&path, 3).await;
+        let writer = store.writer().unwrap();
+        for first in (0..count).step_by(10_000) {
+            let part = (first..count.min(first + 10_000)).map(|i| sample(0, i, 1.5));
+            writer.submit(samples(part)).await.unwrap();
+        }
+        drop(writer);
+        store.close().await.unwrap();
+        let sound = open(&path).await;
+        sound.checked().await.unwrap();
+        sound.close().await.unwrap();
+
+        let mut bytes = read(&path);
+        let number = 1.5_f64.to_be_bytes();
+        let place = bytes.windows(8).rposition(|window| window == number);
+        bytes[place.unwrap() + 7] ^= 1;
+        fs::write(&path, bytes).unwrap();
+        let error = match Store::create_or_open(&path, &campaign()).await {
+            Ok(store) => {
+                assert!(!at_once, "a small store is compared before it is open");
+                let error = store.checked().await.unwrap_err();
+                store.close().await.unwrap();
+                error
+            }
+            Err(error) => {
+                assert!(at_once, "a large one is not: {error}");
+                error
+            }
+        };
+        assert!(matches!(error, Error::Damaged { .. }), "{error}");
+        assert!(error.to_string().contains("digest"), "{error}");
+    }
+}

@@ -378,7 +378,7 @@ fn stopping_ends_what_is_waited_for() {
 #[test]
 fn a_stopped_task_keeps_its_finished_samples() {
     let asked = Cell::new(0);
-    let keep_going = || {
+    let keep_going = |_: &dyn Fn() -> TaskResult| {
         asked.set(asked.get() + 1);
         asked.get() <= 3
     };
