@@ -111,7 +111,7 @@ fn a_killed_worker_takes_its_programs_along_and_loses_nothing() {
     let sandbox = Sandbox::new();
     let file = campaign(
         &sandbox,
-        &[("samples_per_design = 25", "samples_per_design = 400")],
+        &[("samples_per_design = 25", "samples_per_design = 1600")],
     );
     let exec = program(&sandbox, "simulator.py", &[]);
     let alone = [
@@ -167,6 +167,188 @@ fn a_killed_worker_takes_its_programs_along_and_loses_nothing() {
     let disturbed = finished(&sandbox, "cluster.db");
     assert_eq!(disturbed["samples_digest"], undisturbed["samples_digest"]);
     assert_eq!(disturbed["optima"], undisturbed["optima"]);
+}
+
+/// Changes to the example's program: `action` is done before each sample of designs that fulfil
+/// `condition`, and `sys` and `os` are at hand.
+fn before_samples<'a>(condition: &'a str, action: &'a str) -> [(String, String); 3] {
+    [
+        (
+            "import random\n".to_owned(),
+            "import os\nimport random\n".to_owned(),
+        ),
+        (
+            "        shift = [design".to_owned(),
+            format!("        self.marked = {condition}\n        shift = [design"),
+        ),
+        (
+            "        generator = random".to_owned(),
+            format!("        if self.marked:\n            {action}\n        generator = random"),
+        ),
+    ]
+}
+
+fn changed_program(sandbox: &Sandbox, name: &str, changes: &[(String, String)]) -> String {
+    let changes: Vec<(&str, &str)> = changes
+        .iter()
+        .map(|(from, to)| (from.as_str(), to.as_str()))
+        .collect();
+    program(sandbox, name, &changes)
+}
+
+/// 20 strata of the range from −0.3 to 1: one design has an x_p above 0.935.
+const ONE_OF_20: &str = "design[\"x_p\"] > 0.935";
+
+/// The example with 20 designs, and nothing simulated before the first job.
+fn twenty_designs(sandbox: &Sandbox) -> String {
+    campaign(
+        sandbox,
+        &[
+            ("designs = 60", "designs = 20"),
+            ("probe_designs = 3", "probe_designs = 0"),
+        ],
+    )
+}
+
+fn asked(sandbox: &Sandbox, url: &str, arguments: &[&str]) -> String {
+    let output = sandbox.coordinator(&[arguments, &["--connect", url]].concat());
+    assert_code(&output, 0);
+    printed(&output)
+}
+
+/// Waits until the coordinator says that so many jobs are out.
+fn wait_for_leases(sandbox: &Sandbox, url: &str, wanted: u64) {
+    let since = std::time::Instant::now();
+    loop {
+        let status = asked(sandbox, url, &["status", "--json"]);
+        let status: Value = serde_json::from_str(&status).unwrap();
+        if status["live"]["jobs_leased"].as_u64() >= Some(wanted) {
+            return;
+        }
+        assert!(since.elapsed().as_secs() < 60, "{status}");
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    }
+}
+
+#[test]
+fn a_worker_that_leaves_during_a_sample_longer_than_its_lease_hands_it_in() {
+    let sandbox = Sandbox::new();
+    let file = twenty_designs(&sandbox);
+    // A lease is 5 s.
+    let slow = before_samples("True", "__import__('time').sleep(8)");
+    let exec = changed_program(&sandbox, "slow.py", &slow);
+    let address = free_address().to_string();
+    let url = format!("http://{address}");
+    let coordinator = sandbox.start(
+        "coordinator",
+        &["serve", &file, "--db", "c.db", "--listen", &address],
+    );
+    sandbox.wait_for("c.db", "the DoE", |status| status["stage"] == "sample");
+    let worker = sandbox.start(
+        "worker",
+        &["--connect", &url, "--slots", "1", "--exec", &exec],
+    );
+    // The runs of optimisers that need no samples come first.
+    let only_samples = |status: &Value| status["optimiser_runs"]["done"] == 4;
+    sandbox.wait_for("c.db", "the optimisers' end", only_samples);
+    wait_for_leases(&sandbox, &url, 1);
+
+    // Meanwhile there is a job for everybody but one worker: whoever has none for a while leaves.
+    assert!(asked(&sandbox, &url, &["drain"]).contains("draining"));
+    let idle = ["--connect", &url, "--exec", &exec, "--idle-exit", "1"];
+    let idle = sandbox.run("worker", &idle);
+    assert_code(&idle, 0);
+
+    worker.terminate();
+    let (ended, errors) = worker.finish();
+    assert_eq!(ended.code(), Some(0), "{errors}");
+    // Drained, with the last result in.
+    let (ended, errors) = coordinator.finish();
+    assert_eq!(ended.code(), Some(14), "{errors}");
+    let status = sandbox.status("c.db").unwrap();
+    let fresh = status["optima"].as_array().unwrap().iter();
+    let fresh: u64 = fresh
+        .map(|optimum| optimum["verified"]["done"].as_u64().unwrap())
+        .sum();
+    assert_eq!(
+        fresh + status["samples"]["done"].as_u64().unwrap(),
+        1,
+        "one sample a job: {status}"
+    );
+    assert_eq!(status["failures"], 0, "nobody is to blame: {status}");
+}
+
+#[test]
+fn a_design_that_kills_its_workers_at_once_is_given_up() {
+    let sandbox = Sandbox::new();
+    let file = twenty_designs(&sandbox);
+    // The worker is the program's parent.
+    let deadly = before_samples(ONE_OF_20, "os.kill(os.getppid(), 9)");
+    let exec = changed_program(&sandbox, "deadly.py", &deadly);
+    let address = free_address().to_string();
+    let url = format!("http://{address}");
+    let coordinator = sandbox.start(
+        "coordinator",
+        &["serve", &file, "--db", "c.db", "--listen", &address],
+    );
+    sandbox.wait_for("c.db", "a store", |_| true);
+    let mut deaths = 0;
+    loop {
+        let worker = sandbox.run(
+            "worker",
+            &["--connect", &url, "--slots", "1", "--exec", &exec],
+        );
+        match worker.status.code() {
+            Some(0) => break,
+            None => deaths += 1,
+            Some(code) => panic!("{code}: {}", errors(&worker)),
+        }
+        assert!(deaths < 20, "the deadly design is tried for ever");
+    }
+    let (ended, errors) = coordinator.finish();
+    assert_eq!(ended.code(), Some(13), "{errors}");
+    // Three crashes that count, of the design alone, and perhaps of it with others; the first death
+    // of each is so quick that nobody knows that the job had begun.
+    assert!((3..=10).contains(&deaths), "{deaths} deaths");
+    let status = finished(&sandbox, "c.db");
+    assert_eq!(status["designs"]["done"], 19, "{status}");
+}
+
+#[test]
+fn a_design_that_was_given_up_gets_another_chance_when_it_is_asked_for() {
+    let sandbox = Sandbox::new();
+    let file = twenty_designs(&sandbox);
+    let licence = path(&sandbox.path("licence"));
+    let condition = format!("{ONE_OF_20} and not os.path.exists({licence:?})");
+    let failing = before_samples(&condition, "sys.exit('no licence')");
+    let exec = changed_program(&sandbox, "failing.py", &failing);
+    let address = free_address().to_string();
+    let url = format!("http://{address}");
+    let serve = ["serve", &file, "--db", "c.db", "--listen", &address];
+    let coordinator = sandbox.start("coordinator", &[&serve[..], &["--keep-serving"]].concat());
+    sandbox.wait_for("c.db", "a store", |_| true);
+    let work = ["--connect", &url, "--slots", "2", "--exec", &exec];
+    assert_code(&sandbox.run("worker", &work), 0);
+    let spoilt = finished(&sandbox, "c.db");
+    assert_eq!(spoilt["designs"]["done"], 19, "{spoilt}");
+
+    std::fs::write(&licence, "paid").unwrap();
+    let retried = asked(&sandbox, &url, &["retry", "--quarantined"]);
+    assert!(retried.starts_with("sample-"), "{retried}");
+    assert_code(&sandbox.run("worker", &work), 0);
+    let whole = finished(&sandbox, "c.db");
+    assert_eq!(whole["designs"]["done"], 20, "{whole}");
+    let again = asked(&sandbox, &url, &["retry", "--quarantined"]);
+    assert!(again.contains("no job was given up"), "{again}");
+    coordinator.terminate();
+    assert_eq!(coordinator.finish().0.code(), Some(0));
+
+    // What the store holds is what an undisturbed campaign would have brought.
+    let run = ["run", &file, "--db", "alone.db", "--exec", &exec];
+    assert_code(&sandbox.coordinator(&run), 0);
+    let alone = finished(&sandbox, "alone.db");
+    assert_eq!(whole["samples_digest"], alone["samples_digest"]);
+    assert_eq!(whole["optima"], alone["optima"]);
 }
 
 #[test]
@@ -239,29 +421,12 @@ fn workers_with_another_simulator_are_refused_for_good() {
 #[test]
 fn a_program_that_fails_on_one_design_spoils_no_other() {
     let sandbox = Sandbox::new();
-    let file = campaign(
-        &sandbox,
-        &[
-            ("designs = 60", "designs = 20"),
-            ("probe_designs = 3", "probe_designs = 0"),
-        ],
+    let file = twenty_designs(&sandbox);
+    let failing = before_samples(
+        ONE_OF_20,
+        "sys.stderr.write('the mesher gave up\\n'); sys.exit(7)",
     );
-    // 20 strata of the range from −0.3 to 1: one design has an x_p above 0.935.
-    let exec = program(
-        &sandbox,
-        "failing.py",
-        &[
-            (
-                "        shift = [design",
-                "        self.spoilt = design[\"x_p\"] > 0.935\n        shift = [design",
-            ),
-            (
-                "        generator = random",
-                "        if self.spoilt:\n            sys.stderr.write('the mesher gave up\\n')\n            \
-                 sys.exit(7)\n        generator = random",
-            ),
-        ],
-    );
+    let exec = changed_program(&sandbox, "failing.py", &failing);
     let run = ["run", &file, "--db", "store.db", "--exec", &exec];
     assert_code(&sandbox.coordinator(&run), 13);
     let status = finished(&sandbox, "store.db");

@@ -114,6 +114,93 @@ fn a_running_campaign_can_be_asked_and_drained() {
     assert_eq!(again.finish().0.code(), Some(14));
 }
 
+#[tokio::test]
+async fn a_stranger_learns_what_can_be_asked() {
+    use tonic_reflection::pb::v1::ServerReflectionRequest;
+    use tonic_reflection::pb::v1::server_reflection_client::ServerReflectionClient;
+    use tonic_reflection::pb::v1::server_reflection_request::MessageRequest;
+    use tonic_reflection::pb::v1::server_reflection_response::MessageResponse;
+
+    let sandbox = Sandbox::new();
+    let file = sandbox.write("small.toml", &small_campaign(60, 6));
+    let address = free_address().to_string();
+    let serve = [
+        "serve",
+        file.to_str().unwrap(),
+        "--db",
+        "c.db",
+        "--listen",
+        &address,
+    ];
+    let _coordinator = sandbox.start("coordinator", &serve);
+    sandbox.wait_for("c.db", "a store", |_| true);
+    let channel = tonic::transport::Endpoint::new(format!("http://{address}"))
+        .unwrap()
+        .connect_lazy();
+
+    let request = ServerReflectionRequest {
+        message_request: Some(MessageRequest::ListServices(String::new())),
+        ..ServerReflectionRequest::default()
+    };
+    let mut client = ServerReflectionClient::new(channel.clone());
+    let questions = tokio_stream::once(request);
+    let mut answers = client
+        .server_reflection_info(questions)
+        .await
+        .unwrap()
+        .into_inner();
+    let answer = answers.message().await.unwrap().unwrap().message_response;
+    let Some(MessageResponse::ListServicesResponse(list)) = answer else {
+        panic!("{answer:?}")
+    };
+    let names: Vec<&str> = list.service.iter().map(|s| s.name.as_str()).collect();
+    for name in ["pitchline.v1.Campaign", "grpc.health.v1.Health"] {
+        assert!(names.contains(&name), "{names:?}");
+    }
+
+    let mut health = tonic_health::pb::health_client::HealthClient::new(channel);
+    let request = tonic_health::pb::HealthCheckRequest {
+        service: "pitchline.v1.Campaign".to_owned(),
+    };
+    let health = health.check(request).await.unwrap().into_inner();
+    assert_eq!(
+        health.status(),
+        tonic_health::pb::health_check_response::ServingStatus::Serving
+    );
+}
+
+#[test]
+fn who_watches_through_a_restart_sees_the_end_all_the_same() {
+    let sandbox = Sandbox::new();
+    let file = sandbox.write("small.toml", &small_campaign(60, 6));
+    let address = free_address().to_string();
+    let url = format!("http://{address}");
+    let serve = [
+        "serve",
+        file.to_str().unwrap(),
+        "--db",
+        "c.db",
+        "--listen",
+        &address,
+    ];
+    let serve = [&serve[..], &["--keep-serving"]].concat();
+    let coordinator = sandbox.start("coordinator", &serve);
+    sandbox.wait_for("c.db", "the DoE", |status| status["stage"] == "sample");
+    let watch = sandbox.start("coordinator", &["status", "--watch", "--connect", &url]);
+    // The first answer comes at once; a worker's registration is news.
+    std::thread::sleep(std::time::Duration::from_secs(3));
+    coordinator.kill();
+    std::thread::sleep(std::time::Duration::from_secs(2));
+    let coordinator = sandbox.start("coordinator", &serve);
+    let worker = sandbox.start("worker", &["--connect", &url]);
+    assert_eq!(worker.finish().0.code(), Some(0));
+    let (ended, said) = watch.finish();
+    assert_eq!(ended.code(), Some(0), "{said}");
+    assert!(said.contains("asking again"), "{said}");
+    coordinator.terminate();
+    assert_eq!(coordinator.finish().0.code(), Some(0));
+}
+
 #[test]
 fn whoever_watches_sees_the_end() {
     let sandbox = Sandbox::new();

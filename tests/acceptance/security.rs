@@ -318,7 +318,8 @@ fn a_coordinator_does_not_open_itself_by_mistake() {
         }
     }
     // Metrics have no guard at all.
-    let metrics = ["serve", file, "--db", "c.db", "--metrics", "0.0.0.0:9400"];
+    let mut metrics = vec!["serve", file, "--db", "c.db"];
+    metrics.extend(["--listen", "127.0.0.1:0", "--metrics", "0.0.0.0:9400"]);
     let output = sandbox.coordinator(&metrics);
     assert_code(&output, 2);
     for part in ["--metrics 0.0.0.0:9400", "127.0.0.1:9400", "--insecure"] {

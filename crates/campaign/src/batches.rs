@@ -135,20 +135,11 @@ impl Batches {
         }
     }
 
-    /// Makes the missing samples of a point available. A known point of other variables is
-    /// replaced: it has moved, and what was computed for the old one is of no use.
+    /// Makes the missing samples of a point available; one that is known already stays as it is.
     pub fn add_point(&mut self, point: &VerifyPoint) {
         let id = StreamId::Point(point.number);
-        if let Some(Stream {
-            source: Source::Point { variables, .. },
-            ..
-        }) = self.streams.get(&id)
-        {
-            if *variables == point.variables {
-                return;
-            }
-            self.jobs
-                .retain(|_, units| units.iter().all(|unit| unit.stream != id));
+        if self.streams.contains_key(&id) {
+            return;
         }
         let missing = gaps(&point.stored, point.wanted);
         if missing.is_empty() {
@@ -160,6 +151,18 @@ impl Batches {
             variables: point.variables,
         };
         self.add(id, source, missing);
+    }
+
+    /// Forgets these points, as when what they were chosen by is learned anew: the same or others may
+    /// come in their place, and none of their samples is stored any more. Returns their jobs.
+    pub fn forget_points(&mut self, which: impl Fn(u64) -> bool) -> Vec<u64> {
+        let is_gone = |id: &StreamId| matches!(id, StreamId::Point(number) if which(*number));
+        self.streams.retain(|id, _| !is_gone(id));
+        self.free.retain(|id| !is_gone(id));
+        self.open_points.retain(|number| !which(*number));
+        let is_gone = |units: &Vec<Unit>| units.iter().any(|unit| is_gone(&unit.stream));
+        let jobs = self.jobs.extract_if(.., |_, units| is_gone(units));
+        jobs.map(|(job, _)| job).collect()
     }
 
     fn add(&mut self, id: StreamId, source: Source, missing: Vec<Range<u32>>) {
@@ -350,6 +353,20 @@ impl Batches {
             .iter()
             .filter(|(_, state)| state.is_given_up)
             .map(|(&id, _)| id)
+    }
+
+    /// The jobs all of whose designs and points were given up, but for the jobs that this was for:
+    /// those are known as long as the others, but no longer wait.
+    #[must_use]
+    pub fn needless(&self) -> Vec<u64> {
+        let is_given_up = |unit: &Unit| {
+            let stream = self.streams.get(&unit.stream);
+            stream.is_some_and(|stream| stream.is_given_up)
+        };
+        let jobs = self.jobs.iter();
+        jobs.filter(|(_, units)| units.iter().all(is_given_up))
+            .map(|(job, _)| *job)
+            .collect()
     }
 
     /// Whether every design has its samples or was given up.
@@ -567,6 +584,11 @@ impl Unit {
 
 const fn number(kind: JobKind, splits: u64, index: u64, first: u32) -> u64 {
     (kind.tag() << 56) | (splits << SPLIT_SHIFT) | (index << INDEX_SHIFT) | first as u64
+}
+
+/// A sampling job's number without its first sample and its splits.
+pub(crate) const fn without_samples(job: u64) -> u64 {
+    job & !((1 << INDEX_SHIFT) - 1) & !(0xf << SPLIT_SHIFT)
 }
 
 /// The design or point and the first sample of a sampling job's number.

@@ -183,6 +183,16 @@ pub const fn run_parts(job: u64) -> (u64, u32) {
     ((job >> 48) & 0xff, ((job >> 32) & 0xffff) as u32)
 }
 
+/// What a job has in common with others that fail for the same reason: the design, or the first of
+/// the designs, or the point that it samples. A run of an optimiser stands alone.
+#[must_use]
+pub const fn kin(job: u64) -> u64 {
+    match JobKind::of(job) {
+        Some(JobKind::Sample | JobKind::Verify) => crate::batches::without_samples(job),
+        _ => job,
+    }
+}
+
 /// The frozen variables, once they are known.
 ///
 /// An approach 1 that found no feasible design leaves nothing to freeze, so the printed values serve.

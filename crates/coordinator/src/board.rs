@@ -10,13 +10,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use campaign::Frozen;
 use campaign::batches::{Batches, StreamId, TARGET_SECONDS};
 use campaign::plan::{self, JobKind, OpenDesign, VerifyPoint};
 use campaign::task::{SampleRange, Task};
+use campaign::{Approach, Frozen};
 use protocol::MAX_MESSAGE_BYTES;
 use protocol::v1::{Job, JobAttempt};
-use scheduler::{Failure, History, JobId, Scheduler, WorkerId};
+use scheduler::{Details, Failure, History, JobId, Scheduler, WorkerId};
 use store::JobHistory;
 use tokio::sync::Notify;
 use tokio::time::Instant;
@@ -227,6 +227,24 @@ impl Board {
         self.release_lock(inner);
     }
 
+    /// Forgets the runs of these approaches and the points that were chosen by them, infill included:
+    /// what they rest on is learned anew. What workers still bring of them is of no use.
+    pub fn forget_derived(&self, approaches: &[Approach]) {
+        let numbers: Vec<u64> = approaches.iter().map(|a| a.number()).collect();
+        let mut inner = self.lock();
+        let is_gone = |point| campaign::enrichment::is_infill(point) || numbers.contains(&point);
+        let mut jobs = inner.batches.forget_points(is_gone);
+        for number in &numbers {
+            jobs.extend(inner.open_runs.remove(number).into_iter().flatten());
+        }
+        for job in jobs {
+            if inner.scheduler.withdraw(JobId(job)).is_none() {
+                inner.scheduler.forget(JobId(job));
+            }
+        }
+        self.touch(&mut inner);
+    }
+
     fn release_lock(&self, inner: MutexGuard<'_, Inner>) {
         drop(inner);
         self.available.notify_waiters();
@@ -389,6 +407,8 @@ impl Board {
             .fail(&worker, JobId(job), attempt, error, now);
         if failure == Failure::Quarantined {
             self.give_up(&mut inner, job);
+        } else {
+            inner.withdraw_needless();
         }
         self.touch(&mut inner);
         self.release_lock(inner);
@@ -417,6 +437,7 @@ impl Board {
         for job in expired.iter().filter(|expired| expired.quarantined) {
             self.give_up(&mut inner, job.job.0);
         }
+        inner.withdraw_needless();
         self.touch(&mut inner);
         self.release_lock(inner);
         expired
@@ -436,6 +457,7 @@ impl Board {
             // Its designs become jobs of their own.
             inner.scheduler.forget(JobId(job));
         }
+        inner.withdraw_needless();
         self.settle(inner, job);
     }
 
@@ -658,7 +680,21 @@ impl Inner {
             let name = ingest::job_name(job);
             self.histories.remove(&name).unwrap_or_default()
         };
-        self.scheduler.add_job_with(JobId(job), posted, 0, history)
+        let details = Details {
+            kin: Some(JobId(plan::kin(job))),
+            history,
+            ..Details::default()
+        };
+        self.scheduler.add_job_with(JobId(job), posted, details)
+    }
+
+    /// Takes back jobs for samples of designs and points that were given up meanwhile.
+    fn withdraw_needless(&mut self) {
+        for job in self.batches.needless() {
+            if self.scheduler.withdraw(JobId(job)).is_some() {
+                self.batches.close(job, None);
+            }
+        }
     }
 
     fn posted_seconds(&self) -> f64 {

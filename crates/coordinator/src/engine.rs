@@ -28,11 +28,14 @@ use crate::{enrichment, ingest, references};
 const EXPIRY_PERIOD: Duration = Duration::from_millis(200);
 
 /// The approaches that learn from the samples of the DoE.
-pub const SAMPLED_APPROACHES: [&str; 3] = [
-    Approach::Kriging.name(),
-    Approach::BestOfDoe.name(),
-    Approach::EnrichedKriging.name(),
+const SAMPLED: [Approach; 3] = [
+    Approach::Kriging,
+    Approach::BestOfDoe,
+    Approach::EnrichedKriging,
 ];
+
+/// Their names.
+pub const SAMPLED_APPROACHES: [&str; 3] = [SAMPLED[0].name(), SAMPLED[1].name(), SAMPLED[2].name()];
 
 /// What the engine works with.
 pub struct Engine {
@@ -244,6 +247,7 @@ impl Engine {
         if !self.store.responses().await?.is_empty() {
             // Samples came after the model was fitted, as of jobs that got another chance: what
             // was learned without them is learned again.
+            self.board.forget_derived(&SAMPLED);
             self.store.clear_derived(&SAMPLED_APPROACHES).await?;
         }
         let settings = self.campaign().sampling;

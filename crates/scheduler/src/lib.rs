@@ -37,6 +37,6 @@ pub use explain::Explanation;
 pub use options::Options;
 pub use scheduler::Scheduler;
 pub use types::{
-    Completion, Counts, Directive, Expired, Failure, Grant, Held, History, JobId, WorkerId,
-    WorkerStatus,
+    Completion, Counts, Details, Directive, Expired, Failure, Grant, Held, History, JobId,
+    WorkerId, WorkerStatus,
 };

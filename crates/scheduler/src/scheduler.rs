@@ -6,7 +6,7 @@ use std::time::Duration;
 use crate::options::Options;
 use crate::state::{Filed, Job, Lease, State, Worker};
 use crate::types::{
-    Completion, Counts, Directive, Expired, Failure, Grant, Held, History, JobId, WorkerId,
+    Completion, Counts, Details, Directive, Expired, Failure, Grant, Held, JobId, WorkerId,
     WorkerStatus,
 };
 
@@ -78,18 +78,35 @@ impl<J: Clone> Scheduler<J> {
     /// Adds a job, and says whether it was new; a known one stays as it is. Jobs are granted by
     /// ascending priority, then by ascending id.
     pub fn add_job(&mut self, id: JobId, payload: J, priority: i32) -> bool {
-        self.add_job_with(id, payload, priority, History::default())
+        let details = Details {
+            priority,
+            ..Details::default()
+        };
+        self.add_job_with(id, payload, details)
     }
 
-    /// As [`Self::add_job`], for a job that was tried before a restart: its attempts and counters go
-    /// on from there. Whether it is given up is decided by its next crash or failure, not by these.
-    pub fn add_job_with(&mut self, id: JobId, payload: J, priority: i32, history: History) -> bool {
+    /// As [`Self::add_job`]. The attempts and counters of a job that was tried before a restart go on
+    /// from there; whether it is given up is decided by its next crash or failure.
+    pub fn add_job_with(&mut self, id: JobId, payload: J, details: Details) -> bool {
         if self.jobs.contains_key(&id) {
             return false;
         }
-        self.jobs.insert(id, Job::new(payload, priority, history));
-        self.queue.insert((priority, id));
+        self.jobs.insert(id, Job::new(id, payload, details));
+        self.queue.insert((details.priority, id));
         true
+    }
+
+    /// Takes back a job that waits or is held, as if it had never been added, and returns its payload;
+    /// nothing if it is done, given up or unknown. Whoever holds it is told to cancel it with its next
+    /// heartbeat.
+    pub fn withdraw(&mut self, id: JobId) -> Option<J> {
+        let job = self.jobs.get(&id)?;
+        if !matches!(job.state, State::Queued | State::Leased(_)) {
+            return None;
+        }
+        // Out of every index; the state itself goes with the job.
+        self.settle(id, State::Done);
+        self.jobs.remove(&id).map(|job| job.payload)
     }
 
     /// Notes how many jobs a worker computes at once; 1 is assumed of one that nobody told about.
@@ -101,7 +118,7 @@ impl<J: Clone> Scheduler<J> {
     ///
     /// When the queue runs empty, a worker that holds fewer jobs than it has slots is given second
     /// leases of jobs that others hold, those held longest first, one for each free slot. A worker that is set aside gets nothing, and one
-    /// that just failed a job gets it again only when there is nothing else to do: another
+    /// that just failed a job gets it, or one of its kin, again only when there is nothing else to do: another
     /// worker's opinion is worth more than a second one of its own.
     pub fn lease(&mut self, worker: &WorkerId, credit: usize, now: Duration) -> Vec<Grant<J>> {
         let draining = self.draining;
@@ -123,7 +140,7 @@ impl<J: Clone> Scheduler<J> {
 
         let queue = || self.queue.iter().map(|&(_, id)| id);
         let mut chosen: Vec<JobId> = queue()
-            .filter(|id| !failed.contains(id))
+            .filter(|&id| !failed.contains(&self.kin(id)))
             .take(credit)
             .collect();
         if chosen.is_empty() {
@@ -526,22 +543,27 @@ impl<J: Clone> Scheduler<J> {
         })
     }
 
+    fn kin(&self, id: JobId) -> JobId {
+        self.jobs.get(&id).map_or(id, |job| job.kin)
+    }
+
     /// Counts a failure against a worker, unless the job is the one to blame.
     fn strike(&mut self, worker: &WorkerId, id: JobId, now: Duration) {
+        let kin = self.kin(id);
         let limit = self.options.max_worker_strikes.max(1) as usize;
         let first_time = self.options.set_aside;
         self.see(worker, now).failed += 1;
         let others_failed_it = self
             .workers
             .iter()
-            .any(|(other, state)| other != worker && state.strikes.contains(&id));
+            .any(|(other, state)| other != worker && state.strikes.contains(&kin));
         if others_failed_it {
             // Two workers failed it: it says nothing about either of them.
             self.forgive(id);
             return;
         }
         let state = self.see(worker, now);
-        state.strikes.insert(id);
+        state.strikes.insert(kin);
         if state.strikes.len() >= limit {
             let doublings = state.times_set_aside.min(MAX_DOUBLINGS);
             let time = first_time.saturating_mul(1 << doublings);
@@ -552,9 +574,10 @@ impl<J: Clone> Scheduler<J> {
 
     /// Holds a job against none of those that failed it.
     fn forgive(&mut self, id: JobId) {
+        let kin = self.kin(id);
         let limit = self.options.max_worker_strikes.max(1) as usize;
         for state in self.workers.values_mut() {
-            if state.strikes.remove(&id) && state.strikes.len() < limit {
+            if state.strikes.remove(&kin) && state.strikes.len() < limit {
                 state.set_aside_until = None;
             }
         }

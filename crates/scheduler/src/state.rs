@@ -3,12 +3,14 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use crate::types::{History, JobId, WorkerId};
+use crate::types::{Details, JobId, WorkerId};
 
 #[derive(Debug, Clone)]
 pub(crate) struct Job<J> {
     pub(crate) payload: J,
     pub(crate) priority: i32,
+    /// What a worker is blamed for that fails it.
+    pub(crate) kin: JobId,
     /// The newest attempt, 0 before the first.
     pub(crate) attempts: u32,
     pub(crate) crashes: u32,
@@ -19,10 +21,12 @@ pub(crate) struct Job<J> {
 }
 
 impl<J> Job<J> {
-    pub(crate) const fn new(payload: J, priority: i32, history: History) -> Self {
+    pub(crate) fn new(id: JobId, payload: J, details: Details) -> Self {
+        let history = details.history;
         Self {
             payload,
-            priority,
+            priority: details.priority,
+            kin: details.kin.unwrap_or(id),
             attempts: history.attempts,
             crashes: history.crashes,
             failures: history.failures,
@@ -81,7 +85,7 @@ pub(crate) struct Worker {
     /// How many jobs it computes at once.
     pub(crate) slots: usize,
     pub(crate) held: BTreeSet<JobId>,
-    /// The jobs it failed since it last finished one.
+    /// The kins of the jobs that it failed since it last finished one.
     pub(crate) strikes: BTreeSet<JobId>,
     pub(crate) set_aside_until: Option<Duration>,
     /// In a row, without finishing a job in between.

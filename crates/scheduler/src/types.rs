@@ -34,6 +34,18 @@ pub struct History {
     pub failures: u32,
 }
 
+/// What sets a job apart from others.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Details {
+    /// Jobs are granted by ascending priority.
+    pub priority: i32,
+    /// Jobs of one kin fail for one reason, as the samples of one design do: together they count as
+    /// one when a worker is blamed. None for a job that is its own.
+    pub kin: Option<JobId>,
+    /// What happened before a restart.
+    pub history: History,
+}
+
 /// A job, leased to a worker.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Grant<J> {

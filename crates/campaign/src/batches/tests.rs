@@ -180,7 +180,7 @@ fn a_job_from_before_a_restart_is_taken_over_unless_it_is_stale() {
 }
 
 #[test]
-fn a_point_that_has_moved_starts_afresh() {
+fn a_point_that_was_forgotten_starts_afresh_wherever_it_lies() {
     let point = |x: f64| VerifyPoint {
         name: "archard".to_owned(),
         number: 2,
@@ -193,9 +193,22 @@ fn a_point_that_has_moved_starts_afresh() {
     let (job, task) = batches.draw(1).unwrap();
     batches.add_point(&point(0.1));
     assert!(!batches.point_is_settled(2));
+    assert!(batches.forget_points(|number| number != 2).is_empty());
+    assert_eq!(batches.forget_points(|number| number == 2), [job]);
+    assert!(batches.point_is_settled(2));
     batches.add_point(&point(0.2));
     assert!(!batches.adopt(job, &task), "it is a job of the old point");
     let (_, task) = batches.draw(1).unwrap();
     assert!(matches!(task, Task::Verify { variables, .. }
         if variables == point(0.2).variables));
+    // Even the same place: its samples are no longer stored.
+    batches.stored(StreamId::Point(2), SampleRange { first: 0, count: 8 });
+    assert!(batches.point_is_settled(2));
+    batches.forget_points(|_| true);
+    let stored = BTreeSet::new();
+    batches.add_point(&VerifyPoint {
+        stored,
+        ..point(0.2)
+    });
+    assert!(!batches.point_is_settled(2) && batches.has_free());
 }

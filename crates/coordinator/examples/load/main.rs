@@ -17,7 +17,6 @@
 #![expect(clippy::print_stdout, reason = "a program for the command line")]
 
 mod crowd;
-
 mod overhead;
 mod slow;
 

@@ -1,6 +1,8 @@
 //! What becomes of a job, one event at a time.
 
-use scheduler::{Completion, Counts, Directive, Failure, History, JobId, Options, Scheduler};
+use scheduler::{
+    Completion, Counts, Details, Directive, Failure, History, JobId, Options, Scheduler,
+};
 
 use crate::{at, ids, options, running, scheduler, waiting, worker};
 
@@ -308,7 +310,11 @@ fn attempts_and_counters_go_on_after_a_restart() {
         failures: 1,
     };
     for job in 0..2 {
-        assert!(s.add_job_with(JobId(job), "tried before".into(), 0, history));
+        let details = Details {
+            history,
+            ..Details::default()
+        };
+        assert!(s.add_job_with(JobId(job), "tried before".into(), details));
     }
     let a = worker("a");
     let grants = s.lease(&a, 2, at(0));
@@ -434,4 +440,54 @@ fn a_lone_worker_gets_through_bad_jobs() {
             ..Counts::default()
         }
     );
+}
+
+#[test]
+fn jobs_of_one_kin_are_one_reason_to_blame_a_worker() {
+    let add = |kin: Option<u64>| {
+        let mut s = scheduler(options(), 0);
+        for job in 0..9 {
+            let details = Details {
+                kin: kin.map(JobId),
+                ..Details::default()
+            };
+            s.add_job_with(JobId(job), format!("job {job}"), details);
+        }
+        s
+    };
+    let a = worker("a");
+    let set_aside = |mut s: Scheduler<String>| {
+        for grant in s.lease(&a, 3, at(0)) {
+            s.fail(&a, grant.job, grant.attempt, "no".into(), at(1));
+        }
+        s.workers()[0].set_aside_until
+    };
+    assert_eq!(set_aside(add(None)), Some(at(101)));
+    assert_eq!(set_aside(add(Some(7))), None);
+}
+
+#[test]
+fn a_job_that_is_not_settled_can_be_withdrawn() {
+    let mut s = scheduler(options(), 4);
+    let a = worker("a");
+    s.lease(&a, 2, at(0));
+    s.complete(&a, JobId(0), 1, at(1));
+    assert_eq!(s.withdraw(JobId(0)), None, "it is done");
+    assert_eq!(s.withdraw(JobId(9)), None, "nobody knows it");
+    assert_eq!(s.withdraw(JobId(1)).as_deref(), Some("job 1"), "it is held");
+    assert_eq!(
+        s.heartbeat(&a, &[running(1, 1)], at(1))[0].1,
+        Directive::Cancel
+    );
+    assert_eq!(s.complete(&a, JobId(1), 1, at(1)), Completion::Unknown);
+    assert_eq!(s.withdraw(JobId(2)).as_deref(), Some("job 2"), "it waits");
+    assert_eq!(ids(&s.lease(&a, 9, at(1))), [3]);
+    assert!(s.add_job(JobId(1), "again".into(), 0));
+    let counts = Counts {
+        queued: 1,
+        leased: 1,
+        done: 1,
+        quarantined: 0,
+    };
+    assert_eq!(s.counts(), counts);
 }

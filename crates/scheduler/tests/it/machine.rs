@@ -6,7 +6,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use proptest::prelude::*;
 use proptest::sample::select;
 use proptest_state_machine::{ReferenceStateMachine, StateMachineTest, prop_state_machine};
-use scheduler::{Completion, Counts, Explanation, Held, JobId, Options, Scheduler, WorkerId};
+use scheduler::{
+    Completion, Counts, Details, Explanation, Held, JobId, Options, Scheduler, WorkerId,
+};
 
 use crate::model::{Answer, Call, End, Holding, Model};
 use crate::{at, worker};
@@ -114,6 +116,7 @@ impl ReferenceStateMachine for Machine {
             1 => Just(Call::Retry),
             1 => prop::bool::weighted(0.3).prop_map(Call::Drain),
             1 => a_job().prop_map(|job| Call::Forget { job }),
+            1 => a_job().prop_map(|job| Call::Withdraw { job }),
             1 => Just(Call::Restart),
         ]
         .boxed()
@@ -147,7 +150,16 @@ impl StateMachineTest for Machine {
         let now = model.now;
         let s = &mut watched.scheduler;
         let answer = match call {
-            Call::Add { job, priority } => Answer::Added(s.add_job(job, job.0, priority)),
+            Call::Add { job, priority } => {
+                Answer::Added(s.add_job_with(job, job.0, Model::details(job, priority)))
+            }
+            Call::Withdraw { job } => {
+                let withdrawn = s.withdraw(job);
+                if withdrawn.is_some() {
+                    watched.attempts.remove(&job);
+                }
+                Answer::Forgot(withdrawn)
+            }
             Call::Slots { worker, slots } => {
                 s.set_slots(&worker, slots, now);
                 Answer::None
@@ -259,7 +271,11 @@ impl StateMachineTest for Machine {
 fn restarted(model: &Model) -> Scheduler<u64> {
     let mut scheduler = Scheduler::new(model.options.clone(), model.epoch);
     for (id, job) in &model.jobs {
-        assert!(scheduler.add_job_with(*id, id.0, job.priority, Model::past(job)));
+        let details = Details {
+            history: Model::past(job),
+            ..Model::details(*id, job.priority)
+        };
+        assert!(scheduler.add_job_with(*id, id.0, details));
     }
     scheduler
 }

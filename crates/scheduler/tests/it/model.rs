@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use scheduler::{
-    Completion, Directive, Expired, Failure, Grant, Held, History, JobId, Options, WorkerId,
-    WorkerStatus,
+    Completion, Details, Directive, Expired, Failure, Grant, Held, History, JobId, Options,
+    WorkerId, WorkerStatus,
 };
 
 /// What becomes of a scheduler next.
@@ -23,6 +23,7 @@ pub(crate) enum Call {
     Retry,
     Drain(bool),
     Forget { job: JobId },
+    Withdraw { job: JobId },
     Restart,
     Wait { seconds: u64 },
 }
@@ -150,6 +151,7 @@ impl Model {
                 Answer::None
             }
             Call::Forget { job } => Answer::Forgot(self.forget(*job)),
+            Call::Withdraw { job } => Answer::Forgot(self.withdraw(*job)),
             Call::Restart => {
                 self.restart();
                 Answer::None
@@ -216,7 +218,7 @@ impl Model {
 
         let mut queue = self.queued();
         queue.sort_by_key(|id| (self.jobs[id].priority, *id));
-        let failed = |id: &JobId| self.strikes.contains(&(worker.clone(), *id));
+        let failed = |id: &JobId| self.strikes.contains(&(worker.clone(), Self::kin(*id)));
         let fresh: Vec<JobId> = queue.iter().copied().filter(|id| !failed(id)).collect();
         let mut chosen = if fresh.is_empty() || credit == 0 {
             queue
@@ -335,13 +337,14 @@ impl Model {
     }
 
     fn strike(&mut self, holding: &Holding) {
+        let kin = Self::kin(holding.job);
         let blamed_already =
-            |(who, what): &(WorkerId, JobId)| *what == holding.job && *who != holding.worker;
+            |(who, what): &(WorkerId, JobId)| *what == kin && *who != holding.worker;
         if self.strikes.iter().any(blamed_already) {
             self.forgive(holding.job);
             return;
         }
-        let strike = (holding.worker.clone(), holding.job);
+        let strike = (holding.worker.clone(), kin);
         if !self.strikes.contains(&strike) {
             self.strikes.push(strike);
         }
@@ -362,7 +365,7 @@ impl Model {
     fn forgive(&mut self, id: JobId) {
         let (struck, others): (Vec<_>, Vec<_>) = std::mem::take(&mut self.strikes)
             .into_iter()
-            .partition(|(_, what)| *what == id);
+            .partition(|(_, what)| *what == Self::kin(id));
         self.strikes = others;
         for (who, _) in struck {
             if self.strikes_of(&who) < self.options.max_worker_strikes {
@@ -435,6 +438,29 @@ impl Model {
         self.jobs.get(&id)?.end.as_ref()?;
         self.jobs.remove(&id);
         Some(id.0)
+    }
+
+    fn withdraw(&mut self, id: JobId) -> Option<u64> {
+        if self.jobs.get(&id)?.end.is_some() {
+            return None;
+        }
+        self.jobs.remove(&id);
+        self.leases.retain(|l| l.held.job != id);
+        Some(id.0)
+    }
+
+    /// Jobs 0 and 1 are kin, and 2 and 3.
+    fn kin(id: JobId) -> JobId {
+        JobId(if id.0 < 4 { id.0 / 2 * 2 } else { id.0 })
+    }
+
+    pub(crate) fn details(id: JobId, priority: i32) -> Details {
+        Details {
+            priority,
+            // A job is its own kin if nobody says otherwise.
+            kin: (id.0 < 4).then(|| Self::kin(id)),
+            ..Details::default()
+        }
     }
 
     /// What a store could know of a job.
