@@ -373,6 +373,8 @@ impl Board {
     ) {
         let worker = WorkerId(worker_id.to_owned());
         let now = self.now();
+        // Whatever a worker says, nothing has lasted longer than this coordinator.
+        let seconds = seconds.min(now.as_secs_f64());
         let mut inner = self.lock();
         for covered in covered {
             match *covered {
