@@ -226,7 +226,8 @@ impl Engine {
         info!(
             designs = self.campaign().doe.designs,
             existing = existing.len(),
-            "making the maximin Latin hypercube"
+            method = %self.campaign().doe.method,
+            "making the design of experiments"
         );
         let rows = blocking(move || steps::doe(&problem, &existing)).await?.0?;
         self.store.put_designs(&rows).await?;
