@@ -105,11 +105,12 @@ pub fn response(
     let choice = stats::choose_p90(
         values,
         &stats::ChoiceRule {
-            significance: match rule {
-                PercentileRule::Paper | PercentileRule::Normal => 0.0,
-                PercentileRule::Chosen => SIGNIFICANCE,
+            significance: match rule.harrell_davis() {
+                None => 0.0,
+                Some(_) => SIGNIFICANCE,
             },
             normal,
+            harrell_davis: rule.harrell_davis().unwrap_or_default(),
         },
     )?;
     Ok(ResponseRow {
@@ -253,6 +254,12 @@ mod tests {
         let expected = stats::harrell_davis_p90(&skewed).unwrap();
         assert_eq!(chosen.p90_um, expected.p90);
         assert_eq!(chosen.p90_variance_um2, expected.variance);
+        let bootstrap = of(PercentileRule::ChosenBootstrap);
+        assert_eq!(bootstrap.p90_um, chosen.p90_um);
+        let expected = stats::HarrellDavisVariance::Bootstrap;
+        let expected = stats::harrell_davis_p90_with(&skewed, expected).unwrap();
+        assert_eq!(bootstrap.p90_variance_um2, expected.variance);
+        assert_ne!(bootstrap.p90_variance_um2, chosen.p90_variance_um2);
         let plain = stats::percentile_p90(&skewed).unwrap();
         assert_eq!(
             (paper.p90_um, paper.p90_variance_um2),

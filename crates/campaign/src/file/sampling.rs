@@ -1,7 +1,7 @@
 //! `[sampling]`: how many samples a design gets, and what becomes of them.
 
 use serde::{Deserialize, Serialize};
-use stats::{NormalOptions, SequentialRule, VarianceFormula, Z90};
+use stats::{HarrellDavisVariance, NormalOptions, SequentialRule, VarianceFormula, Z90};
 
 use super::FileError;
 use super::validate::Source;
@@ -60,13 +60,27 @@ pub enum PercentileRule {
     Paper,
     /// m + z s without bias, with exact z and the exact variance for normal samples.
     Normal,
-    /// As `normal`, but Harrell and Davis's estimator where Lilliefors' test rejects normality.
+    /// As `normal`, but Harrell and Davis's estimator where Lilliefors' test rejects normality, with
+    /// its jackknife variance.
     Chosen,
+    /// As `chosen`, with the exact bootstrap variance in the place of the jackknife's. A name of its
+    /// own, since the variance decides about further samples and enters the models.
+    ChosenBootstrap,
 }
 
 impl PercentileRule {
     fn is_default(&self) -> bool {
         *self == Self::default()
+    }
+
+    /// Whether samples that are not normal are estimated in another way, and with which variance.
+    #[must_use]
+    pub const fn harrell_davis(self) -> Option<HarrellDavisVariance> {
+        match self {
+            Self::Paper | Self::Normal => None,
+            Self::Chosen => Some(HarrellDavisVariance::Jackknife),
+            Self::ChosenBootstrap => Some(HarrellDavisVariance::Bootstrap),
+        }
     }
 
     /// The way for normal samples.
@@ -78,7 +92,7 @@ impl PercentileRule {
                 variance: VarianceFormula::Taylor,
                 unbiased: false,
             },
-            Self::Normal | Self::Chosen => NormalOptions {
+            Self::Normal | Self::Chosen | Self::ChosenBootstrap => NormalOptions {
                 z: Z90::Exact,
                 variance: VarianceFormula::Exact,
                 unbiased: true,
@@ -133,7 +147,7 @@ impl Sampling {
              linearised",
         )?;
         source.require(
-            plain || self.percentile != PercentileRule::Chosen,
+            plain || self.percentile.harrell_davis().is_none(),
             "sampling.percentile",
             self.percentile,
             "\"paper\" or \"normal\" with a control variate, whose percentile is a normal one",
