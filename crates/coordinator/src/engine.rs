@@ -291,9 +291,8 @@ impl Engine {
                         at_least
                     }
                 };
-                let row =
-                    sampling::response(design, with_control.first(count), settings.percentile)
-                        .with_context(context)?;
+                let row = sampling::response_of(design, with_control.first(count), &settings)
+                    .with_context(context)?;
                 rows.push(row);
             }
             samples.clear();

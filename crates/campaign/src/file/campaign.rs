@@ -7,7 +7,7 @@ use super::corrections::CorrectionsSection;
 use super::pair::size;
 use super::sections::{SimulatorKind, SimulatorSection, parse_name};
 use super::validate::Source;
-use super::{Enrichment, FileError, Load, Material, Sampling, Wear};
+use super::{Enrichment, FileError, Load, Material, Sampling, Wear, WearCoefficients};
 
 /// A campaign file, validated: one problem, one DoE, one seed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -381,6 +381,12 @@ impl Campaign {
                 "present",
                 "absent when simulator.kind is \"external\": the coordinator evaluates the \
                  constraints of thousands of candidates itself, with the built-in model",
+            )?;
+            source.require(
+                self.sampling.coefficients == WearCoefficients::Independent,
+                "sampling.coefficients",
+                self.sampling.coefficients,
+                "\"independent\" beside [enrichment], whose designs get more samples a few at a time",
             )?;
         }
         let count = |key, value, low, high| source.count(key, value, low, high);

@@ -37,6 +37,17 @@ pub(super) fn facts(sources: &Sources) -> Vec<(String, String)> {
                 .to_owned(),
         ));
     }
+    let coefficients = match campaign.sampling.coefficients() {
+        stats::Sampling::Independent => return facts,
+        stats::Sampling::Antithetic => "in pairs of opposite signs".to_owned(),
+        stats::Sampling::Quasi { group } => {
+            format!("quasi-random, in scrambled Sobol sequences of {group} samples")
+        }
+    };
+    facts.push((
+        "coefficients of the wear".to_owned(),
+        format!("{coefficients}; P90 is m + z s, with the jackknife variance over them"),
+    ));
     facts
 }
 
@@ -83,6 +94,10 @@ fn percentiles(sources: &Sources) -> Option<(String, String)> {
     let normal = "m + z s/c₄ (s without bias)";
     let text = match (rule, rule.harrell_davis(), &sources.choice) {
         (PercentileRule::Paper, ..) => return None,
+        // Said with the coefficients.
+        _ if sources.problem.campaign().sampling.coefficients() != stats::Sampling::Independent => {
+            return None;
+        }
         (_, Some(variance), Some(effect)) => format!(
             "{normal}; Harrell–Davis ({}) for the {} of {} designs where normality is rejected at \
              {:.0} %, which moves P90 by {:.3} µm from m + z s/c₄ in the median",
