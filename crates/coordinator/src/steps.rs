@@ -64,7 +64,7 @@ pub fn doe(problem: &Problem, existing: &[DesignRow]) -> anyhow::Result<Vec<Desi
         .collect())
 }
 
-/// Whether [`doe`] can add what is missing to the `existing` designs: asked before a store takes a
+/// Whether [`doe()`] can add what is missing to the `existing` designs: asked before a store takes a
 /// campaign that has grown, which it could not give back.
 ///
 /// # Errors

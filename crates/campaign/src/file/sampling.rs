@@ -335,6 +335,16 @@ mod tests {
     }
 
     #[test]
+    fn infill_takes_independent_samples() {
+        let text = include_str!("../../../../campaigns/enriched.toml");
+        let line = "control = \"linearised\"";
+        assert!(text.contains(line));
+        let even = text.replace(line, "coefficients = \"antithetic\"");
+        let error = Campaign::parse("enriched.toml", &even).unwrap_err();
+        assert!(error.to_string().contains("beside [enrichment]"), "{error}");
+    }
+
+    #[test]
     fn a_precision_rules_out_what_breaks_a_constraint_unless_told_otherwise() {
         let sampling = parse("precision_um = 0.05").unwrap().sampling;
         assert_eq!(sampling.skip_violation(), Some(0.0));
