@@ -1,5 +1,6 @@
 //! Looking at a running campaign, steering it, and making it larger.
 
+use std::collections::BTreeSet;
 use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
 
@@ -43,6 +44,41 @@ fn a_campaign_made_larger_keeps_what_it_has() {
     assert_code(&run(&sandbox.write("other.toml", &other)), 6);
     let unchanged = sandbox.status("c.db").unwrap();
     assert_eq!(unchanged["samples_digest"], status["samples_digest"]);
+}
+
+/// From the second growth on, designs that are there share strata of the finer grid.
+#[test]
+fn a_campaign_grows_again_and_again() {
+    let sandbox = Sandbox::new();
+    let mut before: Vec<String> = Vec::new();
+    for n in [60, 70, 81, 160] {
+        let file = sandbox.write("c.toml", &small_campaign(n, 6));
+        let run = || sandbox.coordinator(&["run", file.to_str().unwrap(), "--db", "c.db"]);
+        assert_code(&run(), 0);
+        let status = sandbox.status("c.db").unwrap();
+        assert_eq!(status["finished"], true, "{status}");
+        assert_eq!(status["designs"]["done"], n);
+        let feasible = status["designs"]["feasible"].as_u64().unwrap();
+        assert_eq!(status["samples"]["done"], 6 * feasible);
+
+        let after = export(&sandbox, "c.db", &format!("{n}.csv"));
+        let held: BTreeSet<&String> = after.iter().collect();
+        assert!(before.iter().all(|row| held.contains(row)), "{n} designs");
+        // A header, and each (design, index) once.
+        let keys: BTreeSet<Vec<&str>> = after
+            .iter()
+            .map(|row| row.split(',').take(2).collect())
+            .collect();
+        assert_eq!(keys.len() as u64, 6 * feasible + 1);
+        assert_eq!(after.len(), keys.len());
+
+        // The store holds the design as it was grown: the same command finds nothing to do.
+        assert_code(&run(), 0);
+        let again = sandbox.status("c.db").unwrap();
+        assert_eq!(again["samples_digest"], status["samples_digest"]);
+        assert_eq!(export(&sandbox, "c.db", &format!("{n}-again.csv")), after);
+        before = after;
+    }
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Campaigns that sample to a precision and leave out what their constraints rule out.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use acceptance::{Sandbox, assert_code, small_campaign};
 
@@ -42,6 +42,45 @@ fn killed_and_resumed_it_ends_as_if_nothing_had_been() {
         assert!(whole == resumed, "{table} differ");
     }
     every_design_has_what_it_needs(&sandbox);
+}
+
+/// Groups of samples may be cut into any jobs: each sample is the same whatever it is drawn beside.
+#[test]
+fn even_coefficients_give_the_same_table_however_the_work_is_cut() {
+    let sandbox = Sandbox::new();
+    let mut digests = Vec::new();
+    for (name, more) in [
+        ("antithetic", "coefficients = \"antithetic\"\n"),
+        ("quasi", "coefficients = \"quasi-random\"\ngroup = 4\n"),
+    ] {
+        let text = small_campaign(60, 32).replace("[sampling]\n", &format!("[sampling]\n{more}"));
+        let file = sandbox.write(&format!("{name}.toml"), &text);
+        let file = file.to_str().unwrap();
+        let [one, two] = ["1", "2"].map(|workers| {
+            let db = format!("{name}-{workers}.db");
+            let run = ["run", file, "--db", &db, "--workers", workers];
+            assert_code(&sandbox.coordinator(&run), 0);
+            let status = sandbox.status(&db).unwrap();
+            assert_eq!(status["finished"], true, "{status}");
+            let responses = export(&sandbox, &db, "responses");
+            let feasible = status["designs"]["feasible"].as_u64().unwrap();
+            assert_eq!(responses.len() as u64, feasible + 1);
+            (digest(&sandbox, &db), responses)
+        });
+        assert!(one == two, "{name}: the tables differ");
+        digests.push(one.0);
+        // More samples keep those that are there.
+        let more = text.replace("samples_per_design = 32 ", "samples_per_design = 48 ");
+        assert_ne!(more, text);
+        let larger = sandbox.write("larger.toml", &more);
+        let db = format!("{name}-1.db");
+        let before = export(&sandbox, &db, "samples");
+        let run = ["run", larger.to_str().unwrap(), "--db", &db];
+        assert_code(&sandbox.coordinator(&run), 0);
+        let after: BTreeSet<Vec<String>> = export(&sandbox, &db, "samples").into_iter().collect();
+        assert!(before.iter().all(|row| after.contains(row)), "{name}");
+    }
+    assert_ne!(digests[0], digests[1]);
 }
 
 fn every_design_has_what_it_needs(sandbox: &Sandbox) {

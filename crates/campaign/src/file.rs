@@ -20,7 +20,7 @@ pub use corrections::CorrectionsSection;
 pub use enrichment::Enrichment;
 pub(crate) use pair::gear_size;
 pub use pair::{PairFile, PairSection};
-pub use sampling::{ControlVariate, PercentileRule, Sampling};
+pub use sampling::{ControlVariate, PercentileRule, Sampling, WearCoefficients};
 pub use sections::{Load, Material, SimulatorKind, SimulatorSection, Wear};
 
 /// Why a campaign or pair file was refused.

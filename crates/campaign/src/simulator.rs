@@ -73,6 +73,24 @@ pub trait Prepared {
     /// The simulator failed. A design that was prepared cannot be refused for one of its samples:
     /// which samples are drawn together depends on how the campaign is cut into jobs.
     fn sample(&mut self, rng: &mut StreamRng) -> Result<f64, String>;
+
+    /// How many standard normal coefficients the random wear is made of; none where it is not
+    /// known how a simulator makes it.
+    fn modes(&mut self) -> usize {
+        0
+    }
+
+    /// ΔSTE in µm with the random wear of these coefficients, as many as [`modes`](Self::modes).
+    ///
+    /// # Errors
+    ///
+    /// The simulator takes no coefficients.
+    fn sample_at(&mut self, _coefficients: &[f64]) -> Result<f64, String> {
+        Err(
+            "this simulator draws its wear itself: sampling.coefficients must be \"independent\""
+                .to_owned(),
+        )
+    }
 }
 
 /// The built-in gear model, which refuses but never fails.
@@ -120,10 +138,22 @@ impl Prepared for BuiltIn<'_> {
     }
 
     fn sample(&mut self, rng: &mut StreamRng) -> Result<f64, String> {
-        let sampler = self
-            .sampler
-            .get_or_insert_with(|| self.pair.sampler(self.problem.wear()));
-        Ok(sampler.draw(rng))
+        Ok(self.sampler().draw(rng))
+    }
+
+    fn modes(&mut self) -> usize {
+        self.sampler().modes()
+    }
+
+    fn sample_at(&mut self, coefficients: &[f64]) -> Result<f64, String> {
+        Ok(self.sampler().at(coefficients))
+    }
+}
+
+impl BuiltIn<'_> {
+    fn sampler(&mut self) -> &mut gear::Sampler {
+        self.sampler
+            .get_or_insert_with(|| self.pair.sampler(self.problem.wear()))
     }
 }
 

@@ -231,6 +231,8 @@ pub fn execute_until(
                 seed: simulator.problem().campaign().seed,
                 purpose: Purpose::Verify,
                 design: *number,
+                // As many fresh samples as the file says, which judge all ways alike.
+                coefficients: stats::Sampling::Independent,
             };
             let finite = |samples_um: &[f64]| {
                 let finite = samples_um.iter().position(|sample| !sample.is_finite());
@@ -320,6 +322,7 @@ fn simulate(
         seed: simulator.problem().campaign().seed,
         purpose: Purpose::Wear,
         design: u64::from(number),
+        coefficients: simulator.problem().campaign().sampling.coefficients(),
     };
     let keep_going = |drawn: &[f64]| keep_going(&|| outcome(drawn));
     let samples_um = draw(design.as_mut(), names, request.samples, &keep_going)
@@ -382,12 +385,39 @@ fn ruled_out(problem: &Problem, criteria: &Criteria) -> Option<String> {
     Some(format!("{RULED_OUT}: {}", broken.join(", ")))
 }
 
-/// What the random streams of one design's samples are named by, besides the sample.
+/// What the random streams of one design's samples are named by, besides the sample, and how the
+/// coefficients of their wear come from them.
 #[derive(Debug, Clone, Copy)]
 struct Names {
     seed: u64,
     purpose: Purpose,
     design: u64,
+    coefficients: stats::Sampling,
+}
+
+impl Names {
+    /// ΔSTE of one sample, µm: the same whichever samples are drawn beside it.
+    fn draw(self, design: &mut dyn Prepared, index: u32) -> Result<f64, String> {
+        let sample = u64::from(index);
+        match self.coefficients {
+            stats::Sampling::Independent => {
+                let mut rng = stream(self.seed, self.purpose, self.design, sample);
+                design.sample(&mut rng)
+            }
+            even => {
+                let modes = design.modes();
+                let coefficients = stats::normal_coefficients(
+                    even,
+                    self.seed,
+                    self.purpose,
+                    self.design,
+                    sample,
+                    modes,
+                );
+                design.sample_at(&coefficients.map_err(|error| error.to_string())?)
+            }
+        }
+    }
 }
 
 /// Samples of ΔSTE in µm, each from its own random stream; the error names the sample.
@@ -402,8 +432,7 @@ fn draw(
         if !keep_going(&drawn) {
             break;
         }
-        let mut rng = stream(names.seed, names.purpose, names.design, u64::from(index));
-        drawn.push(design.sample(&mut rng).map_err(|error| (index, error))?);
+        drawn.push(names.draw(design, index).map_err(|error| (index, error))?);
     }
     Ok(drawn)
 }

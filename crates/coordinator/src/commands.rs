@@ -6,11 +6,12 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
+use campaign::formulation::Problem;
 use campaign::{Campaign, FileError, PairFile};
 use coordinator::guard::{Guard, GuardError};
 use coordinator::keygen::{self, KeygenError};
 use coordinator::server::{self, Outcome, Plan, Workers};
-use coordinator::{comparing, export, reporting, simulate, status};
+use coordinator::{comparing, export, reporting, simulate, status, steps};
 use protocol::exit;
 use store::Store;
 use tokio_util::sync::CancellationToken;
@@ -273,14 +274,17 @@ async fn conduct(plan: Plan) -> anyhow::Result<u8> {
     let shutdown = CancellationToken::new();
     tokio::spawn(worker::console::watch_signals(shutdown.clone(), "stopping"));
     let db = plan.db.clone();
+    let problem = Problem::new(plan.campaign.clone());
     let progress = Progress::new();
     let observer: server::Observer = Box::new(move |status| progress.show(status));
     match server::run(plan, Some(observer), shutdown).await? {
         Outcome::Finished { given_up, report } => {
             let store = Store::open_read_only(&db).await?;
             let status = status::read(&store).await?;
+            let evenness = steps::evenness(&problem, &store.designs().await?);
+            let doe = evenness.map_or_else(String::new, |text| format!("doe             {text}\n"));
             print(&format!(
-                "{}report          {}\n",
+                "{}{doe}report          {}\n",
                 status::describe(&status),
                 report.display()
             ))?;

@@ -229,7 +229,8 @@ impl Engine {
         info!(
             designs = self.campaign().doe.designs,
             existing = existing.len(),
-            "making the maximin Latin hypercube"
+            method = %self.campaign().doe.method,
+            "making the design of experiments"
         );
         let rows = blocking(move || steps::doe(&problem, &existing)).await?.0?;
         self.store.put_designs(&rows).await?;
@@ -294,9 +295,8 @@ impl Engine {
                         at_least
                     }
                 };
-                let row =
-                    sampling::response(design, with_control.first(count), settings.percentile)
-                        .with_context(context)?;
+                let row = sampling::response_of(design, with_control.first(count), &settings)
+                    .with_context(context)?;
                 rows.push(row);
             }
             samples.clear();

@@ -1,5 +1,6 @@
 //! From the store to the report.
 
+mod choice;
 mod enrichment;
 mod facts;
 mod notes;
@@ -18,7 +19,8 @@ use report::{
 };
 use stats::streams::{Purpose, stream};
 use store::{
-    CampaignRow, CriteriaRow, InfillRow, OptimiserRunRow, OptimumRow, ResponseRow, RoundRow, Store,
+    CampaignRow, CriteriaRow, DesignRow, InfillRow, OptimiserRunRow, OptimumRow, ResponseRow,
+    RoundRow, Store,
 };
 
 use crate::enrichment::infill_seconds;
@@ -52,8 +54,11 @@ pub async fn write(store: &Store, out: &Path) -> anyhow::Result<PathBuf> {
 struct Sources {
     campaign: CampaignRow,
     problem: Problem,
+    designs: Vec<DesignRow>,
     criteria: Vec<CriteriaRow>,
     responses: Vec<ResponseRow>,
+    /// Where an estimator is chosen by design.
+    choice: Option<choice::Effect>,
     /// How many samples of the DoE are stored.
     samples: u64,
     optima: Vec<OptimumRow>,
@@ -86,10 +91,13 @@ pub async fn gather(store: &Store) -> anyhow::Result<ReportData> {
             samples.iter().map(|sample| sample.delta_ste_um).collect(),
         );
     }
+    let responses = store.responses().await?;
     let sources = Sources {
         campaign: row,
+        designs: store.designs().await?,
         criteria: store.criteria().await?,
-        responses: store.responses().await?,
+        choice: choice::effect(store, &problem.campaign().sampling, &responses).await?,
+        responses,
         infill: store.infill().await?,
         rounds: store.rounds().await?,
         samples: store.progress().await?.samples,

@@ -142,6 +142,8 @@ pub async fn run(
     })
     .await?;
     if store.campaign().await?.digest != row.digest {
+        // Refused before the store takes it: it would be stuck with designs that cannot be made.
+        crate::steps::check_growth(&problem, &store.designs().await?)?;
         info!("the campaign has grown: what the store holds is kept, the rest is added");
         store.extend(&row, &SAMPLED_APPROACHES).await?;
     }

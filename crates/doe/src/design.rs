@@ -12,8 +12,8 @@ pub(crate) const MAX_VARIABLES: usize = 20;
 
 /// n points in the open unit box (0, 1)ᵈ. Those of [`crate::maximin`] and [`random_lhs`] are Latin
 /// hypercubes of cell centres: each coordinate is (level + ½)/n, and each level 0, …, n − 1 is taken
-/// exactly once in each variable. Those of [`crate::enlarge`] have one point per stratum, those of
-/// [`crate::sobol`] need not.
+/// exactly once in each variable. One that [`crate::enlarge`] made of such a design has one point per
+/// stratum, those of [`crate::sobol`] need not.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Design {
     /// The number of points.
@@ -123,25 +123,20 @@ impl Design {
     /// point, wherever in the stratum it is.
     #[must_use]
     pub fn is_stratified(&self) -> bool {
-        (0..self.d).all(|k| self.strata(k, self.n).is_some())
+        self.points.iter().all(|x| (0.0..1.0).contains(x))
+            && (0..self.d).all(|k| self.strata(k, self.n).iter().all(|taken| *taken))
     }
 
-    /// For each of `count` strata of variable `k`, whether it holds a point; `None` if one holds two
-    /// or a point is outside of all.
-    pub(crate) fn strata(&self, k: usize, count: usize) -> Option<Vec<bool>> {
+    /// For each of `count` strata of variable `k`, whether it holds a point. The points are in the
+    /// unit box; its far edge belongs to the last stratum.
+    pub(crate) fn strata(&self, k: usize, count: usize) -> Vec<bool> {
         let mut taken = vec![false; count];
-        for i in 0..self.n {
-            let x = self.points[i * self.d + k];
-            if !(0.0..1.0).contains(&x) {
-                return None;
-            }
-            // x count may round up to count.
+        for x in self.points.iter().skip(k).step_by(self.d) {
+            // x count may also round up to count.
             let level = ((x * count as f64) as usize).min(count - 1);
-            if std::mem::replace(&mut taken[level], true) {
-                return None;
-            }
+            taken[level] = true;
         }
-        Some(taken)
+        taken
     }
 }
 

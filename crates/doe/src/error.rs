@@ -28,7 +28,10 @@ pub enum Error {
         name: String,
     },
     /// The Sobol sequence at hand ends before this number of points.
-    #[error("{n} points of a Sobol sequence requested: 2 to 65536 are possible")]
+    #[error(
+        "{n} points of a Sobol sequence requested: 2 to 65536 are possible, the methods maximin and \
+         random go to 100000"
+    )]
     SobolPoints {
         /// The requested number of points.
         n: usize,
@@ -41,15 +44,38 @@ pub enum Error {
         /// The number of points that are there.
         existing: usize,
     },
-    /// The design to enlarge does not have one point per stratum.
+    /// A point of the design to enlarge is not in the unit box.
     #[error(
-        "two of the {existing} points share a stratum of variable {variable}, or one is outside of \
-         the unit box: only a Latin hypercube can be enlarged"
+        "point {point} has {value} in variable {variable}, both counted from 0: only points within \
+         the unit box, from 0 to 1 in every variable, can be added to"
     )]
-    NotStratified {
-        /// The number of points.
-        existing: usize,
-        /// The first such variable, from 0.
+    Outside {
+        /// The first such point, from 0.
+        point: usize,
+        /// Its first such variable, from 0.
         variable: usize,
+        /// The coordinate, as text since it may be NaN.
+        value: String,
+    },
+    /// The design to enlarge has not as many coordinates as its size says.
+    #[error(
+        "{got} coordinates given for {n} points in {d} variables: give one of each, point by point"
+    )]
+    Coordinates {
+        /// The number of points.
+        n: usize,
+        /// The number of variables.
+        d: usize,
+        /// The number of coordinates.
+        got: usize,
+    },
+    /// Points are not the beginning of the Sobol sequence that is to be continued.
+    #[error(
+        "point {point}, counted from 0, is not in that place of the Sobol sequence of this seed: only \
+         its first points can be continued; add to others with the method maximin or random"
+    )]
+    OtherSequence {
+        /// The first such point, from 0.
+        point: usize,
     },
 }

@@ -6,7 +6,8 @@
 //! which spreads the points in all variables together.
 //!
 //! - [`maximin`] searches for such a design by swaps of levels; see there for the method.
-//! - [`enlarge`] adds points to a design and keeps every one that is there.
+//! - [`enlarge`] adds points to a design and keeps every one that is there, any number of times;
+//!   [`check_enlarge`] says beforehand whether it can.
 //! - [`sobol`] gives a scrambled Sobol sequence, and [`Method`] each kind of design by its name.
 //! - [`random_lhs`] draws a Latin hypercube at random, as a baseline.
 //! - [`Design`] holds the points, in the open unit box, and measures them.
@@ -37,5 +38,5 @@ mod table;
 pub use design::{Design, random_lhs};
 pub use error::Error;
 pub use maximin::{Options, maximin};
-pub use method::{Method, sobol};
-pub use nested::enlarge;
+pub use method::{Method, SOBOL_POINTS, sobol};
+pub use nested::{check_enlarge, enlarge};

@@ -7,12 +7,15 @@ use rand::Rng as _;
 use stats::streams::{Purpose, stream};
 
 use crate::design::check;
-use crate::{Design, Error, Options, maximin, random_lhs};
+use crate::{Design, Error, Options, check_enlarge, enlarge, maximin, random_lhs};
 
-/// The length of the Sobol sequence at hand.
-const SOBOL_POINTS: usize = 1 << 16;
+/// The length of the Sobol sequence at hand: sobol_burley's direction numbers have 16 bits.
+pub const SOBOL_POINTS: usize = 1 << 16;
 /// Half of the spacing of a sequence of single precision: moves its points off 0.
 const HALF_SPACING: f64 = 1.0 / (1 << 25) as f64;
+/// How far a coordinate may be from the sequence's: less than its spacing, and more than a change of
+/// units and back leaves.
+const SAME: f64 = 0.5 * HALF_SPACING;
 
 /// A kind of design.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -53,6 +56,53 @@ impl Method {
             Self::Sobol => sobol(n, d, options.seed),
         }
     }
+
+    /// A design of `n` points whose first ones are those of `existing`, unchanged, any number of
+    /// times over:
+    ///
+    /// - [`Method::Maximin`] searches where to add points: [`enlarge`];
+    /// - [`Method::Random`] adds them to the free strata at random, [`enlarge`] without a search;
+    /// - [`Method::Sobol`] goes on with its sequence, so that growing in steps is growing at once.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Method::check_enlarge`] and [`Error::Effort`].
+    pub fn enlarge(self, existing: &Design, n: usize, options: &Options) -> Result<Design, Error> {
+        match self {
+            Self::Maximin => enlarge(existing, n, options),
+            Self::Random => {
+                let effort = 0.0;
+                enlarge(existing, n, &Options { effort, ..*options })
+            }
+            Self::Sobol => {
+                self.check_enlarge(existing, n, options.seed)?;
+                let mut design = sobol(n, existing.d, options.seed)?;
+                design.points[..existing.points.len()].copy_from_slice(&existing.points);
+                Ok(design)
+            }
+        }
+    }
+
+    /// Whether [`Method::enlarge`] can make `n` points of `existing` with this `seed`, without the
+    /// search.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`check_enlarge`]; for [`Method::Sobol`] also [`Error::SobolPoints`], and
+    /// [`Error::OtherSequence`] for points that are not the beginning of the seed's sequence.
+    pub fn check_enlarge(self, existing: &Design, n: usize, seed: u64) -> Result<(), Error> {
+        check_enlarge(existing, n)?;
+        if self != Self::Sobol || existing.n == 0 {
+            return Ok(());
+        }
+        let d = existing.d;
+        let sequence = sobol(n, d, seed)?;
+        let mut pairs = existing.points.iter().zip(&sequence.points);
+        match pairs.position(|(held, expected)| (held - expected).abs() > SAME) {
+            Some(index) => Err(Error::OtherSequence { point: index / d }),
+            None => Ok(()),
+        }
+    }
 }
 
 impl fmt::Display for Method {
@@ -79,7 +129,8 @@ impl FromStr for Method {
 ///
 /// Its discrepancy is lower than a random design's, its smallest distance is not. More points of
 /// the same seed continue the sequence, so any longer design contains this one. Where n is a power of
-/// two there is one point per stratum ([`Design::is_stratified`]).
+/// two there is one point per stratum ([`Design::is_stratified`]). It ends after [`SOBOL_POINTS`]: no
+/// library at hand has longer sequences with this scrambling.
 ///
 /// # Errors
 ///

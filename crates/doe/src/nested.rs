@@ -2,10 +2,13 @@
 //!
 //! The points of a Latin hypercube of n lie 1/n apart in every variable, so with N > n strata each
 //! stratum holds at most one of them: the N − n others are free, and the new points take their
-//! centres. Which new point takes which of them is chosen to keep all points apart, by the search
+//! centres. A design that has grown before is no such grid any more, and some of its points share a
+//! stratum; then more strata are free than there are new points, which still get one each. Which new
+//! point takes which of them is chosen to keep all points apart, by the search
 //! of [`crate::maximin`] in a plainer form: at a distance r, each pair of points nearer than that is
-//! strained by (1 − δ²/r²)², and swaps of two new points' coordinates in one variable that do not
-//! raise the strain are taken until there is none; then r is raised.
+//! strained by (1 − δ²/r²)², and swaps of two new points' coordinates in one variable, or of one with a
+//! free stratum that is left over, are taken if they do not raise the strain until there is none;
+//! then r is raised.
 
 use rand::RngExt as _;
 use stats::streams::{Purpose, StreamRng, stream};
@@ -25,28 +28,22 @@ const PATIENCE: usize = 60;
 /// Strain that may be rounding: a pair nearer than the radius by less than a thirty-thousandth.
 const NEGLIGIBLE: f64 = 1e-9;
 
-/// A design of `n` points whose first ones are those of `existing`, unchanged, with one point in
-/// each of n strata of every variable; the new points are kept away from the old ones and from each
-/// other. The same input gives the same design.
+/// A design of `n` points whose first ones are those of `existing`, unchanged; the new points are
+/// kept away from the old ones and from each other. Of the n strata of every variable each new point
+/// has one for itself. So where the existing points have one each, too, as a Latin hypercube's have,
+/// every stratum holds one point; others may share a stratum and leave some empty. The same
+/// input gives the same design.
 ///
 /// The smallest distance is at most that of the old points, and below what a [`crate::maximin`]
-/// design of n points started afresh would have.
+/// design of n points started afresh would have. Growing in several steps gives another design than
+/// growing at once.
 ///
 /// # Errors
 ///
-/// [`Error::Points`] for an `n` out of range, [`Error::Shrinking`] unless it exceeds the number of
-/// existing points, [`Error::NotStratified`] for points that are no Latin hypercube (of n, or of
-/// any smaller number of strata down to their own), [`Error::Effort`] for an effort that is negative
-/// or not finite.
+/// Those of [`check_enlarge`], and [`Error::Effort`] for an effort that is negative or not finite.
 pub fn enlarge(existing: &Design, n: usize, options: &Options) -> Result<Design, Error> {
+    check_enlarge(existing, n)?;
     let d = existing.d;
-    check(n, d)?;
-    if n <= existing.n {
-        return Err(Error::Shrinking {
-            n,
-            existing: existing.n,
-        });
-    }
     let effort = options.effort;
     if !(effort >= 0.0 && effort.is_finite()) {
         return Err(Error::Effort { effort });
@@ -59,23 +56,60 @@ pub fn enlarge(existing: &Design, n: usize, options: &Options) -> Result<Design,
         points: existing.points.clone(),
     };
     design.points.resize(n * d, 0.0);
+    let new = n - existing.n;
+    let mut spare = Vec::with_capacity(d);
     for k in 0..d {
-        let taken = existing.strata(k, n).ok_or(Error::NotStratified {
-            existing: existing.n,
-            variable: k,
-        })?;
+        let taken = existing.strata(k, n);
         let mut free: Vec<u32> = (0..n as u32).filter(|&l| !taken[l as usize]).collect();
         for i in (1..free.len()).rev() {
             free.swap(i, rng.random_range(0..=i as u32) as usize);
         }
-        for (i, level) in (existing.n..n).zip(free) {
+        for (i, &level) in (existing.n..n).zip(&free) {
             design.points[i * d + k] = cell_centre(level, n);
         }
+        let left_over = free.iter().skip(new);
+        spare.push(left_over.map(|&level| cell_centre(level, n)).collect());
     }
-    if d > 1 && n - existing.n > 1 {
-        Growth::new(design, existing.n, rng).spread(effort)
+    let has_choice = new > 1 || spare.iter().any(|spare: &Vec<f64>| !spare.is_empty());
+    if has_choice && d > 1 {
+        Ok(Growth::new(design, existing.n, spare, rng).spread(effort))
     } else {
         Ok(design)
+    }
+}
+
+/// Whether [`enlarge`] can make `n` points of `existing`, without the search: for whoever has to
+/// refuse before anything is changed.
+///
+/// # Errors
+///
+/// [`Error::Points`] or [`Error::Variables`] for a size out of range, [`Error::Shrinking`] unless `n`
+/// exceeds the number of existing points, [`Error::Coordinates`] for a design whose coordinates do
+/// not fit its size, [`Error::Outside`] for a point that is not in the unit box.
+pub fn check_enlarge(existing: &Design, n: usize) -> Result<(), Error> {
+    let d = existing.d;
+    check(n, d)?;
+    if n <= existing.n {
+        return Err(Error::Shrinking {
+            n,
+            existing: existing.n,
+        });
+    }
+    if existing.points.len() != existing.n * d {
+        return Err(Error::Coordinates {
+            n: existing.n,
+            d,
+            got: existing.points.len(),
+        });
+    }
+    let outside = |x: &f64| !(0.0..=1.0).contains(x);
+    match existing.points.iter().position(outside) {
+        Some(index) => Err(Error::Outside {
+            point: index / d,
+            variable: index % d,
+            value: existing.points[index].to_string(),
+        }),
+        None => Ok(()),
     }
 }
 
@@ -83,6 +117,10 @@ struct Growth {
     design: Design,
     /// Points below this one stay.
     fixed: usize,
+    /// Centres of free strata that no point takes, by variable.
+    spare: Vec<Vec<f64>>,
+    /// The most of them in one variable.
+    most_spare: usize,
     rng: StreamRng,
     squared_radius: f64,
     /// Each new point's sum of strains.
@@ -90,17 +128,19 @@ struct Growth {
 }
 
 impl Growth {
-    fn new(design: Design, fixed: usize, rng: StreamRng) -> Self {
+    fn new(design: Design, fixed: usize, spare: Vec<Vec<f64>>, rng: StreamRng) -> Self {
         Self {
             strain: vec![0.0; design.n - fixed],
             design,
             fixed,
+            most_spare: spare.iter().map(Vec::len).max().unwrap_or(0),
+            spare,
             rng,
             squared_radius: 0.0,
         }
     }
 
-    fn spread(mut self, effort: f64) -> Result<Design, Error> {
+    fn spread(mut self, effort: f64) -> Design {
         let (n, d, new) = (self.design.n, self.design.d, self.strain.len());
         let swaps = SWAPS * d as f64 * (new as f64 + 100.0);
         let largest = LARGEST_BUDGET / (n * d) as f64;
@@ -126,7 +166,7 @@ impl Growth {
                 rise *= 0.5;
             }
         }
-        Ok(best)
+        best
     }
 
     /// The smallest squared distance of a new point from any other.
@@ -172,23 +212,36 @@ impl Growth {
             .map(|i| i + self.fixed)
     }
 
-    /// Swaps a coordinate of `first` and one of another new point if the strain does not grow.
+    /// Swaps a coordinate of `first` with one of another new point, or with a spare one, if the
+    /// strain does not grow.
     fn repair(&mut self, first: usize) {
         let (n, d) = (self.design.n, self.design.d);
-        let second = self.rng.random_range(self.fixed as u32..n as u32) as usize;
+        // Spare coordinates count on where the points end.
+        let places = self.fixed as u32..(n + self.most_spare) as u32;
+        let second = self.rng.random_range(places) as usize;
         if second == first {
             return;
         }
         let k = self.rng.random_range(0..d as u32) as usize;
-        let (a, b) = (first * d + k, second * d + k);
-        let (from, to) = (self.design.points[a], self.design.points[b]);
+        let a = first * d + k;
+        let from = self.design.points[a];
+        let is_point = second < n;
+        let to = if is_point {
+            self.design.points[second * d + k]
+        } else if let Some(to) = self.spare[k].get(second - n) {
+            *to
+        } else {
+            return;
+        };
+        let moves = [(first, from, to), (second, to, from)];
+        let moves = if is_point { &moves[..] } else { &moves[..1] };
         let mut change = 0.0;
         let mut changes: Vec<(usize, f64)> = Vec::new();
         // The pair itself keeps its distance.
         for j in (0..n).filter(|&j| j != first && j != second) {
             let x = self.design.points[j * d + k];
             let mut of_other = 0.0;
-            for (point, old, new) in [(first, from, to), (second, to, from)] {
+            for &(point, old, new) in moves {
                 let before = self.squared_distance(point, j);
                 let after = before - (x - old).powi(2) + (x - new).powi(2);
                 if before < self.squared_radius || after < self.squared_radius {
@@ -201,14 +254,19 @@ impl Growth {
             }
         }
         if change <= 0.0 {
-            self.design.points.swap(a, b);
+            self.design.points[a] = to;
+            if is_point {
+                self.design.points[second * d + k] = from;
+            } else {
+                self.spare[k][second - n] = from;
+            }
             for (j, difference) in changes {
                 if j >= self.fixed {
                     self.strain[j - self.fixed] += difference;
                 }
             }
             // Counted afresh, so that rounding does not add up.
-            for point in [first, second] {
+            for &(point, ..) in moves {
                 self.strain[point - self.fixed] = self.strain_of(point);
             }
         }

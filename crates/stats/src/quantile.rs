@@ -10,13 +10,13 @@
 //! - [`harrell_davis_p90`] is the bootstrap mean of X₍(n+1) 0.9₎: all order statistics, weighted in
 //!   the same way with the parameters 0.9 (n + 1) and 0.1 (n + 1), and their jackknife variance
 //!   (F. E. Harrell, C. E. Davis, "A new distribution-free quantile estimator", Biometrika 69
-//!   (1982) 635–640).
+//!   (1982) 635–640), or by [`HarrellDavisVariance`] their exact bootstrap variance.
 //! - [`choose_p90`] decides between the latter and the normal percentile.
 
 use statrs::function::beta::beta_reg;
 
 use crate::moments::check_finite;
-use crate::{Error, NormalOptions, Percentile, lilliefors, normal_p90};
+use crate::{Error, NormalOptions, Percentile, bootstrap, lilliefors, normal_p90};
 
 /// The fewest samples: with fewer than 10, the 90 % percentile is beyond the largest.
 pub const ORDER_STATISTIC_MIN_SAMPLES: usize = 10;
@@ -72,35 +72,69 @@ pub fn order_statistic_p90(samples: &[f64]) -> Result<Quantile, Error> {
     })
 }
 
+/// Which variance of Harrell and Davis's estimator to use.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum HarrellDavisVariance {
+    /// The jackknife's, as Harrell and Davis propose: from the estimates without one sample each.
+    #[default]
+    Jackknife,
+    /// The exact bootstrap variance: [`crate::exact_bootstrap_variance`].
+    Bootstrap,
+}
+
 /// Harrell and Davis's estimator with its jackknife variance.
 ///
 /// # Errors
 ///
 /// As [`order_statistic_p90`].
 pub fn harrell_davis_p90(samples: &[f64]) -> Result<Quantile, Error> {
+    harrell_davis_p90_with(samples, HarrellDavisVariance::Jackknife)
+}
+
+/// Harrell and Davis's estimator with the named variance.
+///
+/// # Errors
+///
+/// As [`order_statistic_p90`].
+pub fn harrell_davis_p90_with(
+    samples: &[f64],
+    variance: HarrellDavisVariance,
+) -> Result<Quantile, Error> {
     let sorted = sorted(samples, "the Harrell–Davis percentile")?;
     let n = sorted.len();
+    let weights = harrell_davis_weights(n);
     let base = sorted[0];
-    let weighted = |weights: &[f64], values: &mut dyn Iterator<Item = &f64>| -> f64 {
-        weights
-            .iter()
-            .zip(values)
-            .map(|(w, x)| w * (x - base))
-            .sum()
+    let p90 = base + weighted(&weights, sorted.iter(), base);
+    let variance = match variance {
+        HarrellDavisVariance::Jackknife => jackknife(&sorted),
+        HarrellDavisVariance::Bootstrap => bootstrap::of_sorted(&sorted, &weights),
     };
-    let p90 = base + weighted(&harrell_davis_weights(n), &mut sorted.iter());
-    let fewer = harrell_davis_weights(n - 1);
-    let left_out: Vec<f64> = (0..n)
-        .map(|i| weighted(&fewer, &mut sorted[..i].iter().chain(&sorted[i + 1..])))
-        .collect();
-    let mean = left_out.iter().sum::<f64>() / n as f64;
-    let squares: f64 = left_out.iter().map(|v| (v - mean).powi(2)).sum();
     finite(Quantile {
         method: Method::HarrellDavis,
         n,
         p90,
-        variance: (n - 1) as f64 / n as f64 * squares,
+        variance,
     })
+}
+
+/// The jackknife variance of Harrell and Davis's estimator.
+fn jackknife(sorted: &[f64]) -> f64 {
+    let n = sorted.len();
+    let fewer = harrell_davis_weights(n - 1);
+    let left_out: Vec<f64> = (0..n)
+        .map(|i| {
+            let others = sorted[..i].iter().chain(&sorted[i + 1..]);
+            weighted(&fewer, others, sorted[0])
+        })
+        .collect();
+    let mean = left_out.iter().sum::<f64>() / n as f64;
+    let squares: f64 = left_out.iter().map(|v| (v - mean).powi(2)).sum();
+    (n - 1) as f64 / n as f64 * squares
+}
+
+fn weighted<'a>(weights: &[f64], values: impl Iterator<Item = &'a f64>, base: f64) -> f64 {
+    let terms = weights.iter().zip(values);
+    terms.map(|(w, x)| w * (x - base)).sum()
 }
 
 /// How to choose an estimator for one design.
@@ -110,6 +144,8 @@ pub struct ChoiceRule {
     pub significance: f64,
     /// The estimator where it is not.
     pub normal: NormalOptions,
+    /// The variance of Harrell and Davis's estimator where it is.
+    pub harrell_davis: HarrellDavisVariance,
 }
 
 impl Default for ChoiceRule {
@@ -117,6 +153,7 @@ impl Default for ChoiceRule {
         Self {
             significance: 0.05,
             normal: NormalOptions::default(),
+            harrell_davis: HarrellDavisVariance::default(),
         }
     }
 }
@@ -154,7 +191,7 @@ pub fn choose_p90(samples: &[f64], rule: &ChoiceRule) -> Result<Choice, Error> {
     let p_value = lilliefors(samples).ok().map(|test| test.p_value);
     let rejected = p_value.is_some_and(|p| p < significance);
     let chosen = if rejected && samples.len() >= ORDER_STATISTIC_MIN_SAMPLES {
-        harrell_davis_p90(samples)?
+        harrell_davis_p90_with(samples, rule.harrell_davis)?
     } else {
         Quantile {
             method: Method::Normal,

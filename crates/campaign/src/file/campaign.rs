@@ -7,7 +7,7 @@ use super::corrections::CorrectionsSection;
 use super::pair::size;
 use super::sections::{SimulatorKind, SimulatorSection, parse_name};
 use super::validate::Source;
-use super::{Enrichment, FileError, Load, Material, Sampling, Wear};
+use super::{Enrichment, FileError, Load, Material, Sampling, Wear, WearCoefficients};
 
 /// A campaign file, validated: one problem, one DoE, one seed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -132,6 +132,32 @@ pub struct FrozenSection {
 pub struct Doe {
     /// The number of designs, n.
     pub designs: u32,
+    /// The kind of design; see [`doe::Method`]. Maximin if absent, and then left out of the digest, as
+    /// in files of before it.
+    #[serde(
+        default,
+        with = "doe_method",
+        skip_serializing_if = "doe_method::is_default"
+    )]
+    pub method: doe::Method,
+}
+
+/// A kind of design as its name.
+mod doe_method {
+    use doe::Method;
+    use serde::{Deserialize as _, Deserializer, Serializer, de::Error as _};
+
+    pub(super) fn serialize<S: Serializer>(method: &Method, to: S) -> Result<S::Ok, S::Error> {
+        to.collect_str(method)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Method, D::Error> {
+        String::deserialize(from)?.parse().map_err(D::Error::custom)
+    }
+
+    pub(super) fn is_default(method: &Method) -> bool {
+        *method == Method::default()
+    }
 }
 
 /// `[kriging]`
@@ -356,9 +382,19 @@ impl Campaign {
                 "absent when simulator.kind is \"external\": the coordinator evaluates the \
                  constraints of thousands of candidates itself, with the built-in model",
             )?;
+            source.require(
+                self.sampling.coefficients == WearCoefficients::Independent,
+                "sampling.coefficients",
+                self.sampling.coefficients,
+                "\"independent\" beside [enrichment], whose designs get more samples a few at a time",
+            )?;
         }
         let count = |key, value, low, high| source.count(key, value, low, high);
-        count("doe.designs", self.doe.designs, 2, 100_000)?;
+        let most = match self.doe.method {
+            doe::Method::Sobol => doe::SOBOL_POINTS as u32,
+            _ => 100_000,
+        };
+        count("doe.designs", self.doe.designs, 2, most)?;
         self.sampling.validate(source, self.is_external())?;
         count("verify.samples", self.verify.samples, 4, 1_000_000)?;
         parse_name::<kriging::Kernel>(source, "kriging.kernel", &self.kriging.kernel)?;
@@ -498,6 +534,43 @@ mod tests {
         assert!(!held.extends(&larger));
         larger.seed += 1;
         assert!(!larger.extends(&held), "other samples");
+    }
+
+    #[test]
+    fn the_kind_of_design_is_named_and_its_default_changes_no_digest() {
+        let parse = |more: &str| {
+            let text = Campaign::PAPER.replace("[doe]\n", &format!("[doe]\n{more}\n"));
+            Campaign::parse("c.toml", &text).map_err(|error| error.to_string())
+        };
+        let absent = parse("").unwrap();
+        assert_eq!(absent.doe.method, doe::Method::Maximin);
+        assert_eq!(
+            serde_json::to_string(&absent.doe).unwrap(),
+            r#"{"designs":3000}"#
+        );
+        assert_eq!(
+            parse("method = \"maximin\"").unwrap().digest(),
+            absent.digest()
+        );
+        for method in ["random", "sobol"] {
+            let other = parse(&format!("method = {method:?}")).unwrap();
+            assert_eq!(other.doe.method.name(), method);
+            assert_ne!(other.digest(), absent.digest());
+            assert_eq!(Campaign::from_json(&other.to_json()).unwrap(), other);
+            // Designs of one kind are not the beginning of another.
+            assert!(!other.extends(&absent) && !absent.extends(&other));
+            let mut larger = other.clone();
+            larger.doe.designs += 1;
+            assert!(larger.extends(&other));
+        }
+        let error = parse("method = \"lattice\"").unwrap_err();
+        assert!(
+            error.contains("line ") && error.contains("method: no design is called \"lattice\""),
+            "{error}"
+        );
+        let text = Campaign::PAPER.replace("designs = 3000", "method = \"sobol\"\ndesigns = 70000");
+        let error = Campaign::parse("c.toml", &text).unwrap_err().to_string();
+        assert!(error.contains("from 2 to 65536"), "{error}");
     }
 
     #[test]

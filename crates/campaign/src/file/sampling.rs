@@ -1,7 +1,7 @@
 //! `[sampling]`: how many samples a design gets, and what becomes of them.
 
 use serde::{Deserialize, Serialize};
-use stats::{NormalOptions, SequentialRule, VarianceFormula, Z90};
+use stats::{HarrellDavisVariance, NormalOptions, SequentialRule, VarianceFormula, Z90};
 
 use super::FileError;
 use super::validate::Source;
@@ -30,6 +30,33 @@ pub struct Sampling {
     /// What is known of a sample beforehand.
     #[serde(default, skip_serializing_if = "ControlVariate::is_default")]
     pub control: ControlVariate,
+    /// How the wear of a design's samples is drawn.
+    #[serde(default, skip_serializing_if = "WearCoefficients::is_default")]
+    pub coefficients: WearCoefficients,
+    /// Samples in each sequence of quasi-random coefficients; see [`Sampling::coefficients`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub group: Option<u32>,
+}
+
+/// How the coefficients of the random wear (Karhunen–Loève) of a design's samples depend on each
+/// other; [`stats::Sampling`] says how, and what the percentile and its variance are then.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum WearCoefficients {
+    /// Not at all.
+    #[default]
+    Independent,
+    /// In pairs of opposite signs. The variance of P90 comes from the scatter of the pairs.
+    Antithetic,
+    /// In scrambled Sobol sequences that are independent of each other. The variance of P90 comes from
+    /// the scatter of the sequences.
+    QuasiRandom,
+}
+
+impl WearCoefficients {
+    fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
 }
 
 /// A response whose distribution is known and that samples go along with.
@@ -60,13 +87,27 @@ pub enum PercentileRule {
     Paper,
     /// m + z s without bias, with exact z and the exact variance for normal samples.
     Normal,
-    /// As `normal`, but Harrell and Davis's estimator where Lilliefors' test rejects normality.
+    /// As `normal`, but Harrell and Davis's estimator where Lilliefors' test rejects normality, with
+    /// its jackknife variance.
     Chosen,
+    /// As `chosen`, with the exact bootstrap variance in the place of the jackknife's. A name of its
+    /// own, since the variance decides about further samples and enters the models.
+    ChosenBootstrap,
 }
 
 impl PercentileRule {
     fn is_default(&self) -> bool {
         *self == Self::default()
+    }
+
+    /// Whether samples that are not normal are estimated in another way, and with which variance.
+    #[must_use]
+    pub const fn harrell_davis(self) -> Option<HarrellDavisVariance> {
+        match self {
+            Self::Paper | Self::Normal => None,
+            Self::Chosen => Some(HarrellDavisVariance::Jackknife),
+            Self::ChosenBootstrap => Some(HarrellDavisVariance::Bootstrap),
+        }
     }
 
     /// The way for normal samples.
@@ -78,7 +119,7 @@ impl PercentileRule {
                 variance: VarianceFormula::Taylor,
                 unbiased: false,
             },
-            Self::Normal | Self::Chosen => NormalOptions {
+            Self::Normal | Self::Chosen | Self::ChosenBootstrap => NormalOptions {
                 z: Z90::Exact,
                 variance: VarianceFormula::Exact,
                 unbiased: true,
@@ -90,6 +131,20 @@ impl PercentileRule {
 impl Sampling {
     /// The most samples of a design with a precision, if the file does not say.
     const SAMPLES_MAX: u32 = 1000;
+    /// Samples in a quasi-random sequence, if the file does not say.
+    const GROUP: u32 = 8;
+
+    /// How the coefficients of the wear of a design's samples are drawn.
+    #[must_use]
+    pub fn coefficients(&self) -> stats::Sampling {
+        match self.coefficients {
+            WearCoefficients::Independent => stats::Sampling::Independent,
+            WearCoefficients::Antithetic => stats::Sampling::Antithetic,
+            WearCoefficients::QuasiRandom => stats::Sampling::Quasi {
+                group: self.group.unwrap_or(Self::GROUP) as usize,
+            },
+        }
+    }
 
     /// When a design has enough samples; none where all designs get the same number.
     #[must_use]
@@ -133,7 +188,7 @@ impl Sampling {
              linearised",
         )?;
         source.require(
-            plain || self.percentile != PercentileRule::Chosen,
+            plain || self.percentile.harrell_davis().is_none(),
             "sampling.percentile",
             self.percentile,
             "\"paper\" or \"normal\" with a control variate, whose percentile is a normal one",
@@ -145,6 +200,7 @@ impl Sampling {
             "left out beside a control variate, with which samples_per_design samples are as good as \
              thousands",
         )?;
+        self.validate_coefficients(source, is_external)?;
         source.count(
             "sampling.samples_per_design",
             self.samples_per_design,
@@ -174,6 +230,67 @@ impl Sampling {
         }
         Ok(())
     }
+
+    fn validate_coefficients(
+        &self,
+        source: Source<'_>,
+        is_external: bool,
+    ) -> Result<(), FileError> {
+        if let Some(group) = self.group {
+            source.require(
+                self.coefficients == WearCoefficients::QuasiRandom,
+                "sampling.group",
+                group,
+                "left out, or beside coefficients = \"quasi-random\", whose sequences it is the \
+                 length of",
+            )?;
+            source.require(
+                group.is_power_of_two() && (2..=1024).contains(&group),
+                "sampling.group",
+                group,
+                "a power of two from 2 to 1024",
+            )?;
+        }
+        if self.coefficients == WearCoefficients::Independent {
+            return Ok(());
+        }
+        let requirements = [
+            (
+                !is_external,
+                "\"independent\" when simulator.kind is \"external\": only the built-in model's wear \
+                 is made of coefficients",
+            ),
+            (
+                self.control == ControlVariate::None,
+                "\"independent\" beside a control variate, whose variance takes samples that do not \
+                 depend on each other",
+            ),
+            (
+                self.precision_um.is_none(),
+                "\"independent\" beside precision_um, with which samples come in batches of any size",
+            ),
+            (
+                self.percentile.harrell_davis().is_none(),
+                "\"independent\" beside a percentile that is chosen: the test of normality takes \
+                 samples that do not depend on each other",
+            ),
+        ];
+        for (holds, expected) in requirements {
+            source.require(holds, "sampling.coefficients", self.coefficients, expected)?;
+        }
+        let group = self.coefficients().group() as u32;
+        let fewest = stats::GROUPED_MIN_GROUPS as u32 * group;
+        let k = self.samples_per_design;
+        source.require(
+            k >= fewest && k.is_multiple_of(group),
+            "sampling.samples_per_design",
+            k,
+            &format!(
+                "a multiple of {group} from {fewest} on with these coefficients: the variance of P90 \
+                 comes from the scatter of whole groups of {group} samples"
+            ),
+        )
+    }
 }
 
 #[cfg(test)]
@@ -199,6 +316,35 @@ mod tests {
     }
 
     #[test]
+    fn even_coefficients_are_named_and_their_absence_changes_no_digest() {
+        let coefficients = |more: &str| parse(more).unwrap().sampling.coefficients();
+        assert_eq!(coefficients(""), stats::Sampling::Independent);
+        assert_eq!(
+            parse("coefficients = \"independent\"").unwrap().digest(),
+            parse("").unwrap().digest()
+        );
+        let antithetic = "coefficients = \"antithetic\"";
+        assert_eq!(coefficients(antithetic), stats::Sampling::Antithetic);
+        assert_ne!(
+            parse(antithetic).unwrap().digest(),
+            parse("").unwrap().digest()
+        );
+        // 30 samples are 15 groups of 2.
+        let quasi = "coefficients = \"quasi-random\"\ngroup = 2";
+        assert_eq!(coefficients(quasi), stats::Sampling::Quasi { group: 2 });
+    }
+
+    #[test]
+    fn infill_takes_independent_samples() {
+        let text = include_str!("../../../../campaigns/enriched.toml");
+        let line = "control = \"linearised\"";
+        assert!(text.contains(line));
+        let even = text.replace(line, "coefficients = \"antithetic\"");
+        let error = Campaign::parse("enriched.toml", &even).unwrap_err();
+        assert!(error.to_string().contains("beside [enrichment]"), "{error}");
+    }
+
+    #[test]
     fn a_precision_rules_out_what_breaks_a_constraint_unless_told_otherwise() {
         let sampling = parse("precision_um = 0.05").unwrap().sampling;
         assert_eq!(sampling.skip_violation(), Some(0.0));
@@ -213,6 +359,28 @@ mod tests {
     #[test]
     fn doubtful_values_are_refused_by_name() {
         for (text, said) in [
+            ("coefficients = \"sobol\"", "coefficients"),
+            ("group = 8", "sampling.group is 8"),
+            (
+                "coefficients = \"quasi-random\"\ngroup = 6",
+                "a power of two",
+            ),
+            (
+                "coefficients = \"quasi-random\"",
+                "sampling.samples_per_design is 30, but must be a multiple of 8 from 32",
+            ),
+            (
+                "coefficients = \"antithetic\"\ncontrol = \"linearised\"",
+                "sampling.coefficients is Antithetic",
+            ),
+            (
+                "coefficients = \"antithetic\"\nprecision_um = 0.1",
+                "sampling.coefficients is Antithetic",
+            ),
+            (
+                "coefficients = \"antithetic\"\npercentile = \"chosen\"",
+                "sampling.coefficients is Antithetic",
+            ),
             ("precision_um = 0.0", "sampling.precision_um is 0.0"),
             ("samples_max = 50", "sampling.samples_max is 50"),
             (

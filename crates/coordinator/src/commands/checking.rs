@@ -48,7 +48,10 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
     let verifying = (points * verify) as f64 * sample_seconds;
     // Measured with the paper's campaign: 6 s of search for its DoE, and 10 s of a fit whose time is
     // cubic in the points.
-    let making = 6.0 * n as f64 / 3000.0;
+    let making = match campaign.doe.method {
+        doe::Method::Maximin => 6.0 * n as f64 / 3000.0,
+        _ => 0.0,
+    };
     let fitting = 10.0 * (feasible / 3000.0).powi(3);
     let mut plan = format!(
         "{} is valid: campaign {}, seed {}, {} and {} teeth\n\n",
@@ -59,7 +62,11 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
         campaign.teeth()[1]
     );
     let mut rows = vec![
-        ("doe", format!("{n} points, maximin"), making),
+        (
+            "doe",
+            format!("{n} points, {}", campaign.doe.method),
+            making,
+        ),
         (
             "sample",
             match campaign.sampling.precision_um {

@@ -1,9 +1,11 @@
 //! What a reader ought to know of how a campaign's numbers came about.
 
 use campaign::file::{ControlVariate, PercentileRule};
+use stats::HarrellDavisVariance;
 
 use super::Sources;
 use crate::sampling::SIGNIFICANCE;
+use crate::steps;
 
 /// (label, value) pairs.
 pub(super) fn facts(sources: &Sources) -> Vec<(String, String)> {
@@ -22,6 +24,9 @@ pub(super) fn facts(sources: &Sources) -> Vec<(String, String)> {
             ),
         ),
     ];
+    if let Some(evenness) = steps::evenness(&sources.problem, &sources.designs) {
+        facts.push(("design of experiments".to_owned(), evenness));
+    }
     facts.extend(ruled_out(sources));
     facts.extend(precision(sources));
     facts.extend(percentiles(sources));
@@ -32,6 +37,17 @@ pub(super) fn facts(sources: &Sources) -> Vec<(String, String)> {
                 .to_owned(),
         ));
     }
+    let coefficients = match campaign.sampling.coefficients() {
+        stats::Sampling::Independent => return facts,
+        stats::Sampling::Antithetic => "in pairs of opposite signs".to_owned(),
+        stats::Sampling::Quasi { group } => {
+            format!("quasi-random, in scrambled Sobol sequences of {group} samples")
+        }
+    };
+    facts.push((
+        "coefficients of the wear".to_owned(),
+        format!("{coefficients}; P90 is m + z s, with the jackknife variance over them"),
+    ));
     facts
 }
 
@@ -71,34 +87,30 @@ fn precision(sources: &Sources) -> Option<(String, String)> {
     ))
 }
 
-/// What the choice of an estimator changed.
+/// How P90 is estimated, and what the choice of an estimator changed.
 fn percentiles(sources: &Sources) -> Option<(String, String)> {
     let rule = sources.problem.campaign().sampling.percentile;
-    let (label, z) = ("percentile".to_owned(), stats::EXACT_Z90);
-    match rule {
-        PercentileRule::Paper => None,
-        PercentileRule::Normal => Some((label, "m + z s, unbiased".to_owned())),
-        PercentileRule::Chosen => {
-            let rejected =
-                |row: &&store::ResponseRow| row.lilliefors_p.is_some_and(|p| p < SIGNIFICANCE);
-            let mut moved: Vec<f64> = sources
-                .responses
-                .iter()
-                .filter(rejected)
-                .map(|row| (row.p90_um - (row.mean_um + z * row.sd_um)).abs())
-                .collect();
-            moved.sort_by(f64::total_cmp);
-            let median = moved.get(moved.len() / 2).copied().unwrap_or(0.0);
-            Some((
-                label,
-                format!(
-                    "m + z s; Harrell–Davis for the {} of {} designs where normality is rejected \
-                     at {:.0} %, which moves it by {median:.3} µm in the median",
-                    moved.len(),
-                    sources.responses.len(),
-                    100.0 * SIGNIFICANCE
-                ),
-            ))
+    // s/c₄ has no bias, z is exact: the formula that both rules use.
+    let normal = "m + z s/c₄ (s without bias)";
+    let text = match (rule, rule.harrell_davis(), &sources.choice) {
+        (PercentileRule::Paper, ..) => return None,
+        // Said with the coefficients.
+        _ if sources.problem.campaign().sampling.coefficients() != stats::Sampling::Independent => {
+            return None;
         }
-    }
+        (_, Some(variance), Some(effect)) => format!(
+            "{normal}; Harrell–Davis ({}) for the {} of {} designs where normality is rejected at \
+             {:.0} %, which moves P90 by {:.3} µm from m + z s/c₄ in the median",
+            match variance {
+                HarrellDavisVariance::Jackknife => "jackknife variance",
+                HarrellDavisVariance::Bootstrap => "exact bootstrap variance",
+            },
+            effect.moved_um.len(),
+            sources.responses.len(),
+            100.0 * SIGNIFICANCE,
+            effect.median_um(),
+        ),
+        _ => normal.to_owned(),
+    };
+    Some(("percentile".to_owned(), text))
 }

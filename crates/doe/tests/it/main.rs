@@ -1,6 +1,8 @@
 //! Designs as a caller sees them: Latin, reproducible, and spread out.
 
-use doe::{Design, Error, Method, Options, enlarge, maximin, random_lhs, sobol};
+use std::collections::BTreeSet;
+
+use doe::{Design, Error, Method, Options, check_enlarge, enlarge, maximin, random_lhs, sobol};
 use proptest::prelude::*;
 
 fn options(seed: u64, effort: f64) -> Options {
@@ -301,6 +303,30 @@ fn growth_keeps_every_point_and_every_stratum() {
     }
 }
 
+/// A number that any bit of a design changes (FNV-1a, 64 bits).
+fn fingerprint(design: &Design) -> u64 {
+    let bytes = design.points.iter().flat_map(|x| x.to_bits().to_le_bytes());
+    bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+    })
+}
+
+/// Pins growth: a change of it changes what a campaign that grows from now on computes.
+#[test]
+fn the_growth_of_a_latin_design_is_pinned() {
+    for (n, more, d, expected) in [
+        (10, 11, 2, 3_160_530_946_816_669_729_u64),
+        (33, 200, 4, 15_933_249_743_201_641_605),
+        (50, 75, 6, 14_631_146_805_092_958_545),
+        (40, 41, 3, 16_893_524_010_767_676_560),
+        (2, 3, 1, 6_653_659_897_080_788_592),
+    ] {
+        let start = maximin(n, d, &options(4, 0.1)).unwrap();
+        let grown = enlarge(&start, more, &options(4, 1.0)).unwrap();
+        assert_eq!(fingerprint(&grown), expected, "{n} to {more}");
+    }
+}
+
 #[test]
 fn new_points_keep_away_from_the_old_ones() {
     let start = maximin(100, 6, &options(1, 0.1)).unwrap();
@@ -327,20 +353,98 @@ fn designs_that_cannot_grow_are_refused() {
         })
     );
     assert_eq!(to(100_001), Err(Error::Points { n: 100_001 }));
-    let mut crowded = start.clone();
-    crowded.points[1] = crowded.points[3];
-    let refused = enlarge(&crowded, 40, &options(0, 1.0));
+    for bad in [1.5, -0.1, f64::NAN] {
+        let mut outside = start.clone();
+        outside.points[7] = bad;
+        let refused = enlarge(&outside, 40, &options(0, 1.0)).unwrap_err();
+        assert_eq!(
+            check_enlarge(&outside, 40).map_err(|e| e.to_string()),
+            Err(refused.to_string())
+        );
+        let text = refused.to_string();
+        assert!(
+            text.contains("point 3") && text.contains("variable 1"),
+            "{text}"
+        );
+    }
+    let mut short = start.clone();
+    short.points.pop();
     assert_eq!(
-        refused,
-        Err(Error::NotStratified {
-            existing: 20,
-            variable: 1
+        check_enlarge(&short, 40),
+        Err(Error::Coordinates {
+            n: 20,
+            d: 2,
+            got: 39
         })
     );
-    let mut outside = start.clone();
-    outside.points[0] = 1.5;
-    assert!(enlarge(&outside, 40, &options(0, 1.0)).is_err());
+    assert_eq!(check_enlarge(&start, 40), Ok(()));
     assert!(enlarge(&start, 40, &options(0, f64::NAN)).is_err());
+}
+
+/// The strata of `n` that hold at least one point, variable by variable.
+fn strata_taken(design: &Design, points: usize, n: usize) -> Vec<BTreeSet<usize>> {
+    let level = |x: f64| ((x * n as f64) as usize).min(n - 1);
+    (0..design.d)
+        .map(|k| (0..points).map(|i| level(design.point(i)[k])).collect())
+        .collect()
+}
+
+/// From the second growth on, old points share strata of the finer grid: the new ones have one each.
+#[test]
+fn a_design_grows_again_and_again() {
+    let mut design = maximin(150, 6, &options(2009, 0.1)).unwrap();
+    let mut shared = false;
+    for n in [170, 190, 400, 401] {
+        assert_eq!(check_enlarge(&design, n), Ok(()));
+        let grown = enlarge(&design, n, &options(2009, 0.5)).unwrap();
+        assert_eq!(grown.points[..design.n * 6], design.points, "{n} points");
+        let before = strata_taken(&grown, design.n, n);
+        let after = strata_taken(&grown, n, n);
+        for (before, after) in before.iter().zip(&after) {
+            shared |= before.len() < design.n;
+            assert_eq!(after.len(), before.len() + n - design.n, "{n} points");
+        }
+        // Where the new points of a random completion are, and where the search puts them.
+        let random = enlarge(&design, n, &options(2009, 0.0)).unwrap();
+        let (found, random) = (grown.min_distance(), random.min_distance());
+        assert!(found > random, "{n} points: {found} against {random}");
+        design = grown;
+    }
+    assert!(shared, "no growth was of the kind that this is about");
+    // The way matters: what a campaign's store holds is the design as it was grown.
+    let start = maximin(150, 6, &options(2009, 0.1)).unwrap();
+    let at_once = enlarge(&start, 190, &options(2009, 0.5)).unwrap();
+    assert_ne!(at_once.points, design.points[..190 * 6]);
+}
+
+/// Points may lie anywhere in the box, even all in one place or on its edge.
+#[test]
+fn any_points_can_be_added_to() {
+    let d = 3;
+    for x in [0.0, 0.3, 1.0] {
+        let crowd = Design {
+            n: 5,
+            d,
+            points: vec![x; 5 * d],
+        };
+        let grown = enlarge(&crowd, 20, &options(1, 0.5)).unwrap();
+        assert_eq!(grown.points[..5 * d], crowd.points);
+        for taken in strata_taken(&grown, 20, 20) {
+            assert_eq!(taken.len(), 16);
+        }
+        // Strata are left over, and the search uses that freedom.
+        let random = enlarge(&crowd, 20, &options(1, 0.0)).unwrap();
+        let apart = |design: &Design| {
+            let new = design.points[5 * d..].to_vec();
+            Design {
+                n: 15,
+                d,
+                points: new,
+            }
+            .min_distance()
+        };
+        assert!(apart(&grown) > apart(&random));
+    }
 }
 
 #[test]
@@ -364,6 +468,53 @@ fn sobol_points_fill_every_stratum_evenly() {
     let random = discrepancy(random_lhs(256, 6, 7).unwrap());
     assert!(discrepancy(sobol(256, 6, 7).unwrap()) < random);
     assert_eq!(sobol(70_000, 6, 7), Err(Error::SobolPoints { n: 70_000 }));
+}
+
+#[test]
+fn every_method_grows_and_keeps_its_points() {
+    for method in Method::ALL {
+        let mut design = method.design(64, 3, &options(5, 0.1)).unwrap();
+        for n in [70, 90, 128] {
+            assert_eq!(method.check_enlarge(&design, n, 5), Ok(()));
+            let grown = method.enlarge(&design, n, &options(5, 0.1)).unwrap();
+            assert_eq!(grown.points[..design.n * 3], design.points, "{method}");
+            assert_eq!(grown.n, n);
+            design = grown;
+        }
+        let refused = Err(Error::Shrinking {
+            n: 100,
+            existing: 128,
+        });
+        assert_eq!(method.check_enlarge(&design, 100, 5), refused);
+        if method == Method::Sobol {
+            assert_eq!(design, sobol(128, 3, 5).unwrap(), "the sequence goes on");
+        }
+    }
+    // A random design's random completion has one point per stratum, and no search.
+    let start = random_lhs(64, 3, 5).unwrap();
+    let random = Method::Random
+        .enlarge(&start, 128, &options(5, 1.0))
+        .unwrap();
+    assert!(random.is_stratified());
+    assert_eq!(random, enlarge(&start, 128, &options(5, 0.0)).unwrap());
+}
+
+#[test]
+fn only_the_beginning_of_a_sobol_sequence_is_continued() {
+    let start = sobol(20, 2, 5).unwrap();
+    let check = |design: &Design, n, seed| Method::Sobol.check_enlarge(design, n, seed);
+    assert_eq!(check(&start, 40, 6), Err(Error::OtherSequence { point: 0 }));
+    let mut moved = start.clone();
+    moved.points[7] += 1e-6;
+    assert_eq!(check(&moved, 40, 5), Err(Error::OtherSequence { point: 3 }));
+    assert_eq!(
+        check(&start, 65_537, 5),
+        Err(Error::SobolPoints { n: 65_537 })
+    );
+    // The last digits, which a change of units costs, do not count.
+    moved.points[7] = start.points[7] + 1e-15;
+    let grown = Method::Sobol.enlarge(&moved, 40, &options(5, 1.0)).unwrap();
+    assert_eq!(grown.points[..40], moved.points);
 }
 
 #[test]

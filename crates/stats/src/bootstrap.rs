@@ -1,0 +1,233 @@
+//! The exact bootstrap variance of a weighted sum of order statistics.
+//!
+//! Resampling n values with replacement makes each of nⁿ new samples equally likely. The variance of
+//! T = Σ cᵣ Y₍ᵣ₎ over them, Y₍ᵣ₎ the order statistics of a new sample, needs no resampling: Hutson and
+//! Ernst write the means and covariances of the Y₍ᵣ₎ as weighted sums of the values, with weights
+//! that are incomplete beta integrals. Their double sums over all pairs of ranks and of values cost n⁴
+//! steps; the same number is had in fewer:
+//!
+//! With Nⱼ the number of drawn values up to the j-th smallest X₍ⱼ₎, and C(m) = c₁ + … + cₘ,
+//! T = X₍₁₎ + Σⱼ (X₍ⱼ₊₁₎ − X₍ⱼ₎) (C(n) − C(Nⱼ)). The Nⱼ are binomial (n, j/n), which is where the incomplete
+//! beta function of the marginal weights comes from, and a Markov chain: given Nⱼ = a, Nⱼ₊₁ − a is
+//! binomial (n − a, 1/(n − j)). So the variance is a sum over j of products of C(Nⱼ) with the expected
+//! rest of the sum given Nⱼ, which goes backwards from the last one. Probabilities below 10⁻²⁰ are
+//! left out, after which n values take about n^{3/2} times some hundred steps.
+//!
+//! Reference: A. D. Hutson, M. D. Ernst, "The exact bootstrap mean and variance of an L-estimator",
+//! J. R. Statist. Soc. B 62 (2000) 89–94.
+
+use statrs::function::gamma::ln_gamma;
+
+use crate::Error;
+use crate::moments::check_finite;
+
+/// A probability that changes no digit of the sum.
+const NEGLIGIBLE: f64 = 1e-20;
+
+/// The variance of Σ `weights[r]` Y₍ᵣ₊₁₎ in the unit of the samples squared, Y the order statistics of
+/// n values drawn with replacement from the n `samples`: what a bootstrap with infinitely many
+/// replications converges to.
+///
+/// # Errors
+///
+/// [`Error::TooFewSamples`] below two samples, [`Error::NonFinite`] for a sample, [`Error::OutOfRange`]
+/// for another number of weights than samples or a weight that is not finite, [`Error::Overflow`].
+pub fn exact_bootstrap_variance(samples: &[f64], weights: &[f64]) -> Result<f64, Error> {
+    let n = samples.len();
+    if n < 2 {
+        return Err(Error::TooFewSamples {
+            statistic: "a bootstrap variance",
+            needed: 2,
+            got: n,
+        });
+    }
+    check_finite(samples)?;
+    if weights.len() != n {
+        return Err(Error::OutOfRange {
+            name: "number of weights",
+            value: weights.len() as f64,
+            expected: "that of the samples",
+        });
+    }
+    if let Some(&value) = weights.iter().find(|weight| !weight.is_finite()) {
+        return Err(Error::OutOfRange {
+            name: "weight",
+            value,
+            expected: "finite",
+        });
+    }
+    let mut sorted = samples.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let variance = of_sorted(&sorted, weights);
+    if variance.is_finite() {
+        Ok(variance)
+    } else {
+        Err(Error::Overflow { n })
+    }
+}
+
+/// [`exact_bootstrap_variance`] of at least two finite values in ascending order.
+pub(crate) fn of_sorted(sorted: &[f64], weights: &[f64]) -> f64 {
+    let n = sorted.len();
+    let mut cumulative = vec![0.0; n + 1];
+    for (r, weight) in weights.iter().enumerate() {
+        cumulative[r + 1] = cumulative[r] + weight;
+    }
+    let mut variance = 0.0;
+    // E(terms after the j-th | Nⱼ = a), for the counts a from `first` on.
+    let mut rest: Vec<f64> = vec![0.0];
+    let mut rest_first = n;
+    for j in (1..n).rev() {
+        let (first, chances) = binomial(n, j as f64 / n as f64);
+        let mean: f64 = (first..)
+            .zip(&chances)
+            .map(|(a, chance)| chance * cumulative[a])
+            .sum();
+        let gap = sorted[j] - sorted[j - 1];
+        let term = |a: usize| gap * (cumulative[a] - mean);
+        // The rest of the sum as the j-th term sees it; beyond the counts that are kept it is next to
+        // impossible, and the nearest value stands in for it.
+        let rest_at = |a: usize| {
+            let place = a.saturating_sub(rest_first).min(rest.len() - 1);
+            rest[place]
+        };
+        let ahead: Vec<f64> = (first..first + chances.len())
+            .map(|a| {
+                let (from, steps) = binomial(n - a, 1.0 / (n - j) as f64);
+                let steps = (a + from..).zip(&steps);
+                steps.map(|(b, chance)| chance * rest_at(b)).sum()
+            })
+            .collect();
+        for ((a, chance), ahead) in (first..).zip(&chances).zip(&ahead) {
+            variance += chance * term(a) * (term(a) + 2.0 * ahead);
+        }
+        rest = (first..)
+            .zip(&ahead)
+            .map(|(a, ahead)| term(a) + ahead)
+            .collect();
+        rest_first = first;
+    }
+    // A sum of squares in another order: rounding can take it below zero where all are equal.
+    variance.max(0.0)
+}
+
+/// The probabilities of a binomial distribution of `n` trials from the first value on that has one
+/// above [`NEGLIGIBLE`] to the last.
+fn binomial(n: usize, p: f64) -> (usize, Vec<f64>) {
+    if n == 0 {
+        return (0, vec![1.0]);
+    }
+    if p >= 1.0 {
+        return (n, vec![1.0]);
+    }
+    let odds = p / (1.0 - p);
+    let mode = (((n + 1) as f64 * p) as usize).min(n);
+    let (count, at) = (n as f64, mode as f64);
+    let ln_peak = ln_gamma(count + 1.0) - ln_gamma(at + 1.0) - ln_gamma(count - at + 1.0)
+        + at * p.ln()
+        + (count - at) * (-p).ln_1p();
+    let peak = ln_peak.exp();
+    let mut below = Vec::new();
+    let (mut value, mut chance) = (mode, peak);
+    while value > 0 && chance > NEGLIGIBLE {
+        chance *= value as f64 / ((n - value + 1) as f64 * odds);
+        value -= 1;
+        below.push(chance);
+    }
+    let mut chances: Vec<f64> = below.iter().rev().copied().collect();
+    chances.push(peak);
+    let (mut above, mut chance) = (mode, peak);
+    while above < n && chance > NEGLIGIBLE {
+        chance *= (n - above) as f64 * odds / (above + 1) as f64;
+        above += 1;
+        chances.push(chance);
+    }
+    // The logarithms leave a common relative error of some 10⁻¹⁴, which the sum takes away.
+    let sum: f64 = chances.iter().sum();
+    chances.iter_mut().for_each(|chance| *chance /= sum);
+    (value, chances)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// All nⁿ resamples of a few values, one by one.
+    fn enumerated(samples: &[f64], weights: &[f64]) -> f64 {
+        let n = samples.len();
+        let all = n.pow(n as u32);
+        let (mut sum, mut squares) = (0.0, 0.0);
+        for which in 0..all {
+            let mut rest = which;
+            let mut drawn: Vec<f64> = (0..n)
+                .map(|_| {
+                    let value = samples[rest % n];
+                    rest /= n;
+                    value
+                })
+                .collect();
+            drawn.sort_by(f64::total_cmp);
+            let value: f64 = drawn.iter().zip(weights).map(|(x, w)| x * w).sum();
+            sum += value;
+            squares += value * value;
+        }
+        let mean = sum / all as f64;
+        squares / all as f64 - mean * mean
+    }
+
+    #[test]
+    fn the_variance_is_that_over_all_resamples() {
+        let samples = [0.3, -1.2, 4.0, 0.9, 0.3, 2.2];
+        for weights in [
+            [1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+            [0.0, 0.0, 0.0, 0.0, 1.0, 0.0],
+            [0.1, 0.1, 0.2, 0.2, 0.3, 0.1],
+            [2.0, -1.0, 0.0, 0.5, 0.0, -3.0],
+        ] {
+            let expected = enumerated(&samples, &weights);
+            let found = exact_bootstrap_variance(&samples, &weights).unwrap();
+            // The plain sums over 46 656 resamples leave some 1e-12 of rounding.
+            assert!(
+                (found - expected).abs() < 1e-10 * expected,
+                "{weights:?}: {found} against {expected}"
+            );
+        }
+        for n in 2..6 {
+            let weights = vec![1.0 / n as f64; n];
+            let found = exact_bootstrap_variance(&samples[..n], &weights).unwrap();
+            assert!((found - enumerated(&samples[..n], &weights)).abs() < 1e-13);
+        }
+    }
+
+    /// The bootstrap variance of a mean is Σ(x − m)²/n², whatever n.
+    #[test]
+    fn the_mean_has_its_known_variance() {
+        for n in [50, 300, 3000] {
+            let samples: Vec<f64> = (0..n).map(|i| (f64::from(i) * 0.7).sin() + 1e3).collect();
+            let count = f64::from(n);
+            let weights = vec![1.0 / count; n as usize];
+            let mean = samples.iter().sum::<f64>() / count;
+            let squares: f64 = samples.iter().map(|x| (x - mean).powi(2)).sum();
+            let expected = squares / count / count;
+            let found = exact_bootstrap_variance(&samples, &weights).unwrap();
+            assert!(
+                (found / expected - 1.0).abs() < 1e-10,
+                "{n}: {found} against {expected}"
+            );
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_resampled_is_refused() {
+        let refused = |samples: &[f64], weights: &[f64]| {
+            exact_bootstrap_variance(samples, weights)
+                .unwrap_err()
+                .to_string()
+        };
+        assert!(refused(&[1.0], &[1.0]).contains("bootstrap"));
+        assert!(refused(&[1.0, f64::NAN], &[0.5, 0.5]).contains("NaN"));
+        assert!(refused(&[1.0, 2.0], &[1.0]).contains("number of weights"));
+        assert!(refused(&[1.0, 2.0], &[1.0, f64::INFINITY]).contains("weight"));
+        assert_eq!(exact_bootstrap_variance(&[7.0; 40], &[0.1; 40]), Ok(0.0));
+    }
+}
