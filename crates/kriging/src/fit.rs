@@ -207,6 +207,8 @@ pub(crate) struct Start {
     pub(crate) at: Vec<f64>,
     pub(crate) lower: Vec<f64>,
     pub(crate) upper: Vec<f64>,
+    /// Number of ranges that were estimated: one where the subset is too small for more.
+    pub(crate) ranges: usize,
     /// Of the search, and of the ranges that the subset does not determine. What depends on the
     /// parameters found in the end is not among them.
     pub(crate) warnings: Vec<Warning>,
@@ -230,6 +232,7 @@ pub(crate) fn start_from_subset(subset: &Scaled, options: &FitOptions) -> Result
         at: widen(&found),
         lower: widen(&search.lower),
         upper: widen(&search.upper),
+        ranges: if search.tied { 1 } else { subset.columns.len() },
         warnings,
     })
 }

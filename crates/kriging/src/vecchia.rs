@@ -178,10 +178,11 @@ pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia,
         mut at,
         lower,
         upper,
+        ranges,
         warnings,
     } = start_from_subset(&subset, &exact)?;
-    // One mean, ranges and σ².
-    points.warnings.extend(few_points(n, at.len() + 1));
+    // The ranges, σ² and μ.
+    points.warnings.extend(few_points(n, ranges + 2));
     let mut model = None;
     if stepping {
         let limits = Limits {
@@ -232,7 +233,7 @@ pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia,
         lower: &lower,
         upper: &upper,
     };
-    let mut of_fit = Vec::from_iter(no_structure(&scaled, value, ln_ranges.len()));
+    let mut of_fit = Vec::from_iter(no_structure(&scaled, value, ranges));
     of_fit.extend(bounds.warnings(&at, &scaled.active, false));
     of_fit.extend(warnings);
     of_fit.extend(fitted.warnings_of_residuals(options.neighbours));

@@ -25,6 +25,8 @@ fn fewer_than_two_points_per_parameter_are_few() {
         (1, 6, None),
         (2, 7, Some((7, 4))),
         (2, 8, None),
+        // One range for all.
+        (6, 5, Some((5, 3))),
     ] {
         let sample = Sample::smooth(n, d, 0.01);
         let exact = fit(&sample.data(), &FitOptions::default()).unwrap();
