@@ -11,7 +11,10 @@
 //! optimum, and predictions and likelihood are exact for these parameters: a step and a dense
 //! factorisation cost little beside a search. Beyond, a prediction is simple kriging, with the mean
 //! of the whole data, from the nearest observations of all. That costs accuracy: with 200 of 2175
-//! points of a smooth function of six variables, a root mean square error a quarter above that of all.
+//! points of a smooth function of six variables, a root mean square error a quarter above that of
+//! all, with 200 of 6000 a half. So `dense` is as large as memory allows, 10 000 by default.
+//!
+//! Validation leaves out one observation after the other and predicts it from its nearest others.
 //!
 //! # References
 //!
