@@ -5,9 +5,10 @@
 //!
 //! The method vecchia is the accuracy standard.
 //!
-//! Columns of the training file: the coordinates, then `y` and `noise_var`, then anything. Columns
-//! of the test file: the coordinates, then the noise-free truth. Files without a header (first field
-//! a number) are read by position.
+//! The first line of a file names its columns: `x1` … `xd`, `y` and `noise_var` in the training file,
+//! `x1` … `xd` and `f_true`, the noise-free truth, in the test file, in any order. Other columns are
+//! ignored. A file whose first line holds numbers only has no header; its last columns are `y` and
+//! `noise_var`, or `f_true`, and those before them the coordinates.
 
 #![expect(
     clippy::print_stdout,
@@ -19,7 +20,7 @@ use std::error::Error;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use kriging::{Accuracy, Data, FitOptions, Model, Surrogate, Trend, fit_with_accuracy};
+use kriging::{Accuracy, Data, FitOptions, Surrogate, Trend, fit_with_accuracy};
 
 const USAGE: &str = "usage: fit_csv --train F.csv --test G.csv [--kernel NAME] [--method exact|vecchia] [--accuracy exact|fine|standard|coarse] \
                      [--seed N] \
@@ -67,21 +68,11 @@ fn run() -> Result<(), Box<dyn Error>> {
         }
     }
     let Table {
-        header,
-        rows: train,
-    } = read(&train.ok_or(USAGE)?)?;
-    let test = read(&test.ok_or(USAGE)?)?.rows;
-
-    let width = train.first().map_or(0, Vec::len);
-    let d = match header.iter().position(|name| name == "y") {
-        Some(column) => column,
-        None => width
-            .checked_sub(2)
-            .ok_or("the training file needs coordinates, y, noise_var")?,
-    };
-    let x: Vec<f64> = train.iter().flat_map(|row| row[..d].to_vec()).collect();
-    let y: Vec<f64> = train.iter().map(|row| row[d]).collect();
-    let noise_variance: Vec<f64> = train.iter().map(|row| row[d + 1]).collect();
+        d,
+        x,
+        others: [y, noise_variance],
+    } = Table::read(&train.ok_or(USAGE)?, ["y", "noise_var"], None)?;
+    let test = Table::read(&test.ok_or(USAGE)?, ["f_true"], Some(d))?;
     let data = Data {
         x: &x,
         d,
@@ -94,11 +85,7 @@ fn run() -> Result<(), Box<dyn Error>> {
     let fit_seconds = start.elapsed().as_secs_f64();
     let score = Score::new(&model, &y, &test)?;
     let parameters = model.parameters();
-    let exact = match &model {
-        Surrogate::Exact(model) => Some(model),
-        _ => None,
-    };
-    let loo = exact.map(Model::leave_one_out);
+    let loo = model.leave_one_out();
     let warnings: Vec<String> = model.warnings().iter().map(ToString::to_string).collect();
     let report = serde_json::json!({
         "n": y.len(),
@@ -112,14 +99,14 @@ fn run() -> Result<(), Box<dyn Error>> {
         "predict_seconds": score.predict_seconds,
         "mean_microseconds": score.mean_microseconds,
         "means_36000_seconds": score.means_36000_seconds,
-        "loo_q2": loo.as_ref().map(|loo| loo.q2),
-        "loo_coverage90": loo.as_ref().map(|loo| loo.coverage90),
+        "loo_q2": loo.q2,
+        "loo_coverage90": loo.coverage90,
         "mu": parameters.mu,
         "sigma2": parameters.sigma2,
         "ranges": parameters.ranges,
         "slopes": parameters.slopes,
         "nugget": parameters.nugget,
-        "calibration": exact.map_or(1.0, Model::calibration),
+        "calibration": model.calibration(),
         "method": method(&model),
         "warnings": warnings,
     });
@@ -156,14 +143,15 @@ struct Score {
 }
 
 impl Score {
-    fn new(model: &Surrogate, y: &[f64], test: &[Vec<f64>]) -> Result<Self, Box<dyn Error>> {
+    fn new(model: &Surrogate, y: &[f64], test: &Table<1>) -> Result<Self, Box<dyn Error>> {
         let d = model.dimensions();
-        let x: Vec<f64> = test.iter().flat_map(|row| row[..d].to_vec()).collect();
-        let truth: Vec<f64> = test.iter().map(|row| row[d]).collect();
+        let Table {
+            x, others: [truth], ..
+        } = test;
         let count = truth.len() as f64;
 
         let start = Instant::now();
-        let predictions = model.predict_many(&x)?;
+        let predictions = model.predict_many(x)?;
         let predict_seconds = start.elapsed().as_secs_f64();
         // The best of many short runs: another process may have the processor in the others.
         let mut mean_microseconds = f64::INFINITY;
@@ -186,7 +174,7 @@ impl Score {
         let variance = y.iter().map(|y| (y - mean).powi(2)).sum::<f64>() / y.len() as f64;
         let truth_mean = truth.iter().sum::<f64>() / count;
         let (mut squares, mut total, mut covered, mut loss) = (0.0, 0.0, 0, 0.0);
-        for (p, t) in predictions.iter().zip(&truth) {
+        for (p, t) in predictions.iter().zip(truth) {
             let error = t - p.mean;
             let v = p.variance.max(f64::MIN_POSITIVE);
             squares += error * error;
@@ -207,27 +195,80 @@ impl Score {
     }
 }
 
-/// A CSV file of numbers.
-#[derive(Default)]
-struct Table {
-    /// Empty if there is none.
-    header: Vec<String>,
-    rows: Vec<Vec<f64>>,
+/// The columns of a CSV file that are asked for.
+struct Table<const N: usize> {
+    /// Number of coordinates.
+    d: usize,
+    /// Row-major.
+    x: Vec<f64>,
+    /// The other columns, in the order of their names.
+    others: [Vec<f64>; N],
 }
 
-fn read(path: &str) -> Result<Table, Box<dyn Error>> {
-    let mut reader = csv::ReaderBuilder::new()
-        .has_headers(false)
-        .from_path(path)?;
-    let mut table = Table::default();
-    for (i, record) in reader.records().enumerate() {
-        let record = record?;
-        let numbers: Result<Vec<f64>, _> = record.iter().map(str::parse).collect();
-        match numbers {
-            Ok(row) => table.rows.push(row),
-            Err(_) if i == 0 => table.header = record.iter().map(str::to_owned).collect(),
-            Err(error) => return Err(format!("{path}, line {}: {error}", i + 1).into()),
+impl<const N: usize> Table<N> {
+    /// Reads the columns `x1` … `xd` and those of the given names; d is told by the header unless it
+    /// is given. Without a header the columns have this order.
+    fn read(path: &str, names: [&str; N], d: Option<usize>) -> Result<Self, Box<dyn Error>> {
+        let mut reader = csv::ReaderBuilder::new()
+            .has_headers(false)
+            .from_path(path)
+            .map_err(|error| format!("{path}: {error}"))?;
+        let mut records = reader.records().peekable();
+        let first = match records.peek() {
+            Some(Ok(record)) => record.clone(),
+            _ => csv::StringRecord::new(),
+        };
+        let is_number = |field: &str| field.trim().parse::<f64>().is_ok();
+        let header = if !first.is_empty() && first.iter().all(is_number) {
+            let coordinates = (1..=first.len().saturating_sub(N)).map(|j| format!("x{j}"));
+            let names = names.map(str::to_owned);
+            coordinates.chain(names).collect::<csv::StringRecord>()
+        } else {
+            records.next();
+            first
+        };
+        let place = |name: &str| header.iter().position(|column| column.trim() == name);
+        let missing = |name: &str| {
+            let found: Vec<&str> = header.iter().collect();
+            format!(
+                "{path}, line 1: there is no column {name}, only {}",
+                found.join(", ")
+            )
+        };
+        let mut coordinates: Vec<usize> = Vec::new();
+        while let Some(column) = place(&format!("x{}", coordinates.len() + 1)) {
+            coordinates.push(column);
         }
+        let d = d.unwrap_or(coordinates.len().max(1));
+        if coordinates.len() < d {
+            return Err(missing(&format!("x{}", coordinates.len() + 1)).into());
+        }
+        coordinates.truncate(d);
+        let mut wanted = coordinates;
+        for name in names {
+            wanted.push(place(name).ok_or_else(|| missing(name))?);
+        }
+
+        let (mut x, mut others) = (Vec::new(), [const { Vec::new() }; N]);
+        for record in records {
+            // The reader's own error names the line, but not the file.
+            let record = record.map_err(|error| format!("{path}: {error}"))?;
+            for (k, &column) in wanted.iter().enumerate() {
+                let text = record.get(column).unwrap_or("").trim();
+                let value: f64 = text.parse().map_err(|_| {
+                    let line = record.position().map_or(0, csv::Position::line);
+                    let name = header.get(column).unwrap_or("");
+                    format!("{path}, line {line}, column {name}: {text:?} is not a number")
+                })?;
+                match k.checked_sub(d) {
+                    None => x.push(value),
+                    Some(other) => others[other].push(value),
+                }
+            }
+        }
+        if x.is_empty() {
+            return Err(format!("{path}: there is no row below the header").into());
+        }
+        Ok(Self { d, x, others })
     }
-    Ok(table)
 }

@@ -15,10 +15,9 @@ use std::time::Instant;
 
 use kriging::{VecchiaOptions, fit_vecchia};
 use rand::RngExt as _;
-use rustix::time::{ClockId, clock_gettime};
 use stats::streams::{Purpose, stream};
 
-use common::{D, NoisyHart6, hart6};
+use common::{D, NoisyHart6, hart6, processor_seconds};
 
 const TESTS: usize = 2000;
 
@@ -51,9 +50,4 @@ fn main() -> Result<(), Box<dyn Error>> {
     let peak = status.lines().find(|line| line.starts_with("VmHWM"));
     println!("{}", peak.unwrap_or("peak memory unknown"));
     Ok(())
-}
-
-fn processor_seconds() -> f64 {
-    let time = clock_gettime(ClockId::ProcessCPUTime);
-    time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
 }

@@ -9,13 +9,16 @@
 
 #![expect(clippy::print_stdout, reason = "an example's output is its purpose")]
 
+mod common;
+
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::path::Path;
 
 use kriging::{Data, FitOptions, Kernel, fit};
-use rustix::time::{ClockId, clock_gettime};
 use serde::Deserialize;
+
+use common::processor_seconds;
 
 /// Libraries whose Matérn 5/2 is a product over the coordinates.
 const OF_PRODUCTS: [&str; 4] = ["DiceKriging", "libKriging", "smt", "egobox"];
@@ -78,11 +81,9 @@ fn main() -> Result<(), Box<dyn Error>> {
             kernel: kernel.parse()?,
             ..FitOptions::default()
         };
-        let start = clock_gettime(ClockId::ProcessCPUTime);
+        let start = processor_seconds();
         let model = fit(&train.data(), &options)?;
-        let end = clock_gettime(ClockId::ProcessCPUTime);
-        let seconds =
-            (end.tv_sec - start.tv_sec) as f64 + 1e-9 * (end.tv_nsec - start.tv_nsec) as f64;
+        let seconds = processor_seconds() - start;
         let predictions = model.predict_many(&test.x)?;
         let (mut squares, mut covered) = (0.0, 0.0);
         for (p, truth) in predictions.iter().zip(&test.y) {

@@ -8,14 +8,17 @@
 
 #![expect(clippy::print_stdout, reason = "an example's output is its purpose")]
 
+mod common;
+
 use std::error::Error;
 
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, Par};
 use kriging::{Data, FitOptions, LogLikelihood, VecchiaOptions, fit, fit_vecchia};
 use rand::RngExt as _;
-use rustix::time::{ClockId, clock_gettime};
 use stats::streams::{Purpose, stream};
+
+use common::processor_seconds;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
@@ -107,9 +110,4 @@ fn best<T>(runs: usize, mut run: impl FnMut() -> T) -> (f64, T) {
         result = next;
     }
     (least, result)
-}
-
-fn processor_seconds() -> f64 {
-    let time = clock_gettime(ClockId::ProcessCPUTime);
-    time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
 }

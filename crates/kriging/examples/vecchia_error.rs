@@ -1,7 +1,7 @@
 //! What nearest-neighbour conditioning costs in accuracy: a table, and the same as an SVG chart.
 //!
 //! `cargo run --release -p kriging --example vecchia_error -- [CHART.svg [POINTS …]]`
-//! (500, 1000 and 2000 points)
+//! (500, 1000, 2000 and 3000 points)
 //!
 //! The six-dimensional Hartmann function on 2…40 with noise of a standard deviation of 0.1 to 0.16.
 //! For each number of points, an exact fit and fits by [`kriging::fit_vecchia`] with different numbers m
@@ -38,7 +38,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         .map(|text| text.parse())
         .collect::<Result<Vec<usize>, _>>()?;
     if sizes.is_empty() {
-        sizes = vec![500, 1000, 2000];
+        sizes = vec![500, 1000, 2000, 3000];
     }
     println!("    n     m    rmse   excess  mean off  sd ratio");
     let mut curves = Vec::new();
@@ -98,13 +98,14 @@ fn curve(n: usize) -> Result<Curve, Box<dyn Error>> {
 /// The curves over m, both axes logarithmic; what is below a thousandth is drawn there.
 fn svg(curves: &[Curve]) -> String {
     const FLOOR: f64 = 1e-3;
-    let (width, height, left, right, top, bottom) = (640.0, 400.0, 70.0, 110.0, 40.0, 55.0);
+    let (width, height, left, right, top, bottom) = (640.0, 400.0, 70.0, 30.0, 40.0, 55.0);
     let most = curves
         .iter()
         .flat_map(|c| c.excess.iter().map(|e| e.0))
         .max()
         .unwrap_or(100);
-    let (low, high) = (20.0_f64.ln(), (1.15 * most as f64).ln());
+    // Room for the curves' names on the left.
+    let (low, high) = (16.0_f64.ln(), (1.15 * most as f64).ln());
     let across = |m: f64| left + (m.ln() - low) / (high - low) * (width - left - right);
     let (least, largest) = (FLOOR.ln(), 3.0_f64.ln());
     let up = |e: f64| {
@@ -157,6 +158,7 @@ fn svg(curves: &[Curve]) -> String {
         0.5 * (left + width - right),
         height - 12.0
     ));
+    let mut name_above = f64::INFINITY;
     for (curve, colour) in curves.iter().zip(COLOURS.iter().cycle()) {
         let at = |(m, e): &(usize, f64)| (across(*m as f64), up(*e));
         let path: Vec<String> = curve
@@ -174,17 +176,13 @@ fn svg(curves: &[Curve]) -> String {
                 "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3.5\" fill=\"{colour}\"/>"
             ));
         }
-        if let Some(last) = curve.excess.last() {
-            let (x, y) = at(last);
-            // A curve that ends on the axis comes from above: its name stands left of that.
-            let (x, anchor) = if last.1 > FLOOR {
-                (x + 8.0, "start")
-            } else {
-                (x - 10.0, "end")
-            };
+        if let Some(first) = curve.excess.first() {
+            let (x, y) = at(first);
+            // One above the other, where the curves of more points lie.
+            name_above = (y + 4.0).min(name_above - 13.0);
             add(format!(
-                "<text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"{anchor}\" fill=\"{colour}\">n = {}</text>",
-                y - 6.0,
+                "<text x=\"{:.1}\" y=\"{name_above:.1}\" text-anchor=\"end\" fill=\"{colour}\">n = {}</text>",
+                x - 8.0,
                 curve.n
             ));
         }

@@ -12,12 +12,12 @@
 //! So m has to be a good part of n where the function is smooth, and all observations are used for
 //! as long as memory allows; the parameters may come from a subset and one Newton step.
 //!
-//! | accuracy | up to 1000 points | up to 5000 | up to 10 000 | beyond: m |
-//! |---|---|---|---|---|
-//! | exact | exact | exact | exact | exact |
-//! | fine | exact | Vecchia, all | Vecchia, all | 400 |
-//! | standard | Vecchia, all | Vecchia, all | 200 | 200 |
-//! | coarse | Vecchia, all | 100 | 100 | 100 |
+//! | accuracy | up to 1000 points | up to 10 000 | beyond: m |
+//! |---|---|---|---|
+//! | exact | exact | exact | exact |
+//! | fine | exact | Vecchia, all | 400 |
+//! | standard | Vecchia, all | Vecchia, all | 200 |
+//! | coarse | Vecchia, all | 100 | 100 |
 //!
 //! Multiplications for n points: exact some 10 n³ in all, Vecchia with all observations 2 n³, and else
 //! n²d for the neighbours and m³/3 for each prediction. All observations take 24 n² bytes, 2.4 GB for
@@ -31,7 +31,7 @@ use crate::fit::{FitOptions, fit};
 use crate::kernel::Kernel;
 use crate::model::{Model, Parameters, Prediction};
 use crate::vecchia::{Vecchia, VecchiaOptions, fit_vecchia};
-use crate::{Error, Trend, Warning};
+use crate::{Error, LeaveOneOut, Trend, Warning};
 
 /// Up to so many points an exact fit is a matter of a second.
 const SMALL: usize = 1000;
@@ -43,9 +43,10 @@ pub enum Accuracy {
     /// The exact fit, whatever it costs.
     #[default]
     Exact,
-    /// Within a few per cent of the exact fit's error up to 10 000 points.
+    /// Within a few per cent of the exact fit's error up to 10 000 points, from 400 observations
+    /// beyond.
     Fine,
-    /// Within a few per cent of it up to 5000 points.
+    /// Within a few per cent of it up to 10 000 points, from 200 observations beyond.
     Standard,
     /// The soonest.
     Coarse,
@@ -90,7 +91,7 @@ impl Accuracy {
         match self {
             Self::Exact => Plan::Exact,
             Self::Fine if n <= SMALL => Plan::Exact,
-            Self::Fine => vecchia(2 * dense, 400),
+            Self::Fine => vecchia(dense, 400),
             Self::Standard => vecchia(dense, 200),
             Self::Coarse => vecchia(SMALL, 100),
         }
@@ -132,7 +133,7 @@ pub enum Surrogate {
 ///
 /// Those of [`crate::fit()`] and [`crate::fit_vecchia`]; [`Error::ExactOnly`] where the method is an
 /// approximate one and the options ask for what only the exact one offers: a linear trend, a nugget,
-/// a calibration, the refusal of models without structure.
+/// the refusal of models without structure.
 pub fn fit_with_accuracy(
     data: &Data<'_>,
     options: &FitOptions,
@@ -145,7 +146,6 @@ pub fn fit_with_accuracy(
     let exact_only = [
         ("a linear trend", options.trend != Trend::Constant),
         ("a nugget", options.nugget),
-        ("a calibration", options.calibrate),
         (
             "refusing models without structure",
             options.refuse_no_structure,
@@ -159,7 +159,12 @@ pub fn fit_with_accuracy(
         seed: options.seed,
         ..plan
     };
-    fit_vecchia(data, &plan).map(Surrogate::Vecchia)
+    let model = fit_vecchia(data, &plan)?;
+    Ok(Surrogate::Vecchia(if options.calibrate {
+        model.calibrated()
+    } else {
+        model
+    }))
 }
 
 /// Calls a method that both models have.
@@ -239,6 +244,18 @@ impl Surrogate {
     #[must_use]
     pub fn negative_log_likelihood(&self) -> f64 {
         either!(self, model => model.negative_log_likelihood())
+    }
+
+    /// [`Model::leave_one_out`] or [`Vecchia::leave_one_out`].
+    #[must_use]
+    pub fn leave_one_out(&self) -> LeaveOneOut {
+        either!(self, model => model.leave_one_out())
+    }
+
+    /// The factor of the predicted variances: 1 unless they were calibrated.
+    #[must_use]
+    pub fn calibration(&self) -> f64 {
+        either!(self, model => model.calibration())
     }
 
     /// What a user of the model should know about the data and the fit.

@@ -1,7 +1,7 @@
 //! More observations for a fitted model, with its covariance parameters kept.
 
 use crate::covariance::{self, factorise, noise_ratio};
-use crate::data::{Points, merge};
+use crate::data::{Points, keep, merge};
 use crate::model::{Model, Solved};
 use crate::{Data, Error, Warning};
 
@@ -31,10 +31,12 @@ impl Model {
                 got: data.d,
             });
         }
-        let mut new = merge(data)?;
+        // The nugget belongs to every observation, so they are not merged.
+        let apart = self.parameters.nugget > 0.0;
+        let mut new = if apart { keep(data)? } else { merge(data)? };
         let before = self.observations();
         let repeated = |i: usize| (0..self.points()).any(|k| self.points.row(k) == new.row(i));
-        if (0..new.len()).any(repeated) {
+        if !apart && (0..new.len()).any(repeated) {
             return self.refactorised(data, before);
         }
 
@@ -63,7 +65,7 @@ impl Model {
         match solved {
             Some(solved) => {
                 model.estimate_trend(solved);
-                Ok(model)
+                model.checked()
             }
             None => model.anew(),
         }

@@ -1,8 +1,7 @@
-//! Observations: checks, merging of repeated points, scaling for the search.
+//! Observations: checks, merging of repeated points.
 
 use std::cmp::Ordering;
 
-use crate::fit::SIGMA2_BOUNDS;
 use crate::{Error, Warning};
 
 /// Observations of a function with noise of known variance.
@@ -43,15 +42,42 @@ impl Points {
     pub(crate) fn row(&self, i: usize) -> &[f64] {
         &self.x[i * self.d..(i + 1) * self.d]
     }
+
+    /// Number of different rows of points as [`merge`] and [`keep`] return them: sorted.
+    pub(crate) fn distinct(&self) -> usize {
+        let new = |i: &usize| *i == 0 || self.row(*i) != self.row(*i - 1);
+        (0..self.len()).filter(new).count()
+    }
 }
 
 /// Checks the data and merges observations at equal points.
 ///
 /// Noisy observations at one point are replaced by their precision-weighted mean, which is
 /// sufficient for everything the model learns from them. Where some are noise-free, those alone
-/// count. If noise-free observations of a point differ, the variance pooled over all such points
-/// is taken for their noise.
+/// count. Where observations of a point contradict each other, see [`Contradiction`], the variance
+/// pooled over all such points is added to their noise.
 pub(crate) fn merge(data: &Data<'_>) -> Result<Points, Error> {
+    gather(data, |a, b, row| {
+        compare_rows(row(a), row(b)) == Ordering::Equal
+    })
+}
+
+/// Checks the data and keeps observations at equal points apart: their scatter tells how large an
+/// unknown nugget is, which no mean of them does. Only copies, noise-free observations of the same
+/// value, count once: as measurements they would say that there is no nugget, whatever the other
+/// observations say, and a row given twice says nothing.
+pub(crate) fn keep(data: &Data<'_>) -> Result<Points, Error> {
+    gather(data, |a, b, row| {
+        let exact = data.noise_variance[a] == 0.0 && data.noise_variance[b] == 0.0;
+        exact && data.y[a] == data.y[b] && compare_rows(row(a), row(b)) == Ordering::Equal
+    })
+}
+
+/// Sorts the observations and merges neighbours that are `one`.
+fn gather<'a>(
+    data: &Data<'a>,
+    one: impl Fn(usize, usize, &dyn Fn(usize) -> &'a [f64]) -> bool,
+) -> Result<Points, Error> {
     check(data)?;
     let d = data.d;
     let row = |i: usize| &data.x[i * d..(i + 1) * d];
@@ -65,9 +91,7 @@ pub(crate) fn merge(data: &Data<'_>) -> Result<Points, Error> {
             .then(a.cmp(&b))
     });
 
-    let groups: Vec<&[usize]> = order
-        .chunk_by(|&a, &b| compare_rows(row(a), row(b)) == Ordering::Equal)
-        .collect();
+    let groups: Vec<&[usize]> = order.chunk_by(|&a, &b| one(a, b, &row)).collect();
     let contradiction = Contradiction::among(&groups, data);
 
     let n = groups.len();
@@ -109,7 +133,13 @@ fn compare_rows(a: &[f64], b: &[f64]) -> Ordering {
     a.partial_cmp(b).unwrap_or(Ordering::Equal)
 }
 
-/// Scatter of noise-free observations of the same points.
+/// By how many standard deviations the norm of a point's scatter must exceed what is to be expected
+/// of its noise: normal noise does in 1.5e-8 of all cases at most (‖z‖ of ν standard normal numbers
+/// exceeds √ν + t with a probability below exp(−t²/2), by the concentration of Gaussian measure).
+const EXCESS: f64 = 6.0;
+
+/// Scatter of observations of the same points that their noise does not permit: noise-free ones
+/// that differ, and noisy ones that differ by many standard deviations.
 struct Contradiction {
     points: usize,
     /// Pooled over the points that are concerned.
@@ -119,18 +149,12 @@ struct Contradiction {
 impl Contradiction {
     fn among(groups: &[&[usize]], data: &Data<'_>) -> Self {
         let (mut points, mut squares, mut freedom) = (0, 0.0, 0);
-        for group in groups {
-            let exact: Vec<f64> = exact(group, data).collect();
-            let (Some(first), Some(last)) = (exact.first(), exact.last()) else {
-                continue;
-            };
-            if first == last {
-                continue;
-            }
-            let mean = mean(&exact);
+        for group in groups.iter().filter(|group| contradicts(group, data)) {
+            let values: Vec<f64> = counting(group, data).map(|i| data.y[i]).collect();
+            let mean = mean(&values);
             points += 1;
-            squares += exact.iter().map(|y| (y - mean).powi(2)).sum::<f64>();
-            freedom += exact.len() - 1;
+            squares += values.iter().map(|y| (y - mean).powi(2)).sum::<f64>();
+            freedom += values.len() - 1;
         }
         let variance = if points == 0 {
             0.0
@@ -141,15 +165,34 @@ impl Contradiction {
     }
 }
 
-/// The noise-free observations of a group, in increasing order.
-fn exact<'a>(group: &'a [usize], data: &'a Data<'_>) -> impl Iterator<Item = f64> + 'a {
-    group
-        .iter()
-        .filter(|&&i| data.noise_variance[i] == 0.0)
-        .map(|&i| data.y[i])
+/// The observations of a group that count: the noise-free ones, or all if none is. In increasing
+/// order of y.
+fn counting<'a>(group: &'a [usize], data: &'a Data<'_>) -> impl Iterator<Item = usize> + 'a {
+    let exact = |i: &usize| data.noise_variance[*i] == 0.0;
+    let any = group.iter().any(exact);
+    group.iter().filter(move |i| !any || exact(i)).copied()
 }
 
-fn mean(values: &[f64]) -> f64 {
+/// Whether a group's observations contradict each other.
+fn contradicts(group: &[usize], data: &Data<'_>) -> bool {
+    let counted: Vec<usize> = counting(group, data).collect();
+    let (first, last) = (counted[0], counted[counted.len() - 1]);
+    if data.y[first] == data.y[last] {
+        return false;
+    }
+    if data.noise_variance[first] == 0.0 {
+        return true;
+    }
+    let Mean { y, .. } = weighted_mean(group, data, 0.0);
+    let norm: f64 = group
+        .iter()
+        .map(|&i| (data.y[i] - y).powi(2) / data.noise_variance[i])
+        .sum::<f64>()
+        .sqrt();
+    norm > ((group.len() - 1) as f64).sqrt() + EXCESS
+}
+
+pub(crate) fn mean(values: &[f64]) -> f64 {
     let first = values[0];
     first + values.iter().map(|y| y - first).sum::<f64>() / values.len() as f64
 }
@@ -159,40 +202,56 @@ fn merge_group(group: &[usize], data: &Data<'_>, contradiction: &Contradiction) 
     if let [only] = group {
         return (data.y[*only], data.noise_variance[*only], 0.0);
     }
-    let exact: Vec<f64> = exact(group, data).collect();
-    if let (Some(first), Some(last)) = (exact.first(), exact.last()) {
-        if first == last {
-            return (*first, 0.0, 0.0);
+    let contradicts = contradicts(group, data);
+    let counted: Vec<f64> = counting(group, data).map(|i| data.y[i]).collect();
+    if data.noise_variance[group[0]] == 0.0 || counted.len() < group.len() {
+        if !contradicts {
+            return (counted[0], 0.0, 0.0);
         }
-        return (
-            mean(&exact),
-            contradiction.variance / exact.len() as f64,
-            0.0,
-        );
+        let noise = contradiction.variance / counted.len() as f64;
+        return (mean(&counted), noise, 0.0);
     }
-    // Relative to the smallest variance, so that 1/v cannot overflow.
-    let smallest = group
-        .iter()
-        .map(|&i| data.noise_variance[i])
-        .fold(f64::INFINITY, f64::min);
-    let base = data.y[group[0]];
-    let (mut precision, mut sum) = (0.0, 0.0);
-    for &i in group {
-        let weight = smallest / data.noise_variance[i];
-        precision += weight;
-        sum += weight * (data.y[i] - base);
-    }
-    let y = base + sum / precision;
-    let noise = smallest / precision;
+    let extra = if contradicts {
+        contradiction.variance
+    } else {
+        0.0
+    };
+    let Mean { y, noise } = weighted_mean(group, data, extra);
     let log_2pi = std::f64::consts::TAU.ln();
     let within: f64 = group
         .iter()
         .map(|&i| {
-            let v = data.noise_variance[i];
+            let v = data.noise_variance[i] + extra;
             0.5 * (log_2pi + v.ln() + (data.y[i] - y).powi(2) / v)
         })
         .sum();
     (y, noise, within - 0.5 * (log_2pi + noise.ln()))
+}
+
+/// A weighted mean and its variance.
+struct Mean {
+    y: f64,
+    noise: f64,
+}
+
+/// The precision-weighted mean of a group whose noise variances, with `extra` added, are positive.
+fn weighted_mean(group: &[usize], data: &Data<'_>, extra: f64) -> Mean {
+    // Relative to the smallest variance, so that 1/v cannot overflow.
+    let smallest = group
+        .iter()
+        .map(|&i| data.noise_variance[i] + extra)
+        .fold(f64::INFINITY, f64::min);
+    let base = data.y[group[0]];
+    let (mut precision, mut sum) = (0.0, 0.0);
+    for &i in group {
+        let weight = smallest / (data.noise_variance[i] + extra);
+        precision += weight;
+        sum += weight * (data.y[i] - base);
+    }
+    Mean {
+        y: base + sum / precision,
+        noise: smallest / precision,
+    }
 }
 
 fn check(data: &Data<'_>) -> Result<(), Error> {
@@ -238,105 +297,5 @@ fn check(data: &Data<'_>) -> Result<(), Error> {
             value: data.noise_variance[index],
         }),
         None => Ok(()),
-    }
-}
-
-/// The points in units of their own extent: what the likelihood search works on.
-#[derive(Debug, Clone)]
-pub(crate) struct Scaled {
-    /// Coordinate-major: `columns[j][i]` in 0…1. Coordinates in which all points agree are absent.
-    pub(crate) columns: Vec<Vec<f64>>,
-    /// For each column, which coordinate of the points it is.
-    pub(crate) active: Vec<usize>,
-    /// Extent of each column, in units of x.
-    pub(crate) extents: Vec<f64>,
-    /// Centred, divided by `y_scale`.
-    pub(crate) y: Vec<f64>,
-    /// Divided by `y_scale`².
-    pub(crate) noise: Vec<f64>,
-    pub(crate) y_scale: f64,
-}
-
-impl Scaled {
-    pub(crate) fn new(points: &Points) -> Result<Self, Error> {
-        let n = points.len();
-        let (mut columns, mut active, mut extents) = (Vec::new(), Vec::new(), Vec::new());
-        for j in 0..points.d {
-            let column: Vec<f64> = (0..n).map(|i| points.row(i)[j]).collect();
-            let low = column.iter().copied().fold(f64::INFINITY, f64::min);
-            let high = column.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            let extent = high - low;
-            if !extent.is_finite() {
-                return Err(Error::Extent { what: "x" });
-            }
-            if extent > 0.0 {
-                columns.push(column.iter().map(|x| (x - low) / extent).collect());
-                active.push(j);
-                extents.push(extent);
-            }
-        }
-
-        let centre = mean(&points.y);
-        let largest = points
-            .y
-            .iter()
-            .map(|y| (y - centre).abs())
-            .fold(0.0, f64::max);
-        let y_scale = if largest > 0.0 {
-            // Squares of the ratios neither overflow nor vanish.
-            let squares: f64 = points
-                .y
-                .iter()
-                .map(|y| ((y - centre) / largest).powi(2))
-                .sum();
-            largest * (squares / n as f64).sqrt()
-        } else {
-            0.0
-        };
-        // Noise sets the scale where the observations scatter less than their noise.
-        let noise = points
-            .noise
-            .iter()
-            .map(|v| v / n as f64)
-            .sum::<f64>()
-            .sqrt();
-        let y_scale = match y_scale.max(noise) {
-            0.0 => 1.0,
-            scale => scale,
-        };
-        let bounds = [
-            SIGMA2_BOUNDS.0 * y_scale * y_scale,
-            SIGMA2_BOUNDS.1 * y_scale * y_scale,
-        ];
-        if !bounds.iter().all(|b| b.is_normal()) {
-            return Err(Error::Extent { what: "y" });
-        }
-        let y = points.y.iter().map(|y| (y - centre) / y_scale).collect();
-        let noise = points.noise.iter().map(|v| v / y_scale / y_scale).collect();
-        Ok(Self {
-            columns,
-            active,
-            extents,
-            y,
-            noise,
-            y_scale,
-        })
-    }
-
-    pub(crate) fn len(&self) -> usize {
-        self.y.len()
-    }
-
-    /// The points of the given indices.
-    pub(crate) fn subset(&self, indices: &[usize]) -> Self {
-        let pick = |values: &[f64]| indices.iter().map(|&i| values[i]).collect::<Vec<f64>>();
-        Self {
-            columns: self.columns.iter().map(|c| pick(c)).collect(),
-            active: self.active.clone(),
-            extents: self.extents.clone(),
-            y: pick(&self.y),
-            noise: pick(&self.noise),
-            y_scale: self.y_scale,
-        }
     }
 }

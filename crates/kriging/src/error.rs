@@ -38,6 +38,23 @@ pub enum Error {
         /// Number of distinct rows of x.
         distinct: usize,
     },
+    /// Two observations at nearly the same point differ by more than their noise permits: no smooth
+    /// function has both.
+    #[error(
+        "observations {first} and {second} lie within 1e-9 of the points' extent but differ by \
+         {difference:e}, and their noise variances permit {permitted:e}: give the noise variance \
+         they have, estimate a nugget, or drop one of them"
+    )]
+    Contradiction {
+        /// Number of the one observation, from 0.
+        first: usize,
+        /// Number of the other.
+        second: usize,
+        /// By how much they differ, in units of y.
+        difference: f64,
+        /// The largest difference that would have been accepted, in units of y.
+        permitted: f64,
+    },
     /// The points do not determine a linear trend: they are too few, or lie in a plane.
     #[error(
         "{distinct} distinct points do not determine a trend of {coefficients} coefficients, give \

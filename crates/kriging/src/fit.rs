@@ -6,6 +6,8 @@
 //! half its coordinate's extent: likelihoods of deterministic functions have a spurious optimum
 //! where all ranges vanish and the model is white noise, and that start lies on the right side of it.
 
+pub(crate) mod report;
+
 use std::borrow::Cow;
 
 use rand::RngExt as _;
@@ -14,12 +16,14 @@ use rayon::prelude::*;
 use stats::streams::{Purpose, stream};
 
 use crate::bfgs::{Limits, Outcome, minimise};
+use crate::contradiction;
 use crate::covariance::JITTERS;
-use crate::data::{Data, Points, Scaled, merge};
+use crate::data::{Data, Points, keep, merge};
 use crate::gls::{Gls, Trend};
 use crate::kernel::Kernel;
-use crate::likelihood::{Form, Likelihood, Order, white_noise};
+use crate::likelihood::{Form, Likelihood, Order};
 use crate::model::{Model, Parameters};
+use crate::scaled::Scaled;
 use crate::{Error, Warning};
 
 /// Number of points on which starts are compared.
@@ -35,14 +39,12 @@ pub(crate) const SIGMA2_BOUNDS: (f64, f64) = (1e-8, 1e6);
 /// Bounds of the nugget, relative to the variance of the observations, and its value at the starts.
 const NUGGET_BOUNDS: (f64, f64) = (1e-12, 1e2);
 const NUGGET_START: f64 = 1e-2;
-/// Upper bound of a range, in units of its coordinate's extent: the response is then linear or
-/// constant in that coordinate.
+/// Upper bound of a range, in units of its coordinate's extent. There the correlation of opposite
+/// sides is 1 − 3·10⁻⁴ (Matérn 5/2): over the extent the process is a plane but for a fraction of that
+/// order, so that a longer range, with σ² to match, gives the same predictions and nearly the same
+/// likelihood, in which the search would wander, while the covariance matrix comes nearer to singular
+/// with the square of the range.
 const LONGEST_RANGE: f64 = 50.0;
-/// A range whose logarithm is this close to a bound has ended there: more than the first step off a
-/// By how much less the log likelihood falls where a range is not determined.
-const FLAT: f64 = 0.5;
-/// bound, far less than anything a prediction would show.
-const NEAR: f64 = 1e-2;
 /// A likelihood counts as found when a further step promises less than this.
 const TOLERANCE: f64 = 1e-6;
 const SUBSET_TOLERANCE: f64 = 1e-2;
@@ -61,7 +63,9 @@ pub struct FitOptions {
     /// The trend around which the process varies.
     pub trend: Trend,
     /// Whether to estimate a nugget: one more noise variance, the same at all points, on top of the
-    /// known ones ([`Parameters::nugget`]).
+    /// known ones ([`Parameters::nugget`]). Repeated observations of a point are then not merged,
+    /// since their scatter tells of the nugget; the fit takes the time of that many points. Only
+    /// noise-free copies of one observation count once.
     pub nugget: bool,
     /// Whether to calibrate the predicted variances, see [`Model::calibrated`].
     pub calibrate: bool,
@@ -97,18 +101,26 @@ impl Default for FitOptions {
 /// # Errors
 ///
 /// [`Error::Shape`], [`Error::NonFinite`], [`Error::NegativeNoise`] and [`Error::Extent`] for
-/// unusable data, [`Error::TooFewPoints`] for fewer than two distinct points, [`Error::Trend`] where
+/// unusable data, [`Error::Contradiction`] for observations of one place that differ although they
+/// are said to be exact, unless a nugget is estimated,
+/// [`Error::TooFewPoints`] for fewer than two distinct points, [`Error::Trend`] where
 /// the points do not determine the trend, [`Error::NoStructure`] if `options` asks for it, and
 /// [`Error::NotPositiveDefinite`] where no covariance of the search can be factorised. What a user
 /// ought to know of a fit that did succeed is in [`Model::warnings`].
 pub fn fit(data: &Data<'_>, options: &FitOptions) -> Result<Model, Error> {
-    let mut points = merge(data)?;
-    if points.len() < 2 {
-        return Err(Error::TooFewPoints {
-            distinct: points.len(),
-        });
+    let mut points = if options.nugget {
+        keep(data)?
+    } else {
+        merge(data)?
+    };
+    let distinct = points.distinct();
+    if distinct < 2 {
+        return Err(Error::TooFewPoints { distinct });
     }
     let scaled = Scaled::new(&points)?;
+    if !options.nugget {
+        contradiction::check(&points, &scaled)?;
+    }
     for coordinate in (0..data.d).filter(|j| !scaled.active.contains(j)) {
         points
             .warnings
@@ -126,18 +138,13 @@ pub fn fit(data: &Data<'_>, options: &FitOptions) -> Result<Model, Error> {
     }
     if !determines_trend(&scaled, options.trend) {
         return Err(Error::Trend {
-            distinct: points.len(),
+            distinct,
             coefficients: options.trend.coefficients(scaled.active.len()),
         });
     }
 
     let search = Search::new(&scaled, options);
-    if search.tied {
-        points.warnings.push(Warning::FewPoints {
-            distinct: points.len(),
-            dimensions: scaled.active.len(),
-        });
-    }
+    points.warnings.extend(search.few_points(distinct));
     let found = search.run()?;
     let warnings = search.warnings(&found);
     if options.refuse_no_structure
@@ -156,13 +163,15 @@ pub fn fit(data: &Data<'_>, options: &FitOptions) -> Result<Model, Error> {
     if options.nugget {
         parameters.nugget = at[at.len() - 2].exp() * scaled.y_scale * scaled.y_scale;
     }
-    let model = Model::new(
+    let mut model = Model::new(
         options.kernel,
         options.trend,
         points,
         parameters,
         found.jitter,
     )?;
+    let outliers = model.leave_one_out().warning(&model.points);
+    model.points.warnings.extend(outliers);
     Ok(if options.calibrate {
         model.calibrated()
     } else {
@@ -198,12 +207,19 @@ pub(crate) struct Start {
     pub(crate) at: Vec<f64>,
     pub(crate) lower: Vec<f64>,
     pub(crate) upper: Vec<f64>,
+    /// Number of ranges that were estimated: one where the subset is too small for more.
+    pub(crate) ranges: usize,
+    /// Of the search, and of the ranges that the subset does not determine. What depends on the
+    /// parameters found in the end is not among them.
+    pub(crate) warnings: Vec<Warning>,
 }
 
 /// The parameters of highest likelihood of a subset of the data, found as [`fit()`] finds them.
 pub(crate) fn start_from_subset(subset: &Scaled, options: &FitOptions) -> Result<Start, Error> {
     let search = Search::new(subset, options);
-    let found = search.run()?.outcome.at;
+    let found = search.run()?;
+    let warnings = search.of_search(&found);
+    let found = found.outcome.at;
     // A subset too small for a range per coordinate has one for all.
     let widen = |values: &[f64]| -> Vec<f64> {
         let mut wide: Vec<f64> = (0..subset.columns.len())
@@ -216,6 +232,8 @@ pub(crate) fn start_from_subset(subset: &Scaled, options: &FitOptions) -> Result
         at: widen(&found),
         lower: widen(&search.lower),
         upper: widen(&search.upper),
+        ranges: if search.tied { 1 } else { subset.columns.len() },
+        warnings,
     })
 }
 
@@ -460,80 +478,6 @@ impl<'a> Search<'a> {
 
     fn subset(&self, size: usize) -> Scaled {
         self.data.subset(&self.order[..size])
-    }
-
-    fn warnings(&self, found: &Found) -> Vec<Warning> {
-        let mut warnings = Vec::new();
-        let gain = white_noise(self.data) - found.outcome.value;
-        // Parameters beyond those of a constant plus noise.
-        let slopes = self.options.trend.coefficients(self.data.active.len()) - 1;
-        let needed = (found.outcome.at.len() - 1 + slopes) as f64;
-        if gain < needed {
-            warnings.push(Warning::NoStructure { gain, needed });
-        }
-        if found.jitter > 0.0 {
-            warnings.push(Warning::Jitter {
-                relative: found.jitter,
-            });
-        }
-        if !found.outcome.converged {
-            warnings.push(Warning::NotConverged {
-                iterations: found.outcome.iterations,
-            });
-        }
-        // A range that is shared is warned of as such already.
-        if !self.tied {
-            for upper in [false, true] {
-                let at_bound = |p: &usize| {
-                    let at = found.outcome.at[*p];
-                    if upper {
-                        at >= self.upper[*p] - NEAR
-                    } else {
-                        at <= self.lower[*p] + NEAR
-                    }
-                };
-                let active = &self.data.active;
-                let coordinates: Vec<usize> = (0..active.len())
-                    .filter(at_bound)
-                    .map(|p| active[p])
-                    .collect();
-                if !coordinates.is_empty() {
-                    warnings.push(Warning::RangesAtBound { coordinates, upper });
-                }
-            }
-            let coordinates = self.flat(found);
-            if !coordinates.is_empty() {
-                warnings.push(Warning::FlatRanges { coordinates });
-            }
-        }
-        warnings
-    }
-
-    /// The coordinates whose ranges the data do not determine. Those at a bound are reported as such.
-    fn flat(&self, found: &Found) -> Vec<usize> {
-        let at = &found.outcome.at;
-        let active = &self.data.active;
-        let is_flat = |data: &Scaled, p: usize| {
-            let value = |at: Vec<f64>| Some(self.value_at(data, at, found.jitter)?.0);
-            let Some(here) = value(at.clone()) else {
-                return false;
-            };
-            [-std::f64::consts::LN_2, std::f64::consts::LN_2]
-                .into_iter()
-                .all(|step| {
-                    let mut moved = at.clone();
-                    moved[p] = (moved[p] + step).clamp(self.lower[p], self.upper[p]);
-                    value(moved).is_some_and(|there| there - here < FLAT)
-                })
-        };
-        // More points say more: what some of them determine, all do.
-        let some = self.subset(SCREENING.min(self.data.len()));
-        (0..active.len())
-            .filter(|&p| at[p] > self.lower[p] + NEAR && at[p] < self.upper[p] - NEAR)
-            .filter(|&p| is_flat(&some, p))
-            .filter(|&p| some.len() == self.data.len() || is_flat(self.data, p))
-            .map(|p| active[p])
-            .collect()
     }
 }
 

@@ -17,10 +17,10 @@
 use std::borrow::Cow;
 
 use crate::covariance::{self, complete, factorise, fill_correlations, log_determinant};
-use crate::data::Scaled;
 use crate::gls::{Gls, Trend};
 use crate::inverse::{invert, sample};
 use crate::kernel::Kernel;
+use crate::scaled::Scaled;
 
 /// What an evaluation computes beyond the value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]

@@ -1,8 +1,12 @@
 //! Leave-one-out validation in closed form.
 
-use crate::calibration::Z_TWO_SIDED_90;
+use statrs::function::erf::erfc_inv;
+
+use crate::calibration::{Residual, Z_TWO_SIDED_90};
+use crate::data::Points;
 use crate::inverse::invert;
 use crate::model::Model;
+use crate::warning::{Outlier, Warning};
 
 /// How well each observation is predicted from all others, with the covariance parameters kept and
 /// the trend estimated anew.
@@ -23,20 +27,103 @@ pub struct LeaveOneOut {
     pub coverage90: f64,
 }
 
-/// A standardised residual beyond this is not the model's: of a million normal ones, 0.6 are.
-const OUTLYING: f64 = 5.0;
+/// The probability that any of the observations of a right model is called an outlier, at most.
+const FALSE_ALARM: f64 = 1e-3;
+/// The most outliers that a warning names.
+const NAMED: usize = 10;
+
+/// What no standardised residual ought to exceed in size: what one of n normal numbers exceeds with
+/// the probability 0.001/n, so that any of n does with at most 0.001 (Bonferroni's inequality), 4.4
+/// for n = 100 and 4.9 for 1000; and what one exceeds whose tail is exponential, with the residuals'
+/// own 90 % quantile. The residuals of smooth functions that are no typical realisations of the
+/// process have such tails, up to 7 for 500 observations without any error. A gross error raises σ²
+/// and makes all other residuals small, so that the first limit is what remains.
+fn outlying(standardised: &[f64]) -> f64 {
+    let n = standardised.len() as f64;
+    let normal = std::f64::consts::SQRT_2 * erfc_inv(FALSE_ALARM / n);
+    let mut sizes: Vec<f64> = standardised.iter().map(|z| z.abs()).collect();
+    sizes.sort_by(f64::total_cmp);
+    let usual = sizes[(0.9 * n) as usize];
+    let exponential = usual * (n / FALSE_ALARM).ln() / std::f64::consts::LN_10;
+    normal.max(exponential)
+}
 
 impl LeaveOneOut {
-    /// The observations (indices of [`LeaveOneOut::residuals`]) whose standardised residuals exceed
-    /// 5 in size: gross errors, or places where the function is unlike everywhere else. Look at them
-    /// before trusting the model around them.
+    /// The observations (indices of [`LeaveOneOut::residuals`]) whose standardised residuals are
+    /// too large: gross errors, or places where the function is unlike everywhere else. Look at them
+    /// before trusting the model around them. A right model of n observations gives any residual
+    /// beyond this limit with a probability of less than 0.001: the larger one of the normal
+    /// distribution's at 0.001/n, and of an exponential tail's through the residuals' own 90 %
+    /// quantile, since functions that are no typical realisations of the process have tails like that.
     #[must_use]
     pub fn outliers(&self) -> Vec<usize> {
+        let limit = outlying(&self.standardised);
         let residuals = self.standardised.iter().enumerate();
         residuals
-            .filter(|(_, z)| z.abs() > OUTLYING)
+            .filter(|(_, z)| z.abs() > limit)
             .map(|(i, _)| i)
             .collect()
+    }
+
+    /// From the residuals of `points`, in their order; `calibration` multiplies the variances but
+    /// for the noise.
+    pub(crate) fn new(points: &Points, all: &[Residual], calibration: f64) -> Self {
+        let n = points.len();
+        let mut by_first: Vec<usize> = (0..n).collect();
+        by_first.sort_by_key(|&i| points.first[i]);
+        let (residuals, standardised): (Vec<f64>, Vec<f64>) = by_first
+            .iter()
+            .map(|&i| {
+                let Residual {
+                    residual,
+                    mut variance,
+                    noise,
+                } = all[i];
+                if calibration != 1.0 {
+                    variance = calibration * (variance - noise).max(0.0) + noise;
+                }
+                let sd = variance.sqrt();
+                (residual, if residual == 0.0 { 0.0 } else { residual / sd })
+            })
+            .unzip();
+
+        let count = n as f64;
+        let centre = points.y.iter().sum::<f64>() / count;
+        let total: f64 = points.y.iter().map(|y| (y - centre).powi(2)).sum();
+        let left: f64 = residuals.iter().map(|r| r * r).sum();
+        let covered = standardised
+            .iter()
+            .filter(|z| z.abs() <= Z_TWO_SIDED_90)
+            .count();
+        Self {
+            q2: if total > 0.0 { 1.0 - left / total } else { 0.0 },
+            rmse: (left / count).sqrt(),
+            coverage90: covered as f64 / count,
+            residuals,
+            standardised,
+        }
+    }
+
+    /// The warning of the outliers among `points`, if there are any.
+    pub(crate) fn warning(&self, points: &Points) -> Option<Warning> {
+        let mut observations = points.first.clone();
+        observations.sort_unstable();
+        let outliers = self.outliers();
+        let count = outliers.len();
+        let mut worst: Vec<Outlier> = outliers
+            .into_iter()
+            .map(|i| Outlier {
+                observation: observations[i],
+                // JSON has no infinity.
+                standardised: self.standardised[i].clamp(-f64::MAX, f64::MAX),
+            })
+            .collect();
+        worst.sort_by(|a, b| {
+            let sizes = b.standardised.abs().total_cmp(&a.standardised.abs());
+            sizes.then(a.observation.cmp(&b.observation))
+        });
+        worst.truncate(NAMED);
+        (count > 0).then_some(Warning::Outliers { count, worst })
     }
 }
 
@@ -48,43 +135,11 @@ impl Model {
     /// a unique neighborhood", Math. Geol. 15 (1983) 687–699). Costs an inverse, n³ multiplications.
     #[must_use]
     pub fn leave_one_out(&self) -> LeaveOneOut {
-        let n = self.points.len();
-        let all = self.residuals();
-        let mut by_first: Vec<usize> = (0..n).collect();
-        by_first.sort_by_key(|&i| self.points.first[i]);
-        let (residuals, standardised): (Vec<f64>, Vec<f64>) = by_first
-            .iter()
-            .map(|&i| {
-                let (residual, mut variance) = all[i];
-                if self.calibration != 1.0 {
-                    let noise = self.points.noise[i] + self.parameters.nugget;
-                    variance = self.calibration * (variance - noise).max(0.0) + noise;
-                }
-                let sd = variance.sqrt();
-                (residual, if residual == 0.0 { 0.0 } else { residual / sd })
-            })
-            .unzip();
-
-        let count = n as f64;
-        let centre = self.points.y.iter().sum::<f64>() / count;
-        let total: f64 = self.points.y.iter().map(|y| (y - centre).powi(2)).sum();
-        let left: f64 = residuals.iter().map(|r| r * r).sum();
-        let covered = standardised
-            .iter()
-            .filter(|z| z.abs() <= Z_TWO_SIDED_90)
-            .count();
-        LeaveOneOut {
-            q2: if total > 0.0 { 1.0 - left / total } else { 0.0 },
-            rmse: (left / count).sqrt(),
-            coverage90: covered as f64 / count,
-            residuals,
-            standardised,
-        }
+        LeaveOneOut::new(&self.points, &self.residuals(), self.calibration)
     }
 
-    /// The leave-one-out residual of each point and its variance, the noise of the point included,
-    /// not calibrated.
-    pub(crate) fn residuals(&self) -> Vec<(f64, f64)> {
+    /// The leave-one-out residuals of the points, not calibrated.
+    pub(crate) fn residuals(&self) -> Vec<Residual> {
         let n = self.points.len();
         let solved = self.solved();
         let mut inverse = vec![0.0; n * n];
@@ -96,7 +151,11 @@ impl Model {
                     *r = column[i];
                 }
                 let p = inverse[i * n + i] - solved.gls.quadratic(&mut row);
-                (self.weights[i] / p, self.parameters.sigma2 / p)
+                Residual {
+                    residual: self.weights[i] / p,
+                    variance: self.parameters.sigma2 / p,
+                    noise: self.points.noise[i] + self.parameters.nugget,
+                }
             })
             .collect()
     }

@@ -101,7 +101,20 @@ impl Model {
         }
 
         model.estimate_trend(solved);
-        Ok(model)
+        model.checked()
+    }
+
+    /// The model, if all it predicts with are numbers.
+    pub(crate) fn checked(self) -> Result<Self, Error> {
+        let Parameters {
+            mu, sigma2, slopes, ..
+        } = &self.parameters;
+        let numbers = [mu, sigma2, &self.nll].into_iter().chain(slopes);
+        if numbers.chain(&self.weights).all(|v| v.is_finite()) {
+            Ok(self)
+        } else {
+            Err(Error::Extent { what: "y" })
+        }
     }
 
     /// Estimates the trend, the weights and the likelihood from the factor of C.
@@ -354,7 +367,8 @@ impl Model {
         self.points.d
     }
 
-    /// Number of distinct points the model was fitted to.
+    /// Number of distinct points the model was fitted to; with an estimated nugget, repeated
+    /// observations count one by one.
     #[must_use]
     pub fn points(&self) -> usize {
         self.points.len()

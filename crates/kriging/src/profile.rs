@@ -3,11 +3,12 @@
 use std::borrow::Cow;
 
 use crate::Error;
-use crate::data::{Data, Scaled, merge};
+use crate::data::{Data, Points, keep, merge};
 use crate::gls::Trend;
 use crate::kernel::Kernel;
 use crate::likelihood::{Form, Likelihood, Order};
 use crate::model::Parameters;
+use crate::scaled::Scaled;
 
 /// The likelihood at one set of parameters, and its derivatives.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,15 +25,44 @@ pub struct LikelihoodGradient {
 
 /// The negative log likelihood of data as a function of the parameters: what [`crate::fit()`]
 /// minimises, for profiles and for tests of an optimum. Holds its matrices, three of n² numbers, so that
-/// evaluations do not allocate them again.
+/// evaluations do not allocate them again. As in the fit, observations of one point are merged unless
+/// there is a nugget.
 pub struct LogLikelihood {
-    function: Likelihood<'static>,
     d: usize,
+    /// Of the observations, those at one point merged.
+    merged: Part,
+    /// Of the observations one by one, for a nugget; none where no point is repeated.
+    apart: Option<Part>,
+}
+
+/// The likelihood of points in their scaled units.
+struct Part {
+    function: Likelihood<'static>,
     active: Vec<usize>,
     extents: Vec<f64>,
     y_scale: f64,
-    distinct: usize,
+    count: usize,
     within: f64,
+}
+
+impl Part {
+    fn new(points: &Points, kernel: Kernel, trend: Trend) -> Result<Self, Error> {
+        let scaled = Scaled::new(points)?;
+        let form = Form {
+            kernel,
+            trend,
+            tied: false,
+            nugget: true,
+        };
+        Ok(Self {
+            active: scaled.active.clone(),
+            extents: scaled.extents.clone(),
+            y_scale: scaled.y_scale,
+            count: points.len(),
+            within: points.within,
+            function: Likelihood::new(form, Cow::Owned(scaled), 0.0),
+        })
+    }
 }
 
 impl LogLikelihood {
@@ -47,21 +77,15 @@ impl LogLikelihood {
         if distinct < 2 {
             return Err(Error::TooFewPoints { distinct });
         }
-        let scaled = Scaled::new(&points)?;
-        let form = Form {
-            kernel,
-            trend,
-            tied: false,
-            nugget: true,
-        };
+        let apart = keep(data)?;
         Ok(Self {
             d: data.d,
-            active: scaled.active.clone(),
-            extents: scaled.extents.clone(),
-            y_scale: scaled.y_scale,
-            distinct,
-            within: points.within,
-            function: Likelihood::new(form, Cow::Owned(scaled), 0.0),
+            apart: if apart.len() > distinct {
+                Some(Part::new(&apart, kernel, trend)?)
+            } else {
+                None
+            },
+            merged: Part::new(&points, kernel, trend)?,
         })
     }
 
@@ -98,22 +122,26 @@ impl LogLikelihood {
             }
         }
 
-        let active = || self.active.iter().zip(&self.extents);
-        let unit = self.y_scale * self.y_scale;
+        let part = match &mut self.apart {
+            Some(apart) if *nugget > 0.0 => apart,
+            _ => &mut self.merged,
+        };
+        let active = || part.active.iter().zip(&part.extents);
+        let unit = part.y_scale * part.y_scale;
         let mut at: Vec<f64> = active().map(|(&j, e)| (ranges[j] / e).ln()).collect();
         // ln 0 is −∞, whose exponential is 0 again.
         at.push((nugget / unit).ln());
         at.push((sigma2 / unit).ln());
-        let evaluation = self
+        let evaluation = part
             .function
             .evaluate(&at, Order::Gradient)
             .ok_or(Error::NotPositiveDefinite { jitter: 0.0 })?;
         let mut ln_ranges = vec![0.0; self.d];
-        for (&j, slope) in self.active.iter().zip(&evaluation.gradient) {
+        for (&j, slope) in part.active.iter().zip(&evaluation.gradient) {
             ln_ranges[j] = *slope;
         }
         let count = at.len();
-        let value = evaluation.value + self.distinct as f64 * self.y_scale.ln() + self.within;
+        let value = evaluation.value + part.count as f64 * part.y_scale.ln() + part.within;
         Ok(LikelihoodGradient {
             negative_log_likelihood: value,
             ln_ranges,

@@ -104,6 +104,7 @@ impl Vecchia {
             Some(model) => Stored::of(model),
             None => Stored {
                 negative_log_likelihood: self.nll,
+                calibration: self.calibration,
                 ..Stored::new(self.kernel, &self.points, &self.parameters)
             },
         };
@@ -144,9 +145,10 @@ impl Vecchia {
             return Ok(assemble(points, parameters, nll, Some(Box::new(exact))));
         }
         model.check(0)?;
-        let nll = model.negative_log_likelihood;
+        let (nll, calibration) = (model.negative_log_likelihood, model.calibration);
         let (points, parameters) = model.into_parts();
-        let read = assemble(points, parameters, nll, None);
+        let mut read = assemble(points, parameters, nll, None);
+        read.calibration = calibration;
         if read.coordinates.are_finite() {
             Ok(read)
         } else {

@@ -19,9 +19,19 @@ pub enum Warning {
     },
     /// All observations are equal.
     ConstantResponse,
+    /// There are fewer distinct points than two per estimated parameter: the fit follows chance, and
+    /// its variances leave out how uncertain the parameters are.
+    FewPoints {
+        /// Number of distinct points.
+        distinct: usize,
+        /// Number of parameters that were estimated from them: ranges, σ², a nugget, the trend's
+        /// coefficients. Models stored by earlier versions counted coordinates here.
+        #[serde(alias = "dimensions")]
+        parameters: usize,
+    },
     /// There are too few points to fit one range per coordinate: all coordinates share one, in
     /// units of their extents.
-    FewPoints {
+    SharedRange {
         /// Number of distinct points.
         distinct: usize,
         /// Number of coordinates.
@@ -39,12 +49,23 @@ pub enum Warning {
         /// Number of distinct points left.
         distinct: usize,
     },
-    /// Noise-free observations at equal x differ. Their scatter was taken as their noise.
+    /// Observations at equal x differ by more than their noise permits: noise-free ones at all,
+    /// noisy ones by several standard deviations. Their scatter was taken as noise, on top of the
+    /// known one.
     ContradictoryDuplicates {
         /// Number of points with such observations.
         points: usize,
         /// Pooled standard deviation of the scatter, in units of y.
         sd: f64,
+    },
+    /// Some observations are further from what all others predict than a right model permits, by the
+    /// limit of [`crate::LeaveOneOut::outliers`]. They are gross errors, or the function is unlike
+    /// everywhere else there; they were not left out.
+    Outliers {
+        /// Number of such observations.
+        count: usize,
+        /// The worst ten of them, the worst first.
+        worst: Vec<Outlier>,
     },
     /// The covariance matrix is too close to singular without an addition to its diagonal.
     Jitter {
@@ -70,6 +91,28 @@ pub enum Warning {
         /// false at the lower one (neighbouring points are uncorrelated).
         upper: bool,
     },
+    /// The process variance σ² ended at a bound of the search.
+    ProcessVarianceAtBound {
+        /// True at the upper bound (the observations look like a polynomial), false at the lower one
+        /// (the noise explains them).
+        upper: bool,
+    },
+    /// The estimated nugget ended at a bound of the search.
+    NuggetAtBound {
+        /// True at the upper bound (the observations are noise), false at the lower one (no noise
+        /// but the known one was found).
+        upper: bool,
+    },
+}
+
+/// An observation that the others do not predict.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Outlier {
+    /// Its number among the observations given, from 0; the first one where several at one point
+    /// were merged.
+    pub observation: usize,
+    /// Its leave-one-out residual over the residual's standard deviation.
+    pub standardised: f64,
 }
 
 impl fmt::Display for Warning {
@@ -82,6 +125,14 @@ impl fmt::Display for Warning {
             ),
             Self::ConstantResponse => write!(f, "all observations are equal"),
             Self::FewPoints {
+                distinct,
+                parameters,
+            } => write!(
+                f,
+                "{distinct} distinct points are few for {parameters} parameters, at least twice as \
+                 many points are advisable"
+            ),
+            Self::SharedRange {
                 distinct,
                 dimensions,
             } => write!(
@@ -103,9 +154,27 @@ impl fmt::Display for Warning {
             ),
             Self::ContradictoryDuplicates { points, sd } => write!(
                 f,
-                "noise-free observations differ at {points} points, their standard deviation \
-                 {sd:e} was taken as noise"
+                "observations at {points} points differ among each other by more than their noise \
+                 permits, their standard deviation {sd:e} was taken as noise"
             ),
+            Self::Outliers { count, worst } => {
+                write!(f, "the others do not predict {count} observations: ")?;
+                for (i, outlier) in worst.iter().enumerate() {
+                    let comma = if i == 0 { "" } else { ", " };
+                    let Outlier {
+                        observation,
+                        standardised,
+                    } = outlier;
+                    write!(
+                        f,
+                        "{comma}number {observation} is off by {standardised:.1} standard deviations"
+                    )?;
+                }
+                if *count > worst.len() {
+                    write!(f, ", and others")?;
+                }
+                Ok(())
+            }
             Self::Jitter { relative } => write!(
                 f,
                 "the covariance matrix is nearly singular, {relative:e} of the process variance \
@@ -132,6 +201,22 @@ impl fmt::Display for Warning {
                     f,
                     "the ranges of coordinates {coordinates:?} are at their {bound} bound: {meaning}"
                 )
+            }
+            Self::ProcessVarianceAtBound { upper } => {
+                let (bound, meaning) = if *upper {
+                    ("upper", "the observations look like a polynomial")
+                } else {
+                    ("lower", "the noise explains the observations")
+                };
+                write!(f, "the process variance is at its {bound} bound: {meaning}")
+            }
+            Self::NuggetAtBound { upper } => {
+                let (bound, meaning) = if *upper {
+                    ("upper", "the observations are noise")
+                } else {
+                    ("lower", "no noise but the known one was found")
+                };
+                write!(f, "the nugget is at its {bound} bound: {meaning}")
             }
         }
     }

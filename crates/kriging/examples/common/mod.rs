@@ -4,6 +4,7 @@
 
 use kriging::Data;
 use rand::RngExt as _;
+use rustix::time::{ClockId, clock_gettime};
 use stats::streams::StreamRng;
 
 /// Variables of [`hart6`].
@@ -76,4 +77,10 @@ pub(crate) fn hart6(x: &[f64]) -> f64 {
         })
         .sum();
     40.0 - 38.0 / 3.32237 * sum
+}
+
+/// Processor time that all threads of this program have taken so far, in seconds.
+pub(crate) fn processor_seconds() -> f64 {
+    let time = clock_gettime(ClockId::ProcessCPUTime);
+    time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
 }

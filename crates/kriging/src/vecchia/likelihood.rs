@@ -9,9 +9,9 @@
 use rayon::prelude::*;
 
 use crate::covariance::{JITTERS, noise_ratio};
-use crate::data::Scaled;
 use crate::kernel::Kernel;
 use crate::likelihood::Evaluation;
+use crate::scaled::Scaled;
 
 /// Points of one task; sums over tasks are taken in their order.
 const CHUNK: usize = 64;
@@ -145,6 +145,17 @@ fn mean(terms: &[Term]) -> f64 {
         below += term.of_ones * term.of_ones / term.variance;
     }
     above / below
+}
+
+/// A prediction from a few points.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Conditional {
+    /// Less the mean of the process.
+    pub(super) mean: f64,
+    /// Over the process variance.
+    pub(super) variance: f64,
+    /// What it took to factorise the matrix.
+    pub(super) jitter: f64,
 }
 
 /// A few points and their covariance; holds its matrices, so that they are not allocated anew.
@@ -304,9 +315,8 @@ impl Local {
         sums
     }
 
-    /// The mean at the last point, given centred observations at the others, and its variance over
-    /// the process variance.
-    pub(super) fn predict(&mut self, noise: &[f64], observed: &[f64]) -> (f64, f64) {
+    /// The mean at the last point, given centred observations at the others.
+    pub(super) fn predict(&mut self, noise: &[f64], observed: &[f64]) -> Conditional {
         let size = self.count - 1;
         for jitter in JITTERS {
             if self.factorise(noise, size, jitter) {
@@ -316,11 +326,19 @@ impl Local {
                 self.forward_solve(&mut half);
                 let mut data = observed.to_vec();
                 self.forward_solve(&mut data);
-                return (dot(&half, &data), (1.0 - dot(&half, &half)).max(0.0));
+                return Conditional {
+                    mean: dot(&half, &data),
+                    variance: (1.0 - dot(&half, &half)).max(0.0),
+                    jitter,
+                };
             }
         }
         // No such matrix is known; without neighbours the prior is what is left.
-        (0.0, 1.0)
+        Conditional {
+            mean: 0.0,
+            variance: 1.0,
+            jitter: JITTERS[JITTERS.len() - 1],
+        }
     }
 
     fn solve(&self, b: &mut [f64]) {

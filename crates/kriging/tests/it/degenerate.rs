@@ -203,8 +203,14 @@ fn one_two_and_three_points() {
         let indices: Vec<usize> = (0..n).collect();
         let few = sample.pick(&indices);
         let model = fitted(&few);
+        // One range for all coordinates, σ² and the mean.
         assert!(has(&model, |w| *w
             == Warning::FewPoints {
+                distinct: n,
+                parameters: 3
+            }));
+        assert!(has(&model, |w| *w
+            == Warning::SharedRange {
                 distinct: n,
                 dimensions: 6
             }));

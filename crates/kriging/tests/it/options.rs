@@ -152,6 +152,27 @@ fn calibration_covers_what_maximum_likelihood_does_not() {
 }
 
 #[test]
+fn calibration_does_not_narrow_the_intervals_of_few_points() {
+    let options = FitOptions {
+        calibrate: true,
+        ..FitOptions::default()
+    };
+    let mut wider = 0;
+    for n in (10..44).step_by(3) {
+        let sample = Sample::smooth(n, 2, 0.02);
+        let model = fit(&sample.data(), &options).unwrap();
+        let plain = fit(&sample.data(), &FitOptions::default()).unwrap();
+        let x = [0.35, 0.65];
+        let ratio = model.predict(&x).variance / plain.predict(&x).variance;
+        assert!(ratio >= 1.0 - 1e-12, "{n}: {ratio}");
+        assert!((ratio / model.calibration() - 1.0).abs() < 1e-9);
+        wider += usize::from(ratio > 1.0);
+    }
+    // Widening is not held back.
+    assert!(wider > 0);
+}
+
+#[test]
 fn a_model_without_structure_is_refused_on_demand() {
     let mut sample = Sample::smooth(80, 3, 0.0);
     let mut rng = stream(5, Purpose::Test, 0, 0);

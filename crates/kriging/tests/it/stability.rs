@@ -95,9 +95,10 @@ fn k1_duplicates_without_noise() {
                 observations: 75,
                 distinct: 60
             }));
-        // 60 points of Hartmann's function in six variables explain half of its variance.
+        // 60 points of Hartmann's function in six variables explain half of its variance: 0.46 to
+        // 0.49 were seen.
         let q2 = q2(&model, test);
-        assert!(q2 > 0.35, "{kernel}: {q2}");
+        assert!(q2 > 0.43, "{kernel}: {q2}");
         let miss = (0..75).map(|i| (model.mean(sample.row(i)) - sample.y[i]).abs());
         assert!(miss.fold(0.0, f64::max) < 1e-6, "{kernel}");
     }
@@ -115,8 +116,9 @@ fn k1b_contradicting_duplicates_without_noise() {
             w,
             Warning::ContradictoryDuplicates { points: 15, .. }
         )));
+        // As much as without the contradiction.
         let q2 = q2(&model, test);
-        assert!(q2 > 0.35, "{kernel}: {q2}");
+        assert!(q2 > 0.43, "{kernel}: {q2}");
     }
 }
 
@@ -131,7 +133,7 @@ fn k2_a_cluster_1e_6_wide() {
             |w| matches!(w, Warning::Jitter { relative } if *relative <= 1e-8)
         ));
         let q2 = q2(&model, test);
-        assert!(q2 > 0.3, "{kernel}: {q2}");
+        assert!(q2 > 0.47, "{kernel}: {q2}");
     }
 }
 
@@ -144,12 +146,12 @@ fn k3_an_analytic_function_on_a_dense_grid() {
         "../data/stability/K3_se_dense_grid_900_test.csv"
     ))
     .collect();
-    // With the jitter of 1e-12 the squared exponential interpolates to about its root times the
-    // function's size, 1.
+    // The jitter of 1e-12 limits an interpolation to about its root times the function's size, 1; on
+    // average over the grid it is better by more than ten times.
     let model = fitted(&sample, Kernel::SquaredExponential);
     assert!(warned(&model, |w| matches!(w, Warning::Jitter { .. })));
     let (rmse, _) = score(&model, &points);
-    assert!(rmse < 1e-6, "{rmse}");
+    assert!(rmse < 1e-7, "{rmse}");
 }
 
 #[test]
@@ -241,10 +243,11 @@ fn noise_variances_from_1e_minus_12_to_100() {
     let sample = Sample { x, d: 2, y, noise };
     for kernel in [Kernel::Matern52, Kernel::SquaredExponential] {
         let model = fitted(&sample, kernel);
-        // The 80 points of a noise SD below 1e-2 alone determine so smooth a function.
+        // The 40 points of a noise SD below 1e-4 alone determine so smooth a function to a few times
+        // that.
         let (rmse, coverage) = score(&model, &truths(2));
-        assert!(rmse < 0.05, "{kernel}: {rmse}");
-        assert!(coverage > 0.75, "{kernel}: {coverage}");
+        assert!(rmse < 5e-4, "{kernel}: {rmse}");
+        assert!(coverage > 0.9, "{kernel}: {coverage}");
         // The most exact observation is reproduced, the noisiest is not.
         assert!((model.mean(sample.row(0)) - sample.y[0]).abs() < 1e-4);
     }
@@ -266,9 +269,10 @@ fn twenty_dimensions() {
     };
     let model = fitted(&sample, Kernel::Matern52);
     let (rmse, coverage) = score(&model, &truths(20));
-    // The truth's standard deviation is 0.8; ten noisy points per coordinate leave a quarter.
-    assert!(rmse < 0.25, "{rmse}");
-    assert!(coverage > 0.75, "{coverage}");
+    // The truth's standard deviation is 0.8, and the function is one of two coordinates but for a
+    // plane: 200 observations with noise of SD 0.1 leave half of that noise.
+    assert!(rmse < 0.07, "{rmse}");
+    assert!(coverage > 0.85, "{coverage}");
 }
 
 #[test]
@@ -292,21 +296,28 @@ fn one_gross_outlier() {
             .is_empty()
     );
     sample.y[57] += 50.0;
-    for options in [
-        FitOptions::default(),
-        FitOptions {
-            nugget: true,
+    let constant = {
+        let points = truths(2);
+        let mean = points.iter().map(|row| row[2]).sum::<f64>() / points.len() as f64;
+        let squares: f64 = points.iter().map(|row| (row[2] - mean).powi(2)).sum();
+        (squares / points.len() as f64).sqrt()
+    };
+    // An interpolation passes through the error, so that a hundredth of the area, a tenth of each
+    // range, is off by up to 50: 50 √0.01/2 is 2.5. With a nugget the error is noise, and the model
+    // no worse than a constant but for that noise's share, 50/120 = 0.4, in the mean.
+    for (nugget, limit) in [(false, 2.5), (true, constant + 0.4)] {
+        let options = FitOptions {
+            nugget,
             ..FitOptions::default()
-        },
-    ] {
+        };
         let model = fit(&sample.data(), &options).unwrap();
         // It is pointed out, and the model without it is as good as if it had never been there.
         assert_eq!(model.leave_one_out().outliers(), [57]);
         let (with, _) = score(&model, &truths(2));
-        assert!(with < 6.0, "{with}");
+        assert!(with < limit, "{nugget}: {with} {limit}");
     }
     let (without, _) = score(&fitted(&sample.without(57), Kernel::Matern52), &truths(2));
-    assert!(without < 0.1, "{without}");
+    assert!(without < 0.05, "{without}");
 }
 
 #[test]
@@ -337,7 +348,7 @@ fn noisy_clusters() {
         let model = fitted(&sample, kernel);
         let (rmse, coverage) = score(&model, &truths(2));
         // The mean of a cluster has SD 0.07; between clusters the function is smooth.
-        assert!(rmse < 0.25, "{kernel}: {rmse}");
+        assert!(rmse < 0.09, "{kernel}: {rmse}");
         assert!(coverage > 0.7, "{kernel}: {coverage}");
     }
 }
@@ -360,9 +371,10 @@ fn mostly_infeasible_at_a_penalty() {
         .collect();
     let (rmse, _) = score(&model, &points);
     // The cliff of 100 lies within 0.02 of some 4 % of the points: 100 √0.04/2 is 10.
-    assert!(rmse < 13.0, "{rmse}");
+    assert!(rmse < 10.0, "{rmse}");
     let far: Vec<Vec<f64>> = points.into_iter().filter(|row| row[0] > 0.5).collect();
-    assert!(score(&model, &far).0 < 5.0);
+    // Away from it only what the cliff leaves of the ranges rings on.
+    assert!(score(&model, &far).0 < 4.0);
 }
 
 #[test]

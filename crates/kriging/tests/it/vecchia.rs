@@ -198,6 +198,13 @@ fn the_accuracy_chooses_the_method() {
     assert!((p.mean - standard.mean(&x)).abs() < 0.05 * p.variance.sqrt());
     assert_eq!(standard.means(&x).unwrap(), [standard.mean(&x)]);
     assert_eq!(exact.predict_many(&x).unwrap()[0], p);
+    let calibrated = FitOptions {
+        calibrate: true,
+        ..FitOptions::default()
+    };
+    let model = fit_with_accuracy(&sample.data(), &calibrated, Accuracy::Coarse).unwrap();
+    let ratio = model.predict(&x).variance / standard.predict(&x).variance;
+    assert!((ratio / model.calibration() - 1.0).abs() < 1e-9);
     let linear = FitOptions {
         trend: Trend::Linear,
         ..FitOptions::default()

@@ -1,0 +1,76 @@
+//! Observations at nearly the same point that no function has both.
+
+use crate::Error;
+use crate::data::Points;
+use crate::scaled::Scaled;
+
+/// How far apart points may be in each coordinate, relative to its extent, to be nearly the same.
+/// A process whose shortest range is 1e-6 of the extent changes by a thousandth of its deviation
+/// over this distance.
+const NEARLY: f64 = 1e-9;
+/// By how many standard deviations of the difference's noise observations may differ. 2e-9 of
+/// normal differences are larger.
+const DEVIATIONS: f64 = 6.0;
+/// By what observations may differ beyond that, relative to the standard deviation of all: that
+/// much the largest jitter can still explain.
+const SMALL: f64 = 1e-2;
+
+/// [`Error::Contradiction`] for the two observations that contradict each other worst, if any do.
+///
+/// The points are sorted by one coordinate after the other and cut wherever the next point is further
+/// away, so that only points which agree in all coordinates are compared in pairs.
+pub(crate) fn check(points: &Points, scaled: &Scaled) -> Result<(), Error> {
+    let mut worst: Option<(f64, [usize; 2])> = None;
+    let mut open = vec![((0..scaled.len()).collect::<Vec<usize>>(), 0)];
+    while let Some((mut group, j)) = open.pop() {
+        if let Some(column) = scaled.columns.get(j) {
+            group.sort_by(|&a, &b| column[a].total_cmp(&column[b]));
+            let close = |a: &usize, b: &usize| column[*b] - column[*a] <= NEARLY;
+            let parts = group.chunk_by(close).filter(|part| part.len() > 1);
+            open.extend(parts.map(|part| (part.to_vec(), j + 1)));
+            continue;
+        }
+        for (k, &a) in group.iter().enumerate() {
+            for &b in &group[k + 1..] {
+                let [a, b] = [a.min(b), a.max(b)];
+                let Some(excess) = excess(scaled, a, b) else {
+                    continue;
+                };
+                // The pairs come in no particular order, and one must be named whatever it is.
+                let is_worse = worst.is_none_or(|(most, pair)| {
+                    excess.total_cmp(&most).then(pair.cmp(&[a, b])).is_gt()
+                });
+                if is_worse {
+                    worst = Some((excess, [a, b]));
+                }
+            }
+        }
+    }
+    let Some((_, [a, b])) = worst else {
+        return Ok(());
+    };
+    let [first, second] = [a, b].map(|i| points.first[i]);
+    Err(Error::Contradiction {
+        first: first.min(second),
+        second: first.max(second),
+        difference: (scaled.y[a] - scaled.y[b]).abs() * scaled.y_scale,
+        permitted: permitted(scaled, a, b) * scaled.y_scale,
+    })
+}
+
+/// The largest difference of two observations at nearly the same point, in scaled units.
+fn permitted(scaled: &Scaled, a: usize, b: usize) -> f64 {
+    let noise = scaled.noise[a] + scaled.noise[b];
+    DEVIATIONS * noise.sqrt() + SMALL
+}
+
+/// How many times the permitted difference two observations differ by, if they contradict each
+/// other.
+fn excess(scaled: &Scaled, a: usize, b: usize) -> Option<f64> {
+    let mut gaps = scaled.columns.iter().map(|c| (c[a] - c[b]).abs());
+    if gaps.any(|gap| gap > NEARLY) {
+        return None;
+    }
+    let excess = (scaled.y[a] - scaled.y[b]).abs() / permitted(scaled, a, b);
+    (excess > 1.0).then_some(excess)
+}

@@ -1,0 +1,174 @@
+//! What a search has to report beside its parameters.
+
+use super::{Found, SCREENING, Search};
+use crate::Warning;
+use crate::likelihood::white_noise;
+use crate::scaled::Scaled;
+
+/// A parameter whose logarithm is this close to a bound has ended there: more than the first step off a
+/// bound, far less than anything a prediction would show.
+const NEAR: f64 = 1e-2;
+/// A variance below this many times its lower bound is as good as at it: the likelihood is so flat
+/// there that a search may stop on the way.
+const NO_VARIANCE: f64 = 100.0;
+/// By how much less the log likelihood falls where a range is not determined.
+const FLAT: f64 = 0.5;
+/// Distinct points per estimated parameter below which there are few of them.
+const FEW: usize = 2;
+
+/// The warning of `parameters` estimated from few points.
+pub(crate) fn few_points(distinct: usize, parameters: usize) -> Option<Warning> {
+    (distinct < FEW * parameters).then_some(Warning::FewPoints {
+        distinct,
+        parameters,
+    })
+}
+
+/// The warning of a log likelihood that hardly exceeds that of a constant plus noise; `value` is the
+/// negative one, and the model has `needed` parameters more.
+pub(crate) fn no_structure(data: &Scaled, value: f64, needed: usize) -> Option<Warning> {
+    let gain = white_noise(data) - value;
+    let needed = needed as f64;
+    (gain < needed).then_some(Warning::NoStructure { gain, needed })
+}
+
+/// A search's box, for what ended at its sides.
+pub(crate) struct Bounds<'a> {
+    pub(crate) lower: &'a [f64],
+    pub(crate) upper: &'a [f64],
+}
+
+impl Bounds<'_> {
+    fn is_at(&self, at: &[f64], p: usize, upper: bool) -> bool {
+        if upper {
+            at[p] >= self.upper[p] - NEAR
+        } else {
+            at[p] <= self.lower[p] + NEAR
+        }
+    }
+
+    /// The warnings of parameters (ln θ, or one of them for all coordinates, ln τ² if there is a
+    /// nugget, ln σ²) that ended at a bound; `active` are the coordinates of the ranges.
+    pub(crate) fn warnings(&self, at: &[f64], active: &[usize], nugget: bool) -> Vec<Warning> {
+        let mut warnings = Vec::new();
+        let last = at.len() - 1;
+        for upper in [false, true] {
+            // A range that is shared is warned of as such already.
+            if last == active.len() + usize::from(nugget) {
+                let coordinates: Vec<usize> = (0..active.len())
+                    .filter(|&p| self.is_at(at, p, upper))
+                    .map(|p| active[p])
+                    .collect();
+                if !coordinates.is_empty() {
+                    warnings.push(Warning::RangesAtBound { coordinates, upper });
+                }
+            }
+        }
+        let of_variance = |p: usize| {
+            let lower = at[p] <= self.lower[p] + NO_VARIANCE.ln();
+            (lower || self.is_at(at, p, true)).then_some(!lower)
+        };
+        let of_sigma2 = of_variance(last).map(|upper| Warning::ProcessVarianceAtBound { upper });
+        warnings.extend(of_sigma2);
+        if nugget {
+            let of_nugget = of_variance(last - 1).map(|upper| Warning::NuggetAtBound { upper });
+            warnings.extend(of_nugget);
+        }
+        warnings
+    }
+}
+
+impl Search<'_> {
+    /// The warning of too few points, of which `distinct` are different.
+    pub(super) fn few_points(&self, distinct: usize) -> Option<Warning> {
+        let trend = self.options.trend.coefficients(self.data.active.len());
+        few_points(distinct, self.lower.len() + trend)
+    }
+
+    /// All warnings of the parameters found, but for that of few points.
+    pub(super) fn warnings(&self, found: &Found) -> Vec<Warning> {
+        let mut warnings = Vec::new();
+        // Parameters beyond those of a constant plus noise.
+        let slopes = self.options.trend.coefficients(self.data.active.len()) - 1;
+        let needed = found.outcome.at.len() - 1 + slopes;
+        warnings.extend(no_structure(self.data, found.outcome.value, needed));
+        if found.jitter > 0.0 {
+            warnings.push(Warning::Jitter {
+                relative: found.jitter,
+            });
+        }
+        let bounds = Bounds {
+            lower: &self.lower,
+            upper: &self.upper,
+        };
+        let nugget = self.options.nugget;
+        let at_bounds = bounds.warnings(&found.outcome.at, &self.data.active, nugget);
+        warnings.extend(at_bounds);
+        warnings.extend(self.of_search(found));
+        warnings
+    }
+
+    /// The warnings of how the search went and of what the data do not determine.
+    pub(super) fn of_search(&self, found: &Found) -> Vec<Warning> {
+        let mut warnings = Vec::new();
+        if !found.outcome.converged {
+            warnings.push(Warning::NotConverged {
+                iterations: found.outcome.iterations,
+            });
+        }
+        if self.tied {
+            warnings.push(Warning::SharedRange {
+                distinct: self.data.len(),
+                dimensions: self.data.active.len(),
+            });
+            return warnings;
+        }
+        let coordinates = self.flat(found);
+        if !coordinates.is_empty() {
+            warnings.push(Warning::FlatRanges { coordinates });
+        }
+        warnings
+    }
+
+    /// The coordinates whose ranges the data do not determine. Those at a bound are reported as such.
+    fn flat(&self, found: &Found) -> Vec<usize> {
+        let at = &found.outcome.at;
+        let active = &self.data.active;
+        // More points say more: what some of them determine, all do.
+        let some = self.subset(SCREENING.min(self.data.len()));
+        let bounds = Bounds {
+            lower: &self.lower,
+            upper: &self.upper,
+        };
+        let mut flat: Vec<usize> = (0..active.len())
+            .filter(|&p| !bounds.is_at(at, p, false) && !bounds.is_at(at, p, true))
+            .collect();
+        let all = self.data.len() > some.len();
+        for data in std::iter::once(&some).chain(all.then_some(self.data)) {
+            flat = self.flat_on(data, found, flat);
+        }
+        flat.into_iter().map(|p| active[p]).collect()
+    }
+
+    /// Those among the ranges that `data` do not determine.
+    fn flat_on(&self, data: &Scaled, found: &Found, among: Vec<usize>) -> Vec<usize> {
+        let at = &found.outcome.at;
+        if among.is_empty() {
+            return among;
+        }
+        let value = |at: Vec<f64>| Some(self.value_at(data, at, found.jitter)?.0);
+        let Some(here) = value(at.clone()) else {
+            return Vec::new();
+        };
+        let is_flat = |p: &usize| {
+            [-std::f64::consts::LN_2, std::f64::consts::LN_2]
+                .into_iter()
+                .all(|step| {
+                    let mut moved = at.clone();
+                    moved[*p] = (moved[*p] + step).clamp(self.lower[*p], self.upper[*p]);
+                    value(moved).is_some_and(|there| there - here < FLAT)
+                })
+        };
+        among.into_iter().filter(is_flat).collect()
+    }
+}

@@ -1,0 +1,121 @@
+//! The observations in units in which the search runs.
+
+use crate::Error;
+use crate::data::{Points, mean};
+use crate::fit::SIGMA2_BOUNDS;
+
+/// The points in units of their own extent: what the likelihood search works on.
+#[derive(Debug, Clone)]
+pub(crate) struct Scaled {
+    /// Coordinate-major: `columns[j][i]` in 0…1. Coordinates in which all points agree are absent.
+    pub(crate) columns: Vec<Vec<f64>>,
+    /// For each column, which coordinate of the points it is.
+    pub(crate) active: Vec<usize>,
+    /// Extent of each column, in units of x.
+    pub(crate) extents: Vec<f64>,
+    /// Centred, divided by `y_scale`.
+    pub(crate) y: Vec<f64>,
+    /// Divided by `y_scale`².
+    pub(crate) noise: Vec<f64>,
+    pub(crate) y_scale: f64,
+}
+
+impl Scaled {
+    pub(crate) fn new(points: &Points) -> Result<Self, Error> {
+        let n = points.len();
+        let (mut columns, mut active, mut extents) = (Vec::new(), Vec::new(), Vec::new());
+        for j in 0..points.d {
+            let column: Vec<f64> = (0..n).map(|i| points.row(i)[j]).collect();
+            let low = column.iter().copied().fold(f64::INFINITY, f64::min);
+            let high = column.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            let extent = high - low;
+            // Its square is the unit of what is quadratic in x; it and its inverse must be numbers.
+            if extent != 0.0 && !(extent * extent).is_normal() {
+                return Err(Error::Extent { what: "x" });
+            }
+            if extent > 0.0 {
+                columns.push(column.iter().map(|x| (x - low) / extent).collect());
+                active.push(j);
+                extents.push(extent);
+            }
+        }
+
+        let telling = telling(points);
+        let observed = || telling.iter().map(|&i| points.y[i]);
+        let centre = mean(&observed().collect::<Vec<f64>>());
+        let largest = observed().map(|y| (y - centre).abs()).fold(0.0, f64::max);
+        let y_scale = if largest > 0.0 {
+            // Squares of the ratios neither overflow nor vanish.
+            let squares: f64 = observed().map(|y| ((y - centre) / largest).powi(2)).sum();
+            largest * (squares / telling.len() as f64).sqrt()
+        } else {
+            0.0
+        };
+        // Noise sets the scale where the observations scatter less than their noise.
+        let noise = telling
+            .iter()
+            .map(|&i| points.noise[i] / telling.len() as f64)
+            .sum::<f64>()
+            .sqrt();
+        // Unlike `max`, this keeps a NaN, that of differences that overflow.
+        let larger = if noise > y_scale { noise } else { y_scale };
+        let y_scale = if larger == 0.0 { 1.0 } else { larger };
+        let bounds = [
+            SIGMA2_BOUNDS.0 * y_scale * y_scale,
+            SIGMA2_BOUNDS.1 * y_scale * y_scale,
+        ];
+        if !bounds.iter().all(|b| b.is_normal()) {
+            return Err(Error::Extent { what: "y" });
+        }
+        let y: Vec<f64> = points.y.iter().map(|y| (y - centre) / y_scale).collect();
+        let noise = points.noise.iter().map(|v| v / y_scale / y_scale).collect();
+        if !y.iter().all(|y| (y * y).is_finite()) {
+            return Err(Error::Extent { what: "y" });
+        }
+        Ok(Self {
+            columns,
+            active,
+            extents,
+            y,
+            noise,
+            y_scale,
+        })
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.y.len()
+    }
+
+    /// The points of the given indices.
+    pub(crate) fn subset(&self, indices: &[usize]) -> Self {
+        let pick = |values: &[f64]| indices.iter().map(|&i| values[i]).collect::<Vec<f64>>();
+        Self {
+            columns: self.columns.iter().map(|c| pick(c)).collect(),
+            active: self.active.clone(),
+            extents: self.extents.clone(),
+            y: pick(&self.y),
+            noise: pick(&self.noise),
+            y_scale: self.y_scale,
+        }
+    }
+}
+
+/// The observations that the scale of y is taken from: all but those whose noise variance is beyond
+/// a million times both the median one and the square of the observations' median distance from
+/// their median. Such an observation tells nothing, but its noise, or its value, would make all
+/// others look alike.
+fn telling(points: &Points) -> Vec<usize> {
+    const BEYOND: f64 = 1e6;
+    let middle = median(points.y.clone());
+    let spread = median(points.y.iter().map(|y| (y - middle).abs()).collect());
+    let usual = median(points.noise.clone()).max(spread * spread);
+    // Where most observations are exact and equal there is no usual size.
+    let is_telling = |i: &usize| usual == 0.0 || points.noise[*i] / BEYOND <= usual;
+    (0..points.len()).filter(is_telling).collect()
+}
+
+/// The larger one of two middle values.
+fn median(mut values: Vec<f64>) -> f64 {
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}

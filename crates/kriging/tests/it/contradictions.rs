@@ -1,0 +1,192 @@
+//! Observations of one place that differ by more than their noise permits, and the nugget that
+//! explains them.
+
+use kriging::{Error, FitOptions, LogLikelihood, Model, VecchiaOptions, Warning, fit, fit_vecchia};
+use rand::RngExt as _;
+use stats::streams::{Purpose, stream};
+
+use crate::common::{Dense, Sample};
+
+fn with_nugget() -> FitOptions {
+    FitOptions {
+        nugget: true,
+        ..FitOptions::default()
+    }
+}
+
+/// A sample with one more observation, `away` from observation 7 in both coordinates and `off` in y.
+fn doubled(noise: f64, away: f64, off: f64) -> Sample {
+    let mut indices: Vec<usize> = (0..40).collect();
+    indices.push(7);
+    let mut sample = Sample::smooth(40, 2, noise).pick(&indices);
+    sample.x[80] += away;
+    sample.x[81] += away;
+    sample.y[40] += off;
+    sample
+}
+
+fn contradictory(model: &Model) -> Option<(usize, f64)> {
+    model.warnings().iter().find_map(|w| match w {
+        Warning::ContradictoryDuplicates { points, sd } => Some((*points, *sd)),
+        _ => None,
+    })
+}
+
+#[test]
+fn nearly_coincident_observations_that_differ_are_refused_by_number() {
+    for away in [1e-10, -1e-12, 3e-16] {
+        let sample = doubled(0.0, away, 1.5);
+        let exact = fit(&sample.data(), &FitOptions::default()).map(|_| ());
+        let vecchia = fit_vecchia(&sample.data(), &VecchiaOptions::default()).map(|_| ());
+        for result in [exact, vecchia] {
+            let Err(Error::Contradiction {
+                first,
+                second,
+                difference,
+                permitted,
+            }) = result
+            else {
+                panic!("{away}: {result:?}");
+            };
+            assert_eq!((first, second), (7, 40));
+            assert!((difference - 1.5).abs() < 1e-9 && permitted < 0.1);
+        }
+    }
+}
+
+#[test]
+fn the_worst_of_several_contradictions_is_named_whatever_the_order() {
+    let mut sample = doubled(0.0, 1e-11, 0.7);
+    sample.x.extend([sample.x[6] + 1e-11, sample.x[7]]);
+    sample.y.push(sample.y[3] - 2.0);
+    sample.noise.push(0.0);
+    let pair = |sample: &Sample| match fit(&sample.data(), &FitOptions::default()) {
+        Err(Error::Contradiction { first, second, .. }) => [first, second],
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(pair(&sample), [3, 41]);
+    let reversed: Vec<usize> = (0..42).rev().collect();
+    assert_eq!(pair(&sample.pick(&reversed)), [0, 38]);
+}
+
+#[test]
+fn what_noise_distance_or_size_explains_is_no_contradiction() {
+    // Noise that permits the difference; a difference that jitter absorbs.
+    for (noise, off) in [(0.1, 1.0), (0.0, 1e-4)] {
+        let model = fit(&doubled(noise, 1e-10, off).data(), &FitOptions::default()).unwrap();
+        let base = Sample::smooth(40, 2, noise);
+        let base = fit(&base.data(), &FitOptions::default()).unwrap();
+        let p = base.predict(&[0.6, 0.4]);
+        let tolerance = 0.05 + p.variance.sqrt();
+        assert!(
+            (model.mean(&[0.6, 0.4]) - p.mean).abs() < tolerance,
+            "{off}"
+        );
+    }
+    // A distance that does: the steep function between them is interpolated.
+    let steep = doubled(0.0, 1e-3, 0.05);
+    let model = fit(&steep.data(), &FitOptions::default()).unwrap();
+    for i in [7, 40] {
+        assert!((model.mean(steep.row(i)) - steep.y[i]).abs() < 1e-5);
+    }
+}
+
+#[test]
+fn an_estimated_nugget_explains_contradictions() {
+    // Each of 30 places is observed twice, 1e-10 apart or at the very same point, by a method whose
+    // variance of 0.09 nobody told.
+    let mut rng = stream(31, Purpose::Test, 0, 0);
+    for away in [1e-10, 0.0] {
+        let once = Sample::smooth(60, 2, 0.0);
+        let indices: Vec<usize> = (0..60).chain(0..60).collect();
+        let mut sample = once.pick(&indices);
+        for y in &mut sample.y {
+            *y += 0.3 * 12.0_f64.sqrt() * (rng.random::<f64>() - 0.5);
+        }
+        sample.x[120..].iter_mut().for_each(|x| *x += away);
+        let model = fit(&sample.data(), &with_nugget()).unwrap();
+        let nugget = model.parameters().nugget;
+        // The standard error of a variance from 60 differences of uniform numbers is 15 %.
+        assert!((nugget - 0.09).abs() < 0.04, "{away}: {nugget}");
+        assert_eq!(contradictory(&model), None);
+        let squares: f64 = (0..60)
+            .map(|i| (model.mean(once.row(i)) - once.y[i]).powi(2))
+            .sum();
+        // The mean of two observations has a standard deviation of 0.21.
+        assert!((squares / 60.0).sqrt() < 0.25, "{squares}");
+    }
+}
+
+#[test]
+fn the_scatter_of_repeated_observations_informs_the_nugget() {
+    // Unequal known noise, repeated points: the dense formulas know nothing of merging.
+    let mut indices: Vec<usize> = (0..25).collect();
+    indices.extend([4, 4, 9, 9, 9, 13]);
+    let mut sample = Sample::smooth(25, 2, 0.05).pick(&indices);
+    for (i, off) in [0.7, -0.9, 0.4, 1.0, -0.3, 0.5].into_iter().enumerate() {
+        sample.y[25 + i] += off;
+        sample.noise[25 + i] *= 1.0 + 0.3 * off;
+    }
+    let model = fit(&sample.data(), &with_nugget()).unwrap();
+    let parameters = model.parameters();
+    assert!(parameters.nugget > 0.01, "{parameters:?}");
+    let dense = Dense::new(model.kernel(), &sample, parameters);
+    let error = model.negative_log_likelihood() - dense.negative_log_likelihood();
+    assert!(error.abs() < 1e-8, "{error}");
+    let (mean, variance) = dense.predict(&[0.5, 0.5]);
+    let p = model.predict(&[0.5, 0.5]);
+    assert!((p.mean - mean).abs() < 1e-8 && (p.variance - variance).abs() < 1e-8);
+
+    // The likelihood at chosen parameters counts alike, and has its optimum there.
+    let mut likelihood = LogLikelihood::new(&sample.data(), model.kernel(), model.trend()).unwrap();
+    let here = likelihood.evaluate(parameters).unwrap();
+    let error = here.negative_log_likelihood - model.negative_log_likelihood();
+    assert!(error.abs() < 1e-8, "{error}");
+    assert!(here.ln_nugget.abs() < 1e-2, "{here:?}");
+
+    // More observations of the same points stay apart, too.
+    let first: Vec<usize> = (0..28).collect();
+    let rest: Vec<usize> = (28..31).collect();
+    let part = fit(&sample.pick(&first).data(), &with_nugget()).unwrap();
+    let whole = part.with_points(&sample.pick(&rest).data()).unwrap();
+    let dense = Dense::new(whole.kernel(), &sample, whole.parameters());
+    let error = whole.negative_log_likelihood() - dense.negative_log_likelihood();
+    assert!(error.abs() < 1e-8, "{error}");
+}
+
+#[test]
+fn a_row_given_twice_does_not_tell_that_there_is_no_nugget() {
+    let mut rng = stream(32, Purpose::Test, 0, 0);
+    let mut sample = Sample::smooth(100, 2, 0.0);
+    for y in &mut sample.y {
+        *y += 0.3 * 12.0_f64.sqrt() * (rng.random::<f64>() - 0.5);
+    }
+    let once = fit(&sample.data(), &with_nugget()).unwrap();
+    let indices: Vec<usize> = (0..100).chain([3, 50]).collect();
+    let twice = fit(&sample.pick(&indices).data(), &with_nugget()).unwrap();
+    assert_eq!(once.parameters(), twice.parameters());
+    assert!((once.parameters().nugget - 0.09).abs() < 0.04);
+}
+
+#[test]
+fn duplicates_whose_tiny_noise_cannot_explain_them_are_named() {
+    // A noise of 1e-12 against a difference of 0.6.
+    let sample = doubled(1e-12, 0.0, 0.6);
+    let model = fit(&sample.data(), &FitOptions::default()).unwrap();
+    let (points, sd) = contradictory(&model).unwrap();
+    // Two values 0.6 apart: variance 0.18.
+    assert_eq!(points, 1);
+    assert!((sd - 0.18_f64.sqrt()).abs() < 1e-3, "{sd}");
+    // The point's mean counts with half of that variance.
+    let mut merged = Sample::smooth(40, 2, 1e-12);
+    merged.y[7] += 0.3;
+    merged.noise[7] = 0.09;
+    let same = fit(&merged.data(), &FitOptions::default()).unwrap();
+    for x in [[0.5, 0.5], [0.2, 0.8]] {
+        assert!((model.mean(&x) - same.mean(&x)).abs() < 1e-4);
+    }
+    // What the noise permits is not named.
+    let honest = doubled(0.04, 0.0, 0.6);
+    let model = fit(&honest.data(), &FitOptions::default()).unwrap();
+    assert_eq!(contradictory(&model), None);
+}
