@@ -1,0 +1,193 @@
+use super::*;
+
+fn refusal(change: (&str, &str)) -> String {
+    let text = Campaign::PAPER.replacen(change.0, change.1, 1);
+    assert_ne!(text, Campaign::PAPER, "the change must hit something");
+    Campaign::parse("c.toml", &text).unwrap_err().to_string()
+}
+
+#[test]
+fn a_campaign_is_extended_by_more_of_the_same_only() {
+    let held = Campaign::parse("c.toml", Campaign::PAPER).unwrap();
+    let mut larger = held.clone();
+    larger.doe.designs += 100;
+    larger.sampling.samples_per_design += 10;
+    assert!(larger.extends(&held));
+    assert!(!held.extends(&larger));
+    larger.seed += 1;
+    assert!(!larger.extends(&held), "other samples");
+}
+
+#[test]
+fn the_kind_of_design_is_named_and_its_default_changes_no_digest() {
+    let parse = |more: &str| {
+        let text = Campaign::PAPER.replace("[doe]\n", &format!("[doe]\n{more}\n"));
+        Campaign::parse("c.toml", &text).map_err(|error| error.to_string())
+    };
+    let absent = parse("").unwrap();
+    assert_eq!(absent.doe.method, doe::Method::Maximin);
+    assert_eq!(
+        serde_json::to_string(&absent.doe).unwrap(),
+        r#"{"designs":3000}"#
+    );
+    assert_eq!(
+        parse("method = \"maximin\"").unwrap().digest(),
+        absent.digest()
+    );
+    for method in ["random", "sobol"] {
+        let other = parse(&format!("method = {method:?}")).unwrap();
+        assert_eq!(other.doe.method.name(), method);
+        assert_ne!(other.digest(), absent.digest());
+        assert_eq!(Campaign::from_json(&other.to_json()).unwrap(), other);
+        // Designs of one kind are not the beginning of another.
+        assert!(!other.extends(&absent) && !absent.extends(&other));
+        let mut larger = other.clone();
+        larger.doe.designs += 1;
+        assert!(larger.extends(&other));
+    }
+    let error = parse("method = \"lattice\"").unwrap_err();
+    assert!(
+        error.contains("line ") && error.contains("method: no design is called \"lattice\""),
+        "{error}"
+    );
+    let text = Campaign::PAPER.replace("designs = 3000", "method = \"sobol\"\ndesigns = 70000");
+    let error = Campaign::parse("c.toml", &text).unwrap_err().to_string();
+    assert!(error.contains("from 2 to 65536"), "{error}");
+}
+
+#[test]
+fn the_shipped_files_are_valid() {
+    let paper = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
+    assert_eq!(paper.teeth(), [20, 22]);
+    assert!(paper.warnings().is_empty());
+    let quick = include_str!("../../../../../campaigns/quick.toml");
+    let quick = Campaign::parse("quick.toml", quick).unwrap();
+    assert_eq!(quick.doe.designs, 150);
+    assert_ne!(paper.digest(), quick.digest());
+}
+
+#[test]
+fn comments_and_layout_do_not_change_the_digest() {
+    let stripped: String = Campaign::PAPER
+        .lines()
+        .map(|line| line.split('#').next().unwrap_or("").trim_end().to_owned() + "\n")
+        .collect();
+    let a = Campaign::parse("a", Campaign::PAPER).unwrap();
+    let b = Campaign::parse("b", &stripped).unwrap();
+    assert_eq!(a.digest(), b.digest());
+    assert_eq!(Campaign::from_json(&a.to_json()).unwrap(), a);
+}
+
+#[test]
+fn a_simulator_section_that_says_nothing_changes_no_digest() {
+    let parse = |section: &str| {
+        let text = format!("{}\n{section}", Campaign::PAPER);
+        Campaign::parse(
+            "c.toml",
+            &text.replace("compare_with_paper = true", "compare_with_paper = false"),
+        )
+    };
+    let absent = parse("").unwrap();
+    assert!(!absent.to_json().contains("simulator"));
+    let built_in = parse("[simulator]\nkind = \"built-in\"").unwrap();
+    assert_eq!(absent.digest(), built_in.digest());
+    let external = parse("[simulator]\nkind = \"external\"").unwrap();
+    assert!(external.is_external());
+    assert_ne!(absent.digest(), external.digest());
+    assert_eq!(Campaign::from_json(&external.to_json()).unwrap(), external);
+    for (section, why) in [
+        ("[simulator]\nkind = \"magic\"", "unknown variant"),
+        (
+            "[simulator]\nkind = \"external\"\nprobe_designs = 13",
+            "from 0 to 12",
+        ),
+        (
+            "[simulator]\nkind = \"built-in\"\nprobe_designs = 1",
+            "simulator.probe_designs is 1",
+        ),
+    ] {
+        let error = parse(section).unwrap_err().to_string();
+        assert!(error.contains(why), "{section}: {error}");
+    }
+    let text = format!("{}\n[simulator]\nkind = \"external\"", Campaign::PAPER);
+    let error = Campaign::parse("c.toml", &text).unwrap_err().to_string();
+    assert!(
+        error.contains("report.compare_with_paper is true"),
+        "{error}"
+    );
+}
+
+#[test]
+fn errors_name_file_line_key_and_what_would_be_right() {
+    let message = refusal(("samples_per_design = 30", "samples_per_design = 3"));
+    assert!(message.starts_with("c.toml, line "), "{message}");
+    assert!(
+        message.contains("sampling.samples_per_design is 3"),
+        "{message}"
+    );
+    assert!(message.contains("from 4"), "{message}");
+    let line: usize = message["c.toml, line ".len()..]
+        .split(':')
+        .next()
+        .unwrap()
+        .parse()
+        .unwrap();
+    assert!(
+        Campaign::PAPER
+            .lines()
+            .nth(line - 1)
+            .unwrap()
+            .starts_with("samples_per_design")
+    );
+}
+
+#[test]
+fn bad_values_are_refused_by_key() {
+    for (from, to, key) in [
+        ("designs = 3000", "designs = 1", "doe.designs"),
+        ("designs = 3000", "dessigns = 3000", "dessigns"),
+        (
+            "designs = 3000",
+            "designs = \"many\"",
+            "designs: invalid type: string \"many\", expected a whole number",
+        ),
+        ("designs = 3000", "", "missing field `designs`"),
+        (
+            "profile_shift = [-1.0, 2.0]",
+            "profile_shift = [2.0, -1.0]",
+            "bounds.profile_shift",
+        ),
+        (
+            "pinion_torque_nm = 200.0",
+            "pinion_torque_nm = -1.0",
+            "load.pinion_torque_nm",
+        ),
+        (
+            "pinion_torque_nm = 200.0",
+            "pinion_torque_nm = nan",
+            "load.pinion_torque_nm",
+        ),
+        (
+            "pinion_torque_nm = 200.0",
+            "pinion_torque_nm = inf",
+            "load.pinion_torque_nm",
+        ),
+        (
+            "poisson_ratio = 0.29",
+            "poisson_ratio = 0.5",
+            "material.poisson_ratio",
+        ),
+        (
+            "kernel = \"squared-exponential\"",
+            "kernel = \"cubic\"",
+            "wear.kernel",
+        ),
+        ("format = 1", "format = 2", "format is 2"),
+        ("gear_ratio = 0.9 ", "gear_teeth = 3", "pair.gear_teeth"),
+        ("centre_distance_mm = 110.0", "", "pair.centre_distance_mm"),
+        ("seed = 2009", "seed = -1", "seed"),
+    ] {
+        let message = refusal((from, to));
+        assert!(message.contains(key), "{to}: {message}");
+    }
+}
