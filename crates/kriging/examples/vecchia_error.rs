@@ -105,7 +105,7 @@ fn svg(curves: &[Curve]) -> String {
         .max()
         .unwrap_or(100);
     // Room for the curves' names on the left.
-    let (low, high) = (16.0_f64.ln(), (1.15 * most as f64).ln());
+    let (low, high) = (12.0_f64.ln(), (1.15 * most as f64).ln());
     let across = |m: f64| left + (m.ln() - low) / (high - low) * (width - left - right);
     let (least, largest) = (FLOOR.ln(), 3.0_f64.ln());
     let up = |e: f64| {
