@@ -84,7 +84,7 @@ pub enum Error {
         source: std::io::Error,
     },
     /// Anything else.
-    #[error("{0:#}")]
+    #[error(transparent)]
     Other(#[from] anyhow::Error),
 }
 
