@@ -151,6 +151,8 @@ pub fn fit(
     let options = FitOptions {
         kernel: campaign.kriging.kernel.parse()?,
         seed: campaign.seed,
+        // The optimum of a model that is no better than noise would be a matter of luck.
+        refuse_no_structure: true,
         ..FitOptions::default()
     };
     let model = kriging::fit(&data, &options)?;
@@ -426,6 +428,32 @@ mod tests {
                 assert_eq!(numbers.len(), 2, "{said}");
             }
         }
+    }
+
+    #[test]
+    fn a_model_that_is_no_better_than_noise_is_refused() {
+        let problem = problem(doe::Method::Maximin, 40);
+        let designs = doe(&problem, &[]).unwrap();
+        let fitted = |slope: f64| {
+            let response = |row: &DesignRow| {
+                // Scatter with a standard deviation of about 0.6, and what depends on the design.
+                let scatter = (17.0 * row.design as f64).sin() + (29.0 * row.design as f64).cos();
+                ResponseRow {
+                    design: row.design,
+                    mean_um: 1.0,
+                    sd_um: 1.0,
+                    p90_um: 5.0 + 0.6 * scatter + slope * row.x_p,
+                    p90_variance_um2: 0.36,
+                    lilliefors_p: None,
+                }
+            };
+            let responses: Vec<ResponseRow> = designs.iter().map(response).collect();
+            fit(problem.campaign(), &designs, &responses)
+        };
+        let refusal = fitted(0.0).unwrap_err().to_string();
+        assert!(refusal.contains("no dependence on x"), "{refusal}");
+        let (_, summary) = fitted(20.0).unwrap();
+        assert!(summary.q2 > 0.9, "{}", summary.q2);
     }
 
     #[test]
