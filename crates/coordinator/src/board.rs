@@ -89,6 +89,8 @@ struct Inner {
     pace: Pace,
     /// What a job takes that is not cut from samples, once one has come back.
     posted_seconds: Option<f64>,
+    /// When it was last worked out how long a job is left to its worker alone.
+    patience_of: Option<Duration>,
     /// Whether the first plan is posted: before, nobody can be told what is needed.
     is_ready: bool,
     is_finished: bool,
@@ -125,6 +127,7 @@ impl Board {
                 done: 0,
                 pace: Pace::default(),
                 posted_seconds: None,
+                patience_of: None,
                 is_ready: false,
                 is_finished: false,
                 revision: 1,

@@ -135,12 +135,11 @@ impl<J: Clone> Scheduler<J> {
             state.strikes.clear();
         }
         let free_slots = state.slots.saturating_sub(state.held.len());
-        let held = state.held.clone();
         let failed = state.strikes.clone();
 
         let queue = || self.queue.iter().map(|&(_, id)| id);
         let mut chosen: Vec<JobId> = queue()
-            .filter(|&id| !failed.contains(&self.kin(id)))
+            .filter(|&id| failed.is_empty() || !failed.contains(&self.kin(id)))
             .take(credit)
             .collect();
         if chosen.is_empty() {
@@ -151,7 +150,8 @@ impl<J: Clone> Scheduler<J> {
             let ripe =
                 |granted: Duration| now.saturating_sub(granted) >= self.options.duplicate_after;
             let tail = self.tail.iter().take_while(|tail| ripe(tail.0));
-            let tail = tail.map(|&(_, _, id)| id).filter(|id| !held.contains(id));
+            let is_own = |id| self.leases(id).iter().any(|lease| lease.worker == *worker);
+            let tail = tail.map(|&(_, _, id)| id).filter(|&id| !is_own(id));
             chosen.extend(tail.take(room));
         }
         chosen

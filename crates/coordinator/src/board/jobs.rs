@@ -21,6 +21,10 @@ const WAITING: usize = 4;
 /// The most bytes of jobs in an answer, unless one alone is larger.
 const BYTES_PER_LEASE: usize = MAX_MESSAGE_BYTES / 8;
 
+/// Working out how long jobs take means looking at all that are out, which is not to be done for each
+/// of a thousand workers that wait.
+const PATIENCE_PERIOD: Duration = Duration::from_secs(1);
+
 /// No job is taken to last longer than this, in seconds: ten years.
 const LONGEST_JOB: f64 = 3e8;
 
@@ -46,7 +50,9 @@ impl Inner {
             {
                 self.add_job(job, Posted::new(task));
             }
-            if self.scheduler.queued() == 0 {
+            let is_old = |of: Duration| now.saturating_sub(of) >= PATIENCE_PERIOD;
+            if self.scheduler.queued() == 0 && self.patience_of.is_none_or(is_old) {
+                self.patience_of = Some(now);
                 let patience = 2.0 * self.longest_job();
                 self.scheduler
                     .set_duplicate_after(Duration::from_secs_f64(patience));
