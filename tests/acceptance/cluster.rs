@@ -1,59 +1,10 @@
 //! `coordinator serve` with real workers on loopback, some of which die.
 
-use std::process::Output;
 use std::time::{Duration, Instant};
 
-use acceptance::{Running, Sandbox, assert_code, free_address, small_campaign};
+use acceptance::{Sandbox, assert_code, small_campaign};
 
-/// Where the coordinators of a test keep their samples.
-const DB: &str = "cluster.db";
-
-/// A coordinator's place: its campaign, its store and its address, whoever holds them.
-struct Place<'s> {
-    sandbox: &'s Sandbox,
-    file: String,
-    address: String,
-    url: String,
-}
-
-impl<'s> Place<'s> {
-    fn new(sandbox: &'s Sandbox, campaign: &str) -> Self {
-        let address = free_address().to_string();
-        Self {
-            sandbox,
-            file: sandbox.write("c.toml", campaign).display().to_string(),
-            url: format!("http://{address}"),
-            address,
-        }
-    }
-
-    /// With a campaign that samples for some seconds on two cores.
-    fn long(sandbox: &'s Sandbox) -> Self {
-        Self::new(sandbox, &small_campaign(300, 4000))
-    }
-
-    fn serve(&self, options: &[&str]) -> Running {
-        let serve = ["serve", &self.file, "--db", DB, "--listen", &self.address];
-        self.sandbox
-            .start("coordinator", &[&serve, options].concat())
-    }
-
-    fn worker(&self, options: &[&str]) -> Running {
-        let connect = ["--connect", &self.url];
-        self.sandbox.start("worker", &[&connect, options].concat())
-    }
-
-    /// A worker until it ends by itself.
-    fn work(&self, options: &[&str]) -> Output {
-        let connect = ["--connect", &self.url];
-        self.sandbox.run("worker", &[&connect, options].concat())
-    }
-
-    fn wait_for_some_samples(&self) {
-        let some = |status: &serde_json::Value| status["samples"]["done"].as_u64() > Some(10_000);
-        self.sandbox.wait_for(DB, "some samples", some);
-    }
-}
+use crate::place::{DB, Place};
 
 #[test]
 fn kills_of_workers_and_coordinator_leave_no_trace_in_the_samples() {

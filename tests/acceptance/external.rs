@@ -4,6 +4,8 @@
 use acceptance::{Sandbox, assert_code, errors, free_address, printed, root};
 use serde_json::Value;
 
+use crate::place::{DB, Place};
+
 fn example(name: &str) -> String {
     let path = root().join("campaigns/external").join(name);
     std::fs::read_to_string(path).expect("the example is shipped")
@@ -210,17 +212,11 @@ fn twenty_designs(sandbox: &Sandbox) -> String {
     )
 }
 
-fn asked(sandbox: &Sandbox, url: &str, arguments: &[&str]) -> String {
-    let output = sandbox.coordinator(&[arguments, &["--connect", url]].concat());
-    assert_code(&output, 0);
-    printed(&output)
-}
-
 /// Waits until the coordinator says that so many jobs are out.
-fn wait_for_leases(sandbox: &Sandbox, url: &str, wanted: u64) {
+fn wait_for_leases(place: &Place<'_>, wanted: u64) {
     let since = std::time::Instant::now();
     loop {
-        let status = asked(sandbox, url, &["status", "--json"]);
+        let status = place.ask(&["status", "--json"]);
         let status: Value = serde_json::from_str(&status).unwrap();
         if status["live"]["jobs_leased"].as_u64() >= Some(wanted) {
             return;
@@ -237,27 +233,18 @@ fn a_worker_that_leaves_during_a_sample_longer_than_its_lease_hands_it_in() {
     // A lease is 5 s.
     let slow = before_samples("True", "__import__('time').sleep(8)");
     let exec = changed_program(&sandbox, "slow.py", &slow);
-    let address = free_address().to_string();
-    let url = format!("http://{address}");
-    let coordinator = sandbox.start(
-        "coordinator",
-        &["serve", &file, "--db", "c.db", "--listen", &address],
-    );
-    sandbox.wait_for("c.db", "the DoE", |status| status["stage"] == "sample");
-    let worker = sandbox.start(
-        "worker",
-        &["--connect", &url, "--slots", "1", "--exec", &exec],
-    );
+    let place = Place::of_file(&sandbox, &file);
+    let coordinator = place.serve(&[]);
+    sandbox.wait_for(DB, "the DoE", |status| status["stage"] == "sample");
+    let worker = place.worker(&["--slots", "1", "--exec", &exec]);
     // The runs of optimisers that need no samples come first.
     let only_samples = |status: &Value| status["optimiser_runs"]["done"] == 4;
-    sandbox.wait_for("c.db", "the optimisers' end", only_samples);
-    wait_for_leases(&sandbox, &url, 1);
+    sandbox.wait_for(DB, "the optimisers' end", only_samples);
+    wait_for_leases(&place, 1);
 
     // Meanwhile there is a job for everybody but one worker: whoever has none for a while leaves.
-    assert!(asked(&sandbox, &url, &["drain"]).contains("draining"));
-    let idle = ["--connect", &url, "--exec", &exec, "--idle-exit", "1"];
-    let idle = sandbox.run("worker", &idle);
-    assert_code(&idle, 0);
+    assert!(place.ask(&["drain"]).contains("draining"));
+    assert_code(&place.work(&["--exec", &exec, "--idle-exit", "1"]), 0);
 
     worker.terminate();
     let (ended, errors) = worker.finish();
@@ -265,7 +252,7 @@ fn a_worker_that_leaves_during_a_sample_longer_than_its_lease_hands_it_in() {
     // Drained, with the last result in.
     let (ended, errors) = coordinator.finish();
     assert_eq!(ended.code(), Some(14), "{errors}");
-    let status = sandbox.status("c.db").unwrap();
+    let status = sandbox.status(DB).unwrap();
     let fresh = status["optima"].as_array().unwrap().iter();
     let fresh: u64 = fresh
         .map(|optimum| optimum["verified"]["done"].as_u64().unwrap())
@@ -285,19 +272,12 @@ fn a_design_that_kills_its_workers_at_once_is_given_up() {
     // The worker is the program's parent.
     let deadly = before_samples(ONE_OF_20, "os.kill(os.getppid(), 9)");
     let exec = changed_program(&sandbox, "deadly.py", &deadly);
-    let address = free_address().to_string();
-    let url = format!("http://{address}");
-    let coordinator = sandbox.start(
-        "coordinator",
-        &["serve", &file, "--db", "c.db", "--listen", &address],
-    );
-    sandbox.wait_for("c.db", "a store", |_| true);
+    let place = Place::of_file(&sandbox, &file);
+    let coordinator = place.serve(&[]);
+    sandbox.wait_for(DB, "a store", |_| true);
     let mut deaths = 0;
     loop {
-        let worker = sandbox.run(
-            "worker",
-            &["--connect", &url, "--slots", "1", "--exec", &exec],
-        );
+        let worker = place.work(&["--slots", "1", "--exec", &exec]);
         match worker.status.code() {
             Some(0) => break,
             None => deaths += 1,
@@ -310,7 +290,7 @@ fn a_design_that_kills_its_workers_at_once_is_given_up() {
     // Three crashes that count, of the design alone, and perhaps of it with others; the first death
     // of each is so quick that nobody knows that the job had begun.
     assert!((3..=10).contains(&deaths), "{deaths} deaths");
-    let status = finished(&sandbox, "c.db");
+    let status = finished(&sandbox, DB);
     assert_eq!(status["designs"]["done"], 19, "{status}");
 }
 
@@ -322,23 +302,21 @@ fn a_design_that_was_given_up_gets_another_chance_when_it_is_asked_for() {
     let condition = format!("{ONE_OF_20} and not os.path.exists({licence:?})");
     let failing = before_samples(&condition, "sys.exit('no licence')");
     let exec = changed_program(&sandbox, "failing.py", &failing);
-    let address = free_address().to_string();
-    let url = format!("http://{address}");
-    let serve = ["serve", &file, "--db", "c.db", "--listen", &address];
-    let coordinator = sandbox.start("coordinator", &[&serve[..], &["--keep-serving"]].concat());
-    sandbox.wait_for("c.db", "a store", |_| true);
-    let work = ["--connect", &url, "--slots", "2", "--exec", &exec];
-    assert_code(&sandbox.run("worker", &work), 0);
-    let spoilt = finished(&sandbox, "c.db");
+    let place = Place::of_file(&sandbox, &file);
+    let coordinator = place.serve(&["--keep-serving"]);
+    sandbox.wait_for(DB, "a store", |_| true);
+    let work = ["--slots", "2", "--exec", &exec];
+    assert_code(&place.work(&work), 0);
+    let spoilt = finished(&sandbox, DB);
     assert_eq!(spoilt["designs"]["done"], 19, "{spoilt}");
 
     std::fs::write(&licence, "paid").unwrap();
-    let retried = asked(&sandbox, &url, &["retry", "--quarantined"]);
+    let retried = place.ask(&["retry", "--quarantined"]);
     assert!(retried.starts_with("sample-"), "{retried}");
-    assert_code(&sandbox.run("worker", &work), 0);
-    let whole = finished(&sandbox, "c.db");
+    assert_code(&place.work(&work), 0);
+    let whole = finished(&sandbox, DB);
     assert_eq!(whole["designs"]["done"], 20, "{whole}");
-    let again = asked(&sandbox, &url, &["retry", "--quarantined"]);
+    let again = place.ask(&["retry", "--quarantined"]);
     assert!(again.contains("no job was given up"), "{again}");
     coordinator.terminate();
     assert_eq!(coordinator.finish().0.code(), Some(0));

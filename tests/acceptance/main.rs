@@ -12,6 +12,7 @@ mod faults;
 mod namespaces;
 mod operations;
 mod paper;
+mod place;
 mod precision;
 mod security;
 mod studies;

@@ -6,6 +6,8 @@ use std::net::TcpStream;
 
 use acceptance::{Sandbox, assert_code, free_address, printed, small_campaign};
 
+use crate::place::{DB, Place};
+
 fn export(sandbox: &Sandbox, db: &str, name: &str) -> Vec<String> {
     let arguments = ["export", "--db", db, "--table", "samples", "--out", name];
     assert_code(&sandbox.coordinator(&arguments), 0);
@@ -158,19 +160,10 @@ async fn a_stranger_learns_what_can_be_asked() {
     use tonic_reflection::pb::v1::server_reflection_response::MessageResponse;
 
     let sandbox = Sandbox::new();
-    let file = sandbox.write("small.toml", &small_campaign(60, 6));
-    let address = free_address().to_string();
-    let serve = [
-        "serve",
-        file.to_str().unwrap(),
-        "--db",
-        "c.db",
-        "--listen",
-        &address,
-    ];
-    let _coordinator = sandbox.start("coordinator", &serve);
-    sandbox.wait_for("c.db", "a store", |_| true);
-    let channel = tonic::transport::Endpoint::new(format!("http://{address}"))
+    let place = Place::new(&sandbox, &small_campaign(60, 6));
+    let _coordinator = place.serve(&[]);
+    sandbox.wait_for(DB, "a store", |_| true);
+    let channel = tonic::transport::Endpoint::new(place.url.clone())
         .unwrap()
         .connect_lazy();
 
@@ -208,27 +201,17 @@ async fn a_stranger_learns_what_can_be_asked() {
 #[test]
 fn who_watches_through_a_restart_sees_the_end_all_the_same() {
     let sandbox = Sandbox::new();
-    let file = sandbox.write("small.toml", &small_campaign(60, 6));
-    let address = free_address().to_string();
-    let url = format!("http://{address}");
-    let serve = [
-        "serve",
-        file.to_str().unwrap(),
-        "--db",
-        "c.db",
-        "--listen",
-        &address,
-    ];
-    let serve = [&serve[..], &["--keep-serving"]].concat();
-    let coordinator = sandbox.start("coordinator", &serve);
-    sandbox.wait_for("c.db", "the DoE", |status| status["stage"] == "sample");
-    let watch = sandbox.start("coordinator", &["status", "--watch", "--connect", &url]);
+    let place = Place::new(&sandbox, &small_campaign(60, 6));
+    let coordinator = place.serve(&["--keep-serving"]);
+    sandbox.wait_for(DB, "the DoE", |status| status["stage"] == "sample");
+    let watch = ["status", "--watch", "--connect", &place.url];
+    let watch = sandbox.start("coordinator", &watch);
     // The first answer comes at once; a worker's registration is news.
     std::thread::sleep(std::time::Duration::from_secs(3));
     coordinator.kill();
     std::thread::sleep(std::time::Duration::from_secs(2));
-    let coordinator = sandbox.start("coordinator", &serve);
-    let worker = sandbox.start("worker", &["--connect", &url]);
+    let coordinator = place.serve(&["--keep-serving"]);
+    let worker = place.worker(&[]);
     assert_eq!(worker.finish().0.code(), Some(0));
     let (ended, said) = watch.finish();
     assert_eq!(ended.code(), Some(0), "{said}");
@@ -240,22 +223,11 @@ fn who_watches_through_a_restart_sees_the_end_all_the_same() {
 #[test]
 fn whoever_watches_sees_the_end() {
     let sandbox = Sandbox::new();
-    let file = sandbox.write("small.toml", &small_campaign(60, 6));
-    let address = free_address().to_string();
-    let url = format!("http://{address}");
-    let serve = [
-        "serve",
-        file.to_str().unwrap(),
-        "--db",
-        "c.db",
-        "--listen",
-        &address,
-    ];
-    let serve = [&serve[..], &["--keep-serving"]].concat();
-    let coordinator = sandbox.start("coordinator", &serve);
-    sandbox.wait_for("c.db", "a store", |_| true);
-    let worker = sandbox.start("worker", &["--connect", &url]);
-    let watch = ["status", "--watch", "--json", "--connect", &url];
+    let place = Place::new(&sandbox, &small_campaign(60, 6));
+    let coordinator = place.serve(&["--keep-serving"]);
+    sandbox.wait_for(DB, "a store", |_| true);
+    let worker = place.worker(&[]);
+    let watch = ["status", "--watch", "--json", "--connect", &place.url];
     let output = sandbox.coordinator(&watch);
     assert_code(&output, 0);
     let text = printed(&output);
@@ -263,9 +235,8 @@ fn whoever_watches_sees_the_end() {
         serde_json::from_str(text.lines().last().expect("at least one line")).unwrap();
     assert_eq!(last["finished"], true, "{last}");
     assert_eq!(worker.finish().0.code(), Some(0));
-    let again = sandbox.coordinator(&["retry", "--quarantined", "--connect", &url]);
-    assert_code(&again, 0);
-    assert!(printed(&again).contains("no job was given up"));
+    let again = place.ask(&["retry", "--quarantined"]);
+    assert!(again.contains("no job was given up"), "{again}");
     coordinator.terminate();
     assert_eq!(coordinator.finish().0.code(), Some(0));
 }

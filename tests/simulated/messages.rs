@@ -11,9 +11,9 @@ use proptest::prelude::*;
 use prost::Message;
 use protocol::v1::campaign_server::Campaign as _;
 use protocol::v1::{
-    DrainRequest, ExplainRequest, HeartbeatRequest, Job, JobAttempt, JobResult, LeaseRequest,
-    RegisterRequest, ReleaseRequest, ReportRequest, RetryRequest, StatusRequest, WatchRequest,
-    job_result,
+    Directive, DrainRequest, ExplainRequest, HeartbeatRequest, Job, JobAttempt, JobResult,
+    LeaseRequest, RegisterRequest, ReleaseRequest, ReportRequest, RetryRequest, StatusRequest,
+    WatchRequest, job_result,
 };
 use tonic::Request;
 
@@ -250,5 +250,30 @@ fn no_message_breaks_the_service() {
             prop_assert_eq!(response.into_inner().jobs.len(), 1);
             Ok(())
         })?;
+    });
+}
+
+/// So that a worker gives back what it has not begun, and the coordinator can end the sooner.
+#[test]
+fn a_heartbeat_says_whether_jobs_are_leased_at_all() {
+    let problem = Problem::new(campaign());
+    runtime().block_on(async {
+        let memory = Memory::default();
+        let service = service(&problem, &memory, 1);
+        let known = Request::new(introduction("known"));
+        service.register(known).await.expect("a good introduction");
+        let told = async || {
+            let request = HeartbeatRequest {
+                worker_id: "known".to_owned(),
+                held: Vec::new(),
+            };
+            let answer = service.heartbeat(Request::new(request)).await;
+            answer.expect("it is known").into_inner().directive()
+        };
+        assert_eq!(told().await, Directive::Continue);
+        service.board.drain(true);
+        assert_eq!(told().await, Directive::Drain);
+        service.board.drain(false);
+        assert_eq!(told().await, Directive::Continue);
     });
 }

@@ -355,8 +355,8 @@ impl Batches {
             .map(|(&id, _)| id)
     }
 
-    /// The jobs all of whose designs and points were given up, but for the jobs that this was for:
-    /// those are known as long as the others, but no longer wait.
+    /// The jobs all of whose designs and points were given up: those that were the last straw, which
+    /// stay for [`Self::retry`], and others of the same designs, which nobody needs to do.
     #[must_use]
     pub fn needless(&self) -> Vec<u64> {
         let is_given_up = |unit: &Unit| {

@@ -18,6 +18,7 @@ fn batch(index: u64) -> Batch {
     samples((0..ROWS).map(|i| sample(0, index * ROWS + i, i as f64)))
 }
 
+/// `cargo test -p store --features failpoints --test it failpoints` runs it as often as its tests need.
 #[expect(clippy::print_stderr, reason = "how the child tells its parent")]
 #[tokio::test]
 #[ignore = "run by the other tests, as a process that dies"]

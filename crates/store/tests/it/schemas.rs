@@ -315,6 +315,7 @@ async fn a_migration_that_was_edited_is_noticed() {
     assert_eq!(read(&path), before);
 }
 
+/// `cargo test -p store --test it -- --ignored makes_the_fixture`, with a new migration.
 #[tokio::test]
 #[ignore = "makes the fixture of the present schema, once per schema"]
 async fn makes_the_fixture() {

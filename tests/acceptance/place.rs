@@ -1,0 +1,70 @@
+//! A coordinator's place on loopback, and workers that find it.
+
+use std::process::Output;
+
+use acceptance::{Running, Sandbox, assert_code, free_address, printed, small_campaign};
+
+/// Where the coordinators of a test keep their samples.
+pub(crate) const DB: &str = "c.db";
+
+/// A coordinator's place: its campaign, its store and its address, whoever holds them.
+pub(crate) struct Place<'s> {
+    sandbox: &'s Sandbox,
+    pub(crate) file: String,
+    address: String,
+    pub(crate) url: String,
+}
+
+impl<'s> Place<'s> {
+    pub(crate) fn new(sandbox: &'s Sandbox, campaign: &str) -> Self {
+        let file = sandbox.write("c.toml", campaign).display().to_string();
+        Self::of_file(sandbox, &file)
+    }
+
+    /// With the campaign of a file that is there.
+    pub(crate) fn of_file(sandbox: &'s Sandbox, file: &str) -> Self {
+        let address = free_address().to_string();
+        Self {
+            sandbox,
+            file: file.to_owned(),
+            url: format!("http://{address}"),
+            address,
+        }
+    }
+
+    /// With a campaign that samples for some seconds on two cores.
+    pub(crate) fn long(sandbox: &'s Sandbox) -> Self {
+        Self::new(sandbox, &small_campaign(300, 4000))
+    }
+
+    pub(crate) fn serve(&self, options: &[&str]) -> Running {
+        let serve = ["serve", &self.file, "--db", DB, "--listen", &self.address];
+        self.sandbox
+            .start("coordinator", &[&serve, options].concat())
+    }
+
+    pub(crate) fn worker(&self, options: &[&str]) -> Running {
+        let connect = ["--connect", &self.url];
+        self.sandbox.start("worker", &[&connect, options].concat())
+    }
+
+    /// A worker until it ends by itself.
+    pub(crate) fn work(&self, options: &[&str]) -> Output {
+        let connect = ["--connect", &self.url];
+        self.sandbox.run("worker", &[&connect, options].concat())
+    }
+
+    pub(crate) fn wait_for_some_samples(&self) {
+        let some = |status: &serde_json::Value| status["samples"]["done"].as_u64() > Some(10_000);
+        self.sandbox.wait_for(DB, "some samples", some);
+    }
+
+    /// What a command says that asks or steers the coordinator.
+    pub(crate) fn ask(&self, arguments: &[&str]) -> String {
+        let output = self
+            .sandbox
+            .coordinator(&[arguments, &["--connect", &self.url]].concat());
+        assert_code(&output, 0);
+        printed(&output)
+    }
+}
