@@ -326,6 +326,8 @@ async fn large(designs: usize, samples: usize) -> anyhow::Result<()> {
         .map(|design| DesignRow::new(design, x))
         .collect();
     store.put_designs(&rows).await?;
+    // As every campaign that was interrupted has it.
+    store.pin_model_digest(&digest).await?;
     let writer = store.writer()?;
     let began = Instant::now();
     // All but the last hundred designs: there is something to lease.
