@@ -91,6 +91,8 @@ struct Inner {
     posted_seconds: Option<f64>,
     /// When it was last worked out how long a job is left to its worker alone.
     patience_of: Option<Duration>,
+    /// When the slots of the workers were last counted, and how many they were.
+    slots_present: Option<(Duration, usize)>,
     /// Whether the first plan is posted: before, nobody can be told what is needed.
     is_ready: bool,
     is_finished: bool,
@@ -128,6 +130,7 @@ impl Board {
                 pace: Pace::default(),
                 posted_seconds: None,
                 patience_of: None,
+                slots_present: None,
                 is_ready: false,
                 is_finished: false,
                 revision: 1,
@@ -272,6 +275,7 @@ impl Board {
             told_finished: false,
         };
         inner.workers.insert(worker_id.to_owned(), info);
+        inner.slots_present = None;
         inner.scheduler.set_slots(&worker, slots as usize, now);
         let mut cancelled = Vec::new();
         for job in held {

@@ -10,6 +10,7 @@ use campaign::task::Task;
 use protocol::MAX_MESSAGE_BYTES;
 use protocol::v1::Job;
 use scheduler::{Details, History, JobId, WorkerId};
+use tokio::time::Instant;
 
 use super::{Inner, Posted};
 use crate::ingest;
@@ -21,9 +22,9 @@ const WAITING: usize = 4;
 /// The most bytes of jobs in an answer, unless one alone is larger.
 const BYTES_PER_LEASE: usize = MAX_MESSAGE_BYTES / 8;
 
-/// Working out how long jobs take means looking at all that are out, which is not to be done for each
-/// of a thousand workers that wait.
-const PATIENCE_PERIOD: Duration = Duration::from_secs(1);
+/// What means looking at all jobs that are out, or at all workers, is worked out so often: not for
+/// each of a thousand workers that ask.
+const SURVEY_PERIOD: Duration = Duration::from_secs(1);
 
 /// No job is taken to last longer than this, in seconds: ten years.
 const LONGEST_JOB: f64 = 3e8;
@@ -37,9 +38,11 @@ impl Inner {
         seconds: f64,
         (lease, now): (Duration, Duration),
     ) -> Vec<Job> {
-        let present = self.workers.values();
-        let present = present.filter(|worker| worker.last_seen.elapsed() <= 2 * lease);
-        let slots = present.map(|worker| worker.slots as usize).sum();
+        let is_old = |of: Duration| now.saturating_sub(of) >= SURVEY_PERIOD;
+        let slots = match self.slots_present {
+            Some((of, slots)) if !is_old(of) => slots,
+            _ => self.count_slots(lease, now),
+        };
         let mut jobs = Vec::new();
         let (mut worth, mut bytes) = (0.0, 0);
         while jobs.len() < credit && (jobs.is_empty() || worth < seconds && bytes < BYTES_PER_LEASE)
@@ -50,7 +53,6 @@ impl Inner {
             {
                 self.add_job(job, Posted::new(task));
             }
-            let is_old = |of: Duration| now.saturating_sub(of) >= PATIENCE_PERIOD;
             if self.scheduler.queued() == 0 && self.patience_of.is_none_or(is_old) {
                 self.patience_of = Some(now);
                 let patience = 2.0 * self.longest_job();
@@ -72,6 +74,16 @@ impl Inner {
             });
         }
         jobs
+    }
+
+    /// The slots of all workers that were heard of lately.
+    fn count_slots(&mut self, lease: Duration, now: Duration) -> usize {
+        let moment = Instant::now();
+        let present = self.workers.values();
+        let present = present.filter(|worker| moment - worker.last_seen <= 2 * lease);
+        let slots = present.map(|worker| worker.slots as usize).sum();
+        self.slots_present = Some((now, slots));
+        slots
     }
 
     /// Whether a job that a worker holds from before a restart is needed; if so, it is on the board
