@@ -1,8 +1,8 @@
 //! A projected quasi-Newton search in a box, for a handful of variables.
 //!
 //! The method is BFGS with Powell's damping on the variables that are free to move (Nocedal and
-//! Wright, "Numerical Optimization" (2006), sections 16.7, 18.3); its first curvature comes from the
-//! problem. Each step is cut back until it lies in the box, the function can be evaluated and the
+//! Wright, "Numerical Optimization" (2006), sections 16.7, 18.3); the curvature comes from the problem
+//! at the start and after the first few iterations. Each step is cut back until it lies in the box, the function can be evaluated and the
 //! value has fallen far enough. If the quasi-Newton direction fails, one gradient step is tried
 //! before the search gives up. The value never rises.
 
@@ -17,6 +17,10 @@ const SUFFICIENT: f64 = 1e-4;
 /// Where no step lowers the value, a promise below this is put down to the value's rounding. For a
 /// log likelihood it means nothing.
 const HIDDEN: f64 = 1e-3;
+
+/// What a single step may end above the least value of its parabola, for each variable: for a log
+/// likelihood a fraction of what its parameters are uncertain by, half a unit each.
+const UNIMPORTANT: f64 = 0.15;
 
 #[derive(Debug, Clone)]
 pub(crate) struct Outcome {
@@ -33,6 +37,9 @@ pub(crate) struct Limits<'a> {
     pub(crate) lower: &'a [f64],
     pub(crate) upper: &'a [f64],
     pub(crate) max_iterations: usize,
+    /// Iterations after which the problem is asked for its curvature anew. It brings a search close to
+    /// the optimum in fewer steps than updates do, which converge faster in the end.
+    pub(crate) renewed: usize,
     /// The search ends when the quadratic model promises less than this.
     pub(crate) tolerance: f64,
 }
@@ -65,6 +72,7 @@ pub(crate) fn minimise(
             });
         }
 
+        let renews = iterations < limits.renewed;
         let mut t = first_length(&step);
         let mut accepted = None;
         for _ in 0..20 {
@@ -72,7 +80,7 @@ pub(crate) fn minimise(
             let trial = clamp(&trial, limits);
             let moved: Vec<f64> = trial.iter().zip(&at).map(|(t, a)| t - a).collect();
             let slope = dot(&moved, &gradient);
-            let Some(evaluation) = function(&trial, false) else {
+            let Some(evaluation) = function(&trial, renews) else {
                 met_failure = true;
                 t *= 0.25;
                 continue;
@@ -115,13 +123,13 @@ pub(crate) fn minimise(
             fresh = true;
             continue;
         };
-        let change: Vec<f64> = evaluation
-            .gradient
-            .iter()
-            .zip(&gradient)
-            .map(|(new, old)| new - old)
-            .collect();
-        update(&mut curvature, &moved, &change);
+        if renews {
+            curvature = evaluation.curvature;
+        } else {
+            let pairs = evaluation.gradient.iter().zip(&gradient);
+            let change: Vec<f64> = pairs.map(|(new, old)| new - old).collect();
+            update(&mut curvature, &moved, &change);
+        }
         (at, value, gradient) = (trial, evaluation.value, evaluation.gradient);
         fresh = false;
     }
@@ -135,36 +143,51 @@ pub(crate) fn minimise(
     })
 }
 
-/// One step of a search from `at`, its length that of the parabola through both values and the slope
-/// here; `value` gives the value alone. Costs one of each, and may end above the start where the
-/// function is no parabola.
+/// Where a single step ends.
+#[derive(Debug, Clone)]
+pub(crate) struct Step {
+    pub(crate) at: Vec<f64>,
+    /// Its length, as a share of what the curvature suggests.
+    pub(crate) share: f64,
+}
+
+/// One step of a search from `at`. `value` gives the value alone, at `share` of the step that the
+/// curvature suggests; the parabola through both values and the slope here says what the best share is.
+/// That is where the step ends, unless it promises less than [`UNIMPORTANT`] beyond the known value. May
+/// end above the start where the function is no parabola.
 pub(crate) fn one_step(
     first: &Evaluation,
     value: impl FnOnce(&[f64]) -> Option<f64>,
     at: &[f64],
     limits: &Limits<'_>,
-) -> Vec<f64> {
+    share: f64,
+) -> Step {
     let step = newton_direction(&first.curvature, &first.gradient, at, limits);
-    let along = |t: f64| -> Vec<f64> {
-        let trial: Vec<f64> = at.iter().zip(&step).map(|(a, s)| a + t * s).collect();
-        clamp(&trial, limits)
-    };
-    let t = first_length(&step);
-    let trial = along(t);
-    let moved: Vec<f64> = trial.iter().zip(at).map(|(t, a)| t - a).collect();
-    let slope = dot(&moved, &first.gradient);
-    let share = match value(&trial) {
-        None => 0.25,
-        Some(there) => {
-            let excess = there - first.value - slope;
-            if excess > 0.0 && slope < 0.0 {
-                (-0.5 * slope / excess).clamp(0.1, 1.0)
-            } else {
-                1.0
-            }
+    let length = first_length(&step);
+    let along = |share: f64| {
+        let moved = at.iter().zip(&step).map(|(a, s)| a + share * length * s);
+        Step {
+            at: clamp(&moved.collect::<Vec<f64>>(), limits),
+            share,
         }
     };
-    along(share * t)
+    let trial = along(share);
+    let moved: Vec<f64> = trial.at.iter().zip(at).map(|(t, a)| t - a).collect();
+    let slope = dot(&moved, &first.gradient);
+    let Some(there) = value(&trial.at) else {
+        return along(0.25 * share);
+    };
+    // Both of the whole way to the trial.
+    let excess = there - first.value - slope;
+    if excess <= 0.0 || slope >= 0.0 {
+        return trial;
+    }
+    let best = (-0.5 * slope / excess).clamp(0.1, share.recip());
+    if excess * (1.0 - best).powi(2) < UNIMPORTANT * at.len() as f64 {
+        trial
+    } else {
+        along(best * share)
+    }
 }
 
 /// The quasi-Newton step on the variables that are not held at the box.
@@ -336,6 +359,7 @@ mod tests {
             lower,
             upper,
             max_iterations: 200,
+            renewed: 0,
             tolerance: 1e-14,
         }
     }
@@ -359,5 +383,70 @@ mod tests {
     #[test]
     fn a_start_that_cannot_be_evaluated_is_refused() {
         assert!(minimise(rosenbrock, &[-2.0, 0.0], &limits(&[-5.0; 2], &[5.0; 2])).is_none());
+    }
+
+    /// Rosenbrock's function with its Hessian, where that is positive definite.
+    fn with_hessian(at: &[f64], _: bool) -> Option<Evaluation> {
+        let [x, y] = at else { return None };
+        let evaluation = rosenbrock(at, true)?;
+        let corner = 2.0 - 400.0 * (y - 3.0 * x * x);
+        let curvature = vec![
+            corner.max(800.0 * x * x + 1.0),
+            -400.0 * x,
+            -400.0 * x,
+            200.0,
+        ];
+        Some(Evaluation {
+            curvature,
+            ..evaluation
+        })
+    }
+
+    #[test]
+    fn a_curvature_that_is_renewed_saves_iterations() {
+        let (lower, upper) = ([-5.0; 2], [5.0; 2]);
+        let iterations = |renewed| {
+            let limits = Limits {
+                renewed,
+                ..limits(&lower, &upper)
+            };
+            let outcome = minimise(with_hessian, &[-1.2, 1.0], &limits).unwrap();
+            assert!(outcome.converged && (outcome.at[0] - 1.0).abs() < 1e-6);
+            outcome.iterations
+        };
+        let (never, always) = (iterations(0), iterations(200));
+        assert!(3 * always < 2 * never, "{always} {never}");
+    }
+
+    /// On (x − 1)², whose curvature is 2, from 0.
+    #[test]
+    fn one_step_learns_its_length() {
+        let (lower, upper) = ([-10.0], [10.0]);
+        let step = |curvature: f64, share: f64| {
+            let first = Evaluation {
+                value: 1.0,
+                gradient: vec![-2.0],
+                curvature: vec![curvature],
+                next_sigma2: 0.0,
+            };
+            let value = |at: &[f64]| Some((at[0] - 1.0).powi(2));
+            let Step { at, share } =
+                one_step(&first, value, &[0.0], &limits(&lower, &upper), share);
+            (at[0], share)
+        };
+        for (curvature, asked, at, share) in [
+            // Twice as long as it should be: the parabola says so.
+            (1.0, 1.0, 1.0, 0.5),
+            // When that is known, nothing is left to be mended.
+            (1.0, 0.5, 1.0, 0.5),
+            // An error of a third costs 1/9 at the end, which is not worth a step of its own.
+            (1.5, 1.0, 4.0 / 3.0, 1.0),
+            // Nor is a step lengthened beyond what the curvature suggests.
+            (4.0, 1.0, 0.5, 1.0),
+        ] {
+            let found = step(curvature, asked);
+            let error = (found.0 - at).abs().max((found.1 - share).abs());
+            assert!(error < 1e-9, "{curvature} {asked}: {found:?}");
+        }
     }
 }

@@ -30,6 +30,8 @@ use crate::{Error, Warning};
 const SCREENING: usize = 300;
 /// Each stage of polishing has about this times the points of the one before.
 const GROWTH: f64 = 2.5;
+/// From more points than this, the search goes by stages.
+const STAGED: usize = 450;
 /// How many of the starts are polished on the screening subset, and how many of the optima then
 /// found are followed further.
 const POLISHED: usize = 4;
@@ -48,6 +50,10 @@ const LONGEST_RANGE: f64 = 50.0;
 /// A likelihood counts as found when a further step promises less than this.
 const TOLERANCE: f64 = 1e-6;
 const SUBSET_TOLERANCE: f64 = 1e-2;
+/// Iterations that take the curvature from the likelihood: more where the search ends early, fewer
+/// where quasi-Newton steps are to converge.
+const RENEWED: usize = 3;
+const RENEWED_LAST: usize = 2;
 
 /// How to search for the parameters of the covariance.
 #[derive(Debug, Clone, PartialEq)]
@@ -214,9 +220,17 @@ pub(crate) struct Start {
     pub(crate) warnings: Vec<Warning>,
 }
 
-/// The parameters of highest likelihood of a subset of the data, found as [`fit()`] finds them.
-pub(crate) fn start_from_subset(subset: &Scaled, options: &FitOptions) -> Result<Start, Error> {
-    let search = Search::new(subset, options);
+/// The parameters of highest likelihood of a subset of `of` points, found as [`fit()`] finds them; but for
+/// the last steps, which more points than those of the subset make pointless.
+pub(crate) fn start_from_subset(
+    subset: &Scaled,
+    of: usize,
+    options: &FitOptions,
+) -> Result<Start, Error> {
+    let mut search = Search::new(subset, options);
+    if subset.len() < of {
+        search.tolerance = SUBSET_TOLERANCE;
+    }
     let found = search.run()?;
     let warnings = search.of_search(&found);
     let found = found.outcome.at;
@@ -266,6 +280,8 @@ struct Search<'a> {
     upper: Vec<f64>,
     /// A random order of the points; subsets are its first ones.
     order: Vec<usize>,
+    /// When the search of all points ends.
+    tolerance: f64,
 }
 
 struct Found {
@@ -302,15 +318,17 @@ impl<'a> Search<'a> {
             lower,
             upper,
             order,
+            tolerance: TOLERANCE,
         }
     }
 
     fn run(&self) -> Result<Found, Error> {
         let n = self.data.len();
         let mut sizes = vec![n];
-        while sizes[sizes.len() - 1] as f64 > GROWTH * SCREENING as f64 * 0.6 {
-            let last = sizes[sizes.len() - 1] as f64;
-            let next = (last / GROWTH) as usize;
+        while let Some(&last) = sizes.last()
+            && last > STAGED
+        {
+            let next = (last as f64 / GROWTH) as usize;
             sizes.push(next.max(SCREENING));
         }
         sizes.reverse();
@@ -319,6 +337,9 @@ impl<'a> Search<'a> {
         for (stage, &size) in sizes.iter().enumerate() {
             let last = size == n;
             let subset = self.subset(size);
+            if last && stage > 0 {
+                candidates = self.best_of(&subset, candidates);
+            }
             let polished: Vec<Found> = candidates
                 .par_iter()
                 .filter_map(|(start, jitter)| self.polish(&subset, start, *jitter, last))
@@ -339,20 +360,32 @@ impl<'a> Search<'a> {
                 }
                 break;
             }
-            let follow = if stage + 2 == sizes.len() {
-                1
-            } else {
-                FOLLOWED
-            };
             candidates = distinct
                 .into_iter()
-                .take(follow)
+                .take(FOLLOWED)
                 .map(|found| (found.outcome.at, found.jitter))
                 .collect();
         }
         Err(Error::NotPositiveDefinite {
             jitter: JITTERS[JITTERS.len() - 1],
         })
+    }
+
+    /// The one of several candidates whose likelihood on `subset` is highest: a few hundred points may
+    /// have preferred another.
+    fn best_of(&self, subset: &Scaled, candidates: Vec<(Vec<f64>, f64)>) -> Vec<(Vec<f64>, f64)> {
+        if candidates.len() < 2 {
+            return candidates;
+        }
+        let value = |(at, jitter): &(Vec<f64>, f64)| {
+            let mut likelihood = Likelihood::new(self.form(), Cow::Borrowed(subset), *jitter);
+            let evaluation = likelihood.evaluate(at, Order::Value);
+            evaluation.map_or(f64::INFINITY, |evaluation| evaluation.value)
+        };
+        let values: Vec<f64> = candidates.par_iter().map(value).collect();
+        let by_value = candidates.into_iter().zip(values);
+        let best = by_value.min_by(|(_, a), (_, b)| a.total_cmp(b));
+        best.into_iter().map(|(candidate, _)| candidate).collect()
     }
 
     /// The starts of highest likelihood on `subset`, each with the smallest jitter it needs there.
@@ -413,25 +446,18 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Finds a fitting σ² for a start's ranges by fixed-point iteration, and the value there.
-    fn value_at(&self, subset: &Scaled, mut at: Vec<f64>, jitter: f64) -> Option<(f64, Vec<f64>)> {
+    /// The value at a start's ranges and a σ² that fits them better, if the first guess at one does.
+    fn value_at(&self, subset: &Scaled, at: Vec<f64>, jitter: f64) -> Option<(f64, Vec<f64>)> {
         let mut likelihood = Likelihood::new(self.form(), Cow::Borrowed(subset), jitter);
         let last = at.len() - 1;
-        let mut best = likelihood.evaluate(&at, Order::Value)?;
-        for _ in 0..3 {
-            let mut next = at.clone();
-            next[last] = best
-                .next_sigma2
-                .ln()
-                .clamp(self.lower[last], self.upper[last]);
-            match likelihood.evaluate(&next, Order::Value) {
-                Some(evaluation) if evaluation.value < best.value => {
-                    (at, best) = (next, evaluation)
-                }
-                _ => break,
-            }
+        let first = likelihood.evaluate(&at, Order::Value)?;
+        let mut next = at.clone();
+        let ln_sigma2 = first.next_sigma2.ln();
+        next[last] = ln_sigma2.clamp(self.lower[last], self.upper[last]);
+        match likelihood.evaluate(&next, Order::Value) {
+            Some(second) if second.value < first.value => Some((second.value, next)),
+            _ => Some((first.value, at)),
         }
-        Some((best.value, at))
     }
 
     /// Searches from `start`. The jitter grows while the search keeps running into matrices that are
@@ -441,17 +467,22 @@ impl<'a> Search<'a> {
             lower: &self.lower,
             upper: &self.upper,
             max_iterations: self.options.max_iterations,
-            tolerance: if last { TOLERANCE } else { SUBSET_TOLERANCE },
+            renewed: if last { RENEWED_LAST } else { RENEWED },
+            tolerance: if last {
+                self.tolerance
+            } else {
+                SUBSET_TOLERANCE
+            },
         };
         let mut likelihood = Likelihood::new(self.form(), Cow::Borrowed(subset), jitter);
         let mut best: Option<Found> = None;
         for jitter in JITTERS.into_iter().filter(|j| *j >= jitter) {
             likelihood.jitter = jitter;
             let from = best.as_ref().map_or(start, |found| &found.outcome.at);
-            let function = |at: &[f64], first: bool| {
+            let function = |at: &[f64], curvature: bool| {
                 likelihood.evaluate(
                     at,
-                    if first {
+                    if curvature {
                         Order::Curvature
                     } else {
                         Order::Gradient

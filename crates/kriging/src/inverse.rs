@@ -11,7 +11,6 @@
 //! out, and by strips of [`STRIP`] within a panel's own triangle.
 
 use faer::linalg::matmul::matmul;
-use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::linalg::triangular_inverse::invert_lower_triangular;
 use faer::linalg::triangular_solve::solve_upper_triangular_in_place;
 use faer::prelude::{Reborrow as _, ReborrowMut as _};
@@ -33,34 +32,52 @@ pub(crate) fn invert(factor: &[f64], n: usize, inverse: &mut [f64]) {
     square(w, &mut tile);
 }
 
-/// Writes to the lower triangle of `matrix` (n × n) a random matrix whose expectation is C⁻¹:
-/// the mean of ssᵀ over `count` vectors s = L⁻ᵀz, z of random signs. Costs n² `count` multiplications and
-/// additions.
-///
-/// A trace tr(C⁻¹ ∂C) estimated by it errs by √(2 Σ_{i≠j} Aᵢⱼ²/`count`), A = L⁻¹ ∂C L⁻ᵀ (M. F. Hutchinson,
-/// Commun. Statist. Simula. 19 (1990) 433–450). The likelihood's derivative is half the trace and its
-/// expected information ½ Σ Aᵢⱼ², so that it errs by no more than 1/√`count` of its own standard
-/// deviation over data: a Newton step then ends that share of the parameters' standard errors off.
-pub(crate) fn sample(factor: &[f64], n: usize, count: usize, matrix: &mut [f64]) {
-    let mut rng = stream(0, Purpose::Fit, 3, n as u64);
-    let size = (count as f64).sqrt().recip();
-    let mut vectors: Vec<f64> = (0..n * count)
-        .map(|_| if rng.random() { size } else { -size })
-        .collect();
-    let factor = MatRef::from_column_major_slice(factor, n, n);
-    let mut vectors = MatMut::from_column_major_slice_mut(&mut vectors, n, count);
-    solve_upper_triangular_in_place(factor.transpose(), vectors.rb_mut(), Par::Seq);
-    triangular::matmul(
-        MatMut::from_column_major_slice_mut(matrix, n, n),
-        BlockStructure::TriangularLower,
-        Accum::Replace,
-        vectors.rb(),
-        BlockStructure::Rectangular,
-        vectors.rb().transpose(),
-        BlockStructure::Rectangular,
-        1.0,
-        Par::Seq,
-    );
+/// Random vectors the mean of whose squares is C⁻¹: see [`Probes::new`].
+pub(crate) struct Probes {
+    n: usize,
+    /// n × count, column-major; divided by √count.
+    vectors: Vec<f64>,
+}
+
+impl Probes {
+    /// `count` vectors s = L⁻ᵀz, z of random signs, L the factor of C. The mean of ssᵀ over them is a
+    /// random matrix whose expectation is C⁻¹.
+    ///
+    /// A trace tr(C⁻¹ ∂C) estimated by it errs by √(2 Σ_{i≠j} Aᵢⱼ²/`count`), A = L⁻¹ ∂C L⁻ᵀ (M. F.
+    /// Hutchinson, Commun. Statist. Simula. 19 (1990) 433–450). The likelihood's derivative is half the
+    /// trace and its expected information ½ Σ Aᵢⱼ², so that it errs by no more than 1/√`count` of its own
+    /// standard deviation over data: a Newton step then ends that share of the parameters' standard
+    /// errors off.
+    pub(crate) fn new(factor: &[f64], n: usize, count: usize) -> Self {
+        let mut rng = stream(0, Purpose::Fit, 3, n as u64);
+        let size = (count as f64).sqrt().recip();
+        let mut vectors: Vec<f64> = (0..n * count)
+            .map(|_| if rng.random() { size } else { -size })
+            .collect();
+        solve_upper_triangular_in_place(
+            MatRef::from_column_major_slice(factor, n, n).transpose(),
+            MatMut::from_column_major_slice_mut(&mut vectors, n, count),
+            Par::Seq,
+        );
+        Self { n, vectors }
+    }
+
+    /// The mean's rows from `start` on of its `width` columns from `start` on, column-major, in the
+    /// place of `tile`.
+    pub(crate) fn columns(&self, start: usize, width: usize, tile: &mut Vec<f64>) {
+        let (n, rows) = (self.n, self.n - start);
+        let count = self.vectors.len() / n;
+        let vectors = MatRef::from_column_major_slice(&self.vectors, n, count);
+        tile.resize(rows * width, 0.0);
+        matmul(
+            MatMut::from_column_major_slice_mut(tile, rows, width),
+            Accum::Replace,
+            vectors.subrows(start, rows),
+            vectors.subrows(start, width).transpose(),
+            1.0,
+            Par::Seq,
+        );
+    }
 }
 
 /// Where a triangle of n rows is cut in two.
@@ -240,13 +257,15 @@ mod tests {
             }
         }
         factorise(&mut matrix, n).unwrap();
-        let (mut exact, mut sampled) = (vec![0.0; n * n], vec![0.0; n * n]);
+        let mut exact = vec![0.0; n * n];
         invert(&matrix, n, &mut exact);
         let count = 20_000;
-        sample(&matrix, n, count, &mut sampled);
+        let probes = Probes::new(&matrix, n, count);
+        let mut column = Vec::new();
         for k in 0..n {
+            probes.columns(k, 1, &mut column);
             for i in k..n {
-                let (a, b) = (exact[k * n + i], sampled[k * n + i]);
+                let (a, b) = (exact[k * n + i], column[i - k]);
                 // The standard error of a mean of products is at most √(2 C⁻¹ᵢᵢ C⁻¹ₖₖ/count).
                 let scale = (exact[k * n + k] * exact[i * n + i]).sqrt();
                 let error = (2.0 / count as f64).sqrt() * scale;

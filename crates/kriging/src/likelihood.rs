@@ -18,9 +18,12 @@ use std::borrow::Cow;
 
 use crate::covariance::{self, complete, factorise, fill_correlations, log_determinant};
 use crate::gls::{Gls, Trend};
-use crate::inverse::{invert, sample};
+use crate::inverse::{Probes, invert};
 use crate::kernel::Kernel;
 use crate::scaled::Scaled;
+
+/// Columns of a sampled inverse that are computed together.
+const TILE: usize = 64;
 
 /// What an evaluation computes beyond the value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]
@@ -65,13 +68,41 @@ pub(crate) struct Likelihood<'a> {
     /// Added to the diagonal, relative to σ².
     pub(crate) jitter: f64,
     /// How many random vectors stand for the inverse in the gradient, see
-    /// [`crate::inverse::sample`]; zero for the inverse itself.
+    /// [`Probes`]; zero for the inverse itself.
     pub(crate) probes: usize,
     /// `data.columns` divided by the ranges.
     columns: Vec<Vec<f64>>,
     correlation: Vec<f64>,
     factor: Vec<f64>,
     inverse: Vec<f64>,
+}
+
+/// C⁻¹ or a random matrix in its place, the lower triangle.
+enum Inverse<'a> {
+    Whole(&'a [f64]),
+    /// A few columns at a time, in `tile`: the whole matrix would be memory to no purpose.
+    Sampled {
+        probes: Probes,
+        tile: Vec<f64>,
+    },
+}
+
+impl Inverse<'_> {
+    /// Column k from its diagonal element on. The columns must be asked for in order.
+    fn column(&mut self, k: usize, n: usize) -> &[f64] {
+        match self {
+            Self::Whole(matrix) => &matrix[k * n + k..(k + 1) * n],
+            Self::Sampled { probes, tile } => {
+                let within = k % TILE;
+                let start = k - within;
+                if within == 0 {
+                    probes.columns(start, TILE.min(n - start), tile);
+                }
+                let rows = n - start;
+                &tile[within * rows + within..(within + 1) * rows]
+            }
+        }
+    }
 }
 
 impl<'a> Likelihood<'a> {
@@ -149,12 +180,19 @@ impl<'a> Likelihood<'a> {
             next_sigma2: quadratic / count,
         };
         if order >= Order::Gradient {
-            self.inverse.resize(n * n, 0.0);
-            match self.probes {
-                0 => invert(&self.factor, n, &mut self.inverse),
-                count => sample(&self.factor, n, count, &mut self.inverse),
-            }
-            evaluation.gradient = self.gradient(parameters.len(), &beta, quadratic, sigma2, nugget);
+            let inverse = match self.probes {
+                0 => {
+                    self.inverse.resize(n * n, 0.0);
+                    invert(&self.factor, n, &mut self.inverse);
+                    Inverse::Whole(&self.inverse)
+                }
+                count => Inverse::Sampled {
+                    probes: Probes::new(&self.factor, n, count),
+                    tile: Vec::new(),
+                },
+            };
+            evaluation.gradient =
+                self.gradient(parameters.len(), inverse, &beta, quadratic, sigma2, nugget);
         }
         if order >= Order::Curvature {
             evaluation.curvature =
@@ -182,6 +220,7 @@ impl<'a> Likelihood<'a> {
     fn gradient(
         &self,
         count: usize,
+        mut inverse: Inverse<'_>,
         beta: &[f64],
         quadratic: f64,
         sigma2: f64,
@@ -190,15 +229,17 @@ impl<'a> Likelihood<'a> {
         let n = self.data.len();
         let mut gradient = vec![0.0; count];
         let (mut weights, mut squares) = (vec![0.0; n], vec![0.0; n]);
+        let mut diagonal = vec![0.0; n];
         let mut at = vec![0.0; self.columns.len()];
         for k in 0..n {
-            let run = k * n + k + 1..(k + 1) * n;
+            let column = inverse.column(k, n);
+            diagonal[k] = column[0];
             let weights = &mut weights[k + 1..];
             let scaled = beta[k] / sigma2;
             for (((w, i), r), b) in weights
                 .iter_mut()
-                .zip(&self.inverse[run.clone()])
-                .zip(&self.correlation[run])
+                .zip(&column[1..])
+                .zip(&self.correlation[k * n + k + 1..(k + 1) * n])
                 .zip(&beta[k + 1..])
             {
                 *w = (i - scaled * b) * r;
@@ -221,12 +262,12 @@ impl<'a> Likelihood<'a> {
         }
         if self.form.nugget {
             let sum: f64 = (0..n)
-                .map(|i| self.inverse[i * n + i] - beta[i] * beta[i] / sigma2)
+                .map(|i| diagonal[i] - beta[i] * beta[i] / sigma2)
                 .sum();
             gradient[count - 2] = 0.5 * nugget / sigma2 * sum;
         }
         let noise = &self.noise;
-        let trace: f64 = (0..n).map(|i| self.inverse[i * n + i] * noise[i]).sum();
+        let trace = dot(&diagonal, noise);
         let squares: f64 = beta.iter().zip(noise).map(|(b, v)| v * b * b).sum();
         gradient[count - 1] =
             0.5 * (n as f64 - trace / sigma2 - (quadratic - squares / sigma2) / sigma2);

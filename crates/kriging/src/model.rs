@@ -6,8 +6,7 @@ use rayon::prelude::*;
 
 use crate::coordinates::{Coordinates, rows};
 use crate::covariance::{
-    JITTERS, complete, factorise, fill_correlations, half_solve, log_determinant, noise_ratio,
-    solve,
+    JITTERS, factorise, fill_correlations, half_solve, log_determinant, noise_ratio, solve,
 };
 use crate::data::Points;
 use crate::gls::{Gls, Trend};
@@ -411,13 +410,13 @@ impl Model {
     fn try_solve(&self) -> Option<(Solved, f64)> {
         let n = self.points.len();
         let Parameters { sigma2, nugget, .. } = self.parameters;
-        let mut correlation = vec![0.0; n * n];
-        fill_correlations(self.kernel, &self.coordinates.columns, n, &mut correlation);
         let mut factor = vec![0.0; n * n];
         let levels = JITTERS.into_iter().filter(|j| *j > self.jitter);
         for jitter in std::iter::once(self.jitter).chain(levels) {
-            let ratio = |i: usize| noise_ratio(self.points.noise[i] + nugget, sigma2);
-            complete(&correlation, ratio, jitter, n, &mut factor);
+            fill_correlations(self.kernel, &self.coordinates.columns, n, &mut factor);
+            for (i, noise) in self.points.noise.iter().enumerate() {
+                factor[i * n + i] += jitter + noise_ratio(noise + nugget, sigma2);
+            }
             if factorise(&mut factor, n).is_ok()
                 && let Some(gls) = self.solve_trend(&factor)
             {

@@ -35,7 +35,7 @@ use rand::seq::SliceRandom as _;
 use rayon::prelude::*;
 use stats::streams::{Purpose, stream};
 
-use crate::bfgs::{Limits, minimise, one_step};
+use crate::bfgs::{Limits, Step, minimise, one_step};
 use crate::contradiction;
 use crate::coordinates::{Coordinates, rows};
 use crate::covariance::{JITTERS, noise_ratio};
@@ -183,7 +183,7 @@ pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia,
         upper,
         ranges,
         warnings,
-    } = start_from_subset(&subset, &exact)?;
+    } = start_from_subset(&subset, n, &exact)?;
     // The ranges, σ² and μ.
     points.warnings.extend(few_points(n, ranges + 2));
     let mut model = None;
@@ -192,19 +192,24 @@ pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia,
             lower: &lower,
             upper: &upper,
             max_iterations: 1,
+            renewed: 0,
             tolerance: 0.0,
         };
         let larger = scaled.subset(&order[..options.subset]);
-        at = newton_step(options.kernel, &larger, &at, &limits, |function, at| {
+        let value = |function: &mut Likelihood<'_>, at: &[f64]| {
             Some(function.evaluate(at, Order::Value)?.value)
-        });
-        // The model of all points at the end of the step has their likelihood, too.
-        at = newton_step(options.kernel, &scaled, &at, &limits, |_, at| {
+        };
+        let step = newton_step(options.kernel, &larger, &at, &limits, 1.0, value);
+        at = step.at;
+        // The model of all points at the end of the step has their likelihood, too. What was the best
+        // length for a part of the points is close to that for all.
+        let value = |_: &mut Likelihood<'_>, at: &[f64]| {
             let trial = exact_model(options, &points, &scaled, at).ok()?;
             let own = trial.nll - n as f64 * scaled.y_scale.ln() - points.within;
             model = Some((at.to_vec(), trial));
             Some(own)
-        });
+        };
+        at = newton_step(options.kernel, &scaled, &at, &limits, step.share, value).at;
     }
 
     if options.max_iterations > 0 {
@@ -220,6 +225,7 @@ pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia,
             lower: &lower,
             upper: &upper,
             max_iterations: options.max_iterations,
+            renewed: 0,
             // Relative to the likelihood of n points this is nothing.
             tolerance: 0.05,
         };
@@ -245,14 +251,15 @@ pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia,
 }
 
 /// A step with the average information on the likelihood of `data`, from `at`; `value` gives the value
-/// where the step ends. Where the matrix needs jitter, no step is taken.
+/// at `share` of it. Where the matrix needs jitter, no step is taken.
 fn newton_step<'a>(
     kernel: Kernel,
     data: &'a Scaled,
     at: &[f64],
     limits: &Limits<'_>,
+    share: f64,
     value: impl FnOnce(&mut Likelihood<'a>, &[f64]) -> Option<f64>,
-) -> Vec<f64> {
+) -> Step {
     let form = Form {
         kernel,
         ..Form::default()
@@ -260,8 +267,14 @@ fn newton_step<'a>(
     let mut function = Likelihood::new(form, Cow::Borrowed(data), 0.0);
     function.probes = PROBES;
     match function.evaluate(at, Order::Curvature) {
-        Some(evaluation) => one_step(&evaluation, |p| value(&mut function, p), at, limits),
-        None => at.to_vec(),
+        Some(evaluation) => {
+            let value = |p: &[f64]| value(&mut function, p);
+            one_step(&evaluation, value, at, limits, share)
+        }
+        None => Step {
+            at: at.to_vec(),
+            share,
+        },
     }
 }
 

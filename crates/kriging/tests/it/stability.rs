@@ -311,8 +311,11 @@ fn one_gross_outlier() {
             ..FitOptions::default()
         };
         let model = fit(&sample.data(), &options).unwrap();
-        // It is pointed out, and the model without it is as good as if it had never been there.
-        assert_eq!(model.leave_one_out().outliers(), [57]);
+        // It is pointed out, and the model without it is as good as if it had never been there. An
+        // interpolation through the error takes a point beside it for another.
+        let outliers = model.leave_one_out().outliers();
+        assert!(outliers.contains(&57), "{outliers:?}");
+        assert!(outliers.len() <= if nugget { 1 } else { 2 }, "{outliers:?}");
         let (with, _) = score(&model, &truths(2));
         assert!(with < limit, "{nugget}: {with} {limit}");
     }
