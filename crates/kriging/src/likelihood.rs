@@ -121,6 +121,11 @@ impl<'a> Likelihood<'a> {
         }
     }
 
+    /// The memory of one of the matrices, which the next evaluation would have to ask for again.
+    pub(crate) fn take_matrix(&mut self) -> Vec<f64> {
+        std::mem::take(&mut self.factor)
+    }
+
     /// Evaluates at `parameters`; `None` if the covariance is not positive definite there.
     pub(crate) fn evaluate(&mut self, parameters: &[f64], order: Order) -> Option<Evaluation> {
         let n = self.data.len();

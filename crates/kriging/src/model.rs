@@ -83,8 +83,21 @@ impl Model {
         parameters: Parameters,
         jitter: f64,
     ) -> Result<Self, Error> {
+        Self::new_in(kernel, trend, points, parameters, jitter, Vec::new())
+    }
+
+    /// [`Model::new`] whose factor takes the place of `room`, whatever is in it: the system's zeroing of
+    /// new memory costs as much as some of the arithmetic.
+    pub(crate) fn new_in(
+        kernel: Kernel,
+        trend: Trend,
+        points: Points,
+        parameters: Parameters,
+        jitter: f64,
+        room: Vec<f64>,
+    ) -> Result<Self, Error> {
         let mut model = Self::assemble(kernel, trend, points, parameters, jitter);
-        let (solved, used) = model.try_solve().ok_or(Error::NotPositiveDefinite {
+        let (solved, used) = model.try_solve(room).ok_or(Error::NotPositiveDefinite {
             jitter: JITTERS[JITTERS.len() - 1],
         })?;
         if used > jitter {
@@ -400,17 +413,17 @@ impl Model {
             // The matrix could be factorised when the model was fitted. On another processor the
             // last bits may differ, which a little more jitter absorbs.
             let (solved, _) = self
-                .try_solve()
+                .try_solve(Vec::new())
                 .expect("a correlation matrix with 1e-4 on its diagonal is positive definite");
             solved
         })
     }
 
     /// Factorises C with the model's jitter or the next that will do.
-    fn try_solve(&self) -> Option<(Solved, f64)> {
+    fn try_solve(&self, mut factor: Vec<f64>) -> Option<(Solved, f64)> {
         let n = self.points.len();
         let Parameters { sigma2, nugget, .. } = self.parameters;
-        let mut factor = vec![0.0; n * n];
+        factor.resize(n * n, 0.0);
         let levels = JITTERS.into_iter().filter(|j| *j > self.jitter);
         for jitter in std::iter::once(self.jitter).chain(levels) {
             fill_correlations(self.kernel, &self.coordinates.columns, n, &mut factor);

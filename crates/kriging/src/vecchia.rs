@@ -203,8 +203,9 @@ pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia,
         at = step.at;
         // The model of all points at the end of the step has their likelihood, too. What was the best
         // length for a part of the points is close to that for all.
-        let value = |_: &mut Likelihood<'_>, at: &[f64]| {
-            let trial = exact_model(options, &points, &scaled, at).ok()?;
+        let value = |function: &mut Likelihood<'_>, at: &[f64]| {
+            let room = function.take_matrix();
+            let trial = exact_model(options, &points, &scaled, at, room).ok()?;
             let own = trial.nll - n as f64 * scaled.y_scale.ln() - points.within;
             model = Some((at.to_vec(), trial));
             Some(own)
@@ -278,21 +279,23 @@ fn newton_step<'a>(
     }
 }
 
-/// The exact model at (ln θ₁ … ln θ_d, ln σ²) of the scaled data.
+/// The exact model at (ln θ₁ … ln θ_d, ln σ²) of the scaled data, in the place of `room`.
 fn exact_model(
     options: &VecchiaOptions,
     points: &Points,
     scaled: &Scaled,
     at: &[f64],
+    room: Vec<f64>,
 ) -> Result<Model, Error> {
     let sigma2 = at[at.len() - 1].exp();
     let parameters = in_units_of_data(points, scaled, |k| at[k].exp(), sigma2);
-    Model::new(
+    Model::new_in(
         options.kernel,
         Trend::Constant,
         points.clone(),
         parameters,
         0.0,
+        room,
     )
 }
 
