@@ -1,0 +1,22 @@
+//! A campaign file is refused with its name and a line, or it makes sense and survives the wire.
+
+#![no_main]
+
+use campaign::Campaign;
+use campaign::formulation::Problem;
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|text: &str| {
+    match Campaign::parse("some.toml", text) {
+        Err(error) => {
+            let sentence = error.to_string();
+            assert!(sentence.starts_with("some.toml, line "), "{sentence}");
+        }
+        Ok(campaign) => {
+            let again = Campaign::from_json(&campaign.to_json()).expect("it was just written");
+            assert_eq!(again, campaign);
+            let _ = campaign.warnings();
+            let _ = Problem::new(campaign);
+        }
+    }
+});
