@@ -194,10 +194,7 @@ async fn run_open(
         address,
         metrics,
     } = ports;
-    // Not written again, as a commit waits until a large file has been checked.
-    if let Some(digest) = &model_digest
-        && store.campaign().await?.model_digest.as_ref() != Some(digest)
-    {
+    if let Some(digest) = &model_digest {
         store.pin_model_digest(digest).await?;
     }
     let writer = store.writer()?;

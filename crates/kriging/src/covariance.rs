@@ -49,8 +49,20 @@ pub(crate) fn complete(
 ) {
     for k in 0..n {
         let run = k * n + k..(k + 1) * n;
-        matrix[run.clone()].copy_from_slice(&correlation[run.clone()]);
-        matrix[run.start] += jitter + noise_ratio(k);
+        matrix[run.clone()].copy_from_slice(&correlation[run]);
+    }
+    add_to_diagonal(noise_ratio, jitter, n, matrix);
+}
+
+/// Completes the correlations in `matrix` to C.
+pub(crate) fn add_to_diagonal(
+    noise_ratio: impl Fn(usize) -> f64,
+    jitter: f64,
+    n: usize,
+    matrix: &mut [f64],
+) {
+    for k in 0..n {
+        matrix[k * n + k] += jitter + noise_ratio(k);
     }
 }
 

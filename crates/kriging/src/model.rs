@@ -6,7 +6,8 @@ use rayon::prelude::*;
 
 use crate::coordinates::{Coordinates, rows};
 use crate::covariance::{
-    JITTERS, factorise, fill_correlations, half_solve, log_determinant, noise_ratio, solve,
+    JITTERS, add_to_diagonal, factorise, fill_correlations, half_solve, log_determinant,
+    noise_ratio, solve,
 };
 use crate::data::Points;
 use crate::gls::{Gls, Trend};
@@ -427,9 +428,8 @@ impl Model {
         let levels = JITTERS.into_iter().filter(|j| *j > self.jitter);
         for jitter in std::iter::once(self.jitter).chain(levels) {
             fill_correlations(self.kernel, &self.coordinates.columns, n, &mut factor);
-            for (i, noise) in self.points.noise.iter().enumerate() {
-                factor[i * n + i] += jitter + noise_ratio(noise + nugget, sigma2);
-            }
+            let ratio = |i: usize| noise_ratio(self.points.noise[i] + nugget, sigma2);
+            add_to_diagonal(ratio, jitter, n, &mut factor);
             if factorise(&mut factor, n).is_ok()
                 && let Some(gls) = self.solve_trend(&factor)
             {

@@ -28,7 +28,7 @@ fn task() -> &'static Task {
     })
 }
 
-// Two bits and the job's number tell whether the task is known and what kind of job it is.
+// Whether the task is known, the kind and the number of the job, and what was handed in.
 fuzz_target!(|input: (bool, u8, u64, f64, &[u8])| {
     let (known, kind, number, cpu_seconds, payload) = input;
     let job = u64::from(kind % 5) << 56 | number >> 8;
