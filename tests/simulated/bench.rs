@@ -14,7 +14,7 @@ use coordinator::board::Board;
 use coordinator::service::{Recorder, Service};
 use coordinator::status::Status;
 use protocol::v1::RegisterRequest;
-use store::{Batch, Receipt};
+use store::{Batch, FailureRow, Receipt};
 
 /// How long a worker may be silent.
 pub(crate) const LEASE: Duration = Duration::from_secs(5);
@@ -41,11 +41,18 @@ pub(crate) struct Memory {
 pub(crate) struct Stored {
     pub(crate) samples: Samples,
     pub(crate) criteria: BTreeMap<u64, bool>,
-    pub(crate) failures: Vec<String>,
+    pub(crate) failures: Vec<FailureRow>,
     /// Rows that came again.
     pub(crate) duplicates: u64,
     /// Rows that came again with another value.
     pub(crate) conflicts: u64,
+}
+
+impl Stored {
+    fn knows_failure(&self, worker: &str, serial: Option<u64>) -> bool {
+        let is_same = |row: &FailureRow| row.worker == worker && row.serial == serial;
+        serial.is_some() && self.failures.iter().any(is_same)
+    }
 }
 
 impl Memory {
@@ -108,11 +115,20 @@ impl Recorder for Memory {
             for row in batch.criteria {
                 stored.criteria.insert(row.design, row.feasible);
             }
-            stored
-                .failures
-                .extend(batch.failures.into_iter().map(|row| row.error));
+            for row in batch.failures {
+                if stored.knows_failure(&row.worker, row.serial) {
+                    receipt.duplicate_rows += 1;
+                } else {
+                    stored.failures.push(row);
+                    receipt.new_rows += 1;
+                }
+            }
         });
         Ok(receipt)
+    }
+
+    async fn knows_failure(&self, worker: &str, serial: u64) -> Result<bool, store::Error> {
+        Ok(self.with(|stored| stored.knows_failure(worker, Some(serial))))
     }
 
     async fn pin_model(&self, _offered: &str) -> Result<(), store::Error> {

@@ -124,13 +124,15 @@ fn a_result() -> impl Strategy<Value = JobResult> {
     let payload = prop::collection::vec(any::<u8>(), 0..40).prop_map(job_result::Outcome::Result);
     let error = "\\PC{0,40}".prop_map(job_result::Outcome::Error);
     let outcome = prop::option::of(prop_oneof![payload, error]);
-    (a_job(), any::<u32>(), outcome, any::<f64>(), any::<f64>()).prop_map(
-        |(job, attempt, outcome, cpu_seconds, wall_seconds)| JobResult {
+    let seconds = (any::<f64>(), any::<f64>());
+    (a_job(), any::<u32>(), outcome, seconds, any::<u64>()).prop_map(
+        |(job, attempt, outcome, (cpu_seconds, wall_seconds), serial)| JobResult {
             job,
             attempt,
             outcome,
             cpu_seconds,
             wall_seconds,
+            serial,
         },
     )
 }

@@ -223,7 +223,7 @@ fn run(
     }
     world.memory.with(|stored| {
         assert_eq!(stored.conflicts, 0);
-        assert_eq!(stored.failures, [""; 0]);
+        assert_eq!(stored.failures, []);
         assert!(
             stored.samples == expected(&world.problem),
             "other samples than undisturbed"
@@ -407,6 +407,7 @@ async fn stutter(problem: Arc<Problem>) -> turmoil::Result {
                 outcome: Some(job_result::Outcome::Result(serde_json::to_vec(&result)?)),
                 cpu_seconds: 0.1,
                 wall_seconds: 1.0,
+                serial: 0,
             });
         }
         let report = ReportRequest {
@@ -438,7 +439,7 @@ fn calls_that_come_twice_and_in_another_order_change_nothing() {
         sim.run().unwrap();
         world.memory.with(|stored| {
             assert_eq!(stored.conflicts, 0);
-            assert_eq!(stored.failures, [""; 0]);
+            assert_eq!(stored.failures, []);
             assert!(stored.duplicates > 0, "nothing came twice");
             assert!(stored.samples == expected(&world.problem));
         });

@@ -413,6 +413,17 @@ impl Board {
         failure
     }
 
+    /// Takes an attempt back whose failure a coordinator before this one has counted.
+    pub fn failed_before(&self, worker_id: &str, job: u64, attempt: u32) {
+        let worker = WorkerId(worker_id.to_owned());
+        let now = self.now();
+        let mut inner = self.lock();
+        inner
+            .scheduler
+            .failed_before(&worker, JobId(job), attempt, now);
+        self.release_lock(inner);
+    }
+
     /// Takes unfinished jobs back, without blame.
     pub fn release(&self, worker_id: &str, jobs: &[u64]) {
         let worker = WorkerId(worker_id.to_owned());

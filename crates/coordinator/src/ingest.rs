@@ -153,6 +153,7 @@ pub fn failure(job: u64, attempt: u32, worker: &str, kind: FailureKind, error: &
         job: job_name(job),
         attempt,
         worker: worker.to_owned(),
+        serial: None,
         kind,
         error: error.to_owned(),
         at_unix_ms: None,

@@ -12,7 +12,7 @@ use protocol::v1::{
     StatusRequest, StatusResponse, WatchRequest, WatchResponse, campaign_server, job_result,
 };
 use scheduler::Failure;
-use store::{Batch, FailureKind, Receipt, Store, Writer};
+use store::{Batch, FailureKind, FailureRow, Receipt, Store, Writer};
 use tokio::sync::watch;
 use tonic::{Request, Response, Status};
 use tracing::{debug, error, info, warn};
@@ -36,6 +36,9 @@ const HELD_JOBS: usize = 100_000;
 pub trait Recorder: Clone + Send + Sync + 'static {
     /// Stores a batch, all of it or nothing, and returns when it is safe.
     async fn record(&self, batch: Batch) -> Result<Receipt, store::Error>;
+
+    /// Whether the failure to which its worker gave this number is recorded.
+    async fn knows_failure(&self, worker: &str, serial: u64) -> Result<bool, store::Error>;
 
     /// The digest of the simulator whose samples are held, which becomes `offered` if there is none.
     async fn pin_model(&self, offered: &str) -> Result<(), store::Error>;
@@ -98,6 +101,10 @@ impl Recorder for StoreRecorder {
             });
         }
         outcome
+    }
+
+    async fn knows_failure(&self, worker: &str, serial: u64) -> Result<bool, store::Error> {
+        self.store.knows_failure(worker, serial).await
     }
 
     async fn pin_model(&self, offered: &str) -> Result<(), store::Error> {
@@ -403,8 +410,21 @@ impl<R: Recorder> Service<R> {
         }
     }
 
-    /// Counts a failure and records it.
+    /// Counts a failure and records it, once for each of the worker's numbers.
     async fn fail(&self, worker: &str, result: &JobResult, error: &str) -> Result<(), Status> {
+        let serial = (result.serial > 0).then_some(result.serial);
+        let not_stored = |error: store::Error| Status::unavailable(format!("not stored: {error}"));
+        if let Some(serial) = serial
+            && self
+                .recorder
+                .knows_failure(worker, serial)
+                .await
+                .map_err(not_stored)?
+        {
+            let (job, attempt) = (result.job, result.attempt);
+            self.board.failed_before(worker, job, attempt);
+            return Ok(());
+        }
         let name = ingest::job_name(result.job);
         let error = beginning(error, ERROR_BYTES);
         let failure = self
@@ -417,7 +437,10 @@ impl<R: Recorder> Service<R> {
             warn!(job = %name, %worker, %error, "a job failed");
             FailureKind::Failure
         };
-        let row = ingest::failure(result.job, result.attempt, worker, kind, error);
+        let row = FailureRow {
+            serial,
+            ..ingest::failure(result.job, result.attempt, worker, kind, error)
+        };
         let batch = Batch {
             failures: vec![row],
             ..Batch::default()
@@ -426,7 +449,7 @@ impl<R: Recorder> Service<R> {
             .record(batch)
             .await
             .map(|_| ())
-            .map_err(|error| Status::unavailable(format!("not stored: {error}")))
+            .map_err(not_stored)
     }
 }
 

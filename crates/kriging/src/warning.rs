@@ -173,7 +173,11 @@ impl fmt::Display for Warning {
                 if *count > worst.len() {
                     write!(f, ", and others")?;
                 }
-                Ok(())
+                write!(
+                    f,
+                    "; check them: a gross error that is taken for exact bends the model far around \
+                     it, so leave it out, give it its noise variance, or estimate a nugget"
+                )
             }
             Self::Jitter { relative } => write!(
                 f,

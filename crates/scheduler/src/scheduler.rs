@@ -247,6 +247,15 @@ impl<J: Clone> Scheduler<J> {
         }
     }
 
+    /// As [`Self::release`] of one attempt, whose failure counts already: it was reported to the
+    /// coordinator before this one, which could not acknowledge it.
+    pub fn failed_before(&mut self, worker: &WorkerId, id: JobId, attempt: u32, now: Duration) {
+        let is_held = |lease: &Lease| lease.worker == *worker && lease.attempt == attempt;
+        if self.leases(id).iter().any(is_held) {
+            self.release(worker, &[id], now);
+        }
+    }
+
     /// Ends the leases that have run out, in the order of their jobs. Those of jobs that had
     /// started count as crashes.
     pub fn expire(&mut self, now: Duration) -> Vec<Expired> {

@@ -118,6 +118,7 @@ async fn fill(
         job: format!("sample-{i}"),
         attempt: 1,
         worker: format!("worker-{}", i % 100),
+        serial: None,
         kind: FailureKind::Failure,
         error: format!(
             "cause {}: no load path in sample {i}",

@@ -140,8 +140,11 @@ async fn batches_in(
         return Ok(None);
     }
     for (owner, row) in owned(batches, |batch| &batch.failures) {
-        failure(connection, path, row).await?;
-        to[owner].new_rows += 1;
+        if failure(connection, path, row).await? {
+            to[owner].new_rows += 1;
+        } else {
+            to[owner].duplicate_rows += 1;
+        }
     }
     tally.write(connection, path).await?;
     Ok(Some(receipts))
@@ -170,18 +173,22 @@ pub(crate) async fn designs(
     Ok(receipt)
 }
 
+/// Whether the failure was new.
 async fn failure(
     connection: &mut SqliteConnection,
     path: &Path,
     row: &FailureRow,
-) -> Result<(), Error> {
+) -> Result<bool, Error> {
     let kind = row.kind.as_str();
+    let serial = row.serial.map(u64::cast_signed);
     let done = sqlx::query!(
-        "INSERT INTO failure (job, attempt, worker, kind, error, at_unix_ms)
-         VALUES (?, ?, ?, ?, ?, ?)",
+        "INSERT INTO failure (job, attempt, worker, serial, kind, error, at_unix_ms)
+         VALUES (?, ?, ?, ?, ?, ?, ?)
+         ON CONFLICT (worker, serial) WHERE serial IS NOT NULL DO NOTHING",
         row.job,
         row.attempt,
         row.worker,
+        serial,
         kind,
         row.error,
         row.at_unix_ms,
@@ -189,7 +196,11 @@ async fn failure(
     .execute(&mut *connection)
     .await
     .map_err(|e| Error::insertion("failure", path, e))?;
-    tally::count_failure(connection, path, kind, &row.error, done.last_insert_rowid()).await
+    if done.rows_affected() == 0 {
+        return Ok(false);
+    }
+    tally::count_failure(connection, path, kind, &row.error, done.last_insert_rowid()).await?;
+    Ok(true)
 }
 
 /// Replaces the responses of these designs.

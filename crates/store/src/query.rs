@@ -338,7 +338,7 @@ pub(crate) async fn optima(pool: &SqlitePool, path: &Path) -> Result<Vec<Optimum
 
 pub(crate) async fn failures(pool: &SqlitePool, path: &Path) -> Result<Vec<FailureRow>, Error> {
     let rows = sqlx::query!(
-        r#"SELECT job, attempt AS "attempt: u32", worker, kind, error, at_unix_ms
+        r#"SELECT job, attempt AS "attempt: u32", worker, serial, kind, error, at_unix_ms
            FROM failure ORDER BY failure"#
     )
     .fetch_all(pool)
@@ -350,12 +350,30 @@ pub(crate) async fn failures(pool: &SqlitePool, path: &Path) -> Result<Vec<Failu
                 job: r.job,
                 attempt: r.attempt,
                 worker: r.worker,
+                serial: r.serial.map(i64::cast_unsigned),
                 kind: kind(r.kind)?,
                 error: r.error,
                 at_unix_ms: r.at_unix_ms,
             })
         })
         .collect()
+}
+
+pub(crate) async fn knows_failure(
+    pool: &SqlitePool,
+    path: &Path,
+    worker: &str,
+    serial: u64,
+) -> Result<bool, Error> {
+    let serial = serial.cast_signed();
+    sqlx::query_scalar!(
+        r#"SELECT EXISTS (SELECT 1 FROM failure WHERE worker = ? AND serial = ?) AS "known!: bool""#,
+        worker,
+        serial,
+    )
+    .fetch_one(pool)
+    .await
+    .map_err(|e| Error::sqlite("look for a failure", path, e))
 }
 
 pub(crate) async fn job_histories(

@@ -217,6 +217,9 @@ pub struct FailureRow {
     pub attempt: u32,
     /// The worker that had it.
     pub worker: String,
+    /// The worker's own number of what it reports. A second row of this worker with this number is
+    /// not stored; without a number every row is.
+    pub serial: Option<u64>,
     /// How it went wrong.
     pub kind: FailureKind,
     /// What was reported.
@@ -278,7 +281,7 @@ pub struct Batch {
     pub runs: Vec<OptimiserRunRow>,
     /// What jobs cost.
     pub times: Vec<JobTimeRow>,
-    /// Failures; appended, so that the same one twice makes two rows.
+    /// Failures; appended, but for those that are known by their worker's number.
     pub failures: Vec<FailureRow>,
 }
 

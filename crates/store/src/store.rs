@@ -282,6 +282,11 @@ impl Store {
         query::failures(&self.readers, &self.path).await
     }
 
+    /// Whether the failure to which its worker gave this number is stored.
+    pub async fn knows_failure(&self, worker: &str, serial: u64) -> Result<bool, Error> {
+        query::knows_failure(&self.readers, &self.path, worker, serial).await
+    }
+
     /// What went wrong, by job.
     pub async fn job_histories(&self) -> Result<Vec<JobHistory>, Error> {
         query::job_histories(&self.readers, &self.path).await

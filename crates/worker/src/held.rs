@@ -62,6 +62,18 @@ struct Finished {
 struct Inner {
     computing: BTreeMap<u64, Held>,
     finished: BTreeMap<u64, Finished>,
+    /// The number of the newest result.
+    serial: u64,
+}
+
+impl Inner {
+    /// Numbers a result and keeps it until it is acknowledged.
+    fn add_result(&mut self, job: Arc<Job>, result: JobResult) {
+        self.serial += 1;
+        let serial = self.serial;
+        let result = JobResult { serial, ..result };
+        self.finished.insert(job.job, Finished { job, result });
+    }
 }
 
 /// The jobs of a worker.
@@ -120,7 +132,8 @@ impl HeldJobs {
         });
     }
 
-    /// Replaces a computed job by its result, unless nobody needs it any more.
+    /// Replaces a computed job by its result, which gets its number here, unless nobody needs it any
+    /// more.
     pub(crate) fn finish(&self, result: JobResult) {
         self.with(|inner| {
             if let Some(held) = inner.computing.remove(&result.job)
@@ -129,8 +142,7 @@ impl HeldJobs {
                 let job = held.job;
                 // The attempt that the coordinator knows of, should it have leased the job again.
                 let attempt = job.attempt;
-                let result = JobResult { attempt, ..result };
-                inner.finished.insert(job.job, Finished { job, result });
+                inner.add_result(job, JobResult { attempt, ..result });
             }
         });
         self.changed.notify_waiters();
@@ -200,9 +212,9 @@ impl HeldJobs {
                     outcome: Some(job_result::Outcome::Result(payload)),
                     cpu_seconds: part.cpu_seconds,
                     wall_seconds: part.wall_seconds,
+                    serial: 0,
                 };
-                let job = held.job;
-                inner.finished.insert(id, Finished { job, result });
+                inner.add_result(held.job, result);
             }
             given_up
         });
@@ -313,6 +325,7 @@ mod tests {
             outcome: None,
             cpu_seconds: 0.0,
             wall_seconds,
+            serial: 0,
         }
     }
 

@@ -125,6 +125,7 @@ async fn member(
                     cpu_seconds: 0.0,
                     // As from a slow machine, so that jobs stay small and all get some.
                     wall_seconds: 1.0,
+                    serial: 0,
                 };
                 let request = ReportRequest {
                     worker_id: name.clone(),

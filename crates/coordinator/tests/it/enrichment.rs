@@ -147,6 +147,7 @@ async fn work(service: Service<StoreRecorder>, problem: Arc<Problem>, id: String
                 outcome: Some(outcome),
                 cpu_seconds: 0.25,
                 wall_seconds: 0.001,
+                serial: 0,
             };
             let request = ReportRequest {
                 worker_id: id.clone(),

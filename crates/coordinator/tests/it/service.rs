@@ -119,12 +119,23 @@ impl Bench {
     }
 
     async fn report(&self, worker: &str, attempt: u32, outcome: job_result::Outcome) -> Directive {
+        self.report_numbered(worker, attempt, outcome, 0).await
+    }
+
+    async fn report_numbered(
+        &self,
+        worker: &str,
+        attempt: u32,
+        outcome: job_result::Outcome,
+        serial: u64,
+    ) -> Directive {
         let result = JobResult {
             job: JOB,
             attempt,
             outcome: Some(outcome),
             cpu_seconds: 0.5,
             wall_seconds: 0.5,
+            serial,
         };
         let request = ReportRequest {
             worker_id: worker.to_owned(),
@@ -335,6 +346,46 @@ async fn a_restarted_coordinator_takes_over_what_its_workers_hold() {
     bench.report("w", jobs[0].attempt, outcome).await;
     assert_eq!(bench.samples().await, SAMPLES);
     assert!(bench.store.failures().await.unwrap().is_empty());
+}
+
+/// The coordinator commits a failure and ends before it acknowledges it; its worker reports it to the
+/// next one.
+#[tokio::test]
+async fn a_failure_reported_again_counts_once() {
+    let mut bench = bench().await;
+    let error = || job_result::Outcome::Error("no load path".to_owned());
+    bench.register(bench.introduction("w")).await.unwrap();
+    let (jobs, _) = bench.lease("w").await;
+    let attempt = jobs[0].attempt;
+    for _ in 0..2 {
+        bench.report_numbered("w", attempt, error(), 1).await;
+    }
+    let histories = || async { bench.store.job_histories().await.unwrap() };
+    assert_eq!(histories().await[0].failures, 1);
+
+    let restarted = board(&bench.problem, 8);
+    restarted.remember(histories().await);
+    bench.service.board = Arc::clone(&restarted);
+    let mut request = bench.introduction("w");
+    request.held = jobs.clone();
+    bench.register(request).await.unwrap();
+    assert_eq!(restarted.live().counts.leased, 1, "it is taken over");
+    bench.report_numbered("w", attempt, error(), 1).await;
+    assert_eq!(restarted.live().counts.leased, 0, "and free for others");
+    assert_eq!(restarted.live().workers[0].failed, 0);
+    assert_eq!(bench.store.failures().await.unwrap().len(), 1);
+
+    // Another failure counts, also of the same job by the same worker; an overtaken copy of the first
+    // one takes nothing away from whoever holds the job now.
+    let (jobs, _) = bench.lease("w").await;
+    assert_eq!(jobs[0].job, JOB);
+    bench.report_numbered("w", attempt, error(), 1).await;
+    assert_eq!(restarted.live().counts.leased, 1);
+    bench
+        .report_numbered("w", jobs[0].attempt, error(), 2)
+        .await;
+    assert_eq!(restarted.live().workers[0].failed, 1);
+    assert_eq!(bench.store.job_histories().await.unwrap()[0].failures, 2);
 }
 
 #[tokio::test]

@@ -317,6 +317,17 @@ fn one_gross_outlier() {
         let outliers = model.leave_one_out().outliers();
         assert!(outliers.contains(&57), "{outliers:?}");
         assert!(outliers.len() <= if nugget { 1 } else { 2 }, "{outliers:?}");
+        // Whoever only fits hears of it, the worst first, and of what to do.
+        let warning = model
+            .warnings()
+            .iter()
+            .find_map(|warning| match warning {
+                Warning::Outliers { worst, .. } => Some((worst[0].observation, warning)),
+                _ => None,
+            })
+            .unwrap();
+        assert_eq!(warning.0, 57);
+        assert!(warning.1.to_string().contains("leave it out"));
         let (with, _) = score(&model, &truths(2));
         assert!(with < limit, "{nugget}: {with} {limit}");
     }

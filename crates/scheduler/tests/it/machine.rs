@@ -107,6 +107,7 @@ impl ReferenceStateMachine for Machine {
             6 => a_heartbeat(model),
             3 => a_holding(model).prop_map(|holding| Call::Complete { holding }),
             4 => a_holding(model).prop_map(|holding| Call::Fail { holding }),
+            1 => a_holding(model).prop_map(|holding| Call::FailedBefore { holding }),
             2 => release.prop_map(|(holding, mut jobs)| {
                 jobs.push(holding.job);
                 Call::Release { worker: holding.worker, jobs }
@@ -174,6 +175,10 @@ impl StateMachineTest for Machine {
             }
             Call::Fail { holding: h } => {
                 Answer::Failed(s.fail(&h.worker, h.job, h.attempt, "no".to_owned(), now))
+            }
+            Call::FailedBefore { holding: h } => {
+                s.failed_before(&h.worker, h.job, h.attempt, now);
+                Answer::None
             }
             Call::Release { worker, jobs } => {
                 s.release(&worker, &jobs, now);

@@ -18,6 +18,7 @@ pub(crate) enum Call {
     Heartbeat { worker: WorkerId, held: Vec<Held> },
     Complete { holding: Holding },
     Fail { holding: Holding },
+    FailedBefore { holding: Holding },
     Release { worker: WorkerId, jobs: Vec<JobId> },
     Expire,
     Retry,
@@ -138,6 +139,13 @@ impl Model {
             }
             Call::Complete { holding } => Answer::Completed(self.complete(holding)),
             Call::Fail { holding } => Answer::Failed(self.fail(holding)),
+            Call::FailedBefore { holding } => {
+                if self.leases.iter().any(|l| l.held == *holding) {
+                    self.see(&holding.worker);
+                    self.leases.retain(|l| l.held != *holding);
+                }
+                Answer::None
+            }
             Call::Release { worker, jobs } => {
                 self.see(worker);
                 self.leases

@@ -73,6 +73,7 @@ fn all_rows() -> Batch {
                 job: format!("sample-{}", i / 2),
                 attempt: i % 2 + 1,
                 worker: format!("w{i}"),
+                serial: None,
                 kind: [
                     FailureKind::Crash,
                     FailureKind::Failure,

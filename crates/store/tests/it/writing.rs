@@ -339,6 +339,7 @@ async fn batches_that_share_a_commit_have_receipts_of_their_own() {
         job: job.to_string(),
         attempt: 1,
         worker: "w".into(),
+        serial: None,
         kind: FailureKind::Failure,
         error: "no".into(),
         at_unix_ms: None,
@@ -492,4 +493,39 @@ fn run(approach: &str, start: u64, result_json: &str) -> OptimiserRunRow {
         simulator_calls: 10,
         cpu_seconds: 1.0,
     }
+}
+
+#[tokio::test]
+async fn a_failure_is_stored_once_for_each_number_of_its_worker() {
+    let (_folder, path) = folder();
+    let store = open(&path).await;
+    let failure = |worker: &str, serial| FailureRow {
+        job: "sample-0-0".into(),
+        attempt: 1,
+        worker: worker.into(),
+        serial,
+        kind: FailureKind::Failure,
+        error: "no".into(),
+        at_unix_ms: None,
+    };
+    let batch = Batch {
+        failures: vec![
+            failure("a", Some(1)),
+            failure("a", Some(1)),
+            failure("a", Some(2)),
+            failure("b", Some(1)),
+            failure("a", None),
+            failure("a", None),
+        ],
+        ..Batch::default()
+    };
+    let writer = store.writer().unwrap();
+    let receipt = writer.submit(batch.clone()).await.unwrap();
+    assert_eq!((receipt.new_rows, receipt.duplicate_rows), (5, 1));
+    let receipt = writer.submit(batch).await.unwrap();
+    assert_eq!((receipt.new_rows, receipt.duplicate_rows), (2, 4));
+    assert_eq!(store.failures().await.unwrap().len(), 7);
+    assert_eq!(store.failure_groups().await.unwrap()[0].count, 7);
+    assert!(store.knows_failure("b", 1).await.unwrap());
+    assert!(!store.knows_failure("b", 2).await.unwrap());
 }

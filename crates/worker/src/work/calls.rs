@@ -206,6 +206,7 @@ fn compute(shared: &Shared, job: &Job) {
         outcome: Some(outcome),
         cpu_seconds,
         wall_seconds: began.elapsed().as_secs_f64(),
+        serial: 0,
     });
 }
 
