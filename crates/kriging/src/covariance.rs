@@ -20,38 +20,28 @@ pub(crate) const JITTERS: [f64; 6] = [0.0, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4];
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct NotPositiveDefinite;
 
-/// Fills the lower triangle of `matrix` (n × n) with the correlations of the points whose scaled
-/// coordinates are `columns`.
+/// Fills the lower triangle of `matrix` (n × n), and of `copy` if there is one, with the correlations of
+/// the points whose scaled coordinates are `columns`.
 pub(crate) fn fill_correlations(
     kernel: Kernel,
     columns: &[Vec<f64>],
     n: usize,
     matrix: &mut [f64],
+    mut copy: Option<&mut [f64]>,
 ) {
     let mut at = vec![0.0; columns.len()];
     for k in 0..n {
         for (a, column) in at.iter_mut().zip(columns) {
             *a = column[k];
         }
-        let run = &mut matrix[k * n + k..(k + 1) * n];
-        run[0] = 1.0;
-        kernel.correlations(&at, |j| &columns[j][k + 1..], &mut run[1..]);
-    }
-}
-
-/// Copies the lower triangle of `correlation` to `matrix` and completes it to C.
-pub(crate) fn complete(
-    correlation: &[f64],
-    noise_ratio: impl Fn(usize) -> f64,
-    jitter: f64,
-    n: usize,
-    matrix: &mut [f64],
-) {
-    for k in 0..n {
         let run = k * n + k..(k + 1) * n;
-        matrix[run.clone()].copy_from_slice(&correlation[run]);
+        let correlations = &mut matrix[run.clone()];
+        correlations[0] = 1.0;
+        kernel.correlations(&at, |j| &columns[j][k + 1..], &mut correlations[1..]);
+        if let Some(copy) = &mut copy {
+            copy[run].copy_from_slice(correlations);
+        }
     }
-    add_to_diagonal(noise_ratio, jitter, n, matrix);
 }
 
 /// Completes the correlations in `matrix` to C.

@@ -7,8 +7,9 @@
 //! - panel I of WᵀW is the product of W's rows from I on; it needs no row above, so it can take the
 //!   place of W's rows I.
 //!
-//! Products with a triangle go by panels of [`PANEL`] rows or columns, so that most of its zeros are left
-//! out, and by strips of [`STRIP`] within a panel's own triangle.
+//! Products with a triangle go by panels of [`PANEL`] rows, so that most of its zeros are left out, and by
+//! strips of [`STRIP`] within a panel's own triangle; from the right by halves, since a strip of columns
+//! would have the whole other factor arranged anew for its few columns.
 
 use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_inverse::invert_lower_triangular;
@@ -18,7 +19,7 @@ use faer::{Accum, MatMut, MatRef, Par};
 use rand::RngExt as _;
 use stats::streams::{Purpose, stream};
 
-/// Rows or columns of a panel.
+/// Rows of a panel.
 const PANEL: usize = 384;
 /// Rows or columns of a strip. The zeros within strips cost n² times this.
 const STRIP: usize = 48;
@@ -105,26 +106,19 @@ fn invert_triangle(l: MatRef<'_, f64>, mut w: MatMut<'_, f64>, tile: &mut [f64])
 }
 
 /// `to` = A W, W a lower triangle.
-fn times_triangle(a: MatRef<'_, f64>, w: MatRef<'_, f64>, mut to: MatMut<'_, f64>) {
+fn times_triangle(a: MatRef<'_, f64>, w: MatRef<'_, f64>, to: MatMut<'_, f64>) {
     let n = w.nrows();
-    for start in (0..n).step_by(PANEL) {
-        let end = (start + PANEL).min(n);
-        for j in (start..end).step_by(STRIP) {
-            let width = STRIP.min(end - j);
-            let strip = w.submatrix(j, j, end - j, width);
-            let a = a.subcols(j, end - j);
-            product(
-                to.rb_mut().subcols_mut(j, width),
-                Accum::Replace,
-                a,
-                strip,
-                1.0,
-            );
-        }
-        let panel = w.submatrix(end, start, n - end, end - start);
-        let to = to.rb_mut().subcols_mut(start, end - start);
-        product(to, Accum::Add, a.subcols(end, n - end), panel, 1.0);
+    if n <= STRIP {
+        product(to, Accum::Replace, a, w, 1.0);
+        return;
     }
+    let half = middle(n);
+    let (w11, _, w21, w22) = w.split_at(half, half);
+    let (a1, a2) = a.split_at_col(half);
+    let (mut left, right) = to.split_at_col_mut(half);
+    times_triangle(a1, w11, left.rb_mut());
+    product(left, Accum::Add, a2, w21, 1.0);
+    times_triangle(a2, w22, right);
 }
 
 /// `to` = −W B, W a lower triangle.

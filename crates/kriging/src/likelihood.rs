@@ -16,7 +16,7 @@
 
 use std::borrow::Cow;
 
-use crate::covariance::{self, complete, factorise, fill_correlations, log_determinant};
+use crate::covariance::{self, add_to_diagonal, factorise, fill_correlations, log_determinant};
 use crate::gls::{Gls, Trend};
 use crate::inverse::{Probes, invert};
 use crate::kernel::Kernel;
@@ -143,12 +143,17 @@ impl<'a> Likelihood<'a> {
         };
 
         self.scale_columns(ln_ranges);
-        self.correlation.resize(n * n, 0.0);
         self.factor.resize(n * n, 0.0);
-        fill_correlations(self.form.kernel, &self.columns, n, &mut self.correlation);
+        // Derivatives need the correlations again.
+        let copy = (order > Order::Value).then(|| {
+            self.correlation.resize(n * n, 0.0);
+            &mut self.correlation[..]
+        });
+        let kernel = self.form.kernel;
+        fill_correlations(kernel, &self.columns, n, &mut self.factor, copy);
         let noise = &self.noise;
         let ratio = |i: usize| covariance::noise_ratio(noise[i], sigma2);
-        complete(&self.correlation, ratio, self.jitter, n, &mut self.factor);
+        add_to_diagonal(ratio, self.jitter, n, &mut self.factor);
         factorise(&mut self.factor, n).ok()?;
 
         let p = self.basis.len() / n;

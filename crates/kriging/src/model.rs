@@ -427,7 +427,8 @@ impl Model {
         factor.resize(n * n, 0.0);
         let levels = JITTERS.into_iter().filter(|j| *j > self.jitter);
         for jitter in std::iter::once(self.jitter).chain(levels) {
-            fill_correlations(self.kernel, &self.coordinates.columns, n, &mut factor);
+            let columns = &self.coordinates.columns;
+            fill_correlations(self.kernel, columns, n, &mut factor, None);
             let ratio = |i: usize| noise_ratio(self.points.noise[i] + nugget, sigma2);
             add_to_diagonal(ratio, jitter, n, &mut factor);
             if factorise(&mut factor, n).is_ok()
