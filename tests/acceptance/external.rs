@@ -1,7 +1,9 @@
 //! Campaigns whose designs an external program simulates: the Python example, and variants of it
 //! that fail. Python 3 must be on the path.
 
-use acceptance::{Sandbox, assert_code, errors, free_address, printed, root};
+use std::os::unix::process::ExitStatusExt as _;
+
+use acceptance::{SIGABRT, Sandbox, assert_code, errors, free_address, printed, root};
 use serde_json::Value;
 
 use crate::place::{DB, Place};
@@ -292,6 +294,40 @@ fn a_design_that_kills_its_workers_at_once_is_given_up() {
     assert!((3..=10).contains(&deaths), "{deaths} deaths");
     let status = finished(&sandbox, DB);
     assert_eq!(status["designs"]["done"], 19, "{status}");
+}
+
+/// Every coordinator but the last dies when its first results are stored and before it can say so.
+#[test]
+fn a_failure_that_was_not_acknowledged_is_reported_again_and_counts_once() {
+    let sandbox = Sandbox::new();
+    let file = twenty_designs(&sandbox);
+    // It fails once in all.
+    let log = path(&sandbox.path("failed"));
+    let condition = format!("{ONE_OF_20} and not os.path.exists({log:?})");
+    let action = format!("open({log:?}, 'x').close(); sys.exit('no licence')");
+    let exec = changed_program(&sandbox, "failing.py", &before_samples(&condition, &action));
+    let place = Place::of_file(&sandbox, &file);
+    let worker = place.worker(&["--slots", "1", "--exec", &exec]);
+    let dying = [("FAILPOINTS", "store::after_commit=return")];
+    let failures = || {
+        sandbox
+            .status(DB)
+            .map_or(0.into(), |s| s["failures"].clone())
+    };
+    let mut deaths = 0;
+    while failures() == 0 {
+        let (status, errors) = place.serve_with(&[], &dying).finish();
+        assert_eq!(status.signal(), Some(SIGABRT), "{status} {errors}");
+        deaths += 1;
+        assert!(deaths < 60, "no failure was stored");
+    }
+    for (name, process) in [("coordinator", place.serve(&[])), ("worker", worker)] {
+        let (status, errors) = process.finish();
+        assert_eq!(status.code(), Some(0), "{name}: {errors}");
+    }
+    let status = finished(&sandbox, DB);
+    assert_eq!(status["designs"]["done"], 20, "{status}");
+    assert_eq!(status["failures"], 1, "{status}");
 }
 
 #[test]

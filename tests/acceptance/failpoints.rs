@@ -2,9 +2,7 @@
 
 use std::os::unix::process::ExitStatusExt as _;
 
-use acceptance::{Sandbox, assert_code, free_address, small_campaign};
-
-const SIGABRT: i32 = 6;
+use acceptance::{SIGABRT, Sandbox, assert_code, free_address, small_campaign};
 
 #[test]
 fn a_coordinator_that_dies_around_a_commit_loses_and_repeats_nothing() {

@@ -38,9 +38,13 @@ impl<'s> Place<'s> {
     }
 
     pub(crate) fn serve(&self, options: &[&str]) -> Running {
+        self.serve_with(options, &[])
+    }
+
+    pub(crate) fn serve_with(&self, options: &[&str], variables: &[(&str, &str)]) -> Running {
         let serve = ["serve", &self.file, "--db", DB, "--listen", &self.address];
         self.sandbox
-            .start("coordinator", &[&serve, options].concat())
+            .start_with("coordinator", &[&serve, options].concat(), variables)
     }
 
     pub(crate) fn worker(&self, options: &[&str]) -> Running {

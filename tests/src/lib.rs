@@ -106,6 +106,9 @@ pub fn small_campaign(designs: u32, samples: u32) -> String {
     ])
 }
 
+/// The signal of a process that aborts itself, as at a fail point.
+pub const SIGABRT: i32 = 6;
+
 /// The pair file of the paper's Figure 7.
 pub const FIGURE_7: &str = r#"[pair]
 teeth = [20, 22]

@@ -58,11 +58,21 @@ struct Finished {
     result: JobResult,
 }
 
+impl Finished {
+    fn is_failure(&self) -> bool {
+        matches!(self.result.outcome, Some(job_result::Outcome::Error(_)))
+    }
+}
+
 #[derive(Debug, Default)]
 struct Inner {
     computing: BTreeMap<u64, Held>,
+    /// Results, by their jobs.
     finished: BTreeMap<u64, Finished>,
-    /// The number of the newest result.
+    /// Failures, by their numbers: a job that failed may be leased again before the coordinator has
+    /// acknowledged that it did.
+    failed: BTreeMap<u64, Finished>,
+    /// The number of the newest result or failure.
     serial: u64,
 }
 
@@ -72,7 +82,18 @@ impl Inner {
         self.serial += 1;
         let serial = self.serial;
         let result = JobResult { serial, ..result };
-        self.finished.insert(job.job, Finished { job, result });
+        let id = job.job;
+        let finished = Finished { job, result };
+        if finished.is_failure() {
+            self.failed.insert(serial, finished);
+        } else {
+            self.finished.insert(id, finished);
+        }
+    }
+
+    /// What waits for its acknowledgement.
+    fn unacknowledged(&self) -> impl Iterator<Item = &Finished> {
+        self.finished.values().chain(self.failed.values())
     }
 }
 
@@ -155,6 +176,9 @@ impl HeldJobs {
             return;
         }
         self.with(|inner| {
+            inner
+                .failed
+                .retain(|_, failed| !jobs.contains(&failed.job.job));
             for job in jobs {
                 inner.finished.remove(job);
                 match inner.computing.get(job) {
@@ -171,8 +195,13 @@ impl HeldJobs {
     /// Forgets everything, as when the coordinator has another campaign.
     pub(crate) fn cancel_all(&self) {
         let jobs: Vec<u64> = self.with(|inner| {
-            let finished = inner.finished.keys();
-            inner.computing.keys().chain(finished).copied().collect()
+            let unacknowledged = inner.unacknowledged().map(|finished| finished.job.job);
+            inner
+                .computing
+                .keys()
+                .copied()
+                .chain(unacknowledged)
+                .collect()
         });
         self.cancel(&jobs);
     }
@@ -229,7 +258,7 @@ impl HeldJobs {
 
     /// How many results wait for their acknowledgement.
     pub(crate) fn unacknowledged(&self) -> usize {
-        self.with(|inner| inner.finished.len())
+        self.with(|inner| inner.unacknowledged().count())
     }
 
     /// What to ask for with `slots` slots; none while enough is held.
@@ -251,7 +280,7 @@ impl HeldJobs {
         self.with(|inner| {
             let mut bytes = 0;
             let mut results = Vec::new();
-            for finished in inner.finished.values().take(RESULTS_PER_REPORT) {
+            for finished in inner.unacknowledged().take(RESULTS_PER_REPORT) {
                 bytes += match &finished.result.outcome {
                     Some(job_result::Outcome::Result(payload)) => payload.len(),
                     Some(job_result::Outcome::Error(error)) => error.len(),
@@ -269,14 +298,24 @@ impl HeldJobs {
     /// Forgets acknowledged results.
     pub(crate) fn acknowledge(&self, results: &[JobResult]) {
         self.with(|inner| {
-            for result in results {
-                inner.finished.remove(&result.job);
+            for JobResult { job, serial, .. } in results {
+                inner.failed.remove(serial);
+                // Another result of the job, of which the coordinator has not heard, must stay.
+                if inner
+                    .finished
+                    .get(job)
+                    .is_some_and(|finished| finished.result.serial == *serial)
+                {
+                    inner.finished.remove(job);
+                }
             }
         });
         self.changed.notify_waiters();
     }
 
-    /// All jobs for a heartbeat; finished but unacknowledged ones included, as they are still ours.
+    /// All jobs for a heartbeat; finished but unacknowledged ones included, as they are still ours. Not
+    /// those that failed: the coordinator may have taken note of that already, and would take the call
+    /// for a sign that they are being computed again.
     pub(crate) fn attempts(&self) -> Vec<JobAttempt> {
         self.with(|inner| {
             let attempt = |job: &Job, started| JobAttempt {
@@ -298,7 +337,7 @@ impl HeldJobs {
             let computing = inner.computing.values();
             let computing = computing.filter(|held| !held.cancelled.load(Ordering::Relaxed));
             let computing = computing.map(|held| Job::clone(&held.job));
-            let finished = inner.finished.values();
+            let finished = inner.unacknowledged();
             let finished = finished.map(|finished| Job::clone(&finished.job));
             computing.chain(finished).collect()
         })
@@ -356,6 +395,40 @@ mod tests {
         assert_eq!(held.attempts()[0].attempt, 3);
         held.finish(result(7, 1.0));
         assert_eq!(held.results()[0].attempt, 3, "an older one would be stale");
+    }
+
+    #[test]
+    fn a_job_that_failed_may_be_leased_again_before_its_failure_is_acknowledged() {
+        let held = HeldJobs::default();
+        let failure = |attempt| JobResult {
+            attempt,
+            outcome: Some(job_result::Outcome::Error("no load path".to_owned())),
+            ..result(7, 1.0)
+        };
+        held.take(&job(7));
+        held.start(7);
+        held.finish(failure(1));
+        assert_eq!(held.jobs().len(), 1, "a restarted coordinator learns of it");
+        assert!(held.attempts().is_empty(), "it is not being computed");
+        let first = held.results();
+
+        let again = Job {
+            attempt: 2,
+            ..Job::clone(&job(7))
+        };
+        assert!(held.take(&Arc::new(again)), "another attempt");
+        held.start(7);
+        held.finish(failure(2));
+        let both: Vec<(u32, u64)> = held
+            .results()
+            .iter()
+            .map(|result| (result.attempt, result.serial))
+            .collect();
+        assert_eq!(both, [(1, 1), (2, 2)]);
+        held.acknowledge(&first);
+        assert_eq!(held.results()[0].serial, 2, "only what was reported");
+        held.cancel(&[7]);
+        assert_eq!(held.unacknowledged(), 0);
     }
 
     #[test]
