@@ -5,6 +5,7 @@ mod campaign;
 mod chaos;
 mod cluster;
 mod commands;
+mod deploy;
 mod enriched;
 mod external;
 mod failpoints;

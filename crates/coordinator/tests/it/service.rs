@@ -11,7 +11,7 @@ use campaign::task::{DesignOutcome, Task, TaskResult, execute};
 use campaign::{Campaign, probe};
 use coordinator::board::Board;
 use coordinator::service::{Service, StoreRecorder};
-use coordinator::status::Status;
+use coordinator::status::{Optimum, Progress, Status};
 use protocol::Refusal;
 use protocol::v1::campaign_server::Campaign as _;
 use protocol::v1::{
@@ -386,6 +386,58 @@ async fn a_failure_reported_again_counts_once() {
         .await;
     assert_eq!(restarted.live().workers[0].failed, 1);
     assert_eq!(bench.store.job_histories().await.unwrap()[0].failures, 2);
+}
+
+#[tokio::test]
+async fn what_a_worker_says_of_itself_is_bounded() {
+    let bench = bench().await;
+    let mut request = bench.introduction("w");
+    request.host = "\u{e4}".repeat(10_000);
+    bench.register(request.clone()).await.unwrap();
+    let host = bench.board.live().workers[0].host.clone();
+    assert!(host.len() <= 256 && host.len() >= 255, "{}", host.len());
+    assert!(
+        host.chars().all(|c| c == '\u{e4}'),
+        "cut within a character"
+    );
+
+    request.held = vec![Job::default(); 100_001];
+    let refused = bench.register(request).await.unwrap_err();
+    assert_eq!(Refusal::of(&refused), Some(Refusal::Malformed));
+    assert!(refused.message().contains("100000"), "{refused}");
+}
+
+#[tokio::test]
+async fn time_to_go_is_that_of_the_stage() {
+    let bench = bench().await;
+    bench.register(bench.introduction("w")).await.unwrap();
+    let mut live = bench.board.live();
+    live.workers[0].slots = 4;
+    live.samples_per_second = 50.0;
+    live.run_seconds = Some(6.0);
+    let mut status = coordinator::status::read(&bench.store).await.unwrap();
+    let of_stage = |status: &Status| status.clone().with(live.clone()).live.unwrap().eta_seconds;
+
+    // Three approaches with as many starts as the paper's file says.
+    status.stage = "optimise".to_owned();
+    status.optimiser_runs.done = status.optimiser_runs.wanted - 2;
+    assert_eq!(of_stage(&status), Some(2.0 * 6.0 / 4.0));
+
+    status.stage = "verify".to_owned();
+    let optimum = |done| Optimum {
+        approach: "kriging".to_owned(),
+        criterion_um: Some(1.5),
+        verified: Progress { done, wanted: 1000 },
+    };
+    status.optima = vec![optimum(400), optimum(1000)];
+    assert_eq!(of_stage(&status), Some(600.0 / 50.0));
+
+    status.stage = "fit".to_owned();
+    assert_eq!(of_stage(&status), None, "nobody knows");
+    let mut idle = live.clone();
+    idle.samples_per_second = 0.0;
+    status.stage = "verify".to_owned();
+    assert_eq!(status.with(idle).live.unwrap().eta_seconds, None);
 }
 
 #[tokio::test]
