@@ -51,7 +51,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         noise_variance: &noise_variance,
     };
     let n = y.len();
-    println!("n = {n}, d = {d}; processor time in seconds (wall clock's)");
+    println!("n = {n}, d = {d}; processor time in seconds");
 
     let a = Mat::<f64>::from_fn(n, n, |i, j| (i + 2 * j) as f64 / n as f64);
     let mut b = a.clone();
