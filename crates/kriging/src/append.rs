@@ -1,8 +1,9 @@
 //! More observations for a fitted model, with its covariance parameters kept.
 
-use crate::covariance::{self, factorise, noise_ratio};
+use crate::covariance::noise_ratio;
 use crate::data::{Points, keep, merge};
 use crate::model::{Model, Solved};
+use crate::panels::{Lower, factorise, half_solve};
 use crate::{Data, Error, Warning};
 
 impl Model {
@@ -74,7 +75,7 @@ impl Model {
     /// The factor of `longer`'s matrix, whose first points are those of this model: with L that of
     /// the old matrix, B the correlations of the new points with the old ones and D the new
     /// points' matrix, the new rows are M = (L⁻¹B)ᵀ and the factor of D − MMᵀ.
-    fn extended_factor(&self, longer: &Self) -> Option<Vec<f64>> {
+    fn extended_factor(&self, longer: &Self) -> Option<Lower> {
         let (old, n) = (self.points(), longer.points());
         let m = n - old;
         let solved = self.solved();
@@ -97,37 +98,29 @@ impl Model {
             corner[k * m + k] = 1.0 + longer.jitter + noise_ratio(noise, longer.parameters.sigma2);
         }
         let diagonal: Vec<f64> = (0..m).map(|k| corner[k * m + k]).collect();
-        covariance::half_solve(&solved.factor, old, &mut cross);
-        for k in 0..m {
-            for i in k..m {
-                let product: f64 = cross[k * old..(k + 1) * old]
-                    .iter()
-                    .zip(&cross[i * old..(i + 1) * old])
-                    .map(|(a, b)| a * b)
-                    .sum();
-                corner[k * m + i] -= product;
-            }
-        }
-        factorise(&mut corner, m).ok()?;
+        half_solve(&solved.factor, &mut cross);
+        let row = |k: usize| &cross[k * old..(k + 1) * old];
+        let mut corner = Lower::from_fn(m, |i, k| {
+            let products = row(k).iter().zip(row(i)).map(|(a, b)| a * b);
+            corner[k * m + i] - products.sum::<f64>()
+        });
+        factorise(&mut corner).ok()?;
         // What is left of a new point's variance may be rounding only: then the matrix needs more
         // jitter, which the full factorisation finds.
         let rounding = n as f64 * f64::EPSILON;
-        if (0..m).any(|k| corner[k * m + k].powi(2) <= rounding * diagonal[k]) {
+        let lost = |(l, c): (f64, &f64)| l * l <= rounding * c;
+        if corner.diagonal().zip(&diagonal).any(lost) {
             return None;
         }
-        let mut factor = vec![0.0; n * n];
-        for k in 0..old {
-            let column = &mut factor[k * n..(k + 1) * n];
-            column[k..old].copy_from_slice(&solved.factor[k * old + k..(k + 1) * old]);
-            for i in 0..m {
-                column[old + i] = cross[i * old + k];
+        Some(Lower::from_fn(n, |i, k| {
+            if i < old {
+                solved.factor.get(i, k)
+            } else if k < old {
+                row(i - old)[k]
+            } else {
+                corner.get(i - old, k - old)
             }
-        }
-        for k in 0..m {
-            factor[(old + k) * n + old + k..(old + k + 1) * n]
-                .copy_from_slice(&corner[k * m + k..(k + 1) * m]);
-        }
-        Some(factor)
+        }))
     }
 
     /// The model of the old points, each with its merged observation, and the new ones.

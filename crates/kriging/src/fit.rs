@@ -101,7 +101,7 @@ impl Default for FitOptions {
 /// noise variances are taken as given. The result depends on the data and the options only, not on
 /// the order of the observations or the number of threads (rayon's, used over the starts).
 ///
-/// Cost: a Cholesky factor and an inverse per iteration, about n³ multiplications; memory 4 n²
+/// Cost: a Cholesky factor and an inverse per iteration, about n³ multiplications; memory 2 n²
 /// numbers.
 ///
 /// # Errors

@@ -1,7 +1,7 @@
 //! Derivatives of the prediction with respect to the point.
 
-use crate::covariance::solve;
 use crate::model::{Model, Prediction};
+use crate::panels::solve;
 
 /// A prediction and its derivatives.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,7 +41,7 @@ impl Model {
         let solved = self.solved();
         let (correlation, factors) = self.correlations_and_factors(x);
         let mut weights = correlation.clone();
-        solve(&solved.factor, n, &mut weights);
+        solve(&solved.factor, &mut weights);
 
         // variance/σ² = 1 − rᵀC⁻¹r + uᵀ(FᵀC⁻¹F)⁻¹u with u = f − FᵀC⁻¹r; its derivative is
         // −2 r'ᵀC⁻¹r + 2 u'ᵀ(FᵀC⁻¹F)⁻¹u with u' = f' − FᵀC⁻¹r'.

@@ -31,6 +31,8 @@ use serde::{Deserialize, Serialize};
 use crate::Error;
 use crate::exponential::multiply_by_exp_of_minus;
 
+mod panel;
+
 /// The correlation function: a product over the coordinates, unless its name says radial.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -120,6 +122,26 @@ impl Kernel {
                 *e += a * a;
             }),
             Self::Exponential => both.for_each(|((_, e), c)| *e += (c - at).abs()),
+        }
+    }
+
+    /// What [`Kernel::accumulate`] multiplies by and adds for one difference.
+    #[inline(always)]
+    fn factor_and_exponent<S: Simd>(self, simd: S, difference: S::f64s) -> (S::f64s, S::f64s) {
+        let one = simd.splat_f64s(1.0);
+        let a = simd.abs_f64s(difference);
+        match self {
+            Self::Matern52 => {
+                let third = simd.mul_f64s(a, simd.splat_f64s(1.0 / 3.0));
+                let inner = simd.mul_f64s(a, simd.add_f64s(one, third));
+                (simd.add_f64s(one, inner), a)
+            }
+            Self::Matern32 => (simd.add_f64s(one, a), a),
+            Self::Exponential => (one, a),
+            Self::SquaredExponential
+            | Self::RadialMatern52
+            | Self::RadialMatern32
+            | Self::RadialExponential => (one, simd.mul_f64s(a, a)),
         }
     }
 
@@ -221,7 +243,7 @@ impl Kernel {
         }
     }
 
-    fn is_radial(self) -> bool {
+    pub(crate) fn is_radial(self) -> bool {
         matches!(
             self,
             Self::RadialMatern52 | Self::RadialMatern32 | Self::RadialExponential
@@ -244,27 +266,6 @@ impl Kernel {
             weights,
             add,
         });
-    }
-
-    /// With D the derivatives of the `correlations` between a point and a run of points,
-    /// ∂ correlationᵢ/∂ ln θ of one coordinate: adds Dᵢ `from` to `onto`ᵢ and returns Σᵢ Dᵢ `with`ᵢ.
-    pub(crate) fn derivatives_times(
-        self,
-        at: f64,
-        column: &[f64],
-        correlations: &[f64],
-        (with, from): (&[f64], f64),
-        onto: &mut [f64],
-    ) -> f64 {
-        Arch::new().dispatch(DerivativesTimes {
-            kernel: self,
-            at,
-            column,
-            correlations,
-            with,
-            from,
-            onto,
-        })
     }
 
     /// Σᵢ `weights`ᵢ ∂ ln(correlationᵢ)/∂ at for one scaled coordinate. Where a kernel has a kink,
@@ -298,6 +299,8 @@ macro_rules! for_each_kernel {
         }
     };
 }
+
+use for_each_kernel;
 
 /// [`Kernel::correlations`] for one instruction set.
 struct Correlations<'s, F> {
@@ -423,8 +426,7 @@ impl<'a, F: Fn(usize) -> &'a [f64], G: FnMut(usize, f64)> DerivativeDots<'_, F, 
     }
 }
 
-/// Adds the terms of [`LANES`] points to the sums of N coordinates. Divisions are slow, and one does
-/// for all: w/q₁ is w/(q₁q₂q₃) times q₂q₃.
+/// Adds the terms of [`LANES`] points to the sums of N coordinates.
 #[inline(always)]
 fn add_dots<S: Simd, const N: usize>(
     kernel: Kernel,
@@ -435,86 +437,44 @@ fn add_dots<S: Simd, const N: usize>(
     sums: &mut [[f64; LANES]; N],
 ) {
     for (v, weight) in S::as_simd_f64s(weights).0.iter().enumerate() {
-        let one = simd.splat_f64s(1.0);
-        let (mut above, mut below) = ([one; N], [one; N]);
-        // The product of the denominators before each.
-        let mut before = [one; N];
-        let mut all = one;
-        for g in 0..N {
-            let column = S::as_simd_f64s(columns[g]).0[v];
-            let a = simd.abs_f64s(simd.sub_f64s(column, simd.splat_f64s(at[g])));
-            (above[g], below[g]) = kernel.log_derivative_fraction(simd, a);
-            before[g] = all;
-            all = simd.mul_f64s(all, below[g]);
-        }
-        // The weight over the product of the denominators up to each.
-        let mut share = simd.div_f64s(*weight, all);
-        for g in (0..N).rev() {
-            let sum = &mut S::as_mut_simd_f64s(&mut sums[g]).0[v];
-            let term = simd.mul_f64s(above[g], simd.mul_f64s(before[g], share));
+        let columns = columns.map(|column| S::as_simd_f64s(column).0[v]);
+        let terms = weighted_derivatives(kernel, simd, at, columns, *weight);
+        for (sums, term) in sums.iter_mut().zip(terms) {
+            let sum = &mut S::as_mut_simd_f64s(sums).0[v];
             *sum = simd.add_f64s(*sum, term);
-            share = simd.mul_f64s(share, below[g]);
         }
     }
 }
 
-/// [`Kernel::derivatives_times`] for one instruction set.
-struct DerivativesTimes<'s> {
+/// A weight times ∂ ln(correlation)/∂ ln θ of N coordinates. Divisions are slow, and one does for all:
+/// w/q₁ is w/(q₁q₂q₃) times q₂q₃.
+#[inline(always)]
+fn weighted_derivatives<S: Simd, const N: usize>(
     kernel: Kernel,
-    at: f64,
-    column: &'s [f64],
-    correlations: &'s [f64],
-    with: &'s [f64],
-    from: f64,
-    onto: &'s mut [f64],
-}
-
-impl WithSimd for DerivativesTimes<'_> {
-    type Output = f64;
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> f64 {
-        for_each_kernel!(self.run(simd))
+    simd: S,
+    at: [f64; N],
+    columns: [S::f64s; N],
+    weight: S::f64s,
+) -> [S::f64s; N] {
+    let one = simd.splat_f64s(1.0);
+    let (mut above, mut below) = ([one; N], [one; N]);
+    // The product of the denominators before each.
+    let mut before = [one; N];
+    let mut all = one;
+    for g in 0..N {
+        let a = simd.abs_f64s(simd.sub_f64s(columns[g], simd.splat_f64s(at[g])));
+        (above[g], below[g]) = kernel.log_derivative_fraction(simd, a);
+        before[g] = all;
+        all = simd.mul_f64s(all, below[g]);
     }
-}
-
-impl DerivativesTimes<'_> {
-    #[inline(always)]
-    fn run<S: Simd>(self, kernel: Kernel, simd: S) -> f64 {
-        let (columns, column_rest) = self.column.as_chunks::<LANES>();
-        let (correlations, correlation_rest) = self.correlations.as_chunks::<LANES>();
-        let (with, with_rest) = self.with.as_chunks::<LANES>();
-        let (onto, onto_rest) = self.onto.as_chunks_mut::<LANES>();
-        let (at, from) = (simd.splat_f64s(self.at), simd.splat_f64s(self.from));
-        let mut sums = [0.0; LANES];
-        for (((c, r), w), o) in columns.iter().zip(correlations).zip(with).zip(onto) {
-            let run = S::as_simd_f64s(c)
-                .0
-                .iter()
-                .zip(S::as_simd_f64s(r).0)
-                .zip(S::as_simd_f64s(w).0)
-                .zip(S::as_mut_simd_f64s(o).0)
-                .zip(S::as_mut_simd_f64s(&mut sums).0);
-            for ((((c, r), w), o), sum) in run {
-                let a = simd.abs_f64s(simd.sub_f64s(*c, at));
-                let (above, below) = kernel.log_derivative_fraction(simd, a);
-                let derivative = simd.mul_f64s(*r, simd.div_f64s(above, below));
-                *o = simd.add_f64s(*o, simd.mul_f64s(derivative, from));
-                *sum = simd.add_f64s(*sum, simd.mul_f64s(derivative, *w));
-            }
-        }
-        let rest = column_rest
-            .iter()
-            .zip(correlation_rest)
-            .zip(with_rest)
-            .zip(onto_rest);
-        for (lane, (((c, r), w), o)) in rest.enumerate() {
-            let derivative = r * kernel.log_derivative((c - self.at).abs());
-            *o += derivative * self.from;
-            sums[lane] += derivative * w;
-        }
-        sums.iter().sum()
+    // The weight over the product of the denominators up to each.
+    let mut share = simd.div_f64s(weight, all);
+    let mut terms = above;
+    for g in (0..N).rev() {
+        terms[g] = simd.mul_f64s(above[g], simd.mul_f64s(before[g], share));
+        share = simd.mul_f64s(share, below[g]);
     }
+    terms
 }
 
 impl fmt::Display for Kernel {

@@ -16,14 +16,19 @@
 
 use std::borrow::Cow;
 
-use crate::covariance::{self, add_to_diagonal, factorise, fill_correlations, log_determinant};
+use pulp::{Arch, Simd, WithSimd};
+
+use crate::covariance::{self, add_to_diagonal, coordinates, fill_correlations, log_determinant};
 use crate::gls::{Gls, Trend};
-use crate::inverse::{Probes, invert};
 use crate::kernel::Kernel;
+use crate::panels::{
+    Column, Lower, ROWS, Upper, factorise, invert_transposed, panels, rows, solve, square,
+};
+use crate::probes::Probes;
 use crate::scaled::Scaled;
 
-/// Columns of a sampled inverse that are computed together.
-const TILE: usize = 64;
+/// Columns whose weights in the gradient are computed together: they stay in the first-level cache.
+const RUN: usize = 64;
 
 /// What an evaluation computes beyond the value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]
@@ -72,34 +77,31 @@ pub(crate) struct Likelihood<'a> {
     pub(crate) probes: usize,
     /// `data.columns` divided by the ranges.
     columns: Vec<Vec<f64>>,
-    correlation: Vec<f64>,
-    factor: Vec<f64>,
-    inverse: Vec<f64>,
+    correlation: Lower,
+    factor: Lower,
+    /// L⁻ᵀ.
+    half_inverse: Upper,
+    inverse: Lower,
 }
 
-/// C⁻¹ or a random matrix in its place, the lower triangle.
+/// C⁻¹ or a random matrix in its place.
 enum Inverse<'a> {
-    Whole(&'a [f64]),
-    /// A few columns at a time, in `tile`: the whole matrix would be memory to no purpose.
+    Whole(&'a Lower),
+    /// A panel at a time, in `panel`: the whole matrix would be memory to no purpose.
     Sampled {
         probes: Probes,
-        tile: Vec<f64>,
+        panel: Vec<Column>,
     },
 }
 
 impl Inverse<'_> {
-    /// Column k from its diagonal element on. The columns must be asked for in order.
-    fn column(&mut self, k: usize, n: usize) -> &[f64] {
+    fn panel(&mut self, p: usize) -> &[Column] {
         match self {
-            Self::Whole(matrix) => &matrix[k * n + k..(k + 1) * n],
-            Self::Sampled { probes, tile } => {
-                let within = k % TILE;
-                let start = k - within;
-                if within == 0 {
-                    probes.columns(start, TILE.min(n - start), tile);
-                }
-                let rows = n - start;
-                &tile[within * rows + within..(within + 1) * rows]
+            Self::Whole(matrix) => matrix.panel(p),
+            Self::Sampled { probes, panel } => {
+                panel.resize((p + 1) * ROWS, Column([0.0; ROWS]));
+                probes.panel(p, panel);
+                panel
             }
         }
     }
@@ -115,14 +117,15 @@ impl<'a> Likelihood<'a> {
             probes: 0,
             columns: data.columns.clone(),
             data,
-            correlation: Vec::new(),
-            factor: Vec::new(),
-            inverse: Vec::new(),
+            correlation: Lower::default(),
+            factor: Lower::default(),
+            half_inverse: Upper::default(),
+            inverse: Lower::default(),
         }
     }
 
     /// The memory of one of the matrices, which the next evaluation would have to ask for again.
-    pub(crate) fn take_matrix(&mut self) -> Vec<f64> {
+    pub(crate) fn take_matrix(&mut self) -> Lower {
         std::mem::take(&mut self.factor)
     }
 
@@ -143,23 +146,19 @@ impl<'a> Likelihood<'a> {
         };
 
         self.scale_columns(ln_ranges);
-        self.factor.resize(n * n, 0.0);
         // Derivatives need the correlations again.
-        let copy = (order > Order::Value).then(|| {
-            self.correlation.resize(n * n, 0.0);
-            &mut self.correlation[..]
-        });
+        let copy = (order > Order::Value).then_some(&mut self.correlation);
         let kernel = self.form.kernel;
         fill_correlations(kernel, &self.columns, n, &mut self.factor, copy);
         let noise = &self.noise;
         let ratio = |i: usize| covariance::noise_ratio(noise[i], sigma2);
-        add_to_diagonal(ratio, self.jitter, n, &mut self.factor);
-        factorise(&mut self.factor, n).ok()?;
+        add_to_diagonal(ratio, self.jitter, &mut self.factor);
+        factorise(&mut self.factor).ok()?;
 
         let p = self.basis.len() / n;
         let mut solved = self.basis.clone();
         solved.extend_from_slice(&self.data.y);
-        covariance::solve(&self.factor, n, &mut solved);
+        solve(&self.factor, &mut solved);
         let mut beta = solved.split_off(p * n);
         let mut trend: Vec<f64> = self.basis.chunks(n).map(|f| dot(f, &beta)).collect();
         let gls = Gls::new(&self.basis, solved, n)?;
@@ -174,7 +173,7 @@ impl<'a> Likelihood<'a> {
         }
         let quadratic = dot(&z, &beta);
 
-        let log_determinant = log_determinant(&self.factor, n);
+        let log_determinant = log_determinant(&self.factor);
         let count = n as f64;
         let value = 0.5
             * (count * (std::f64::consts::TAU.ln() + ln_sigma2)
@@ -192,13 +191,13 @@ impl<'a> Likelihood<'a> {
         if order >= Order::Gradient {
             let inverse = match self.probes {
                 0 => {
-                    self.inverse.resize(n * n, 0.0);
-                    invert(&self.factor, n, &mut self.inverse);
+                    invert_transposed(&self.factor, &mut self.half_inverse);
+                    square(&self.half_inverse, &mut self.inverse);
                     Inverse::Whole(&self.inverse)
                 }
                 count => Inverse::Sampled {
-                    probes: Probes::new(&self.factor, n, count),
-                    tile: Vec::new(),
+                    probes: Probes::new(&self.factor, count),
+                    panel: Vec::new(),
                 },
             };
             evaluation.gradient =
@@ -237,38 +236,50 @@ impl<'a> Likelihood<'a> {
         nugget: f64,
     ) -> Vec<f64> {
         let n = self.data.len();
+        let kernel = self.form.kernel;
         let mut gradient = vec![0.0; count];
-        let (mut weights, mut squares) = (vec![0.0; n], vec![0.0; n]);
-        let mut diagonal = vec![0.0; n];
+        let mut sums = vec![[0.0; 8]; self.columns.len()];
+        let mut diagonal = Vec::with_capacity(n);
+        let mut weights = [Column([0.0; ROWS]); RUN];
+        let mut squares = [0.0; ROWS];
         let mut at = vec![0.0; self.columns.len()];
-        for k in 0..n {
-            let column = inverse.column(k, n);
-            diagonal[k] = column[0];
-            let weights = &mut weights[k + 1..];
-            let scaled = beta[k] / sigma2;
-            for (((w, i), r), b) in weights
-                .iter_mut()
-                .zip(&column[1..])
-                .zip(&self.correlation[k * n + k + 1..(k + 1) * n])
-                .zip(&beta[k + 1..])
-            {
-                *w = (i - scaled * b) * r;
+        for p in 0..panels(n) {
+            let own = rows(p, n);
+            let points = coordinates(&self.columns, p);
+            let of_rows = padded(&beta[own.clone()]);
+            let (inverse, correlation) = (inverse.panel(p), self.correlation.panel(p));
+            diagonal.extend(own.clone().map(|i| inverse[i].0[i - own.start]));
+            for first in (0..own.end).step_by(RUN) {
+                let run = first..(first + RUN).min(own.end);
+                let columns: Vec<&[f64]> = self.columns.iter().map(|c| &c[run.clone()]).collect();
+                let weights = &mut weights[..run.len()];
+                Arch::new().dispatch(Weights {
+                    inverse: &inverse[run.clone()],
+                    correlation: &correlation[run.clone()],
+                    across: &beta[run.clone()],
+                    along: &of_rows,
+                    sigma2,
+                    weights,
+                });
+                for (k, weights) in run.clone().zip(weights.iter_mut()) {
+                    leave_below_diagonal(weights, k, own.start);
+                    if kernel.is_radial() {
+                        at.iter_mut()
+                            .zip(&self.columns)
+                            .for_each(|(a, c)| *a = c[k]);
+                        kernel.multiply_by_radial_factors(
+                            &at,
+                            |j| &points[j],
+                            &mut squares,
+                            &mut weights.0,
+                        );
+                    }
+                }
+                kernel.log_derivative_dots_of_panel(&points, &columns, weights, &mut sums);
             }
-            at.iter_mut()
-                .zip(&self.columns)
-                .for_each(|(a, c)| *a = c[k]);
-            self.form.kernel.multiply_by_radial_factors(
-                &at,
-                |j| &self.columns[j][k + 1..],
-                &mut squares[k + 1..],
-                weights,
-            );
-            self.form.kernel.log_derivative_dots(
-                &at,
-                |j| &self.columns[j][k + 1..],
-                weights,
-                |j, dot| gradient[self.parameter_of(j)] += dot,
-            );
+        }
+        for (j, sums) in sums.iter().enumerate() {
+            gradient[self.parameter_of(j)] += sums.iter().sum::<f64>();
         }
         if self.form.nugget {
             let sum: f64 = (0..n)
@@ -295,31 +306,45 @@ impl<'a> Likelihood<'a> {
     ) -> Vec<f64> {
         let n = self.data.len();
         let mut directions = vec![0.0; count * n];
-        let (mut factors, mut squares) = (vec![0.0; n], vec![0.0; n]);
+        let kernel = self.form.kernel;
+        let mut factors = Vec::new();
+        let mut squares = [0.0; ROWS];
         let mut at = vec![0.0; self.columns.len()];
-        for k in 0..n {
-            let factors = &mut factors[k + 1..];
-            factors.copy_from_slice(&self.correlation[k * n + k + 1..(k + 1) * n]);
-            at.iter_mut()
-                .zip(&self.columns)
-                .for_each(|(a, c)| *a = c[k]);
-            self.form.kernel.multiply_by_radial_factors(
-                &at,
-                |j| &self.columns[j][k + 1..],
-                &mut squares[k + 1..],
-                factors,
+        for p in 0..panels(n) {
+            let own = rows(p, n);
+            let points = coordinates(&self.columns, p);
+            let columns: Vec<&[f64]> = self.columns.iter().map(|c| &c[..own.end]).collect();
+            factors.clear();
+            factors.extend_from_slice(&self.correlation.panel(p)[..own.end]);
+            for (k, factors) in factors.iter_mut().enumerate() {
+                leave_below_diagonal(factors, k, own.start);
+                if kernel.is_radial() {
+                    at.iter_mut()
+                        .zip(&self.columns)
+                        .for_each(|(a, c)| *a = c[k]);
+                    kernel.multiply_by_radial_factors(
+                        &at,
+                        |j| &points[j],
+                        &mut squares,
+                        &mut factors.0,
+                    );
+                }
+            }
+            let mut down = vec![Column([0.0; ROWS]); self.columns.len()];
+            kernel.derivatives_of_panel_times(
+                &points,
+                &columns,
+                &factors,
+                (&padded(&beta[own.clone()]), beta),
+                &mut down,
+                |j, k, sum| directions[self.parameter_of(j) * n + k] += sum,
             );
-            for (j, column) in self.columns.iter().enumerate() {
-                let p = self.parameter_of(j);
-                let direction = &mut directions[p * n + k..(p + 1) * n];
-                let (own, others) = direction.split_at_mut(1);
-                own[0] += self.form.kernel.derivatives_times(
-                    column[k],
-                    &column[k + 1..],
-                    factors,
-                    (&beta[k + 1..], beta[k]),
-                    others,
-                );
+            for (j, down) in down.iter().enumerate() {
+                let start = self.parameter_of(j) * n;
+                let direction = &mut directions[start + own.start..start + own.end];
+                for (u, sum) in direction.iter_mut().zip(down.0) {
+                    *u += sum;
+                }
             }
         }
         if self.form.nugget {
@@ -334,7 +359,7 @@ impl<'a> Likelihood<'a> {
         }
 
         let mut solved = directions.clone();
-        covariance::solve(&self.factor, n, &mut solved);
+        solve(&self.factor, &mut solved);
         let mut curvature = vec![0.0; count * count];
         let onto_trend = |u: &[f64]| -> Vec<f64> {
             let columns = gls.solved().chunks(n);
@@ -352,6 +377,55 @@ impl<'a> Likelihood<'a> {
         }
         curvature
     }
+}
+
+/// (C⁻¹ − ββᵀ/σ²)ₐᵦ Rₐᵦ for a run of a panel's columns.
+struct Weights<'a> {
+    inverse: &'a [Column],
+    correlation: &'a [Column],
+    /// β at the columns' points.
+    across: &'a [f64],
+    /// β at the rows'.
+    along: &'a Column,
+    sigma2: f64,
+    weights: &'a mut [Column],
+}
+
+impl WithSimd for Weights<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let matrices = self.inverse.iter().zip(self.correlation);
+        let columns = matrices.zip(self.across).zip(self.weights);
+        let along = S::as_simd_f64s(&self.along.0).0;
+        for (((inverse, correlation), across), weights) in columns {
+            let across = simd.splat_f64s(across / self.sigma2);
+            let inverse = S::as_simd_f64s(&inverse.0).0;
+            let correlation = S::as_simd_f64s(&correlation.0).0;
+            let weights = S::as_mut_simd_f64s(&mut weights.0).0;
+            for v in 0..ROWS / S::F64_LANES {
+                let product = simd.mul_f64s(across, along[v]);
+                let difference = simd.sub_f64s(inverse[v], product);
+                weights[v] = simd.mul_f64s(difference, correlation[v]);
+            }
+        }
+    }
+}
+
+/// Sets the rows of column k of a panel, whose first row is `start`, to zero where they are not below
+/// the matrix's diagonal.
+fn leave_below_diagonal(column: &mut Column, k: usize, start: usize) {
+    if k >= start {
+        column.0[..=k - start].fill(0.0);
+    }
+}
+
+/// A column with zeros after `values`.
+fn padded(values: &[f64]) -> Column {
+    let mut column = Column([0.0; ROWS]);
+    column.0[..values.len()].copy_from_slice(values);
+    column
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {

@@ -6,19 +6,19 @@ use rayon::prelude::*;
 
 use crate::coordinates::{Coordinates, rows};
 use crate::covariance::{
-    JITTERS, add_to_diagonal, factorise, fill_correlations, half_solve, log_determinant,
-    noise_ratio, solve,
+    JITTERS, add_to_diagonal, fill_correlations, log_determinant, noise_ratio,
 };
 use crate::data::Points;
 use crate::gls::{Gls, Trend};
 use crate::kernel::Kernel;
+use crate::panels::{Lower, ROWS, factorise, half_solve, solve};
 use crate::{Error, Warning};
 
 /// Points whose correlations are computed together: their intermediate results stay in the cache.
 const BLOCK: usize = 128;
 /// Points predicted together by [`Model::predict_many`]: many enough for the triangular solves to
 /// run at the speed of matrix products.
-const BATCH: usize = 256;
+const BATCH: usize = 10 * ROWS;
 
 /// The parameters of the process.
 #[derive(Debug, Clone, PartialEq)]
@@ -69,7 +69,7 @@ pub struct Model {
 /// The factor of C and what follows from it.
 #[derive(Debug, Clone)]
 pub(crate) struct Solved {
-    pub(crate) factor: Vec<f64>,
+    pub(crate) factor: Lower,
     /// C⁻¹F and FᵀC⁻¹F.
     pub(crate) gls: Gls,
 }
@@ -84,7 +84,7 @@ impl Model {
         parameters: Parameters,
         jitter: f64,
     ) -> Result<Self, Error> {
-        Self::new_in(kernel, trend, points, parameters, jitter, Vec::new())
+        Self::new_in(kernel, trend, points, parameters, jitter, Lower::default())
     }
 
     /// [`Model::new`] whose factor takes the place of `room`, whatever is in it: the system's zeroing of
@@ -95,7 +95,7 @@ impl Model {
         points: Points,
         parameters: Parameters,
         jitter: f64,
-        room: Vec<f64>,
+        room: Lower,
     ) -> Result<Self, Error> {
         let mut model = Self::assemble(kernel, trend, points, parameters, jitter);
         let (solved, used) = model.try_solve(room).ok_or(Error::NotPositiveDefinite {
@@ -144,7 +144,7 @@ impl Model {
             }
         }
         let z = weights.clone();
-        solve(&solved.factor, n, &mut weights);
+        solve(&solved.factor, &mut weights);
         let quadratic = dot(&z, &weights);
         self.nll = self.likelihood(&solved, quadratic) + self.points.within;
         self.parameters.mu = centre + coefficients[0];
@@ -168,7 +168,7 @@ impl Model {
         let n = self.points.len();
         let sigma2 = self.parameters.sigma2;
         0.5 * (n as f64 * (std::f64::consts::TAU.ln() + sigma2.ln())
-            + log_determinant(&solved.factor, n)
+            + log_determinant(&solved.factor)
             + quadratic / sigma2)
     }
 
@@ -319,7 +319,7 @@ impl Model {
             shortfalls.push(self.shortfall(x, r));
             means.push(self.mean_from(x, r));
         }
-        half_solve(&solved.factor, n, &mut correlations);
+        half_solve(&solved.factor, &mut correlations);
         means
             .into_iter()
             .zip(correlations.chunks_exact(n).zip(shortfalls))
@@ -411,27 +411,26 @@ impl Model {
 
     pub(crate) fn solved(&self) -> &Solved {
         self.solved.get_or_init(|| {
-            // The matrix could be factorised when the model was fitted. On another processor the
-            // last bits may differ, which a little more jitter absorbs.
+            // The matrix could be factorised when the model was made. A factor to which rows were
+            // appended differs from this one in the last bits, which a little more jitter absorbs.
             let (solved, _) = self
-                .try_solve(Vec::new())
+                .try_solve(Lower::default())
                 .expect("a correlation matrix with 1e-4 on its diagonal is positive definite");
             solved
         })
     }
 
     /// Factorises C with the model's jitter or the next that will do.
-    fn try_solve(&self, mut factor: Vec<f64>) -> Option<(Solved, f64)> {
+    fn try_solve(&self, mut factor: Lower) -> Option<(Solved, f64)> {
         let n = self.points.len();
         let Parameters { sigma2, nugget, .. } = self.parameters;
-        factor.resize(n * n, 0.0);
         let levels = JITTERS.into_iter().filter(|j| *j > self.jitter);
         for jitter in std::iter::once(self.jitter).chain(levels) {
             let columns = &self.coordinates.columns;
             fill_correlations(self.kernel, columns, n, &mut factor, None);
             let ratio = |i: usize| noise_ratio(self.points.noise[i] + nugget, sigma2);
-            add_to_diagonal(ratio, jitter, n, &mut factor);
-            if factorise(&mut factor, n).is_ok()
+            add_to_diagonal(ratio, jitter, &mut factor);
+            if factorise(&mut factor).is_ok()
                 && let Some(gls) = self.solve_trend(&factor)
             {
                 return Some((Solved { factor, gls }, jitter));
@@ -441,11 +440,11 @@ impl Model {
     }
 
     /// The trend's normal equations; `None` if they are singular.
-    pub(crate) fn solve_trend(&self, factor: &[f64]) -> Option<Gls> {
+    pub(crate) fn solve_trend(&self, factor: &Lower) -> Option<Gls> {
         let n = self.points.len();
         let basis = self.basis();
         let mut solved = basis.clone();
-        solve(factor, n, &mut solved);
+        solve(factor, &mut solved);
         Gls::new(&basis, solved, n)
     }
 }

@@ -24,7 +24,7 @@ pub struct LikelihoodGradient {
 }
 
 /// The negative log likelihood of data as a function of the parameters: what [`crate::fit()`]
-/// minimises, for profiles and for tests of an optimum. Holds its matrices, three of n² numbers, so that
+/// minimises, for profiles and for tests of an optimum. Holds its matrices, 2 n² numbers, so that
 /// evaluations do not allocate them again. As in the fit, observations of one point are merged unless
 /// there is a nugget.
 pub struct LogLikelihood {

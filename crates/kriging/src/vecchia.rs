@@ -46,6 +46,7 @@ use crate::gls::Trend;
 use crate::kernel::Kernel;
 use crate::likelihood::{Form, Likelihood, Order};
 use crate::model::{Model, Parameters, Prediction};
+use crate::panels::Lower;
 use crate::scaled::Scaled;
 use crate::{Error, FitOptions, Warning};
 
@@ -285,7 +286,7 @@ fn exact_model(
     points: &Points,
     scaled: &Scaled,
     at: &[f64],
-    room: Vec<f64>,
+    room: Lower,
 ) -> Result<Model, Error> {
     let sigma2 = at[at.len() - 1].exp();
     let parameters = in_units_of_data(points, scaled, |k| at[k].exp(), sigma2);

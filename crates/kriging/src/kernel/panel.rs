@@ -1,0 +1,268 @@
+//! Correlations and their derivatives for a panel of a matrix: [`ROWS`] points by a run of points.
+
+use pulp::{Arch, Simd, WithSimd};
+
+use super::{Kernel, LANES, SHARED, add_dots, weighted_derivatives};
+use crate::exponential::multiply_by_exp_of_minus;
+use crate::panels::{Column, ROWS, add_multiple, dot};
+
+impl Kernel {
+    /// Writes to `out` the correlations of the points whose coordinates j are `rows[j]` with those whose
+    /// coordinates j are `columns[j]`, one of them a column: what [`Kernel::correlations`] gives.
+    pub(crate) fn correlations_of_panel(
+        self,
+        rows: &[[f64; ROWS]],
+        columns: &[&[f64]],
+        out: &mut [Column],
+    ) {
+        Arch::new().dispatch(Correlations {
+            kernel: self,
+            rows,
+            columns,
+            out,
+        });
+    }
+
+    /// Adds to `sums[j]`, in parts, Σ `weights`ᵢₖ ∂ ln(correlationᵢₖ)/∂ ln θⱼ; points as above.
+    pub(crate) fn log_derivative_dots_of_panel(
+        self,
+        rows: &[[f64; ROWS]],
+        columns: &[&[f64]],
+        weights: &[Column],
+        sums: &mut [[f64; LANES]],
+    ) {
+        Arch::new().dispatch(DerivativeDots {
+            kernel: self,
+            rows,
+            columns,
+            weights,
+            sums,
+        });
+    }
+
+    /// With D the `correlations`ᵢₖ times ∂ ln(correlationᵢₖ)/∂ ln θⱼ, both as above: adds D `across` to
+    /// `down[j]` and gives `add` j, k and element k of Dᵀ `along`.
+    pub(crate) fn derivatives_of_panel_times(
+        self,
+        rows: &[[f64; ROWS]],
+        columns: &[&[f64]],
+        correlations: &[Column],
+        (along, across): (&Column, &[f64]),
+        down: &mut [Column],
+        add: impl FnMut(usize, usize, f64),
+    ) {
+        Arch::new().dispatch(DerivativesTimes {
+            kernel: self,
+            rows,
+            columns,
+            correlations,
+            along,
+            across,
+            down,
+            add,
+        });
+    }
+}
+
+/// [`Kernel::correlations_of_panel`] for one instruction set.
+struct Correlations<'s> {
+    kernel: Kernel,
+    rows: &'s [[f64; ROWS]],
+    columns: &'s [&'s [f64]],
+    out: &'s mut [Column],
+}
+
+impl WithSimd for Correlations<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        super::for_each_kernel!(self.run(simd))
+    }
+}
+
+/// Vectors whose factors are computed side by side: a multiplication's result takes some cycles.
+const VECTORS: usize = 6;
+/// Columns whose exponentials are computed side by side.
+const PAIR: usize = 2;
+
+impl Correlations<'_> {
+    #[inline(always)]
+    fn run<S: Simd>(self, kernel: Kernel, simd: S) {
+        let (pairs, last) = self.out.as_chunks_mut::<PAIR>();
+        for (k, out) in pairs.iter_mut().enumerate() {
+            let at = |j: usize, h: usize| self.columns[j][PAIR * k + h];
+            *out = side_by_side(kernel, simd, self.rows, at);
+        }
+        if let [out] = last {
+            let at = |j: usize, _| self.columns[j][PAIR * pairs.len()];
+            [*out, _] = side_by_side(kernel, simd, self.rows, at);
+        }
+    }
+}
+
+/// The correlations with the points whose coordinates j are `at(j, 0)` and `at(j, 1)`.
+#[inline(always)]
+fn side_by_side<S: Simd>(
+    kernel: Kernel,
+    simd: S,
+    rows: &[[f64; ROWS]],
+    at: impl Fn(usize, usize) -> f64,
+) -> [Column; PAIR] {
+    let (mut out, mut exponent) = ([[1.0; ROWS]; PAIR], [[0.0; ROWS]; PAIR]);
+    {
+        let (polynomials, exponents) = (
+            S::as_mut_simd_f64s(out.as_flattened_mut()).0,
+            S::as_mut_simd_f64s(exponent.as_flattened_mut()).0,
+        );
+        let of_column = ROWS / S::F64_LANES;
+        for first in (0..PAIR * of_column).step_by(VECTORS) {
+            let (mut polynomial, mut sum) = (
+                [simd.splat_f64s(1.0); VECTORS],
+                [simd.splat_f64s(0.0); VECTORS],
+            );
+            for (j, rows) in rows.iter().enumerate() {
+                let rows = S::as_simd_f64s(rows).0;
+                for i in 0..VECTORS {
+                    let (h, v) = ((first + i) / of_column, (first + i) % of_column);
+                    let difference = simd.sub_f64s(rows[v], simd.splat_f64s(at(j, h)));
+                    let (factor, term) = kernel.factor_and_exponent(simd, difference);
+                    polynomial[i] = simd.mul_f64s(polynomial[i], factor);
+                    sum[i] = simd.add_f64s(sum[i], term);
+                }
+            }
+            polynomials[first..first + VECTORS].copy_from_slice(&polynomial);
+            exponents[first..first + VECTORS].copy_from_slice(&sum);
+        }
+    }
+    let (polynomials, exponents) = (out.as_flattened_mut(), exponent.as_flattened_mut());
+    kernel.finish_radial(polynomials, exponents);
+    multiply_by_exp_of_minus(exponents, polynomials);
+    out.map(Column)
+}
+
+/// [`Kernel::log_derivative_dots_of_panel`] for one instruction set.
+struct DerivativeDots<'s> {
+    kernel: Kernel,
+    rows: &'s [[f64; ROWS]],
+    columns: &'s [&'s [f64]],
+    weights: &'s [Column],
+    sums: &'s mut [[f64; LANES]],
+}
+
+impl WithSimd for DerivativeDots<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        super::for_each_kernel!(self.run(simd))
+    }
+}
+
+impl DerivativeDots<'_> {
+    #[inline(always)]
+    fn run<S: Simd>(mut self, kernel: Kernel, simd: S) {
+        let mut j = 0;
+        while j < self.rows.len() {
+            j += match self.rows.len() - j {
+                1 => self.group::<S, 1>(kernel, simd, j),
+                2 => self.group::<S, 2>(kernel, simd, j),
+                _ => self.group::<S, SHARED>(kernel, simd, j),
+            };
+        }
+    }
+
+    /// The sums of N coordinates from the `first` on; returns N.
+    #[inline(always)]
+    fn group<S: Simd, const N: usize>(&mut self, kernel: Kernel, simd: S, first: usize) -> usize {
+        let rows: [_; N] = std::array::from_fn(|g| self.rows[first + g].as_chunks::<LANES>().0);
+        let columns: [_; N] =
+            std::array::from_fn(|g| &self.columns[first + g][..self.weights.len()]);
+        let mut sums = [[0.0; LANES]; N];
+        for (k, weights) in self.weights.iter().enumerate() {
+            let at = columns.map(|column| column[k]);
+            for (i, weights) in weights.0.as_chunks::<LANES>().0.iter().enumerate() {
+                add_dots(
+                    kernel,
+                    simd,
+                    at,
+                    rows.map(|rows| &rows[i]),
+                    weights,
+                    &mut sums,
+                );
+            }
+        }
+        for (total, sums) in self.sums[first..].iter_mut().zip(sums) {
+            total
+                .iter_mut()
+                .zip(sums)
+                .for_each(|(total, sum)| *total += sum);
+        }
+        N
+    }
+}
+
+/// [`Kernel::derivatives_of_panel_times`] for one instruction set.
+struct DerivativesTimes<'s, F> {
+    kernel: Kernel,
+    rows: &'s [[f64; ROWS]],
+    columns: &'s [&'s [f64]],
+    correlations: &'s [Column],
+    along: &'s Column,
+    across: &'s [f64],
+    down: &'s mut [Column],
+    add: F,
+}
+
+impl<F: FnMut(usize, usize, f64)> WithSimd for DerivativesTimes<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        super::for_each_kernel!(self.run(simd))
+    }
+}
+
+impl<F: FnMut(usize, usize, f64)> DerivativesTimes<'_, F> {
+    #[inline(always)]
+    fn run<S: Simd>(mut self, kernel: Kernel, simd: S) {
+        let mut j = 0;
+        while j < self.rows.len() {
+            j += match self.rows.len() - j {
+                1 => self.group::<S, 1>(kernel, simd, j),
+                2 => self.group::<S, 2>(kernel, simd, j),
+                _ => self.group::<S, SHARED>(kernel, simd, j),
+            };
+        }
+    }
+
+    /// The products of N coordinates from the `first` on; returns N.
+    #[inline(always)]
+    fn group<S: Simd, const N: usize>(&mut self, kernel: Kernel, simd: S, first: usize) -> usize {
+        let rows: [_; N] = std::array::from_fn(|g| S::as_simd_f64s(&self.rows[first + g]).0);
+        let mut down = [Column([0.0; ROWS]); N];
+        for (k, (correlations, across)) in self.correlations.iter().zip(self.across).enumerate() {
+            let at: [f64; N] = std::array::from_fn(|g| self.columns[first + g][k]);
+            let mut derivatives = [Column([0.0; ROWS]); N];
+            for (v, weight) in S::as_simd_f64s(&correlations.0).0.iter().enumerate() {
+                let rows = rows.map(|rows| rows[v]);
+                let terms = weighted_derivatives(kernel, simd, at, rows, *weight);
+                for (column, term) in derivatives.iter_mut().zip(terms) {
+                    S::as_mut_simd_f64s(&mut column.0).0[v] = term;
+                }
+            }
+            for (g, (column, down)) in derivatives.iter().zip(&mut down).enumerate() {
+                add_multiple(simd, column, *across, down);
+                (self.add)(first + g, k, dot(simd, column, self.along));
+            }
+        }
+        for (total, down) in self.down[first..].iter_mut().zip(down) {
+            total
+                .0
+                .iter_mut()
+                .zip(down.0)
+                .for_each(|(total, sum)| *total += sum);
+        }
+        N
+    }
+}

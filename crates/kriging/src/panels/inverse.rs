@@ -1,0 +1,167 @@
+//! The inverse of a matrix from its factor L: with V = L⁻ᵀ it is V Vᵀ.
+//!
+//! V is I L⁻ᵀ: the unit matrix's rows are treated as those of the matrix below the factor would be.
+//! For each row of V, a column of L⁻¹, that is forward substitution, whose residual is small (Higham,
+//! "Accuracy and Stability of Numerical Algorithms" (2002), section 14.2).
+
+use pulp::{Arch, Simd, WithSimd};
+
+use super::products::{Into, product};
+use super::solve::{Run, divide_rows};
+use super::{BLOCK, Column, DEPTH, Lower, ROWS, TILE, panels, rows, start, unit};
+
+/// An upper triangle. Panel p has the columns from its first row on.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Upper {
+    n: usize,
+    columns: Vec<Column>,
+}
+
+impl Upper {
+    /// The columns of panel p.
+    fn panel(&self, p: usize) -> &[Column] {
+        let count = panels(self.n);
+        &self.columns[start_upper(p, count)..start_upper(p + 1, count)]
+    }
+
+    /// Every row's sum of squares: the diagonal of V Vᵀ.
+    pub(crate) fn squares(&self) -> Vec<f64> {
+        let mut squares = vec![0.0; self.n];
+        for (p, of_panel) in squares.chunks_mut(ROWS).enumerate() {
+            for column in self.panel(p) {
+                for (sum, value) in of_panel.iter_mut().zip(column.0) {
+                    *sum += value * value;
+                }
+            }
+        }
+        squares
+    }
+}
+
+/// The first column of panel p of `count` among all of an [`Upper`].
+fn start_upper(p: usize, count: usize) -> usize {
+    start(count) - start(count - p)
+}
+
+/// Writes L⁻ᵀ to `inverse`.
+pub(crate) fn invert_transposed(factor: &Lower, inverse: &mut Upper) {
+    divide_rows(factor, &mut unit_rows(factor.n, inverse));
+}
+
+/// Makes `inverse` the n × n unit matrix; its rows.
+pub(super) fn unit_rows(n: usize, inverse: &mut Upper) -> Vec<Run<'_>> {
+    let count = panels(n);
+    inverse.n = n;
+    inverse.columns.clear();
+    inverse.columns.resize(start(count), Column::ZERO);
+    let mut rest = &mut inverse.columns[..];
+    let mut runs = Vec::with_capacity(count);
+    for p in 0..count {
+        let (columns, after) = rest.split_at_mut((count - p) * ROWS);
+        for (j, column) in columns[..ROWS].iter_mut().enumerate() {
+            *column = unit(p, p * ROWS + j);
+        }
+        let first = p * ROWS;
+        runs.push(Run { first, columns });
+        rest = after;
+    }
+    runs
+}
+
+/// Writes V Vᵀ to `to`.
+pub(crate) fn square(v: &Upper, to: &mut Lower) {
+    to.resize(v.n);
+    Arch::new().dispatch(Square { v, to });
+}
+
+pub(super) struct Square<'a> {
+    pub(super) v: &'a Upper,
+    pub(super) to: &'a mut Lower,
+}
+
+impl WithSimd for Square<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { v, to } = self;
+        let n = panels(v.n) * ROWS;
+        for first in (0..n).step_by(DEPTH) {
+            let last = (first + DEPTH).min(n);
+            for block in (0..last.div_ceil(ROWS)).step_by(BLOCK) {
+                for p in block..last / ROWS {
+                    let own = p * ROWS;
+                    let from = first.max(own);
+                    // The first terms of a sum are those on the diagonal.
+                    let into = if own >= first {
+                        Into::Placed
+                    } else {
+                        Into::Added
+                    };
+                    let a = &v.panel(p)[from - own..last - own];
+                    let tiles = to.panel_mut(p);
+                    for of in block..(block + BLOCK).min(p + 1) {
+                        let b = &v.panel(of)[from - of * ROWS..last - of * ROWS];
+                        add_product(simd, a, b, into, &mut tiles[of * ROWS..]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The sums of one panel's rows with another's, to the first columns of `to`.
+#[inline(always)]
+fn add_product<S: Simd>(simd: S, a: &[Column], b: &[Column], into: Into, to: &mut [Column]) {
+    let (tiles, _) = to.as_chunks_mut::<TILE>();
+    for (q, tile) in tiles[..ROWS / TILE].iter_mut().enumerate() {
+        product(simd, a, b, q, into, tile);
+    }
+}
+
+/// A matrix S of n rows and few columns, for S Sᵀ.
+#[derive(Debug, Clone)]
+pub(crate) struct Narrow {
+    width: usize,
+    /// Panel after panel.
+    columns: Vec<Column>,
+}
+
+impl Narrow {
+    /// From the n-vectors that are S's columns.
+    pub(crate) fn new(vectors: &[f64], n: usize) -> Self {
+        let width = vectors.len() / n;
+        let mut columns = Vec::with_capacity(panels(n) * width);
+        for p in 0..panels(n) {
+            for vector in vectors.chunks_exact(n) {
+                let mut column = Column::ZERO;
+                column.0[..rows(p, n).len()].copy_from_slice(&vector[rows(p, n)]);
+                columns.push(column);
+            }
+        }
+        Self { width, columns }
+    }
+
+    /// Writes panel p of the lower triangle of S Sᵀ to `to`.
+    pub(crate) fn square_panel(&self, p: usize, to: &mut [Column]) {
+        Arch::new().dispatch(SquarePanel { s: self, p, to });
+    }
+}
+
+struct SquarePanel<'a> {
+    s: &'a Narrow,
+    p: usize,
+    to: &'a mut [Column],
+}
+
+impl WithSimd for SquarePanel<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let panels: Vec<&[Column]> = self.s.columns.chunks_exact(self.s.width).collect();
+        for (b, to) in panels[..=self.p].iter().zip(self.to.chunks_exact_mut(ROWS)) {
+            add_product(simd, panels[self.p], b, Into::Placed, to);
+        }
+    }
+}

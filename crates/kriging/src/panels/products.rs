@@ -1,0 +1,151 @@
+//! The sums of products of which everything here is made.
+
+use pulp::Simd;
+
+use super::{Column, ROWS, TILE};
+
+/// What becomes of a sum.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Into {
+    /// It is subtracted from what is there.
+    Subtracted,
+    /// It is added to it.
+    Added,
+    /// It takes its place.
+    Placed,
+}
+
+/// Σₖ `a`ₖ `b`ₖ\[`q`-th eight rows\]ᵀ into `tile`.
+#[inline(always)]
+pub(super) fn product<S: Simd>(
+    simd: S,
+    a: &[Column],
+    b: &[Column],
+    q: usize,
+    into: Into,
+    tile: &mut [Column; TILE],
+) {
+    // The sums that fit into the registers, beside a column of `a`.
+    match S::F64_LANES {
+        8 => sums::<S, 3, 8>(simd, a, b, q, into, tile),
+        4 => sums::<S, 3, 4>(simd, a, b, q, into, tile),
+        2 => sums::<S, 6, 4>(simd, a, b, q, into, tile),
+        _ => sums::<S, 4, 2>(simd, a, b, q, into, tile),
+    }
+}
+
+/// [`product`] by parts of V vectors and W columns.
+#[inline(always)]
+fn sums<S: Simd, const V: usize, const W: usize>(
+    simd: S,
+    a: &[Column],
+    b: &[Column],
+    q: usize,
+    into: Into,
+    tile: &mut [Column; TILE],
+) {
+    let (parts, _) = tile.as_chunks_mut::<W>();
+    for (w, part) in parts.iter_mut().enumerate() {
+        for v in 0..ROWS / (V * S::F64_LANES) {
+            let mut sums = [[simd.splat_f64s(0.0); V]; W];
+            // What is subtracted from is there from the beginning: of a smooth function's covariance
+            // the first terms leave little, and what is little is rounded little.
+            if into != Into::Placed {
+                for (sums, column) in sums.iter_mut().zip(&*part) {
+                    *sums = S::as_simd_f64s(&column.0).0.as_chunks::<V>().0[v];
+                }
+            }
+            for (a, b) in a.iter().zip(b) {
+                let a = &S::as_simd_f64s(&a.0).0.as_chunks::<V>().0[v];
+                let b = &b.0.as_chunks::<TILE>().0[q].as_chunks::<W>().0[w];
+                for (sums, b) in sums.iter_mut().zip(b) {
+                    let b = simd.splat_f64s(*b);
+                    for (sum, a) in sums.iter_mut().zip(a) {
+                        *sum = match into {
+                            Into::Subtracted => simd.negate_mul_add_f64s(*a, b, *sum),
+                            Into::Added | Into::Placed => simd.mul_add_f64s(*a, b, *sum),
+                        };
+                    }
+                }
+            }
+            for (sums, column) in sums.iter().zip(&mut *part) {
+                S::as_mut_simd_f64s(&mut column.0).0.as_chunks_mut::<V>().0[v] = *sums;
+            }
+        }
+    }
+}
+
+/// The part of a factor on its diagonal.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Corner {
+    /// Column by column.
+    pub(super) columns: [[f64; TILE]; TILE],
+    pub(super) reciprocals: [f64; TILE],
+}
+
+impl Corner {
+    /// The `q`-th of a panel's, whose columns are `columns`.
+    #[inline(always)]
+    pub(super) fn new(columns: &[Column], q: usize) -> Self {
+        let mut corner = Self {
+            columns: [[0.0; TILE]; TILE],
+            reciprocals: [0.0; TILE],
+        };
+        for (i, (to, from)) in corner.columns.iter_mut().zip(columns).enumerate() {
+            *to = from.0.as_chunks::<TILE>().0[q];
+            corner.reciprocals[i] = 1.0 / to[i];
+        }
+        corner
+    }
+}
+
+/// Replaces X by X L⁻ᵀ.
+#[inline(always)]
+pub(super) fn divide<S: Simd>(simd: S, tile: &mut [Column; TILE], corner: &Corner) {
+    for v in 0..ROWS / S::F64_LANES {
+        let mut x = [simd.splat_f64s(0.0); TILE];
+        for (x, column) in x.iter_mut().zip(&*tile) {
+            *x = S::as_simd_f64s(&column.0).0[v];
+        }
+        for i in 0..TILE {
+            // A division by way of the reciprocal, which is faster. With the remainder it is as exact.
+            let reciprocal = simd.splat_f64s(corner.reciprocals[i]);
+            let divisor = simd.splat_f64s(corner.columns[i][i]);
+            let quotient = simd.mul_f64s(x[i], reciprocal);
+            let remainder = simd.negate_mul_add_f64s(quotient, divisor, x[i]);
+            x[i] = simd.mul_add_f64s(remainder, reciprocal, quotient);
+            for k in i + 1..TILE {
+                x[k] = simd.negate_mul_add_f64s(x[i], simd.splat_f64s(corner.columns[i][k]), x[k]);
+            }
+        }
+        for (x, column) in x.iter().zip(&mut *tile) {
+            S::as_mut_simd_f64s(&mut column.0).0[v] = *x;
+        }
+    }
+}
+
+/// Adds a multiple of a column to `sum`.
+#[inline(always)]
+pub(crate) fn add_multiple<S: Simd>(simd: S, column: &Column, x: f64, sum: &mut Column) {
+    let x = simd.splat_f64s(x);
+    let sums = S::as_mut_simd_f64s(&mut sum.0).0;
+    for (sum, l) in sums.iter_mut().zip(S::as_simd_f64s(&column.0).0) {
+        *sum = simd.mul_add_f64s(*l, x, *sum);
+    }
+}
+
+/// The inner product of two columns.
+#[inline(always)]
+pub(crate) fn dot<S: Simd>(simd: S, a: &Column, b: &Column) -> f64 {
+    let mut sums = [0.0; TILE];
+    let (a, b) = (a.0.as_chunks::<TILE>().0, b.0.as_chunks::<TILE>().0);
+    for (a, b) in a.iter().zip(b) {
+        let vectors = S::as_mut_simd_f64s(&mut sums).0.iter_mut();
+        let pairs = S::as_simd_f64s(a).0.iter().zip(S::as_simd_f64s(b).0);
+        for (sum, (a, b)) in vectors.zip(pairs) {
+            *sum = simd.mul_add_f64s(*a, *b, *sum);
+        }
+    }
+    let [a, b, c, d, e, f, g, h] = sums;
+    ((a + e) + (c + g)) + ((b + f) + (d + h))
+}
