@@ -20,7 +20,7 @@
 //! | coarse | Vecchia, all | 100 | 100 |
 //!
 //! Multiplications for n points: exact some 10 n³ in all, Vecchia with all observations 2 n³, and else
-//! n²d for the neighbours and m³/3 for each prediction. All observations take 16 n² bytes, 1.6 GB for
+//! n²d for the neighbours and m³/3 for each prediction. All observations take 8 n² bytes, 0.8 GB for
 //! 10 000.
 
 use std::fmt;

@@ -2,9 +2,9 @@
 //!
 //! A panel is [`ROWS`] rows of a matrix, stored column by column. The Cholesky factor, its inverse and
 //! the inverse of the matrix then are sums of one kind, A Bᵀ of two runs of a panel's columns, and both
-//! runs lie in memory as the processor reads them: nothing is packed or transposed. A library's product
-//! of rectangles packs both factors for each call, and calls it with thin ones for the parts along a
-//! triangle's edge; for n of a few thousand that is a fifth of the time (`--example timings` has both).
+//! runs lie in memory as the processor reads them: nothing is packed or transposed. A library packs both
+//! factors of every product of rectangles, and has many with thin ones along a triangle's edge; for n of
+//! a few thousand it takes about twice as long (`--example timings` has both).
 //!
 //! Rows and columns beyond n, up to whole panels, are those of the unit matrix.
 //!
@@ -28,10 +28,11 @@ pub(crate) const ROWS: usize = 24;
 /// Columns of a tile, the part of a panel whose sums fit into the registers; a panel's rows are three
 /// tiles' columns.
 const TILE: usize = 8;
-/// Panels whose rows are the right factor of consecutive products: with [`DEPTH`] they fill a part of
-/// the second-level cache.
+/// Panels whose rows are the right factors of one panel's products before the next one's turn.
 const BLOCK: usize = 8;
-/// Terms of a sum that are added in one go: so many columns of a panel fit into the first-level cache.
+/// The most terms of a sum that are added in one go, a multiple of [`ROWS`]. With that many columns
+/// (600 kB) the panels of a block stay in the second-level cache; with fewer, sums go through memory
+/// more often.
 const DEPTH: usize = 384;
 
 /// A column of a panel.
@@ -66,7 +67,8 @@ impl Lower {
         self.n
     }
 
-    /// The columns of panel p, [`ROWS`] (p + 1) of them.
+    /// The columns of panel p, [`ROWS`] (p + 1) of them. Above the diagonal of the matrix the last ones
+    /// may hold anything, but zeros in a factor.
     pub(crate) fn panel(&self, p: usize) -> &[Column] {
         &self.columns[start(p)..start(p + 1)]
     }
@@ -222,9 +224,9 @@ mod tests {
                     .zip(by_halves.chunks(n))
                     .zip(right.chunks(n))
                 {
-                    for i in 0..n {
-                        assert!((times(x, i) - right[i]).abs() < 1e-14, "{n} {count} {i}");
-                        assert!((times(y, i) - right[i]).abs() < 1e-14, "{n} {count} {i}");
+                    for (i, right) in right.iter().enumerate() {
+                        assert!((times(x, i) - right).abs() < 1e-14, "{n} {count} {i}");
+                        assert!((times(y, i) - right).abs() < 1e-14, "{n} {count} {i}");
                     }
                 }
             }
@@ -312,9 +314,9 @@ mod tests {
             let mut panel = vec![Column([f64::NAN; ROWS]); (p + 1) * ROWS];
             narrow.square_panel(p, &mut panel);
             for i in rows(p, n) {
-                for j in 0..=i {
+                for (j, column) in panel[..=i].iter().enumerate() {
                     let sum: f64 = (0..width).map(|k| s[k * n + i] * s[k * n + j]).sum();
-                    assert!((panel[j].0[i % ROWS] - sum).abs() < 1e-15);
+                    assert!((column.0[i % ROWS] - sum).abs() < 1e-15);
                 }
             }
         }

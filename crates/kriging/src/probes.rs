@@ -57,8 +57,8 @@ mod tests {
             let mut panel = exact.panel(p).to_vec();
             probes.panel(p, &mut panel);
             for i in p * ROWS..n.min((p + 1) * ROWS) {
-                for k in 0..=i {
-                    let (a, b) = (exact.get(i, k), panel[k].0[i - p * ROWS]);
+                for (k, column) in panel[..=i].iter().enumerate() {
+                    let (a, b) = (exact.get(i, k), column.0[i - p * ROWS]);
                     // The standard error of a mean of products is at most √(2 C⁻¹ᵢᵢ C⁻¹ₖₖ/count).
                     let scale = (exact.get(k, k) * exact.get(i, i)).sqrt();
                     let error = (2.0 / count as f64).sqrt() * scale;

@@ -68,8 +68,8 @@ pub struct VecchiaOptions {
     pub neighbours: usize,
     /// Observations that a prediction is made from, beyond `dense` points.
     pub prediction_neighbours: usize,
-    /// Up to this many points the predictions are exact: 8 n² bytes, n³/3 multiplications. The fit
-    /// takes 16 n² bytes in passing, 1.6 GB at the default of 10 000. Just beyond, the error of a
+    /// Up to this many points the predictions are exact: 4 n² bytes, n³/3 multiplications. The fit
+    /// takes 8 n² bytes in passing, 0.8 GB at the default of 10 000. Just beyond, the error of a
     /// smooth function is half as large again, and a mean takes some twenty times as long.
     pub dense: usize,
     /// Points of the subset whose exact fit starts the search; two fifths of them suffice where Newton

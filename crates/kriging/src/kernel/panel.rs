@@ -266,3 +266,96 @@ impl<F: FnMut(usize, usize, f64)> DerivativesTimes<'_, F> {
         N
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::RngExt as _;
+    use stats::streams::{Purpose, stream};
+
+    use super::*;
+
+    const D: usize = 4;
+
+    /// Coordinates of a panel's points and of `count` others, one of which is one of the panel's.
+    fn points(count: usize) -> (Vec<[f64; ROWS]>, Vec<Vec<f64>>) {
+        let mut rng = stream(12, Purpose::Test, count as u64, 0);
+        let rows: Vec<[f64; ROWS]> = (0..D)
+            .map(|_| std::array::from_fn(|_| 3.0 * rng.random::<f64>()))
+            .collect();
+        let others = |rows: &[f64; ROWS]| {
+            let mut column: Vec<f64> = (1..count).map(|_| 3.0 * rng.random::<f64>()).collect();
+            column.push(rows[7]);
+            column
+        };
+        let columns = rows.iter().map(others).collect();
+        (rows, columns)
+    }
+
+    fn slices(columns: &[Vec<f64>]) -> Vec<&[f64]> {
+        columns.iter().map(Vec::as_slice).collect()
+    }
+
+    /// A prediction at an observation must find the same correlations as the factor was made of.
+    #[test]
+    fn a_panel_has_the_bits_of_single_correlations() {
+        for kernel in Kernel::ALL {
+            for count in [1, 2, 9] {
+                let (rows, columns) = points(count);
+                let mut panel = vec![Column([f64::NAN; ROWS]); count];
+                kernel.correlations_of_panel(&rows, &slices(&columns), &mut panel);
+                for (k, column) in panel.iter().enumerate() {
+                    let at: Vec<f64> = columns.iter().map(|c| c[k]).collect();
+                    let mut single = [0.0; ROWS];
+                    kernel.correlations(&at, |j| &rows[j], &mut single);
+                    assert_eq!(column.0, single, "{kernel} {count} {k}");
+                }
+                assert_eq!(panel[count - 1].0[7], 1.0);
+            }
+        }
+    }
+
+    #[test]
+    fn derivatives_are_those_of_single_columns() {
+        for kernel in Kernel::ALL {
+            let count = 9;
+            let (rows, columns) = points(count);
+            let mut rng = stream(13, Purpose::Test, 0, 0);
+            let mut column = || Column(std::array::from_fn(|_| rng.random::<f64>() - 0.5));
+            let weights: Vec<Column> = (0..count).map(|_| column()).collect();
+            let along = column();
+            let across = &column().0[..count];
+
+            let mut sums = vec![[0.0; LANES]; D];
+            kernel.log_derivative_dots_of_panel(&rows, &slices(&columns), &weights, &mut sums);
+            let mut down = vec![Column([0.0; ROWS]); D];
+            let mut right = vec![vec![0.0; count]; D];
+            kernel.derivatives_of_panel_times(
+                &rows,
+                &slices(&columns),
+                &weights,
+                (&along, across),
+                &mut down,
+                |j, k, sum| right[j][k] += sum,
+            );
+            for j in 0..D {
+                let derivative =
+                    |r: usize, k: usize| kernel.log_derivative((rows[j][r] - columns[j][k]).abs());
+                let of = |r: usize, k: usize| weights[k].0[r] * derivative(r, k);
+                let all = (0..count).flat_map(|k| (0..ROWS).map(move |r| (r, k)));
+                let total: f64 = all.map(|(r, k)| of(r, k)).sum();
+                assert!(
+                    (total - sums[j].iter().sum::<f64>()).abs() < 1e-12,
+                    "{kernel} {j}"
+                );
+                for r in 0..ROWS {
+                    let sum: f64 = (0..count).map(|k| of(r, k) * across[k]).sum();
+                    assert!((sum - down[j].0[r]).abs() < 1e-13, "{kernel} {j} {r}");
+                }
+                for (k, right) in right[j].iter().enumerate() {
+                    let sum: f64 = (0..ROWS).map(|r| of(r, k) * along.0[r]).sum();
+                    assert!((sum - right).abs() < 1e-13, "{kernel} {j} {k}");
+                }
+            }
+        }
+    }
+}

@@ -5,7 +5,7 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::products::{Corner, Into, divide, product};
+use super::products::{Corner, Update, divide, product};
 use super::{BLOCK, Column, DEPTH, Lower, ROWS, TILE, panels, start};
 
 /// A pivot at or below zero, or so small that rounding made it.
@@ -49,7 +49,7 @@ impl WithSimd for Factorise<'_> {
                             let (before, tile) = split(columns, start(p) + of * ROWS + q * TILE);
                             let a = &before[start(p) + first..start(p) + last];
                             let b = &before[start(of) + first..start(of) + last];
-                            product(simd, a, b, q, Into::Subtracted, tile);
+                            product(simd, a, b, q, Update::Subtract, tile);
                         }
                     }
                 }
@@ -61,7 +61,7 @@ impl WithSimd for Factorise<'_> {
                         let (before, tile) = split(columns, start(p) + at);
                         let a = &before[start(p) + left..start(p) + at];
                         let b = &before[start(of) + left..start(of) + at];
-                        product(simd, a, b, q, Into::Subtracted, tile);
+                        product(simd, a, b, q, Update::Subtract, tile);
                         if of < p {
                             let corner = &before[start(of) + at..start(of) + at + TILE];
                             divide(simd, tile, &Corner::new(corner, q));

@@ -6,7 +6,7 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::products::{Into, product};
+use super::products::{Update, product};
 use super::solve::{Run, divide_rows};
 use super::{BLOCK, Column, DEPTH, Lower, ROWS, TILE, panels, rows, start, unit};
 
@@ -93,16 +93,16 @@ impl WithSimd for Square<'_> {
                     let own = p * ROWS;
                     let from = first.max(own);
                     // The first terms of a sum are those on the diagonal.
-                    let into = if own >= first {
-                        Into::Placed
+                    let update = if own >= first {
+                        Update::Replace
                     } else {
-                        Into::Added
+                        Update::Add
                     };
                     let a = &v.panel(p)[from - own..last - own];
                     let tiles = to.panel_mut(p);
                     for of in block..(block + BLOCK).min(p + 1) {
                         let b = &v.panel(of)[from - of * ROWS..last - of * ROWS];
-                        add_product(simd, a, b, into, &mut tiles[of * ROWS..]);
+                        add_product(simd, a, b, update, &mut tiles[of * ROWS..]);
                     }
                 }
             }
@@ -112,10 +112,10 @@ impl WithSimd for Square<'_> {
 
 /// The sums of one panel's rows with another's, to the first columns of `to`.
 #[inline(always)]
-fn add_product<S: Simd>(simd: S, a: &[Column], b: &[Column], into: Into, to: &mut [Column]) {
+fn add_product<S: Simd>(simd: S, a: &[Column], b: &[Column], update: Update, to: &mut [Column]) {
     let (tiles, _) = to.as_chunks_mut::<TILE>();
     for (q, tile) in tiles[..ROWS / TILE].iter_mut().enumerate() {
-        product(simd, a, b, q, into, tile);
+        product(simd, a, b, q, update, tile);
     }
 }
 
@@ -161,7 +161,7 @@ impl WithSimd for SquarePanel<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         let panels: Vec<&[Column]> = self.s.columns.chunks_exact(self.s.width).collect();
         for (b, to) in panels[..=self.p].iter().zip(self.to.chunks_exact_mut(ROWS)) {
-            add_product(simd, panels[self.p], b, Into::Placed, to);
+            add_product(simd, panels[self.p], b, Update::Replace, to);
         }
     }
 }

@@ -4,33 +4,30 @@ use pulp::Simd;
 
 use super::{Column, ROWS, TILE};
 
-/// What becomes of a sum.
+/// What a sum of products does to the numbers in its place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Into {
-    /// It is subtracted from what is there.
-    Subtracted,
-    /// It is added to it.
-    Added,
-    /// It takes its place.
-    Placed,
+pub(super) enum Update {
+    Subtract,
+    Add,
+    Replace,
 }
 
-/// Σₖ `a`ₖ `b`ₖ\[`q`-th eight rows\]ᵀ into `tile`.
+/// Updates `tile` by Σₖ aₖ bₖᵀ, aₖ the columns of `a` and bₖ the `q`-th eight rows of those of `b`.
 #[inline(always)]
 pub(super) fn product<S: Simd>(
     simd: S,
     a: &[Column],
     b: &[Column],
     q: usize,
-    into: Into,
+    update: Update,
     tile: &mut [Column; TILE],
 ) {
     // The sums that fit into the registers, beside a column of `a`.
     match S::F64_LANES {
-        8 => sums::<S, 3, 8>(simd, a, b, q, into, tile),
-        4 => sums::<S, 3, 4>(simd, a, b, q, into, tile),
-        2 => sums::<S, 6, 4>(simd, a, b, q, into, tile),
-        _ => sums::<S, 4, 2>(simd, a, b, q, into, tile),
+        8 => sums::<S, 3, 8>(simd, a, b, q, update, tile),
+        4 => sums::<S, 3, 4>(simd, a, b, q, update, tile),
+        2 => sums::<S, 6, 4>(simd, a, b, q, update, tile),
+        _ => sums::<S, 4, 2>(simd, a, b, q, update, tile),
     }
 }
 
@@ -41,7 +38,7 @@ fn sums<S: Simd, const V: usize, const W: usize>(
     a: &[Column],
     b: &[Column],
     q: usize,
-    into: Into,
+    update: Update,
     tile: &mut [Column; TILE],
 ) {
     let (parts, _) = tile.as_chunks_mut::<W>();
@@ -50,7 +47,7 @@ fn sums<S: Simd, const V: usize, const W: usize>(
             let mut sums = [[simd.splat_f64s(0.0); V]; W];
             // What is subtracted from is there from the beginning: of a smooth function's covariance
             // the first terms leave little, and what is little is rounded little.
-            if into != Into::Placed {
+            if update != Update::Replace {
                 for (sums, column) in sums.iter_mut().zip(&*part) {
                     *sums = S::as_simd_f64s(&column.0).0.as_chunks::<V>().0[v];
                 }
@@ -61,9 +58,9 @@ fn sums<S: Simd, const V: usize, const W: usize>(
                 for (sums, b) in sums.iter_mut().zip(b) {
                     let b = simd.splat_f64s(*b);
                     for (sum, a) in sums.iter_mut().zip(a) {
-                        *sum = match into {
-                            Into::Subtracted => simd.negate_mul_add_f64s(*a, b, *sum),
-                            Into::Added | Into::Placed => simd.mul_add_f64s(*a, b, *sum),
+                        *sum = match update {
+                            Update::Subtract => simd.negate_mul_add_f64s(*a, b, *sum),
+                            Update::Add | Update::Replace => simd.mul_add_f64s(*a, b, *sum),
                         };
                     }
                 }

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::products::{Corner, Into, add_multiple, divide, dot, product};
+use super::products::{Corner, Update, add_multiple, divide, dot, product};
 use super::{BLOCK, Column, DEPTH, Lower, ROWS, TILE, panels, rows};
 
 /// So many vectors or fewer are solved for one by one.
@@ -189,7 +189,7 @@ impl WithSimd for DivideRows<'_, '_> {
                             let first = run.first;
                             let (before, tile) = run.split(of * ROWS + q * TILE);
                             let x = &before[start - first..last - first];
-                            product(simd, x, l, q, Into::Subtracted, tile);
+                            product(simd, x, l, q, Update::Subtract, tile);
                         }
                     }
                 }
@@ -203,7 +203,7 @@ impl WithSimd for DivideRows<'_, '_> {
                         let first = run.first;
                         let (before, tile) = run.split(at);
                         let x = &before[start - first..];
-                        product(simd, x, &l[start..at], q, Into::Subtracted, tile);
+                        product(simd, x, &l[start..at], q, Update::Subtract, tile);
                         divide(simd, tile, &Corner::new(&l[at..at + TILE], q));
                     }
                 }
