@@ -1,7 +1,7 @@
 //! Processor time of the fit's and the prediction's parts, beside that of a matrix product.
 //!
-//! `cargo run --release -p kriging --example timings -- [F.csv [ROWS]]` (a header; d coordinates, `y`,
-//! `noise_var`, anything; 2175 points of `data` by default; 36 000 rows are predicted)
+//! `cargo run --release -p kriging --features faer --example timings -- [F.csv [ROWS]]` (a header; d
+//! coordinates, `y`, `noise_var`, anything; 2175 points of `data` by default; 36 000 rows are predicted)
 //!
 //! Times are the processor's, of all threads together, the best of several runs. Other work on the
 //! machine slows them; the rate of a matrix product of the same size says by how much. faer's own

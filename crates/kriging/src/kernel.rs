@@ -25,13 +25,13 @@
 use std::fmt;
 use std::str::FromStr;
 
-use pulp::{Arch, Scalar, Simd, WithSimd};
+use pulp::{Scalar, Simd};
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
-use crate::exponential::multiply_by_exp_of_minus;
 
 mod panel;
+mod run;
 
 /// The correlation function: a product over the coordinates, unless its name says radial.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -56,10 +56,8 @@ pub enum Kernel {
 }
 
 /// Number of sums kept side by side so that they can be vectorised in a fixed order.
-const LANES: usize = 8;
-/// Points whose correlations are computed side by side, all of it in registers.
-const WIDE: usize = 32;
-/// The most coordinates that share one division, see [`add_dots`].
+pub(crate) const LANES: usize = 8;
+/// The most coordinates that share one division, see [`weighted_derivatives`].
 const SHARED: usize = 3;
 
 impl Kernel {
@@ -98,50 +96,41 @@ impl Kernel {
         }
     }
 
-    /// Multiplies `polynomial` and adds to `exponent` the factors of one coordinate, between the
-    /// point at `at` and those at `column`. All three slices have one length.
+    /// The polynomial and the exponent of a product over some coordinates, given those without the one
+    /// in which the points have this difference.
     #[inline(always)]
-    fn accumulate(self, at: f64, column: &[f64], polynomial: &mut [f64], exponent: &mut [f64]) {
-        let both = polynomial.iter_mut().zip(exponent).zip(column);
-        match self {
-            Self::Matern52 => both.for_each(|((p, e), c)| {
-                let a = (c - at).abs();
-                *p *= 1.0 + a * (1.0 + a * (1.0 / 3.0));
-                *e += a;
-            }),
-            Self::Matern32 => both.for_each(|((p, e), c)| {
-                let a = (c - at).abs();
-                *p *= 1.0 + a;
-                *e += a;
-            }),
-            Self::SquaredExponential
-            | Self::RadialMatern52
-            | Self::RadialMatern32
-            | Self::RadialExponential => both.for_each(|((_, e), c)| {
-                let a = c - at;
-                *e += a * a;
-            }),
-            Self::Exponential => both.for_each(|((_, e), c)| *e += (c - at).abs()),
-        }
-    }
-
-    /// What [`Kernel::accumulate`] multiplies by and adds for one difference.
-    #[inline(always)]
-    fn factor_and_exponent<S: Simd>(self, simd: S, difference: S::f64s) -> (S::f64s, S::f64s) {
+    fn include<S: Simd>(
+        self,
+        simd: S,
+        difference: S::f64s,
+        (polynomial, exponent): (S::f64s, S::f64s),
+    ) -> (S::f64s, S::f64s) {
         let one = simd.splat_f64s(1.0);
         let a = simd.abs_f64s(difference);
         match self {
             Self::Matern52 => {
-                let third = simd.mul_f64s(a, simd.splat_f64s(1.0 / 3.0));
-                let inner = simd.mul_f64s(a, simd.add_f64s(one, third));
-                (simd.add_f64s(one, inner), a)
+                let inner = simd.mul_add_f64s(a, simd.splat_f64s(1.0 / 3.0), one);
+                let factor = simd.mul_add_f64s(a, inner, one);
+                (
+                    simd.mul_f64s(polynomial, factor),
+                    simd.add_f64s(exponent, a),
+                )
             }
-            Self::Matern32 => (simd.add_f64s(one, a), a),
-            Self::Exponential => (one, a),
+            Self::Matern32 => {
+                let factor = simd.add_f64s(one, a);
+                (
+                    simd.mul_f64s(polynomial, factor),
+                    simd.add_f64s(exponent, a),
+                )
+            }
+            Self::Exponential => (polynomial, simd.add_f64s(exponent, a)),
             Self::SquaredExponential
             | Self::RadialMatern52
             | Self::RadialMatern32
-            | Self::RadialExponential => (one, simd.mul_f64s(a, a)),
+            | Self::RadialExponential => (
+                polynomial,
+                simd.mul_add_f64s(difference, difference, exponent),
+            ),
         }
     }
 
@@ -153,7 +142,7 @@ impl Kernel {
         match self {
             Self::RadialMatern52 => both.for_each(|(p, e)| {
                 let a = e.sqrt();
-                *p = 1.0 + a * (1.0 + a * (1.0 / 3.0));
+                *p = a.mul_add(a.mul_add(1.0 / 3.0, 1.0), 1.0);
                 *e = a;
             }),
             Self::RadialMatern32 => both.for_each(|(p, e)| {
@@ -164,25 +153,6 @@ impl Kernel {
             Self::RadialExponential => both.for_each(|(_, e)| *e = e.sqrt()),
             _ => {}
         }
-    }
-
-    /// Writes to `out` the correlations between a point and a run of points.
-    ///
-    /// `column(j)` gives the coordinate j of the run, of the length of `out`; `at` the point. The
-    /// correlation with a NaN is NaN.
-    #[inline]
-    pub(crate) fn correlations<'a>(
-        self,
-        at: &[f64],
-        column: impl Fn(usize) -> &'a [f64],
-        out: &mut [f64],
-    ) {
-        Arch::new().dispatch(Correlations {
-            kernel: self,
-            at,
-            column,
-            out,
-        });
     }
 
     /// ∂ ln(correlation)/∂ ln θ of one coordinate as a function of a; for a radial kernel, of that
@@ -250,24 +220,6 @@ impl Kernel {
         )
     }
 
-    /// Gives `add` for each coordinate j its number and Σᵢ `weights`ᵢ ∂ ln(correlationᵢ)/∂ ln θⱼ;
-    /// arguments as in [`Kernel::correlations`].
-    pub(crate) fn log_derivative_dots<'a>(
-        self,
-        at: &[f64],
-        column: impl Fn(usize) -> &'a [f64],
-        weights: &[f64],
-        add: impl FnMut(usize, f64),
-    ) {
-        Arch::new().dispatch(DerivativeDots {
-            kernel: self,
-            at,
-            column,
-            weights,
-            add,
-        });
-    }
-
     /// Σᵢ `weights`ᵢ ∂ ln(correlationᵢ)/∂ at for one scaled coordinate. Where a kernel has a kink,
     /// at the point itself, the mean of both sides is taken.
     pub(crate) fn slope_dot(self, at: f64, column: &[f64], weights: &[f64]) -> f64 {
@@ -302,127 +254,22 @@ macro_rules! for_each_kernel {
 
 use for_each_kernel;
 
-/// [`Kernel::correlations`] for one instruction set.
-struct Correlations<'s, F> {
-    kernel: Kernel,
-    at: &'s [f64],
-    column: F,
-    out: &'s mut [f64],
-}
+/// A computation for each coordinate, where up to [`SHARED`] at a time share divisions.
+trait ByGroups: Sized {
+    fn coordinates(&self) -> usize;
 
-impl<'a, F: Fn(usize) -> &'a [f64]> WithSimd for Correlations<'_, F> {
-    type Output = ();
+    /// Computes for N coordinates from the `first` on.
+    fn group<S: Simd, const N: usize>(&mut self, kernel: Kernel, simd: S, first: usize);
 
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        for_each_kernel!(self.run())
-    }
-}
-
-impl<'a, F: Fn(usize) -> &'a [f64]> Correlations<'_, F> {
-    #[inline(always)]
-    fn run(self, kernel: Kernel) {
-        let Self {
-            at, column, out, ..
-        } = self;
-        let n = out.len();
-        if n < WIDE {
-            // Filled up with the point itself.
-            let few = side_by_side(kernel, at, |j| {
-                let mut points = [at[j]; WIDE];
-                points[..n].copy_from_slice(&column(j)[..n]);
-                points
-            });
-            out.copy_from_slice(&few[..n]);
-            return;
-        }
-        let mut start = 0;
-        loop {
-            let end = start + WIDE;
-            let values = side_by_side(kernel, at, |j| {
-                let mut points = [0.0; WIDE];
-                points.copy_from_slice(&column(j)[start..end]);
-                points
-            });
-            out[start..end].copy_from_slice(&values);
-            if end == n {
-                return;
-            }
-            // The last ones overlap with those before.
-            start = end.min(n - WIDE);
-        }
-    }
-}
-
-/// The correlations of [`WIDE`] points.
-#[inline(always)]
-fn side_by_side(kernel: Kernel, at: &[f64], column: impl Fn(usize) -> [f64; WIDE]) -> [f64; WIDE] {
-    let (mut out, mut exponent) = ([1.0; WIDE], [0.0; WIDE]);
-    for (j, at) in at.iter().enumerate() {
-        kernel.accumulate(*at, &column(j), &mut out, &mut exponent);
-    }
-    kernel.finish_radial(&mut out, &mut exponent);
-    multiply_by_exp_of_minus(&exponent, &mut out);
-    out
-}
-
-/// [`Kernel::log_derivative_dots`] for one instruction set.
-struct DerivativeDots<'s, F, G> {
-    kernel: Kernel,
-    at: &'s [f64],
-    column: F,
-    weights: &'s [f64],
-    add: G,
-}
-
-impl<'a, F: Fn(usize) -> &'a [f64], G: FnMut(usize, f64)> WithSimd for DerivativeDots<'_, F, G> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        for_each_kernel!(self.run(simd))
-    }
-}
-
-impl<'a, F: Fn(usize) -> &'a [f64], G: FnMut(usize, f64)> DerivativeDots<'_, F, G> {
     #[inline(always)]
     fn run<S: Simd>(mut self, kernel: Kernel, simd: S) {
-        let mut j = 0;
-        while j < self.at.len() {
-            j += match self.at.len() - j {
-                1 => self.group::<S, 1>(kernel, simd, j),
-                2 => self.group::<S, 2>(kernel, simd, j),
-                _ => self.group::<S, SHARED>(kernel, simd, j),
-            };
+        for first in (0..self.coordinates()).step_by(SHARED) {
+            match self.coordinates() - first {
+                1 => self.group::<S, 1>(kernel, simd, first),
+                2 => self.group::<S, 2>(kernel, simd, first),
+                _ => self.group::<S, SHARED>(kernel, simd, first),
+            }
         }
-    }
-
-    /// The sums of N coordinates from the `first` on; returns N.
-    #[inline(always)]
-    fn group<S: Simd, const N: usize>(&mut self, kernel: Kernel, simd: S, first: usize) -> usize {
-        let at: [f64; N] = std::array::from_fn(|g| self.at[first + g]);
-        let columns: [_; N] =
-            std::array::from_fn(|g| (self.column)(first + g).as_chunks::<LANES>());
-        let (whole, rest) = self.weights.as_chunks::<LANES>();
-        let mut sums = [[0.0; LANES]; N];
-        for (i, weights) in whole.iter().enumerate() {
-            let columns = columns.map(|(whole, _)| &whole[i]);
-            add_dots(kernel, simd, at, columns, weights, &mut sums);
-        }
-        if !rest.is_empty() {
-            // Filled up with points of no weight.
-            let fill = |values: &[f64]| {
-                let mut filled = [0.0; LANES];
-                filled[..rest.len()].copy_from_slice(&values[..rest.len()]);
-                filled
-            };
-            let last = columns.map(|(_, rest)| fill(rest));
-            add_dots(kernel, simd, at, last.each_ref(), &fill(rest), &mut sums);
-        }
-        for (g, sums) in sums.iter().enumerate() {
-            (self.add)(first + g, sums.iter().sum());
-        }
-        N
     }
 }
 

@@ -20,7 +20,7 @@ use pulp::{Arch, Simd, WithSimd};
 
 use crate::covariance::{self, add_to_diagonal, coordinates, fill_correlations, log_determinant};
 use crate::gls::{Gls, Trend};
-use crate::kernel::Kernel;
+use crate::kernel::{Kernel, LANES};
 use crate::panels::{
     Column, Lower, ROWS, Upper, factorise, invert_transposed, panels, rows, solve, square,
 };
@@ -62,7 +62,8 @@ pub(crate) struct Form {
 }
 
 /// The negative log likelihood as a function of (ln θ₁ … ln θ_d, ln σ²), or of (ln θ, ln σ²) when
-/// all ranges are tied; a nugget's ln τ² stands before ln σ². Holds its matrices, so that evaluations do not allocate them again.
+/// all ranges are tied; a nugget's ln τ² stands before ln σ². Holds its matrices, so that evaluations
+/// do not allocate them again.
 pub(crate) struct Likelihood<'a> {
     form: Form,
     data: Cow<'a, Scaled>,
@@ -238,11 +239,9 @@ impl<'a> Likelihood<'a> {
         let n = self.data.len();
         let kernel = self.form.kernel;
         let mut gradient = vec![0.0; count];
-        let mut sums = vec![[0.0; 8]; self.columns.len()];
+        let mut sums = vec![[0.0; LANES]; self.columns.len()];
         let mut diagonal = Vec::with_capacity(n);
         let mut weights = [Column([0.0; ROWS]); RUN];
-        let mut squares = [0.0; ROWS];
-        let mut at = vec![0.0; self.columns.len()];
         for p in 0..panels(n) {
             let own = rows(p, n);
             let points = coordinates(&self.columns, p);
@@ -261,20 +260,7 @@ impl<'a> Likelihood<'a> {
                     sigma2,
                     weights,
                 });
-                for (k, weights) in run.clone().zip(weights.iter_mut()) {
-                    leave_below_diagonal(weights, k, own.start);
-                    if kernel.is_radial() {
-                        at.iter_mut()
-                            .zip(&self.columns)
-                            .for_each(|(a, c)| *a = c[k]);
-                        kernel.multiply_by_radial_factors(
-                            &at,
-                            |j| &points[j],
-                            &mut squares,
-                            &mut weights.0,
-                        );
-                    }
-                }
+                self.finish_weights(p, &points, run.start, weights);
                 kernel.log_derivative_dots_of_panel(&points, &columns, weights, &mut sums);
             }
         }
@@ -295,6 +281,30 @@ impl<'a> Likelihood<'a> {
         gradient
     }
 
+    /// Completes the weights of the derivatives of panel p's correlations, from column `first` on: only
+    /// those below the diagonal stay, with a radial kernel's common factors. The panel's points are `points`.
+    fn finish_weights(
+        &self,
+        p: usize,
+        points: &[[f64; ROWS]],
+        first: usize,
+        weights: &mut [Column],
+    ) {
+        let mut squares = [0.0; ROWS];
+        for (k, weights) in (first..).zip(weights) {
+            leave_below_diagonal(weights, k, p * ROWS);
+            if self.form.kernel.is_radial() {
+                let at: Vec<f64> = self.columns.iter().map(|column| column[k]).collect();
+                self.form.kernel.multiply_by_radial_factors(
+                    &at,
+                    |j| &points[j],
+                    &mut squares,
+                    &mut weights.0,
+                );
+            }
+        }
+    }
+
     fn curvature(
         &self,
         count: usize,
@@ -308,28 +318,13 @@ impl<'a> Likelihood<'a> {
         let mut directions = vec![0.0; count * n];
         let kernel = self.form.kernel;
         let mut factors = Vec::new();
-        let mut squares = [0.0; ROWS];
-        let mut at = vec![0.0; self.columns.len()];
         for p in 0..panels(n) {
             let own = rows(p, n);
             let points = coordinates(&self.columns, p);
             let columns: Vec<&[f64]> = self.columns.iter().map(|c| &c[..own.end]).collect();
             factors.clear();
             factors.extend_from_slice(&self.correlation.panel(p)[..own.end]);
-            for (k, factors) in factors.iter_mut().enumerate() {
-                leave_below_diagonal(factors, k, own.start);
-                if kernel.is_radial() {
-                    at.iter_mut()
-                        .zip(&self.columns)
-                        .for_each(|(a, c)| *a = c[k]);
-                    kernel.multiply_by_radial_factors(
-                        &at,
-                        |j| &points[j],
-                        &mut squares,
-                        &mut factors.0,
-                    );
-                }
-            }
+            self.finish_weights(p, &points, 0, &mut factors);
             let mut down = vec![Column([0.0; ROWS]); self.columns.len()];
             kernel.derivatives_of_panel_times(
                 &points,

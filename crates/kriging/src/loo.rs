@@ -132,7 +132,8 @@ impl Model {
     ///
     /// With P = C⁻¹ − C⁻¹F(FᵀC⁻¹F)⁻¹FᵀC⁻¹ and C as in (20) including the noise, the residual of
     /// observation i is (Py)ᵢ/Pᵢᵢ and its variance σ²/Pᵢᵢ (Dubrule, "Cross validation of kriging in
-    /// a unique neighborhood", Math. Geol. 15 (1983) 687–699). Costs the inverse of a factor, n³/6 multiplications.
+    /// a unique neighborhood", Math. Geol. 15 (1983) 687–699). Costs the inverse of a
+    /// factor, n³/6 multiplications.
     #[must_use]
     pub fn leave_one_out(&self) -> LeaveOneOut {
         LeaveOneOut::new(&self.points, &self.residuals(), self.calibration)

@@ -129,7 +129,8 @@ pub struct Vecchia {
 ///
 /// # Errors
 ///
-/// Those of [`crate::fit`] for unusable data (a nugget is not on offer here), and [`Error::OutOfRange`] for options of zero.
+/// Those of [`crate::fit`] for unusable data (a nugget is not on offer here), and [`Error::OutOfRange`]
+/// for options of zero.
 pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia, Error> {
     let counts = [
         ("neighbours", options.neighbours),

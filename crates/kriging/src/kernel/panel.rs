@@ -2,7 +2,7 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::{Kernel, LANES, SHARED, add_dots, weighted_derivatives};
+use super::{ByGroups, Kernel, LANES, add_dots, for_each_kernel, weighted_derivatives};
 use crate::exponential::multiply_by_exp_of_minus;
 use crate::panels::{Column, ROWS, add_multiple, dot};
 
@@ -77,7 +77,7 @@ impl WithSimd for Correlations<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        super::for_each_kernel!(self.run(simd))
+        for_each_kernel!(self.run(simd))
     }
 }
 
@@ -126,9 +126,8 @@ fn side_by_side<S: Simd>(
                 for i in 0..VECTORS {
                     let (h, v) = ((first + i) / of_column, (first + i) % of_column);
                     let difference = simd.sub_f64s(rows[v], simd.splat_f64s(at(j, h)));
-                    let (factor, term) = kernel.factor_and_exponent(simd, difference);
-                    polynomial[i] = simd.mul_f64s(polynomial[i], factor);
-                    sum[i] = simd.add_f64s(sum[i], term);
+                    (polynomial[i], sum[i]) =
+                        kernel.include(simd, difference, (polynomial[i], sum[i]));
                 }
             }
             polynomials[first..first + VECTORS].copy_from_slice(&polynomial);
@@ -155,26 +154,17 @@ impl WithSimd for DerivativeDots<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        super::for_each_kernel!(self.run(simd))
+        for_each_kernel!(self.run(simd))
     }
 }
 
-impl DerivativeDots<'_> {
-    #[inline(always)]
-    fn run<S: Simd>(mut self, kernel: Kernel, simd: S) {
-        let mut j = 0;
-        while j < self.rows.len() {
-            j += match self.rows.len() - j {
-                1 => self.group::<S, 1>(kernel, simd, j),
-                2 => self.group::<S, 2>(kernel, simd, j),
-                _ => self.group::<S, SHARED>(kernel, simd, j),
-            };
-        }
+impl ByGroups for DerivativeDots<'_> {
+    fn coordinates(&self) -> usize {
+        self.rows.len()
     }
 
-    /// The sums of N coordinates from the `first` on; returns N.
     #[inline(always)]
-    fn group<S: Simd, const N: usize>(&mut self, kernel: Kernel, simd: S, first: usize) -> usize {
+    fn group<S: Simd, const N: usize>(&mut self, kernel: Kernel, simd: S, first: usize) {
         let rows: [_; N] = std::array::from_fn(|g| self.rows[first + g].as_chunks::<LANES>().0);
         let columns: [_; N] =
             std::array::from_fn(|g| &self.columns[first + g][..self.weights.len()]);
@@ -198,7 +188,6 @@ impl DerivativeDots<'_> {
                 .zip(sums)
                 .for_each(|(total, sum)| *total += sum);
         }
-        N
     }
 }
 
@@ -219,26 +208,17 @@ impl<F: FnMut(usize, usize, f64)> WithSimd for DerivativesTimes<'_, F> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        super::for_each_kernel!(self.run(simd))
+        for_each_kernel!(self.run(simd))
     }
 }
 
-impl<F: FnMut(usize, usize, f64)> DerivativesTimes<'_, F> {
-    #[inline(always)]
-    fn run<S: Simd>(mut self, kernel: Kernel, simd: S) {
-        let mut j = 0;
-        while j < self.rows.len() {
-            j += match self.rows.len() - j {
-                1 => self.group::<S, 1>(kernel, simd, j),
-                2 => self.group::<S, 2>(kernel, simd, j),
-                _ => self.group::<S, SHARED>(kernel, simd, j),
-            };
-        }
+impl<F: FnMut(usize, usize, f64)> ByGroups for DerivativesTimes<'_, F> {
+    fn coordinates(&self) -> usize {
+        self.rows.len()
     }
 
-    /// The products of N coordinates from the `first` on; returns N.
     #[inline(always)]
-    fn group<S: Simd, const N: usize>(&mut self, kernel: Kernel, simd: S, first: usize) -> usize {
+    fn group<S: Simd, const N: usize>(&mut self, kernel: Kernel, simd: S, first: usize) {
         let rows: [_; N] = std::array::from_fn(|g| S::as_simd_f64s(&self.rows[first + g]).0);
         let mut down = [Column([0.0; ROWS]); N];
         for (k, (correlations, across)) in self.correlations.iter().zip(self.across).enumerate() {
@@ -263,7 +243,6 @@ impl<F: FnMut(usize, usize, f64)> DerivativesTimes<'_, F> {
                 .zip(down.0)
                 .for_each(|(total, sum)| *total += sum);
         }
-        N
     }
 }
 

@@ -5,7 +5,7 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::products::{Corner, Update, divide, product};
+use super::products::{Corner, Update, divide, divide_tile, product, product_of_tile};
 use super::{BLOCK, Column, DEPTH, Lower, ROWS, TILE, panels, start};
 
 /// A pivot at or below zero, or so small that rounding made it.
@@ -45,31 +45,25 @@ impl WithSimd for Factorise<'_> {
                 let last = (first + DEPTH).min(left);
                 for p in block..count {
                     for of in block..end.min(p + 1) {
-                        for q in 0..ROWS / TILE {
-                            let (before, tile) = split(columns, start(p) + of * ROWS + q * TILE);
-                            let a = &before[start(p) + first..start(p) + last];
-                            let b = &before[start(of) + first..start(of) + last];
-                            product(simd, a, b, q, Update::Subtract, tile);
-                        }
+                        let (before, to) = split(columns, start(p) + of * ROWS);
+                        let a = &before[start(p) + first..start(p) + last];
+                        let b = &before[start(of) + first..start(of) + last];
+                        product(simd, a, b, Update::Subtract, to);
                     }
                 }
             }
             for p in block..count {
                 for of in block..end.min(p + 1) {
-                    for q in 0..ROWS / TILE {
-                        let at = of * ROWS + q * TILE;
-                        let (before, tile) = split(columns, start(p) + at);
-                        let a = &before[start(p) + left..start(p) + at];
-                        let b = &before[start(of) + left..start(of) + at];
-                        product(simd, a, b, q, Update::Subtract, tile);
-                        if of < p {
-                            let corner = &before[start(of) + at..start(of) + at + TILE];
-                            divide(simd, tile, &Corner::new(corner, q));
-                        } else {
-                            let corner = factorise_corner(tile, q)?;
-                            divide(simd, tile, &corner);
-                            finish_corner(tile, q, &corner);
-                        }
+                    let own = of * ROWS;
+                    let (before, to) = split(columns, start(p) + own);
+                    let a = &before[start(p) + left..start(p) + own];
+                    let b = &before[start(of) + left..start(of) + own];
+                    product(simd, a, b, Update::Subtract, to);
+                    if of < p {
+                        let corner = &before[start(of) + own..start(of) + own + ROWS];
+                        divide(simd, to, corner);
+                    } else {
+                        factorise_own(simd, to)?;
                     }
                 }
             }
@@ -78,11 +72,25 @@ impl WithSimd for Factorise<'_> {
     }
 }
 
-/// What lies before column `at`, and the tile there.
+/// What lies before column `at`, and the columns of a panel there.
 #[inline(always)]
-fn split(columns: &mut [Column], at: usize) -> (&[Column], &mut [Column; TILE]) {
+fn split(columns: &mut [Column], at: usize) -> (&[Column], &mut [Column; ROWS]) {
     let (before, after) = columns.split_at_mut(at);
-    (before, &mut after.as_chunks_mut::<TILE>().0[0])
+    (before, &mut after.as_chunks_mut::<ROWS>().0[0])
+}
+
+/// Replaces the square on the diagonal by its factor.
+#[inline(always)]
+fn factorise_own<S: Simd>(simd: S, square: &mut [Column; ROWS]) -> Result<(), NotPositiveDefinite> {
+    for q in 0..ROWS / TILE {
+        let (before, after) = square.split_at_mut(q * TILE);
+        let tile = &mut after.as_chunks_mut::<TILE>().0[0];
+        product_of_tile(simd, before, before, q, Update::Subtract, tile);
+        let corner = factorise_corner(tile, q)?;
+        divide_tile(simd, tile, &corner);
+        finish_corner(tile, q, &corner);
+    }
+    Ok(())
 }
 
 /// The Cholesky factor of the `q`-th eight rows of a tile.

@@ -8,7 +8,7 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::products::{Update, product};
 use super::solve::{Run, divide_rows};
-use super::{BLOCK, Column, DEPTH, Lower, ROWS, TILE, panels, rows, start, unit};
+use super::{BLOCK, Column, DEPTH, Lower, ROWS, panels, rows, start, unit};
 
 /// An upper triangle. Panel p has the columns from its first row on.
 #[derive(Debug, Clone, Default)]
@@ -99,23 +99,14 @@ impl WithSimd for Square<'_> {
                         Update::Add
                     };
                     let a = &v.panel(p)[from - own..last - own];
-                    let tiles = to.panel_mut(p);
+                    let (squares, _) = to.panel_mut(p).as_chunks_mut::<ROWS>();
                     for of in block..(block + BLOCK).min(p + 1) {
                         let b = &v.panel(of)[from - of * ROWS..last - of * ROWS];
-                        add_product(simd, a, b, update, &mut tiles[of * ROWS..]);
+                        product(simd, a, b, update, &mut squares[of]);
                     }
                 }
             }
         }
-    }
-}
-
-/// The sums of one panel's rows with another's, to the first columns of `to`.
-#[inline(always)]
-fn add_product<S: Simd>(simd: S, a: &[Column], b: &[Column], update: Update, to: &mut [Column]) {
-    let (tiles, _) = to.as_chunks_mut::<TILE>();
-    for (q, tile) in tiles[..ROWS / TILE].iter_mut().enumerate() {
-        product(simd, a, b, q, update, tile);
     }
 }
 
@@ -160,8 +151,9 @@ impl WithSimd for SquarePanel<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let panels: Vec<&[Column]> = self.s.columns.chunks_exact(self.s.width).collect();
-        for (b, to) in panels[..=self.p].iter().zip(self.to.chunks_exact_mut(ROWS)) {
-            add_product(simd, panels[self.p], b, Update::Replace, to);
+        let (squares, _) = self.to.as_chunks_mut::<ROWS>();
+        for (b, to) in panels[..=self.p].iter().zip(squares) {
+            product(simd, panels[self.p], b, Update::Replace, to);
         }
     }
 }

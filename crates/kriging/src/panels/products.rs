@@ -12,28 +12,28 @@ pub(super) enum Update {
     Replace,
 }
 
-/// Updates `tile` by Σₖ aₖ bₖᵀ, aₖ the columns of `a` and bₖ the `q`-th eight rows of those of `b`.
+/// Updates `to` by Σₖ aₖ bₖᵀ, aₖ the columns of `a` and bₖ those of `b`.
 #[inline(always)]
 pub(super) fn product<S: Simd>(
     simd: S,
     a: &[Column],
     b: &[Column],
-    q: usize,
     update: Update,
-    tile: &mut [Column; TILE],
+    to: &mut [Column; ROWS],
 ) {
-    // The sums that fit into the registers, beside a column of `a`.
+    // As many sums as fit into the registers beside three vectors: with one more, compilers put some
+    // of them into memory.
     match S::F64_LANES {
-        8 => sums::<S, 3, 8>(simd, a, b, q, update, tile),
-        4 => sums::<S, 3, 4>(simd, a, b, q, update, tile),
-        2 => sums::<S, 6, 4>(simd, a, b, q, update, tile),
-        _ => sums::<S, 4, 2>(simd, a, b, q, update, tile),
+        8 => sums::<S, 3, 8>(simd, a, b, 0, update, to),
+        4 => sums::<S, 3, 3>(simd, a, b, 0, update, to),
+        2 => sums::<S, 6, 2>(simd, a, b, 0, update, to),
+        _ => sums::<S, 4, 2>(simd, a, b, 0, update, to),
     }
 }
 
-/// [`product`] by parts of V vectors and W columns.
+/// Updates `tile` by Σₖ aₖ bₖᵀ, aₖ the columns of `a` and bₖ the `q`-th eight rows of those of `b`.
 #[inline(always)]
-fn sums<S: Simd, const V: usize, const W: usize>(
+pub(super) fn product_of_tile<S: Simd>(
     simd: S,
     a: &[Column],
     b: &[Column],
@@ -41,7 +41,25 @@ fn sums<S: Simd, const V: usize, const W: usize>(
     update: Update,
     tile: &mut [Column; TILE],
 ) {
-    let (parts, _) = tile.as_chunks_mut::<W>();
+    match S::F64_LANES {
+        8 => sums::<S, 3, 8>(simd, a, b, q, update, tile),
+        4 => sums::<S, 2, 4>(simd, a, b, 2 * q, update, tile),
+        _ => sums::<S, 4, 2>(simd, a, b, 4 * q, update, tile),
+    }
+}
+
+/// Updates columns by products with the rows of `b` from row W `first` on, in parts of V vectors and W
+/// columns.
+#[inline(always)]
+fn sums<S: Simd, const V: usize, const W: usize>(
+    simd: S,
+    a: &[Column],
+    b: &[Column],
+    first: usize,
+    update: Update,
+    to: &mut [Column],
+) {
+    let (parts, _) = to.as_chunks_mut::<W>();
     for (w, part) in parts.iter_mut().enumerate() {
         for v in 0..ROWS / (V * S::F64_LANES) {
             let mut sums = [[simd.splat_f64s(0.0); V]; W];
@@ -54,7 +72,7 @@ fn sums<S: Simd, const V: usize, const W: usize>(
             }
             for (a, b) in a.iter().zip(b) {
                 let a = &S::as_simd_f64s(&a.0).0.as_chunks::<V>().0[v];
-                let b = &b.0.as_chunks::<TILE>().0[q].as_chunks::<W>().0[w];
+                let b = &b.0.as_chunks::<W>().0[first + w];
                 for (sums, b) in sums.iter_mut().zip(b) {
                     let b = simd.splat_f64s(*b);
                     for (sum, a) in sums.iter_mut().zip(a) {
@@ -96,9 +114,20 @@ impl Corner {
     }
 }
 
-/// Replaces X by X L⁻ᵀ.
+/// Replaces X by X L⁻ᵀ; the columns of L are `factor`, a panel's own.
 #[inline(always)]
-pub(super) fn divide<S: Simd>(simd: S, tile: &mut [Column; TILE], corner: &Corner) {
+pub(super) fn divide<S: Simd>(simd: S, x: &mut [Column; ROWS], factor: &[Column]) {
+    for q in 0..ROWS / TILE {
+        let (before, after) = x.split_at_mut(q * TILE);
+        let tile = &mut after.as_chunks_mut::<TILE>().0[0];
+        product_of_tile(simd, before, factor, q, Update::Subtract, tile);
+        divide_tile(simd, tile, &Corner::new(&factor[q * TILE..], q));
+    }
+}
+
+/// Replaces X by X L⁻ᵀ, L a corner.
+#[inline(always)]
+pub(super) fn divide_tile<S: Simd>(simd: S, tile: &mut [Column; TILE], corner: &Corner) {
     for v in 0..ROWS / S::F64_LANES {
         let mut x = [simd.splat_f64s(0.0); TILE];
         for (x, column) in x.iter_mut().zip(&*tile) {

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::products::{Corner, Update, add_multiple, divide, dot, product};
-use super::{BLOCK, Column, DEPTH, Lower, ROWS, TILE, panels, rows};
+use super::products::{Update, add_multiple, divide, dot, product};
+use super::{BLOCK, Column, DEPTH, Lower, ROWS, panels, rows};
 
 /// So many vectors or fewer are solved for one by one.
 const FEW: usize = 4;
@@ -150,11 +150,11 @@ pub(super) struct Run<'a> {
 }
 
 impl Run<'_> {
-    /// The columns before `at` and the tile there.
+    /// The columns before panel `of`'s own, and these.
     #[inline(always)]
-    fn split(&mut self, at: usize) -> (&[Column], &mut [Column; TILE]) {
-        let (before, after) = self.columns.split_at_mut(at - self.first);
-        (before, &mut after.as_chunks_mut::<TILE>().0[0])
+    fn split(&mut self, of: usize) -> (&[Column], &mut [Column; ROWS]) {
+        let (before, after) = self.columns.split_at_mut(of * ROWS - self.first);
+        (before, &mut after.as_chunks_mut::<ROWS>().0[0])
     }
 }
 
@@ -185,27 +185,22 @@ impl WithSimd for DivideRows<'_, '_> {
                     let start = start.max(run.first);
                     for of in block..end {
                         let l = &factor.panel(of)[start..last];
-                        for q in 0..ROWS / TILE {
-                            let first = run.first;
-                            let (before, tile) = run.split(of * ROWS + q * TILE);
-                            let x = &before[start - first..last - first];
-                            product(simd, x, l, q, Update::Subtract, tile);
-                        }
+                        let first = run.first;
+                        let (before, to) = run.split(of);
+                        let x = &before[start - first..last - first];
+                        product(simd, x, l, Update::Subtract, to);
                     }
                 }
             }
             for run in runs.iter_mut().filter(|run| run.first < end * ROWS) {
                 let start = left.max(run.first);
                 for of in start / ROWS..end {
-                    let l = factor.panel(of);
-                    for q in 0..ROWS / TILE {
-                        let at = of * ROWS + q * TILE;
-                        let first = run.first;
-                        let (before, tile) = run.split(at);
-                        let x = &before[start - first..];
-                        product(simd, x, &l[start..at], q, Update::Subtract, tile);
-                        divide(simd, tile, &Corner::new(&l[at..at + TILE], q));
-                    }
+                    let (l, own) = factor.panel(of).split_at(of * ROWS);
+                    let first = run.first;
+                    let (before, to) = run.split(of);
+                    let x = &before[start - first..];
+                    product(simd, x, &l[start..], Update::Subtract, to);
+                    divide(simd, to, own);
                 }
             }
         }
