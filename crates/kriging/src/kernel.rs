@@ -109,8 +109,9 @@ impl Kernel {
         let a = simd.abs_f64s(difference);
         match self {
             Self::Matern52 => {
-                let inner = simd.mul_add_f64s(a, simd.splat_f64s(1.0 / 3.0), one);
-                let factor = simd.mul_add_f64s(a, inner, one);
+                let third = simd.mul_f64s(a, simd.splat_f64s(1.0 / 3.0));
+                let inner = simd.mul_f64s(a, simd.add_f64s(one, third));
+                let factor = simd.add_f64s(one, inner);
                 (
                     simd.mul_f64s(polynomial, factor),
                     simd.add_f64s(exponent, a),
@@ -127,10 +128,7 @@ impl Kernel {
             Self::SquaredExponential
             | Self::RadialMatern52
             | Self::RadialMatern32
-            | Self::RadialExponential => (
-                polynomial,
-                simd.mul_add_f64s(difference, difference, exponent),
-            ),
+            | Self::RadialExponential => (polynomial, simd.add_f64s(exponent, simd.mul_f64s(a, a))),
         }
     }
 
@@ -142,7 +140,7 @@ impl Kernel {
         match self {
             Self::RadialMatern52 => both.for_each(|(p, e)| {
                 let a = e.sqrt();
-                *p = a.mul_add(a.mul_add(1.0 / 3.0, 1.0), 1.0);
+                *p = 1.0 + a * (1.0 + a * (1.0 / 3.0));
                 *e = a;
             }),
             Self::RadialMatern32 => both.for_each(|(p, e)| {

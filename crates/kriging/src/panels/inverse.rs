@@ -100,9 +100,10 @@ impl WithSimd for Square<'_> {
                     };
                     let a = &v.panel(p)[from - own..last - own];
                     let (squares, _) = to.panel_mut(p).as_chunks_mut::<ROWS>();
-                    for of in block..(block + BLOCK).min(p + 1) {
+                    let end = (block + BLOCK).min(p + 1);
+                    for (of, to) in (block..end).zip(&mut squares[block..end]) {
                         let b = &v.panel(of)[from - of * ROWS..last - of * ROWS];
-                        product(simd, a, b, update, &mut squares[of]);
+                        product(simd, a, b, update, to);
                     }
                 }
             }
