@@ -107,29 +107,20 @@ impl Kernel {
     ) -> (S::f64s, S::f64s) {
         let one = simd.splat_f64s(1.0);
         let a = simd.abs_f64s(difference);
-        match self {
+        let (polynomial, term) = match self {
             Self::Matern52 => {
                 let third = simd.mul_f64s(a, simd.splat_f64s(1.0 / 3.0));
                 let inner = simd.mul_f64s(a, simd.add_f64s(one, third));
-                let factor = simd.add_f64s(one, inner);
-                (
-                    simd.mul_f64s(polynomial, factor),
-                    simd.add_f64s(exponent, a),
-                )
+                (simd.mul_f64s(polynomial, simd.add_f64s(one, inner)), a)
             }
-            Self::Matern32 => {
-                let factor = simd.add_f64s(one, a);
-                (
-                    simd.mul_f64s(polynomial, factor),
-                    simd.add_f64s(exponent, a),
-                )
-            }
-            Self::Exponential => (polynomial, simd.add_f64s(exponent, a)),
+            Self::Matern32 => (simd.mul_f64s(polynomial, simd.add_f64s(one, a)), a),
+            Self::Exponential => (polynomial, a),
             Self::SquaredExponential
             | Self::RadialMatern52
             | Self::RadialMatern32
-            | Self::RadialExponential => (polynomial, simd.add_f64s(exponent, simd.mul_f64s(a, a))),
-        }
+            | Self::RadialExponential => (polynomial, simd.mul_f64s(a, a)),
+        };
+        (polynomial, simd.add_f64s(exponent, term))
     }
 
     /// Turns the sums of squares of a radial kernel into distances, and writes the polynomials of

@@ -4,7 +4,7 @@ use pulp::Simd;
 
 use super::{Column, ROWS, TILE};
 
-// Without these features of pulp a processor with such vectors would compute with none, fifty times as
+// Without these features of pulp a processor with such vectors would compute with none, thirty times as
 // slowly.
 #[cfg(target_arch = "x86_64")]
 const _: () = {
@@ -55,8 +55,8 @@ pub(super) fn product_of_tile<S: Simd>(
     }
 }
 
-/// Updates columns by products with the rows of `b` from row W `first` on, in parts of V vectors and W
-/// columns.
+/// Updates the columns `to`, V vectors of W columns at a time, by products with as many rows of `b`, from
+/// the `first` W rows on.
 #[inline(always)]
 fn sums<S: Simd, const V: usize, const W: usize>(
     simd: S,
