@@ -14,9 +14,14 @@ const LONGEST_STEP: f64 = 2.0;
 /// Armijo's constant.
 const SUFFICIENT: f64 = 1e-4;
 
-/// Where no step lowers the value, a promise below this is put down to the value's rounding. For a
-/// log likelihood it means nothing.
+/// Where no step lowers the value, a promise below this is put down to rounding of value and gradient. For
+/// a log likelihood it means nothing.
 const HIDDEN: f64 = 1e-3;
+
+/// How often a step is cut, and how often where no more than [`HIDDEN`] is to be gained: an evaluation can
+/// take seconds.
+const MANY: usize = 20;
+const FEW: usize = 4;
 
 /// What a single step may end above the least value of its parabola, for each variable: for a log
 /// likelihood a fraction of what its parameters are uncertain by, half a unit each.
@@ -75,7 +80,8 @@ pub(crate) fn minimise(
         let renews = iterations < limits.renewed;
         let mut t = first_length(&step);
         let mut accepted = None;
-        for _ in 0..20 {
+        let tries = if promised < HIDDEN { FEW } else { MANY };
+        for _ in 0..tries {
             let trial: Vec<f64> = at.iter().zip(&step).map(|(a, s)| a + t * s).collect();
             let trial = clamp(&trial, limits);
             let moved: Vec<f64> = trial.iter().zip(&at).map(|(t, a)| t - a).collect();

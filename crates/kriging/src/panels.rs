@@ -14,6 +14,8 @@
 mod factor;
 mod inverse;
 mod products;
+mod real;
+mod single;
 mod solve;
 
 use std::ops::Range;
@@ -21,6 +23,8 @@ use std::ops::Range;
 pub(crate) use factor::factorise;
 pub(crate) use inverse::{Narrow, Upper, invert_transposed, square};
 pub(crate) use products::{add_multiple, dot};
+use real::Real;
+pub(crate) use single::SingleInverse;
 pub(crate) use solve::{half_solve, solve, transposed_half_solve};
 
 /// Rows of a panel: three of the widest vectors.
@@ -38,10 +42,10 @@ const DEPTH: usize = 96;
 /// A column of a panel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(align(64))]
-pub(crate) struct Column(pub(crate) [f64; ROWS]);
+pub(crate) struct Column<T = f64, const R: usize = ROWS>(pub(crate) [T; R]);
 
-impl Column {
-    const ZERO: Self = Self([0.0; ROWS]);
+impl<T: Real, const R: usize> Column<T, R> {
+    const ZERO: Self = Self([T::ZERO; R]);
 }
 
 /// Number of panels of n rows.
@@ -51,30 +55,32 @@ pub(crate) fn panels(n: usize) -> usize {
 
 /// The lower triangle of a matrix. Panel p has the columns up to its last row.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Lower {
+pub(crate) struct Lower<T = f64, const R: usize = ROWS> {
     n: usize,
-    columns: Vec<Column>,
+    columns: Vec<Column<T, R>>,
 }
 
-impl Lower {
+impl<T: Real, const R: usize> Lower<T, R> {
     /// Makes it an n × n matrix of any numbers.
     pub(crate) fn resize(&mut self, n: usize) {
         self.n = n;
-        self.columns.resize(start(panels(n)), Column::ZERO);
+        self.columns.resize(start::<R>(n.div_ceil(R)), Column::ZERO);
     }
 
+    /// The columns of panel p, R (p + 1) of them. Above the diagonal of the matrix the last ones may hold
+    /// anything, but zeros in a factor.
+    pub(crate) fn panel(&self, p: usize) -> &[Column<T, R>] {
+        &self.columns[start::<R>(p)..start::<R>(p + 1)]
+    }
+
+    pub(crate) fn panel_mut(&mut self, p: usize) -> &mut [Column<T, R>] {
+        &mut self.columns[start::<R>(p)..start::<R>(p + 1)]
+    }
+}
+
+impl Lower {
     pub(crate) fn len(&self) -> usize {
         self.n
-    }
-
-    /// The columns of panel p, [`ROWS`] (p + 1) of them. Above the diagonal of the matrix the last ones
-    /// may hold anything, but zeros in a factor.
-    pub(crate) fn panel(&self, p: usize) -> &[Column] {
-        &self.columns[start(p)..start(p + 1)]
-    }
-
-    pub(crate) fn panel_mut(&mut self, p: usize) -> &mut [Column] {
-        &mut self.columns[start(p)..start(p + 1)]
     }
 
     /// Element i, j with j ≤ i.
@@ -121,8 +127,8 @@ impl Lower {
 }
 
 /// The first column of panel p among all of a [`Lower`].
-fn start(p: usize) -> usize {
-    ROWS * p * (p + 1) / 2
+fn start<const R: usize>(p: usize) -> usize {
+    R * p * (p + 1) / 2
 }
 
 /// The rows of panel p that are the matrix's.
@@ -131,10 +137,10 @@ pub(crate) fn rows(p: usize, n: usize) -> Range<usize> {
 }
 
 /// Column j of the unit matrix's panel p.
-fn unit(p: usize, j: usize) -> Column {
+fn unit<T: Real, const R: usize>(p: usize, j: usize) -> Column<T, R> {
     let mut column = Column::ZERO;
-    if j >= p * ROWS {
-        column.0[j - p * ROWS] = 1.0;
+    if j >= p * R {
+        column.0[j - p * R] = T::ONE;
     }
     column
 }
@@ -147,6 +153,7 @@ mod tests {
 
     use super::factor::Factorise;
     use super::inverse::{Square, unit_rows};
+    use super::single::{TWICE, round};
     use super::solve::{DivideRows, OneByOne, Step};
     use super::*;
 
@@ -203,6 +210,28 @@ mod tests {
             }
             for (i, sum) in upper.squares().into_iter().enumerate() {
                 assert!((sum / inverse.get(i, i) - 1.0).abs() < 1e-14);
+            }
+        }
+    }
+
+    #[test]
+    fn the_inverse_in_single_precision() {
+        let mut single = SingleInverse::default();
+        let (mut upper, mut inverse) = (Upper::default(), Lower::default());
+        for n in SIZES {
+            let factor = factor(n);
+            single.invert(&factor);
+            invert_transposed(&factor, &mut upper);
+            square(&upper, &mut inverse);
+            for p in 0..panels(n) {
+                let mut panel = vec![Column([f64::NAN; ROWS]); (p + 1) * ROWS];
+                single.panel(p, &mut panel);
+                for i in rows(p, n) {
+                    for (j, column) in panel[..=i].iter().enumerate() {
+                        let error = (column.0[i % ROWS] - inverse.get(i, j)).abs();
+                        assert!(error < 3e-6, "{n} {i} {j}: {error}");
+                    }
+                }
             }
         }
     }
@@ -266,29 +295,40 @@ mod tests {
     /// Vectors of any width and none at all give the same bits.
     #[test]
     fn vectors_of_the_processor_change_no_bit() {
+        #[inline(always)]
+        fn inverse<S: Simd, T: Real, const R: usize>(
+            simd: S,
+            factor: &Lower<T, R>,
+        ) -> Vec<Column<T, R>> {
+            let mut upper = Upper::default();
+            let mut runs = unit_rows(factor.n, &mut upper);
+            let divide = DivideRows {
+                factor,
+                runs: &mut runs,
+            };
+            divide.with_simd(simd);
+            let mut inverse = Lower::default();
+            inverse.resize(factor.n);
+            let square = Square {
+                v: &upper,
+                to: &mut inverse,
+            };
+            square.with_simd(simd);
+            inverse.columns
+        }
+
         struct All(usize);
         impl WithSimd for All {
-            type Output = (Lower, Vec<f64>);
+            type Output = (Vec<Column>, Vec<Column<f32, TWICE>>, Vec<f64>);
 
             #[inline(always)]
             fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
                 let n = self.0;
                 let mut factor = Lower::from_fn(n, element);
                 Factorise(&mut factor).with_simd(simd).unwrap();
-                let mut upper = Upper::default();
-                let mut runs = unit_rows(n, &mut upper);
-                let divide = DivideRows {
-                    factor: &factor,
-                    runs: &mut runs,
-                };
-                divide.with_simd(simd);
-                let mut inverse = Lower::default();
-                inverse.resize(n);
-                let square = Square {
-                    v: &upper,
-                    to: &mut inverse,
-                };
-                square.with_simd(simd);
+                let mut single = Lower::default();
+                round(&factor, &mut single);
+                let inverses = (inverse(simd, &factor), inverse(simd, &single));
                 let mut solved = vectors(n, 2);
                 let solve = OneByOne {
                     factor: &factor,
@@ -296,14 +336,11 @@ mod tests {
                     steps: &[Step::Forward, Step::Backward],
                 };
                 solve.with_simd(simd);
-                (inverse, solved)
+                (inverses.0, inverses.1, solved)
             }
         }
-        let (without, solved_without) = All(210).with_simd(Scalar::new());
-        let check = |(inverse, solved): (Lower, Vec<f64>)| {
-            assert!(inverse.columns == without.columns);
-            assert_eq!(solved, solved_without);
-        };
+        let without = All(210).with_simd(Scalar::new());
+        let check = |with| assert!(with == without);
         check(Arch::new().dispatch(All(210)));
         // What a processor with wider ones does not use.
         #[cfg(target_arch = "x86_64")]

@@ -26,9 +26,12 @@ pub struct LikelihoodGradient {
 /// The negative log likelihood of data as a function of the parameters: what [`crate::fit()`]
 /// minimises, for profiles and for tests of an optimum. Holds its matrices, 2 n² numbers, so that
 /// evaluations do not allocate them again. As in the fit, observations of one point are merged unless
-/// there is a nugget.
+/// there is a nugget, and of 1000 points or more the gradient comes from an inverse in single precision where
+/// that is accurate enough.
 pub struct LogLikelihood {
     d: usize,
+    /// Whether the gradient's inverse is to be in double precision.
+    double: bool,
     /// Of the observations, those at one point merged.
     merged: Part,
     /// Of the observations one by one, for a nugget; none where no point is repeated.
@@ -80,6 +83,7 @@ impl LogLikelihood {
         let apart = keep(data)?;
         Ok(Self {
             d: data.d,
+            double: false,
             apart: if apart.len() > distinct {
                 Some(Part::new(&apart, kernel, trend)?)
             } else {
@@ -87,6 +91,15 @@ impl LogLikelihood {
             },
             merged: Part::new(&points, kernel, trend)?,
         })
+    }
+
+    /// The same with gradients in double precision throughout.
+    #[must_use]
+    pub fn in_double(self) -> Self {
+        Self {
+            double: true,
+            ..self
+        }
     }
 
     /// Value and gradient at given ranges, process variance and nugget; `mu` and `slopes` of the
@@ -132,6 +145,8 @@ impl LogLikelihood {
         // ln 0 is −∞, whose exponential is 0 again.
         at.push((nugget / unit).ln());
         at.push((sigma2 / unit).ln());
+        // What earlier evaluations found must not matter.
+        part.function.in_single = !self.double && part.function.may_be_in_single();
         let evaluation = part
             .function
             .evaluate(&at, Order::Gradient)

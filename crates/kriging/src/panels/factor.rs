@@ -45,9 +45,9 @@ impl WithSimd for Factorise<'_> {
                 let last = (first + DEPTH).min(left);
                 for p in block..count {
                     for of in block..end.min(p + 1) {
-                        let (before, to) = split(columns, start(p) + of * ROWS);
-                        let a = &before[start(p) + first..start(p) + last];
-                        let b = &before[start(of) + first..start(of) + last];
+                        let (before, to) = split(columns, start::<ROWS>(p) + of * ROWS);
+                        let a = &before[start::<ROWS>(p) + first..start::<ROWS>(p) + last];
+                        let b = &before[start::<ROWS>(of) + first..start::<ROWS>(of) + last];
                         product(simd, a, b, Update::Subtract, to);
                     }
                 }
@@ -55,12 +55,13 @@ impl WithSimd for Factorise<'_> {
             for p in block..count {
                 for of in block..end.min(p + 1) {
                     let own = of * ROWS;
-                    let (before, to) = split(columns, start(p) + own);
-                    let a = &before[start(p) + left..start(p) + own];
-                    let b = &before[start(of) + left..start(of) + own];
+                    let (before, to) = split(columns, start::<ROWS>(p) + own);
+                    let a = &before[start::<ROWS>(p) + left..start::<ROWS>(p) + own];
+                    let b = &before[start::<ROWS>(of) + left..start::<ROWS>(of) + own];
                     product(simd, a, b, Update::Subtract, to);
                     if of < p {
-                        let corner = &before[start(of) + own..start(of) + own + ROWS];
+                        let corner =
+                            &before[start::<ROWS>(of) + own..start::<ROWS>(of) + own + ROWS];
                         divide(simd, to, corner);
                     } else {
                         factorise_own(simd, to)?;

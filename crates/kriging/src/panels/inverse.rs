@@ -7,23 +7,26 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use super::products::{Update, product};
+use super::real::Real;
 use super::solve::{Run, divide_rows};
 use super::{BLOCK, Column, DEPTH, Lower, ROWS, panels, rows, start, unit};
 
 /// An upper triangle. Panel p has the columns from its first row on.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Upper {
+pub(crate) struct Upper<T = f64, const R: usize = ROWS> {
     n: usize,
-    columns: Vec<Column>,
+    columns: Vec<Column<T, R>>,
+}
+
+impl<T: Real, const R: usize> Upper<T, R> {
+    /// The columns of panel p.
+    fn panel(&self, p: usize) -> &[Column<T, R>] {
+        let count = self.n.div_ceil(R);
+        &self.columns[start_upper::<R>(p, count)..start_upper::<R>(p + 1, count)]
+    }
 }
 
 impl Upper {
-    /// The columns of panel p.
-    fn panel(&self, p: usize) -> &[Column] {
-        let count = panels(self.n);
-        &self.columns[start_upper(p, count)..start_upper(p + 1, count)]
-    }
-
     /// Every row's sum of squares: the diagonal of V Vᵀ.
     pub(crate) fn squares(&self) -> Vec<f64> {
         let mut squares = vec![0.0; self.n];
@@ -39,29 +42,35 @@ impl Upper {
 }
 
 /// The first column of panel p of `count` among all of an [`Upper`].
-fn start_upper(p: usize, count: usize) -> usize {
-    start(count) - start(count - p)
+fn start_upper<const R: usize>(p: usize, count: usize) -> usize {
+    start::<R>(count) - start::<R>(count - p)
 }
 
 /// Writes L⁻ᵀ to `inverse`.
-pub(crate) fn invert_transposed(factor: &Lower, inverse: &mut Upper) {
+pub(crate) fn invert_transposed<T: Real, const R: usize>(
+    factor: &Lower<T, R>,
+    inverse: &mut Upper<T, R>,
+) {
     divide_rows(factor, &mut unit_rows(factor.n, inverse));
 }
 
 /// Makes `inverse` the n × n unit matrix; its rows.
-pub(super) fn unit_rows(n: usize, inverse: &mut Upper) -> Vec<Run<'_>> {
-    let count = panels(n);
+pub(super) fn unit_rows<T: Real, const R: usize>(
+    n: usize,
+    inverse: &mut Upper<T, R>,
+) -> Vec<Run<'_, T, R>> {
+    let count = n.div_ceil(R);
     inverse.n = n;
     inverse.columns.clear();
-    inverse.columns.resize(start(count), Column::ZERO);
+    inverse.columns.resize(start::<R>(count), Column::ZERO);
     let mut rest = &mut inverse.columns[..];
     let mut runs = Vec::with_capacity(count);
     for p in 0..count {
-        let (columns, after) = rest.split_at_mut((count - p) * ROWS);
-        for (j, column) in columns[..ROWS].iter_mut().enumerate() {
-            *column = unit(p, p * ROWS + j);
+        let (columns, after) = rest.split_at_mut((count - p) * R);
+        for (j, column) in columns[..R].iter_mut().enumerate() {
+            *column = unit(p, p * R + j);
         }
-        let first = p * ROWS;
+        let first = p * R;
         runs.push(Run { first, columns });
         rest = after;
     }
@@ -69,28 +78,28 @@ pub(super) fn unit_rows(n: usize, inverse: &mut Upper) -> Vec<Run<'_>> {
 }
 
 /// Writes V Vᵀ to `to`.
-pub(crate) fn square(v: &Upper, to: &mut Lower) {
+pub(crate) fn square<T: Real, const R: usize>(v: &Upper<T, R>, to: &mut Lower<T, R>) {
     to.resize(v.n);
     Arch::new().dispatch(Square { v, to });
 }
 
-pub(super) struct Square<'a> {
-    pub(super) v: &'a Upper,
-    pub(super) to: &'a mut Lower,
+pub(super) struct Square<'a, T, const R: usize> {
+    pub(super) v: &'a Upper<T, R>,
+    pub(super) to: &'a mut Lower<T, R>,
 }
 
-impl WithSimd for Square<'_> {
+impl<T: Real, const R: usize> WithSimd for Square<'_, T, R> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { v, to } = self;
-        let n = panels(v.n) * ROWS;
+        let n = v.n.next_multiple_of(R);
         for first in (0..n).step_by(DEPTH) {
             let last = (first + DEPTH).min(n);
-            for block in (0..last.div_ceil(ROWS)).step_by(BLOCK) {
-                for p in block..last / ROWS {
-                    let own = p * ROWS;
+            for block in (0..last.div_ceil(R)).step_by(BLOCK) {
+                for p in block..last / R {
+                    let own = p * R;
                     let from = first.max(own);
                     // The first terms of a sum are those on the diagonal.
                     let update = if own >= first {
@@ -99,10 +108,10 @@ impl WithSimd for Square<'_> {
                         Update::Add
                     };
                     let a = &v.panel(p)[from - own..last - own];
-                    let (squares, _) = to.panel_mut(p).as_chunks_mut::<ROWS>();
+                    let (squares, _) = to.panel_mut(p).as_chunks_mut::<R>();
                     let end = (block + BLOCK).min(p + 1);
                     for (of, to) in (block..end).zip(&mut squares[block..end]) {
-                        let b = &v.panel(of)[from - of * ROWS..last - of * ROWS];
+                        let b = &v.panel(of)[from - of * R..last - of * R];
                         product(simd, a, b, update, to);
                     }
                 }

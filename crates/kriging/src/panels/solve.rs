@@ -5,6 +5,7 @@ use std::ops::Range;
 use pulp::{Arch, Simd, WithSimd};
 
 use super::products::{Update, add_multiple, divide, dot, product};
+use super::real::Real;
 use super::{BLOCK, Column, DEPTH, Lower, ROWS, panels, rows};
 
 /// So many vectors or fewer are solved for one by one.
@@ -143,40 +144,43 @@ fn backward<S: Simd>(simd: S, panel: &[Column], rows: Range<usize>, vector: &mut
 }
 
 /// A panel of a matrix from a column on, before which it is zero.
-pub(super) struct Run<'a> {
-    /// The first column, a multiple of [`ROWS`].
+pub(super) struct Run<'a, T = f64, const R: usize = ROWS> {
+    /// The first column, a multiple of R.
     pub(super) first: usize,
-    pub(super) columns: &'a mut [Column],
+    pub(super) columns: &'a mut [Column<T, R>],
 }
 
-impl Run<'_> {
+impl<T, const R: usize> Run<'_, T, R> {
     /// The columns before panel `of`'s own, and these.
     #[inline(always)]
-    fn split(&mut self, of: usize) -> (&[Column], &mut [Column; ROWS]) {
-        let (before, after) = self.columns.split_at_mut(of * ROWS - self.first);
-        (before, &mut after.as_chunks_mut::<ROWS>().0[0])
+    fn split(&mut self, of: usize) -> (&[Column<T, R>], &mut [Column<T, R>; R]) {
+        let (before, after) = self.columns.split_at_mut(of * R - self.first);
+        (before, &mut after.as_chunks_mut::<R>().0[0])
     }
 }
 
 /// Replaces the matrix X that consists of `runs` by X L⁻ᵀ.
-pub(super) fn divide_rows(factor: &Lower, runs: &mut [Run<'_>]) {
+pub(super) fn divide_rows<T: Real, const R: usize>(
+    factor: &Lower<T, R>,
+    runs: &mut [Run<'_, T, R>],
+) {
     Arch::new().dispatch(DivideRows { factor, runs });
 }
 
-pub(super) struct DivideRows<'a, 'b> {
-    pub(super) factor: &'a Lower,
-    pub(super) runs: &'a mut [Run<'b>],
+pub(super) struct DivideRows<'a, 'b, T, const R: usize> {
+    pub(super) factor: &'a Lower<T, R>,
+    pub(super) runs: &'a mut [Run<'b, T, R>],
 }
 
-impl WithSimd for DivideRows<'_, '_> {
+impl<T: Real, const R: usize> WithSimd for DivideRows<'_, '_, T, R> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { factor, runs } = self;
-        let count = panels(factor.n);
+        let count = factor.n.div_ceil(R);
         for block in (0..count).step_by(BLOCK) {
-            let left = block * ROWS;
+            let left = block * R;
             let end = (block + BLOCK).min(count);
             // Off the block what lies left of it, then what lies in it.
             for start in (0..left).step_by(DEPTH) {
@@ -192,10 +196,10 @@ impl WithSimd for DivideRows<'_, '_> {
                     }
                 }
             }
-            for run in runs.iter_mut().filter(|run| run.first < end * ROWS) {
+            for run in runs.iter_mut().filter(|run| run.first < end * R) {
                 let start = left.max(run.first);
-                for of in start / ROWS..end {
-                    let (l, own) = factor.panel(of).split_at(of * ROWS);
+                for of in start / R..end {
+                    let (l, own) = factor.panel(of).split_at(of * R);
                     let first = run.first;
                     let (before, to) = run.split(of);
                     let x = &before[start - first..];
