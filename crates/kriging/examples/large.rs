@@ -1,9 +1,10 @@
 //! A model of many points: time, accuracy and memory.
 //!
-//! `cargo run --release -p kriging --example large -- [POINTS]` (100 000)
+//! `cargo run --release -p kriging --example large -- [POINTS [DENSE]]` (100 000; with more than DENSE points,
+//! 10 000 by default, a prediction is made from the 200 nearest)
 //!
 //! The six-dimensional Hartmann function on 2…40 with noise of a standard deviation of 0.10 to 0.16 at
-//! random points, by [`kriging::fit_vecchia`] with its default options. The error is the root mean
+//! random points, by [`kriging::fit_vecchia`] with its default options otherwise. The error is the root mean
 //! square one of the mean against the truth at 2000 other points.
 
 #![expect(clippy::print_stdout, reason = "an example's output is its purpose")]
@@ -22,14 +23,18 @@ use common::{D, NoisyHart6, hart6, processor_seconds};
 const TESTS: usize = 2000;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let points = std::env::args().nth(1);
-    let n: usize = points.map_or(Ok(100_000), |text| text.parse())?;
+    let mut arguments = std::env::args().skip(1);
+    let n: usize = arguments.next().map_or(Ok(100_000), |text| text.parse())?;
+    let mut options = VecchiaOptions::default();
+    if let Some(dense) = arguments.next() {
+        options.dense = dense.parse()?;
+    }
     let mut rng = stream(7, Purpose::Test, n as u64, 0);
     let sample = NoisyHart6::draw(n, &mut rng);
     let test: Vec<f64> = (0..TESTS * D).map(|_| rng.random()).collect();
 
     let (began, before) = (Instant::now(), processor_seconds());
-    let model = fit_vecchia(&sample.data(), &VecchiaOptions::default())?;
+    let model = fit_vecchia(&sample.data(), &options)?;
     println!(
         "n = {n}, d = {D}: fit in {:.1} s, {:.1} s of processor time, nll {:.1}",
         began.elapsed().as_secs_f64(),

@@ -11,6 +11,10 @@
 //!   matrix product, ½ uᵢᵀ P uⱼ/σ² with uⱼ = ∂C/∂ ln θⱼ β and P = C⁻¹ − C⁻¹F(FᵀC⁻¹F)⁻¹FᵀC⁻¹
 //!   (Gilmour, Thompson, Cullis, "Average information REML", Biometrics 51 (1995) 1440–1450).
 //!
+//! Of many points C⁻¹ is computed in single precision, in half the time: it is needed for the gradient
+//! only, which steers a search, and the value's accuracy is the factor's. How accurate it is, tr(C⁻¹C)
+//! tells, which is n.
+//!
 //! The trend μ is at its optimum for every θ and σ², so it adds nothing to the derivatives. With
 //! unequal noise σ² has no closed form, so it is a variable of the search like the ranges.
 
@@ -285,6 +289,7 @@ impl<'a> Likelihood<'a> {
             if self.in_single {
                 return gradient;
             }
+            self.single = SingleInverse::default();
         }
         invert_transposed(&self.factor, &mut self.half_inverse);
         square(&self.half_inverse, &mut self.inverse);

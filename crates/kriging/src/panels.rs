@@ -10,6 +10,9 @@
 //!
 //! Every element is a sum over its terms in one order, with fused multiplications and additions,
 //! whatever the processor's vectors: the bits of a factor are the same on every machine.
+//!
+//! Numbers are of double precision, and for [`SingleInverse`] of single precision ([`Real`]), in panels of
+//! twice as many rows.
 
 mod factor;
 mod inverse;
@@ -29,17 +32,16 @@ pub(crate) use solve::{half_solve, solve, transposed_half_solve};
 
 /// Rows of a panel: three of the widest vectors.
 pub(crate) const ROWS: usize = 24;
-/// Columns that are divided by a triangle together, in registers. A panel's own columns are three times
-/// as many.
+/// Columns that are divided by a triangle together, in registers. A panel's own columns are a multiple.
 const TILE: usize = 8;
 /// Panels whose rows are the right factors of one panel's products before the next one's turn.
 const BLOCK: usize = 8;
-/// The most terms of a sum that are added in one go, a multiple of [`ROWS`]. With that many columns
+/// The most terms of a sum that are added in one go, a multiple of any panel's rows. With that many columns
 /// (18 kB) a panel stays in the first-level cache, and the panels of a block in the second-level one;
 /// with fewer, sums go through memory more often.
 const DEPTH: usize = 96;
 
-/// A column of a panel.
+/// A column of a panel of R rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(align(64))]
 pub(crate) struct Column<T = f64, const R: usize = ROWS>(pub(crate) [T; R]);
@@ -53,7 +55,7 @@ pub(crate) fn panels(n: usize) -> usize {
     n.div_ceil(ROWS)
 }
 
-/// The lower triangle of a matrix. Panel p has the columns up to its last row.
+/// The lower triangle of a matrix, in panels of R rows. Panel p has the columns up to its last row.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Lower<T = f64, const R: usize = ROWS> {
     n: usize,

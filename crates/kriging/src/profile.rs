@@ -24,8 +24,8 @@ pub struct LikelihoodGradient {
 }
 
 /// The negative log likelihood of data as a function of the parameters: what [`crate::fit()`]
-/// minimises, for profiles and for tests of an optimum. Holds its matrices, 2 n² numbers, so that
-/// evaluations do not allocate them again. As in the fit, observations of one point are merged unless
+/// minimises, for profiles and for tests of an optimum. Holds its matrices, at most 2 n² numbers, so
+/// that evaluations do not allocate them again. As in the fit, observations of one point are merged unless
 /// there is a nugget, and of 1000 points or more the gradient comes from an inverse in single precision where
 /// that is accurate enough.
 pub struct LogLikelihood {

@@ -11,7 +11,7 @@ use super::real::Real;
 use super::solve::{Run, divide_rows};
 use super::{BLOCK, Column, DEPTH, Lower, ROWS, panels, rows, start, unit};
 
-/// An upper triangle. Panel p has the columns from its first row on.
+/// An upper triangle, in panels of R rows. Panel p has the columns from its first row on.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Upper<T = f64, const R: usize = ROWS> {
     n: usize,
