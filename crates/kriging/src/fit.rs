@@ -102,7 +102,8 @@ impl Default for FitOptions {
 /// the order of the observations or the number of threads (rayon's, used over the starts).
 ///
 /// Cost: a Cholesky factor and an inverse per iteration, about n³ multiplications; memory 2 n²
-/// numbers.
+/// numbers. From 1000 points on the inverse, which only the search's direction comes from, is in single
+/// precision where that is accurate enough.
 ///
 /// # Errors
 ///

@@ -146,7 +146,7 @@ impl LogLikelihood {
         at.push((nugget / unit).ln());
         at.push((sigma2 / unit).ln());
         // What earlier evaluations found must not matter.
-        part.function.in_single = !self.double && part.function.may_be_in_single();
+        part.function.double = self.double;
         let evaluation = part
             .function
             .evaluate(&at, Order::Gradient)

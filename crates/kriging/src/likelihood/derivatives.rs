@@ -1,0 +1,313 @@
+//! The derivatives of the likelihood, as [`super`] has them.
+
+use pulp::{Arch, Simd, WithSimd};
+
+use super::{Likelihood, dot};
+use crate::covariance::coordinates;
+use crate::gls::Gls;
+use crate::kernel::LANES;
+use crate::panels::{
+    Column, Lower, ROWS, SingleInverse, invert_transposed, panels, rows, solve, square,
+};
+use crate::probes::Probes;
+
+/// Columns whose weights in the gradient are computed together: they stay in the first-level cache.
+const RUN: usize = 64;
+
+/// From so many points on, where it takes most of the time, the gradient's inverse is computed in single
+/// precision.
+pub(super) const SINGLE_FROM: usize = 1000;
+
+/// The most that rounding may have added to tr(C⁻¹C) for an inverse in single precision to be taken. Its
+/// terms are larger than those of the derivatives: for conditions of 1e4 to 1e13 the errors of these were 9 to
+/// 730 times smaller.
+const TRACE_ERROR: f64 = 1.0;
+
+/// Where the derivatives are wanted.
+pub(super) struct At<'a> {
+    /// Number of parameters.
+    pub(super) count: usize,
+    pub(super) z: &'a [f64],
+    pub(super) beta: &'a [f64],
+    /// zᵀβ.
+    pub(super) quadratic: f64,
+    pub(super) sigma2: f64,
+    pub(super) nugget: f64,
+}
+
+/// C⁻¹ or a random matrix in its place.
+enum Inverse<'a> {
+    Whole(&'a Lower),
+    /// In single precision. A panel is written to `panel`.
+    Single {
+        inverse: &'a SingleInverse,
+        panel: Vec<Column>,
+    },
+    /// A panel at a time, in `panel`: the whole matrix would be memory to no purpose.
+    Sampled {
+        probes: Probes,
+        panel: Vec<Column>,
+    },
+}
+
+impl Inverse<'_> {
+    fn panel(&mut self, p: usize) -> &[Column] {
+        match self {
+            Self::Whole(matrix) => matrix.panel(p),
+            Self::Single { inverse, panel } => {
+                panel.resize((p + 1) * ROWS, Column([0.0; ROWS]));
+                inverse.panel(p, panel);
+                panel
+            }
+            Self::Sampled { probes, panel } => {
+                panel.resize((p + 1) * ROWS, Column([0.0; ROWS]));
+                probes.panel(p, panel);
+                panel
+            }
+        }
+    }
+}
+
+impl Likelihood<'_> {
+    /// The index of the parameter that holds the range of column j.
+    fn parameter_of(&self, j: usize) -> usize {
+        if self.form.tied { 0 } else { j }
+    }
+
+    /// The gradient, from random vectors if these are asked for, from an inverse in single precision as long
+    /// as that is accurate enough, or from one in double precision.
+    pub(super) fn best_gradient(&mut self, at: &At<'_>) -> Vec<f64> {
+        if self.probes > 0 {
+            let sampled = Inverse::Sampled {
+                probes: Probes::new(&self.factor, self.probes),
+                panel: Vec::new(),
+            };
+            return self.gradient(at, sampled).0;
+        }
+        if !self.double && self.data.len() >= SINGLE_FROM {
+            self.single.invert(&self.factor);
+            let single = Inverse::Single {
+                inverse: &self.single,
+                panel: Vec::new(),
+            };
+            let (gradient, trace_error) = self.gradient(at, single);
+            // Not so where it is NaN.
+            if trace_error.abs() <= TRACE_ERROR {
+                return gradient;
+            }
+            self.double = true;
+            self.single = SingleInverse::default();
+        }
+        invert_transposed(&self.factor, &mut self.half_inverse);
+        square(&self.half_inverse, &mut self.inverse);
+        self.gradient(at, Inverse::Whole(&self.inverse)).0
+    }
+
+    /// The gradient, and by how much tr(C⁻¹C) differs from n.
+    fn gradient(&self, at: &At<'_>, mut inverse: Inverse<'_>) -> (Vec<f64>, f64) {
+        let At {
+            count,
+            beta,
+            quadratic,
+            sigma2,
+            nugget,
+            ..
+        } = *at;
+        let n = self.data.len();
+        let kernel = self.form.kernel;
+        let mut gradient = vec![0.0; count];
+        let mut sums = vec![[0.0; LANES]; self.columns.len()];
+        let mut diagonal = Vec::with_capacity(n);
+        let mut below = Column([0.0; ROWS]);
+        let mut weights = [Column([0.0; ROWS]); RUN];
+        for p in 0..panels(n) {
+            let own = rows(p, n);
+            let points = coordinates(&self.columns, p);
+            let of_rows = padded(&beta[own.clone()]);
+            let (inverse, correlation) = (inverse.panel(p), self.correlation.panel(p));
+            diagonal.extend(own.clone().map(|i| inverse[i].0[i - own.start]));
+            for first in (0..own.end).step_by(RUN) {
+                let run = first..(first + RUN).min(own.end);
+                let columns: Vec<&[f64]> = self.columns.iter().map(|c| &c[run.clone()]).collect();
+                let weights = &mut weights[..run.len()];
+                Arch::new().dispatch(Weights {
+                    inverse: &inverse[run.clone()],
+                    correlation: &correlation[run.clone()],
+                    across: &beta[run.clone()],
+                    along: &of_rows,
+                    sigma2,
+                    weights,
+                });
+                leave_below_diagonal(weights, run.start, p * ROWS);
+                for weights in &*weights {
+                    for (sum, weight) in below.0.iter_mut().zip(weights.0) {
+                        *sum += weight;
+                    }
+                }
+                self.multiply_by_radial_factors(&points, run.start, weights);
+                kernel.log_derivative_dots_of_panel(&points, &columns, weights, &mut sums);
+            }
+        }
+        for (j, sums) in sums.iter().enumerate() {
+            gradient[self.parameter_of(j)] += sums.iter().sum::<f64>();
+        }
+        let sum: f64 = (0..n)
+            .map(|i| diagonal[i] - beta[i] * beta[i] / sigma2)
+            .sum();
+        if self.form.nugget {
+            gradient[count - 2] = 0.5 * nugget / sigma2 * sum;
+        }
+        let noise = &self.noise;
+        let trace = dot(&diagonal, noise);
+        let squares: f64 = beta.iter().zip(noise).map(|(b, v)| v * b * b).sum();
+        gradient[count - 1] =
+            0.5 * (n as f64 - trace / sigma2 - (quadratic - squares / sigma2) / sigma2);
+        // That derivative is half of all weights, too, but for the jitter. Both are equal if tr(C⁻¹C) = n.
+        let weights = 2.0 * below.0.iter().sum::<f64>() + (1.0 + self.jitter) * sum;
+        let trace_error = weights - 2.0 * gradient[count - 1];
+        (gradient, trace_error)
+    }
+
+    /// Multiplies the weights of the derivatives of a panel's correlations, from column `first` on, by a
+    /// radial kernel's common factors. The panel's points are `points`.
+    fn multiply_by_radial_factors(
+        &self,
+        points: &[[f64; ROWS]],
+        first: usize,
+        weights: &mut [Column],
+    ) {
+        if !self.form.kernel.is_radial() {
+            return;
+        }
+        let mut squares = [0.0; ROWS];
+        for (k, weights) in (first..).zip(weights) {
+            let at: Vec<f64> = self.columns.iter().map(|column| column[k]).collect();
+            self.form.kernel.multiply_by_radial_factors(
+                &at,
+                |j| &points[j],
+                &mut squares,
+                &mut weights.0,
+            );
+        }
+    }
+
+    pub(super) fn curvature(&self, at: &At<'_>, gls: &Gls) -> Vec<f64> {
+        let At {
+            count,
+            z,
+            beta,
+            sigma2,
+            nugget,
+            ..
+        } = *at;
+        let n = self.data.len();
+        let mut directions = vec![0.0; count * n];
+        let kernel = self.form.kernel;
+        let mut factors = Vec::new();
+        for p in 0..panels(n) {
+            let own = rows(p, n);
+            let points = coordinates(&self.columns, p);
+            let columns: Vec<&[f64]> = self.columns.iter().map(|c| &c[..own.end]).collect();
+            factors.clear();
+            factors.extend_from_slice(&self.correlation.panel(p)[..own.end]);
+            leave_below_diagonal(&mut factors, 0, p * ROWS);
+            self.multiply_by_radial_factors(&points, 0, &mut factors);
+            let mut down = vec![Column([0.0; ROWS]); self.columns.len()];
+            kernel.derivatives_of_panel_times(
+                &points,
+                &columns,
+                &factors,
+                (&padded(&beta[own.clone()]), beta),
+                &mut down,
+                |j, k, sum| directions[self.parameter_of(j) * n + k] += sum,
+            );
+            for (j, down) in down.iter().enumerate() {
+                let start = self.parameter_of(j) * n;
+                let direction = &mut directions[start + own.start..start + own.end];
+                for (u, sum) in direction.iter_mut().zip(down.0) {
+                    *u += sum;
+                }
+            }
+        }
+        if self.form.nugget {
+            let from_nugget = &mut directions[(count - 2) * n..(count - 1) * n];
+            for (u, b) in from_nugget.iter_mut().zip(beta) {
+                *u = nugget / sigma2 * b;
+            }
+        }
+        let noise = &self.noise;
+        for (i, u) in directions[(count - 1) * n..].iter_mut().enumerate() {
+            *u = z[i] - noise[i] * beta[i] / sigma2;
+        }
+
+        let mut solved = directions.clone();
+        solve(&self.factor, &mut solved);
+        let mut curvature = vec![0.0; count * count];
+        let onto_trend = |u: &[f64]| -> Vec<f64> {
+            let columns = gls.solved().chunks(n);
+            columns.map(|s| dot(u, s)).collect()
+        };
+        let others: Vec<Vec<f64>> = directions.chunks(n).map(onto_trend).collect();
+        for i in 0..count {
+            let u = &directions[i * n..(i + 1) * n];
+            let mut along = others[i].clone();
+            gls.solve(&mut along);
+            for j in 0..count {
+                let v = &solved[j * n..(j + 1) * n];
+                curvature[i * count + j] = 0.5 * (dot(u, v) - dot(&along, &others[j])) / sigma2;
+            }
+        }
+        curvature
+    }
+}
+
+/// (C⁻¹ − ββᵀ/σ²)ₐᵦ Rₐᵦ for a run of a panel's columns.
+struct Weights<'a> {
+    inverse: &'a [Column],
+    correlation: &'a [Column],
+    /// β at the columns' points.
+    across: &'a [f64],
+    /// β at the rows'.
+    along: &'a Column,
+    sigma2: f64,
+    weights: &'a mut [Column],
+}
+
+impl WithSimd for Weights<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let matrices = self.inverse.iter().zip(self.correlation);
+        let columns = matrices.zip(self.across).zip(self.weights);
+        let along = S::as_simd_f64s(&self.along.0).0;
+        for (((inverse, correlation), across), weights) in columns {
+            let across = simd.splat_f64s(across / self.sigma2);
+            let inverse = S::as_simd_f64s(&inverse.0).0;
+            let correlation = S::as_simd_f64s(&correlation.0).0;
+            let weights = S::as_mut_simd_f64s(&mut weights.0).0;
+            for v in 0..ROWS / S::F64_LANES {
+                let product = simd.mul_f64s(across, along[v]);
+                let difference = simd.sub_f64s(inverse[v], product);
+                weights[v] = simd.mul_f64s(difference, correlation[v]);
+            }
+        }
+    }
+}
+
+/// Sets a panel's columns from the `first` on to zero in the rows, counted from `start`, that are not below
+/// the matrix's diagonal.
+fn leave_below_diagonal(columns: &mut [Column], first: usize, start: usize) {
+    for (k, column) in (first..).zip(columns) {
+        if k >= start {
+            column.0[..=k - start].fill(0.0);
+        }
+    }
+}
+
+/// A column with zeros after `values`.
+fn padded(values: &[f64]) -> Column {
+    let mut column = Column([0.0; ROWS]);
+    column.0[..values.len()].copy_from_slice(values);
+    column
+}
