@@ -18,10 +18,10 @@ const SUFFICIENT: f64 = 1e-4;
 /// a log likelihood it means nothing.
 const HIDDEN: f64 = 1e-3;
 
-/// How often a step is cut, and how often where no more than [`HIDDEN`] is to be gained: an evaluation can
-/// take seconds.
-const MANY: usize = 20;
-const FEW: usize = 4;
+/// How many lengths of a step are tried, and how many where no more than [`HIDDEN`] is to be gained: an
+/// evaluation can take seconds.
+const LENGTHS: usize = 20;
+const FEW_LENGTHS: usize = 4;
 
 /// What a single step may end above the least value of its parabola, for each variable: for a log
 /// likelihood a fraction of what its parameters are uncertain by, half a unit each.
@@ -80,8 +80,12 @@ pub(crate) fn minimise(
         let renews = iterations < limits.renewed;
         let mut t = first_length(&step);
         let mut accepted = None;
-        let tries = if promised < HIDDEN { FEW } else { MANY };
-        for _ in 0..tries {
+        let lengths = if promised < HIDDEN {
+            FEW_LENGTHS
+        } else {
+            LENGTHS
+        };
+        for _ in 0..lengths {
             let trial: Vec<f64> = at.iter().zip(&step).map(|(a, s)| a + t * s).collect();
             let trial = clamp(&trial, limits);
             let moved: Vec<f64> = trial.iter().zip(&at).map(|(t, a)| t - a).collect();
@@ -356,7 +360,7 @@ mod tests {
             value: (1.0 - x).powi(2) + 100.0 * bend * bend,
             gradient: vec![-2.0 * (1.0 - x) - 400.0 * x * bend, 200.0 * bend],
             curvature: vec![1.0, 0.0, 0.0, 1.0],
-            next_sigma2: 0.0,
+            ..Evaluation::default()
         })
     }
 
@@ -408,6 +412,28 @@ mod tests {
         })
     }
 
+    /// Where only the gradient's error is left the search gives up soon, and counts as done.
+    #[test]
+    fn a_wrong_slope_at_the_minimum_costs_few_evaluations() {
+        let mut evaluations = 0;
+        let bowl = |at: &[f64], _: bool| {
+            evaluations += 1;
+            Some(Evaluation {
+                value: at[0] * at[0],
+                gradient: vec![2.0 * at[0] + 0.02],
+                curvature: vec![2.0],
+                ..Evaluation::default()
+            })
+        };
+        let limits = Limits {
+            tolerance: 1e-6,
+            ..limits(&[-5.0], &[5.0])
+        };
+        let outcome = minimise(bowl, &[0.0], &limits).unwrap();
+        assert!(outcome.converged && outcome.at == [0.0], "{outcome:?}");
+        assert_eq!(evaluations, 1 + FEW_LENGTHS);
+    }
+
     #[test]
     fn a_curvature_that_is_renewed_saves_iterations() {
         let (lower, upper) = ([-5.0; 2], [5.0; 2]);
@@ -433,7 +459,7 @@ mod tests {
                 value: 1.0,
                 gradient: vec![-2.0],
                 curvature: vec![curvature],
-                next_sigma2: 0.0,
+                ..Evaluation::default()
             };
             let value = |at: &[f64]| Some((at[0] - 1.0).powi(2));
             let Step { at, share } =

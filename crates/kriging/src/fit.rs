@@ -102,8 +102,8 @@ impl Default for FitOptions {
 /// the order of the observations or the number of threads (rayon's, used over the starts).
 ///
 /// Cost: a Cholesky factor and an inverse per iteration, about n³ multiplications; memory 2 n²
-/// numbers. From 1000 points on the inverse, which only the search's direction comes from, is in single
-/// precision where that is accurate enough.
+/// numbers. From 1000 points on the inverse, which only the gradient comes from, is in single precision where
+/// that is accurate enough.
 ///
 /// # Errors
 ///
@@ -479,18 +479,9 @@ impl<'a> Search<'a> {
         let mut best: Option<Found> = None;
         for jitter in JITTERS.into_iter().filter(|j| *j >= jitter) {
             likelihood.jitter = jitter;
+            likelihood.double = false;
             let from = best.as_ref().map_or(start, |found| &found.outcome.at);
-            let function = |at: &[f64], curvature: bool| {
-                likelihood.evaluate(
-                    at,
-                    if curvature {
-                        Order::Curvature
-                    } else {
-                        Order::Gradient
-                    },
-                )
-            };
-            let Some(outcome) = minimise(function, from, &limits) else {
+            let Some(outcome) = search_from(&mut likelihood, from, &limits) else {
                 continue;
             };
             let better = best
@@ -511,6 +502,36 @@ impl<'a> Search<'a> {
     fn subset(&self, size: usize) -> Scaled {
         self.data.subset(&self.order[..size])
     }
+}
+
+/// Searches from `start`, in double precision once single precision was too rough or led nowhere.
+fn search_from(
+    likelihood: &mut Likelihood<'_>,
+    start: &[f64],
+    limits: &Limits<'_>,
+) -> Option<Outcome> {
+    let mut outcome = minimise(
+        |at, curvature| {
+            let order = if curvature {
+                Order::Curvature
+            } else {
+                Order::Gradient
+            };
+            let evaluation = likelihood.evaluate(at, order)?;
+            likelihood.double |= evaluation.needed_double;
+            Some(evaluation)
+        },
+        start,
+        limits,
+    )?;
+    let stalled = !outcome.converged && outcome.iterations < limits.max_iterations;
+    if stalled && likelihood.tries_single() {
+        likelihood.double = true;
+        let met_failure = outcome.met_failure;
+        outcome = search_from(likelihood, &outcome.at, limits)?;
+        outcome.met_failure |= met_failure;
+    }
+    Some(outcome)
 }
 
 fn by_value(mut found: Vec<Found>) -> Vec<Found> {

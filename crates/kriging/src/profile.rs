@@ -21,11 +21,14 @@ pub struct LikelihoodGradient {
     pub ln_sigma2: f64,
     /// ∂(−ln L)/∂ ln τ² of the nugget; zero without one.
     pub ln_nugget: f64,
+    /// What rounding makes of the diagonal of C⁻¹C, √Σ((C⁻¹C)ᵢᵢ − 1)². The derivatives' errors are smaller as
+    /// a rule.
+    pub rounding: f64,
 }
 
 /// The negative log likelihood of data as a function of the parameters: what [`crate::fit()`]
-/// minimises, for profiles and for tests of an optimum. Holds its matrices, at most 2 n² numbers, so
-/// that evaluations do not allocate them again. As in the fit, observations of one point are merged unless
+/// minimises, for profiles and for tests of an optimum. Holds its matrices, at most 2.5 n² numbers
+/// (of observations with repeated points twice that), so that evaluations do not allocate them again. As in the fit, observations of one point are merged unless
 /// there is a nugget, and of 1000 points or more the gradient comes from an inverse in single precision where
 /// that is accurate enough.
 pub struct LogLikelihood {
@@ -145,7 +148,6 @@ impl LogLikelihood {
         // ln 0 is −∞, whose exponential is 0 again.
         at.push((nugget / unit).ln());
         at.push((sigma2 / unit).ln());
-        // What earlier evaluations found must not matter.
         part.function.double = self.double;
         let evaluation = part
             .function
@@ -160,6 +162,7 @@ impl LogLikelihood {
         Ok(LikelihoodGradient {
             negative_log_likelihood: value,
             ln_ranges,
+            rounding: evaluation.rounding,
             ln_nugget: evaluation.gradient[count - 2],
             ln_sigma2: evaluation.gradient[count - 1],
         })

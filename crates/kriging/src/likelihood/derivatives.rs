@@ -3,7 +3,7 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use super::{Likelihood, dot};
-use crate::covariance::coordinates;
+use crate::covariance::{coordinates, noise_ratio};
 use crate::gls::Gls;
 use crate::kernel::LANES;
 use crate::panels::{
@@ -18,10 +18,8 @@ const RUN: usize = 64;
 /// precision.
 pub(super) const SINGLE_FROM: usize = 1000;
 
-/// The most that rounding may have added to tr(C⁻¹C) for an inverse in single precision to be taken. Its
-/// terms are larger than those of the derivatives: for conditions of 1e4 to 1e13 the errors of these were 9 to
-/// 730 times smaller.
-const TRACE_ERROR: f64 = 1.0;
+/// The largest [`Gradient::rounding`] of an inverse in single precision that is taken.
+const ROUGH: f64 = 1.0;
 
 /// Where the derivatives are wanted.
 pub(super) struct At<'a> {
@@ -33,6 +31,16 @@ pub(super) struct At<'a> {
     pub(super) quadratic: f64,
     pub(super) sigma2: f64,
     pub(super) nugget: f64,
+}
+
+/// The gradient and how accurate it is.
+pub(super) struct Gradient {
+    pub(super) slopes: Vec<f64>,
+    /// What rounding makes of C⁻¹C's diagonal, whose elements are sums with the gradient's weights, too:
+    /// √Σ((C⁻¹C)ᵢᵢ − 1)². A sum of squares, so that no errors cancel.
+    pub(super) rounding: f64,
+    /// Whether an inverse in single precision was too rough.
+    pub(super) needed_double: bool,
 }
 
 /// C⁻¹ or a random matrix in its place.
@@ -76,55 +84,61 @@ impl Likelihood<'_> {
 
     /// The gradient, from random vectors if these are asked for, from an inverse in single precision as long
     /// as that is accurate enough, or from one in double precision.
-    pub(super) fn best_gradient(&mut self, at: &At<'_>) -> Vec<f64> {
+    pub(super) fn best_gradient(&mut self, at: &At<'_>) -> Gradient {
         if self.probes > 0 {
             let sampled = Inverse::Sampled {
                 probes: Probes::new(&self.factor, self.probes),
                 panel: Vec::new(),
             };
-            return self.gradient(at, sampled).0;
+            return self.gradient(at, sampled);
         }
-        if !self.double && self.data.len() >= SINGLE_FROM {
+        let needed_double = if self.tries_single() {
             self.single.invert(&self.factor);
             let single = Inverse::Single {
                 inverse: &self.single,
                 panel: Vec::new(),
             };
-            let (gradient, trace_error) = self.gradient(at, single);
+            let gradient = self.gradient(at, single);
             // Not so where it is NaN.
-            if trace_error.abs() <= TRACE_ERROR {
+            if gradient.rounding <= ROUGH {
                 return gradient;
             }
-            self.double = true;
             self.single = SingleInverse::default();
-        }
+            true
+        } else {
+            false
+        };
         invert_transposed(&self.factor, &mut self.half_inverse);
         square(&self.half_inverse, &mut self.inverse);
-        self.gradient(at, Inverse::Whole(&self.inverse)).0
+        Gradient {
+            needed_double,
+            ..self.gradient(at, Inverse::Whole(&self.inverse))
+        }
     }
 
-    /// The gradient, and by how much tr(C⁻¹C) differs from n.
-    fn gradient(&self, at: &At<'_>, mut inverse: Inverse<'_>) -> (Vec<f64>, f64) {
+    fn gradient(&self, at: &At<'_>, mut inverse: Inverse<'_>) -> Gradient {
         let At {
             count,
+            z,
             beta,
             quadratic,
             sigma2,
             nugget,
-            ..
         } = *at;
         let n = self.data.len();
         let kernel = self.form.kernel;
         let mut gradient = vec![0.0; count];
         let mut sums = vec![[0.0; LANES]; self.columns.len()];
         let mut diagonal = Vec::with_capacity(n);
-        let mut below = Column([0.0; ROWS]);
+        // The weights off the diagonal, added up by rows.
+        let mut of_points = vec![0.0; n];
         let mut weights = [Column([0.0; ROWS]); RUN];
         for p in 0..panels(n) {
             let own = rows(p, n);
             let points = coordinates(&self.columns, p);
             let of_rows = padded(&beta[own.clone()]);
             let (inverse, correlation) = (inverse.panel(p), self.correlation.panel(p));
+            let mut below = Column([0.0; ROWS]);
             diagonal.extend(own.clone().map(|i| inverse[i].0[i - own.start]));
             for first in (0..own.end).step_by(RUN) {
                 let run = first..(first + RUN).min(own.end);
@@ -139,22 +153,25 @@ impl Likelihood<'_> {
                     weights,
                 });
                 leave_below_diagonal(weights, run.start, p * ROWS);
-                for weights in &*weights {
+                for (weights, of_point) in weights.iter().zip(&mut of_points[run.clone()]) {
                     for (sum, weight) in below.0.iter_mut().zip(weights.0) {
                         *sum += weight;
                     }
+                    *of_point += total(weights);
                 }
                 self.multiply_by_radial_factors(&points, run.start, weights);
                 kernel.log_derivative_dots_of_panel(&points, &columns, weights, &mut sums);
+            }
+            for (of_point, sum) in of_points[own].iter_mut().zip(below.0) {
+                *of_point += sum;
             }
         }
         for (j, sums) in sums.iter().enumerate() {
             gradient[self.parameter_of(j)] += sums.iter().sum::<f64>();
         }
-        let sum: f64 = (0..n)
-            .map(|i| diagonal[i] - beta[i] * beta[i] / sigma2)
-            .sum();
+        let on_diagonal = |i: usize| diagonal[i] - beta[i] * beta[i] / sigma2;
         if self.form.nugget {
+            let sum: f64 = (0..n).map(on_diagonal).sum();
             gradient[count - 2] = 0.5 * nugget / sigma2 * sum;
         }
         let noise = &self.noise;
@@ -162,10 +179,17 @@ impl Likelihood<'_> {
         let squares: f64 = beta.iter().zip(noise).map(|(b, v)| v * b * b).sum();
         gradient[count - 1] =
             0.5 * (n as f64 - trace / sigma2 - (quadratic - squares / sigma2) / sigma2);
-        // That derivative is half of all weights, too, but for the jitter. Both are equal if tr(C⁻¹C) = n.
-        let weights = 2.0 * below.0.iter().sum::<f64>() + (1.0 + self.jitter) * sum;
-        let trace_error = weights - 2.0 * gradient[count - 1];
-        (gradient, trace_error)
+        // ((C⁻¹ − ββᵀ/σ²) C)ᵢᵢ = 1 − βᵢzᵢ/σ².
+        let error = |i: usize| {
+            let element = 1.0 + self.jitter + noise_ratio(noise[i], sigma2);
+            of_points[i] + element * on_diagonal(i) - (1.0 - beta[i] * z[i] / sigma2)
+        };
+        let squares: f64 = (0..n).map(|i| error(i).powi(2)).sum();
+        Gradient {
+            slopes: gradient,
+            rounding: squares.sqrt(),
+            needed_double: false,
+        }
     }
 
     /// Multiplies the weights of the derivatives of a panel's correlations, from column `first` on, by a
@@ -303,6 +327,17 @@ fn leave_below_diagonal(columns: &mut [Column], first: usize, start: usize) {
             column.0[..=k - start].fill(0.0);
         }
     }
+}
+
+/// The sum of a column's elements.
+fn total(column: &Column) -> f64 {
+    let mut sums = [0.0; LANES];
+    for part in column.0.as_chunks::<LANES>().0 {
+        for (sum, value) in sums.iter_mut().zip(part) {
+            *sum += value;
+        }
+    }
+    sums.iter().sum()
 }
 
 /// A column with zeros after `values`.

@@ -93,6 +93,7 @@ impl<T: Real, const R: usize> WithSimd for Square<'_, T, R> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
+        const { assert!(DEPTH.is_multiple_of(R), "a run of columns is whole panels") };
         let Self { v, to } = self;
         let n = v.n.next_multiple_of(R);
         for first in (0..n).step_by(DEPTH) {

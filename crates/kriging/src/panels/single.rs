@@ -20,8 +20,7 @@ pub(crate) struct SingleInverse {
 }
 
 impl SingleInverse {
-    /// Computes C⁻¹ from the factor of C. What rounding adds to element i, j is small beside the diagonal ones
-    /// of row and column, √(C⁻¹ᵢᵢ C⁻¹ⱼⱼ): 4e-6 of it at the most for 500 points and conditions of 1 to 3e10.
+    /// Computes C⁻¹ from the factor of C.
     pub(crate) fn invert(&mut self, factor: &Lower) {
         round(factor, &mut self.lower);
         invert_transposed(&self.lower, &mut self.half);

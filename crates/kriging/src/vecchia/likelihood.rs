@@ -79,7 +79,7 @@ impl<'a> Conditionals<'a> {
             value,
             gradient,
             curvature,
-            next_sigma2: 0.0,
+            ..Evaluation::default()
         })
     }
 
