@@ -12,8 +12,8 @@
 //!   (Gilmour, Thompson, Cullis, "Average information REML", Biometrics 51 (1995) 1440–1450).
 //!
 //! Of many points C⁻¹ is computed in single precision, in half the time: it is needed for the gradient
-//! only, which steers a search, and the value's accuracy is the factor's. How accurate it is, tr(C⁻¹C)
-//! tells, which is n.
+//! only, which steers a search, and the value's accuracy is the factor's. How rough it is, the diagonal of
+//! C⁻¹C tells, whose elements are 1; where it is too rough, double precision takes its place.
 //!
 //! The trend μ is at its optimum for every θ and σ², so it adds nothing to the derivatives. With
 //! unequal noise σ² has no closed form, so it is a variable of the search like the ranges.
