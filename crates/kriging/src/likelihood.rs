@@ -362,7 +362,10 @@ mod tests {
             assert_eq!(fast.gradient == exact.gradient, !single, "{kernel} {noise}");
             for (slope, exact) in fast.gradient.iter().zip(&exact.gradient) {
                 let error = (slope - exact).abs();
-                assert!(error <= fast.rounding, "{kernel} {noise} {error}");
+                assert!(
+                    error <= fast.rounding && error < 2e-3,
+                    "{kernel} {noise}: {error}"
+                );
             }
         }
     }

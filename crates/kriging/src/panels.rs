@@ -156,7 +156,7 @@ mod tests {
 
     use super::factor::Factorise;
     use super::inverse::{Square, unit_rows};
-    use super::single::{TWICE, round};
+    use super::single::{SINGLE_ROWS, round};
     use super::solve::{DivideRows, OneByOne, Step};
     use super::*;
 
@@ -336,7 +336,7 @@ mod tests {
 
         struct All(usize);
         impl WithSimd for All {
-            type Output = (Vec<Column>, Vec<Column<f32, TWICE>>, Vec<f64>);
+            type Output = (Vec<Column>, Vec<Column<f32, SINGLE_ROWS>>, Vec<f64>);
 
             #[inline(always)]
             fn with_simd<S: Simd>(self, simd: S) -> Self::Output {

@@ -18,8 +18,8 @@ const RUN: usize = 64;
 /// precision.
 pub(super) const SINGLE_FROM: usize = 1000;
 
-/// The largest [`Gradient::rounding`] of an inverse in single precision that is taken. Where that was large, the
-/// derivatives' errors were 14 and more times smaller, so that they mean nothing to a log likelihood.
+/// The largest [`Gradient::rounding`] of an inverse in single precision that is taken. The derivatives' errors
+/// are smaller (docs/kriging.md), too small to mean anything to a log likelihood.
 const ROUGH: f64 = 0.3;
 
 /// Where the derivatives are wanted.
@@ -38,7 +38,7 @@ pub(super) struct At<'a> {
 pub(super) struct Gradient {
     pub(super) slopes: Vec<f64>,
     /// What rounding makes of C⁻¹C's diagonal, whose elements are sums with the gradient's weights, too:
-    /// √Σ((C⁻¹C)ᵢᵢ − 1)². A sum of squares, so that no errors cancel.
+    /// √Σ((C⁻¹C)ᵢᵢ − 1)². A sum of squares, so that no errors cancel. Of random vectors it says nothing.
     pub(super) rounding: f64,
     /// Whether an inverse in single precision was too rough.
     pub(super) needed_double: bool,
@@ -47,33 +47,21 @@ pub(super) struct Gradient {
 /// C⁻¹ or a random matrix in its place.
 enum Inverse<'a> {
     Whole(&'a Lower),
-    /// In single precision. A panel is written to `panel`.
-    Single {
-        inverse: &'a SingleInverse,
-        panel: Vec<Column>,
-    },
-    /// A panel at a time, in `panel`: the whole matrix would be memory to no purpose.
-    Sampled {
-        probes: Probes,
-        panel: Vec<Column>,
-    },
+    Single(&'a SingleInverse),
+    Sampled(Probes),
 }
 
 impl Inverse<'_> {
-    fn panel(&mut self, p: usize) -> &[Column] {
+    /// Panel p in double precision, computed in `memory` where it is not there: the whole matrix would be
+    /// memory to no purpose.
+    fn panel<'b>(&'b self, p: usize, memory: &'b mut Vec<Column>) -> &'b [Column] {
+        memory.resize((p + 1) * ROWS, Column([0.0; ROWS]));
         match self {
-            Self::Whole(matrix) => matrix.panel(p),
-            Self::Single { inverse, panel } => {
-                panel.resize((p + 1) * ROWS, Column([0.0; ROWS]));
-                inverse.panel(p, panel);
-                panel
-            }
-            Self::Sampled { probes, panel } => {
-                panel.resize((p + 1) * ROWS, Column([0.0; ROWS]));
-                probes.panel(p, panel);
-                panel
-            }
+            Self::Whole(matrix) => return matrix.panel(p),
+            Self::Single(inverse) => inverse.panel(p, memory),
+            Self::Sampled(probes) => probes.panel(p, memory),
         }
+        memory
     }
 }
 
@@ -87,19 +75,12 @@ impl Likelihood<'_> {
     /// as that is accurate enough, or from one in double precision.
     pub(super) fn best_gradient(&mut self, at: &At<'_>) -> Gradient {
         if self.probes > 0 {
-            let sampled = Inverse::Sampled {
-                probes: Probes::new(&self.factor, self.probes),
-                panel: Vec::new(),
-            };
-            return self.gradient(at, sampled);
+            let probes = Probes::new(&self.factor, self.probes);
+            return self.gradient(at, &Inverse::Sampled(probes));
         }
         let needed_double = if self.tries_single() {
             self.single.invert(&self.factor);
-            let single = Inverse::Single {
-                inverse: &self.single,
-                panel: Vec::new(),
-            };
-            let gradient = self.gradient(at, single);
+            let gradient = self.gradient(at, &Inverse::Single(&self.single));
             // Not so where it is NaN.
             if gradient.rounding <= ROUGH {
                 return gradient;
@@ -113,18 +94,18 @@ impl Likelihood<'_> {
         square(&self.half_inverse, &mut self.inverse);
         Gradient {
             needed_double,
-            ..self.gradient(at, Inverse::Whole(&self.inverse))
+            ..self.gradient(at, &Inverse::Whole(&self.inverse))
         }
     }
 
-    fn gradient(&self, at: &At<'_>, mut inverse: Inverse<'_>) -> Gradient {
+    fn gradient(&self, at: &At<'_>, inverse: &Inverse<'_>) -> Gradient {
         let At {
             count,
-            z,
             beta,
             quadratic,
             sigma2,
             nugget,
+            ..
         } = *at;
         let n = self.data.len();
         let kernel = self.form.kernel;
@@ -134,11 +115,13 @@ impl Likelihood<'_> {
         // The weights off the diagonal, added up by rows.
         let mut of_points = vec![0.0; n];
         let mut weights = [Column([0.0; ROWS]); RUN];
+        let mut memory = Vec::new();
         for p in 0..panels(n) {
             let own = rows(p, n);
             let points = coordinates(&self.columns, p);
             let of_rows = padded(&beta[own.clone()]);
-            let (inverse, correlation) = (inverse.panel(p), self.correlation.panel(p));
+            let inverse = inverse.panel(p, &mut memory);
+            let correlation = self.correlation.panel(p);
             let mut below = Column([0.0; ROWS]);
             diagonal.extend(own.clone().map(|i| inverse[i].0[i - own.start]));
             for first in (0..own.end).step_by(RUN) {
@@ -170,9 +153,10 @@ impl Likelihood<'_> {
         for (j, sums) in sums.iter().enumerate() {
             gradient[self.parameter_of(j)] += sums.iter().sum::<f64>();
         }
-        let on_diagonal = |i: usize| diagonal[i] - beta[i] * beta[i] / sigma2;
         if self.form.nugget {
-            let sum: f64 = (0..n).map(on_diagonal).sum();
+            let sum: f64 = (0..n)
+                .map(|i| diagonal[i] - beta[i] * beta[i] / sigma2)
+                .sum();
             gradient[count - 2] = 0.5 * nugget / sigma2 * sum;
         }
         let noise = &self.noise;
@@ -180,17 +164,26 @@ impl Likelihood<'_> {
         let squares: f64 = beta.iter().zip(noise).map(|(b, v)| v * b * b).sum();
         gradient[count - 1] =
             0.5 * (n as f64 - trace / sigma2 - (quadratic - squares / sigma2) / sigma2);
-        // ((C⁻¹ − ββᵀ/σ²) C)ᵢᵢ = 1 − βᵢzᵢ/σ².
-        let error = |i: usize| {
-            let element = 1.0 + self.jitter + noise_ratio(noise[i], sigma2);
-            of_points[i] + element * on_diagonal(i) - (1.0 - beta[i] * z[i] / sigma2)
-        };
-        let squares: f64 = (0..n).map(|i| error(i).powi(2)).sum();
         Gradient {
             slopes: gradient,
-            rounding: squares.sqrt(),
+            rounding: self.rounding(at, &diagonal, &of_points),
             needed_double: false,
         }
+    }
+
+    /// [`Gradient::rounding`] from the diagonal of C⁻¹ and the sums of every row's weights off the diagonal:
+    /// ((C⁻¹ − ββᵀ/σ²) C)ᵢᵢ = 1 − βᵢzᵢ/σ².
+    fn rounding(&self, at: &At<'_>, diagonal: &[f64], of_points: &[f64]) -> f64 {
+        let At {
+            z, beta, sigma2, ..
+        } = *at;
+        let error = |(i, sum): (usize, &f64)| {
+            let element = 1.0 + self.jitter + noise_ratio(self.noise[i], sigma2);
+            let own = element * (diagonal[i] - beta[i] * beta[i] / sigma2);
+            sum + own - (1.0 - beta[i] * z[i] / sigma2)
+        };
+        let errors = of_points.iter().enumerate().map(error);
+        errors.map(|error| error * error).sum::<f64>().sqrt()
     }
 
     /// Multiplies the weights of the derivatives of a panel's correlations, from column `first` on, by a

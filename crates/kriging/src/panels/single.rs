@@ -1,10 +1,10 @@
 //! The inverse of a matrix in single precision, for twice the speed.
 
 use super::inverse::{Upper, invert_transposed, square};
-use super::{Column, Lower, ROWS, panels};
+use super::{Column, Lower, ROWS, panels, unit};
 
 /// Rows of a panel in single precision: as many bytes as in double precision.
-pub(super) const TWICE: usize = 2 * ROWS;
+pub(super) const SINGLE_ROWS: usize = 2 * ROWS;
 
 /// Smaller elements are zeros: far below what rounding leaves of a sum, and their products would be
 /// subnormal, which slows some processors down.
@@ -14,9 +14,9 @@ const NEGLIGIBLE: f64 = 1e-19;
 #[derive(Debug, Clone, Default)]
 pub(crate) struct SingleInverse {
     /// The factor, then the inverse.
-    lower: Lower<f32, TWICE>,
+    lower: Lower<f32, SINGLE_ROWS>,
     /// L⁻ᵀ.
-    half: Upper<f32, TWICE>,
+    half: Upper<f32, SINGLE_ROWS>,
 }
 
 impl SingleInverse {
@@ -29,36 +29,26 @@ impl SingleInverse {
 
     /// Writes panel p of C⁻¹, one of [`ROWS`] rows, to `to`.
     pub(crate) fn panel(&self, p: usize, to: &mut [Column]) {
-        let upper = p.is_multiple_of(2);
         for (from, to) in self.lower.panel(p / 2).iter().zip(to) {
-            let halves = from.0.as_chunks::<ROWS>().0;
-            to.0 = halves[usize::from(!upper)].map(f64::from);
+            to.0 = from.0.as_chunks::<ROWS>().0[p % 2].map(f64::from);
         }
     }
 }
 
 /// Writes `factor`, rounded, to `to`.
-pub(super) fn round(factor: &Lower, to: &mut Lower<f32, TWICE>) {
+pub(super) fn round(factor: &Lower, to: &mut Lower<f32, SINGLE_ROWS>) {
     let n = factor.len();
     to.resize(n);
-    for p in 0..n.div_ceil(TWICE) {
-        for half in 0..2 {
-            let columns = to.panel_mut(p);
-            let q = 2 * p + half;
-            let from = if q < panels(n) { factor.panel(q) } else { &[] };
-            for (j, to) in columns.iter_mut().enumerate() {
-                let to = &mut to.0.as_chunks_mut::<ROWS>().0[half];
-                match from.get(j) {
-                    Some(from) => *to = from.0.map(rounded),
-                    // Beyond the diagonal, or the last panel is half empty: there rows of the unit matrix.
-                    None => {
-                        *to = [0.0; ROWS];
-                        if from.is_empty() && j >= q * ROWS {
-                            to[j - q * ROWS] = 1.0;
-                        }
-                    }
-                }
-            }
+    // Panels of double precision are halves here. The last half may lie beyond them: it is the unit matrix's.
+    for p in 0..2 * n.div_ceil(SINGLE_ROWS) {
+        for (j, to) in to.panel_mut(p / 2).iter_mut().enumerate() {
+            let half = if p < panels(n) {
+                let column = factor.panel(p).get(j);
+                column.map_or([0.0; ROWS], |column| column.0.map(rounded))
+            } else {
+                unit(p, j).0
+            };
+            to.0.as_chunks_mut::<ROWS>().0[p % 2] = half;
         }
     }
 }
