@@ -21,7 +21,7 @@ pub use enrichment::Enrichment;
 pub(crate) use pair::gear_size;
 pub use pair::{PairFile, PairSection};
 pub use sampling::{ControlVariate, PercentileRule, Sampling, WearCoefficients};
-pub use sections::{Load, Material, SimulatorKind, SimulatorSection, Wear};
+pub use sections::{Load, Material, SimulatorKind, SimulatorSection, Wear, WearLaw};
 
 /// Why a campaign or pair file was refused.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

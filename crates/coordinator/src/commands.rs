@@ -348,14 +348,14 @@ fn make_keys(arguments: &arguments::Keygen) -> anyhow::Result<u8> {
 
 fn init(arguments: &arguments::Init) -> anyhow::Result<u8> {
     let mut file = create_new(&arguments.file)?;
-    file.write_all(Campaign::PAPER.as_bytes())
+    file.write_all(Campaign::WEAR.as_bytes())
         .map_err(|source| FileAccess {
             doing: "write",
             path: arguments.file.clone(),
             source,
         })?;
     print(&format!(
-        "{} holds the paper's campaign: edit it, then check it\n",
+        "{} holds the paper's problem with Archard's law of wear: edit it, then check it\n",
         arguments.file.display()
     ))?;
     Ok(exit::OK)

@@ -1,23 +1,19 @@
 //! `coordinator compare`: the paper's printed figures beside a campaign's, as a Markdown page.
 
-use anyhow::Context as _;
 use campaign::Campaign;
 use campaign::formulation::Problem;
-use report::{Comparison, DepthFit, DepthScore, ReportData, paper};
+use gear::paper::readings::{Score, readings};
+use rayon::prelude::*;
+use report::Comparison;
 use store::Store;
 
-use crate::references::{Place, printed};
 use crate::reporting;
-
-/// The depths per flank that are tried, in tenths of a µm.
-const DEPTHS_TENTHS: std::ops::RangeInclusive<u32> = 20..=60;
 
 /// The page for the campaign in `store`.
 ///
 /// # Errors
 ///
-/// The store cannot be read, or its campaign does not compare itself with the paper, or has not
-/// come as far.
+/// The store cannot be read, or its campaign does not compare itself with the paper.
 pub async fn page(store: &Store) -> anyhow::Result<String> {
     let row = store.campaign().await?;
     let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
@@ -28,118 +24,15 @@ pub async fn page(store: &Store) -> anyhow::Result<String> {
     );
     let data = reporting::gather(store).await?;
     let problem = Problem::new(campaign);
-    let fit = depth_fit(&problem, &data)?;
-    Ok(report::comparison_markdown(&data, &fit, remark))
-}
-
-/// The designs that no reading of the paper's wear brings in line, as [`Comparison::place`] names
-/// them; see [`remark`].
-const OUTLIERS: [&str; 2] = ["Table 1 #4", "Table 4 #6"];
-
-/// A design for which the paper prints ΔSTE with Archard's wear, or a mean near it.
-struct Worn {
-    place: String,
-    pair: gear::Pair,
-    printed_um: f64,
-}
-
-/// Every such design that can be simulated.
-///
-/// The mean over random wear lies within half a per cent of the value with the mean wear, so Table
-/// 1's means are compared with the latter.
-fn worn_designs(problem: &Problem) -> Vec<Worn> {
-    let first = paper::PRELIMINARY.iter().enumerate().map(|(row, design)| {
-        let place = format!("Table 1 #{}", row + 1);
-        (place, Place::Preliminary(row).variables(), design.mean_um)
-    });
-    let fourth = paper::SIMILAR.iter().enumerate().map(|(row, design)| {
-        let place = format!("Table 4 #{}", row + 1);
-        (
-            place,
-            Place::Similar(row).variables(),
-            design.delta_ste_archard_um,
-        )
-    });
-    let ninth =
-        paper::printed(9).map(|design| ("Figure 9".to_owned(), printed(9), design.criterion_um));
-    first
-        .chain(fourth)
-        .chain(ninth)
-        .filter_map(|(place, variables, printed_um)| {
-            Some(Worn {
-                place,
-                pair: problem.pair(&variables).ok()?,
-                printed_um,
-            })
-        })
-        .collect()
-}
-
-fn rms_log_ratio(problem: &Problem, designs: &[&Worn], depth_um: f64) -> f64 {
-    let wear = gear::Wear {
-        max_depth: depth_um * 1e-3,
-        ..*problem.wear()
-    };
-    let sum: f64 = designs
-        .iter()
-        .map(|worn| worn.pair.archard(&wear).analysis.delta_ste_um / worn.printed_um)
-        .map(|ratio| ratio.ln().powi(2))
-        .sum();
-    (sum / designs.len() as f64).sqrt()
-}
-
-fn score(problem: &Problem, designs: &[&Worn]) -> anyhow::Result<DepthScore> {
-    let (best_um, best_rms) = DEPTHS_TENTHS
-        .map(|tenths| f64::from(tenths) / 10.0)
-        .map(|depth| (depth, rms_log_ratio(problem, designs, depth)))
-        .min_by(|a, b| a.1.total_cmp(&b.1))
-        .context("no depth was tried")?;
-    let used_um = problem.campaign().wear.max_depth_um;
-    let used_rms = rms_log_ratio(problem, designs, used_um);
-    Ok(DepthScore {
-        values: designs.len(),
-        best_um,
-        best_rms,
-        used_rms,
-    })
-}
-
-fn depth_fit(problem: &Problem, data: &ReportData) -> anyhow::Result<DepthFit> {
-    let designs = worn_designs(problem);
-    let all: Vec<&Worn> = designs.iter().collect();
-    let inliers: Vec<&Worn> = designs
-        .iter()
-        .filter(|worn| !OUTLIERS.contains(&worn.place.as_str()))
+    let designs = store.designs().await?;
+    let doe: Vec<[f64; 6]> = designs.iter().map(|design| design.point()).collect();
+    let seed = problem.campaign().seed;
+    let all: Vec<_> = readings().collect();
+    let scores: Vec<Score> = all
+        .par_iter()
+        .map(|reading| reading.score(&doe, seed))
         .collect();
-    // The 13 designs with a printed P90: Table 1 #1 is Figure 7, and counts once.
-    let preliminary = data
-        .preliminary
-        .iter()
-        .filter_map(|ours| Some((ours.p90_um, paper::preliminary(&ours.variables)?.p90_um)));
-    let similar = data
-        .similar
-        .iter()
-        .filter_map(|ours| Some((ours.p90.value_um, paper::similar(&ours.variables)?.p90_um)));
-    let figures = data
-        .printed
-        .iter()
-        .filter(|design| design.figure >= 8)
-        .filter_map(|ours| {
-            let outcome = ours.outcome.as_ref().ok()?;
-            Some((outcome.p90_um.value, paper::printed(ours.figure)?.p90_um?))
-        });
-    let (ours, theirs): (Vec<f64>, Vec<f64>) = preliminary.chain(similar).chain(figures).unzip();
-    Ok(DepthFit {
-        tried_um: [*DEPTHS_TENTHS.start(), *DEPTHS_TENTHS.end()]
-            .map(|tenths| f64::from(tenths) / 10.0),
-        used_um: problem.campaign().wear.max_depth_um,
-        all: score(problem, &all)?,
-        without_outliers: score(problem, &inliers)?,
-        outliers: OUTLIERS.map(str::to_owned).to_vec(),
-        ranked: ours.len(),
-        rank_correlation: stats::spearman(&ours, &theirs)
-            .context("ranking the designs with a printed P90; has the campaign verified them?")?,
-    })
+    Ok(report::comparison_markdown(&data, &scores, remark))
 }
 
 /// What is known about a large gap.

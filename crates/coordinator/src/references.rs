@@ -1,78 +1,23 @@
 //! The designs that the paper prints, as points to be sampled beside the campaign's own optima.
 
+use campaign::Variables;
 use campaign::formulation::Problem;
 use campaign::plan::VerifyPoint;
-use campaign::{Frozen, Variables};
-use report::paper;
+use gear::paper::printed::Place;
 
-/// Which table or figure of the paper a point belongs to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Place {
-    /// Row of Table 1, from 0.
-    Preliminary(usize),
-    /// Row of Table 4, from 0.
-    Similar(usize),
-    /// Figure 7 to 10.
-    Figure(u8),
-}
-
-impl Place {
-    /// Every place of which the paper prints a percentile.
-    pub fn all() -> impl Iterator<Item = Self> {
-        (0..paper::PRELIMINARY.len())
-            .map(Self::Preliminary)
-            .chain((0..paper::SIMILAR.len()).map(Self::Similar))
-            .chain((7..=10).map(Self::Figure))
-    }
-
-    /// The point's name in the store.
-    #[must_use]
-    pub fn name(self) -> String {
-        match self {
-            Self::Preliminary(row) => format!("table-1-{}", row + 1),
-            Self::Similar(row) => format!("table-4-{}", row + 1),
-            Self::Figure(figure) => format!("figure-{figure}"),
-        }
-    }
-
-    /// The number that names the point's random streams; 1 to 5 are the approaches'.
-    #[must_use]
-    pub fn number(self) -> u64 {
-        match self {
-            Self::Preliminary(row) => 101 + row as u64,
-            Self::Similar(row) => 401 + row as u64,
-            Self::Figure(figure) => 600 + u64::from(figure),
-        }
-    }
-
-    /// The printed design.
-    #[must_use]
-    pub fn variables(self) -> Variables {
-        match self {
-            Self::Preliminary(row) => {
-                Variables::robust(&paper::PRELIMINARY[row].variables, &FROZEN)
-            }
-            Self::Similar(row) => Variables::robust(&paper::SIMILAR[row].variables, &FROZEN),
-            Self::Figure(figure) => printed(figure),
-        }
-    }
-}
-
-/// The five variables that all designs of the paper's tables share (section IV.B).
-const FROZEN: Frozen = Frozen {
-    tip_radius_mm: [0.0003, 0.19],
-    root_radius_mm: [0.64, 0.23],
-    helix_angle_deg: 30.0,
-};
-
-/// The design of Figure 6 to 10.
-///
-/// # Panics
-///
-/// When the paper has no such figure.
+/// The name of a printed design's samples in the store.
 #[must_use]
-pub fn printed(figure: u8) -> Variables {
-    let design = paper::printed(figure).expect("figures 6 to 10 print a design");
+pub fn name(place: Place) -> String {
+    match place {
+        Place::Preliminary(row) => format!("table-1-{}", row + 1),
+        Place::Similar(row) => format!("table-4-{}", row + 1),
+        Place::Figure(figure) => format!("figure-{figure}"),
+    }
+}
+
+/// The printed design.
+#[must_use]
+pub fn variables(place: Place) -> Variables {
     let [
         x_p,
         x_r,
@@ -85,7 +30,7 @@ pub fn printed(figure: u8) -> Variables {
         root_p,
         root_r,
         beta,
-    ] = design.variables;
+    ] = place.variables();
     Variables {
         profile_shift: [x_p, x_r],
         tool_addendum: [ha_p, ha_r],
@@ -103,11 +48,13 @@ pub fn points(problem: &Problem) -> Vec<VerifyPoint> {
     if !problem.campaign().report.compare_with_paper {
         return Vec::new();
     }
+    // No percentile is printed of Figure 6.
     Place::all()
+        .filter(|place| *place != Place::Figure(6))
         .map(|place| VerifyPoint {
-            name: place.name(),
+            name: name(place),
             number: place.number(),
-            variables: place.variables(),
+            variables: variables(place),
             wanted: problem.campaign().verify.samples,
             stored: std::collections::BTreeSet::new(),
         })

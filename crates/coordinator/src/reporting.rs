@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use campaign::formulation::Problem;
 use campaign::{Approach, Campaign};
+use gear::paper::printed::Place;
 use report::{
     DoePoint, Header, InfeasibleReason, KrigingFit, LeaveOneOut, Limits, Parameter, Percentile,
     ReportData, StageCost, WearProfiles,
@@ -24,7 +25,7 @@ use store::{
 };
 
 use crate::enrichment::infill_seconds;
-use crate::references::Place;
+use crate::references;
 use crate::snapshot::{P90_MODEL, optimum_variables};
 use crate::steps::{ModelSummary, sampling_calls};
 
@@ -83,7 +84,7 @@ pub async fn gather(store: &Store) -> anyhow::Result<ReportData> {
     let names = Approach::ALL
         .iter()
         .map(|approach| approach.name().to_owned())
-        .chain(Place::all().map(Place::name));
+        .chain(Place::all().map(references::name));
     for name in names {
         let samples = store.verify_samples(&name).await?;
         fresh.insert(

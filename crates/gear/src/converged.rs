@@ -65,7 +65,7 @@ impl Pair {
             [&unworn, &worn].map(|analysis| {
                 let count = analysis.ste_um.len() as f64;
                 let mean = analysis.ste_um.iter().sum::<f64>() / count;
-                (analysis.delta_ste_um, SILENT * mean)
+                (analysis.delta_ste_um, SILENT * mean.abs())
             })
         };
         let mut last = variations(&pair);

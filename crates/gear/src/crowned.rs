@@ -7,15 +7,11 @@
 //! the first guess, all slices touching, is at or above the solution, so Newton's method falls
 //! monotonically.
 
-use crate::contact::{Mesh, not_negative};
+use crate::mesh::{Balance, CONVERGED, MAX_STEPS, Mesh, not_negative};
 
 /// Even parts of a line that are told apart at least. A parabola taken as straight in sixty-fourths
 /// is off by C_β/4096 at most.
 const PIECES: usize = 64;
-
-/// Relative size of a Newton step after which the next one would be below rounding.
-const CONVERGED: f64 = 1e-9;
-const MAX_STEPS: usize = 100;
 
 /// A piece of a contact line: gap and stiffness at both ends, linear between.
 #[derive(Debug, Clone, Copy)]
@@ -58,8 +54,28 @@ pub(crate) fn crown(crowning: f64, z: f64) -> f64 {
     crowning * x * x
 }
 
-/// δ at the phase `phi` (mm) for the gap `g` at the nodes, on top of the mesh's crowning.
-pub(crate) fn balance(mesh: &Mesh, g: &[f64], phi: f64, pieces: &mut Vec<Piece>) -> f64 {
+/// The balance of one sample.
+pub(crate) struct CrownedBalance<'a> {
+    pub(crate) mesh: &'a Mesh,
+    /// Gap at the ends of the face, mm.
+    pub(crate) crowning: f64,
+    /// The gap at the nodes, to which the crowning is added.
+    pub(crate) g: &'a [f64],
+    pub(crate) pieces: &'a mut Vec<Piece>,
+}
+
+impl Balance for CrownedBalance<'_> {
+    fn at_phase(&mut self, k: usize, guess: f64) -> f64 {
+        self.at(self.mesh.path.phases[k], guess)
+    }
+
+    fn at(&mut self, phi: f64, _guess: f64) -> f64 {
+        balance(self.mesh, self.crowning, self.g, phi, self.pieces)
+    }
+}
+
+/// δ at the phase `phi` (mm) for the gap `g` at the nodes on top of the crowning.
+fn balance(mesh: &Mesh, crowning: f64, g: &[f64], phi: f64, pieces: &mut Vec<Piece>) -> f64 {
     let path = &mesh.path;
     let w = path.window;
     pieces.clear();
@@ -76,7 +92,7 @@ pub(crate) fn balance(mesh: &Mesh, g: &[f64], phi: f64, pieces: &mut Vec<Piece>)
             let (s0, s1) = (path.s[cell], path.s[cell + 1]);
             let u = (s - s0) / (s1 - s0);
             let linear = |v: &[f64]| v[cell] + u * (v[cell + 1] - v[cell]);
-            let gap = linear(g) + crown(mesh.crowning, (end - s) / w);
+            let gap = linear(g) + crown(crowning, (end - s) / w);
             (gap, linear(&mesh.stiffness))
         };
         let mut s = lo;

@@ -162,6 +162,17 @@ pub enum Infeasible {
         /// Smallest half thickness met in the normal section, mm; a millionth of the module or less.
         half_thickness: f64,
     },
+    /// The flanks meet below the reference circle, at whose thickness a prismatic beam is taken.
+    #[error(
+        "the {member}'s tooth has a thickness of {thickness:.4} mm at the reference circle, it must \
+         be positive for the tooth model prismatic-beam"
+    )]
+    BeamWithoutThickness {
+        /// The gear concerned.
+        member: Member,
+        /// s_n = m (π/2 + 2 x tan α_n).
+        thickness: f64,
+    },
     /// The integral of the tooth's bending compliance is not resolved, however finely the tooth is
     /// divided: its outline varies at the scale of rounding.
     #[error(
@@ -215,6 +226,7 @@ impl Infeasible {
             Self::FilletCusp { .. } => "fillet-cusp",
             Self::NoInvoluteFlank { .. } => "no-involute-flank",
             Self::ToothSevered { .. } => "tooth-severed",
+            Self::BeamWithoutThickness { .. } => "beam-without-thickness",
             Self::ComplianceUnresolved { .. } => "compliance-unresolved",
             Self::ContactBeyondBase { .. } => "contact-beyond-base",
             Self::ContactGap { .. } => "contact-gap",

@@ -219,10 +219,11 @@ fn subtract(a: &mut [f64], k: f64, b: &[f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::input::WearLaw;
 
     fn wear(kernel: Kernel) -> Wear {
         Wear {
-            max_depth: 0.0035,
+            law: WearLaw::Archard { max_depth: 0.0035 },
             kernel,
             range: 0.2,
             variance: 0.01,

@@ -78,13 +78,30 @@ pub enum Size {
     NormalModule(f64),
 }
 
-/// How much of a tooth's elasticity is counted.
+/// How much of a tooth's elasticity is counted, and how the load lies on the face.
+///
+/// With all but [`WholeFaceBeam`](Self::WholeFaceBeam) teeth are thin slices across the face that do
+/// not feel each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ToothModel {
     /// Beam bending and a constant Hertz compliance. Several times stiffer than real teeth.
     HertzBeam,
     /// Bending, shear, compression, elastic foundation and Weber's load-dependent approach.
     WeberBanaschek,
+    /// The beams and the contact of [`HertzBeam`](Self::HertzBeam), but each tooth is one beam over
+    /// the whole face: a line of contact that covers the share f of the face b has the compliance
+    /// Q_B/b + Q_H/(b f), taken at its middle, and pressure and wear follow from F/b.
+    ///
+    /// Fast, and the nearest to what the 2009 paper printed. It does not know where on the face the
+    /// load lies: the pressure of a line that is just coming into contact is too small, a corner
+    /// load bends the tooth too little, and crowning is refused.
+    WholeFaceBeam,
+    /// The slices of [`HertzBeam`](Self::HertzBeam) with prismatic beams as thick as the tooth at the
+    /// reference circle, s_n = m (π/2 + 2 x tan α_n), clamped where the fillet meets the root circle:
+    /// q = 4 (1 − ν²) cos² α_F/E · ((y_L − y_0)/s_n)³ for each tooth.
+    ///
+    /// The taper, the fillet, an undercut and a pointed tip change nothing but the arm.
+    PrismaticBeam,
 }
 
 pub(crate) use named;
@@ -92,9 +109,11 @@ pub(crate) use named;
 named!(
     ToothModel,
     "tooth model",
-    "hertz-beam, weber-banaschek",
+    "hertz-beam, weber-banaschek, whole-face-beam, prismatic-beam",
     HertzBeam = "hertz-beam",
-    WeberBanaschek = "weber-banaschek"
+    WeberBanaschek = "weber-banaschek",
+    WholeFaceBeam = "whole-face-beam",
+    PrismaticBeam = "prismatic-beam"
 );
 
 /// What happens to a tip that would press into the mate's root.
@@ -331,15 +350,49 @@ impl Material {
     }
 }
 
+/// The mean wear W on each flank at the place s of the path of contact, with p the greatest unworn
+/// Hertz pressure there over the mesh period, MPa, and s_P the pitch point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum WearLaw {
+    /// Archard's law: W = max_depth · p|s − s_P| over its maximum. Material goes wherever the flanks
+    /// slide, and the deepest place of every pair has the same depth. The law to design with.
+    Archard {
+        /// Depth of the deepest place, mm on each flank.
+        max_depth: f64,
+    },
+    /// W = coefficient · p (s_P − s), as the 2009 paper computed it: the sliding velocity with its
+    /// sign, and one coefficient for all pairs. Material goes before the pitch point and is
+    /// **added** beyond it, which no wear does.
+    Signed {
+        /// Depth per pressure and sliding, 1/MPa.
+        coefficient: f64,
+    },
+}
+
+impl WearLaw {
+    /// The same law with `factor` times the depth everywhere.
+    #[must_use]
+    pub const fn scaled(self, factor: f64) -> Self {
+        match self {
+            Self::Archard { max_depth } => Self::Archard {
+                max_depth: factor * max_depth,
+            },
+            Self::Signed { coefficient } => Self::Signed {
+                coefficient: factor * coefficient,
+            },
+        }
+    }
+}
+
 /// Wear of the flanks: how deep, and how its random multiplier varies along a flank.
 ///
-/// The multiplier is Gaussian with mean 1. Where it falls below zero it counts as zero, because wear
-/// removes material and adds none: with a variance of 0.01 that never happens, with 0.25 at one
-/// place in 44, which raises the mean depth by 0.4 %.
+/// The multiplier is Gaussian with mean 1. Where it falls below zero it counts as zero: wear does not
+/// change its direction. With a variance of 0.01 that never happens, with 0.25 at one place in 44,
+/// which raises the mean depth by 0.4 %.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wear {
-    /// Deepest wear of the mean profile, mm on each flank.
-    pub max_depth: f64,
+    /// The mean profile.
+    pub law: WearLaw,
     /// Correlation of the random multiplier.
     pub kernel: Kernel,
     /// Correlation range, rad of roll angle.
@@ -354,12 +407,20 @@ impl Wear {
     /// # Errors
     /// Names the first field that is out of its domain.
     pub fn validate(&self) -> Result<(), InputError> {
-        within(
-            "max_depth",
-            self.max_depth,
-            0.0..=1e3,
-            "a depth from 0 to 1000 mm",
-        )?;
+        match self.law {
+            WearLaw::Archard { max_depth } => within(
+                "max_depth",
+                max_depth,
+                0.0..=1e3,
+                "a depth from 0 to 1000 mm",
+            )?,
+            WearLaw::Signed { coefficient } => within(
+                "coefficient",
+                coefficient,
+                0.0..=1.0,
+                "a coefficient from 0 to 1 per MPa",
+            )?,
+        }
         within(
             "range",
             self.range,

@@ -97,7 +97,6 @@
 //!   stretch of a gear's life; deep wear spreads the load and would grow more evenly.
 
 mod column;
-mod contact;
 mod converged;
 mod corrections;
 mod crowned;
@@ -107,13 +106,16 @@ mod field;
 mod geometry;
 mod input;
 mod involute;
+mod mesh;
 mod outline;
 mod pair;
 pub mod paper;
 mod path;
 pub mod rating;
 mod sampler;
+mod slices;
 mod tooth;
+mod whole_face;
 
 // The tests inside the crate share general pairs with those outside, which call it by its name.
 #[cfg(test)]
@@ -131,7 +133,7 @@ pub use corrections::{Corrections, ReliefShape, TipRelief};
 pub use error::{Error, Infeasible, InputError, UnknownName};
 pub use geometry::{Geometry, Interference, Sliding, normal_module};
 pub use input::{
-    Discretisation, Kernel, Material, Member, PairInput, Size, TipRule, ToothModel, Wear,
+    Discretisation, Kernel, Material, Member, PairInput, Size, TipRule, ToothModel, Wear, WearLaw,
 };
 pub use outline::{Placement, gear_outline, mesh_placement};
 pub use pair::{Analysis, Pair, RootStress, Worn};

@@ -11,18 +11,18 @@
 //!
 //! δ(φ) the deflection that q gives, g the tip relief. Rounds start from the mean load. A round moves
 //! w by a factor of about q_H′ w/q, at most a tenth, so it contracts; rounds end when no place's load
-//! changes by more than 2e-5, which leaves the compliance within 1e-6 of its fixed point. Wear does
+//! changes by more than 2e-5, which leaves the compliance within about 1e-6 of its fixed point. Wear does
 //! not change it: the logarithm hardly notices the load that wear moves.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-use crate::contact::{Extremes, Mesh, Scratch};
 use crate::corrections::Corrections;
 use crate::error::{Error, Infeasible, InputError};
 use crate::geometry::{Geometry, Interference, Sliding, tangent_length};
-use crate::input::{Discretisation, Member, PairInput, ToothModel, Wear};
-use crate::path::Path;
+use crate::input::{Discretisation, Member, PairInput, ToothModel, Wear, WearLaw};
+use crate::mesh::{Extremes, Mesh, Scratch};
+use crate::path::{Path, Touch};
 use crate::rating::stress_correction;
 use crate::sampler::Sampler;
 use crate::tooth::Tooth;
@@ -70,7 +70,8 @@ pub struct Worn {
     pub analysis: Analysis,
     /// Places on the path of contact, mm from the pinion's base tangent point.
     pub s: Vec<f64>,
-    /// Depth of wear W(s) on each flank, mm normal to it.
+    /// Depth of wear W(s) on each flank, mm normal to it; negative where [`WearLaw::Signed`] adds
+    /// material.
     pub depth: Vec<f64>,
 }
 
@@ -109,8 +110,8 @@ pub struct Pair {
     /// Gap of the tip relief at the nodes, mm.
     pub(crate) relief: Vec<f64>,
     unworn: Analysis,
-    /// Unworn pressure times sliding speed at the nodes, divided by its maximum.
-    wear_shape: Vec<f64>,
+    /// Greatest unworn Hertz pressure at the nodes, MPa.
+    pressure: Vec<f64>,
 }
 
 impl Pair {
@@ -147,6 +148,16 @@ impl Pair {
             }
             .into());
         }
+        let whole_face = input.tooth_model == ToothModel::WholeFaceBeam;
+        if corrections.crowning > 0.0 && whole_face {
+            return Err(InputError {
+                field: "crowning",
+                value: corrections.crowning,
+                expected: "zero with the tooth model whole-face-beam, which has one gap for the \
+                           whole face",
+            }
+            .into());
+        }
         // A spur pair may hand over exactly at ε_α = 1; a helical one has then lost contact. An
         // empty path (ε_α ≤ 0) carries nothing, however large the overlap.
         let least = if input.helix_angle == 0.0 {
@@ -176,7 +187,12 @@ impl Pair {
             }
         }
         let marks = corrections.relief_starts(&geometry);
-        let path = Path::new(&geometry, disc, &soft, &marks);
+        let touch = if whole_face {
+            Touch::Middle
+        } else {
+            Touch::Everywhere
+        };
+        let path = Path::new(&geometry, disc, touch, &soft, &marks);
         let elastic = Elasticity {
             input,
             geometry: &geometry,
@@ -194,51 +210,44 @@ impl Pair {
             .iter()
             .map(|&s| corrections.relief_at(&geometry, s))
             .collect();
-        let crowning = corrections.crowning;
-        let target = base_force * path.window / geometry.face_width;
-        let stiffness = |load: &[f64]| -> Vec<f64> {
-            unloaded
-                .iter()
-                .zip(load)
-                .map(|(node, &w)| 1.0 / (node.teeth + elastic.contact(node, w)))
-                .collect()
+        let make = |path: Path, load: &[f64]| {
+            let face_load = base_force / geometry.face_width;
+            let contact = |node, &w: &f64| elastic.contact(node, w);
+            if whole_face {
+                let beams = unloaded.iter().map(|node| 1.0 / node.teeth).collect();
+                // A constant, whatever the place and the load.
+                let hertz = contact(&unloaded[0], &mean_load);
+                return Mesh::whole_face(path, beams, hertz, face_load);
+            }
+            let target = base_force * path.window / geometry.face_width;
+            let nodes = unloaded.iter().zip(load);
+            let stiffness = nodes.map(|(node, w)| 1.0 / (node.teeth + contact(node, w)));
+            Mesh::slices(path, stiffness.collect(), target, corrections.crowning)
         };
-        let mut mesh = Mesh::new(path, stiffness(&load), target, crowning);
+        let mut mesh = make(path, &load);
         let mut extremes = mesh.solve(&relief, &mut scratch);
         let rounds = match input.tooth_model {
-            ToothModel::HertzBeam => 0,
             ToothModel::WeberBanaschek => LOAD_ROUNDS,
+            ToothModel::HertzBeam | ToothModel::PrismaticBeam | ToothModel::WholeFaceBeam => 0,
         };
         for _ in 0..rounds {
-            let path = &mesh.path;
-            let greatest = path.greatest_in_contact(&scratch.delta, extremes.max, crowning, None);
+            let carried = mesh.greatest_load(&relief, &scratch, extremes.max, false);
             let mut change = 0.0_f64;
-            let closed = greatest
-                .iter()
-                .zip(&relief)
-                .map(|(delta, g)| (delta - g).max(0.0));
-            for ((w, closed), &c) in load.iter_mut().zip(closed).zip(&mesh.stiffness) {
-                let new = (closed * c).max(least_load);
+            for (w, carried) in load.iter_mut().zip(carried) {
+                let new = carried.max(least_load);
                 change = change.max((new - *w).abs() / new.max(f64::MIN_POSITIVE));
                 *w = new;
             }
             if change <= LOAD_TOLERANCE {
                 break;
             }
-            mesh = Mesh::new(mesh.path, stiffness(&load), target, crowning);
+            mesh = make(mesh.path, &load);
             extremes = mesh.solve(&relief, &mut scratch);
         }
-        let mut windows = Vec::new();
-        let corrected = crowning > 0.0 || corrections.has_relief();
-        let mut exact = |phi| mesh.unworn(phi, &mut windows);
-        let at: Option<&mut dyn FnMut(f64) -> f64> =
-            if corrected { None } else { Some(&mut exact) };
-        let path = &mesh.path;
-        let greatest = path.greatest_in_contact(&scratch.delta, extremes.max, crowning, at);
-
-        let pressure = pressures(input, &geometry, &mesh, &greatest, &relief);
-        let unworn = analysis(&geometry, &mesh, &scratch, extremes, &pressure);
-        let wear_shape = wear_shape(&geometry, &mesh.path.s, &pressure);
+        let unworn = !corrections.has_relief();
+        let carried = mesh.greatest_load(&relief, &scratch, extremes.max, unworn);
+        let pressure = pressures(input, &geometry, &mesh.path.s, &carried);
+        let unworn = analysis(&geometry, &mesh, &scratch, extremes, 0.0, &pressure);
         Ok(Self {
             input: input.clone(),
             corrections: *corrections,
@@ -249,7 +258,7 @@ impl Pair {
             load,
             relief,
             unworn,
-            wear_shape,
+            pressure,
         })
     }
 
@@ -376,27 +385,35 @@ impl Pair {
         self.unworn.clone()
     }
 
-    /// Wears both flanks by Archard's law and analyses the worn pair.
+    /// Wears both flanks by the mean wear and analyses the worn pair.
     ///
-    /// The depth on each flank is `max_depth` · pV/max(pV) with p the highest unworn Hertz pressure
-    /// at s over the mesh period and V = (1 + Z1/Z2) |s − s_P| the sliding speed; the random part
-    /// of `wear` is not used. A wear that [`Wear::validate`] refuses gives NaN, never a panic.
+    /// [`WearLaw`] has the depth on each flank; the random part of `wear` is not used. A wear that
+    /// [`Wear::validate`] refuses gives NaN, never a panic.
     #[must_use]
     pub fn archard(&self, wear: &Wear) -> Worn {
         let depth = self.depth(wear);
-        let gap: Vec<f64> = depth
+        let mut gap: Vec<f64> = depth
             .iter()
             .zip(&self.relief)
             .map(|(depth, relief)| relief + 2.0 * depth)
             .collect();
+        let lowest = match wear.law {
+            WearLaw::Archard { .. } => 0.0,
+            WearLaw::Signed { .. } => take_lowest(&mut gap),
+        };
         let mut scratch = Scratch::default();
         let extremes = self.mesh.solve(&gap, &mut scratch);
-        let path = &self.mesh.path;
-        let crowning = self.corrections.crowning;
-        let greatest = path.greatest_in_contact(&scratch.delta, extremes.max, crowning, None);
-        let pressure = pressures(&self.input, &self.geometry, &self.mesh, &greatest, &gap);
+        let carried = self.mesh.greatest_load(&gap, &scratch, extremes.max, false);
+        let pressure = pressures(&self.input, &self.geometry, &self.mesh.path.s, &carried);
         Worn {
-            analysis: analysis(&self.geometry, &self.mesh, &scratch, extremes, &pressure),
+            analysis: analysis(
+                &self.geometry,
+                &self.mesh,
+                &scratch,
+                extremes,
+                lowest,
+                &pressure,
+            ),
             s: self.mesh.path.s.clone(),
             depth,
         }
@@ -409,9 +426,25 @@ impl Pair {
         Sampler::new(self, wear)
     }
 
-    /// Mean wear depth on each flank at the nodes, mm.
+    /// Mean wear depth on each flank at the nodes, mm: [`WearLaw`].
     pub(crate) fn depth(&self, wear: &Wear) -> Vec<f64> {
-        self.wear_shape.iter().map(|w| wear.max_depth * w).collect()
+        let places = self.mesh.path.s.iter().zip(&self.pressure);
+        let s_pitch = self.geometry.s_pitch;
+        match wear.law {
+            WearLaw::Archard { max_depth } => {
+                let mut depth: Vec<f64> = places.map(|(s, p)| p * (s - s_pitch).abs()).collect();
+                let most = depth.iter().fold(0.0, |most: f64, &v| most.max(v));
+                if most > 0.0 {
+                    for v in &mut depth {
+                        *v = max_depth * (*v / most);
+                    }
+                }
+                depth
+            }
+            WearLaw::Signed { coefficient } => places
+                .map(|(s, p)| coefficient * p * (s_pitch - s))
+                .collect(),
+        }
     }
 
     /// Transverse transmission error in µm for a normal deflection in mm.
@@ -458,7 +491,9 @@ impl Elasticity<'_> {
         let nu = material.poisson_ratio;
         let unit = 2.0 * (1.0 - nu * nu) / (PI * material.youngs_modulus_mpa);
         match self.input.tooth_model {
-            ToothModel::HertzBeam => 2.0 * unit,
+            ToothModel::HertzBeam | ToothModel::WholeFaceBeam | ToothModel::PrismaticBeam => {
+                2.0 * unit
+            }
             ToothModel::WeberBanaschek => {
                 let half_width_squared = 4.0 * unit * w * self.geometry.relative_radius(node.s);
                 let bracket = if half_width_squared > 0.0 {
@@ -472,50 +507,34 @@ impl Elasticity<'_> {
     }
 }
 
-/// Highest Hertz pressure at each node over the mesh period, MPa: √(w E*/(π R)) with
-/// E* = E/(2 (1 − ν²)) and w = max(0, δ − g)/q.
-fn pressures(
-    input: &PairInput,
-    geometry: &Geometry,
-    mesh: &Mesh,
-    greatest: &[f64],
-    gap: &[f64],
-) -> Vec<f64> {
+/// Subtracts the lowest gap from all of them and returns it. The deflection and the transmission
+/// error fall by as much at every phase; loads and ΔSTE stay.
+pub(crate) fn take_lowest(gap: &mut [f64]) -> f64 {
+    let lowest = gap.iter().fold(f64::INFINITY, |least, &g| least.min(g));
+    for g in gap {
+        *g -= lowest;
+    }
+    lowest
+}
+
+/// Hertz pressure at each of the places `s` under the line load `carried`, MPa: √(w E*/(π R)) with
+/// E* = E/(2 (1 − ν²)).
+fn pressures(input: &PairInput, geometry: &Geometry, s: &[f64], carried: &[f64]) -> Vec<f64> {
     let nu = input.material.poisson_ratio;
     let modulus = input.material.youngs_modulus_mpa / (2.0 * (1.0 - nu * nu));
-    mesh.path
-        .s
-        .iter()
-        .zip(greatest.iter().zip(gap))
-        .zip(&mesh.stiffness)
-        .map(|((&s, (delta, g)), c)| {
-            let w = (delta - g).max(0.0) * c;
-            (w * modulus / (PI * geometry.relative_radius(s))).sqrt()
-        })
+    s.iter()
+        .zip(carried)
+        .map(|(&s, w)| (w * modulus / (PI * geometry.relative_radius(s))).sqrt())
         .collect()
 }
 
-/// pV over its maximum; zero everywhere for a pair that carries no load.
-fn wear_shape(geometry: &Geometry, s: &[f64], pressure: &[f64]) -> Vec<f64> {
-    let mut shape: Vec<f64> = s
-        .iter()
-        .zip(pressure)
-        .map(|(s, p)| p * (s - geometry.s_pitch).abs())
-        .collect();
-    let most = shape.iter().fold(0.0, |most: f64, &v| most.max(v));
-    if most > 0.0 {
-        for v in &mut shape {
-            *v /= most;
-        }
-    }
-    shape
-}
-
+/// The analysis of a solution whose gaps were measured from the `lowest`, mm.
 fn analysis(
     geometry: &Geometry,
     mesh: &Mesh,
     scratch: &Scratch,
     extremes: Extremes,
+    lowest: f64,
     pressure: &[f64],
 ) -> Analysis {
     let scale = UM / geometry.beta_b.cos();
@@ -526,7 +545,11 @@ fn analysis(
             .iter()
             .map(|phi| phi / geometry.base_pitch)
             .collect(),
-        ste_um: scratch.delta.iter().map(|delta| delta * scale).collect(),
+        ste_um: scratch
+            .delta
+            .iter()
+            .map(|delta| (delta + lowest) * scale)
+            .collect(),
         delta_ste_um: (extremes.max - extremes.min) * scale,
         hertz_pressure_mpa: pressure.iter().fold(0.0, |most: f64, &p| most.max(p)),
     }

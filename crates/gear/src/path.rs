@@ -47,6 +47,15 @@ pub(crate) struct Window {
     pub(crate) weight: f64,
 }
 
+/// Where a line of contact looks up compliance and gap.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Touch {
+    /// At every place that it covers.
+    Everywhere,
+    /// In the middle of what it covers.
+    Middle,
+}
+
 /// Path of contact and mesh period of one pair.
 #[derive(Debug, Clone)]
 pub(crate) struct Path {
@@ -72,6 +81,7 @@ impl Path {
     pub(crate) fn new(
         geometry: &Geometry,
         disc: &Discretisation,
+        touch: Touch,
         soft: &[f64],
         marks: &[f64],
     ) -> Self {
@@ -87,7 +97,8 @@ impl Path {
         if pitch_point > 0.0 && pitch_point < length {
             breaks.push(pitch_point);
         }
-        if window < p {
+        let line = Line { length, window };
+        if window < p || touch == Touch::Middle {
             for offset in [
                 0.0,
                 length,
@@ -139,31 +150,26 @@ impl Path {
         }
         *s.last_mut().expect("s starts with s_in") = s_out;
 
-        let mut kinks = vec![0.0, p];
-        for x in [
-            length,
-            window,
-            length + window,
-            pitch_point,
-            pitch_point + window,
-        ] {
-            kinks.push(x.rem_euclid(p));
-        }
-        if window < p {
-            // Where a window passes the kinks of the wear, which follow those of the load.
-            for x in [
-                -window,
-                length - window,
-                2.0 * window,
-                length + 2.0 * window,
-            ] {
-                kinks.push(x.rem_euclid(p));
+        let mut kinks = vec![0.0, length, window, length + window];
+        let places = soft.iter().chain(&marks).chain([&pitch_point]);
+        match touch {
+            Touch::Everywhere => {
+                kinks.extend(places.flat_map(|x| [*x, x + window]));
+                if window < p {
+                    // Where a window passes the kinks of the wear, which follow those of the load.
+                    kinks.extend([
+                        -window,
+                        length - window,
+                        2.0 * window,
+                        length + 2.0 * window,
+                    ]);
+                }
             }
+            // Where the middle passes the kinks of compliance and gap, which are among the breaks.
+            Touch::Middle => kinks.extend(breaks.iter().map(|&x| line.end_at(x))),
         }
-        for x in soft.iter().chain(&marks) {
-            kinks.extend([x.rem_euclid(p), (x + window).rem_euclid(p)]);
-        }
-        let kinks = merged(kinks, MERGE * p, p);
+        let kinks = kinks.into_iter().map(|x| x.rem_euclid(p)).chain([p]);
+        let kinks = merged(kinks.collect(), MERGE * p, p);
         let mut phases = Vec::with_capacity(disc.phases + kinks.len());
         for pair in kinks.windows(2) {
             let count = parts((pair[1] - pair[0]) / p, disc.phases);
@@ -245,27 +251,27 @@ impl Path {
         }
     }
 
+    /// A line of contact on this path.
+    pub(crate) fn line(&self) -> Line {
+        Line {
+            length: self.s_out - self.s_in,
+            window: self.window,
+        }
+    }
+
     /// The greatest value of a function of the phase over the phases at which each node is in
     /// contact, less the crowning at the place on the face where it is touched then. The function is
-    /// given by its `values` at the phases, by its `peak` over the whole period and, where straight
-    /// lines between the phases are not good enough, by its value `at` any other.
+    /// given as `unrolled` and, where straight lines between its phases are not good enough, by its
+    /// value `at` any other. `window` is the length of a line.
     pub(crate) fn greatest_in_contact(
         &self,
-        values: &[f64],
-        peak: f64,
+        unrolled: &Unrolled<'_>,
+        window: f64,
         crowning: f64,
         mut at: Option<&mut dyn FnMut(f64) -> f64>,
     ) -> Vec<f64> {
         // A spur line touches over the whole face at once, where its crown is highest too.
         let crowning = if self.spur { 0.0 } else { crowning };
-        if self.window >= self.base_pitch && crowning == 0.0 {
-            return vec![peak; self.s.len()];
-        }
-        let unrolled = Unrolled {
-            phases: &self.phases,
-            values,
-            period: self.base_pitch,
-        };
         // Ranges of phases start later from node to node, so each phase enters and leaves once. Of
         // the phases inside, only those are kept that no later one exceeds.
         let mut inside: VecDeque<usize> = VecDeque::new();
@@ -273,11 +279,11 @@ impl Path {
         let mut greatest = Vec::with_capacity(self.s.len());
         for s in &self.s {
             let mut start = s - self.s_in;
-            let mut end = start + self.window;
+            let mut end = start + window;
             // The corner of a helical tooth touches before the pair takes load; a spur tooth has
             // no such corner, so it is judged with its whole line in contact.
             if self.spur {
-                start = start.max(self.window);
+                start = start.max(window);
                 end = end.min(self.s_out - self.s_in);
             }
             let ends = match &mut at {
@@ -305,7 +311,7 @@ impl Path {
             }
             if crowning > 0.0 {
                 for &k in &inside {
-                    let z = (unrolled.phase(k) - start) / self.window;
+                    let z = (unrolled.phase(k) - start) / window;
                     most = most.max(unrolled.value(k) - crown(crowning, z));
                 }
             } else if let Some(&k) = inside.front() {
@@ -317,11 +323,43 @@ impl Path {
     }
 }
 
+/// A line of contact that moves along the path. Its front end goes from 0, where the line begins to
+/// touch, to `length + window`, where it has left; places are measured from the start of contact.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Line {
+    /// Length of the path.
+    pub(crate) length: f64,
+    /// Length of the line, along the path.
+    pub(crate) window: f64,
+}
+
+impl Line {
+    /// Share of the line that lies on the path, and the middle of that part.
+    pub(crate) fn on_path(self, end: f64) -> (f64, f64) {
+        let (lo, hi) = ((end - self.window).max(0.0), end.min(self.length));
+        ((hi - lo) / self.window, 0.5 * (lo + hi))
+    }
+
+    /// The front end with which the middle is at `x`; the first one, where the line rests there
+    /// because it covers the whole path.
+    fn end_at(self, x: f64) -> f64 {
+        let Self { length, window } = self;
+        let half = 0.5 * window.min(length);
+        if x < half {
+            2.0 * x
+        } else if x > length - half {
+            2.0 * x - length + window
+        } else {
+            x + half
+        }
+    }
+}
+
 /// A periodic function of the phase, its phases numbered on from period to period.
-struct Unrolled<'a> {
-    phases: &'a [f64],
-    values: &'a [f64],
-    period: f64,
+pub(crate) struct Unrolled<'a> {
+    pub(crate) phases: &'a [f64],
+    pub(crate) values: &'a [f64],
+    pub(crate) period: f64,
 }
 
 impl Unrolled<'_> {

@@ -1,25 +1,25 @@
 //! Random wear: one ΔSTE per draw.
 //!
-//! The gap of a sample is g(s) = W(s) [Θ1(θ1) + Θ2(θ2)] with θ1 = s/r_b1 and θ2 = (L − s)/r_b2 the
-//! roll angles of the two gears and Θ1, Θ2 independent fields (see `field`). A multiplier below
-//! zero counts as zero: wear removes material, it does not add any.
+//! The gap of a sample is g(s) = W(s) [Θ1(θ1) + Θ2(θ2)] with W the depth of [`WearLaw`],
+//! θ1 = s/r_b1 and θ2 = (L − s)/r_b2 the roll angles of the two gears and Θ1, Θ2 independent fields
+//! (see `field`). A multiplier below zero counts as zero.
 
 use std::sync::Arc;
 
 use rand::Rng;
 use rand_distr::{Distribution as _, StandardNormal};
 
-use crate::contact::{Mesh, Scratch};
 use crate::field::Field;
-use crate::input::{Member, Wear};
-use crate::pair::Pair;
+use crate::input::{Member, Wear, WearLaw};
+use crate::mesh::{Mesh, Scratch};
+use crate::pair::{Pair, take_lowest};
 
 /// One random wear of both gears, as a curve over the roll angle of each.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WearProfile {
     /// Roll angles in rad, [pinion, gear]; increasing for the pinion, decreasing for the gear.
     pub roll: [Vec<f64>; 2],
-    /// Wear depth on that gear's flank, mm.
+    /// Wear depth on that gear's flank, mm; negative where material is added.
     pub depth: [Vec<f64>; 2],
     /// ΔSTE of the pair worn like this, µm.
     pub delta_ste_um: f64,
@@ -35,6 +35,8 @@ pub struct Sampler {
     fields: [Field; 2],
     roll: [Vec<f64>; 2],
     depth: Vec<f64>,
+    /// Whether the depth may be negative.
+    signed: bool,
     relief: Vec<f64>,
     /// µm of transmission error per mm of deflection.
     scale: f64,
@@ -76,6 +78,7 @@ impl Sampler {
             fields,
             roll,
             depth: pair.depth(wear),
+            signed: matches!(wear.law, WearLaw::Signed { .. }),
             relief: pair.relief.clone(),
             scale: pair.to_ste_um(1.0),
             normals: Vec::new(),
@@ -146,6 +149,9 @@ impl Sampler {
                 .zip(self.theta[0].iter().zip(&self.theta[1]))
                 .map(|((depth, relief), (a, b))| relief + depth * (a + b)),
         );
+        if self.signed {
+            take_lowest(&mut self.gap);
+        }
         let extremes = self.mesh.solve(&self.gap, &mut self.scratch);
         (extremes.max - extremes.min) * self.scale
     }

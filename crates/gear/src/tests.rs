@@ -2,12 +2,12 @@
 
 use std::f64::consts::PI;
 
-use crate::contact::{Mesh, Scratch};
 use crate::general::plain as input;
 use crate::geometry::Geometry;
-use crate::input::{Discretisation, Member, PairInput, Size, Wear};
+use crate::input::{Discretisation, Member, PairInput, Size, Wear, WearLaw};
+use crate::mesh::{Mesh, Scratch};
 use crate::pair::Pair;
-use crate::path::{Path, Window};
+use crate::path::{Path, Touch, Window};
 use crate::tooth::Tooth;
 use crate::{Kernel, gear_outline};
 
@@ -59,7 +59,13 @@ fn contact_line_length_extremes() {
             cells: 32,
             phases: 200,
         };
-        let path = Path::new(&with_ratios(eps_alpha, eps_beta), &disc, &[], &[]);
+        let path = Path::new(
+            &with_ratios(eps_alpha, eps_beta),
+            &disc,
+            Touch::Everywhere,
+            &[],
+            &[],
+        );
         let lengths: Vec<f64> = path.phases.iter().map(|&phi| covered(&path, phi)).collect();
         let least = lengths.iter().copied().fold(f64::MAX, f64::min);
         let most = lengths.iter().copied().fold(0.0, f64::max);
@@ -85,6 +91,7 @@ fn windows_repeat_after_a_base_pitch() {
         let path = Path::new(
             &with_ratios(eps_alpha, eps_beta),
             &Discretisation::default(),
+            Touch::Everywhere,
             &[],
             &[],
         );
@@ -513,7 +520,7 @@ fn wear_of_any_kernel_is_drawn() {
     let pair = pair();
     for &kernel in Kernel::ALL {
         let wear = Wear {
-            max_depth: 0.02,
+            law: WearLaw::Archard { max_depth: 0.02 },
             kernel,
             range: 0.05,
             variance: 0.3,
@@ -532,7 +539,7 @@ fn a_draw_is_the_response_at_its_coefficients_and_all_but_linear_in_them() {
     use stats::streams::{Purpose, stream};
     let pair = pair();
     let wear = Wear {
-        max_depth: 3.5e-3,
+        law: WearLaw::Archard { max_depth: 3.5e-3 },
         kernel: Kernel::SquaredExponential,
         range: 0.2,
         variance: 0.01,

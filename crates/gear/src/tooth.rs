@@ -89,6 +89,8 @@ pub(crate) struct Tooth {
     tau_apex: f64,
     /// Half thickness and height of the root circle's end.
     root: (f64, f64),
+    /// Thickness at the reference circle.
+    thickness: f64,
     column: Column,
     model: ToothModel,
     youngs: f64,
@@ -183,9 +185,9 @@ impl Tooth {
         let z_n = f64::from(geometry.teeth[i]) / (cos_bb * cos_bb * geometry.beta.cos());
         let r_n = m * z_n / 2.0;
         let r_b = r_n * alpha.cos();
-        let psi_b = (std::f64::consts::FRAC_PI_2 + 2.0 * input.profile_shift[i] * alpha.tan())
-            / z_n
-            + inv_of_tangent(alpha.tan());
+        // Thickness at the reference circle, in modules.
+        let s_n = std::f64::consts::FRAC_PI_2 + 2.0 * input.profile_shift[i] * alpha.tan();
+        let psi_b = s_n / z_n + inv_of_tangent(alpha.tan());
         let rho = input.root_radius[i];
         let fillet = Fillet {
             r_n,
@@ -201,6 +203,10 @@ impl Tooth {
             });
         }
         let reach = tangent_length(offset + geometry.r_a[i], r_b);
+        let thickness = m * s_n;
+        if input.tooth_model == ToothModel::PrismaticBeam && thickness <= 0.0 {
+            return Err(Infeasible::BeamWithoutThickness { member, thickness });
+        }
         let mut tooth = Self {
             fillet,
             r_b,
@@ -211,6 +217,7 @@ impl Tooth {
             gamma_top: std::f64::consts::FRAC_PI_2 - alpha,
             tau_apex: r_b * tangent_of_inv(psi_b),
             root: fillet.point(0.0),
+            thickness,
             column: Column::default(),
             model: input.tooth_model,
             youngs: input.material.youngs_modulus_mpa,
@@ -375,7 +382,13 @@ impl Tooth {
         let nu = self.poisson;
         let bending = |m2: f64| 12.0 * (1.0 - nu * nu) * m2;
         let sum = match self.model {
-            ToothModel::HertzBeam => bending(self.column.second_moment(load.y_l)),
+            ToothModel::HertzBeam | ToothModel::WholeFaceBeam => {
+                bending(self.column.second_moment(load.y_l))
+            }
+            ToothModel::PrismaticBeam => {
+                let arm = (load.y_l - self.root.1).max(0.0);
+                bending((arm / self.thickness).powi(3) / 3.0)
+            }
             ToothModel::WeberBanaschek => {
                 let (m2, n0) = self.column.both(load.y_l);
                 let shear = (2.4 * (1.0 + nu) + (1.0 - nu * nu) * load.tan2) * n0;

@@ -2,9 +2,11 @@
 
 use std::fmt::Write as _;
 
+use gear::paper::readings::{self, Score};
+
 use crate::charts::Response;
-use crate::data::{DepthFit, DepthScore, ReportData};
-use crate::number::{fixed, relative_gap, signed_percent, significant};
+use crate::data::ReportData;
+use crate::number::{relative_gap, signed_percent, significant};
 use crate::paper;
 
 /// A gap beyond this share of the paper's figure gets a sentence.
@@ -156,11 +158,13 @@ pub fn comparisons(data: &ReportData) -> Vec<Comparison> {
     list
 }
 
-/// The comparison as a Markdown page; `remarks` gives the sentence of a row whose gap is large.
+/// The comparison as a Markdown page. `scores` are the readings of the paper, the campaign's own
+/// among them by its law, tooth model and tip rule; `remarks` gives the sentence of a row whose gap
+/// is large.
 #[must_use]
 pub fn comparison_markdown(
     data: &ReportData,
-    fit: &DepthFit,
+    scores: &[Score],
     remarks: impl Fn(&Comparison) -> Option<String>,
 ) -> String {
     let mut page = String::from("# The paper's figures beside this model's\n\n");
@@ -169,7 +173,8 @@ pub fn comparison_markdown(
     let _ = writeln!(
         page,
         "Written by `coordinator compare` from the campaign “{}”: {} designs of {} samples, seed \
-         {}, program version {}. Samples digest `{}`. Sampled percentiles rest on {} fresh samples.\n",
+         {}, program version {}. Samples digest `{}`. Sampled percentiles rest on {} verification \
+         samples.\n",
         header.campaign,
         header.designs,
         header.samples_per_design,
@@ -178,34 +183,8 @@ pub fn comparison_markdown(
         header.samples_digest,
         paper::ACCURATE_SAMPLES,
     );
-    let score = |score: &DepthScore| {
-        format!(
-            "{} µm (root mean square of ln(ours/paper) {} over {} values; {} at the campaign's {} µm)",
-            fixed(score.best_um, 1),
-            fixed(score.best_rms, 3),
-            score.values,
-            fixed(score.used_rms, 3),
-            fixed(fit.used_um, 1),
-        )
-    };
-    let _ = writeln!(
-        page,
-        "- **Depth of wear.** The paper does not say how deep its wear is per flank. Of the depths \
-         from {} to {} µm the best fit to the printed values with Archard's wear (Table 1's means, \
-         Table 4, Figure 9) is {}; without {} it is {}.",
-        fixed(fit.tried_um[0], 1),
-        fixed(fit.tried_um[1], 1),
-        score(&fit.all),
-        fit.outliers.join(" and "),
-        score(&fit.without_outliers),
-    );
-    let _ = writeln!(
-        page,
-        "- **Ranking.** Over the {} designs with a printed P90, Spearman's rank correlation of \
-         ours and the paper's is {}.",
-        fit.ranked,
-        fixed(fit.rank_correlation, 2),
-    );
+    page += &readings::markdown(scores);
+    page += "\n## Every printed figure\n\n";
     let _ = writeln!(
         page,
         "- **Feasible designs.** {} of {} here, {} of {} in the paper.\n",

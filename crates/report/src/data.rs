@@ -169,38 +169,6 @@ pub struct WearProfiles {
     pub random_um: Vec<Vec<f64>>,
 }
 
-/// How the depth of wear that the paper does not print follows from what it prints.
-#[derive(Debug, Clone, PartialEq)]
-pub struct DepthFit {
-    /// The depths per flank that were tried, µm: the least and the greatest.
-    pub tried_um: [f64; 2],
-    /// The campaign's depth, µm.
-    pub used_um: f64,
-    /// The fit to every printed value.
-    pub all: DepthScore,
-    /// The fit without the designs that no reading of the paper brings in line.
-    pub without_outliers: DepthScore,
-    /// Those designs, as in `Table 1 #4`.
-    pub outliers: Vec<String>,
-    /// How many designs have a printed P90.
-    pub ranked: usize,
-    /// Spearman's rank correlation of ours with the paper's over those designs.
-    pub rank_correlation: f64,
-}
-
-/// How well depths fit a set of printed values, by the root mean square of ln(ours/paper).
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DepthScore {
-    /// How many printed values there are.
-    pub values: usize,
-    /// The best depth, µm per flank.
-    pub best_um: f64,
-    /// Its root mean square.
-    pub best_rms: f64,
-    /// That of the campaign's depth.
-    pub used_rms: f64,
-}
-
 /// One kriging model and how well it predicts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KrigingFit {

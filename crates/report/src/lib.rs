@@ -29,10 +29,10 @@ pub use charts::{
 };
 pub use comparison::{Comparison, comparison_markdown, comparisons};
 pub use data::{
-    Approach, ApproachResult, Constraints, DepthFit, DepthScore, DoePoint, Enrichment,
-    EnrichmentRound, GearDrawing, GearOutline, Header, InfeasibleReason, KrigingFit, LeaveOneOut,
-    Limits, ModelFigure, OptimiserRun, Optimum, Parameter, Percentile, PreliminaryDesign,
-    PrintedDesign, PrintedFigures, ReportData, SimilarDesign, StageCost, SteCurves, WearProfiles,
+    Approach, ApproachResult, Constraints, DoePoint, Enrichment, EnrichmentRound, GearDrawing,
+    GearOutline, Header, InfeasibleReason, KrigingFit, LeaveOneOut, Limits, ModelFigure,
+    OptimiserRun, Optimum, Parameter, Percentile, PreliminaryDesign, PrintedDesign, PrintedFigures,
+    ReportData, SimilarDesign, StageCost, SteCurves, WearProfiles,
 };
 pub use error::Error;
 pub use page::render;

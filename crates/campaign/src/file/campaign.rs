@@ -222,6 +222,9 @@ impl Campaign {
     /// The version of the file format that this program reads.
     pub const FORMAT: u32 = 1;
 
+    /// The file of a campaign to start from, as shipped: the paper's with Archard's law of wear.
+    pub const WEAR: &'static str = include_str!("../../../../campaigns/wear.toml");
+
     /// The file of the paper's campaign, as shipped.
     pub const PAPER: &'static str = include_str!("../../../../campaigns/paper.toml");
 
@@ -365,6 +368,14 @@ impl Campaign {
         self.simulator.validate(source)?;
         if let Some(corrections) = &self.corrections {
             corrections.validate(source)?;
+            let whole_face = self.pair.tooth_model == gear::ToothModel::WholeFaceBeam.name();
+            source.require(
+                !whole_face || corrections.crowning_um.is_none(),
+                "corrections.crowning_um",
+                corrections.crowning_um,
+                "absent when pair.tooth_model is \"whole-face-beam\", which has one gap for the whole \
+                 face",
+            )?;
         }
         source.require(
             !(self.is_external() && self.report.compare_with_paper),

@@ -31,8 +31,15 @@ pub struct Material {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Wear {
-    /// Largest depth of Archard's profile per flank, µm.
-    pub max_depth_um: f64,
+    /// The mean profile; left out of the digest where it is Archard's, as in files of before it.
+    #[serde(default, skip_serializing_if = "WearLaw::is_default")]
+    pub law: WearLaw,
+    /// Largest depth of Archard's profile per flank, µm; given with that law only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_depth_um: Option<f64>,
+    /// Depth per pressure and sliding, 1/MPa; given with the signed law only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coefficient_per_mpa: Option<f64>,
     /// Covariance of the random field; see [`gear::Kernel`].
     pub kernel: String,
     /// Range of the random field, rad of roll angle.
@@ -41,11 +48,30 @@ pub struct Wear {
     pub variance: f64,
 }
 
+/// The law of the mean wear; see [`gear::WearLaw`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum WearLaw {
+    /// Material goes wherever the flanks slide, to the same greatest depth on every pair.
+    #[default]
+    Archard,
+    /// With the sign of the sliding velocity and one coefficient for all pairs, as in the paper.
+    Signed,
+}
+
+impl WearLaw {
+    fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
 impl Default for Wear {
-    /// The paper's wear field, with the depth that fits its tables best.
+    /// Archard's law with the paper's random field.
     fn default() -> Self {
         Self {
-            max_depth_um: 3.5,
+            law: WearLaw::Archard,
+            max_depth_um: Some(3.5),
+            coefficient_per_mpa: None,
             kernel: gear::Kernel::SquaredExponential.to_string(),
             range_rad: 0.2,
             variance: 0.01,
@@ -81,21 +107,50 @@ impl Material {
 
 impl Wear {
     pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
-        source.not_negative("wear.max_depth_um", self.max_depth_um)?;
+        self.law(source)?;
         parse_name::<gear::Kernel>(source, "wear.kernel", &self.kernel)?;
         source.positive("wear.range_rad", self.range_rad)?;
         source.not_negative("wear.variance", self.variance)
+    }
+
+    /// The simulator's law; each law has a number of its own, and refuses the other's.
+    fn law(&self, source: Source<'_>) -> Result<gear::WearLaw, FileError> {
+        let depth = ("wear.max_depth_um", self.max_depth_um);
+        let coefficient = ("wear.coefficient_per_mpa", self.coefficient_per_mpa);
+        let (own, other, name) = match self.law {
+            WearLaw::Archard => (depth, coefficient, "archard"),
+            WearLaw::Signed => (coefficient, depth, "signed"),
+        };
+        if let Some(found) = other.1 {
+            return Err(source.refuse(other.0, found, format!("absent when law is \"{name}\"")));
+        }
+        let Some(value) = own.1 else {
+            return Err(source.refuse(own.0, "missing", format!("given when law is \"{name}\"")));
+        };
+        Ok(match self.law {
+            WearLaw::Archard => {
+                source.not_negative(own.0, value)?;
+                let max_depth = value * 1e-3;
+                gear::WearLaw::Archard { max_depth }
+            }
+            WearLaw::Signed => {
+                let sensible = (0.0..=1.0).contains(&value);
+                source.require(sensible, own.0, value, "from 0 to 1, in 1/MPa")?;
+                gear::WearLaw::Signed { coefficient: value }
+            }
+        })
     }
 
     /// The simulator's wear, in mm and rad.
     ///
     /// # Panics
     ///
-    /// Never for a validated section: the kernel's name was parsed before.
+    /// Never for a validated section: law and kernel were read before.
     #[must_use]
     pub fn to_gear(&self) -> gear::Wear {
+        let nowhere = Source { file: "", text: "" };
         gear::Wear {
-            max_depth: self.max_depth_um * 1e-3,
+            law: self.law(nowhere).expect("validation has read this law"),
             kernel: self
                 .kernel
                 .parse()

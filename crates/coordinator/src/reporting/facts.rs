@@ -1,6 +1,6 @@
 //! What a reader ought to know of how a campaign's numbers came about.
 
-use campaign::file::{ControlVariate, PercentileRule};
+use campaign::file::{ControlVariate, PercentileRule, Wear};
 use stats::HarrellDavisVariance;
 
 use super::Sources;
@@ -16,13 +16,7 @@ pub(super) fn facts(sources: &Sources) -> Vec<(String, String)> {
         } else {
             ("tooth model".to_owned(), campaign.pair.tooth_model.clone())
         },
-        (
-            "wear".to_owned(),
-            format!(
-                "{} µm per flank at the deepest point",
-                campaign.wear.max_depth_um
-            ),
-        ),
+        ("wear".to_owned(), wear(&campaign.wear)),
     ];
     if let Some(evenness) = steps::evenness(&sources.problem, &sources.designs) {
         facts.push(("design of experiments".to_owned(), evenness));
@@ -49,6 +43,19 @@ pub(super) fn facts(sources: &Sources) -> Vec<(String, String)> {
         format!("{coefficients}; P90 is m + z s, with the jackknife variance over them"),
     ));
     facts
+}
+
+/// The law of wear with its depth or coefficient.
+fn wear(wear: &Wear) -> String {
+    match (wear.max_depth_um, wear.coefficient_per_mpa) {
+        (_, Some(coefficient)) => {
+            format!("signed law, {coefficient:e} per MPa: adds material beyond the pitch point")
+        }
+        (depth, None) => {
+            let depth = depth.unwrap_or_default();
+            format!("Archard's law, {depth} µm per flank at the deepest point")
+        }
+    }
 }
 
 /// How many designs got no samples because of their constraints.

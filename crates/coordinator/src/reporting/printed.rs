@@ -1,10 +1,11 @@
 //! The designs that the paper prints, on this model.
 
 use campaign::file::PercentileRule;
-use report::{PreliminaryDesign, PrintedDesign, PrintedFigures, SimilarDesign, paper};
+use gear::paper::printed::{self as paper, Place};
+use report::{PreliminaryDesign, PrintedDesign, PrintedFigures, SimilarDesign};
 
 use super::{Sources, percentile};
-use crate::references::{Place, printed};
+use crate::references::{name, variables};
 use crate::sampling::{self, Samples};
 
 pub(super) fn preliminary(sources: &Sources) -> Vec<PreliminaryDesign> {
@@ -13,7 +14,7 @@ pub(super) fn preliminary(sources: &Sources) -> Vec<PreliminaryDesign> {
         .iter()
         .enumerate()
         .filter_map(|(row, printed)| {
-            let samples = sources.fresh.get(&Place::Preliminary(row).name())?;
+            let samples = sources.fresh.get(&name(Place::Preliminary(row)))?;
             let plain = Samples::plain(samples);
             let response = sampling::response(0, plain, PercentileRule::Paper).ok()?;
             let variance = stats::p90_variance(response.sd_um.powi(2), k, stats::PAPER_Z90);
@@ -36,11 +37,11 @@ pub(super) fn similar(sources: &Sources) -> Vec<SimilarDesign> {
         .enumerate()
         .filter_map(|(row, printed)| {
             let place = Place::Similar(row);
-            let pair = sources.problem.pair(&place.variables()).ok()?;
+            let pair = sources.problem.pair(&variables(place)).ok()?;
             Some(SimilarDesign {
                 variables: printed.variables,
                 delta_ste_archard_um: pair.archard(sources.problem.wear()).analysis.delta_ste_um,
-                p90: percentile(sources.fresh.get(&place.name())?),
+                p90: percentile(sources.fresh.get(&name(place))?),
             })
         })
         .collect()
@@ -58,7 +59,7 @@ pub(super) fn printed_designs(sources: &Sources) -> Vec<PrintedDesign> {
 fn printed_figures(sources: &Sources, figure: u8) -> Result<PrintedFigures, String> {
     let pair = sources
         .problem
-        .pair(&printed(figure))
+        .pair(&variables(Place::Figure(figure)))
         .map_err(|error| error.to_string())?;
     let unworn = pair.unworn();
     let worn = pair.archard(sources.problem.wear()).analysis;
@@ -69,7 +70,7 @@ fn printed_figures(sources: &Sources, figure: u8) -> Result<PrintedFigures, Stri
         6 => &[][..],
         _ => sources
             .fresh
-            .get(&Place::Figure(figure).name())
+            .get(&name(Place::Figure(figure)))
             .map_or(&[][..], Vec::as_slice),
     };
     let p90 = percentile(samples);

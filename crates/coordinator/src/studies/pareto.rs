@@ -506,7 +506,7 @@ mod tests {
 
     fn point(source: Source, pressure: f64, p90_um: f64, fresh_um: Option<f64>) -> Point {
         let problem = Problem::new(Campaign::parse("paper.toml", Campaign::PAPER).unwrap());
-        let variables = crate::references::printed(9);
+        let variables = crate::references::variables(gear::paper::printed::Place::Figure(9));
         let percentile = |value_um: f64| Percentile {
             value_um,
             low_um: value_um - 0.1,

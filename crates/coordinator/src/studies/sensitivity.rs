@@ -105,7 +105,7 @@ pub fn scenarios(problem: &Problem, optimum: &Optimum) -> anyhow::Result<Vec<Sce
             match parameter {
                 "wear variance" => wear.variance *= factor,
                 "wear range" => wear.range *= factor,
-                "wear depth" => wear.max_depth *= factor,
+                "wear depth" => wear.law = wear.law.scaled(factor),
                 _ => {}
             }
             let name = (Purpose::Verify, optimum.approach.number());
@@ -180,7 +180,7 @@ fn deviated(
     let pair = gear::Pair::new(&input, &gear::Discretisation::default()).ok()?;
     let mut wear = *problem.wear();
     let factor = |number: usize| 1.0 + deviation(ROBUST_VARIABLES + number, tolerances.scenario);
-    wear.max_depth *= factor(0);
+    wear.law = wear.law.scaled(factor(0));
     wear.variance *= factor(1);
     wear.range *= factor(2);
     Some((pair, wear))
@@ -316,7 +316,7 @@ mod tests {
         campaign.sampling.samples_per_design = 10;
         campaign.verify.samples = 200;
         let problem = Problem::new(campaign);
-        let variables = crate::references::printed(9);
+        let variables = crate::references::variables(gear::paper::printed::Place::Figure(9));
         let pair = problem.pair(&variables).unwrap();
         let name = (Purpose::Verify, Approach::Archard.number());
         let optimum = Optimum {

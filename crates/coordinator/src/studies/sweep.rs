@@ -334,7 +334,7 @@ mod tests {
     #[test]
     fn a_number_without_a_feasible_design_is_a_line_of_the_table() {
         let campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
-        let variables = crate::references::printed(7);
+        let variables = crate::references::variables(gear::paper::printed::Place::Figure(7));
         let problem = campaign::formulation::Problem::new(campaign);
         let criteria = problem.criteria(&problem.pair(&variables).unwrap(), 1000.0);
         let p90 = percentile(&[1.0, 1.1, 0.9, 1.0, 1.2]);

@@ -1,6 +1,7 @@
 //! The default discretisation against the converged reference, on random designs of the paper's box
 //! and on random helical pairs of other helix angles and fillets.
 
+use gear::paper::SIGNED_WEAR;
 use gear::{Discretisation, Pair, PairInput, Size, ToothModel};
 use rand::RngExt as _;
 use stats::streams::{Purpose, stream};
@@ -26,6 +27,7 @@ fn check(what: &str, errors: &mut [f64]) {
 fn errors(next: &mut dyn FnMut() -> PairInput) {
     let coarse = Discretisation::default();
     let (mut unworn, mut pressure, mut archard, mut random) = (vec![], vec![], vec![], vec![]);
+    let mut signed = vec![];
     while unworn.len() < DESIGNS {
         let input = next();
         let Ok(a) = Pair::new(&input, &coarse) else {
@@ -44,6 +46,10 @@ fn errors(next: &mut dyn FnMut() -> PairInput) {
             a.archard(&WEAR).analysis.delta_ste_um,
             b.archard(&WEAR).analysis.delta_ste_um,
         ));
+        signed.push(relative(
+            a.archard(&SIGNED_WEAR).analysis.delta_ste_um,
+            b.archard(&SIGNED_WEAR).analysis.delta_ste_um,
+        ));
         let (mut a, mut b) = (a.sampler(&WEAR), b.sampler(&WEAR));
         assert_eq!(a.modes(), b.modes());
         for k in 0..4 {
@@ -56,6 +62,7 @@ fn errors(next: &mut dyn FnMut() -> PairInput) {
     check("unworn", &mut unworn);
     check("pressure", &mut pressure);
     check("archard", &mut archard);
+    check("signed", &mut signed);
     check("random", &mut random);
 }
 
@@ -75,6 +82,21 @@ fn other_helix_angles_and_fillets_of_realistic_teeth() {
         tooth_model: ToothModel::WeberBanaschek,
         ..in_the_box(&mut rng)
     });
+}
+
+#[test]
+fn whole_and_prismatic_teeth() {
+    for (tooth_model, number) in [
+        (ToothModel::WholeFaceBeam, 13),
+        (ToothModel::PrismaticBeam, 14),
+    ] {
+        let mut rng = rng(number);
+        errors(&mut || PairInput {
+            tooth_model,
+            helix_angle: rng.random_range(0.0..0.6),
+            ..in_the_box(&mut rng)
+        });
+    }
 }
 
 #[test]

@@ -251,9 +251,13 @@ fn bad_corrections_are_refused() {
         face_width: 1e5,
         ..plain()
     };
-    let error = Pair::with_corrections(&wide, &none.with_crowning(1e-3), &disc).unwrap_err();
-    assert!(
-        error.to_string().starts_with("crowning is 0.001"),
-        "{error}"
-    );
+    let whole = PairInput {
+        tooth_model: ToothModel::WholeFaceBeam,
+        ..plain()
+    };
+    for input in [wide, whole] {
+        let error = Pair::with_corrections(&input, &none.with_crowning(1e-3), &disc).unwrap_err();
+        let error = error.to_string();
+        assert!(error.starts_with("crowning is 0.001"), "{error}");
+    }
 }

@@ -1,7 +1,7 @@
 //! A fixed budget of random and hostile inputs: never a panic, a NaN or an endless loop. The `fuzz`
 //! example runs the same with any budget.
 
-use gear::{Kernel, Wear};
+use gear::{Kernel, Wear, WearLaw};
 
 use crate::adversary;
 use crate::support::rng;
@@ -30,7 +30,7 @@ fn a_vanishing_torque_does_not_pull() {
     };
     for worn in [1e-5, 1e-3, 0.1] {
         let wear = Wear {
-            max_depth: worn,
+            law: WearLaw::Archard { max_depth: worn },
             ..crate::support::WEAR
         };
         let analysis = crate::support::pair(&input).archard(&wear).analysis;
@@ -76,14 +76,20 @@ fn an_invalid_wear_does_not_panic() {
         (1e-3, 0.2, f64::NAN),
         (-1.0, -1.0, -1.0),
     ] {
-        let wear = Wear {
-            max_depth,
-            kernel: Kernel::Exponential,
-            range,
-            variance,
-        };
-        assert!(wear.validate().is_err());
-        let _ = pair.archard(&wear);
-        let _ = pair.sampler(&wear).draw(&mut rng(1));
+        let coefficient = max_depth;
+        for law in [
+            WearLaw::Archard { max_depth },
+            WearLaw::Signed { coefficient },
+        ] {
+            let wear = Wear {
+                law,
+                kernel: Kernel::Exponential,
+                range,
+                variance,
+            };
+            assert!(wear.validate().is_err());
+            let _ = pair.archard(&wear);
+            let _ = pair.sampler(&wear).draw(&mut rng(1));
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! Every refusal is reachable, and carries the numbers that decided it. One is not here: no design is
 //! known whose compliance integral stays unresolved; the quadrature's own tests make it.
 
-use gear::{Discretisation, Error, Infeasible, Member, Pair, PairInput, Size};
+use gear::{Discretisation, Error, Infeasible, Member, Pair, PairInput, Size, ToothModel};
 
 use crate::support::{figure_7, plain};
 
@@ -77,6 +77,30 @@ fn tooth_without_thickness() {
         unreachable!()
     };
     assert!(half_angle <= 0.0);
+}
+
+/// A pinion whose flanks meet between the base and the reference circle can be cut, but is no beam of
+/// its thickness at the reference circle.
+#[test]
+fn beam_without_thickness() {
+    let input = PairInput {
+        teeth: [80, 80],
+        profile_shift: [-2.3, 2.3],
+        tool_addendum: [1.0; 2],
+        tool_dedendum: [3.0, 1.0],
+        ..plain()
+    };
+    let reason = check(
+        &PairInput {
+            tooth_model: ToothModel::PrismaticBeam,
+            ..input
+        },
+        "beam-without-thickness",
+    );
+    assert!(matches!(
+        reason,
+        Infeasible::BeamWithoutThickness { thickness, .. } if thickness <= 0.0
+    ));
 }
 
 #[test]

@@ -1,13 +1,27 @@
 //! Properties that hold for every correct simulator, on random general pairs.
 
+use gear::paper::{MAX_DEPTH, SIGNED_WEAR};
 use gear::{
-    Discretisation, Member, Pair, PairInput, Size, ToothModel, Wear, gear_outline, mesh_placement,
+    Discretisation, Member, Pair, PairInput, Size, ToothModel, Wear, WearLaw, gear_outline,
+    mesh_placement,
 };
 use proptest::prelude::*;
 use stats::streams::{Purpose, stream};
 
 use crate::general::{config, feasible, pairs};
 use crate::support::{WEAR, figure_7, in_the_box, pair, plain, rng};
+
+/// Models whose compliance does not depend on the load, and those whose teeth are slices.
+const LINEAR: [ToothModel; 3] = [
+    ToothModel::HertzBeam,
+    ToothModel::WholeFaceBeam,
+    ToothModel::PrismaticBeam,
+];
+const SLICED: [ToothModel; 3] = [
+    ToothModel::HertzBeam,
+    ToothModel::WeberBanaschek,
+    ToothModel::PrismaticBeam,
+];
 
 fn close(a: f64, b: f64, relative: f64) -> bool {
     (a - b).abs() <= relative * a.abs().max(b.abs())
@@ -19,7 +33,7 @@ fn mean(values: &[f64]) -> f64 {
 
 fn scaled(wear: &Wear, k: f64) -> Wear {
     Wear {
-        max_depth: wear.max_depth * k,
+        law: wear.law.scaled(k),
         ..*wear
     }
 }
@@ -33,37 +47,46 @@ proptest! {
         let pair = feasible!(&PairInput { pinion_torque: 0.0, ..input });
         prop_assert!(pair.unworn().ste_um.iter().all(|&ste| ste == 0.0));
         prop_assert_eq!(pair.unworn().delta_ste_um, 0.0);
-        let worn = pair.archard(&WEAR);
-        prop_assert_eq!(worn.analysis.delta_ste_um, 0.0);
-        prop_assert!(worn.depth.iter().all(|&depth| depth == 0.0));
+        for wear in [WEAR, SIGNED_WEAR] {
+            let worn = pair.archard(&wear);
+            prop_assert_eq!(worn.analysis.delta_ste_um, 0.0);
+            prop_assert!(worn.depth.iter().all(|&depth| depth == 0.0));
+        }
     }
 
     /// 2: linear compliance without a gap scales with the torque.
     #[test]
     fn linear_in_the_torque(input in pairs(), k in 0.1..50.0_f64) {
-        let a = feasible!(&input);
-        let b = feasible!(&PairInput { pinion_torque: k * input.pinion_torque, ..input });
-        prop_assert!(close(k * a.unworn().delta_ste_um, b.unworn().delta_ste_um, 1e-9));
-        for (a, b) in a.unworn().ste_um.iter().zip(&b.unworn().ste_um) {
-            prop_assert!(close(k * a, *b, 1e-12));
+        for tooth_model in LINEAR {
+            let a = feasible!(&PairInput { tooth_model, ..input.clone() });
+            let more = PairInput { pinion_torque: k * input.pinion_torque, ..input.clone() };
+            let b = feasible!(&PairInput { tooth_model, ..more });
+            prop_assert!(close(k * a.unworn().delta_ste_um, b.unworn().delta_ste_um, 1e-9));
+            for (a, b) in a.unworn().ste_um.iter().zip(&b.unworn().ste_um) {
+                prop_assert!(close(k * a, *b, 1e-12));
+            }
         }
     }
 
-    /// 3: an integer overlap ratio has no transmission error variation, worn, separated or not.
+    /// 3: an integer overlap ratio has no transmission error variation, worn, separated or not, as
+    /// long as teeth are slices.
     #[test]
     fn integer_overlap_is_silent(input in pairs(), n in 1..4_u32) {
         let Size::NormalModule(m) = input.size else { unreachable!() };
         let face_width = f64::from(n) * std::f64::consts::PI * m / input.helix_angle.sin();
-        for tooth_model in [ToothModel::HertzBeam, ToothModel::WeberBanaschek] {
+        for tooth_model in SLICED {
             let pair = feasible!(&PairInput { face_width, tooth_model, ..input.clone() });
             let mean = mean(&pair.unworn().ste_um);
             prop_assert!(pair.unworn().delta_ste_um < 1e-9 * mean);
             // Deep enough to separate the ends of the path for some inputs.
-            let wear = Wear { max_depth: 3e-3 * mean, ..WEAR };
-            let worn = pair.archard(&wear).analysis;
-            prop_assert!(worn.delta_ste_um < 1e-9 * mean, "{}", worn.delta_ste_um / mean);
-            let draw = pair.sampler(&wear).draw(&mut stream(1, Purpose::Test, 0, 0));
-            prop_assert!(draw < 1e-9 * mean, "{}", draw / mean);
+            let deep = WearLaw::Archard { max_depth: 3e-3 * mean };
+            for law in [deep, SIGNED_WEAR.law] {
+                let wear = Wear { law, ..WEAR };
+                let worn = pair.archard(&wear).analysis;
+                prop_assert!(worn.delta_ste_um < 1e-9 * mean, "{}", worn.delta_ste_um / mean);
+                let draw = pair.sampler(&wear).draw(&mut stream(1, Purpose::Test, 0, 0));
+                prop_assert!(draw < 1e-9 * mean, "{}", draw / mean);
+            }
         }
     }
 
@@ -80,7 +103,7 @@ proptest! {
             pinion_torque: k * k * k * input.pinion_torque,
             ..input.clone()
         };
-        for tooth_model in [ToothModel::HertzBeam, ToothModel::WeberBanaschek] {
+        for &tooth_model in ToothModel::ALL {
             let a = feasible!(&PairInput { tooth_model, ..input.clone() });
             let b = feasible!(&PairInput { tooth_model, ..large.clone() });
             prop_assert!(close(k * a.unworn().delta_ste_um, b.unworn().delta_ste_um, 1e-8));
@@ -89,12 +112,15 @@ proptest! {
             for (a, b) in a.root_stress().iter().zip(&b.root_stress()) {
                 prop_assert!(close(a.stress_mpa, b.stress_mpa, 1e-9));
             }
-            let (wear, more) = (scaled(&WEAR, m), scaled(&WEAR, k * m));
-            prop_assert!(close(
-                k * a.archard(&wear).analysis.delta_ste_um,
-                b.archard(&more).analysis.delta_ste_um,
-                1e-7
-            ));
+            // The signed law's depth grows with the distance from the pitch point by itself.
+            let wears = [(scaled(&WEAR, m), scaled(&WEAR, k * m)), (SIGNED_WEAR, SIGNED_WEAR)];
+            for (wear, more) in wears {
+                prop_assert!(close(
+                    k * a.archard(&wear).analysis.delta_ste_um,
+                    b.archard(&more).analysis.delta_ste_um,
+                    1e-7
+                ));
+            }
         }
     }
 
@@ -104,12 +130,17 @@ proptest! {
         let mut other = input.clone();
         other.pinion_torque *= k;
         other.material.youngs_modulus_mpa *= k;
-        for tooth_model in [ToothModel::HertzBeam, ToothModel::WeberBanaschek] {
+        for &tooth_model in ToothModel::ALL {
             let a = feasible!(&PairInput { tooth_model, ..input.clone() });
             let b = feasible!(&PairInput { tooth_model, ..other.clone() });
             prop_assert!(close(a.unworn().delta_ste_um, b.unworn().delta_ste_um, 1e-8));
             prop_assert!(close(
                 k * a.unworn().hertz_pressure_mpa, b.unworn().hertz_pressure_mpa, 1e-9
+            ));
+            prop_assert!(close(
+                a.archard(&SIGNED_WEAR).analysis.delta_ste_um,
+                b.archard(&scaled(&SIGNED_WEAR, 1.0 / k)).analysis.delta_ste_um,
+                1e-7
             ));
             for (a, b) in a.root_stress().iter().zip(&b.root_stress()) {
                 prop_assert!(close(k * a.stress_mpa, b.stress_mpa, 1e-9));
@@ -132,10 +163,12 @@ proptest! {
             pinion_torque: input.pinion_torque * f64::from(z2) / f64::from(z1),
             ..input.clone()
         };
-        let a = feasible!(&input);
-        let left = feasible!(&PairInput { helix_angle: -input.helix_angle, ..input.clone() });
+        for &tooth_model in ToothModel::ALL {
+        let a = feasible!(&PairInput { tooth_model, ..input.clone() });
+        let left = PairInput { helix_angle: -input.helix_angle, ..input.clone() };
+        let left = feasible!(&PairInput { tooth_model, ..left });
         prop_assert_eq!(a.unworn(), left.unworn());
-        let b = feasible!(&exchanged);
+        let b = feasible!(&PairInput { tooth_model, ..exchanged.clone() });
         prop_assert!(close(a.sliding().max, b.sliding().max, 1e-10));
         prop_assert!(close(a.sliding().pinion_root, b.sliding().gear_root, 1e-10));
         // Kinks of the path are placed symmetrically, so only rounding differs.
@@ -143,8 +176,15 @@ proptest! {
         prop_assert!(close(
             a.archard(&WEAR).analysis.delta_ste_um, b.archard(&WEAR).analysis.delta_ste_um, 1e-6
         ));
+        // The signed law takes off the one gear's flank what it adds to the other's.
+        let [one, other] = [&a, &b].map(|pair| pair.archard(&SIGNED_WEAR).depth);
+        let most = one.iter().fold(0.0_f64, |most, depth| most.max(depth.abs()));
+        for (one, other) in one.iter().zip(other.iter().rev()) {
+            prop_assert!((one + other).abs() <= 1e-6 * most, "{one} {other}");
+        }
         let (a, b) = (a.root_stress(), b.root_stress());
         prop_assert!(close(a[0].stress_mpa, b[1].stress_mpa, 1e-9));
+        }
     }
 
     /// 10: no sliding and no wear at the pitch point, the given depth at the deepest place.
@@ -161,20 +201,28 @@ proptest! {
             .fold((f64::MAX, 0.0), |best, (&d, &s)| if d < best.0 { (d, s) } else { best });
         prop_assert!(least < 1e-15 && (at - g.s_pitch).abs() < 1e-12 * g.path_length);
         let deepest = worn.depth.iter().fold(0.0, |most: f64, &d| most.max(d));
-        prop_assert!(close(deepest, WEAR.max_depth, 1e-14));
+        prop_assert!(close(deepest, MAX_DEPTH, 1e-14));
+        let signed = pair.archard(&SIGNED_WEAR);
+        for (s, depth) in signed.s.iter().zip(&signed.depth) {
+            prop_assert!(depth * (g.s_pitch - s) >= 0.0, "{s}: {depth}");
+        }
     }
 
     /// 12: a vanishing helix tends to the spur pair.
     #[test]
     fn small_helix_tends_to_spur(input in pairs()) {
-        let spur = feasible!(&PairInput { helix_angle: 0.0, ..input.clone() });
-        let mut last = f64::MAX;
-        for beta in [1e-4, 1e-6] {
-            let helical = feasible!(&PairInput { helix_angle: beta, ..input.clone() });
-            last = (helical.unworn().delta_ste_um / spur.unworn().delta_ste_um - 1.0).abs();
+        // Weber's approach differs by 0.3 %: a spur tooth has no corner that touches first.
+        for tooth_model in LINEAR {
+            let at = |helix_angle| PairInput { helix_angle, tooth_model, ..input.clone() };
+            let spur = feasible!(&at(0.0)).unworn().delta_ste_um;
+            let mut last = f64::MAX;
+            for beta in [1e-4, 1e-6] {
+                last = (feasible!(&at(beta)).unworn().delta_ste_um / spur - 1.0).abs();
+            }
+            // The window at 1e-6 rad is 2e-5 mm: kinks of the stiffness move by that much, and the
+            // nodes at the ends of the path lie otherwise.
+            prop_assert!(last < 3e-4, "{last}");
         }
-        // The window at 1e-6 rad is 2e-5 mm: kinks of the stiffness move by that much.
-        prop_assert!(last < 1e-4, "{last}");
     }
 
     /// Flanks drawn in mesh touch and do not overlap near the pitch point.
@@ -230,7 +278,7 @@ fn random_wear_is_no_quieter_than_its_mean() {
     let pair = pair(&figure_7());
     // Far less than the deflection of about 5 µm: nothing separates.
     let wear = Wear {
-        max_depth: 2e-4,
+        law: WearLaw::Archard { max_depth: 2e-4 },
         ..WEAR
     };
     let mut sampler = pair.sampler(&wear);
@@ -282,17 +330,13 @@ fn random_profiles_have_the_stated_mean_and_variance() {
     let pair = pair(&figure_7());
     let worn = pair.archard(&WEAR);
     let mut sampler = pair.sampler(&WEAR);
-    let node = worn
-        .depth
-        .iter()
-        .position(|&d| d == WEAR.max_depth)
-        .unwrap();
+    let node = worn.depth.iter().position(|&d| d == MAX_DEPTH).unwrap();
     let count = 4000;
     let mut ratios = [Vec::new(), Vec::new()];
     for k in 0..count {
         let profile = sampler.draw_profile(&mut stream(4, Purpose::Test, 0, k));
         for (ratios, depth) in ratios.iter_mut().zip(&profile.depth) {
-            ratios.push(depth[node] / WEAR.max_depth);
+            ratios.push(depth[node] / MAX_DEPTH);
         }
     }
     let covariance = |a: &[f64], b: &[f64]| {

@@ -8,6 +8,7 @@ mod fuzz;
 mod general;
 mod infeasible;
 mod invariants;
+mod laws;
 mod paper;
 mod reference;
 mod slices;

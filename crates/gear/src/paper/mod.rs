@@ -2,7 +2,10 @@
 //! Uncertainties using Monte Carlo Simulations and Kriging*, 2009: the example of this crate's
 //! tests, benches and examples, and a start for a first calculation.
 
-use crate::input::{Kernel, Material, PairInput, Size, TipRule, ToothModel, Wear};
+pub mod printed;
+pub mod readings;
+
+use crate::input::{Kernel, Material, PairInput, Size, TipRule, ToothModel, Wear, WearLaw};
 
 /// The paper's steel, 20 NC 6.
 pub const MATERIAL: Material = Material {
@@ -12,12 +15,27 @@ pub const MATERIAL: Material = Material {
     hertz_limit_mpa: 1550.0,
 };
 
-/// The paper's wear. Its depth is not printed clearly; 3.5 µm on each flank fits its tables.
+/// Depth of [`WEAR`] at its deepest place, mm on each flank.
+pub const MAX_DEPTH: f64 = 3.5e-3;
+
+/// The paper's random field on Archard's law. The depth is not printed clearly; of those that were
+/// tried 3.5 µm on each flank fits the tables.
 pub const WEAR: Wear = Wear {
-    max_depth: 3.5e-3,
+    law: WearLaw::Archard {
+        max_depth: MAX_DEPTH,
+    },
     kernel: Kernel::SquaredExponential,
     range: 0.2,
     variance: 0.01,
+};
+
+/// The wear that the paper computed: the signed law, with the coefficient that fits its tables best
+/// (see [`readings`]).
+pub const SIGNED_WEAR: Wear = Wear {
+    law: WearLaw::Signed {
+        coefficient: 3.5e-7,
+    },
+    ..WEAR
 };
 
 /// The optimum without wear (Figure 7), as an argument of [`design`].
@@ -40,18 +58,37 @@ pub const BOX: [[f64; 2]; 6] = [
 /// addenda, tool dedenda. Roundings and helix angle are frozen at the optimum without wear.
 #[must_use]
 pub const fn design(variables: [f64; 6]) -> PairInput {
-    let [x1, x2, ha0_1, ha0_2, hf0_1, hf0_2] = variables;
+    full_design(printed::with_frozen(variables))
+}
+
+/// A design of the paper's problem without wear, as [`design`] but with all eleven variables: those
+/// six, ρa_1, ρa_2, ρf_1, ρf_2 in mm and β in degrees.
+#[must_use]
+pub const fn full_design(variables: [f64; 11]) -> PairInput {
+    let [
+        x1,
+        x2,
+        ha0_1,
+        ha0_2,
+        hf0_1,
+        hf0_2,
+        tip_1,
+        tip_2,
+        root_1,
+        root_2,
+        beta,
+    ] = variables;
     PairInput {
         teeth: [20, 22],
         size: Size::CentreDistance(110.0),
         pressure_angle: 18_f64.to_radians(),
-        helix_angle: 30_f64.to_radians(),
+        helix_angle: beta.to_radians(),
         face_width: 10.0,
         profile_shift: [x1, x2],
         tool_addendum: [ha0_1, ha0_2],
         tool_dedendum: [hf0_1, hf0_2],
-        tip_radius: [0.0003, 0.19],
-        root_radius: [0.64, 0.23],
+        tip_radius: [tip_1, tip_2],
+        root_radius: [root_1, root_2],
         tip_diameter: [None, None],
         tooth_model: ToothModel::HertzBeam,
         tip_rule: TipRule::AsCut,

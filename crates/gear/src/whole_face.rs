@@ -1,0 +1,204 @@
+//! Loaded contact of whole teeth: each pair of teeth in contact is one spring.
+//!
+//! A line that covers the share f of the face bends both teeth over their whole width b, but is
+//! pressed together over f b only. The pair carries F = (δ − g)/(Q_B/b + Q_H/(b f)) where that is
+//! positive, with Q_B the compliance of the beams, Q_H that of the contact, and Q_B and the gap g
+//! taken at the middle of the line. Σ F = F_bt over the pairs in contact gives δ. Wherever the line
+//! lies, pressure and wear follow from the load F/b per length of line.
+//!
+//! What this leaves out is where on the face the load lies: a corner that has just come into contact
+//! bends the tooth like a load over the whole face, the pressure of a short line is too small, and
+//! crowning has no meaning.
+
+use crate::mesh::{Balance, Mesh, not_negative};
+use crate::path::{Line, Path, Place, Unrolled, Window};
+
+/// The springs of one pair of gears.
+#[derive(Debug, Clone)]
+pub(crate) struct WholeFace {
+    /// Q_H, mm per N/mm.
+    hertz: f64,
+    springs: Vec<Spring>,
+    /// First spring of each phase, and the total at the end.
+    first: Vec<usize>,
+}
+
+/// A pair of teeth in contact, or several alike.
+#[derive(Debug, Clone, Copy)]
+struct Spring {
+    middle: Place,
+    /// F/b per mm of approach, N/mm per mm.
+    stiffness: f64,
+}
+
+impl Spring {
+    /// A line over the share `share` of the face with its middle at `s`. `beams` is 1/Q_B at the
+    /// nodes.
+    fn new(path: &Path, beams: &[f64], hertz: f64, share: f64, s: f64) -> Self {
+        let middle = path.place(s);
+        let (c0, c1) = (beams[middle.cell], beams[middle.cell + 1]);
+        let beam = c0 + middle.u * (c1 - c0);
+        Self {
+            middle,
+            stiffness: 1.0 / (1.0 / beam + hertz / share),
+        }
+    }
+
+    fn of_window(path: &Path, beams: &[f64], hertz: f64, window: &Window) -> Self {
+        let share = (window.hi.s - window.lo.s) / path.window;
+        let one = Self::new(path, beams, hertz, share, 0.5 * (window.lo.s + window.hi.s));
+        Self {
+            stiffness: window.weight * one.stiffness,
+            ..one
+        }
+    }
+
+    fn gap(&self, g: &[f64]) -> f64 {
+        let (i, u) = (self.middle.cell, self.middle.u);
+        g[i] + u * (g[i + 1] - g[i])
+    }
+}
+
+impl WholeFace {
+    /// `beams` is 1/Q_B at the nodes.
+    pub(crate) fn new(path: &Path, beams: &[f64], hertz: f64) -> Self {
+        let mut this = Self {
+            hertz,
+            springs: Vec::new(),
+            first: vec![0],
+        };
+        for k in 0..path.phases.len() {
+            let windows = path.windows(k).iter();
+            this.springs
+                .extend(windows.map(|window| Spring::of_window(path, beams, hertz, window)));
+            this.first.push(this.springs.len());
+        }
+        this
+    }
+
+    /// δ of the unworn pair at the phase `phi`, from 0 to below one base pitch.
+    pub(crate) fn unworn(&self, mesh: &Mesh, phi: f64, windows: &mut Vec<Window>) -> f64 {
+        mesh.target
+            / self
+                .at(mesh, phi, windows)
+                .map(|spring| spring.stiffness)
+                .sum::<f64>()
+    }
+
+    /// The springs at the phase `phi`.
+    fn at<'a>(
+        &'a self,
+        mesh: &'a Mesh,
+        phi: f64,
+        windows: &'a mut Vec<Window>,
+    ) -> impl Iterator<Item = Spring> + 'a {
+        windows.clear();
+        mesh.path.windows_at(phi, windows);
+        let spring = |window| Spring::of_window(&mesh.path, &mesh.stiffness, self.hertz, window);
+        windows.iter().map(spring)
+    }
+
+    /// The greatest F/b at each node over the mesh period, for the gap `g` that is solved by `delta`
+    /// at the phases: that of the pairs whose line covers the node, wherever its middle is. `unworn`
+    /// as in [`Mesh::greatest_load`].
+    pub(crate) fn greatest_load(
+        &self,
+        mesh: &Mesh,
+        g: &[f64],
+        delta: &[f64],
+        unworn: bool,
+    ) -> Vec<f64> {
+        let path = &mesh.path;
+        let (line, p) = (path.line(), path.base_pitch);
+        // While a line covers the whole path all periods are alike, and two of them do.
+        let spare = (((line.window - line.length) / p).floor() - 2.0).max(0.0) * p;
+        let short = Line {
+            window: line.window - spare,
+            ..line
+        };
+        let load = |end: f64, delta: f64| {
+            let covered = if end > line.length { end + spare } else { end };
+            let (share, middle) = line.on_path(covered);
+            // Before and after contact.
+            if share <= 0.0 {
+                return 0.0;
+            }
+            let s = path.s_in + middle;
+            let spring = Spring::new(path, &mesh.stiffness, self.hertz, share, s);
+            (delta - spring.gap(g)).max(0.0) * spring.stiffness
+        };
+        let periods = ((short.length + short.window) / p).ceil() as usize + 1;
+        let ends = (0..periods).flat_map(|j| path.phases.iter().map(move |phi| j as f64 * p + phi));
+        let ends: Vec<f64> = ends.collect();
+        let loads = ends.iter().zip(delta.iter().cycle());
+        let loads: Vec<f64> = loads.map(|(&end, &delta)| load(end, delta)).collect();
+        let unrolled = Unrolled {
+            phases: &ends,
+            values: &loads,
+            period: f64::INFINITY,
+        };
+        let mut windows = Vec::new();
+        let mut exact = |end: f64| load(end, mesh.unworn(end, &mut windows));
+        let at: Option<&mut dyn FnMut(f64) -> f64> = if unworn { Some(&mut exact) } else { None };
+        path.greatest_in_contact(&unrolled, short.window, 0.0, at)
+    }
+}
+
+/// The balance of one sample.
+pub(crate) struct WholeFaceBalance<'a> {
+    pub(crate) mesh: &'a Mesh,
+    pub(crate) teeth: &'a WholeFace,
+    /// The gap at the nodes.
+    pub(crate) g: &'a [f64],
+    pub(crate) memory: &'a mut Memory,
+}
+
+/// Working memory, reused from sample to sample.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Memory {
+    windows: Vec<Window>,
+    springs: Vec<Spring>,
+}
+
+impl Balance for WholeFaceBalance<'_> {
+    fn at_phase(&mut self, k: usize, _guess: f64) -> f64 {
+        let springs = &self.teeth.springs[self.teeth.first[k]..self.teeth.first[k + 1]];
+        self.balance(springs)
+    }
+
+    fn at(&mut self, phi: f64, _guess: f64) -> f64 {
+        let mut memory = std::mem::take(self.memory);
+        memory.springs.clear();
+        let springs = self.teeth.at(self.mesh, phi, &mut memory.windows);
+        memory.springs.extend(springs);
+        let delta = self.balance(&memory.springs);
+        *self.memory = memory;
+        delta
+    }
+}
+
+impl WholeFaceBalance<'_> {
+    /// Solves Σ k max(0, δ − g) = F_bt/b. With all springs counted, also those that would pull, δ is
+    /// at or above the solution; each round drops the springs whose gap is above it.
+    fn balance(&self, springs: &[Spring]) -> f64 {
+        let (mut delta, mut count) = (f64::INFINITY, usize::MAX);
+        loop {
+            let (mut force, mut stiffness, mut touching) = (self.mesh.target, 0.0, 0);
+            for spring in springs {
+                let gap = spring.gap(self.g);
+                // A NaN counts as touching, and so reaches the result.
+                let open = gap >= delta;
+                if !open {
+                    force += spring.stiffness * gap;
+                    stiffness += spring.stiffness;
+                    touching += 1;
+                }
+            }
+            // None touches when the load is lost in the rounding of the gap.
+            if touching == count || touching == 0 {
+                return not_negative(delta);
+            }
+            (delta, count) = (force / stiffness, touching);
+        }
+    }
+}
