@@ -156,6 +156,8 @@ class Simulator:
         kind = request["request"]
         if kind == "start":
             self.campaign, self.teeth = request["campaign"], request["teeth"]
+            if "max_depth_um" not in self.campaign["wear"]:
+                return {"error": "wear.law must be \"archard\": this model knows no other"}
             return {"protocol": PROTOCOL, "version": VERSION}
         pair = Pair(self.campaign, self.teeth, request["design"])
         if kind == "criteria":

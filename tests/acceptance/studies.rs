@@ -163,7 +163,9 @@ fn corrections_are_compared_with_none() {
 
     let section = "\n[corrections]\ntip_relief_um = [0.0, 20.0]\n\
                    tip_relief_length_mm = [0.5, 4.0]\ncrowning_um = [0.0, 5.0]\n";
+    // Whole teeth are not crowned.
     let text = small_campaign(60, 8)
+        .replacen("\"whole-face-beam\"", "\"hertz-beam\"", 1)
         .replacen("evaluations = 100 ", "evaluations = 800 ", 1)
         .replacen("restart_at = 50 ", "restart_at = 400 ", 1);
     let file = sandbox.write("corrected.toml", &(text + section));

@@ -6,11 +6,9 @@
 //!
 //! - the paper's four approaches, from the campaign's own functions: 3000 designs × 30 samples, three
 //!   runs of 12 000 analyses each;
-//! - kriging with enrichment: a Latin hypercube of 600 designs and rounds of infill, at most 18 000
-//!   analyses with random wear in all, which is 20 % of 3000 × 30. About 26 of the 36 analyses of a
-//!   design tell how its ΔSTE depends on the coefficients of the wear; the linear response then is the
-//!   control variate of the other ten. ΔSTE with Archard's wear, which the constraint of the pressure
-//!   takes anyway, is the baseline that the models add to;
+//! - kriging with enrichment: a Latin hypercube of 600 designs and rounds of infill, 36 samples at a
+//!   time and at most 18 000 in all, which is 20 % of 3000 × 30. ΔSTE with Archard's wear, which the
+//!   constraint of the pressure takes anyway, is the baseline that one of the models adds to;
 //! - the direct search: CMA-ES on P90 from 30 samples with common random numbers, 36 000 analyses.
 //!
 //! Every winner gets 500 fresh samples. One JSON object per seed and method goes to standard
@@ -36,10 +34,10 @@ use kriging::{Data, FitOptions};
 use rustix::time::{ClockId, clock_gettime};
 use stats::streams::{Purpose, stream};
 
-/// Designs, analyses of each with wear, and the violation up to which a design is sampled at all: what
+/// Designs, samples of each, and the violation up to which a design is sampled at all: what
 /// lies far out of the constraints says little of the response within them.
 const DESIGNS: usize = 600;
-const ANALYSES: u32 = 36;
+const SAMPLES: u32 = 36;
 const REACH: f64 = 1.0;
 /// Analyses with random wear in all.
 const BUDGET: u32 = 18_000;
@@ -125,30 +123,6 @@ fn response(
     let samples = draw(problem, &pair, Purpose::Wear, number, count);
     let percentile = stats::percentile_p90(&samples).ok()?;
     Some((percentile.p90, percentile.variance))
-}
-
-/// The same from `count` analyses, of which some tell how ΔSTE depends on the wear's coefficients, and
-/// the rest are samples: with the linear response as their control variate they tell as much as
-/// thousands. More analyses mean more samples.
-fn controlled(
-    problem: &Problem,
-    frozen: &Frozen,
-    x: &[f64],
-    number: u64,
-    count: u32,
-) -> Option<(f64, f64)> {
-    let variables = Variables::robust(&six(x), frozen);
-    let pair = problem.pair(&variables).ok()?;
-    let linear = problem.linearise(&variables).ok()?;
-    let samples = u64::from(count).saturating_sub(linear.analyses()).max(4) as u32;
-    let values = draw(problem, &pair, Purpose::Wear, number, samples);
-    let seed = problem.campaign().seed;
-    let controls: Vec<f64> = (0..u64::from(samples))
-        .map(|sample| linear.of_sample(&mut stream(seed, Purpose::Wear, number, sample)))
-        .collect();
-    let z = stats::EXACT_Z90;
-    let estimate = stats::control_variate_p90(&values, &controls, linear.moments(), z).ok()?;
-    Some((estimate.p90, estimate.variance))
 }
 
 fn six(x: &[f64]) -> [f64; ROBUST_VARIABLES] {
@@ -298,13 +272,13 @@ fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> 
             continue;
         }
         let number = i as u64;
-        let found = controlled(problem, &frozen, &x, number, ANALYSES);
+        let found = response(problem, &frozen, &x, number, SAMPLES);
         let (p90, variance) = found.expect("it was simulated a moment ago");
-        worn += ANALYSES;
+        worn += SAMPLES;
         numbers.push(number);
         state.sampled.push(Sampled {
             x: x.to_vec(),
-            samples: ANALYSES,
+            samples: SAMPLES,
             response_um: p90,
             variance_um2: variance,
             violation: known.violation,
@@ -322,8 +296,8 @@ fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> 
         search_evaluations: 400,
         local_points: 90,
         quantile_z: 0.84,
-        samples_new: ANALYSES,
-        samples_more: ANALYSES,
+        samples_new: SAMPLES,
+        samples_more: SAMPLES,
         ..Options::new(bounds.clone())
     };
     let known = |x: &[f64]| exact(problem, &frozen, x, &plain);
@@ -373,7 +347,7 @@ fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> 
             let count = state.sampled[index].samples + samples;
             worn += samples;
             let x = state.sampled[index].x.clone();
-            match controlled(problem, &frozen, &x, numbers[index], count) {
+            match response(problem, &frozen, &x, numbers[index], count) {
                 Some((p90, variance)) => {
                     let row = &mut state.sampled[index];
                     row.samples = count;

@@ -88,8 +88,9 @@ struct Round<'a, F> {
 
 /// The models of a round.
 struct Models {
-    global: Surrogate,
-    /// By their best designs, the best one first.
+    /// Of all designs, the best one first.
+    global: Vec<Surrogate>,
+    /// By their best designs, the best one first, each followed by its rivals.
     basins: Vec<Basin>,
 }
 
@@ -200,15 +201,15 @@ impl<F: Fn(&[f64]) -> Option<Known>> Round<'_, F> {
     /// Fits the models; none if there is nothing to learn from.
     fn models(&mut self) -> Result<Option<Models>, Error> {
         let all: Vec<usize> = (0..self.rows.sampled.len()).collect();
-        let global = match Surrogate::fit(&self.rows, all.clone(), self.options) {
-            Ok(model) => model,
+        let global = match Surrogate::fit(&self.rows, &all, self.options) {
+            Ok(models) => models,
             Err(error) => {
                 let reason = error.to_string();
                 self.notes.push(Note::NoModel { reason });
                 return Ok(None);
             }
         };
-        for warning in global.warnings() {
+        for warning in global[0].warnings() {
             match warning {
                 Warning::ConstantResponse => {
                     self.notes.push(Note::Plateau);
@@ -224,7 +225,7 @@ impl<F: Fn(&[f64]) -> Option<Known>> Round<'_, F> {
         }
         let mut ordered: Vec<(f64, usize)> = incumbents
             .iter()
-            .map(|&i| (self.upper_quantile(&global, i), i))
+            .map(|&i| (self.upper_quantile(&global[0], i), i))
             .collect();
         ordered.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let mut centres: Vec<usize> = Vec::new();
@@ -235,24 +236,20 @@ impl<F: Fn(&[f64]) -> Option<Known>> Round<'_, F> {
                 centres.push(i);
             }
         }
-        let mut basins: Vec<Basin> = Vec::new();
+        let mut basins: Vec<Vec<Basin>> = Vec::new();
         for centre in centres {
             basins.push(self.basin(&global, centre));
         }
         // The local models may know better which is best.
-        let quantiles: Vec<f64> = basins
-            .iter()
-            .map(|b| self.upper_quantile(&b.model, b.best))
-            .collect();
-        let mut order: Vec<usize> = (0..basins.len()).collect();
-        order.sort_by(|&a, &b| quantiles[a].total_cmp(&quantiles[b]));
-        let mut sorted: Vec<Option<Basin>> = basins.into_iter().map(Some).collect();
-        let basins = order.iter().filter_map(|&i| sorted[i].take()).collect();
+        let quantile = |b: &Vec<Basin>| self.upper_quantile(&b[0].model, b[0].best);
+        basins.sort_by(|a, b| quantile(a).total_cmp(&quantile(b)));
+        let basins = basins.into_iter().flatten().collect();
         Ok(Some(Models { global, basins }))
     }
 
-    /// The basin around a row, with a model of its own if that of all designs is coarser there.
-    fn basin(&mut self, global: &Surrogate, centre: usize) -> Basin {
+    /// The basin around a row, once for each model, the best model first. A model is one of its
+    /// surroundings if those of all designs are coarser there.
+    fn basin(&mut self, global: &[Surrogate], centre: usize) -> Vec<Basin> {
         let x = self.rows.sampled[centre].x.clone();
         let mut near: Vec<usize> = (0..self.rows.sampled.len()).collect();
         near.sort_by(|&a, &b| {
@@ -261,44 +258,59 @@ impl<F: Fn(&[f64]) -> Option<Known>> Round<'_, F> {
         });
         let region = self.region(&x, &near);
         near.truncate(self.options.local_points);
-        let mut model = global.clone();
-        if near.len() < self.rows.sampled.len()
-            && let Ok(refit) = Surrogate::fit(&self.rows, near.clone(), self.options)
-        {
-            let (global_rmse, local_rmse) = (global.error_at(&near), refit.error_at(&near));
+        let is_local = near.len() < self.rows.sampled.len();
+        let refits = if is_local {
+            Surrogate::fit(&self.rows, &near, self.options).unwrap_or_default()
+        } else {
+            Vec::new()
+        };
+        let mut models = Vec::new();
+        for model in global {
+            let global_rmse = model.error_at(&self.rows, &near);
             let plain = |w: &Warning| matches!(w, Warning::NoStructure { .. });
-            if local_rmse < global_rmse && !refit.warnings().iter().any(plain) {
-                self.notes.push(Note::LocalRefit {
-                    design: self.rows.index[centre],
-                    global_rmse,
-                    local_rmse,
-                });
-                model = refit;
+            let refit = refits.iter().find(|refit| refit.is_like(model));
+            let local = refit.map(|refit| (refit, refit.error_at(&self.rows, &near)));
+            match local {
+                Some((refit, local_rmse))
+                    if local_rmse < global_rmse && !refit.warnings().iter().any(plain) =>
+                {
+                    self.notes.push(Note::LocalRefit {
+                        design: self.rows.index[centre],
+                        global_rmse,
+                        local_rmse,
+                    });
+                    models.push((local_rmse, refit.clone()));
+                }
+                _ => models.push((global_rmse, model.clone())),
             }
         }
-        let inside = |i: &usize| {
-            let row = &self.rows.sampled[*i].x;
-            let mut sides = region.iter().zip(row);
-            sides.all(|((low, high), v)| (*low..=*high).contains(v))
-        };
-        let within: Vec<usize> = model.rows.iter().filter(|i| inside(i)).copied().collect();
-        let incumbents = if within.is_empty() {
-            vec![centre]
-        } else {
-            self.incumbents(&within)
-        };
-        let best = incumbents
-            .iter()
-            .map(|&i| (self.upper_quantile(&model, i), i))
-            .min_by(|a, b| a.0.total_cmp(&b.0))
-            .map_or(centre, |(_, i)| i);
-        Basin {
-            model,
-            region,
-            best,
-            incumbents,
-            is_exhausted: false,
-        }
+        models.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let basins = models.into_iter().map(|(_, model)| {
+            let inside = |i: &usize| {
+                let row = &self.rows.sampled[*i].x;
+                let mut sides = region.iter().zip(row);
+                sides.all(|((low, high), v)| (*low..=*high).contains(v))
+            };
+            let within: Vec<usize> = model.rows.iter().filter(|i| inside(i)).copied().collect();
+            let incumbents = if within.is_empty() {
+                vec![centre]
+            } else {
+                self.incumbents(&within)
+            };
+            let best = incumbents
+                .iter()
+                .map(|&i| (self.upper_quantile(&model, i), i))
+                .min_by(|a, b| a.0.total_cmp(&b.0))
+                .map_or(centre, |(_, i)| i);
+            Basin {
+                model,
+                region: region.clone(),
+                best,
+                incumbents,
+                is_exhausted: false,
+            }
+        });
+        basins.collect()
     }
 
     fn upper_quantile(&self, model: &Surrogate, row: usize) -> f64 {
@@ -349,7 +361,7 @@ impl<F: Fn(&[f64]) -> Option<Known>> Round<'_, F> {
     fn by_criterion(&mut self, mut models: Models) -> Result<f64, Error> {
         let options = self.options;
         let whole = options.bounds.intervals().to_vec();
-        let all = self.incumbents(&models.global.rows);
+        let all = self.incumbents(&models.global[0].rows);
         let mut expected: f64 = 0.0;
         let mut global_is_exhausted = false;
         let mut next = 0;
@@ -376,7 +388,7 @@ impl<F: Fn(&[f64]) -> Option<Known>> Round<'_, F> {
                     let basin = &models.basins[i];
                     (&basin.model, &basin.region, &basin.incumbents, basin.best)
                 }
-                None => (&models.global, &whole, &all, models.basins[0].best),
+                None => (&models.global[0], &whole, &all, models.basins[0].best),
             };
             let objective = Objective::new(model, &self.rows, incumbents, options)?;
             let centre = self.rows.sampled[best].x.clone();
@@ -410,13 +422,11 @@ impl<F: Fn(&[f64]) -> Option<Known>> Round<'_, F> {
             };
             self.left -= samples;
             // A point too near to another for the model adds nothing to believe.
-            if let Ok(after) = models.global.believing(&x, samples) {
-                models.global = after;
-            }
-            if let Some(i) = basin
-                && let Ok(after) = models.basins[i].model.believing(&x, samples)
-            {
-                models.basins[i].model = after;
+            let of_basins = models.basins.iter_mut().map(|basin| &mut basin.model);
+            for model in models.global.iter_mut().chain(of_basins) {
+                if let Ok(after) = model.believing(&x, samples) {
+                    *model = after;
+                }
             }
         }
         Ok(expected)

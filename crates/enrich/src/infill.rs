@@ -73,15 +73,18 @@ impl<'a> Objective<'a> {
             })),
             Criterion::ReinterpolatedExpectedImprovement => {
                 let exact = model.reinterpolated(rows)?;
-                let threshold =
-                    lowest(&mut incumbents.iter().map(|i| exact.mean(x(i)) + baseline(i)));
+                let threshold = lowest(
+                    &mut incumbents
+                        .iter()
+                        .map(|i| exact.mean_above(x(i), baseline(i))),
+                );
                 reinterpolated = Some(exact);
                 threshold
             }
             Criterion::KnowledgeGradient => {
                 compared = incumbents
                     .iter()
-                    .map(|i| (x(i).to_vec(), model.mean(x(i)) + baseline(i)))
+                    .map(|i| (x(i).to_vec(), model.mean_above(x(i), baseline(i))))
                     .collect();
                 compared.sort_by(|a, b| a.1.total_cmp(&b.1));
                 compared.truncate(COMPARED);

@@ -6,11 +6,22 @@ use crate::Options;
 use crate::criterion::Belief;
 use crate::state::Rows;
 
+/// What is modelled of a response.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Scale {
+    /// The response, µm.
+    Plain,
+    /// Its logarithm.
+    Logarithm,
+    /// How far it lies above its baseline, µm.
+    AboveBaseline,
+}
+
 /// A fitted model and the scale on which it models the response.
 #[derive(Debug, Clone)]
 pub(crate) struct Surrogate {
     model: Model,
-    logarithm: bool,
+    scale: Scale,
     /// Variance of an estimate from one sample on the modelled scale; that of k samples is a k-th.
     noise_per_sample: f64,
     /// Which rows it was fitted to.
@@ -18,25 +29,61 @@ pub(crate) struct Surrogate {
 }
 
 impl Surrogate {
-    /// Fits a model to the `which` rows.
+    /// Fits models to the `which` rows, that with the smaller leave-one-out residuals first: one, or
+    /// where there are baselines two, of the response above them and of the response by itself.
+    ///
+    /// A baseline takes much of the response with it, but it may have kinks that the response, a mean
+    /// over random wear, has not. What lies above it has them then, upside down: the two models are
+    /// wrong in different places.
     pub(crate) fn fit(
         rows: &Rows,
-        which: Vec<usize>,
+        which: &[usize],
+        options: &Options,
+    ) -> Result<Vec<Self>, kriging::Error> {
+        let sampled = || which.iter().map(|&i| &rows.sampled[i]);
+        let itself = if options.logarithm && sampled().all(|s| s.response_um > 0.0) {
+            Scale::Logarithm
+        } else {
+            Scale::Plain
+        };
+        let alone = Self::on(itself, rows, which, options);
+        if sampled().all(|s| s.baseline_um == 0.0) {
+            return Ok(vec![alone?]);
+        }
+        let above = Self::on(Scale::AboveBaseline, rows, which, options);
+        let (above, alone) = match (above, alone) {
+            (Ok(above), Ok(alone)) => (above, alone),
+            (above, alone) => return Ok(vec![above.or(alone)?]),
+        };
+        let error = |model: &Self| model.error_at(rows, which);
+        Ok(if error(&alone) < error(&above) {
+            vec![alone, above]
+        } else {
+            vec![above, alone]
+        })
+    }
+
+    /// Whether both model the response on one scale.
+    pub(crate) fn is_like(&self, other: &Self) -> bool {
+        self.scale == other.scale
+    }
+
+    fn on(
+        scale: Scale,
+        rows: &Rows,
+        which: &[usize],
         options: &Options,
     ) -> Result<Self, kriging::Error> {
         let sampled = || which.iter().map(|&i| &rows.sampled[i]);
-        // A difference from a baseline may be negative, and is no longer a matter of proportions.
-        let plain = |s: &crate::Sampled| s.response_um > 0.0 && s.baseline_um == 0.0;
-        let logarithm = options.logarithm && sampled().all(plain);
         let x: Vec<f64> = sampled().flat_map(|s| s.x.iter().copied()).collect();
         let scaled: Vec<(f64, f64)> = sampled()
-            .map(|s| {
-                if logarithm {
+            .map(|s| match scale {
+                Scale::Plain => (s.response_um, s.variance_um2),
+                Scale::Logarithm => {
                     let relative = s.variance_um2 / (s.response_um * s.response_um);
                     (s.response_um.ln(), relative)
-                } else {
-                    (s.response_um - s.baseline_um, s.variance_um2)
                 }
+                Scale::AboveBaseline => (s.response_um - s.baseline_um, s.variance_um2),
             })
             .collect();
         let (y, noise_variance): (Vec<f64>, Vec<f64>) = scaled.iter().copied().unzip();
@@ -70,9 +117,9 @@ impl Surrogate {
         let noise_per_sample = per_sample[per_sample.len() / 2];
         Ok(Self {
             model,
-            logarithm,
+            scale,
             noise_per_sample,
-            rows: which,
+            rows: which.to_vec(),
         })
     }
 
@@ -89,14 +136,27 @@ impl Surrogate {
     pub(crate) fn belief(&self, x: &[f64], baseline: f64) -> Belief {
         let prediction = self.model.predict(x);
         Belief {
-            mean: prediction.mean + baseline,
+            mean: prediction.mean + self.shift(baseline),
             sd: prediction.variance.max(0.0).sqrt(),
-            logarithm: self.logarithm,
+            logarithm: self.scale == Scale::Logarithm,
         }
     }
 
-    /// The mean at `x` on the modelled scale, that is, without the baseline.
-    pub(crate) fn mean(&self, x: &[f64]) -> f64 {
+    /// The mean of that belief.
+    pub(crate) fn mean_above(&self, x: &[f64], baseline: f64) -> f64 {
+        self.mean(x) + self.shift(baseline)
+    }
+
+    /// What is added to the modelled mean.
+    fn shift(&self, baseline: f64) -> f64 {
+        match self.scale {
+            Scale::AboveBaseline => baseline,
+            Scale::Plain | Scale::Logarithm => 0.0,
+        }
+    }
+
+    /// The mean at `x` on the modelled scale.
+    fn mean(&self, x: &[f64]) -> f64 {
         self.model.mean(x)
     }
 
@@ -144,13 +204,18 @@ impl Surrogate {
         self.with(&x, &y, &vec![0.0; y.len()])
     }
 
-    /// Root mean square of the leave-one-out residuals at the given rows.
-    pub(crate) fn error_at(&self, which: &[usize]) -> f64 {
+    /// Root mean square of the leave-one-out residuals at the given rows, µm.
+    pub(crate) fn error_at(&self, rows: &Rows, which: &[usize]) -> f64 {
         let residuals = self.model.leave_one_out().residuals;
         let chosen = self.rows.iter().zip(&residuals);
         let squares: Vec<f64> = chosen
             .filter(|(row, _)| which.contains(row))
-            .map(|(_, r)| r * r)
+            .map(|(&row, r)| match self.scale {
+                // To first order.
+                Scale::Logarithm => r * rows.sampled[row].response_um,
+                Scale::Plain | Scale::AboveBaseline => *r,
+            })
+            .map(|r| r * r)
             .collect();
         (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
     }

@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let designs: Vec<[f64; 6]> = (0..count).map(scaled).collect();
     let scores: Vec<_> = readings()
-        .map(|reading| reading.score(&designs, seed))
+        .map(|reading| reading.fitted(seed).score(&designs, seed))
         .collect();
     print!("{}", markdown(&scores));
     Ok(())

@@ -232,14 +232,14 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// Two log-log panels, error in % against time in µs: random samples, and both deterministic ΔSTE.
 fn svg(charts: &[(&str, Vec<Row>)]) -> String {
     const SIZE: (f64, f64) = (400.0, 300.0);
-    const X: (f64, f64) = (0.0, 3.5);
+    const X: (f64, f64) = (-0.25, 3.25);
     const Y: (f64, f64) = (-3.5, 1.5);
     let mut out = String::from(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 980 400\" \
          font-family=\"sans-serif\" font-size=\"11\">\n<rect width=\"980\" height=\"400\" \
          fill=\"white\"/>\n",
     );
-    let colours = ["#1b6ca8", "#c2571a"];
+    let colours = ["#1b6ca8", "#c2571a", "#2c7a3f", "#8a4f9e"];
     for (panel, title) in ["µs per worn sample", "µs per new design"]
         .into_iter()
         .enumerate()
@@ -316,7 +316,7 @@ fn svg(charts: &[(&str, Vec<Row>)]) -> String {
         .collect();
     out += &format!(
         "<text x=\"60\" y=\"18\">error of ΔSTE: {}; solid median, dashed 95th percentile; crosses: \
-         plain 64 × 21 sum (its random field not timed)</text>\n</svg>\n",
+         plain 64 × 21 sum, field not timed</text>\n</svg>\n",
         names.join(", ")
     );
     out

@@ -2,11 +2,11 @@
 
 use std::fmt::Write as _;
 
-use gear::paper::readings::{self, Score};
+use gear::paper::readings::{self, Group, Score};
 
 use crate::charts::Response;
 use crate::data::ReportData;
-use crate::number::{relative_gap, signed_percent, significant};
+use crate::number::{fixed, relative_gap, signed_percent, significant};
 use crate::paper;
 
 /// A gap beyond this share of the paper's figure gets a sentence.
@@ -158,13 +158,13 @@ pub fn comparisons(data: &ReportData) -> Vec<Comparison> {
     list
 }
 
-/// The comparison as a Markdown page. `scores` are the readings of the paper, the campaign's own
-/// among them by its law, tooth model and tip rule; `remarks` gives the sentence of a row whose gap
-/// is large.
+/// The comparison as a Markdown page. `scores` are the fitted readings of the paper and `own` is that
+/// of the campaign; `remarks` gives the sentence of a row whose gap is large.
 #[must_use]
 pub fn comparison_markdown(
     data: &ReportData,
     scores: &[Score],
+    own: &Score,
     remarks: impl Fn(&Comparison) -> Option<String>,
 ) -> String {
     let mut page = String::from("# The paper's figures beside this model's\n\n");
@@ -184,7 +184,18 @@ pub fn comparison_markdown(
         paper::ACCURATE_SAMPLES,
     );
     page += &readings::markdown(scores);
-    page += "\n## Every printed figure\n\n";
+    let _ = writeln!(
+        page,
+        "\n## Every printed figure\n\n\
+         - **Reading of the campaign.** {}. Its score is {} over all values, {} over the worn \
+         designs, {} over the SDs of Table 1 and {} over Table 3; its rank correlation is {}.",
+        own.reading,
+        fixed(own.rms(), 3),
+        fixed(own.rms_of(Group::Worn), 3),
+        fixed(own.rms_of(Group::Scatter), 3),
+        fixed(own.rms_of(Group::Table3), 3),
+        fixed(own.rank_correlation(), 2),
+    );
     let _ = writeln!(
         page,
         "- **Feasible designs.** {} of {} here, {} of {} in the paper.\n",

@@ -13,14 +13,14 @@
 //! The percentile m + z σ̂ has the bias −z Var(σ̂²)/(8σ³) to second order, a (1 − ρ⁴)-th or so of the
 //! plain estimate's −z σ/(4n), and the variance that linearising the root gives.
 //!
-//! Where y does not depend on c the estimate loses a sample's worth of accuracy; where the model is
-//! not linear, the mean keeps a bias of order 1/n, and the variance loses the part of y that c
+//! Where y hardly depends on c the estimate loses a sample's worth of accuracy, and σ̂² may come out
+//! negative: the plain ȳ + z s then takes its place. Where the model is not linear, the mean keeps a bias of order 1/n, and the variance loses the part of y that c
 //! explains in a way that is not linear: look at the residuals first.
 //!
 //! Reference: S. S. Lavenberg, P. D. Welch, "A perspective on the use of control variables to
 //! increase the efficiency of Monte Carlo simulations", Management Science 27 (1981) 322–335.
 
-use crate::{Error, mean_sd};
+use crate::{Error, mean_sd, p90_variance};
 
 /// The fewest samples a control variate is fitted to: its residual variance needs n − 2 ≥ 2.
 pub const CONTROL_MIN_SAMPLES: usize = 4;
@@ -41,7 +41,7 @@ pub struct Controlled {
     pub n: usize,
     /// The mean, in the unit of the samples.
     pub mean: f64,
-    /// The standard deviation, in that unit; zero if the estimate of its square is negative.
+    /// The standard deviation, in that unit.
     pub sd: f64,
     /// mean + z sd.
     pub p90: f64,
@@ -51,7 +51,7 @@ pub struct Controlled {
     pub sd_variance: f64,
     /// Estimated variance of `p90`, which kriging takes as its noise.
     pub variance: f64,
-    /// The slope β̂ of the samples on the controls.
+    /// The slope β̂ of the samples on the controls; zero where the plain estimate was taken.
     pub slope: f64,
     /// The sample's correlation with the control: variances fall to about 1 − correlation² of the
     /// plain ones for the mean, 1 − correlation⁴ for the standard deviation.
@@ -151,16 +151,31 @@ pub fn control_variate_p90(
     } else {
         (0.0, 0.0)
     };
-    let p90 = mean + z * sd;
-    let variance = (mean_variance + z * z * sd_variance + 2.0 * z * covariance).max(0.0);
-    if !(p90.is_finite() && variance.is_finite()) {
-        return Err(Error::Overflow { n });
-    }
     let correlation = if sd_y > 0.0 {
         (slope * sd_c / sd_y).clamp(-1.0, 1.0)
     } else {
         0.0
     };
+    let variance = (mean_variance + z * z * sd_variance + 2.0 * z * covariance).max(0.0);
+    // Without a positive σ̂² there is no root to linearise, and its variance is not zero but unknown.
+    if variance_of_y == 0.0 && sd_y > 0.0 {
+        let mean_variance = sd_y * sd_y / count;
+        return Ok(Controlled {
+            n,
+            mean: mean_y,
+            sd: sd_y,
+            p90: mean_y + z * sd_y,
+            mean_variance,
+            sd_variance: p90_variance(sd_y * sd_y, n, 1.0)? - mean_variance,
+            variance: p90_variance(sd_y * sd_y, n, z)?,
+            slope: 0.0,
+            correlation,
+        });
+    }
+    let p90 = mean + z * sd;
+    if !(p90.is_finite() && variance.is_finite()) {
+        return Err(Error::Overflow { n });
+    }
     Ok(Controlled {
         n,
         mean,

@@ -95,13 +95,13 @@ mod tests {
     use crate::Campaign;
 
     fn with(section: &str) -> Result<Campaign, String> {
-        let text = format!("{}\n[corrections]\n{section}", Campaign::PAPER);
+        let text = format!("{}\n[corrections]\n{section}", Campaign::WEAR);
         Campaign::parse("c.toml", &text).map_err(|error| error.to_string())
     }
 
     #[test]
     fn absent_corrections_change_no_digest_and_given_ones_do() {
-        let plain = Campaign::parse("c.toml", Campaign::PAPER).unwrap();
+        let plain = Campaign::parse("c.toml", Campaign::WEAR).unwrap();
         assert!(!plain.to_json().contains("corrections"));
         let crowned = with("crowning_um = [0.0, 10.0]").unwrap();
         assert_ne!(plain.digest(), crowned.digest());

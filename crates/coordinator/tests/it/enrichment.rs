@@ -27,14 +27,14 @@ fn campaign_file() -> String {
     let mut text = shipped.to_owned();
     for (from, to) in [
         ("designs = 600 ", &*format!("designs = {DESIGNS} ")),
-        ("control = \"linearised\"", "control = \"none\""),
+        ("samples_per_design = 36 ", "samples_per_design = 10 "),
         ("evaluations = 12000 ", "evaluations = 60 "),
         ("restart_at = 6000 ", "restart_at = 30 "),
         ("starts = 3", "starts = 1"),
         ("samples = 500 ", "samples = 20 "),
-        ("samples = 5000 ", &*format!("samples = {BUDGET} ")),
+        ("samples = 18000 ", &*format!("samples = {BUDGET} ")),
         ("points_per_round = 24 ", "points_per_round = 5 "),
-        ("samples_per_point = 10 ", "samples_per_point = 12 "),
+        ("samples_per_point = 36 ", "samples_per_point = 12 "),
         ("tolerance_um = 0.003 ", "tolerance_um = 0.01 "),
         ("compare_with_paper = true", "compare_with_paper = false"),
     ] {

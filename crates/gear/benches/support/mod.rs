@@ -21,10 +21,23 @@ struct Slice {
     stiffness: f64,
 }
 
+impl Slice {
+    fn new(nodes: &[f64], s: f64, stiffness: f64) -> Self {
+        let next = nodes.partition_point(|&x| x <= s);
+        let cell = next.clamp(1, nodes.len() - 1) - 1;
+        Self {
+            cell,
+            u: (s - nodes[cell]) / (nodes[cell + 1] - nodes[cell]),
+            stiffness,
+        }
+    }
+}
+
 /// Phases and slices of the textbook calculation.
 pub(crate) const TEXTBOOK: [usize; 2] = [64, 21];
 
-/// The textbook calculation: at each phase, forces summed slice by slice of the face.
+/// The textbook calculation: at each phase, forces summed slice by slice of the face, or tooth by
+/// tooth where teeth are whole beams.
 pub(crate) struct PlainSum {
     phases: Vec<Vec<Slice>>,
     base_force: f64,
@@ -37,6 +50,9 @@ impl PlainSum {
     /// at which gaps will be given.
     pub(crate) fn new(pair: &Pair, nodes: &[f64], [phases, slices]: [usize; 2]) -> Self {
         let g = pair.geometry();
+        if pair.input().tooth_model == ToothModel::WholeFaceBeam {
+            return Self::whole_face(pair, nodes, phases);
+        }
         let dz = g.face_width / slices as f64;
         let phases = (0..phases)
             .map(|k| {
@@ -46,13 +62,7 @@ impl PlainSum {
                     let mut s = g.s_in + phi - (i as f64 + 0.5) * dz * g.beta_b.tan();
                     while s <= g.s_out {
                         if s >= g.s_in {
-                            let next = nodes.partition_point(|&x| x <= s);
-                            let cell = next.clamp(1, nodes.len() - 1) - 1;
-                            touching.push(Slice {
-                                cell,
-                                u: (s - nodes[cell]) / (nodes[cell + 1] - nodes[cell]),
-                                stiffness: dz / pair.compliance(s),
-                            });
+                            touching.push(Slice::new(nodes, s, dz / pair.compliance(s)));
                         }
                         s += g.base_pitch;
                     }
@@ -62,6 +72,34 @@ impl PlainSum {
             .collect();
         Self {
             phases,
+            base_force: pair.base_force(),
+            scale: 1e3 / g.beta_b.cos(),
+            gaps: Vec::new(),
+        }
+    }
+
+    fn whole_face(pair: &Pair, nodes: &[f64], phases: usize) -> Self {
+        let g = pair.geometry();
+        let material = pair.input().material;
+        let plane = 1.0 - material.poisson_ratio * material.poisson_ratio;
+        let hertz = 4.0 * plane / (std::f64::consts::PI * material.youngs_modulus_mpa);
+        let width = g.face_width * g.beta_b.tan();
+        let phases = (0..phases).map(|k| {
+            let mut touching = Vec::new();
+            let mut end = g.s_in + g.base_pitch * k as f64 / phases as f64;
+            while end < g.s_out + width {
+                let (lo, hi) = ((end - width).max(g.s_in), end.min(g.s_out));
+                if lo < hi {
+                    let (s, share) = (0.5 * (lo + hi), (hi - lo) / width);
+                    let compliance = pair.compliance(s) + hertz * (1.0 / share - 1.0);
+                    touching.push(Slice::new(nodes, s, g.face_width / compliance));
+                }
+                end += g.base_pitch;
+            }
+            touching
+        });
+        Self {
+            phases: phases.collect(),
             base_force: pair.base_force(),
             scale: 1e3 / g.beta_b.cos(),
             gaps: Vec::new(),

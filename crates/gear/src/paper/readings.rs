@@ -56,7 +56,7 @@ pub struct Value {
 /// How a reading compares with the paper.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Score {
-    /// The reading, with the fitted depth or coefficient.
+    /// The reading.
     pub reading: Reading,
     /// Share of the design of experiments that cannot be simulated; 0.275 in the paper.
     pub refused: f64,
@@ -83,25 +83,39 @@ pub fn readings() -> impl Iterator<Item = Reading> {
     })
 }
 
+impl std::fmt::Display for Reading {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.law {
+            WearLaw::Archard { max_depth } => {
+                write!(f, "Archard's law with {:.1} µm per flank", 1e3 * max_depth)?;
+            }
+            WearLaw::Signed { coefficient } => {
+                write!(f, "Signed law with {:.1}e-7/MPa", 1e7 * coefficient)?;
+            }
+        }
+        write!(f, ", {}, tips {}", self.tooth_model, self.tip_rule)
+    }
+}
+
 impl Reading {
-    /// Fits the law's depth or coefficient to the printed designs with wear, to `step` (relative),
-    /// and scores the result on them and on the design of experiments `doe`, whose points are those
-    /// of [`design`]. `seed` names the random numbers.
+    /// Scores the reading as it is on the printed designs and on the design of experiments `doe`,
+    /// whose points are those of [`design`]. `seed` names the random numbers.
     #[must_use]
     pub fn score(self, doe: &[[f64; 6]], seed: u64) -> Score {
-        let reading = self.fitted(seed);
-        let mut values = reading.printed_designs(seed);
-        let (refused, table_3) = reading.table_3(doe, seed);
+        let mut values = self.printed_designs(seed);
+        let (refused, table_3) = self.table_3(doe, seed);
         values.extend(table_3);
         Score {
-            reading,
+            reading: self,
             refused,
             values,
         }
     }
 
-    /// Golden-section search on the logarithm of the depth or coefficient, three times either way.
-    fn fitted(self, seed: u64) -> Self {
+    /// The reading with the depth or coefficient that fits the printed designs with wear best, to
+    /// 1 %: golden-section search on its logarithm, three times either way.
+    #[must_use]
+    pub fn fitted(self, seed: u64) -> Self {
         let at = |log: f64| Self {
             law: self.law.scaled(log.exp()),
             ..self
@@ -267,7 +281,7 @@ impl Score {
     }
 }
 
-/// How well each reading of the paper fits it, and what the better ones change, as Markdown.
+/// How well fitted readings of the paper fit it, and what the better ones change, as Markdown.
 #[must_use]
 pub fn markdown(scores: &[Score]) -> String {
     let mut text = String::from(

@@ -100,6 +100,29 @@ fn a_useless_control_costs_little() {
     assert!(ratio < 1.12, "{ratio}");
 }
 
+/// Found in an enrichment: where y does not depend on c, σ̂² came out negative, the percentile was the
+/// mean, and its variance that of a mean. Such designs looked best of all.
+#[test]
+fn a_negative_variance_gives_the_plain_percentile() {
+    let control = Control { mean: 0.0, sd: 3.0 };
+    let mut seen = 0;
+    for i in 0..2000 {
+        let mut rng = stream(3, Purpose::Test, 0, i);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+        let c: Vec<f64> = (0..10).map(|_| normal()).collect();
+        let y: Vec<f64> = (0..10).map(|_| 5.0 + normal()).collect();
+        let e = control_variate_p90(&y, &c, control, EXACT_Z90).unwrap();
+        assert!(e.sd > 0.0 && e.sd_variance > 0.0);
+        if e.slope == 0.0 {
+            let (mean, variance) = moments(&y);
+            assert!((e.p90 - mean - EXACT_Z90 * variance.sqrt()).abs() < 1e-12);
+            assert!(e.variance > 0.5 * e.sd * e.sd / 10.0);
+            seen += 1;
+        }
+    }
+    assert!(seen > 20, "{seen}");
+}
+
 #[test]
 fn controls_that_cannot_serve_are_refused() {
     let y = [1.0, 2.0, 3.0, 5.0];

@@ -60,10 +60,76 @@ fn the_shipped_files_are_valid() {
     let paper = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
     assert_eq!(paper.teeth(), [20, 22]);
     assert!(paper.warnings().is_empty());
+    let wear = Campaign::parse("wear.toml", Campaign::WEAR).unwrap();
+    assert!(wear.warnings().is_empty());
     let quick = include_str!("../../../../../campaigns/quick.toml");
     let quick = Campaign::parse("quick.toml", quick).unwrap();
     assert_eq!(quick.doe.designs, 150);
     assert_ne!(paper.digest(), quick.digest());
+}
+
+#[test]
+fn a_law_of_wear_has_its_own_number_and_the_default_changes_no_digest() {
+    let with = |wear: &str| {
+        let text = Campaign::WEAR
+            .lines()
+            .filter(|line| !line.starts_with("law = ") && !line.starts_with("max_depth_um"))
+            .fold(String::new(), |text, line| text + line + "\n");
+        let text = text.replace("[wear]\n", &format!("[wear]\n{wear}\n"));
+        Campaign::parse("c.toml", &text)
+    };
+    let absent = with("max_depth_um = 3.5").unwrap();
+    let named = with("law = \"archard\"\nmax_depth_um = 3.5").unwrap();
+    assert_eq!(absent.digest(), named.digest());
+    assert_eq!(
+        serde_json::to_string(&absent.wear).unwrap(),
+        r#"{"max_depth_um":3.5,"kernel":"squared-exponential","range_rad":0.2,"variance":0.01}"#,
+        "as in stores of before the law had a name"
+    );
+    let signed = with("law = \"signed\"\ncoefficient_per_mpa = 2e-7").unwrap();
+    let law = gear::WearLaw::Signed { coefficient: 2e-7 };
+    assert_eq!(signed.wear.to_gear().law, law);
+    assert_eq!(Campaign::from_json(&signed.to_json()).unwrap(), signed);
+    assert!(!signed.extends(&absent) && !absent.extends(&signed));
+    for (wear, why) in [
+        ("", "wear.max_depth_um is \"missing\""),
+        (
+            "law = \"signed\"",
+            "wear.coefficient_per_mpa is \"missing\"",
+        ),
+        (
+            "law = \"signed\"\nmax_depth_um = 3.5\ncoefficient_per_mpa = 2e-7",
+            "wear.max_depth_um is 3.5, but must be absent when law is \"signed\"",
+        ),
+        (
+            "max_depth_um = 3.5\ncoefficient_per_mpa = 2e-7",
+            "wear.coefficient_per_mpa is 2e-7, but must be absent when law is \"archard\"",
+        ),
+        (
+            "law = \"signed\"\ncoefficient_per_mpa = -1e-7",
+            "wear.coefficient_per_mpa is -1e-7",
+        ),
+        (
+            "law = \"signed\"\ncoefficient_per_mpa = nan",
+            "wear.coefficient_per_mpa is NaN",
+        ),
+        (
+            "law = \"holm\"\nmax_depth_um = 3.5",
+            "unknown variant `holm`",
+        ),
+    ] {
+        let error = with(wear).unwrap_err().to_string();
+        assert!(error.contains(why), "{wear}: {error}");
+    }
+}
+
+#[test]
+fn whole_teeth_are_not_crowned() {
+    let section = "\n[corrections]\ncrowning_um = [0.0, 5.0]\n";
+    let error = Campaign::parse("c.toml", &format!("{}{section}", Campaign::PAPER));
+    let error = error.unwrap_err().to_string();
+    assert!(error.contains("corrections.crowning_um"), "{error}");
+    Campaign::parse("c.toml", &format!("{}{section}", Campaign::WEAR)).unwrap();
 }
 
 #[test]
