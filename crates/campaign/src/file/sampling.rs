@@ -337,7 +337,10 @@ mod tests {
     #[test]
     fn infill_takes_independent_samples() {
         let text = include_str!("../../../../campaigns/enriched.toml");
-        let even = text.replace("[sampling]\n", "[sampling]\ncoefficients = \"antithetic\"\n");
+        let even = text.replace(
+            "[sampling]\n",
+            "[sampling]\ncoefficients = \"antithetic\"\n",
+        );
         assert_ne!(even, text);
         let error = Campaign::parse("enriched.toml", &even).unwrap_err();
         assert!(error.to_string().contains("beside [enrichment]"), "{error}");
