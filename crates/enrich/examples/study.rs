@@ -1,8 +1,9 @@
 //! Does kriging with enrichment win? The whole comparison, in one process.
 //!
-//! `cargo run --release -p enrich --example study -- [--seeds 1..=10] [--without kriging,direct,…]`
+//! `cargo run --release -p enrich --example study -- [--campaign campaigns/paper.toml] [--seeds 1..=10]
+//! [--without kriging,direct,…]`
 //!
-//! For each seed, on the problem of `campaigns/paper.toml`:
+//! For each seed, on the problem of the campaign file:
 //!
 //! - the paper's four approaches, from the campaign's own functions: 3000 designs × 30 samples, three
 //!   runs of 12 000 analyses each;
@@ -424,11 +425,13 @@ fn main() {
         .unwrap_or(Criterion::ExpectedQuantileImprovement);
     let trace = arguments.iter().any(|a| a == "--trace");
 
+    let file = value("--campaign").unwrap_or_else(|| "campaigns/paper.toml".to_owned());
+    let text = std::fs::read_to_string(&file).expect("--campaign takes a campaign file");
+
     let mut rows = Vec::new();
     let mut printed = 0;
     for seed in number(first)..=number(last) {
-        let mut campaign =
-            Campaign::parse("paper.toml", Campaign::PAPER).expect("the campaign is shipped");
+        let mut campaign = Campaign::parse(&file, &text).expect("a campaign file");
         campaign.seed = seed;
         let problem = Problem::new(campaign);
         rows.extend(enriched(&problem, seed, criterion, trace));

@@ -9,7 +9,8 @@
 //! figures for comparison.
 //!
 //! # Method
-//! The loaded contact is one of thin slices that do not feel each other. A slice at s on the path of
+//! The loaded contact is one of thin slices that do not feel each other (or, with
+//! `whole-face-beam`, of whole teeth: see `whole_face`). A slice at s on the path of
 //! contact carries w = max(0, δ − g(s))/q(s) per mm of contact line, q the compliance of the pair
 //! and g the material missing from both flanks along the normal, and the deflection δ balances the
 //! load, Σ_j ∫ w dz = F_bt over the pairs j in contact. As slice and place are tied along a contact
@@ -33,6 +34,10 @@
 //! | 128 × 64 | 0.010, 0.04 / 0.004, 0.02 | 0.009, 0.06 / 0.004, 0.02 | 137 / 182 | 9.5 / 5.3 |
 //! | 256 × 128 | 0.002, 0.01 / 0.001, 0.01 | 0.003, 0.02 / 0.001, 0.01 | 236 / 317 | 19 / 10 |
 //! | plain 64 × 21 sum | 1.52, 5.5 / 0.70, 3.8 | 0.40, 4.1 / 0.82, 4.9 | 860 / 940 | 4.7 / 4.3 |
+//!
+//! In one run with `hertz-beam` at 5.9 µs a sample, the default grid errs with `prismatic-beam` by
+//! 0.02, 0.12 unworn and 0.03, 0.14 worn and takes 5.0 µs, and with `whole-face-beam` by 0.07, 0.42
+//! and 0.04, 0.21 and takes 1.9 µs.
 //!
 //! The plain sum's sample leaves out the drawing of its random field. The default is 64 × 32. The
 //! `speed_accuracy` example prints the whole table for the machine at hand and draws it.
@@ -93,7 +98,7 @@
 //!   parallel axes. Near a resonance the dynamic one differs.
 //! - **Contact outside the line of action** of tips that engage early under load: `hertz-beam` is
 //!   stiff enough not to show it; with soft teeth it lengthens the path of contact.
-//! - **Feedback of wear on itself**: Archard's wear follows the unworn pressure, as for the first
+//! - **Feedback of wear on itself**: wear follows the unworn pressure, as for the first
 //!   stretch of a gear's life; deep wear spreads the load and would grow more evenly.
 
 mod column;
