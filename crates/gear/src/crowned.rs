@@ -7,7 +7,8 @@
 //! the first guess, all slices touching, is at or above the solution, so Newton's method falls
 //! monotonically.
 
-use crate::mesh::{Balance, CONVERGED, MAX_STEPS, Mesh, not_negative};
+use crate::balance::{Balance, CONVERGED, Frame, MAX_STEPS, not_negative};
+use crate::path::crown;
 
 /// Even parts of a line that are told apart at least. A parabola taken as straight in sixty-fourths
 /// is off by C_β/4096 at most.
@@ -48,15 +49,9 @@ impl Piece {
     }
 }
 
-/// Gap of the crowning at the share `z` of the face, 0 to 1.
-pub(crate) fn crown(crowning: f64, z: f64) -> f64 {
-    let x = 1.0 - 2.0 * z;
-    crowning * x * x
-}
-
 /// The balance of one sample.
 pub(crate) struct CrownedBalance<'a> {
-    pub(crate) mesh: &'a Mesh,
+    pub(crate) frame: &'a Frame,
     /// Gap at the ends of the face, mm.
     pub(crate) crowning: f64,
     /// The gap at the nodes, to which the crowning is added.
@@ -66,17 +61,17 @@ pub(crate) struct CrownedBalance<'a> {
 
 impl Balance for CrownedBalance<'_> {
     fn at_phase(&mut self, k: usize, guess: f64) -> f64 {
-        self.at(self.mesh.path.phases[k], guess)
+        self.at(self.frame.path.phases[k], guess)
     }
 
     fn at(&mut self, phi: f64, _guess: f64) -> f64 {
-        balance(self.mesh, self.crowning, self.g, phi, self.pieces)
+        balance(self.frame, self.crowning, self.g, phi, self.pieces)
     }
 }
 
 /// δ at the phase `phi` (mm) for the gap `g` at the nodes on top of the crowning.
-fn balance(mesh: &Mesh, crowning: f64, g: &[f64], phi: f64, pieces: &mut Vec<Piece>) -> f64 {
-    let path = &mesh.path;
+fn balance(frame: &Frame, crowning: f64, g: &[f64], phi: f64, pieces: &mut Vec<Piece>) -> f64 {
+    let path = &frame.path;
     let w = path.window;
     pieces.clear();
     let last = ((path.s_out - path.s_in + w - phi) / path.base_pitch).ceil();
@@ -93,7 +88,7 @@ fn balance(mesh: &Mesh, crowning: f64, g: &[f64], phi: f64, pieces: &mut Vec<Pie
             let u = (s - s0) / (s1 - s0);
             let linear = |v: &[f64]| v[cell] + u * (v[cell + 1] - v[cell]);
             let gap = linear(g) + crown(crowning, (end - s) / w);
-            (gap, linear(&mesh.stiffness))
+            (gap, linear(&frame.stiffness))
         };
         let mut s = lo;
         let (mut gap, mut stiffness) = at(cell, s);
@@ -122,7 +117,7 @@ fn balance(mesh: &Mesh, crowning: f64, g: &[f64], phi: f64, pieces: &mut Vec<Pie
             (s, gap, stiffness) = (next, next_gap, next_stiffness);
         }
     }
-    let (mut area, mut load, mut greatest) = (0.0, mesh.target, 0.0_f64);
+    let (mut area, mut load, mut greatest) = (0.0, frame.target, 0.0_f64);
     for piece in pieces.iter() {
         let ([g0, g1], [c0, c1]) = (piece.gap, piece.stiffness);
         area += 0.5 * piece.length * (c0 + c1);
@@ -145,7 +140,7 @@ fn balance(mesh: &Mesh, crowning: f64, g: &[f64], phi: f64, pieces: &mut Vec<Pie
         if !loaded {
             break;
         }
-        let step = (force - mesh.target) / rate;
+        let step = (force - frame.target) / rate;
         delta -= step;
         if step.abs() <= CONVERGED * delta {
             break;

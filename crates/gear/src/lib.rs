@@ -101,6 +101,7 @@
 //! - **Feedback of wear on itself**: wear follows the unworn pressure, as for the first
 //!   stretch of a gear's life; deep wear spreads the load and would grow more evenly.
 
+mod balance;
 mod column;
 mod converged;
 mod corrections;

@@ -17,11 +17,12 @@
 use std::f64::consts::PI;
 use std::sync::Arc;
 
+use crate::balance::Extremes;
 use crate::corrections::Corrections;
 use crate::error::{Error, Infeasible, InputError};
 use crate::geometry::{Geometry, Interference, Sliding, tangent_length};
 use crate::input::{Discretisation, Member, PairInput, ToothModel, Wear, WearLaw};
-use crate::mesh::{Extremes, Mesh, Scratch};
+use crate::mesh::{Mesh, Scratch};
 use crate::path::{Path, Touch};
 use crate::rating::stress_correction;
 use crate::sampler::Sampler;
@@ -241,12 +242,12 @@ impl Pair {
             if change <= LOAD_TOLERANCE {
                 break;
             }
-            mesh = make(mesh.path, &load);
+            mesh = make(mesh.frame.path, &load);
             extremes = mesh.solve(&relief, &mut scratch);
         }
         let unworn = !corrections.has_relief();
         let carried = mesh.greatest_load(&relief, &scratch, extremes.max, unworn);
-        let pressure = pressures(input, &geometry, &mesh.path.s, &carried);
+        let pressure = pressures(input, &geometry, &mesh.frame.path.s, &carried);
         let unworn = analysis(&geometry, &mesh, &scratch, extremes, 0.0, &pressure);
         Ok(Self {
             input: input.clone(),
@@ -351,7 +352,7 @@ impl Pair {
     #[must_use]
     pub fn compliance(&self, s: f64) -> f64 {
         let s = s.clamp(self.geometry.s_in, self.geometry.s_out);
-        let place = self.mesh.path.place(s);
+        let place = self.mesh.frame.path.place(s);
         let (w0, w1) = (self.load[place.cell], self.load[place.cell + 1]);
         self.compliance_under(s, w0 + place.u * (w1 - w0))
     }
@@ -404,7 +405,12 @@ impl Pair {
         let mut scratch = Scratch::default();
         let extremes = self.mesh.solve(&gap, &mut scratch);
         let carried = self.mesh.greatest_load(&gap, &scratch, extremes.max, false);
-        let pressure = pressures(&self.input, &self.geometry, &self.mesh.path.s, &carried);
+        let pressure = pressures(
+            &self.input,
+            &self.geometry,
+            &self.mesh.frame.path.s,
+            &carried,
+        );
         Worn {
             analysis: analysis(
                 &self.geometry,
@@ -414,7 +420,7 @@ impl Pair {
                 lowest,
                 &pressure,
             ),
-            s: self.mesh.path.s.clone(),
+            s: self.mesh.frame.path.s.clone(),
             depth,
         }
     }
@@ -428,7 +434,7 @@ impl Pair {
 
     /// Mean wear depth on each flank at the nodes, mm: [`WearLaw`].
     pub(crate) fn depth(&self, wear: &Wear) -> Vec<f64> {
-        let places = self.mesh.path.s.iter().zip(&self.pressure);
+        let places = self.mesh.frame.path.s.iter().zip(&self.pressure);
         let s_pitch = self.geometry.s_pitch;
         match wear.law {
             WearLaw::Archard { max_depth } => {
@@ -540,6 +546,7 @@ fn analysis(
     let scale = UM / geometry.beta_b.cos();
     Analysis {
         phases: mesh
+            .frame
             .path
             .phases
             .iter()

@@ -12,7 +12,6 @@
 
 use std::collections::VecDeque;
 
-use crate::crowned::crown;
 use crate::geometry::Geometry;
 use crate::input::Discretisation;
 
@@ -321,6 +320,12 @@ impl Path {
         }
         greatest
     }
+}
+
+/// Gap of the crowning at the share `z` of the face, 0 to 1.
+pub(crate) fn crown(crowning: f64, z: f64) -> f64 {
+    let x = 1.0 - 2.0 * z;
+    crowning * x * x
 }
 
 /// A line of contact that moves along the path. Its front end goes from 0, where the line begins to

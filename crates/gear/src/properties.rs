@@ -43,7 +43,7 @@ fn all_pairs() -> impl Strategy<Value = PairInput> {
 fn waves(pair: &Pair, most: f64, a: f64, b: f64) -> Vec<f64> {
     let ste = pair.unworn().ste_um;
     let mean = ste.iter().sum::<f64>() / ste.len() as f64 / pair.to_ste_um(1.0);
-    let path = &pair.mesh.path;
+    let path = &pair.mesh.frame.path;
     let phase = |s: f64| (s - path.s_in) / path.base_pitch;
     path.s
         .iter()
@@ -81,7 +81,7 @@ fn covered(path: &Path, phi: f64) -> f64 {
 /// The lines of whole teeth at the phase `phi`, with the load F/b that each carries when the
 /// deflection is `delta`.
 fn springs(pair: &Pair, gap: &[f64], phi: f64, delta: f64) -> Vec<([f64; 2], f64)> {
-    let (path, g) = (&pair.mesh.path, pair.geometry());
+    let (path, g) = (&pair.mesh.frame.path, pair.geometry());
     let material = pair.input().material;
     let plane = 1.0 - material.poisson_ratio * material.poisson_ratio;
     let hertz = 4.0 * plane / (std::f64::consts::PI * material.youngs_modulus_mpa);
@@ -114,7 +114,7 @@ proptest! {
     #[test]
     fn the_error_repeats_after_a_base_pitch(input in pairs(), part in 0.0..1.0_f64) {
         let pair = feasible!(&input);
-        let (mesh, path) = (&pair.mesh, &pair.mesh.path);
+        let (mesh, path) = (&pair.mesh, &pair.mesh.frame.path);
         let p = path.base_pitch;
         let phi = part * p;
         let mut area = 0.0;
@@ -125,14 +125,14 @@ proptest! {
             let h = (hi - lo) / STEPS as f64;
             for step in 0..if hi > lo { STEPS } else { 0 } {
                 let place = path.place(lo + (step as f64 + 0.5) * h);
-                let (c0, c1) = (mesh.stiffness[place.cell], mesh.stiffness[place.cell + 1]);
+                let (c0, c1) = (mesh.frame.stiffness[place.cell], mesh.frame.stiffness[place.cell + 1]);
                 area += h * (c0 + place.u * (c1 - c0));
             }
         }
         let mut windows = Vec::new();
         let ours = mesh.unworn(phi, &mut windows);
         // The midpoint rule's error in 400 steps.
-        prop_assert!((mesh.target / area / ours - 1.0).abs() < 1e-4);
+        prop_assert!((mesh.frame.target / area / ours - 1.0).abs() < 1e-4);
         let (first, last) =
             (mesh.unworn(0.0, &mut windows), mesh.unworn(p * (1.0 - 1e-12), &mut windows));
         prop_assert!((first / last - 1.0).abs() < 1e-8, "{first} {last}");
@@ -198,7 +198,7 @@ proptest! {
     #[test]
     fn load_balance(input in pairs(), most in 0.0..6.0_f64, a in 0.1..1.0_f64, b in 0.1..1.0_f64) {
         let pair = feasible!(&input);
-        let (mesh, path) = (&pair.mesh, &pair.mesh.path);
+        let (mesh, path) = (&pair.mesh, &pair.mesh.frame.path);
         let gap = waves(&pair, most, a, b);
         let mut scratch = Scratch::default();
         mesh.solve(&gap, &mut scratch);
@@ -212,11 +212,11 @@ proptest! {
                     let linear = |v: &[f64]| {
                         v[place.cell] + place.u * (v[place.cell + 1] - v[place.cell])
                     };
-                    force += window.weight * (delta - linear(&gap)).max(0.0) * linear(&mesh.stiffness) * h;
+                    force += window.weight * (delta - linear(&gap)).max(0.0) * linear(&mesh.frame.stiffness) * h;
                 }
             }
             // The midpoint rule at a few ends of contact in a thousand steps.
-            prop_assert!((force / mesh.target - 1.0).abs() < 2e-3, "{force} {}", mesh.target);
+            prop_assert!((force / mesh.frame.target - 1.0).abs() < 2e-3, "{force} {}", mesh.frame.target);
         }
     }
 
@@ -227,10 +227,10 @@ proptest! {
         let gap = waves(&pair, most, a, b);
         let mut scratch = Scratch::default();
         pair.mesh.solve(&gap, &mut scratch);
-        for (&phi, &delta) in pair.mesh.path.phases.iter().zip(&scratch.delta) {
+        for (&phi, &delta) in pair.mesh.frame.path.phases.iter().zip(&scratch.delta) {
             let force: f64 = springs(&pair, &gap, phi, delta).iter().map(|(_, load)| load).sum();
             // 1/Q_B is linear between the nodes in the crate and exact here.
-            prop_assert!((force / pair.mesh.target - 1.0).abs() < 5e-3, "{force}");
+            prop_assert!((force / pair.mesh.frame.target - 1.0).abs() < 5e-3, "{force}");
         }
     }
 
@@ -238,7 +238,7 @@ proptest! {
     #[test]
     fn whole_teeth_wear_along_their_lines(input in pairs()) {
         let pair = feasible!(&PairInput { tooth_model: ToothModel::WholeFaceBeam, ..input });
-        let (mesh, path) = (&pair.mesh, &pair.mesh.path);
+        let (mesh, path) = (&pair.mesh, &pair.mesh.frame.path);
         let none = vec![0.0; path.s.len()];
         let mut scratch = Scratch::default();
         let peak = mesh.solve(&none, &mut scratch).max;
@@ -286,11 +286,11 @@ proptest! {
     #[test]
     fn the_load_is_a_fixed_point(input in pairs()) {
         let pair = feasible!(&PairInput { tooth_model: ToothModel::WeberBanaschek, ..input });
-        let (mesh, path) = (&pair.mesh, &pair.mesh.path);
+        let (mesh, path) = (&pair.mesh, &pair.mesh.frame.path);
         let mut scratch = Scratch::default();
         let peak = mesh.solve(&vec![0.0; path.s.len()], &mut scratch).max;
         let greatest = mesh.greatest_load(&vec![0.0; path.s.len()], &scratch, peak, false);
-        for ((&s, &load), &c) in path.s.iter().zip(&greatest).zip(&mesh.stiffness) {
+        for ((&s, &load), &c) in path.s.iter().zip(&greatest).zip(&mesh.frame.stiffness) {
             let again = pair.compliance_under(s, load);
             prop_assert!((again * c - 1.0).abs() < 2e-6, "{s}: {again} {}", 1.0 / c);
         }

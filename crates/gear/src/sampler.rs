@@ -60,6 +60,7 @@ impl Sampler {
         let geometry = pair.geometry();
         let roll = Member::BOTH.map(|member| -> Vec<f64> {
             pair.mesh
+                .frame
                 .path
                 .s
                 .iter()

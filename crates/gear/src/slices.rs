@@ -10,7 +10,7 @@
 //! still a handful of prefix-sum differences, whatever the number of cells. The force is convex
 //! and increasing in δ, so Newton's method falls monotonically after its first step.
 
-use crate::mesh::{Balance, CONVERGED, MAX_STEPS, Mesh, not_negative};
+use crate::balance::{Balance, CONVERGED, Frame, MAX_STEPS, not_negative};
 use crate::path::{Path, Place, Window};
 
 /// Prefix integrals of the stiffness 1/q.
@@ -39,24 +39,24 @@ impl Slices {
     }
 
     /// δ of the unworn pair at the phase `phi`, from 0 to below one base pitch.
-    pub(crate) fn unworn(&self, mesh: &Mesh, phi: f64, windows: &mut Vec<Window>) -> f64 {
+    pub(crate) fn unworn(&self, frame: &Frame, phi: f64, windows: &mut Vec<Window>) -> f64 {
         windows.clear();
-        mesh.path.windows_at(phi, windows);
+        frame.path.windows_at(phi, windows);
         let area: f64 = windows
             .iter()
             .map(|window| {
-                let area = |place| self.area_at(mesh, place);
+                let area = |place| self.area_at(frame, place);
                 window.weight * (area(window.hi) - area(window.lo))
             })
             .sum();
-        mesh.target / area
+        frame.target / area
     }
 
     /// Prefix integral of 1/q up to a place.
-    fn area_at(&self, mesh: &Mesh, place: Place) -> f64 {
+    fn area_at(&self, frame: &Frame, place: Place) -> f64 {
         let (i, u) = (place.cell, place.u);
-        let h = mesh.path.s[i + 1] - mesh.path.s[i];
-        let (c0, c1) = (mesh.stiffness[i], mesh.stiffness[i + 1]);
+        let h = frame.path.s[i + 1] - frame.path.s[i];
+        let (c0, c1) = (frame.stiffness[i], frame.stiffness[i + 1]);
         self.area[i] + h * u * (c0 + 0.5 * u * (c1 - c0))
     }
 }
@@ -107,26 +107,26 @@ pub(crate) struct SliceBalance<'a> {
 impl<'a> SliceBalance<'a> {
     /// `g` is the gap at the nodes.
     pub(crate) fn new(
-        mesh: &'a Mesh,
+        frame: &'a Frame,
         slices: &'a Slices,
         g: &'a [f64],
         memory: &'a mut Memory,
     ) -> Self {
-        let gap = Gap::new(mesh, slices, g, memory);
+        let gap = Gap::new(frame, slices, g, memory);
         Self { gap, memory }
     }
 }
 
 impl Balance for SliceBalance<'_> {
     fn at_phase(&mut self, k: usize, guess: f64) -> f64 {
-        let windows = self.gap.mesh.path.windows(k);
+        let windows = self.gap.frame.path.windows(k);
         self.gap.balance(windows, guess, self.memory)
     }
 
     fn at(&mut self, phi: f64, guess: f64) -> f64 {
         let mut windows = std::mem::take(&mut self.memory.windows);
         windows.clear();
-        self.gap.mesh.path.windows_at(phi, &mut windows);
+        self.gap.frame.path.windows_at(phi, &mut windows);
         let delta = self.gap.balance(&windows, guess, self.memory);
         self.memory.windows = windows;
         delta
@@ -135,7 +135,7 @@ impl Balance for SliceBalance<'_> {
 
 /// The gap of one sample, with what is needed to integrate it quickly.
 struct Gap<'a> {
-    mesh: &'a Mesh,
+    frame: &'a Frame,
     slices: &'a Slices,
     g: &'a [f64],
     /// Largest gap on the path.
@@ -143,7 +143,7 @@ struct Gap<'a> {
 }
 
 impl<'a> Gap<'a> {
-    fn new(mesh: &'a Mesh, slices: &'a Slices, g: &'a [f64], memory: &mut Memory) -> Self {
+    fn new(frame: &'a Frame, slices: &'a Slices, g: &'a [f64], memory: &mut Memory) -> Self {
         let sums = &mut memory.gap_area;
         sums.clear();
         let mut sum = 0.0;
@@ -178,7 +178,7 @@ impl<'a> Gap<'a> {
             left = right;
         }
         Self {
-            mesh,
+            frame,
             slices,
             g,
             greatest,
@@ -188,14 +188,14 @@ impl<'a> Gap<'a> {
     /// Prefix integrals up to a place.
     fn sum_at(&self, place: Place, gap_area: &[f64]) -> Sum {
         let (i, u) = (place.cell, place.u);
-        let h = self.mesh.path.s[i + 1] - self.mesh.path.s[i];
-        let (c0, g0) = (self.mesh.stiffness[i], self.g[i]);
-        let (dc, dg) = (self.mesh.stiffness[i + 1] - c0, self.g[i + 1] - g0);
+        let h = self.frame.path.s[i + 1] - self.frame.path.s[i];
+        let (c0, g0) = (self.frame.stiffness[i], self.g[i]);
+        let (dc, dg) = (self.frame.stiffness[i + 1] - c0, self.g[i + 1] - g0);
         let gap =
             gap_area[i] + h * u * (g0 * c0 + u * (0.5 * (g0 * dc + c0 * dg) + u * dg * dc / 3.0));
         Sum {
             s: place.s,
-            area: self.slices.area_at(self.mesh, place),
+            area: self.slices.area_at(self.frame, place),
             gap,
         }
     }
@@ -221,7 +221,7 @@ impl<'a> Gap<'a> {
             gap += span.weight * (span.hi.gap - span.lo.gap);
             spans.push(span);
         }
-        let full = (self.mesh.target + gap) / area;
+        let full = (self.frame.target + gap) / area;
         if full >= self.greatest {
             return full;
         }
@@ -237,7 +237,7 @@ impl<'a> Gap<'a> {
                 delta = full;
                 continue;
             }
-            let step = (force - self.mesh.target) / rate;
+            let step = (force - self.frame.target) / rate;
             delta -= step;
             if step.abs() <= CONVERGED * delta {
                 break;
@@ -275,7 +275,7 @@ impl<'a> Gap<'a> {
                 valley.last -= 1;
             }
             let node = |i: usize| Sum {
-                s: self.mesh.path.s[i],
+                s: self.frame.path.s[i],
                 area: self.slices.area[i],
                 gap: gap_area[i],
             };
@@ -310,7 +310,7 @@ impl<'a> Gap<'a> {
     fn crossing(&self, cell: usize, delta: f64, gap_area: &[f64]) -> Sum {
         let (g0, g1) = (self.g[cell], self.g[cell + 1]);
         let u = ((delta - g0) / (g1 - g0)).clamp(0.0, 1.0);
-        let (s0, s1) = (self.mesh.path.s[cell], self.mesh.path.s[cell + 1]);
+        let (s0, s1) = (self.frame.path.s[cell], self.frame.path.s[cell + 1]);
         self.sum_at(
             Place {
                 s: s0 + u * (s1 - s0),

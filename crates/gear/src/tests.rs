@@ -121,7 +121,7 @@ fn nodes_and_phases_increase() {
         let mut input = input();
         input.helix_angle = beta;
         let pair = Pair::new(&input, &Discretisation::default()).expect("feasible");
-        let path = &pair.mesh.path;
+        let path = &pair.mesh.frame.path;
         assert!(path.s.windows(2).all(|w| w[0] < w[1]));
         assert!(path.phases.windows(2).all(|w| w[0] < w[1]));
         assert!(path.phases[0] == 0.0 && path.phases.last().expect("phases") < &path.base_pitch);
@@ -133,7 +133,7 @@ fn nodes_and_phases_increase() {
 fn uniform_gap_shifts_the_deflection() {
     let pair = pair();
     let mut scratch = Scratch::default();
-    let nodes = pair.mesh.path.s.len();
+    let nodes = pair.mesh.frame.path.s.len();
     let unworn = pair.mesh.solve(&vec![0.0; nodes], &mut scratch);
     let before = scratch.delta.clone();
     let gap = 0.02;
@@ -150,7 +150,7 @@ fn uniform_gap_shifts_the_deflection() {
 fn load_balance_with_many_valleys() {
     let pair = pair();
     let mesh: &Mesh = &pair.mesh;
-    let path = &mesh.path;
+    let path = &mesh.frame.path;
     let mean = pair.unworn().ste_um[0] * 1e-3;
     let gap: Vec<f64> = path
         .s
@@ -173,7 +173,7 @@ fn load_balance_with_many_valleys() {
                     |v: &[f64]| v[place.cell] + place.u * (v[place.cell + 1] - v[place.cell]);
                 let closed = delta - linear(&gap);
                 separated += usize::from(closed < 0.0);
-                force += closed.max(0.0) * linear(&mesh.stiffness) * h;
+                force += closed.max(0.0) * linear(&mesh.frame.stiffness) * h;
             }
         }
         // The midpoint rule's error at the kinks of max(0, ·).
@@ -197,7 +197,7 @@ fn newton_agrees_with_the_closed_form() {
         ..input()
     };
     let pair = Pair::new(&narrow, &Discretisation::default()).expect("feasible");
-    let nodes = pair.mesh.path.s.len();
+    let nodes = pair.mesh.frame.path.s.len();
     let mut scratch = Scratch::default();
     let flat = pair.mesh.solve(&vec![0.0; nodes], &mut scratch);
     let mut gap = vec![0.0; nodes];
@@ -210,9 +210,10 @@ fn newton_agrees_with_the_closed_form() {
     assert!((tilted.max / flat.max - 1.0).abs() < 2.0 * ramp);
     gap[nodes - 1] = 2.0 * flat.max;
     pair.mesh.solve(&gap, &mut scratch);
-    let phases_without_the_end: Vec<usize> = (0..pair.mesh.path.phases.len())
+    let phases_without_the_end: Vec<usize> = (0..pair.mesh.frame.path.phases.len())
         .filter(|&k| {
             pair.mesh
+                .frame
                 .path
                 .windows(k)
                 .iter()

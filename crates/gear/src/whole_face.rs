@@ -10,7 +10,7 @@
 //! bends the tooth like a load over the whole face, the pressure of a short line is too small, and
 //! crowning has no meaning.
 
-use crate::mesh::{Balance, Mesh, not_negative};
+use crate::balance::{Balance, Frame, not_negative};
 use crate::path::{Line, Path, Place, Unrolled, Window};
 
 /// The springs of one pair of gears.
@@ -77,10 +77,10 @@ impl WholeFace {
     }
 
     /// δ of the unworn pair at the phase `phi`, from 0 to below one base pitch.
-    pub(crate) fn unworn(&self, mesh: &Mesh, phi: f64, windows: &mut Vec<Window>) -> f64 {
-        mesh.target
+    pub(crate) fn unworn(&self, frame: &Frame, phi: f64, windows: &mut Vec<Window>) -> f64 {
+        frame.target
             / self
-                .at(mesh, phi, windows)
+                .at(frame, phi, windows)
                 .map(|spring| spring.stiffness)
                 .sum::<f64>()
     }
@@ -88,27 +88,27 @@ impl WholeFace {
     /// The springs at the phase `phi`.
     fn at<'a>(
         &'a self,
-        mesh: &'a Mesh,
+        frame: &'a Frame,
         phi: f64,
         windows: &'a mut Vec<Window>,
     ) -> impl Iterator<Item = Spring> + 'a {
         windows.clear();
-        mesh.path.windows_at(phi, windows);
-        let spring = |window| Spring::of_window(&mesh.path, &mesh.stiffness, self.hertz, window);
+        frame.path.windows_at(phi, windows);
+        let spring = |window| Spring::of_window(&frame.path, &frame.stiffness, self.hertz, window);
         windows.iter().map(spring)
     }
 
     /// The greatest F/b at each node over the mesh period, for the gap `g` that is solved by `delta`
     /// at the phases: that of the pairs whose line covers the node, wherever its middle is. `unworn`
-    /// as in [`Mesh::greatest_load`].
+    /// says that there is no gap.
     pub(crate) fn greatest_load(
         &self,
-        mesh: &Mesh,
+        frame: &Frame,
         g: &[f64],
         delta: &[f64],
         unworn: bool,
     ) -> Vec<f64> {
-        let path = &mesh.path;
+        let path = &frame.path;
         let (line, p) = (path.line(), path.base_pitch);
         // While a line covers the whole path all periods are alike, and two of them do.
         let spare = (((line.window - line.length) / p).floor() - 2.0).max(0.0) * p;
@@ -124,7 +124,7 @@ impl WholeFace {
                 return 0.0;
             }
             let s = path.s_in + middle;
-            let spring = Spring::new(path, &mesh.stiffness, self.hertz, share, s);
+            let spring = Spring::new(path, &frame.stiffness, self.hertz, share, s);
             (delta - spring.gap(g)).max(0.0) * spring.stiffness
         };
         let periods = ((short.length + short.window) / p).ceil() as usize + 1;
@@ -138,7 +138,7 @@ impl WholeFace {
             period: f64::INFINITY,
         };
         let mut windows = Vec::new();
-        let mut exact = |end: f64| load(end, mesh.unworn(end, &mut windows));
+        let mut exact = |end: f64| load(end, self.unworn(frame, end.rem_euclid(p), &mut windows));
         let at: Option<&mut dyn FnMut(f64) -> f64> = if unworn { Some(&mut exact) } else { None };
         path.greatest_in_contact(&unrolled, short.window, 0.0, at)
     }
@@ -146,7 +146,7 @@ impl WholeFace {
 
 /// The balance of one sample.
 pub(crate) struct WholeFaceBalance<'a> {
-    pub(crate) mesh: &'a Mesh,
+    pub(crate) frame: &'a Frame,
     pub(crate) teeth: &'a WholeFace,
     /// The gap at the nodes.
     pub(crate) g: &'a [f64],
@@ -169,7 +169,7 @@ impl Balance for WholeFaceBalance<'_> {
     fn at(&mut self, phi: f64, _guess: f64) -> f64 {
         let mut memory = std::mem::take(self.memory);
         memory.springs.clear();
-        let springs = self.teeth.at(self.mesh, phi, &mut memory.windows);
+        let springs = self.teeth.at(self.frame, phi, &mut memory.windows);
         memory.springs.extend(springs);
         let delta = self.balance(&memory.springs);
         *self.memory = memory;
@@ -183,7 +183,7 @@ impl WholeFaceBalance<'_> {
     fn balance(&self, springs: &[Spring]) -> f64 {
         let (mut delta, mut count) = (f64::INFINITY, usize::MAX);
         loop {
-            let (mut force, mut stiffness, mut touching) = (self.mesh.target, 0.0, 0);
+            let (mut force, mut stiffness, mut touching) = (self.frame.target, 0.0, 0);
             for spring in springs {
                 let gap = spring.gap(self.g);
                 // A NaN counts as touching, and so reaches the result.
