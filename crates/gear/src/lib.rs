@@ -35,9 +35,9 @@
 //! | 256 × 128 | 0.002, 0.01 / 0.001, 0.01 | 0.003, 0.02 / 0.001, 0.01 | 236 / 317 | 19 / 10 |
 //! | plain 64 × 21 sum | 1.52, 5.5 / 0.70, 3.8 | 0.40, 4.1 / 0.82, 4.9 | 860 / 940 | 4.7 / 4.3 |
 //!
-//! In one run with `hertz-beam` at 5.9 µs a sample, the default grid errs with `prismatic-beam` by
-//! 0.02, 0.12 unworn and 0.03, 0.14 worn and takes 5.0 µs, and with `whole-face-beam` by 0.07, 0.42
-//! and 0.04, 0.21 and takes 1.9 µs.
+//! In one run with `hertz-beam` at 5.8 µs a sample, the default grid errs with `prismatic-beam` by
+//! 0.02, 0.12 unworn and 0.03, 0.14 worn and takes 4.9 µs, and with `whole-face-beam` by 0.02, 0.12
+//! and 0.01, 0.06 and takes 2.4 µs.
 //!
 //! The plain sum's sample leaves out the drawing of its random field. The default is 64 × 32. The
 //! `speed_accuracy` example prints the whole table for the machine at hand and draws it.
