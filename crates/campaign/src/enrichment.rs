@@ -138,7 +138,7 @@ pub fn options(
         samples_left,
         rounds: section.rounds as usize,
         delta_um: section.tolerance_um,
-        // What follows was chosen on the paper's problem, over ten seeds.
+        // What follows was chosen on the problem of campaigns/wear.toml, over ten seeds.
         quantile_z: 0.84,
         global_every: 6,
         basins: 3,

@@ -36,6 +36,8 @@ const IN_A_ROW: usize = 2;
 /// The models: one of all designs; and one around each of the [`Options::basins`] best designs that
 /// are at least 15 % of a range apart, of the [`Options::local_points`] nearest designs with a
 /// covariance of its own, which replaces the first there if its leave-one-out residuals are smaller.
+/// With baselines there are two of each, of the response above its baseline and of the response
+/// itself. The one with the smaller residuals recommends; both search, each as a basin of its own.
 /// Infill points are sought in the basins' trust regions in turn, boxes around the
 /// [`Options::region_points`] nearest designs, which shrink by themselves as designs gather; every
 /// [`Options::global_every`]-th in the whole box. A basin is improved on its own best design, until

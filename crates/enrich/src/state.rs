@@ -28,8 +28,8 @@ pub struct Sampled {
 pub struct Known {
     /// How far the exact constraints are missed; 0 or less is feasible.
     pub violation: f64,
-    /// A cheap relative of the response, µm, whatever the scale on which they differ: the models
-    /// learn the difference alone (M. C. Kennedy, A. O'Hagan, *Predicting the output from a complex
+    /// A cheap relative of the response, µm, whatever the scale on which they differ: one of two
+    /// models learns the difference alone (M. C. Kennedy, A. O'Hagan, *Predicting the output from a complex
     /// computer code when fast approximations are available*, Biometrika 87 (2000) 1–13, with the
     /// factor 1). Zero everywhere if there is none.
     pub baseline_um: f64,
