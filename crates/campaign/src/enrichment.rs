@@ -6,10 +6,10 @@ use cmaes::Bounds;
 use enrich::{Known, Options};
 use sha2::{Digest as _, Sha256};
 
-use crate::batches::StreamId;
 use crate::file::Enrichment;
 use crate::formulation::{Criteria, Problem, ROBUST_VARIABLES, Variables};
 use crate::plan::VerifyPoint;
+use ledger::StreamId;
 
 /// The numbers of infill points begin here, above those of all other points.
 const FIRST: u64 = 1 << 27;
@@ -36,7 +36,7 @@ pub const fn is_infill(number: u64) -> bool {
 }
 
 /// The number of the `index`-th infill point of a campaign, which lies at `x`; it names its random
-/// streams and its jobs.
+/// streams.
 ///
 /// It is drawn from index and place, so that a point that lies elsewhere after its campaign has
 /// been given more samples has another number: what is brought late for the old one cannot be taken
@@ -153,7 +153,7 @@ impl Progress {
     #[must_use]
     pub fn is_settled(&self, is_given_up: impl Fn(StreamId) -> bool) -> bool {
         let settled =
-            |point: &VerifyPoint| point.is_complete() || is_given_up(StreamId::Point(point.number));
+            |point: &VerifyPoint| point.is_complete() || is_given_up(StreamId::point(point.number));
         self.points.iter().all(settled)
     }
 }
@@ -236,7 +236,7 @@ mod tests {
         State {
             designs: campaign.doe.designs as usize,
             has_responses: true,
-            model: Some("model".to_owned()),
+            model: Some("model".into()),
             optima: [
                 Approach::NoWear,
                 Approach::Archard,
@@ -284,7 +284,7 @@ mod tests {
         // One gets its samples, one fails: both are settled.
         state.enrichment.points[2] = point(numbers[2], 30, &frozen);
         assert_eq!(step(&state), None);
-        state.given_up.insert(StreamId::Point(numbers[1]));
+        state.given_up.insert(StreamId::point(numbers[1]));
         let next = plan::next(&campaign, frozen, &state);
         assert_eq!(next.local, Some(LocalStep::Enrich));
         assert_eq!(next.points, []);

@@ -132,6 +132,30 @@ impl Variables {
         }
     }
 
+    /// The design with these eleven values, in the order of [`VARIABLE_NAMES`].
+    #[must_use]
+    pub const fn of_values(values: &[f64; ALL_VARIABLES]) -> Self {
+        let [
+            a,
+            b,
+            c,
+            d,
+            e,
+            f,
+            tip_p,
+            tip_r,
+            root_p,
+            root_r,
+            helix_angle_deg,
+        ] = *values;
+        let frozen = Frozen {
+            tip_radius_mm: [tip_p, tip_r],
+            root_radius_mm: [root_p, root_r],
+            helix_angle_deg,
+        };
+        Self::robust(&[a, b, c, d, e, f], &frozen)
+    }
+
     /// The six robust variables.
     #[must_use]
     pub const fn robust_part(&self) -> [f64; ROBUST_VARIABLES] {
@@ -184,6 +208,26 @@ pub struct Frozen {
     pub root_radius_mm: [f64; 2],
     /// Helix angle, degrees.
     pub helix_angle_deg: f64,
+}
+
+impl Frozen {
+    /// All five values, in the order of [`VARIABLE_NAMES`].
+    #[must_use]
+    pub const fn values(&self) -> [f64; ALL_VARIABLES - ROBUST_VARIABLES] {
+        let (tip, root) = (&self.tip_radius_mm, &self.root_radius_mm);
+        [tip[0], tip[1], root[0], root[1], self.helix_angle_deg]
+    }
+
+    /// With these five values.
+    #[must_use]
+    pub const fn of_values(values: &[f64; ALL_VARIABLES - ROBUST_VARIABLES]) -> Self {
+        let [tip_p, tip_r, root_p, root_r, helix_angle_deg] = *values;
+        Self {
+            tip_radius_mm: [tip_p, tip_r],
+            root_radius_mm: [root_p, root_r],
+            helix_angle_deg,
+        }
+    }
 }
 
 /// What a design is judged by besides ΔSTE.

@@ -3,16 +3,14 @@
 //! - [`Campaign`] and [`PairFile`] are what a user writes, parsed and validated ([`mod@file`]).
 //! - [`formulation`] turns a design point into a gear pair, its criteria and its constraints.
 //! - [`simulator`] is what the stages ask of whoever simulates a design.
-//! - [`task`] is the work that is leased to workers: what goes out, what comes back, and the pure
-//!   function between them.
+//! - [`task`] is what workers compute: what it takes, what comes out, and the pure function between
+//!   them.
 //! - [`enrichment`] has the points and the settings of rounds of infill.
 //! - [`direct`] searches the percentile itself, with profile corrections if wanted.
 //! - [`plan`] decides, from what the store holds, which stages and which local steps come next.
-//! - [`batches`] cuts missing samples into jobs whose size follows what a sample costs.
 //!
 //! Nothing here does I/O, reads a clock or knows where it runs.
 
-pub mod batches;
 pub mod direct;
 pub mod enrichment;
 pub mod file;

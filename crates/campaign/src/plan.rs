@@ -13,14 +13,14 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
+use std::sync::Arc;
 
-use sha2::{Digest as _, Sha256};
+use ledger::StreamId;
 
-use crate::batches::StreamId;
 use crate::enrichment::Progress;
 use crate::file::{Campaign, FrozenFrom};
 use crate::formulation::{Approach, Frozen, ROBUST_VARIABLES, Variables};
-use crate::task::Task;
+use crate::task::Run;
 
 /// A point that gets fresh samples.
 #[derive(Debug, Clone, PartialEq)]
@@ -66,13 +66,11 @@ pub struct State {
     /// Whether the responses of all designs are stored.
     pub has_responses: bool,
     /// The kriging model as JSON, once fitted.
-    pub model: Option<String>,
+    pub model: Option<Arc<str>>,
     /// The fit failed for good; approach 3 is then left out.
     pub fit_failed: bool,
     /// Finished optimiser runs.
     pub runs: BTreeSet<(Approach, u32)>,
-    /// Runs that were given up.
-    pub failed_runs: BTreeSet<(Approach, u32)>,
     /// The chosen designs; `None` for an approach that found no feasible one.
     pub optima: BTreeMap<Approach, Option<Variables>>,
     /// Points that get fresh samples, without those of the optima.
@@ -81,7 +79,7 @@ pub struct State {
     pub verified: BTreeMap<Approach, BTreeSet<u32>>,
     /// The rounds of infill.
     pub enrichment: Progress,
-    /// Designs and points whose samples were given up.
+    /// What was given up.
     pub given_up: BTreeSet<StreamId>,
 }
 
@@ -103,9 +101,8 @@ pub enum LocalStep {
 /// What comes next.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Next {
-    /// Runs of optimisers whose inputs exist and whose results are missing, with their stable
-    /// numbers.
-    pub runs: Vec<(u64, Task)>,
+    /// Runs of optimisers whose inputs exist and whose results are missing.
+    pub runs: Vec<Run>,
     /// The variables that all designs share, when designs lack samples.
     pub sampling: Option<Frozen>,
     /// The points that lack samples.
@@ -122,74 +119,6 @@ impl Next {
             && self.sampling.is_none()
             && self.points.is_empty()
             && self.local.is_none()
-    }
-}
-
-/// The kind of a job, in the top byte of its number.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum JobKind {
-    /// Samples of the DoE; for the rest see [`crate::batches`].
-    Sample,
-    /// A run of an optimiser; the rest is approach, start and a digest of what it starts from.
-    Optimise,
-    /// Fresh samples; the rest is as for samples of the DoE.
-    Verify,
-}
-
-impl JobKind {
-    pub(crate) const fn tag(self) -> u64 {
-        match self {
-            Self::Optimise => 1,
-            Self::Sample => 2,
-            Self::Verify => 3,
-        }
-    }
-
-    /// The kind of a job number.
-    #[must_use]
-    pub const fn of(job: u64) -> Option<Self> {
-        match job >> 56 {
-            1 => Some(Self::Optimise),
-            2 => Some(Self::Sample),
-            3 => Some(Self::Verify),
-            _ => None,
-        }
-    }
-}
-
-/// The number of the job that runs start `start` of `approach`.
-///
-/// A run from other inputs (another kriging model, other frozen variables) is another job: what a
-/// worker brings late cannot be taken for it.
-#[must_use]
-pub fn run_job(task: &Task) -> u64 {
-    let Task::Optimise {
-        approach, start, ..
-    } = task
-    else {
-        return 0;
-    };
-    let json = serde_json::to_vec(task).expect("plain numbers and names serialise");
-    let digest = Sha256::digest(&json);
-    let stamp = u64::from(u32::from_be_bytes([
-        digest[0], digest[1], digest[2], digest[3],
-    ]));
-    (JobKind::Optimise.tag() << 56) | (approach.number() << 48) | (u64::from(*start) << 32) | stamp
-}
-
-/// The approach and the start of a run's job number.
-#[must_use]
-pub const fn run_parts(job: u64) -> (u64, u32) {
-    ((job >> 48) & 0xff, ((job >> 32) & 0xffff) as u32)
-}
-
-/// What a job has in common with others that fail for the same reason: the design, or the first of
-/// the designs, or the point that it samples. A run of an optimiser stands alone.
-#[must_use]
-pub const fn kin(job: u64) -> u64 {
-    match JobKind::of(job) {
-        Some(JobKind::Sample | JobKind::Verify) => crate::batches::without_samples(job),
-        _ => job,
     }
 }
 
@@ -225,16 +154,13 @@ pub fn next(campaign: &Campaign, printed: Frozen, state: &State) -> Next {
             continue;
         };
         for start in 0..campaign.optimise.starts {
-            let key = (approach, start);
-            if !state.runs.contains(&key) && !state.failed_runs.contains(&key) {
-                let model = model.clone();
-                let task = Task::Optimise {
+            if !state.is_settled(approach, start) {
+                runs.push(Run {
                     approach,
                     start,
                     frozen,
-                    model,
-                };
-                runs.push((run_job(&task), task));
+                    model: model.clone(),
+                });
             }
         }
     }
@@ -242,7 +168,7 @@ pub fn next(campaign: &Campaign, printed: Frozen, state: &State) -> Next {
     let mut points = verify_points(campaign, state);
     points.extend(state.enrichment.points.iter().cloned());
     points.retain(|point| {
-        !point.is_complete() && !state.given_up.contains(&StreamId::Point(point.number))
+        !point.is_complete() && !state.given_up.contains(&StreamId::point(point.number))
     });
     Next {
         runs,
@@ -253,9 +179,15 @@ pub fn next(campaign: &Campaign, printed: Frozen, state: &State) -> Next {
 }
 
 impl State {
+    /// Whether nothing is to be waited for of a run.
+    fn is_settled(&self, approach: Approach, start: u32) -> bool {
+        let stream = StreamId::run(approach.number() as u32, start);
+        self.runs.contains(&(approach, start)) || self.given_up.contains(&stream)
+    }
+
     /// Whether a design lacks samples that were not given up.
     fn lacks_samples(&self) -> bool {
-        let is_wanted = |open: &OpenDesign| !self.given_up.contains(&StreamId::Design(open.design));
+        let is_wanted = |open: &OpenDesign| !self.given_up.contains(&StreamId::design(open.design));
         self.open.iter().any(is_wanted)
     }
 }
@@ -283,12 +215,7 @@ fn local_step(campaign: &Campaign, state: &State) -> Option<LocalStep> {
     }
     let chosen = |approach| state.optima.contains_key(&approach);
     let starts = campaign.optimise.starts;
-    let settled = |approach| {
-        (0..starts).all(|start| {
-            let key = (approach, start);
-            state.runs.contains(&key) || state.failed_runs.contains(&key)
-        })
-    };
+    let settled = |approach: Approach| (0..starts).all(|start| state.is_settled(approach, start));
     for approach in Approach::OPTIMISED {
         let left_out = approach == Approach::Kriging && state.fit_failed;
         if !chosen(approach) && (settled(approach) || left_out) {
@@ -372,23 +299,6 @@ mod tests {
     }
 
     #[test]
-    fn a_run_from_another_model_is_another_job() {
-        let campaign = campaign();
-        let run = |start, model: &str| {
-            run_job(&Task::Optimise {
-                approach: Approach::Kriging,
-                start,
-                frozen: printed(&campaign),
-                model: Some(model.to_owned()),
-            })
-        };
-        assert_eq!(run(1, "a"), run(1, "a"));
-        assert_ne!(run(1, "a"), run(1, "b"));
-        assert_eq!(run_parts(run(7, "a")), (3, 7));
-        assert_eq!(JobKind::of(run(7, "a")), Some(JobKind::Optimise));
-    }
-
-    #[test]
     fn the_stages_follow_each_other_to_the_end() {
         let campaign = campaign();
         let printed = printed(&campaign);
@@ -402,16 +312,8 @@ mod tests {
         let mut steps = Vec::new();
         for _ in 0..20 {
             let next = next(&campaign, printed, &state);
-            for (_, task) in &next.runs {
-                match task {
-                    Task::Optimise {
-                        approach, start, ..
-                    } => {
-                        state.runs.insert((*approach, *start));
-                    }
-                    _ => panic!("only runs are named one by one"),
-                }
-            }
+            let runs = next.runs.iter().map(|run| (run.approach, run.start));
+            state.runs.extend(runs);
             assert_eq!(next.sampling, None, "all samples are stored");
             for point in &next.points {
                 let approach = *Approach::ALL
@@ -429,7 +331,7 @@ mod tests {
                     match step {
                         LocalStep::Doe => panic!("the DoE is stored"),
                         LocalStep::Statistics => state.has_responses = true,
-                        LocalStep::Fit => state.model = Some("model".to_owned()),
+                        LocalStep::Fit => state.model = Some("model".into()),
                         LocalStep::Enrich => panic!("the campaign has no enrichment"),
                         LocalStep::Choose(approach) => {
                             state.optima.insert(approach, Some(design));
@@ -461,7 +363,7 @@ mod tests {
         let mut state = State { ..sampled(50) };
         let waiting = next(&campaign, printed, &state);
         assert_eq!((waiting.local, waiting.sampling), (None, Some(printed)));
-        state.given_up.extend((50..60).map(StreamId::Design));
+        state.given_up.extend((50..60).map(StreamId::design));
         let going_on = next(&campaign, printed, &state);
         assert_eq!(going_on.local, Some(LocalStep::Statistics));
         assert_eq!(going_on.sampling, None);

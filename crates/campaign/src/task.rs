@@ -1,141 +1,133 @@
-//! The work that is leased to workers: what goes out, what comes back, and the pure function
-//! between them.
-//!
-//! Tasks and their results travel as JSON inside the protocol's opaque payloads. Floating-point
-//! numbers survive the way bit for bit: they are written with the shortest digits that read back
-//! as the same number. Variants are named by the key around them rather than by a tag inside, because
-//! a reader that has to look for the tag first must keep everything else meanwhile, which for long
-//! lists of samples costs as much as a third of computing them.
+//! What workers compute: what it takes, what comes out, and the pure function between them.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
 
+use ledger::{Generation, StreamId, Unit};
 use serde::{Deserialize, Serialize};
+use sha2::{Digest as _, Sha256};
 use stats::streams::{Purpose, stream};
 
-use crate::formulation::{Approach, Criteria, Frozen, Problem, ROBUST_VARIABLES, Variables};
+use crate::Campaign;
+use crate::formulation::{Approach, Criteria, Frozen, Problem, Variables};
 use crate::optimise::{self, RunResult};
-use crate::simulator::{NoAnswer, Prepared, Simulator};
+use crate::simulator::{Analysis, NoAnswer, Prepared, Simulator};
 
-/// A piece of work.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub enum Task {
-    /// Criteria and samples of designs of the DoE.
-    Sample {
-        /// The variables that all designs share.
-        frozen: Frozen,
-        /// The designs.
-        designs: Vec<SampleRequest>,
-    },
-    /// One run of an optimiser.
-    Optimise {
-        /// Which problem.
-        approach: Approach,
-        /// Which of its starts, from 0.
-        start: u32,
-        /// The variables that a problem with wear leaves alone; ignored by the one without.
-        frozen: Frozen,
-        /// The kriging model as JSON, for [`Approach::Kriging`].
-        model: Option<String>,
-    },
-    /// Fresh samples of one design.
-    Verify {
-        /// The name of the point, for the store.
-        point: String,
-        /// The number of the point, for its random streams.
-        number: u64,
-        /// The design.
-        variables: Variables,
-        /// The first sample and how many.
-        samples: SampleRange,
-    },
+/// What a worker needs to compute a stream.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Source {
+    /// A design of the DoE, of which criteria and samples are wanted.
+    Design(Variables),
+    /// A point, of which samples are wanted.
+    Point(Variables),
+    /// A run of an optimiser.
+    Run(Run),
 }
 
-/// A run of sample indices.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SampleRange {
-    /// The first index.
-    pub first: u32,
-    /// How many.
-    pub count: u32,
+impl Source {
+    /// How many bytes it takes on the way to a worker, about.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        match self {
+            Self::Design(_) | Self::Point(_) => size_of::<Variables>(),
+            Self::Run(run) => run.model.as_deref().map_or(0, str::len),
+        }
+    }
 }
 
-/// One design of a sampling task.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SampleRequest {
-    /// Its index in the DoE.
-    pub design: u32,
-    /// The six robust variables.
-    pub x: [f64; ROBUST_VARIABLES],
-    /// Which samples are wanted.
-    pub samples: SampleRange,
+/// One run of an optimiser.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Run {
+    /// Which problem.
+    pub approach: Approach,
+    /// Which of its starts, from 0.
+    pub start: u32,
+    /// The variables that a problem with wear leaves alone; ignored by the one without.
+    pub frozen: Frozen,
+    /// The kriging model as JSON, for [`Approach::Kriging`].
+    pub model: Option<Arc<str>>,
 }
 
-/// What a task gives.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub enum TaskResult {
-    /// Of [`Task::Sample`], in the order of its designs.
-    Sample {
-        /// The designs.
-        designs: Vec<DesignResult>,
-    },
-    /// Of [`Task::Optimise`].
-    Optimise {
-        /// The run.
-        run: Box<RunResult>,
-    },
-    /// Of [`Task::Verify`].
-    Verify {
-        /// The name of the point.
-        point: String,
-        /// The index of the first sample.
-        first: u32,
-        /// ΔSTE, µm.
-        samples_um: Vec<f64>,
-    },
+impl Run {
+    /// The stream of its result.
+    #[must_use]
+    pub const fn stream(&self) -> StreamId {
+        StreamId::run(self.approach.number() as u32, self.start)
+    }
 }
 
-/// One design's result.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct DesignResult {
-    /// Its index in the DoE.
-    pub design: u32,
-    /// What the simulator made of it.
-    pub outcome: DesignOutcome,
+/// The digest of what all values of a campaign depend on, whatever its size.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Inputs([u8; 32]);
+
+impl Inputs {
+    /// Those of a campaign whose simulator answers to this digest; without one, as before an external
+    /// program was asked, a store takes the samples of one simulator only.
+    #[must_use]
+    pub fn new(campaign: &Campaign, model_digest: Option<&str>) -> Self {
+        let mut hash = Sha256::new();
+        hash.update(campaign.values_digest());
+        hash.update(model_digest.unwrap_or_default());
+        Self(hash.finalize().into())
+    }
+
+    /// The generation of a stream: the digest of everything that its values depend on.
+    #[must_use]
+    pub fn generation(&self, stream: StreamId, source: &Source) -> Generation {
+        let mut hash = Sha256::new();
+        hash.update(self.0);
+        hash.update(stream.to_string());
+        let mut numbers = |numbers: &[f64]| {
+            for number in numbers {
+                hash.update(number.to_bits().to_le_bytes());
+            }
+        };
+        match source {
+            Source::Design(variables) | Source::Point(variables) => numbers(&variables.values()),
+            Source::Run(run) => {
+                numbers(&run.frozen.values());
+                hash.update(run.model.as_deref().unwrap_or_default());
+            }
+        }
+        let digest = hash.finalize();
+        let first = digest.first_chunk().expect("SHA-256 has 32 bytes");
+        Generation(u64::from_le_bytes(*first))
+    }
 }
 
-/// What the simulator made of a design.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub enum DesignOutcome {
-    /// It can be simulated.
-    Simulated {
-        /// Its criteria, with the contact pressure of the unworn pair.
-        criteria: Criteria,
-        /// The contact pressure with Archard's wear, MPa.
-        hertz_pressure_worn_mpa: f64,
-        /// ΔSTE without wear, µm.
-        delta_ste_um: f64,
-        /// ΔSTE with Archard's wear, µm.
-        delta_ste_archard_um: f64,
-        /// The index of the first sample.
-        first: u32,
-        /// ΔSTE with random wear, µm.
-        samples_um: Vec<f64>,
+/// What comes of a unit.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Output {
+    /// Of a design that can be simulated.
+    Design {
+        /// What it is without random wear.
+        analysed: Analysed,
         /// Why it gets no samples, although it can be simulated: its constraints rule it out, as in
         /// `ruled-out: …`.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
         ruled_out: Option<String>,
+        /// ΔSTE with random wear, µm, from the unit's first sample on.
+        samples_um: Vec<f64>,
     },
-    /// It cannot be simulated, or the simulator failed on it.
-    Refused {
-        /// The reason's short name and a sentence, as in `contact-gap: …`.
-        reason: String,
-    },
+    /// Of a design that cannot be simulated: the reason's short name and a sentence, as in
+    /// `contact-gap: …`.
+    Refused(String),
+    /// Of a point: ΔSTE with random wear, µm, from the unit's first sample on.
+    Samples(Vec<f64>),
+    /// Of a run.
+    Run(Box<RunResult>),
+}
+
+/// A design without random wear.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Analysed {
+    /// Its criteria, with the contact pressure of the unworn pair.
+    pub criteria: Criteria,
+    /// The contact pressure with Archard's wear, MPa.
+    pub hertz_pressure_worn_mpa: f64,
+    /// ΔSTE without wear, µm.
+    pub delta_ste_um: f64,
+    /// ΔSTE with Archard's wear, µm.
+    pub delta_ste_archard_um: f64,
 }
 
 /// The name under which a panic of the simulator is recorded against a design.
@@ -145,224 +137,197 @@ pub const RULED_OUT: &str = "ruled-out";
 /// The name under which a result that is no number is recorded against a design.
 pub const NOT_A_NUMBER: &str = "not-a-number";
 
-/// Asked before every sample whether to go on; the argument gives what is finished by then, as a
-/// result that could be handed in.
-pub type KeepGoing<'a> = dyn Fn(&dyn Fn() -> TaskResult) -> bool + 'a;
+/// The largest ΔSTE that is believed, µm: a metre. A number beyond it would make everything that is
+/// learned from it worthless.
+pub const MAX_DELTA_STE_UM: f64 = 1e6;
 
-impl TaskResult {
-    /// Whether there is nothing in it, as in that of a task that was stopped before its first sample.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        match self {
-            Self::Sample { designs } => designs.is_empty(),
-            Self::Optimise { .. } => false,
-            Self::Verify { samples_um, .. } => samples_um.is_empty(),
-        }
+/// Whether a ΔSTE can be one: the difference of a largest and a smallest error is not negative.
+///
+/// # Errors
+///
+/// A sentence without subject: what it is, and what it would have to be.
+pub fn check_delta_ste(delta_ste_um: f64) -> Result<(), String> {
+    if (0.0..=MAX_DELTA_STE_UM).contains(&delta_ste_um) {
+        return Ok(());
     }
+    Err(format!(
+        "is {delta_ste_um:e} µm, but a ΔSTE lies between 0 and {MAX_DELTA_STE_UM:e} µm"
+    ))
 }
 
-/// Does a task.
+/// Asked before every sample whether to go on; the argument gives what is finished by then, as an
+/// output that could be handed in.
+pub type KeepGoing<'a> = dyn Fn(&dyn Fn() -> Option<Output>) -> bool + 'a;
+
+/// Computes a unit.
 ///
 /// # Errors
 ///
-/// A sentence for the task's failure record: the simulator failed, or refused a design that must
-/// be simulated, or the kriging model cannot be read. A design of the DoE that cannot be simulated
-/// is a result, not an error.
-pub fn execute(simulator: &dyn Simulator, task: &Task) -> Result<TaskResult, String> {
-    execute_until(simulator, task, &|_| true)
+/// A sentence for the failure's record: the simulator failed, or refused a point, or the kriging model
+/// cannot be read. A design of the DoE that cannot be simulated is an output, not an error.
+pub fn compute(simulator: &dyn Simulator, unit: &Unit, source: &Source) -> Result<Output, String> {
+    let output = compute_until(simulator, unit, source, &|_| true)?;
+    output.ok_or_else(|| "nothing was asked for".to_owned())
 }
 
-/// Does a task for as long as `keep_going` says, which is asked before every sample.
+/// Computes a unit for as long as `keep_going` says, which is asked before every sample. What is
+/// finished by then is given, from the first sample on; nothing before the first is. A run has no
+/// useful part and goes on to its end.
 ///
-/// What is finished by then is a valid partial result. A sampling task then gives the designs that
-/// were done, in their order, the last one possibly with fewer samples than asked for (but never
-/// none); a verifying task gives fewer samples; either may give nothing at all. An optimiser's run
-/// has no useful part and goes on to its end.
+/// Whether a design is refused does not depend on how its samples are cut: it is decided by its
+/// analyses, which are the same for every unit. A sample for which the simulator panics or gives no
+/// possible number is a failure, which names it.
 ///
 /// # Errors
 ///
-/// As [`execute`].
-pub fn execute_until(
+/// As [`compute`].
+pub fn compute_until(
     simulator: &dyn Simulator,
-    task: &Task,
+    unit: &Unit,
+    source: &Source,
     keep_going: &KeepGoing<'_>,
-) -> Result<TaskResult, String> {
-    match task {
-        Task::Sample { frozen, designs } => {
-            let mut done = Vec::with_capacity(designs.len());
-            for request in designs {
-                let with = |outcome: Option<DesignOutcome>| {
-                    let design = request.design;
-                    let last = outcome.map(|outcome| DesignResult { design, outcome });
-                    TaskResult::Sample {
-                        designs: done.iter().cloned().chain(last).collect(),
-                    }
-                };
-                let keep_going =
-                    |so_far: &dyn Fn() -> Option<DesignOutcome>| keep_going(&|| with(so_far()));
-                let outcome = guarded(|| simulate(simulator, frozen, request, &keep_going))?;
-                let Some(outcome) = outcome else { break };
-                done.push(DesignResult {
-                    design: request.design,
-                    outcome,
-                });
+) -> Result<Option<Output>, String> {
+    let stream = unit.stream;
+    match source {
+        Source::Design(variables) => {
+            if !keep_going(&|| None) {
+                return Ok(None);
             }
-            Ok(TaskResult::Sample { designs: done })
+            let analysed = guarded(|| analyse(simulator, variables));
+            let (mut design, analysed, ruled_out) = match analysed {
+                Ok(Ok(analysed)) => analysed,
+                Ok(Err(NoAnswer::Refused(reason))) => return Ok(Some(Output::Refused(reason))),
+                Ok(Err(NoAnswer::Failed(error))) => return Err(format!("{stream}: {error}")),
+                Err(panic) => {
+                    let reason = format!("{SIMULATOR_PANIC}: {panic}");
+                    return Ok(Some(Output::Refused(reason)));
+                }
+            };
+            let gets_samples = ruled_out.is_none() && !unit.samples.is_empty();
+            // Criteria alone are no answer to a request for samples.
+            let output = |samples_um: &[f64]| {
+                (!gets_samples || !samples_um.is_empty()).then(|| Output::Design {
+                    analysed,
+                    ruled_out: ruled_out.clone(),
+                    samples_um: samples_um.to_vec(),
+                })
+            };
+            if !gets_samples {
+                return Ok(output(&[]));
+            }
+            let names = Names {
+                seed: simulator.problem().campaign().seed,
+                purpose: Purpose::Wear,
+                design: stream.index,
+                coefficients: simulator.problem().campaign().sampling.coefficients(),
+            };
+            let keep_going = |drawn: &[f64]| keep_going(&|| output(drawn));
+            let samples_um = draw(design.as_mut(), names, unit, &keep_going)?;
+            Ok(output(&samples_um))
         }
-        Task::Optimise {
-            approach,
-            start,
-            frozen,
-            model,
-        } => {
-            let run = optimise::run(simulator, *approach, *start, frozen, model.as_deref())?;
-            Ok(TaskResult::Optimise { run: Box::new(run) })
-        }
-        Task::Verify {
-            point,
-            number,
-            variables,
-            samples,
-        } => {
-            let mut design = simulator
-                .prepare(variables)
-                .map_err(|error| format!("{point}: {error}"))?;
+        Source::Point(variables) => {
+            let prepared = guarded(|| simulator.prepare(variables));
+            let mut design = match prepared {
+                Ok(Ok(design)) => design,
+                Ok(Err(error)) => return Err(format!("{stream}: {error}")),
+                Err(panic) => return Err(format!("{stream}: {SIMULATOR_PANIC}: {panic}")),
+            };
             let names = Names {
                 seed: simulator.problem().campaign().seed,
                 purpose: Purpose::Verify,
-                design: *number,
+                design: stream.index,
                 // As many fresh samples as the file says, which judge all ways alike.
                 coefficients: stats::Sampling::Independent,
             };
-            let finite = |samples_um: &[f64]| {
-                let finite = samples_um.iter().position(|sample| !sample.is_finite());
-                samples_um[..finite.unwrap_or(samples_um.len())].to_vec()
+            let output = |samples_um: &[f64]| {
+                (!samples_um.is_empty()).then(|| Output::Samples(samples_um.to_vec()))
             };
-            let verified = |samples_um: &[f64]| TaskResult::Verify {
-                point: point.clone(),
-                first: samples.first,
-                samples_um: finite(samples_um),
-            };
-            let keep_going = |drawn: &[f64]| keep_going(&|| verified(drawn));
-            let samples_um = draw(design.as_mut(), names, *samples, &keep_going)
-                .map_err(|(sample, error)| format!("{point}, sample {sample}: {error}"))?;
-            if let Some(index) = samples_um.iter().position(|sample| !sample.is_finite()) {
-                let sample = samples.first as usize + index;
-                return Err(format!("{point}, sample {sample}: ΔSTE is not a number"));
-            }
-            Ok(verified(&samples_um))
+            let keep_going = |drawn: &[f64]| keep_going(&|| output(drawn));
+            let samples_um = draw(design.as_mut(), names, unit, &keep_going)?;
+            Ok(output(&samples_um))
+        }
+        Source::Run(run) => {
+            let model = run.model.as_deref();
+            let result = optimise::run(simulator, run.approach, run.start, &run.frozen, model)?;
+            Ok(Some(Output::Run(Box::new(result))))
         }
     }
 }
 
-/// [`KeepGoing`] of one design, which may have nothing to hand in yet.
-type KeepGoingWith<'a> = dyn Fn(&dyn Fn() -> Option<DesignOutcome>) -> bool + 'a;
-
-/// A design's outcome, or none when it was stopped before the first sample.
-type Simulated = Result<Option<DesignOutcome>, String>;
-
-/// Runs `simulate` and turns a panic into a refusal that carries its message.
-fn guarded(simulate: impl FnOnce() -> Simulated) -> Simulated {
-    catch_unwind(AssertUnwindSafe(simulate)).unwrap_or_else(|panic| {
+/// What `work` gives, or the message of its panic.
+fn guarded<T>(work: impl FnOnce() -> T) -> Result<T, String> {
+    catch_unwind(AssertUnwindSafe(work)).map_err(|panic| {
         let message = panic
             .downcast_ref::<String>()
             .map(String::as_str)
-            .or_else(|| panic.downcast_ref::<&str>().copied())
-            .unwrap_or("no message");
-        Ok(Some(DesignOutcome::Refused {
-            reason: format!("{SIMULATOR_PANIC}: {message}"),
-        }))
+            .or_else(|| panic.downcast_ref::<&str>().copied());
+        message.unwrap_or("no message").to_owned()
     })
 }
 
-fn simulate(
-    simulator: &dyn Simulator,
-    frozen: &Frozen,
-    request: &SampleRequest,
-    keep_going: &KeepGoingWith<'_>,
-) -> Simulated {
-    if !keep_going(&|| None) {
-        return Ok(None);
-    }
-    let number = request.design;
-    let variables = Variables::robust(&request.x, frozen);
-    let analysed = simulator.prepare(&variables).and_then(|mut design| {
-        let unworn = design.unworn()?;
-        let worn = design.archard()?;
-        Ok((design, unworn, worn))
-    });
-    let (mut design, unworn, worn) = match analysed {
-        Ok(analysed) => analysed,
-        Err(NoAnswer::Refused(reason)) => return Ok(Some(DesignOutcome::Refused { reason })),
-        Err(NoAnswer::Failed(error)) => return Err(format!("design {number}: {error}")),
-    };
+type Prepare<'a> = (Box<dyn Prepared + 'a>, Analysed, Option<String>);
+
+/// A design, ready to be sampled, with what its analyses say, and why it gets no samples.
+fn analyse<'a>(
+    simulator: &'a dyn Simulator,
+    variables: &Variables,
+) -> Result<Prepare<'a>, NoAnswer> {
+    let mut design = simulator.prepare(variables)?;
+    let unworn = design.unworn()?;
+    let worn = design.archard()?;
     let criteria = design.criteria(unworn.hertz_pressure_mpa);
-    let ruled_out = ruled_out(
-        simulator.problem(),
-        &design.criteria(worn.hertz_pressure_mpa),
-    );
-    let gets_samples = ruled_out.is_none() && request.samples.count > 0;
-    let simulated = |samples_um: &[f64]| DesignOutcome::Simulated {
+    let analysed = Analysed {
         criteria,
         hertz_pressure_worn_mpa: worn.hertz_pressure_mpa,
         delta_ste_um: unworn.delta_ste_um,
         delta_ste_archard_um: worn.delta_ste_um,
-        first: request.samples.first,
-        samples_um: samples_um.to_vec(),
-        ruled_out: ruled_out.clone(),
     };
-    // Criteria alone are no answer to a request for samples.
-    let outcome = |samples_um: &[f64]| {
-        (!gets_samples || !samples_um.is_empty()).then(|| if_finite(simulated(samples_um)))
-    };
-    if !gets_samples {
-        return Ok(outcome(&[]));
+    if !analysed.is_finite() {
+        return Err(NoAnswer::Refused(format!(
+            "{NOT_A_NUMBER}: the simulator gave a result that is no number"
+        )));
     }
-    let names = Names {
-        seed: simulator.problem().campaign().seed,
-        purpose: Purpose::Wear,
-        design: u64::from(number),
-        coefficients: simulator.problem().campaign().sampling.coefficients(),
-    };
-    let keep_going = |drawn: &[f64]| keep_going(&|| outcome(drawn));
-    let samples_um = draw(design.as_mut(), names, request.samples, &keep_going)
-        .map_err(|(sample, error)| format!("design {number}, sample {sample}: {error}"))?;
-    Ok(outcome(&samples_um))
+    for (name, Analysis { delta_ste_um, .. }) in [("unworn", unworn), ("with Archard's wear", worn)]
+    {
+        check_delta_ste(delta_ste_um)
+            .map_err(|why| NoAnswer::Failed(format!("ΔSTE {name} {why}")))?;
+    }
+    let of_worn = design.criteria(worn.hertz_pressure_mpa);
+    let ruled_out = ruled_out(simulator.problem(), &of_worn);
+    Ok((design, analysed, ruled_out))
 }
 
-/// The outcome itself, or a refusal if one of its numbers is none.
-fn if_finite(outcome: DesignOutcome) -> DesignOutcome {
-    let DesignOutcome::Simulated {
-        criteria,
-        hertz_pressure_worn_mpa,
-        delta_ste_um,
-        delta_ste_archard_um,
-        samples_um,
-        ..
-    } = &outcome
-    else {
-        return outcome;
-    };
-    let numbers = [
-        criteria.contact_ratio,
-        criteria.specific_sliding,
-        criteria.hertz_pressure_mpa,
-        criteria.root_stress_mpa,
-        *hertz_pressure_worn_mpa,
-        *delta_ste_um,
-        *delta_ste_archard_um,
-    ];
-    let is_finite = numbers
-        .iter()
-        .chain(samples_um)
-        .chain(&criteria.clearance_mm)
-        .chain(&criteria.flank_margin_mm)
-        .all(|number| number.is_finite());
-    if is_finite {
-        return outcome;
+impl Analysed {
+    /// All numbers in one order: what goes over the wire, but for the normal module, which follows
+    /// from the variables.
+    #[must_use]
+    pub const fn numbers(&self) -> [f64; 11] {
+        let Criteria {
+            contact_ratio,
+            specific_sliding,
+            hertz_pressure_mpa,
+            root_stress_mpa,
+            clearance_mm,
+            flank_margin_mm,
+            ..
+        } = self.criteria;
+        [
+            contact_ratio,
+            specific_sliding,
+            hertz_pressure_mpa,
+            self.hertz_pressure_worn_mpa,
+            root_stress_mpa,
+            clearance_mm[0],
+            clearance_mm[1],
+            flank_margin_mm[0],
+            flank_margin_mm[1],
+            self.delta_ste_um,
+            self.delta_ste_archard_um,
+        ]
     }
-    DesignOutcome::Refused {
-        reason: format!("{NOT_A_NUMBER}: the simulator gave a result that is no number"),
+
+    fn is_finite(&self) -> bool {
+        self.numbers().iter().all(|number| number.is_finite())
     }
 }
 
@@ -424,15 +389,20 @@ impl Names {
 fn draw(
     design: &mut dyn Prepared,
     names: Names,
-    samples: SampleRange,
+    unit: &Unit,
     keep_going: &dyn Fn(&[f64]) -> bool,
-) -> Result<Vec<f64>, (u32, String)> {
-    let mut drawn = Vec::with_capacity(samples.count as usize);
-    for index in samples.first..samples.first.saturating_add(samples.count) {
+) -> Result<Vec<f64>, String> {
+    let mut drawn = Vec::with_capacity(unit.samples.len());
+    for index in unit.samples.clone() {
         if !keep_going(&drawn) {
             break;
         }
-        drawn.push(names.draw(design, index).map_err(|error| (index, error))?);
+        let failed = |error: String| format!("{}, sample {index}: {error}", unit.stream);
+        let sample = guarded(|| names.draw(design, index))
+            .map_err(|panic| failed(format!("{SIMULATOR_PANIC}: {panic}")))?
+            .map_err(failed)?;
+        check_delta_ste(sample).map_err(|why| failed(format!("ΔSTE {why}")))?;
+        drawn.push(sample);
     }
     Ok(drawn)
 }

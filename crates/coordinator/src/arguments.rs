@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use clap::{ArgGroup, Args, Parser, Subcommand};
 use coordinator::export::Table;
 use coordinator::guard::GuardFiles;
+use coordinator::server;
 use coordinator::simulate::WearChoice;
 use worker::SimulatorArguments;
 use worker::client::Credentials;
@@ -110,9 +111,14 @@ pub(crate) struct Serve {
     /// Serve metrics for Prometheus at http://ADDR/metrics; loopback only, unless --insecure
     #[arg(long, value_name = "ADDR")]
     pub(crate) metrics: Option<SocketAddr>,
-    /// Stay up when the campaign is finished, until a signal comes
+    /// Stay up when the campaign is finished, until a signal or a drain comes
     #[arg(long)]
     pub(crate) keep_serving: bool,
+    /// After how many seconds of silence what a worker holds goes to others; a worker that was only
+    /// slow is not blamed, and what it brings late is kept
+    #[arg(long, value_name = "SECONDS", default_value_t = server::LEASE.as_secs(),
+        value_parser = clap::value_parser!(u64).range(2..=86_400))]
+    pub(crate) lease: u64,
 }
 
 #[derive(Debug, Args)]
@@ -163,9 +169,6 @@ pub(crate) struct Drain {
 pub(crate) struct Retry {
     #[command(flatten)]
     pub(crate) client: Client,
-    /// The jobs that were set aside because they failed again and again
-    #[arg(long)]
-    pub(crate) quarantined: bool,
 }
 
 #[derive(Debug, Args)]

@@ -4,7 +4,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::Write as _;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
+use std::time::{Duration, SystemTime};
 
 use campaign::formulation::Problem;
 use campaign::{Campaign, FileError, PairFile};
@@ -167,6 +167,7 @@ async fn run(arguments: arguments::Run) -> anyhow::Result<u8> {
         listen: SocketAddr::from(([127, 0, 0, 1], 0)),
         guard: Guard::default(),
         workers,
+        lease: server::LEASE,
         metrics: None,
     };
     conduct(plan).await
@@ -222,6 +223,7 @@ async fn serve(arguments: arguments::Serve) -> anyhow::Result<u8> {
         workers: Workers::Remote {
             keep_serving: arguments.keep_serving,
         },
+        lease: Duration::from_secs(arguments.lease),
         metrics: arguments.metrics,
     };
     conduct(plan).await
@@ -291,7 +293,7 @@ async fn conduct(plan: Plan) -> anyhow::Result<u8> {
             if given_up.is_empty() {
                 Ok(exit::OK)
             } else {
-                warn!(jobs = %given_up.join(", "), "finished, but some jobs were given up");
+                warn!(streams = %given_up.join(", "), "finished, but some samples were given up");
                 Ok(exit::INCOMPLETE)
             }
         }

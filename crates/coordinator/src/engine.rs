@@ -5,20 +5,21 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context as _;
-use campaign::batches::StreamId;
 use campaign::file::ControlVariate;
 use campaign::formulation::Problem;
-use campaign::plan::{self, LocalStep, VerifyPoint};
-use campaign::{Approach, Campaign, Frozen, LinearResponse};
+use campaign::plan::{self, LocalStep, Next, OpenDesign, VerifyPoint};
+use campaign::task::{Inputs, Source};
+use campaign::{Approach, Campaign, Frozen, LinearResponse, Variables};
+use ledger::{Generation, History, Kind, StreamId, Vanished, Wanted};
 use rustix::time::{ClockId, clock_gettime};
 use stats::streams::Purpose;
-use store::{Batch, FailureKind, OptimumRow, Store, Writer};
+use store::{Batch, FailureKind, FailureRow, OptimumRow, Store, Writer};
 use tokio::sync::{Mutex, MutexGuard};
 use tokio::time::{Instant, MissedTickBehavior};
 use tokio_util::sync::CancellationToken;
 use tracing::{error, info, warn};
 
-use crate::board::{Board, Vanished};
+use crate::board::Board;
 use crate::sampling::{self, Sampled, Samples};
 use crate::snapshot::{self, P90_MODEL};
 use crate::steps::{self, Cost, ModelSummary};
@@ -45,8 +46,11 @@ pub struct Engine {
     pub store: Store,
     /// The store's writer.
     pub writer: Writer,
-    /// The jobs and workers.
+    /// What is missing and who computes it.
     pub board: Arc<Board>,
+    inputs: Inputs,
+    /// The generations that the store takes results of.
+    generations: Mutex<BTreeMap<StreamId, Generation>>,
     /// The linear responses of designs, once they were needed.
     linear: Mutex<BTreeMap<u64, LinearResponse>>,
 }
@@ -54,19 +58,27 @@ pub struct Engine {
 /// How a campaign ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Ended {
-    /// The names of jobs that were given up.
+    /// The names of what was given up.
     pub given_up: Vec<String>,
 }
 
 impl Engine {
     /// An engine for a campaign.
     #[must_use]
-    pub fn new(problem: Arc<Problem>, store: Store, writer: Writer, board: Arc<Board>) -> Self {
+    pub fn new(
+        problem: Arc<Problem>,
+        model_digest: Option<&str>,
+        store: Store,
+        writer: Writer,
+        board: Arc<Board>,
+    ) -> Self {
         Self {
+            inputs: Inputs::new(problem.campaign(), model_digest),
             problem,
             store,
             writer,
             board,
+            generations: Mutex::default(),
             linear: Mutex::default(),
         }
     }
@@ -79,21 +91,15 @@ impl Engine {
     pub async fn run(&self, shutdown: &CancellationToken) -> anyhow::Result<Option<Ended>> {
         let references: &[VerifyPoint] = &references::points(&self.problem);
         let fit_failed = &mut None;
-        let more = &mut BTreeMap::new();
+        let more = &mut self.wants_more().await?;
         loop {
-            if shutdown.is_cancelled() {
+            if shutdown.is_cancelled() || self.board.is_drained() {
                 return Ok(None);
             }
             // Before the state is read: what is settled in between must not be slept through.
             let settled = self.board.watch();
             let mut state = snapshot::load(&self.store, self.campaign(), references, more).await?;
-            let (streams, runs) = self.board.given_up();
-            for job in &runs {
-                let (approach, start) = plan::run_parts(*job);
-                let approach = Approach::ALL.into_iter().find(|a| a.number() == approach);
-                state.failed_runs.extend(approach.map(|a| (a, start)));
-            }
-            state.given_up = streams;
+            state.given_up = self.board.given_up();
             state.fit_failed = fit_failed.is_some();
             let printed = self.problem.printed_frozen();
             let frozen = plan::frozen(self.campaign(), printed, &state);
@@ -101,23 +107,22 @@ impl Engine {
                 state.enrichment = enrichment::progress(&self.store, frozen).await?;
             }
             let next = plan::next(self.campaign(), printed, &state);
-            let finished = next.is_finished();
-            self.board.post(next.runs);
-            if let Some(frozen) = next.sampling {
-                self.board.post_designs(frozen, &state.open);
-            }
-            self.board.post_points(&next.points);
+            self.post(&next, &state.open).await?;
             self.board.open();
             if let Some(step) = next.local {
-                let frozen = plan::frozen(self.campaign(), self.problem.printed_frozen(), &state);
-                self.do_step(step, frozen, fit_failed, more).await?;
+                let step = self.do_step(step, frozen, fit_failed, more);
+                tokio::select! {
+                    done = step => done?,
+                    // What it computes is lost; nothing of it is stored before it is whole.
+                    () = shutdown.cancelled() => return Ok(None),
+                }
                 continue;
             }
-            if finished {
-                let mut given_up: Vec<String> =
-                    state.given_up.iter().map(|id| stream_name(*id)).collect();
-                given_up.extend(runs.into_iter().map(ingest::job_name));
-                return Ok(Some(Ended { given_up }));
+            if next.is_finished() {
+                let given_up = state.given_up.iter().map(|id| ingest::stream_name(*id));
+                return Ok(Some(Ended {
+                    given_up: given_up.collect(),
+                }));
             }
             tokio::select! {
                 () = settled => {}
@@ -152,26 +157,39 @@ impl Engine {
             }
             for vanished in self.board.expire() {
                 let Vanished {
-                    job,
-                    attempt,
+                    lease,
                     worker,
+                    stream,
+                    is_split,
                     given_up,
                 } = vanished;
-                let name = ingest::job_name(job);
-                let (kind, sentence) = if given_up {
-                    error!(job = %name, %worker, "too many workers vanished: the job is given up");
+                let name = if is_split {
+                    format!("{} and others", ingest::stream_name(stream))
+                } else {
+                    ingest::stream_name(stream)
+                };
+                let (kind, error) = if given_up {
+                    error!(stream = %name, %worker, "too many workers vanished: given up");
                     (
                         FailureKind::Quarantine,
                         "its workers vanished while they computed it",
                     )
                 } else {
-                    warn!(job = %name, %worker, "a worker vanished while it computed a job");
+                    warn!(stream = %name, %worker, "a worker vanished while it computed");
                     (
                         FailureKind::Crash,
                         "its worker vanished while it computed it",
                     )
                 };
-                let row = ingest::failure(job, attempt, &worker, kind, sentence);
+                let row = FailureRow {
+                    job: name,
+                    attempt: u32::try_from(lease.number).unwrap_or(u32::MAX),
+                    worker: worker.to_string(),
+                    serial: None,
+                    kind,
+                    error: error.to_owned(),
+                    at_unix_ms: None,
+                };
                 let batch = Batch {
                     failures: vec![row],
                     ..Batch::default()
@@ -179,6 +197,112 @@ impl Engine {
                 self.writer.submit(batch).await?;
             }
         }
+    }
+
+    /// Tells store and board what is missing.
+    async fn post(&self, next: &Next, open: &[OpenDesign]) -> anyhow::Result<()> {
+        let mut wanted = Vec::new();
+        let mut named = Vec::new();
+        let mut want = |stream: StreamId, source: Source, missing, name: Option<String>| {
+            let generation = self.inputs.generation(stream, &source);
+            named.extend(name.map(|name| (stream, name, generation)));
+            wanted.push(Wanted {
+                stream,
+                generation,
+                source: Arc::new(source),
+                missing,
+                history: History::default(),
+            });
+        };
+        for run in &next.runs {
+            let name = ingest::run_name(run.approach, run.start);
+            let missing = std::iter::once(0..1).collect();
+            want(run.stream(), Source::Run(run.clone()), missing, Some(name));
+        }
+        if let Some(frozen) = &next.sampling {
+            for design in open {
+                let variables = Variables::robust(&design.x, frozen);
+                let stream = StreamId::design(design.design);
+                // Its criteria tell whether it needs samples, so there always are some to ask for.
+                want(
+                    stream,
+                    Source::Design(variables),
+                    design.missing.clone(),
+                    None,
+                );
+            }
+        }
+        for point in &next.points {
+            self.board.name_point(point.number, &point.name);
+            let missing = ledger::gaps(&point.stored, point.wanted);
+            let source = Source::Point(point.variables);
+            want(
+                StreamId::point(point.number),
+                source,
+                missing,
+                Some(point.name.clone()),
+            );
+        }
+        // The store first: what is wanted on the board may come back at once.
+        let mut known = self.generations.lock().await;
+        named.retain(|(stream, _, generation)| known.get(stream) != Some(generation));
+        if !named.is_empty() {
+            let rows = named.iter();
+            let rows: Vec<(String, u64)> = rows
+                .map(|(_, name, generation)| (name.clone(), generation.0))
+                .collect();
+            self.store.put_generations(&rows).await?;
+            known.extend(
+                named
+                    .into_iter()
+                    .map(|(stream, _, generation)| (stream, generation)),
+            );
+        }
+        drop(known);
+        self.board.want(wanted);
+        Ok(())
+    }
+
+    /// Forgets what was learned from the samples of the DoE, and everything that rests on it: runs,
+    /// optima with their fresh samples, infill.
+    async fn forget_derived(&self) -> anyhow::Result<()> {
+        let is_sampled = |number: u64| SAMPLED.iter().any(|approach| approach.number() == number);
+        let is_derived = |stream: StreamId| match stream.kind {
+            Kind::Run => is_sampled(stream.run_parts().0.into()),
+            Kind::Design => false,
+            Kind::Point => {
+                is_sampled(stream.index) || campaign::enrichment::is_infill(stream.index)
+            }
+        };
+        self.board.forget(is_derived);
+        self.store.clear_derived(&SAMPLED_APPROACHES).await?;
+        self.generations
+            .lock()
+            .await
+            .retain(|stream, _| !is_derived(*stream));
+        Ok(())
+    }
+
+    /// The designs that want more samples than others: after a restart, too, of a campaign that went
+    /// on without those of designs that were given up.
+    async fn wants_more(&self) -> anyhow::Result<BTreeMap<u64, u64>> {
+        let settings = self.campaign().sampling;
+        let mut more = BTreeMap::new();
+        if settings.rule().is_none() {
+            return Ok(more);
+        }
+        for row in self.store.responses().await? {
+            let samples = self.store.samples_of(row.design).await?;
+            let held = samples
+                .iter()
+                .zip(0..)
+                .take_while(|((sample, _), i)| sample == i);
+            let held: Vec<f64> = held.map(|((_, value), _)| *value).collect();
+            if let Sampled::Wants { samples, .. } = sampling::sampled(&held, &settings)? {
+                more.insert(row.design, samples as u64);
+            }
+        }
+        Ok(more)
     }
 
     fn campaign(&self) -> &Campaign {
@@ -248,8 +372,7 @@ impl Engine {
         if !self.store.responses().await?.is_empty() {
             // Samples came after the model was fitted, as of jobs that got another chance: what
             // was learned without them is learned again.
-            self.board.forget_derived(&SAMPLED);
-            self.store.clear_derived(&SAMPLED_APPROACHES).await?;
+            self.forget_derived().await?;
         }
         let settings = self.campaign().sampling;
         let (first, most) = (
@@ -257,9 +380,9 @@ impl Engine {
             settings.samples_max() as usize,
         );
         let linear = self.linear_responses(frozen).await?;
-        let (given_up, _) = self.board.given_up();
+        let given_up = self.board.given_up();
         let is_given_up = |design| {
-            u32::try_from(design).is_ok_and(|design| given_up.contains(&StreamId::Design(design)))
+            u32::try_from(design).is_ok_and(|design| given_up.contains(&StreamId::design(design)))
         };
         let mut rows = Vec::new();
         let mut wanting = BTreeMap::new();
@@ -466,22 +589,10 @@ impl Engine {
             simulator_calls: steps::sampling_calls(&criteria, samples) + control,
             cpu_seconds: times
                 .iter()
-                .filter(|row| plan::JobKind::of(row.job) == Some(plan::JobKind::Sample))
+                .filter(|row| matches!(ingest::timed(row.job), Some((Kind::Design, _))))
                 .map(|row| row.cpu_seconds)
                 .sum(),
         })
-    }
-}
-
-/// A design or point, as people see it.
-fn stream_name(id: StreamId) -> String {
-    match id {
-        StreamId::Design(design) => format!("samples of design {design}"),
-        StreamId::Point(number) if campaign::enrichment::is_infill(number) => {
-            let mark = campaign::enrichment::mark(number);
-            format!("samples of infill point {mark}")
-        }
-        StreamId::Point(number) => format!("fresh samples of point {number}"),
     }
 }
 

@@ -23,6 +23,7 @@ use store::{
 use tracing::{info, warn};
 
 use crate::engine::{Engine, blocking};
+use crate::ingest;
 use crate::sampling::{self, Sampled as Enough, Samples};
 use crate::steps::{self, Cost};
 
@@ -561,8 +562,8 @@ impl Engine {
 /// The CPU time of the samples of these infill points, seconds.
 pub(crate) fn infill_seconds(times: &[store::JobTimeRow], numbers: &BTreeSet<u64>) -> f64 {
     let is_infill = |row: &&store::JobTimeRow| {
-        campaign::plan::JobKind::of(row.job) == Some(campaign::plan::JobKind::Verify)
-            && numbers.contains(&campaign::batches::parts(row.job).0)
+        matches!(ingest::timed(row.job),
+            Some((ledger::Kind::Point, number)) if numbers.contains(&number))
     };
     times
         .iter()

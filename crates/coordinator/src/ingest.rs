@@ -1,282 +1,282 @@
 //! From what workers hand in to rows of the store.
 
-use campaign::batches::{self, StreamId};
-use campaign::enrichment;
-use campaign::plan::{JobKind, run_parts};
-use campaign::task::{DesignOutcome, SampleRange, Task, TaskResult};
-use store::{
-    Batch, CriteriaRow, FailureKind, FailureRow, JobTimeRow, OptimiserRunRow, SampleRow, VerifyRow,
-};
+use campaign::task::{Output, check_delta_ste};
+use campaign::{Approach, enrichment};
+use ledger::{Kind, StreamId, Unit};
+use protocol::v2::UnitResult;
+use store::{Batch, CriteriaRow, JobTimeRow, OptimiserRunRow, SampleRow, VerifyRow};
 
-use crate::board::Covered;
-
-/// A result as rows, with what they settle.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Parsed {
-    /// The rows.
-    pub batch: Batch,
-    /// What they settle once they are stored.
-    pub covered: Vec<Covered>,
+/// What a worker says of one unit, read and checked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Read {
+    /// What it covers.
+    pub unit: Unit,
+    /// What is to be stored, or why there is nothing.
+    pub rows: Result<Batch, String>,
+    /// Whether the design needs no samples.
+    pub is_refused: bool,
+    /// The worker's own number of a failure, if it gave one.
+    pub serial: Option<u64>,
 }
 
-/// Reads a result and turns it into rows, after checking that it answers `task`, or a part of it,
-/// and nothing else.
-///
-/// `task` is none for a job that the board does not know, as when it was done twice or given out
-/// before a restart. Samples of the DoE are then taken all the same, because they are what they
-/// are whoever asks; runs and fresh samples depend on a model or an optimum that may have been
-/// replaced, so nothing is made of them.
+/// Reads what came of a unit and turns it into rows. Numbers that cannot be are a failure. `point` says
+/// what a point is called in the store.
 ///
 /// # Errors
 ///
-/// A sentence: the result cannot be read or answers another question.
-pub fn rows(
-    job: u64,
-    task: Option<&Task>,
-    payload: &[u8],
-    cpu_seconds: f64,
-) -> Result<Parsed, String> {
-    let result: TaskResult = serde_json::from_slice(payload)
-        .map_err(|error| format!("the result cannot be read: {error}"))?;
-    if let Some(task) = task
-        && !answers(&result, task)
-    {
-        return Err("the result answers another task than the one leased".to_owned());
-    }
-    let cpu_seconds = if cpu_seconds.is_finite() && cpu_seconds >= 0.0 {
-        cpu_seconds
-    } else {
-        0.0
-    };
-    let mut batch = Batch::default();
-    let mut covered = Vec::new();
-    let mut cover = |stream, first: u32, samples: usize| {
-        // More samples than that do not fit into a message.
-        let count = u32::try_from(samples).unwrap_or(u32::MAX);
-        covered.push(Covered::Samples(stream, SampleRange { first, count }));
-    };
-    match result {
-        TaskResult::Sample { designs } => {
-            let mut refused = Vec::new();
-            for result in designs {
-                let design = u64::from(result.design);
-                match result.outcome {
-                    DesignOutcome::Refused { reason } => {
-                        refused.push(Covered::Refused(result.design));
-                        batch.criteria.push(CriteriaRow {
-                            design,
-                            feasible: false,
-                            reason: Some(reason),
-                            ..CriteriaRow::default()
-                        });
-                    }
-                    DesignOutcome::Simulated {
-                        criteria,
-                        hertz_pressure_worn_mpa,
-                        delta_ste_um,
-                        delta_ste_archard_um,
-                        first,
-                        samples_um,
-                        ruled_out,
-                    } => {
-                        if ruled_out.is_some() {
-                            refused.push(Covered::Refused(result.design));
-                        } else {
-                            cover(StreamId::Design(result.design), first, samples_um.len());
-                        }
-                        batch.criteria.push(CriteriaRow {
-                            design,
-                            feasible: true,
-                            reason: ruled_out,
-                            contact_ratio: Some(criteria.contact_ratio),
-                            specific_sliding: Some(criteria.specific_sliding),
-                            hertz_pressure_mpa: Some(criteria.hertz_pressure_mpa),
-                            hertz_pressure_worn_mpa: Some(hertz_pressure_worn_mpa),
-                            root_stress_mpa: Some(criteria.root_stress_mpa),
-                            clearance_p_mm: Some(criteria.clearance_mm[0]),
-                            clearance_r_mm: Some(criteria.clearance_mm[1]),
-                            flank_margin_p_mm: Some(criteria.flank_margin_mm[0]),
-                            flank_margin_r_mm: Some(criteria.flank_margin_mm[1]),
-                            delta_ste_um: Some(delta_ste_um),
-                            delta_ste_archard_um: Some(delta_ste_archard_um),
-                        });
-                        batch
-                            .samples
-                            .extend(samples_um.iter().zip(u64::from(first)..).map(
-                                |(&delta_ste_um, sample)| SampleRow {
-                                    design,
-                                    sample,
-                                    delta_ste_um,
-                                },
-                            ));
-                    }
-                }
+/// A sentence without subject: the message does not even say what it is about.
+pub fn read(
+    result: &UnitResult,
+    point: impl Fn(StreamId) -> Option<String>,
+) -> Result<Read, protocol::Malformed> {
+    let (unit, output) = match protocol::output(result) {
+        Ok(read) => read,
+        Err(malformed) => {
+            // A worker that sends nonsense about a stream has failed it.
+            let unit = result.unit.as_ref().map(Unit::try_from);
+            match unit {
+                Some(Ok(unit)) => (unit, Err(format!("the worker's result {malformed}"))),
+                _ => return Err(malformed),
             }
-            covered.extend(refused);
         }
-        _ if task.is_none() => return Ok(Parsed::default()),
-        TaskResult::Optimise { run } => batch.runs.push(OptimiserRunRow {
-            approach: run.approach.name().to_owned(),
-            start: u64::from(run.start),
-            result_json: serde_json::to_string(&run)
-                .map_err(|error| format!("the run cannot be written: {error}"))?,
-            simulator_calls: run.simulator_calls,
-            cpu_seconds,
+    };
+    let is_refused = matches!(
+        &output,
+        Ok(Output::Refused(_)
+            | Output::Design {
+                ruled_out: Some(_),
+                ..
+            })
+    );
+    let is_time = result.cpu_seconds.is_finite() && result.cpu_seconds >= 0.0;
+    let cpu_seconds = if is_time { result.cpu_seconds } else { 0.0 };
+    let rows = output
+        .and_then(|output| rows(&unit, output, cpu_seconds, &point))
+        .map_err(|error| format!("{}: {error}", stream_name(unit.stream)));
+    Ok(Read {
+        unit,
+        rows,
+        is_refused,
+        serial: (result.serial > 0).then_some(result.serial),
+    })
+}
+
+fn rows(
+    unit: &Unit,
+    output: Output,
+    cpu_seconds: f64,
+    point: impl Fn(StreamId) -> Option<String>,
+) -> Result<Batch, String> {
+    let mut batch = Batch::default();
+    let stream = unit.stream;
+    let numbered = |samples_um: &[f64]| {
+        let numbered: Vec<(u64, f64)> = (u64::from(unit.samples.start)..)
+            .zip(samples_um.iter().copied())
+            .collect();
+        for (sample, delta_ste_um) in &numbered {
+            check_delta_ste(*delta_ste_um)
+                .map_err(|why| format!("ΔSTE of sample {sample} {why}"))?;
+        }
+        Ok::<_, String>(numbered)
+    };
+    match output {
+        Output::Refused(reason) => batch.criteria.push(CriteriaRow {
+            design: stream.index,
+            feasible: false,
+            reason: Some(reason),
+            ..CriteriaRow::default()
         }),
-        TaskResult::Verify {
-            point,
-            first,
+        Output::Design {
+            analysed,
+            ruled_out,
             samples_um,
         } => {
-            if let Some(Task::Verify { number, .. }) = task {
-                cover(StreamId::Point(*number), first, samples_um.len());
+            for delta_ste_um in [analysed.delta_ste_um, analysed.delta_ste_archard_um] {
+                check_delta_ste(delta_ste_um).map_err(|why| format!("ΔSTE {why}"))?;
             }
-            batch
-                .verify
-                .extend(samples_um.iter().zip(u64::from(first)..).map(
-                    |(&delta_ste_um, sample)| VerifyRow {
-                        approach: point.clone(),
-                        sample,
-                        delta_ste_um,
-                    },
-                ));
+            let criteria = analysed.criteria;
+            batch.criteria.push(CriteriaRow {
+                design: stream.index,
+                feasible: true,
+                reason: ruled_out,
+                contact_ratio: Some(criteria.contact_ratio),
+                specific_sliding: Some(criteria.specific_sliding),
+                hertz_pressure_mpa: Some(criteria.hertz_pressure_mpa),
+                hertz_pressure_worn_mpa: Some(analysed.hertz_pressure_worn_mpa),
+                root_stress_mpa: Some(criteria.root_stress_mpa),
+                clearance_p_mm: Some(criteria.clearance_mm[0]),
+                clearance_r_mm: Some(criteria.clearance_mm[1]),
+                flank_margin_p_mm: Some(criteria.flank_margin_mm[0]),
+                flank_margin_r_mm: Some(criteria.flank_margin_mm[1]),
+                delta_ste_um: Some(analysed.delta_ste_um),
+                delta_ste_archard_um: Some(analysed.delta_ste_archard_um),
+            });
+            let row = |(sample, delta_ste_um)| SampleRow {
+                design: stream.index,
+                sample,
+                delta_ste_um,
+            };
+            batch.samples = numbered(&samples_um)?.into_iter().map(row).collect();
+        }
+        Output::Samples(samples_um) => {
+            let point = point(stream).ok_or("is of a point that nobody asked for")?;
+            batch.only_for = Some((point.clone(), unit.generation.0));
+            let row = |(sample, delta_ste_um)| VerifyRow {
+                approach: point.clone(),
+                sample,
+                delta_ste_um,
+            };
+            batch.verify = numbered(&samples_um)?.into_iter().map(row).collect();
+        }
+        Output::Run(run) => {
+            if StreamId::run(run.approach.number() as u32, run.start) != stream {
+                return Err("the worker's result is another run's".to_owned());
+            }
+            let name = run_name(run.approach, run.start);
+            batch.only_for = Some((name, unit.generation.0));
+            batch.runs.push(OptimiserRunRow {
+                approach: run.approach.name().to_owned(),
+                start: u64::from(run.start),
+                result_json: serde_json::to_string(&run)
+                    .map_err(|error| format!("the run cannot be written: {error}"))?,
+                simulator_calls: run.simulator_calls,
+                cpu_seconds,
+            });
         }
     }
-    batch.times.push(JobTimeRow { job, cpu_seconds });
-    Ok(Parsed { batch, covered })
+    batch.times.push(JobTimeRow {
+        job: time_key(unit),
+        cpu_seconds,
+    });
+    Ok(batch)
 }
 
-/// The record of a failed attempt.
+/// What a run is called in the store where generations are.
 #[must_use]
-pub fn failure(job: u64, attempt: u32, worker: &str, kind: FailureKind, error: &str) -> FailureRow {
-    FailureRow {
-        job: job_name(job),
-        attempt,
-        worker: worker.to_owned(),
-        serial: None,
-        kind,
-        error: error.to_owned(),
-        at_unix_ms: None,
-    }
+pub fn run_name(approach: Approach, start: u32) -> String {
+    format!("run {} {start}", approach.name())
 }
 
-/// A job's number as people see it.
+/// A stream as people see it.
 #[must_use]
-pub fn job_name(job: u64) -> String {
-    let (index, first) = batches::parts(job);
-    match JobKind::of(job) {
-        Some(JobKind::Sample) => format!("sample-{index}-{first}"),
-        Some(JobKind::Verify) if enrichment::is_infill(index) => {
-            format!("infill-{}-{first}", enrichment::mark(index))
+pub fn stream_name(stream: StreamId) -> String {
+    let approach = |number: u64| Approach::ALL.into_iter().find(|a| a.number() == number);
+    match stream.kind {
+        Kind::Run => {
+            let (number, start) = stream.run_parts();
+            let name = approach(number.into()).map_or("unknown", Approach::name);
+            format!("run-{name}-{start}")
         }
-        Some(JobKind::Verify) => format!("verify-{index}-{first}"),
-        Some(JobKind::Optimise) => {
-            let (approach, start) = run_parts(job);
-            format!("optimise-{approach}-{start}")
+        Kind::Design => stream.to_string(),
+        Kind::Point if enrichment::is_infill(stream.index) => {
+            format!("infill-{}", enrichment::mark(stream.index))
         }
-        None => format!("unknown-{job:016x}"),
+        Kind::Point => match approach(stream.index) {
+            Some(approach) => format!("verify-{}", approach.name()),
+            None => stream.to_string(),
+        },
     }
 }
 
-/// Whether a result answers a task, or the beginning of it.
-fn answers(result: &TaskResult, task: &Task) -> bool {
-    match (result, task) {
-        (TaskResult::Sample { designs: results }, Task::Sample { designs, .. }) => {
-            results.len() <= designs.len()
-                && results.iter().zip(designs).all(|(result, request)| {
-                    result.design == request.design
-                        && match &result.outcome {
-                            DesignOutcome::Refused { .. } => true,
-                            DesignOutcome::Simulated {
-                                first, samples_um, ..
-                            } => {
-                                *first == request.samples.first
-                                    && samples_um.len() <= request.samples.count as usize
-                            }
-                        }
-                })
+/// The key of what a unit cost, in the store: the kind 8 bits, then for samples 4 bits of nought, the
+/// stream's index 28 and the first sample 24; for a run the approach 8, the start 16 and a part of the
+/// generation 32.
+fn time_key(unit: &Unit) -> u64 {
+    let (stream, first) = (unit.stream, u64::from(unit.samples.start));
+    match stream.kind {
+        Kind::Run => {
+            let (approach, start) = stream.run_parts();
+            let stamp = unit.generation.0 & 0xffff_ffff;
+            1 << 56 | u64::from(approach) << 48 | u64::from(start) << 32 | stamp
         }
-        (
-            TaskResult::Optimise { run },
-            Task::Optimise {
-                approach, start, ..
-            },
-        ) => run.approach == *approach && run.start == *start,
-        (
-            TaskResult::Verify {
-                point,
-                first,
-                samples_um,
-            },
-            Task::Verify {
-                point: asked,
-                samples,
-                ..
-            },
-        ) => {
-            point == asked && *first == samples.first && samples_um.len() <= samples.count as usize
-        }
-        _ => false,
+        Kind::Design => 2 << 56 | stream.index << 24 | first,
+        Kind::Point => 3 << 56 | stream.index << 24 | first,
+    }
+}
+
+/// The kind of what a time in the store was taken of, and for samples the stream's index.
+#[must_use]
+pub const fn timed(job: u64) -> Option<(Kind, u64)> {
+    let index = (job >> 24) & 0x0fff_ffff;
+    match job >> 56 {
+        1 => Some((Kind::Run, 0)),
+        2 => Some((Kind::Design, index)),
+        3 => Some((Kind::Point, index)),
+        _ => None,
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use campaign::Frozen;
-    use campaign::task::SampleRequest;
+    use ledger::Generation;
 
     use super::*;
 
-    fn task() -> Task {
-        Task::Sample {
-            frozen: Frozen {
-                tip_radius_mm: [0.0; 2],
-                root_radius_mm: [0.1; 2],
-                helix_angle_deg: 0.0,
-            },
-            designs: vec![SampleRequest {
-                design: 7,
-                x: [0.0; 6],
-                samples: SampleRange {
-                    first: 0,
-                    count: 30,
-                },
-            }],
+    fn unit(stream: StreamId, samples: std::ops::Range<u32>) -> Unit {
+        Unit {
+            stream,
+            generation: Generation(0xabcd_0000_1234),
+            samples,
         }
     }
 
-    #[test]
-    fn an_answer_to_another_question_is_refused() {
-        let answer = br#"{"sample":{"designs":
-            [{"design":8,"outcome":{"refused":{"reason":"contact-gap: no"}}}]}}"#;
-        let error = rows(0, Some(&task()), answer, 0.0).unwrap_err();
-        assert!(error.contains("another task"), "{error}");
-    }
-
-    #[test]
-    fn garbage_is_refused() {
-        assert!(rows(0, Some(&task()), b"\xff\x00", 0.0).is_err());
-        assert!(rows(0, Some(&task()), br#"{"sample":{}}"#, 0.0).is_err());
+    fn of(unit: &Unit, outcome: Result<Output, String>) -> Read {
+        let sent = protocol::result(unit, &outcome.map(Some), f64::NAN);
+        read(&sent, |_| Some("kriging".to_owned())).unwrap()
     }
 
     #[test]
     fn a_refused_design_becomes_a_row_with_its_reason() {
-        let answer = br#"{"sample":{"designs":
-            [{"design":7,"outcome":{"refused":{"reason":"contact-gap: no"}}}]}}"#;
-        let Parsed { batch, covered } = rows(0, Some(&task()), answer, f64::NAN).unwrap();
-        assert_eq!(covered, [Covered::Refused(7)]);
-        assert_eq!(batch.criteria.len(), 1);
+        let design = unit(StreamId::design(7), 0..30);
+        let read = of(&design, Ok(Output::Refused("contact-gap: no".to_owned())));
+        assert!(read.is_refused && read.unit.samples.is_empty());
+        let batch = read.rows.unwrap();
         assert!(!batch.criteria[0].feasible);
         assert_eq!(batch.criteria[0].reason.as_deref(), Some("contact-gap: no"));
         assert_eq!(batch.times[0].cpu_seconds, 0.0);
+        assert_eq!(timed(batch.times[0].job), Some((Kind::Design, 7)));
     }
 
     #[test]
-    fn a_result_that_nobody_waits_for_is_kept_only_if_it_cannot_be_stale() {
-        let sample = br#"{"sample":{"designs":
-            [{"design":8,"outcome":{"refused":{"reason":"contact-gap: no"}}}]}}"#;
-        assert_eq!(rows(0, None, sample, 0.0).unwrap().batch.criteria.len(), 1);
-        let verify = br#"{"verify":{"point":"archard","first":0,"samples_um":[1.5]}}"#;
-        assert_eq!(rows(0, None, verify, 0.0).unwrap(), Parsed::default());
+    fn samples_of_a_point_are_stored_for_their_generation_only() {
+        let point = unit(StreamId::point(3), 5..7);
+        let batch = of(&point, Ok(Output::Samples(vec![1.0, 2.0])))
+            .rows
+            .unwrap();
+        assert_eq!(
+            batch.only_for,
+            Some(("kriging".to_owned(), 0xabcd_0000_1234))
+        );
+        let samples: Vec<u64> = batch.verify.iter().map(|row| row.sample).collect();
+        assert_eq!(samples, [5, 6]);
+        assert_eq!(timed(batch.times[0].job), Some((Kind::Point, 3)));
+    }
+
+    #[test]
+    fn numbers_that_cannot_be_are_a_failure_of_their_stream() {
+        let point = unit(StreamId::point(3), 5..7);
+        for (absurd, shown) in [(-5.0, "-5e0"), (1e308, "1e308"), (f64::NAN, "NaN")] {
+            let read = of(&point, Ok(Output::Samples(vec![1.0, absurd])));
+            let error = read.rows.unwrap_err();
+            let expected = format!("verify-kriging: ΔSTE of sample 6 is {shown} µm");
+            assert!(error.starts_with(&expected), "{error}");
+        }
+        let mut nonsense = protocol::result(&point, &Ok(None), 0.0);
+        let error = read(&nonsense, |_| None).unwrap().rows.unwrap_err();
+        assert!(error.contains("the worker's result must be"), "{error}");
+        nonsense.unit = None;
+        assert!(read(&nonsense, |_| None).is_err());
+    }
+
+    #[test]
+    fn streams_have_names_for_people() {
+        let run = StreamId::run(Approach::Kriging.number() as u32, 2);
+        let infill = StreamId::point(enrichment::point_number(3, &[0.5; 6], &[]));
+        assert_eq!(stream_name(run), "run-kriging-2");
+        assert_eq!(stream_name(StreamId::point(2)), "verify-archard");
+        assert!(stream_name(infill).starts_with("infill-"));
+        assert_eq!(stream_name(StreamId::design(7)), "design-7");
+        let key = time_key(&unit(run, 0..1));
+        assert_eq!(timed(key), Some((Kind::Run, 0)));
     }
 }

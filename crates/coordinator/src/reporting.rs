@@ -165,12 +165,12 @@ fn header(sources: &Sources, samples_digest: String, times: &[store::JobTimeRow]
 
     let mut stages: BTreeMap<_, f64> = BTreeMap::new();
     for time in times {
-        if let Some(kind) = campaign::plan::JobKind::of(time.job) {
+        if let Some((kind, _)) = crate::ingest::timed(time.job) {
             *stages.entry(kind).or_default() += time.cpu_seconds;
         }
     }
     let seconds = |kind| stages.get(&kind).copied().unwrap_or(0.0);
-    use campaign::plan::JobKind::{Optimise, Sample, Verify};
+    use ledger::Kind::{Design, Point, Run};
     let fit = sources
         .model
         .as_ref()
@@ -198,10 +198,10 @@ fn header(sources: &Sources, samples_digest: String, times: &[store::JobTimeRow]
     let sampled = sources.infill.iter().filter(|row| !row.failed);
     let enriching = searching + sampled.map(|row| row.samples).sum::<u64>();
     let mut costs = vec![
-        stage("sample", seconds(Sample)),
+        stage("sample", seconds(Design)),
         stage("fit", fit),
-        stage("optimise", seconds(Optimise)),
-        stage("verify", seconds(Verify) - infill),
+        stage("optimise", seconds(Run)),
+        stage("verify", seconds(Point) - infill),
     ];
     if campaign.enrichment.is_some() {
         costs.insert(3, stage("enrich", infill + deciding));

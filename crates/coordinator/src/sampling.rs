@@ -306,7 +306,8 @@ mod tests {
     #[test]
     fn every_kind_of_coefficients_states_the_variance_it_has() {
         use campaign::file::WearCoefficients;
-        use campaign::task::{self, DesignOutcome, SampleRange, SampleRequest, Task, TaskResult};
+        use campaign::task::{self, Output, Source};
+        use ledger::{Generation, StreamId, Unit};
 
         let mut campaign =
             campaign::Campaign::parse("paper.toml", campaign::Campaign::PAPER).unwrap();
@@ -322,26 +323,18 @@ mod tests {
         ] {
             campaign.sampling.coefficients = coefficients;
             let problem = Problem::new(campaign.clone());
-            let request = |design| SampleRequest {
-                design,
-                // The paper's Figure 7.
-                x: [0.49, 0.49, 1.20, 1.11, 1.00, 1.09],
-                samples: SampleRange {
-                    first: 0,
-                    count: samples,
-                },
-            };
-            let task = Task::Sample {
-                frozen: problem.printed_frozen(),
-                designs: (0..replications).map(request).collect(),
-            };
-            let Ok(TaskResult::Sample { designs }) = task::execute(&problem, &task) else {
-                panic!("designs are sampled")
-            };
-            let rows: Vec<ResponseRow> = designs
-                .iter()
+            // The paper's Figure 7.
+            let x = [0.49, 0.49, 1.20, 1.11, 1.00, 1.09];
+            let source = Source::Design(Variables::robust(&x, &problem.printed_frozen()));
+            let rows: Vec<ResponseRow> = (0..replications)
                 .map(|design| {
-                    let DesignOutcome::Simulated { samples_um, .. } = &design.outcome else {
+                    let unit = Unit {
+                        stream: StreamId::design(design),
+                        generation: Generation::default(),
+                        samples: 0..samples,
+                    };
+                    let output = task::compute(&problem, &unit, &source);
+                    let Ok(Output::Design { samples_um, .. }) = &output else {
                         panic!("the paper's design can be simulated")
                     };
                     let samples = Samples::plain(samples_um);

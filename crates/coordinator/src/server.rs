@@ -12,7 +12,7 @@ use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
 
-use crate::board::Board;
+use crate::board::{Board, Course};
 use crate::engine::{Ended, Engine, SAMPLED_APPROACHES};
 use crate::guard::Guard;
 use crate::listening;
@@ -20,8 +20,11 @@ use crate::service::{Recorder as _, Service, StoreRecorder};
 use crate::status::Status;
 use crate::{local, metrics, reporting};
 
-/// How long a worker may be silent before its jobs go to others.
-const LEASE: Duration = Duration::from_secs(5);
+/// How long a worker may be silent before others get what it holds, unless somebody says otherwise.
+pub const LEASE: Duration = Duration::from_secs(30);
+/// How long after a restart nothing is leased, so that workers can say what they hold: as long as their
+/// pauses between two attempts to reach a coordinator become, but no more than a part of a lease.
+const GRACE: Duration = Duration::from_secs(3);
 /// How long workers get to hear that the campaign is finished.
 const FAREWELL: Duration = Duration::from_secs(3);
 
@@ -62,6 +65,8 @@ pub struct Plan {
     pub out: PathBuf,
     /// Who computes.
     pub workers: Workers,
+    /// How long a worker may be silent before others get what it holds.
+    pub lease: Duration,
     /// Where metrics are served, if anywhere.
     pub metrics: Option<SocketAddr>,
 }
@@ -93,7 +98,7 @@ pub enum Error {
 pub enum Outcome {
     /// All stages are done and the report is written.
     Finished {
-        /// Jobs that were given up.
+        /// What was given up.
         given_up: Vec<String>,
         /// The report.
         report: PathBuf,
@@ -198,21 +203,24 @@ async fn run_open(
         store.pin_model_digest(digest).await?;
     }
     let writer = store.writer()?;
-    let options = scheduler::Options {
-        lease: LEASE,
-        ..scheduler::Options::default()
+    let options = ledger::Options {
+        lease: plan.lease,
+        long_samples: plan.campaign.is_external(),
+        ..ledger::Options::default()
     };
     let board = Arc::new(Board::new(options, rand::random()));
     board.remember(store.job_histories().await?);
-    if plan.campaign.is_external() {
-        board.expect_long_samples();
+    // Workers that nobody can have started before need not be waited for.
+    let is_remote = matches!(plan.workers, Workers::Remote { .. });
+    if is_remote && store.progress().await?.designs > 0 {
+        board.hold_back(GRACE.min(plan.lease / 4));
     }
     let recorder = StoreRecorder::new(store)?;
     let service = Service {
         board: Arc::clone(&board),
         recorder: recorder.clone(),
         campaign_json: plan.campaign.to_json(),
-        model_digest,
+        model_digest: model_digest.clone(),
     };
     let hang_up = CancellationToken::new();
     let server = tokio::spawn(listening::serve(
@@ -239,7 +247,13 @@ async fn run_open(
         }
         Workers::Remote { .. } => tokio::task::JoinSet::new(),
     };
-    let engine = Engine::new(Arc::clone(problem), store.clone(), writer, board);
+    let engine = Engine::new(
+        Arc::clone(problem),
+        model_digest.as_deref(),
+        store.clone(),
+        writer,
+        board,
+    );
     let outcome = loop {
         let ended = tokio::select! {
             ended = engine.run(shutdown) => ended.map_err(Error::from),
@@ -254,7 +268,15 @@ async fn run_open(
         };
         let given_up = match ended {
             Ok(Some(Ended { given_up })) => given_up,
-            Ok(None) => break Ok(Outcome::Interrupted),
+            Ok(None) => {
+                if engine.board.is_drained() {
+                    // Nobody will lease anything any more. After a signal a coordinator may be
+                    // back in a moment, and workers wait for it.
+                    engine.board.set_course(Course::Leave);
+                    farewell(&engine.board).await;
+                }
+                break Ok(Outcome::Interrupted);
+            }
             Err(error) => break Err(error),
         };
         // Nothing is called finished of which the check of a large file is still to tell.
@@ -265,13 +287,14 @@ async fn run_open(
             .await
             .map_err(Error::from)?;
         info!(report = %report.display(), "report written");
-        engine.board.finish();
+        engine.board.set_course(Course::Finished);
         farewell(&engine.board).await;
         if plan.workers == (Workers::Remote { keep_serving: true }) {
             info!("finished; serving on until a signal comes");
             tokio::select! {
                 () = shutdown.cancelled() => {}
                 () = engine.board.reopened() => continue,
+                () = engine.board.drained() => {}
             }
         }
         break Ok(Outcome::Finished { given_up, report });
@@ -324,10 +347,10 @@ async fn observe(observer: Observer, board: Arc<Board>, recorder: StoreRecorder)
     }
 }
 
-/// Waits until the workers know that the campaign is finished, so that they leave by themselves.
+/// Waits until the workers know that they are to leave.
 async fn farewell(board: &Board) {
     let deadline = tokio::time::Instant::now() + FAREWELL;
-    while !board.all_told(board.lease_time()) && tokio::time::Instant::now() < deadline {
+    while !board.all_dismissed() && tokio::time::Instant::now() < deadline {
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
 }

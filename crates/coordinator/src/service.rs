@@ -4,21 +4,21 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use futures_util::future::join_all;
+use ledger::{Accepted, Delivery, Failure, Generation, LeaseId, StreamId, Unit, WorkerId};
 use protocol::Refusal;
-use protocol::v1::{
+use protocol::v2::{
     Directive, DrainRequest, DrainResponse, ExplainRequest, ExplainResponse, HeartbeatRequest,
-    HeartbeatResponse, JobResult, LeaseRequest, LeaseResponse, RegisterRequest, RegisterResponse,
+    HeartbeatResponse, LeaseRequest, LeaseResponse, LeaseResult, RegisterRequest, RegisterResponse,
     ReleaseRequest, ReleaseResponse, ReportRequest, ReportResponse, RetryRequest, RetryResponse,
-    StatusRequest, StatusResponse, WatchRequest, WatchResponse, campaign_server, job_result,
+    StatusRequest, StatusResponse, UnitResult, WatchRequest, WatchResponse, campaign_server,
 };
-use scheduler::Failure;
 use store::{Batch, FailureKind, FailureRow, Receipt, Store, Writer};
 use tokio::sync::watch;
 use tonic::{Request, Response, Status};
 use tracing::{debug, error, info, warn};
 
-use crate::board::Board;
-use crate::ingest::{self, Parsed};
+use crate::board::{Board, Course, Room};
+use crate::ingest;
 use crate::status;
 
 /// The longest a call may wait for something to happen.
@@ -27,8 +27,10 @@ const LONGEST_WAIT: Duration = Duration::from_secs(60);
 /// The most bytes of what a worker says about a failure, and of its host's name, that are kept.
 const ERROR_BYTES: usize = 16 << 10;
 const HOST_BYTES: usize = 256;
-/// The most jobs that a worker may say to hold from before: several times what one ever holds.
-const HELD_JOBS: usize = 100_000;
+/// The most leases that a worker may say to hold from before: several times what one ever holds.
+const HELD_LEASES: usize = 100_000;
+/// How often a worker calls while a lease lasts.
+const HEARTBEATS_PER_LEASE: u32 = 6;
 
 /// Where results go and where status comes from: the store, or a stand-in for it in tests whose
 /// clock is not the system's.
@@ -119,7 +121,7 @@ impl Recorder for StoreRecorder {
 /// What the service needs to answer; clones share it.
 #[derive(Clone)]
 pub struct Service<R> {
-    /// The jobs and workers.
+    /// What is missing and who computes it.
     pub board: Arc<Board>,
     /// Where results go.
     pub recorder: R,
@@ -142,9 +144,10 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
             return Err(Refusal::Malformed
                 .status("a worker needs an id of 1 to 128 characters and at least one slot"));
         }
-        if request.held.len() > HELD_JOBS {
-            return Err(Refusal::Malformed
-                .status(format!("a worker cannot hold more than {HELD_JOBS} jobs")));
+        if request.held.len() > HELD_LEASES {
+            return Err(Refusal::Malformed.status(format!(
+                "a worker cannot hold more than {HELD_LEASES} leases"
+            )));
         }
         if request.program_version != version {
             let theirs = &request.program_version;
@@ -159,11 +162,20 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
         let mut cancelled = Vec::new();
         if !request.model_digest.is_empty() {
             self.check_model(&request.model_digest).await?;
+            let held = request.held.iter().map(|held| {
+                let units: Result<Vec<Unit>, _> = held.units.iter().map(Unit::try_from).collect();
+                // Nobody needs what makes no sense.
+                (
+                    held.id.unwrap_or_default().into(),
+                    units.unwrap_or_default(),
+                )
+            });
+            let held: Vec<(LeaseId, Vec<Unit>)> = held.collect();
             cancelled = self.board.register(
-                &request.worker_id,
+                &WorkerId::from(request.worker_id.as_str()),
                 beginning(&request.host, HOST_BYTES),
                 request.slots,
-                &request.held,
+                &held,
             );
             info!(worker = %request.worker_id, host = %request.host, slots = request.slots,
                 held = request.held.len(), "worker registered");
@@ -173,8 +185,8 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
             campaign_json: self.campaign_json.clone(),
             epoch: self.board.epoch(),
             lease_ms: lease.as_millis() as u32,
-            heartbeat_ms: (lease / 5).as_millis() as u32,
-            cancelled,
+            heartbeat_ms: (lease / HEARTBEATS_PER_LEASE).as_millis() as u32,
+            cancelled: cancelled.into_iter().map(Into::into).collect(),
         }))
     }
 
@@ -183,24 +195,22 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
         request: Request<LeaseRequest>,
     ) -> Result<Response<LeaseResponse>, Status> {
         let request = request.into_inner();
-        if !self.board.is_known(&request.worker_id) {
+        let worker = WorkerId::from(request.worker_id.as_str());
+        if !self.board.is_known(&worker) {
             return Ok(Response::new(LeaseResponse {
-                jobs: Vec::new(),
+                leases: Vec::new(),
                 directive: Directive::Register.into(),
             }));
         }
         let wait = Duration::from_millis(request.wait_ms.into()).min(LONGEST_WAIT);
-        let credit = (request.credit as usize).min(10_000);
-        let (worker, seconds) = (&request.worker_id, request.seconds);
-        let jobs = self.board.lease(worker, credit, seconds, wait).await;
-        let directive = if self.board.is_finished_for(&request.worker_id) {
-            Directive::Finished
-        } else {
-            Directive::Continue
+        let room = Room {
+            leases: (request.credit as usize).min(10_000),
+            seconds: request.seconds,
         };
+        let grants = self.board.lease(&worker, room, wait).await;
         Ok(Response::new(LeaseResponse {
-            jobs,
-            directive: directive.into(),
+            leases: grants.iter().map(protocol::lease).collect(),
+            directive: self.directive(&worker).into(),
         }))
     }
 
@@ -209,14 +219,26 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
         request: Request<ReportRequest>,
     ) -> Result<Response<ReportResponse>, Status> {
         let request = request.into_inner();
-        if !self.board.is_known(&request.worker_id) {
+        let worker = WorkerId::from(request.worker_id.as_str());
+        if !self.board.is_known(&worker) {
             return Ok(Response::new(ReportResponse {
                 directive: Directive::Register.into(),
             }));
         }
+        // A worker whose calls time out must not pile them up here.
+        let Some(reporting) = self.board.begin_report(&worker) else {
+            return Err(Status::unavailable(
+                "results of an earlier call are still being stored",
+            ));
+        };
         let service = self.clone();
-        // A caller that goes away must not leave results stored but their jobs open.
-        tokio::spawn(async move { service.take_results(request).await })
+        // A caller that goes away must not leave results stored but their leases open.
+        let taken = tokio::spawn(async move {
+            let taken = service.take_results(&worker, request.results).await;
+            drop(reporting);
+            taken
+        });
+        taken
             .await
             .map_err(|_| Status::internal("the report was abandoned"))??;
         Ok(Response::new(ReportResponse {
@@ -229,21 +251,21 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
         request: Request<HeartbeatRequest>,
     ) -> Result<Response<HeartbeatResponse>, Status> {
         let request = request.into_inner();
-        if !self.board.is_known(&request.worker_id) {
+        let worker = WorkerId::from(request.worker_id.as_str());
+        if !self.board.is_known(&worker) {
             return Ok(Response::new(HeartbeatResponse {
                 directive: Directive::Register.into(),
                 cancelled: Vec::new(),
             }));
         }
-        let cancelled = self.board.heartbeat(&request.worker_id, &request.held);
-        let directive = if self.board.is_draining() {
-            Directive::Drain
-        } else {
-            Directive::Continue
-        };
+        let held = request.held.iter();
+        let held: Vec<(LeaseId, bool)> = held
+            .map(|held| (held.id.unwrap_or_default().into(), held.started))
+            .collect();
+        let cancelled = self.board.heartbeat(&worker, &held);
         Ok(Response::new(HeartbeatResponse {
-            directive: directive.into(),
-            cancelled,
+            directive: self.directive(&worker).into(),
+            cancelled: cancelled.into_iter().map(Into::into).collect(),
         }))
     }
 
@@ -252,9 +274,11 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
         request: Request<ReleaseRequest>,
     ) -> Result<Response<ReleaseResponse>, Status> {
         let request = request.into_inner();
+        let worker = WorkerId::from(request.worker_id.as_str());
         // What a stranger gives back is not its own.
-        if self.board.is_known(&request.worker_id) {
-            self.board.release(&request.worker_id, &request.jobs);
+        if self.board.is_known(&worker) {
+            let leases: Vec<LeaseId> = request.leases.into_iter().map(Into::into).collect();
+            self.board.release(&worker, &leases, request.leaving);
         }
         Ok(Response::new(ReleaseResponse {}))
     }
@@ -300,7 +324,7 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
         if resume {
             info!("leasing again");
         } else {
-            info!(leased, "draining: no more jobs are leased");
+            info!(leased, "draining: nothing more is leased");
         }
         Ok(Response::new(DrainResponse { leased }))
     }
@@ -309,10 +333,10 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
         &self,
         _request: Request<RetryRequest>,
     ) -> Result<Response<RetryResponse>, Status> {
-        let jobs = self.board.retry();
-        let jobs: Vec<String> = jobs.into_iter().map(ingest::job_name).collect();
-        info!(jobs = %jobs.join(", "), "another chance for jobs that were given up");
-        Ok(Response::new(RetryResponse { jobs }))
+        let retried = self.board.retry().into_iter();
+        let retried: Vec<String> = retried.map(ingest::stream_name).collect();
+        info!(streams = %retried.join(", "), "another chance for what was given up");
+        Ok(Response::new(RetryResponse { retried }))
     }
 }
 
@@ -355,102 +379,234 @@ impl<R: Recorder> Service<R> {
         serde_json::to_string(&status).map_err(|error| Status::internal(error.to_string()))
     }
 
-    async fn take_results(&self, request: ReportRequest) -> Result<(), Status> {
-        let worker = &request.worker_id;
-        let mut accepted = Vec::new();
+    /// What a worker is to do as a whole.
+    fn directive(&self, worker: &WorkerId) -> Directive {
+        match self.board.course_for(worker) {
+            Course::Finished => Directive::Finished,
+            Course::Leave => Directive::Leave,
+            Course::Work if self.board.is_draining() => Directive::Drain,
+            Course::Work => Directive::Continue,
+        }
+    }
+
+    async fn take_results(
+        &self,
+        worker: &WorkerId,
+        results: Vec<LeaseResult>,
+    ) -> Result<(), Status> {
+        let mut all = Vec::new();
         let mut commits = Vec::new();
-        for result in &request.results {
-            match self.read(result) {
-                Ok(Parsed { batch, covered }) => {
-                    if batch == Batch::default() {
-                        debug!(job = %ingest::job_name(result.job), %worker, "a stale result");
-                    }
-                    accepted.push((result, covered));
-                    commits.push(self.recorder.record(batch));
-                }
-                Err(error) => self.fail(worker, result, &error).await?,
+        for (of, result) in results.iter().enumerate() {
+            let mut brought = Brought::default();
+            for unit in &result.results {
+                self.take(worker, unit, &mut brought);
+            }
+            // Designs go together; what depends on a generation goes alone.
+            let (alone, together): (Vec<Part>, Vec<Part>) = std::mem::take(&mut brought.parts)
+                .into_iter()
+                .partition(|part| part.batch.only_for.is_some());
+            let together = (!together.is_empty()).then(|| together);
+            let groups = alone.into_iter().map(|part| vec![part]).chain(together);
+            for group in groups {
+                commits.push(async move { (of, self.commit(group).await) });
+            }
+            all.push(brought);
+        }
+        // The writer commits all that are waiting at once.
+        for (of, committed) in join_all(commits).await {
+            let committed = committed.map_err(|failed| {
+                error!(error = %failed, "results could not be stored");
+                not_stored(&failed)
+            })?;
+            for (part, outcome) in committed {
+                all[of].note(worker, part, outcome);
             }
         }
-        // One result that contradicts the store must not take the others with it, so each is a
-        // batch of its own; the writer commits all that are waiting at once.
-        for ((result, covered), commit) in accepted.into_iter().zip(join_all(commits).await) {
-            match commit {
-                Ok(_) => self.board.complete(
-                    worker,
-                    result.job,
-                    result.attempt,
-                    &covered,
-                    result.wall_seconds,
-                ),
-                Err(refused) if refused.is_refusal() => {
-                    // What is stored stays. Somebody computes other numbers, which must be heard;
-                    // a job that is done stays done, any other one is tried again elsewhere.
-                    error!(job = %ingest::job_name(result.job), %worker, error = %refused,
-                        "a worker contradicts the store");
-                    self.fail(worker, result, &refused.to_string()).await?;
+        for (result, mut brought) in results.into_iter().zip(all) {
+            // One that was reported to a coordinator before this one counts already.
+            let mut counted = Vec::with_capacity(brought.failed.len());
+            for failed in std::mem::take(&mut brought.failed) {
+                let is_known = match failed.serial {
+                    Some(serial) => self.recorder.knows_failure(worker.as_str(), serial).await,
+                    None => Ok(false),
+                };
+                if !is_known.map_err(|error| not_stored(&error))? {
+                    counted.push(failed);
                 }
-                Err(failed) => {
-                    error!(error = %failed, "results could not be stored");
-                    return Err(Status::unavailable(format!("not stored: {failed}")));
-                }
+            }
+            let lease = LeaseId::from(result.id.unwrap_or_default());
+            let failures = counted.iter();
+            let delivery = Delivery {
+                failed: failures.map(|f| (f.stream, f.error.clone())).collect(),
+                stored: brought.stored,
+                refused: brought.refused,
+                seconds: result.wall_seconds,
+            };
+            let (outcomes, suspended) = self.board.deliver(worker, lease, delivery);
+            if let Some(time) = suspended {
+                warn!(%worker, seconds = time.as_secs_f64().ceil(),
+                    "a worker failed several in a row and gets nothing for so long");
+            }
+            for (failed, outcome) in counted.into_iter().zip(outcomes) {
+                self.record(worker, lease, failed, outcome).await?;
             }
         }
         Ok(())
     }
 
-    fn read(&self, result: &JobResult) -> Result<Parsed, String> {
-        match &result.outcome {
-            Some(job_result::Outcome::Result(payload)) => {
-                let posted = self.board.task(result.job);
-                let task = posted.as_ref().map(|posted| &posted.task);
-                ingest::rows(result.job, task, payload, result.cpu_seconds)
+    /// Sorts out what came of a unit.
+    fn take(&self, worker: &WorkerId, result: &UnitResult, brought: &mut Brought) {
+        let read = match ingest::read(result, |stream| self.board.point_name(stream)) {
+            Ok(read) => read,
+            Err(why) => {
+                warn!(%worker, "a result {why}; it is dropped");
+                return;
             }
-            Some(job_result::Outcome::Error(error)) => Err(error.clone()),
-            None => Err("the report brings neither a result nor an error".to_owned()),
+        };
+        let stream = read.unit.stream;
+        if self.board.accept(&read.unit) == Accepted::Stale {
+            debug!(stream = %ingest::stream_name(stream), %worker, "a stale result");
+            return;
+        }
+        match read.rows {
+            Ok(batch) => brought.parts.push(Part {
+                unit: read.unit,
+                is_refused: read.is_refused,
+                serial: read.serial,
+                batch,
+            }),
+            Err(error) => brought.failed.push(Failed {
+                stream,
+                serial: read.serial,
+                error,
+            }),
         }
     }
 
-    /// Counts a failure and records it, once for each of the worker's numbers.
-    async fn fail(&self, worker: &str, result: &JobResult, error: &str) -> Result<(), Status> {
-        let serial = (result.serial > 0).then_some(result.serial);
-        let not_stored = |error: store::Error| Status::unavailable(format!("not stored: {error}"));
-        if let Some(serial) = serial
-            && self
-                .recorder
-                .knows_failure(worker, serial)
-                .await
-                .map_err(not_stored)?
-        {
-            let (job, attempt) = (result.job, result.attempt);
-            self.board.failed_before(worker, job, attempt);
-            return Ok(());
+    /// Stores parts, and what became of each; the outer error says that nothing was stored.
+    async fn commit(
+        &self,
+        parts: Vec<Part>,
+    ) -> Result<Vec<(Part, Result<Receipt, store::Error>)>, store::Error> {
+        let mut batch = Batch::default();
+        for part in &parts {
+            batch.append(part.batch.clone());
         }
-        let name = ingest::job_name(result.job);
-        let error = beginning(error, ERROR_BYTES);
-        let failure = self
-            .board
-            .fail(worker, result.job, result.attempt, error.to_owned());
-        let kind = if failure == Failure::Quarantined {
-            error!(job = %name, %worker, %error, "a job was given up");
-            FailureKind::Quarantine
-        } else {
-            warn!(job = %name, %worker, %error, "a job failed");
-            FailureKind::Failure
+        match self.recorder.record(batch).await {
+            Ok(receipt) => Ok(parts.into_iter().map(|part| (part, Ok(receipt))).collect()),
+            Err(refused) if refused.is_refusal() && parts.len() == 1 => Ok(parts
+                .into_iter()
+                .map(|part| (part, Err(refused.clone())))
+                .collect()),
+            Err(refused) if refused.is_refusal() => {
+                // One that contradicts the store must not take the others with it.
+                let mut outcomes = Vec::with_capacity(parts.len());
+                for part in parts {
+                    match self.recorder.record(part.batch.clone()).await {
+                        Err(failed) if !failed.is_refusal() => return Err(failed),
+                        outcome => outcomes.push((part, outcome)),
+                    }
+                }
+                Ok(outcomes)
+            }
+            Err(failed) => Err(failed),
+        }
+    }
+
+    /// Records a failure, once for each of the worker's numbers.
+    async fn record(
+        &self,
+        worker: &WorkerId,
+        lease: LeaseId,
+        failed: Failed,
+        outcome: Failure,
+    ) -> Result<(), Status> {
+        let name = ingest::stream_name(failed.stream);
+        let error = beginning(&failed.error, ERROR_BYTES);
+        let kind = match outcome {
+            Failure::GivenUp => {
+                error!(stream = %name, %worker, %error, "given up");
+                FailureKind::Quarantine
+            }
+            Failure::Retry(wait) => {
+                let again_in = wait.as_secs_f64();
+                warn!(stream = %name, %worker, %error, again_in, "a failure");
+                FailureKind::Failure
+            }
+            Failure::Ignored => {
+                info!(stream = %name, %worker, %error, "a failure that does not count");
+                return Ok(());
+            }
         };
         let row = FailureRow {
-            serial,
-            ..ingest::failure(result.job, result.attempt, worker, kind, error)
+            job: name,
+            attempt: u32::try_from(lease.number).unwrap_or(u32::MAX),
+            worker: worker.to_string(),
+            serial: failed.serial,
+            kind,
+            error: error.to_owned(),
+            at_unix_ms: None,
         };
         let batch = Batch {
             failures: vec![row],
             ..Batch::default()
         };
-        self.recorder
-            .record(batch)
-            .await
-            .map(|_| ())
-            .map_err(not_stored)
+        let recorded = self.recorder.record(batch).await;
+        recorded.map(drop).map_err(|error| not_stored(&error))
     }
+}
+
+/// What a lease brought, as far as it is known.
+#[derive(Debug, Default)]
+struct Brought {
+    /// To be stored.
+    parts: Vec<Part>,
+    stored: Vec<Unit>,
+    refused: Vec<(StreamId, Generation)>,
+    failed: Vec<Failed>,
+}
+
+/// What came of a unit, to be stored.
+#[derive(Debug)]
+struct Part {
+    unit: Unit,
+    is_refused: bool,
+    serial: Option<u64>,
+    batch: Batch,
+}
+
+#[derive(Debug)]
+struct Failed {
+    stream: StreamId,
+    serial: Option<u64>,
+    error: String,
+}
+
+impl Brought {
+    /// Notes what became of a part.
+    fn note(&mut self, worker: &WorkerId, part: Part, outcome: Result<Receipt, store::Error>) {
+        let Part { unit, serial, .. } = part;
+        let stream = ingest::stream_name(unit.stream);
+        match outcome {
+            Ok(receipt) if receipt.is_stale => debug!(%stream, %worker, "a stale result"),
+            Ok(_) if part.is_refused => self.refused.push((unit.stream, unit.generation)),
+            Ok(_) => self.stored.push(unit),
+            Err(refused) => {
+                // What is stored stays. Somebody computes other numbers, which must be heard; what
+                // is settled stays so, anything else is tried again elsewhere.
+                error!(%stream, %worker, error = %refused, "a worker contradicts the store");
+                self.failed.push(Failed {
+                    stream: unit.stream,
+                    serial,
+                    error: refused.to_string(),
+                });
+            }
+        }
+    }
+}
+
+fn not_stored(error: &store::Error) -> Status {
+    Status::unavailable(format!("not stored: {error}"))
 }
 
 /// As much of a text as fits into so many bytes.

@@ -82,8 +82,12 @@ pub async fn load(
     let progress = store.progress().await?;
     let wanted = u64::from(campaign.sampling.samples_per_design);
     let missing = store.missing_work(wanted, more).await?;
-    // Designs that were given up have no samples, and so no response to wait for.
-    let unsampled = missing.iter().filter(|work| !work.criteria).count() as u64;
+    // Designs that were given up before they had samples enough have no response to wait for. Those
+    // that only wanted more make one from what they have.
+    let lacks = |work: &&store::MissingWork| {
+        !work.criteria && work.samples.iter().any(|range| range.start < wanted)
+    };
+    let unsampled = missing.iter().filter(lacks).count() as u64;
     let sampled = progress
         .feasible
         .saturating_sub(progress.ruled_out + unsampled);
@@ -102,7 +106,7 @@ pub async fn load(
         open: open.collect(),
         has_responses: progress.designs == u64::from(campaign.doe.designs)
             && progress.responses == sampled,
-        model: store.model(P90_MODEL).await?.map(|row| row.json),
+        model: store.model(P90_MODEL).await?.map(|row| row.json.into()),
         ..State::default()
     };
     for run in store.optimiser_runs().await? {

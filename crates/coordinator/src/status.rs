@@ -68,7 +68,8 @@ pub struct FailureGroup {
 /// What only the running coordinator knows.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Live {
-    /// Jobs that wait, are leased, were done since the start, or were given up.
+    /// Designs, points and runs that wait; leases that are out; leases that were delivered since the
+    /// start; designs, points and runs that were given up.
     pub jobs_queued: u64,
     /// See `jobs_queued`.
     pub jobs_leased: u64,
@@ -92,17 +93,17 @@ pub struct Live {
 pub struct Worker {
     /// Where it runs.
     pub host: String,
-    /// How many jobs it computes at once.
+    /// How many leases it computes at once.
     pub slots: u32,
-    /// Jobs that it holds.
+    /// Leases that it holds.
     pub leased: u64,
-    /// Jobs that it has finished.
+    /// Leases that it delivered.
     pub completed: u64,
-    /// Jobs that failed on it or died with it.
+    /// What failed on it or died with it.
     pub failed: u64,
     /// Seconds since it was heard of.
     pub silent_seconds: f64,
-    /// Whether it gets no jobs for a while, having failed too many.
+    /// Whether it gets nothing for a while, having failed too many.
     pub set_aside: bool,
 }
 
@@ -311,32 +312,31 @@ impl Status {
             ),
             _ => None,
         };
-        let present = live
-            .workers
-            .iter()
-            .filter(|worker| worker.silent_for < GONE);
-        let slots: u32 = present.map(|worker| worker.slots).sum();
+        let silent_for = |seen: Duration| live.now.saturating_sub(seen);
+        let present = live.workers.iter();
+        let present = present.filter(|worker| silent_for(worker.last_seen) < GONE);
+        let slots: usize = present.map(|worker| worker.slots).sum();
         let eta_seconds = match (self.stage.as_str(), live.run_seconds) {
             ("optimise", Some(seconds)) if slots > 0 => {
-                Some(left(self.optimiser_runs) * seconds / f64::from(slots))
+                Some(left(self.optimiser_runs) * seconds / slots as f64)
             }
             _ => missing.filter(|_| rate > 0.0).map(|missing| missing / rate),
         };
         let count = |count: usize| count as u64;
         let workers = live.workers.into_iter().map(|worker| Worker {
             host: worker.host,
-            slots: worker.slots,
+            slots: u32::try_from(worker.slots).unwrap_or(u32::MAX),
             leased: count(worker.leased),
-            completed: worker.completed,
-            failed: worker.failed,
-            silent_seconds: worker.silent_for.as_secs_f64(),
-            set_aside: worker.is_set_aside,
+            completed: worker.delivered,
+            failed: worker.failed + worker.crashed,
+            silent_seconds: live.now.saturating_sub(worker.last_seen).as_secs_f64(),
+            set_aside: worker.suspended_until.is_some_and(|until| until > live.now),
         });
         let live = Live {
-            jobs_queued: count(live.counts.queued),
+            jobs_queued: count(live.counts.free + live.counts.waiting),
             jobs_leased: count(live.counts.leased),
-            jobs_done: live.done,
-            jobs_given_up: count(live.counts.quarantined),
+            jobs_done: live.counts.delivered,
+            jobs_given_up: count(live.counts.given_up),
             samples_per_second: rate,
             eta_seconds,
             draining: live.is_draining,

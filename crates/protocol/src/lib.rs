@@ -1,17 +1,17 @@
 //! The wire: generated gRPC code and its conversions.
 //!
-//! The messages are defined in `proto/pitchline/v1/pitchline.proto`; this crate compiles them and
+//! The messages are defined in `proto/pitchline/v2/pitchline.proto`; this crate compiles them and
 //! adds what both ends must agree on besides: size limits, the tokens and what they allow, the
 //! reasons for which a coordinator turns a call away, and the exit codes of the programs.
 
-/// Version 1 of the protocol, as generated from `proto/pitchline/v1`.
+/// Version 2 of the protocol, as generated from `proto/pitchline/v2`.
 #[expect(
     missing_docs,
     reason = "generated; the .proto file carries the documentation"
 )]
 #[expect(clippy::allow_attributes_without_reason, reason = "generated")]
-pub mod v1 {
-    tonic::include_proto!("pitchline.v1");
+pub mod v2 {
+    tonic::include_proto!("pitchline.v2");
 }
 
 /// The protocol's descriptors, for the reflection service.
@@ -22,9 +22,11 @@ pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/pitchli
 /// A kriging model of 3000 points travels as about half a megabyte of JSON.
 pub const MAX_MESSAGE_BYTES: usize = 64 * 1024 * 1024;
 
+mod convert;
 pub mod exit;
 mod refusal;
 mod token;
 
+pub use convert::{Malformed, lease, output, result};
 pub use refusal::Refusal;
 pub use token::{Role, TOKEN_BYTES, TOKEN_HEADER, Token, TokenError, TokenSet};

@@ -47,8 +47,8 @@ pub(crate) async fn model_digest(
     let held = query::campaign(&mut *connection, path).await?.model_digest;
     match held {
         Some(held) if held == digest => Ok(Receipt {
-            new_rows: 0,
             duplicate_rows: 1,
+            ..Receipt::default()
         }),
         Some(held) => Err(Error::ModelDigestConflict {
             held,
@@ -72,18 +72,31 @@ pub(crate) async fn batches(
     batches: &[&Batch],
 ) -> Result<Vec<Receipt>, Error> {
     let failed = |e| Error::sqlite("set a savepoint", path, e);
+    let mut receipts = Vec::with_capacity(batches.len());
+    for batch in batches {
+        receipts.push(Receipt {
+            is_stale: is_stale(connection, path, batch).await?,
+            ..Receipt::default()
+        });
+    }
+    let fresh: Vec<&Batch> = batches
+        .iter()
+        .zip(&receipts)
+        .filter(|(_, receipt)| !receipt.is_stale)
+        .map(|(batch, _)| *batch)
+        .collect();
     connection
         .execute("SAVEPOINT trust")
         .await
         .map_err(failed)?;
-    let receipts = match batches_in(connection, path, batches, Approach::Trust).await? {
+    let stored = match batches_in(connection, path, &fresh, Approach::Trust).await? {
         Some(receipts) => receipts,
         None => {
             connection
                 .execute("ROLLBACK TO trust")
                 .await
                 .map_err(failed)?;
-            batches_in(connection, path, batches, Approach::Look)
+            batches_in(connection, path, &fresh, Approach::Look)
                 .await?
                 // No one else writes, so what was not there a moment ago can go in.
                 .ok_or_else(|| Error::Damaged {
@@ -93,7 +106,82 @@ pub(crate) async fn batches(
         }
     };
     connection.execute("RELEASE trust").await.map_err(failed)?;
+    let taken = receipts.iter_mut().filter(|receipt| !receipt.is_stale);
+    for (receipt, stored) in taken.zip(stored) {
+        *receipt = stored;
+    }
     Ok(receipts)
+}
+
+/// Whether a batch is of another generation than is wanted.
+async fn is_stale(
+    connection: &mut SqliteConnection,
+    path: &Path,
+    batch: &Batch,
+) -> Result<bool, Error> {
+    let Some((stream, generation)) = &batch.only_for else {
+        return Ok(false);
+    };
+    let wanted = sqlx::query_scalar!(
+        "SELECT generation FROM stream_generation WHERE stream = ?",
+        stream
+    )
+    .fetch_optional(connection)
+    .await
+    .map_err(|e| Error::sqlite("read what is wanted", path, e))?;
+    Ok(wanted != Some(generation.cast_signed()))
+}
+
+/// Says which generations are wanted; the samples of others are removed.
+pub(crate) async fn generations(
+    connection: &mut SqliteConnection,
+    path: &Path,
+    rows: &[(String, u64)],
+) -> Result<Receipt, Error> {
+    for (stream, generation) in rows {
+        let generation = generation.cast_signed();
+        let failed = |e| Error::insertion("stream_generation", path, e);
+        let done = sqlx::query!(
+            "UPDATE stream_generation SET generation = ?1 WHERE stream = ?2 AND generation <> ?1",
+            generation,
+            stream,
+        )
+        .execute(&mut *connection)
+        .await
+        .map_err(failed)?;
+        if done.rows_affected() > 0 {
+            remove_samples(connection, path, stream).await?;
+        }
+        sqlx::query!(
+            "INSERT INTO stream_generation (stream, generation) VALUES (?, ?)
+             ON CONFLICT DO NOTHING",
+            stream,
+            generation,
+        )
+        .execute(&mut *connection)
+        .await
+        .map_err(failed)?;
+    }
+    Ok(new(rows.len() as u64))
+}
+
+/// Removes the samples of a point.
+async fn remove_samples(
+    connection: &mut SqliteConnection,
+    path: &Path,
+    point: &str,
+) -> Result<(), Error> {
+    for table in [
+        "DELETE FROM verify_sample WHERE approach = ?",
+        "DELETE FROM verify_tally WHERE approach = ?",
+    ] {
+        sqlx::query(table)
+            .bind(point)
+            .execute(&mut *connection)
+            .await
+            .map_err(|e| Error::sqlite("remove derived rows", path, e))?;
+    }
+    Ok(())
 }
 
 async fn batches_in(
@@ -313,8 +401,8 @@ pub(crate) async fn clear(
         for table in [
             "DELETE FROM optimiser_run WHERE approach = ?",
             "DELETE FROM optimum WHERE approach = ?",
-            "DELETE FROM verify_sample WHERE approach = ?",
-            "DELETE FROM verify_tally WHERE approach = ?",
+            "DELETE FROM stream_generation
+             WHERE stream = ?1 OR stream LIKE 'run ' || ?1 || ' %'",
         ] {
             sqlx::query(table)
                 .bind(approach)
@@ -322,6 +410,7 @@ pub(crate) async fn clear(
                 .await
                 .map_err(failed)?;
         }
+        remove_samples(connection, path, approach).await?;
     }
     Ok(Receipt::default())
 }
@@ -329,7 +418,7 @@ pub(crate) async fn clear(
 fn new(rows: u64) -> Receipt {
     Receipt {
         new_rows: rows,
-        duplicate_rows: 0,
+        ..Receipt::default()
     }
 }
 

@@ -386,7 +386,8 @@ pub(crate) async fn job_histories(
            )
            SELECT failure.job AS "job!",
                   max(attempt) AS "attempts!: u32",
-                  sum(kind = 'crash' AND failure > coalesce(last, 0)) AS "crashes!: u32",
+                  count(DISTINCT CASE WHEN kind = 'crash' AND failure > coalesce(last, 0)
+                                      THEN worker END) AS "crashes!: u32",
                   sum(kind = 'failure' AND failure > coalesce(last, 0)) AS "failures!: u32"
            FROM failure LEFT JOIN given_up ON given_up.job = failure.job
            GROUP BY failure.job ORDER BY failure.job"#

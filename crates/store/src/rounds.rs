@@ -131,7 +131,7 @@ pub(crate) async fn insert(
     }
     Ok(Receipt {
         new_rows: 1 + new.infill.len() as u64,
-        duplicate_rows: 0,
+        ..Receipt::default()
     })
 }
 
@@ -166,6 +166,7 @@ pub(crate) async fn clear(connection: &mut SqliteConnection, path: &Path) -> Res
     for statement in [
         "DELETE FROM verify_sample WHERE approach IN (SELECT name FROM infill)",
         "DELETE FROM verify_tally WHERE approach IN (SELECT name FROM infill)",
+        "DELETE FROM stream_generation WHERE stream IN (SELECT name FROM infill)",
         "DELETE FROM infill",
         "DELETE FROM enrichment_round",
     ] {

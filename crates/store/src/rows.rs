@@ -235,7 +235,7 @@ pub struct JobHistory {
     pub job: String,
     /// The newest attempt of which something is recorded.
     pub attempts: u32,
-    /// Recorded crashes since the job was last given up.
+    /// Workers that vanished while it ran, since the job was last given up.
     pub crashes: u32,
     /// Recorded failures since then.
     pub failures: u32,
@@ -283,9 +283,24 @@ pub struct Batch {
     pub times: Vec<JobTimeRow>,
     /// Failures; appended, but for those that are known by their worker's number.
     pub failures: Vec<FailureRow>,
+    /// The stream and the generation whose results these are, if they may be out of date: they are
+    /// stored only if that is the generation which
+    /// [`Store::put_generations`](crate::Store::put_generations) put last.
+    pub only_for: Option<(String, u64)>,
 }
 
 impl Batch {
+    /// Adds the rows of another batch, which must not be for a generation of its own.
+    pub fn append(&mut self, mut other: Self) {
+        self.criteria.append(&mut other.criteria);
+        self.samples.append(&mut other.samples);
+        self.verify.append(&mut other.verify);
+        self.runs.append(&mut other.runs);
+        self.times.append(&mut other.times);
+        self.failures.append(&mut other.failures);
+        self.only_for = self.only_for.take().or(other.only_for);
+    }
+
     /// The number of rows of all kinds.
     pub fn len(&self) -> usize {
         self.criteria.len()
@@ -309,6 +324,8 @@ pub struct Receipt {
     pub new_rows: u64,
     /// Rows that were there already, with the same value.
     pub duplicate_rows: u64,
+    /// Whether nothing was stored, because it is out of date.
+    pub is_stale: bool,
 }
 
 /// What a design still lacks.

@@ -247,6 +247,13 @@ impl Store {
         query::verify_counts(&self.readers, &self.path).await
     }
 
+    /// Says of which generation results of these streams are wanted from now on, all or nothing. If
+    /// another one was wanted before, the samples of that point are removed; if none was, as in a
+    /// store of an earlier schema, they stay.
+    pub async fn put_generations(&self, rows: &[(String, u64)]) -> Result<(), Error> {
+        self.put(Rows::Generations(rows.to_vec())).await.map(drop)
+    }
+
     /// Puts a larger campaign in the place of the one held, and clears what
     /// [`clear_derived`](Store::clear_derived) does, all or nothing. Designs, criteria and samples
     /// stay: what is missing for the larger campaign is found as after any other start.

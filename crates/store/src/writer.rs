@@ -38,7 +38,8 @@ impl Writer {
     /// Stores a batch, all of it or nothing, and returns when it is on disk.
     ///
     /// First write wins: rows that are held already, with the same value, are counted as
-    /// duplicates. Dropping the future once the batch is queued does not withdraw it.
+    /// duplicates. A batch for a generation that is not wanted any more stores nothing, and its
+    /// receipt says so. Dropping the future once the batch is queued does not withdraw it.
     ///
     /// # Errors
     ///
@@ -87,6 +88,7 @@ pub(crate) enum Rows {
     ModelDigest(String),
     Extension(CampaignRow, Vec<String>),
     Clearing(Vec<String>),
+    Generations(Vec<(String, u64)>),
 }
 
 impl Rows {
@@ -106,6 +108,7 @@ impl Rows {
             Self::Batch(batch) => batch.len(),
             Self::Designs(rows) => rows.len(),
             Self::Responses(rows) => rows.len(),
+            Self::Generations(rows) => rows.len(),
             Self::Model(_)
             | Self::Optimum(_)
             | Self::Round(_)
@@ -323,6 +326,7 @@ async fn store(
                 .await
                 .map(one)
         }
+        [Rows::Generations(rows)] => insert::generations(connection, path, rows).await.map(one),
         [Rows::Clearing(approaches)] => insert::clear(connection, path, approaches).await.map(one),
         batches => {
             let batches: Vec<&Batch> = batches.iter().filter_map(Rows::batch).collect();

@@ -13,7 +13,7 @@
 //!     ..Credentials::default()
 //! };
 //! let link = connect("http://127.0.0.1:7400", &credentials, protocol::Role::Client)?;
-//! let answer = link.client().status(protocol::v1::StatusRequest {}).await;
+//! let answer = link.client().status(protocol::v2::StatusRequest {}).await;
 //! Ok(answer.map_err(|status| link.error(&status))?.into_inner().status_json)
 //! # }
 //! ```
@@ -25,7 +25,7 @@ use std::task::{Context, Poll};
 use std::time::Duration;
 
 use hyper_util::rt::TokioIo;
-use protocol::v1::campaign_client::CampaignClient;
+use protocol::v2::campaign_client::CampaignClient;
 use protocol::{MAX_MESSAGE_BYTES, Refusal, Role, TOKEN_HEADER, Token};
 use rustls::pki_types::ServerName;
 use tonic::codegen::http::Uri;
@@ -138,7 +138,8 @@ pub fn connect_by(
     let channel = Endpoint::from(uri.clone())
         .origin(uri)
         .http2_keep_alive_interval(Duration::from_secs(10))
-        .keep_alive_timeout(Duration::from_secs(10))
+        // A line may be busy with results for longer than a ping usually takes.
+        .keep_alive_timeout(Duration::from_secs(30))
         .connect_with_connector_lazy(Connector {
             dial,
             host,

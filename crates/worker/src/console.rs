@@ -77,8 +77,9 @@ pub fn help_footer() -> String {
     )
 }
 
-/// Cancels `shutdown` at the first SIGTERM or SIGINT, after logging `notice`; the second one ends the
-/// program at once.
+/// Cancels `shutdown` at the first SIGTERM or SIGINT, after logging `notice`. A SIGINT after that, as when
+/// somebody presses Ctrl-C again, ends the program at once; a SIGTERM changes nothing, since batch systems
+/// send several.
 pub async fn watch_signals(shutdown: CancellationToken, notice: &'static str) {
     let (Ok(mut terminate), Ok(mut interrupt)) = (
         signal(SignalKind::terminate()),
@@ -86,15 +87,16 @@ pub async fn watch_signals(shutdown: CancellationToken, notice: &'static str) {
     ) else {
         return;
     };
-    for _ in 0..2 {
-        tokio::select! {
-            _ = terminate.recv() => {}
-            _ = interrupt.recv() => {}
-        }
-        if shutdown.is_cancelled() {
+    loop {
+        let is_interrupt = tokio::select! {
+            _ = terminate.recv() => false,
+            _ = interrupt.recv() => true,
+        };
+        if !shutdown.is_cancelled() {
+            tracing::info!("{notice}");
+            shutdown.cancel();
+        } else if is_interrupt {
             std::process::exit(i32::from(exit::INTERRUPTED));
         }
-        tracing::info!("{notice}");
-        shutdown.cancel();
     }
 }

@@ -17,6 +17,7 @@ use std::time::{Duration, Instant};
 use campaign::file::SimulatorKind;
 use campaign::formulation::{Problem, Variables};
 use campaign::simulator::{Analysis, NoAnswer, Prepared, Simulator};
+use campaign::task::check_delta_ste;
 use campaign::{Criteria, probe};
 use rand::Rng as _;
 use serde::de::DeserializeOwned;
@@ -160,6 +161,11 @@ impl Backend {
     }
 
     /// Whether [`Self::stop`] was called.
+    /// Whether a program is asked.
+    pub(crate) const fn is_external(&self) -> bool {
+        matches!(self, Self::External(_))
+    }
+
     pub(crate) fn is_stopped(&self) -> bool {
         matches!(self, Self::External(programs) if programs.stop.load(Ordering::Relaxed))
     }
@@ -358,6 +364,9 @@ struct Design<'a> {
 impl Design<'_> {
     fn analyse(&self, name: &str) -> Result<Analysis, NoAnswer> {
         let answer: AnalysisAnswer = self.session.ask(name, &self.design, None)?;
+        // An optimiser would take a ΔSTE below nought for a find.
+        check_delta_ste(answer.delta_ste_um)
+            .map_err(|why| NoAnswer::Failed(format!("the simulator's ΔSTE {why}")))?;
         Ok(Analysis {
             delta_ste_um: answer.delta_ste_um,
             hertz_pressure_mpa: answer.hertz_pressure_mpa,

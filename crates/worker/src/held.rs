@@ -1,190 +1,200 @@
-//! What a worker holds: jobs that wait, jobs that are being computed, and results that the
+//! What a worker holds: leases that wait, leases that are being computed, and results that the
 //! coordinator has not acknowledged yet.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use campaign::task::TaskResult;
-use protocol::MAX_MESSAGE_BYTES;
-use protocol::v1::{Job, JobAttempt, JobResult, job_result};
+use campaign::task::Source;
+use ledger::{LeaseId, Unit};
+use prost::Message as _;
+use protocol::v2::{HeldLease, LeaseResult, LeaseState, UnitResult};
 use tokio::sync::Notify;
 
 /// The most results of a report: what their commit takes must stay short.
 const RESULTS_PER_REPORT: usize = 4096;
 
-/// The most bytes of results in a report, unless one alone is larger.
-const BYTES_PER_REPORT: usize = MAX_MESSAGE_BYTES / 8;
+/// Nothing more is asked for while so many bytes of results wait for their acknowledgement: a line that
+/// is slower than the computing must not fill the memory.
+const UNACKNOWLEDGED_BYTES: usize = 8 << 20;
 
 /// Work is held for this long per slot, in seconds, that which is being computed included: enough
-/// that round trips vanish in it. Of jobs that take longer none is held ahead: another worker may
+/// that round trips vanish in it. Of leases that take longer none is held ahead: another worker may
 /// have a slot free for it.
 const HELD_SECONDS: f64 = 2.0;
 
 /// More is asked for when less than this part of it is left.
 const LOW: f64 = 0.75;
 
-/// The most jobs per slot, however short they are.
-const HELD_JOBS: usize = 2000;
+/// The most leases per slot, however short they are.
+const HELD_LEASES: usize = 2000;
 
 /// How much more work to ask for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Wanted {
-    /// At most this many jobs.
-    pub(crate) jobs: usize,
+    /// At most this many leases.
+    pub(crate) leases: usize,
     /// No more once they are worth this, in seconds.
     pub(crate) seconds: f64,
 }
 
-/// What was finished of a job that is still being computed, and what it took until then.
+/// A lease, read.
 #[derive(Debug)]
-pub(crate) struct Part {
-    pub(crate) result: TaskResult,
-    pub(crate) cpu_seconds: f64,
-    pub(crate) wall_seconds: f64,
+pub(crate) struct Lease {
+    pub(crate) id: LeaseId,
+    pub(crate) units: Vec<(Unit, Source)>,
+    /// How long it is expected to take, in seconds.
+    pub(crate) seconds: f64,
+    /// Whether the coordinator is to know at once that it has begun.
+    pub(crate) announce: bool,
 }
 
 #[derive(Debug)]
 struct Held {
-    job: Arc<Job>,
+    lease: Arc<Lease>,
     started: bool,
     cancelled: Arc<AtomicBool>,
-    part: Option<Part>,
+    /// What is finished of it.
+    done: Vec<UnitResult>,
+    /// What is finished of the unit that is being computed, should there be no time for the rest.
+    part: Option<UnitResult>,
+    /// How long it has taken so far, in seconds.
+    seconds: f64,
 }
 
 #[derive(Debug)]
 struct Finished {
-    job: Arc<Job>,
-    result: JobResult,
-}
-
-impl Finished {
-    fn is_failure(&self) -> bool {
-        matches!(self.result.outcome, Some(job_result::Outcome::Error(_)))
-    }
+    lease: Arc<Lease>,
+    result: LeaseResult,
+    bytes: usize,
 }
 
 #[derive(Debug, Default)]
 struct Inner {
-    computing: BTreeMap<u64, Held>,
-    /// Results, by their jobs.
-    finished: BTreeMap<u64, Finished>,
-    /// Failures, by their numbers: a job that failed may be leased again before the coordinator has
-    /// acknowledged that it did.
-    failed: BTreeMap<u64, Finished>,
-    /// The number of the newest result or failure.
+    computing: BTreeMap<LeaseId, Held>,
+    finished: BTreeMap<LeaseId, Finished>,
+    /// How many bytes wait for their acknowledgement.
+    bytes: usize,
+    /// The number of the newest failure.
     serial: u64,
 }
 
 impl Inner {
-    /// Numbers a result and keeps it until it is acknowledged.
-    fn add_result(&mut self, job: Arc<Job>, result: JobResult) {
-        self.serial += 1;
-        let serial = self.serial;
-        let result = JobResult { serial, ..result };
-        let id = job.job;
-        let finished = Finished { job, result };
-        if finished.is_failure() {
-            self.failed.insert(serial, finished);
-        } else {
-            self.finished.insert(id, finished);
-        }
-    }
-
-    /// What waits for its acknowledgement.
-    fn unacknowledged(&self) -> impl Iterator<Item = &Finished> {
-        self.finished.values().chain(self.failed.values())
+    /// Keeps what came of a lease until it is acknowledged.
+    fn finish(&mut self, held: Held) {
+        let lease = held.lease;
+        let result = LeaseResult {
+            id: Some(lease.id.into()),
+            results: held.done.into_iter().chain(held.part).collect(),
+            wall_seconds: held.seconds,
+        };
+        let bytes = result.encoded_len();
+        self.bytes += bytes;
+        let finished = Finished {
+            lease: Arc::clone(&lease),
+            result,
+            bytes,
+        };
+        self.finished.insert(lease.id, finished);
     }
 }
 
-/// The jobs of a worker.
+/// The leases of a worker.
 #[derive(Debug, Default)]
-pub(crate) struct HeldJobs {
+pub(crate) struct HeldLeases {
     inner: Mutex<Inner>,
-    /// Rings whenever the jobs have changed.
+    /// Rings whenever they have changed.
     pub(crate) changed: Notify,
 }
 
-impl HeldJobs {
+impl HeldLeases {
     fn with<T>(&self, act: impl FnOnce(&mut Inner) -> T) -> T {
         // No update can be half done when its code panics.
         act(&mut self.inner.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Adds a leased job; false if it is already held, which then is its newest attempt.
-    pub(crate) fn take(&self, job: &Arc<Job>) -> bool {
+    /// Adds a lease; false if it is held already, as when an answer came twice.
+    pub(crate) fn take(&self, lease: &Arc<Lease>) -> bool {
         self.with(|inner| {
-            if let Some(held) = inner.computing.get_mut(&job.job)
-                && held.job.attempt < job.attempt
-            {
-                held.job = Arc::clone(job);
+            let id = lease.id;
+            if inner.computing.contains_key(&id) || inner.finished.contains_key(&id) {
+                return false;
             }
-            let known =
-                inner.computing.contains_key(&job.job) || inner.finished.contains_key(&job.job);
-            if !known {
-                let held = Held {
-                    job: Arc::clone(job),
-                    started: false,
-                    cancelled: Arc::default(),
-                    part: None,
-                };
-                inner.computing.insert(job.job, held);
-            }
-            !known
+            let held = Held {
+                lease: Arc::clone(lease),
+                started: false,
+                cancelled: Arc::default(),
+                done: Vec::new(),
+                part: None,
+                seconds: 0.0,
+            };
+            inner.computing.insert(id, held);
+            true
         })
     }
 
-    /// Marks a job as started; returns what tells that it was cancelled, or none if the job was
-    /// given up meanwhile.
-    pub(crate) fn start(&self, job: u64) -> Option<Arc<AtomicBool>> {
+    /// Marks a lease as started; returns what tells that it was cancelled, or none if it was given up
+    /// meanwhile.
+    pub(crate) fn start(&self, id: LeaseId) -> Option<Arc<AtomicBool>> {
         self.with(|inner| {
-            let held = inner.computing.get_mut(&job)?;
+            let held = inner.computing.get_mut(&id)?;
             held.started = true;
             Some(Arc::clone(&held.cancelled))
         })
     }
 
-    /// Keeps what is finished of a job, should there be no time for the rest.
-    pub(crate) fn keep(&self, job: u64, part: Part) {
+    /// Keeps what is finished of a unit, should there be no time for the rest. `seconds` is what the
+    /// lease has taken so far.
+    pub(crate) fn keep(&self, id: LeaseId, part: UnitResult, seconds: f64) {
         self.with(|inner| {
-            if let Some(held) = inner.computing.get_mut(&job) {
+            if let Some(held) = inner.computing.get_mut(&id) {
                 held.part = Some(part);
+                held.seconds = seconds;
             }
         });
     }
 
-    /// Replaces a computed job by its result, which gets its number here, unless nobody needs it any
-    /// more.
-    pub(crate) fn finish(&self, result: JobResult) {
+    /// Adds the result of a unit; a failure gets its number here.
+    pub(crate) fn add(&self, id: LeaseId, result: UnitResult, seconds: f64) {
         self.with(|inner| {
-            if let Some(held) = inner.computing.remove(&result.job)
+            let Some(held) = inner.computing.get_mut(&id) else {
+                return;
+            };
+            let mut result = result;
+            if result.error.is_some() {
+                inner.serial += 1;
+                result.serial = inner.serial;
+            }
+            held.part = None;
+            held.done.push(result);
+            held.seconds = seconds;
+        });
+    }
+
+    /// Ends the computing of a lease: what came of it is to be handed in, unless nobody needs it.
+    pub(crate) fn finish(&self, id: LeaseId) {
+        self.with(|inner| {
+            if let Some(held) = inner.computing.remove(&id)
                 && !held.cancelled.load(Ordering::Relaxed)
             {
-                let job = held.job;
-                // The attempt that the coordinator knows of, should it have leased the job again.
-                let attempt = job.attempt;
-                inner.add_result(job, JobResult { attempt, ..result });
+                inner.finish(held);
             }
         });
         self.changed.notify_waiters();
     }
 
-    /// Forgets jobs whose results are no longer needed; those that are being computed are told to
-    /// stop.
-    pub(crate) fn cancel(&self, jobs: &[u64]) {
-        if jobs.is_empty() {
+    /// Forgets leases of which nobody needs anything; those that are being computed are told to stop.
+    /// What is finished is handed in all the same: whether it is needed is the coordinator's to say.
+    pub(crate) fn cancel(&self, leases: &[LeaseId]) {
+        if leases.is_empty() {
             return;
         }
         self.with(|inner| {
-            inner
-                .failed
-                .retain(|_, failed| !jobs.contains(&failed.job.job));
-            for job in jobs {
-                inner.finished.remove(job);
-                match inner.computing.get(job) {
+            for id in leases {
+                match inner.computing.get(id) {
                     Some(held) if held.started => held.cancelled.store(true, Ordering::Relaxed),
                     _ => {
-                        inner.computing.remove(job);
+                        inner.computing.remove(id);
                     }
                 }
             }
@@ -194,56 +204,36 @@ impl HeldJobs {
 
     /// Forgets everything, as when the coordinator has another campaign.
     pub(crate) fn cancel_all(&self) {
-        let jobs: Vec<u64> = self.with(|inner| {
-            let unacknowledged = inner.unacknowledged().map(|finished| finished.job.job);
-            inner
-                .computing
-                .keys()
-                .copied()
-                .chain(unacknowledged)
-                .collect()
+        let leases: Vec<LeaseId> = self.with(|inner| {
+            inner.finished.clear();
+            inner.bytes = 0;
+            inner.computing.keys().copied().collect()
         });
-        self.cancel(&jobs);
+        self.cancel(&leases);
     }
 
-    /// Forgets every job that has not started, and returns them.
-    pub(crate) fn give_up_waiting(&self) -> Vec<u64> {
+    /// Forgets every lease that has not started, and returns them.
+    pub(crate) fn give_up_waiting(&self) -> Vec<LeaseId> {
         let given_up = self.with(|inner| {
-            let waiting: Vec<u64> = inner
-                .computing
-                .iter()
-                .filter(|(_, held)| !held.started)
-                .map(|(job, _)| *job)
-                .collect();
-            inner.computing.retain(|_, held| held.started);
-            waiting
+            let waiting = inner.computing.extract_if(.., |_, held| !held.started);
+            waiting.map(|(id, _)| id).collect()
         });
         self.changed.notify_waiters();
         given_up
     }
 
-    /// Ends every job that is not finished: those of which a part was kept are finished with that,
+    /// Ends every lease that is not finished: those of which something was kept are finished with that,
     /// the others are forgotten and returned.
-    pub(crate) fn give_up_all(&self) -> Vec<u64> {
+    pub(crate) fn give_up_all(&self) -> Vec<LeaseId> {
         let given_up = self.with(|inner| {
             let mut given_up = Vec::new();
             for (id, held) in std::mem::take(&mut inner.computing) {
                 let is_wanted = !held.cancelled.swap(true, Ordering::Relaxed);
-                let part = held.part.filter(|_| is_wanted);
-                let payload = part.as_ref().map(|part| serde_json::to_vec(&part.result));
-                let (Some(part), Some(Ok(payload))) = (part, payload) else {
+                if is_wanted && (!held.done.is_empty() || held.part.is_some()) {
+                    inner.finish(held);
+                } else {
                     given_up.push(id);
-                    continue;
-                };
-                let result = JobResult {
-                    job: id,
-                    attempt: held.job.attempt,
-                    outcome: Some(job_result::Outcome::Result(payload)),
-                    cpu_seconds: part.cpu_seconds,
-                    wall_seconds: part.wall_seconds,
-                    serial: 0,
-                };
-                inner.add_result(held.job, result);
+                }
             }
             given_up
         });
@@ -251,94 +241,94 @@ impl HeldJobs {
         given_up
     }
 
-    /// How many jobs are held and not finished.
+    /// How many leases are held and not finished.
     pub(crate) fn computing(&self) -> usize {
         self.with(|inner| inner.computing.len())
     }
 
     /// How many results wait for their acknowledgement.
     pub(crate) fn unacknowledged(&self) -> usize {
-        self.with(|inner| inner.unacknowledged().count())
+        self.with(|inner| inner.finished.len())
     }
 
-    /// What to ask for with `slots` slots; none while enough is held.
+    /// What to ask for with `slots` slots; none while enough is held, or too much waits for its
+    /// acknowledgement.
     pub(crate) fn wanted(&self, slots: usize) -> Option<Wanted> {
         self.with(|inner| {
+            if inner.bytes > UNACKNOWLEDGED_BYTES {
+                return None;
+            }
             let held = inner.computing.len();
-            let worth: f64 = inner.computing.values().map(|held| held.job.seconds).sum();
-            let (jobs, seconds) = (HELD_JOBS * slots, HELD_SECONDS * slots as f64);
-            let is_low = worth < LOW * seconds && (held as f64) < LOW * jobs as f64;
+            let worth: f64 = inner
+                .computing
+                .values()
+                .map(|held| held.lease.seconds)
+                .sum();
+            let (leases, seconds) = (HELD_LEASES * slots, HELD_SECONDS * slots as f64);
+            let is_low = worth < LOW * seconds && (held as f64) < LOW * leases as f64;
             (held < slots || is_low).then(|| Wanted {
-                jobs: jobs - held,
+                leases: leases - held,
                 seconds: seconds - worth,
             })
         })
     }
 
-    /// As many of the results that wait for their acknowledgement as fit into a report.
-    pub(crate) fn results(&self) -> Vec<JobResult> {
+    /// As many of the results that wait for their acknowledgement as have at most so many bytes, or one
+    /// alone; and how many bytes they have.
+    pub(crate) fn results(&self, most: usize) -> (Vec<LeaseResult>, usize) {
         self.with(|inner| {
             let mut bytes = 0;
             let mut results = Vec::new();
-            for finished in inner.unacknowledged().take(RESULTS_PER_REPORT) {
-                bytes += match &finished.result.outcome {
-                    Some(job_result::Outcome::Result(payload)) => payload.len(),
-                    Some(job_result::Outcome::Error(error)) => error.len(),
-                    None => 0,
-                };
-                if bytes > BYTES_PER_REPORT && !results.is_empty() {
+            for finished in inner.finished.values().take(RESULTS_PER_REPORT) {
+                if bytes + finished.bytes > most && !results.is_empty() {
                     break;
                 }
+                bytes += finished.bytes;
                 results.push(finished.result.clone());
             }
-            results
+            (results, bytes)
         })
     }
 
     /// Forgets acknowledged results.
-    pub(crate) fn acknowledge(&self, results: &[JobResult]) {
+    pub(crate) fn acknowledge(&self, results: &[LeaseResult]) {
         self.with(|inner| {
-            for JobResult { job, serial, .. } in results {
-                inner.failed.remove(serial);
-                // Another result of the job, of which the coordinator has not heard, must stay.
-                if inner
-                    .finished
-                    .get(job)
-                    .is_some_and(|finished| finished.result.serial == *serial)
-                {
-                    inner.finished.remove(job);
+            for result in results {
+                let id = result.id.unwrap_or_default().into();
+                if let Some(finished) = inner.finished.remove(&id) {
+                    inner.bytes -= finished.bytes;
                 }
             }
         });
         self.changed.notify_waiters();
     }
 
-    /// All jobs for a heartbeat; finished but unacknowledged ones included, as they are still ours. Not
-    /// those that failed: the coordinator may have taken note of that already, and would take the call
-    /// for a sign that they are being computed again.
-    pub(crate) fn attempts(&self) -> Vec<JobAttempt> {
+    /// All leases for a heartbeat; finished but unacknowledged ones included, as they are still ours.
+    pub(crate) fn states(&self) -> Vec<LeaseState> {
+        let state = |id: LeaseId, started| LeaseState {
+            id: Some(id.into()),
+            started,
+        };
         self.with(|inner| {
-            let attempt = |job: &Job, started| JobAttempt {
-                job: job.job,
-                attempt: job.attempt,
-                started,
-            };
-            let computing = inner.computing.values();
-            let computing = computing.map(|held| attempt(&held.job, held.started));
-            let finished = inner.finished.values();
-            let finished = finished.map(|finished| attempt(&finished.job, true));
+            let computing = inner.computing.iter();
+            let computing = computing.map(|(id, held)| state(*id, held.started));
+            let finished = inner.finished.keys().map(|id| state(*id, true));
             computing.chain(finished).collect()
         })
     }
 
-    /// All jobs with their payloads, for a coordinator that may have been restarted.
-    pub(crate) fn jobs(&self) -> Vec<Job> {
+    /// All leases with their units, for a coordinator that may have been restarted.
+    pub(crate) fn leases(&self) -> Vec<HeldLease> {
+        let named = |lease: &Lease| HeldLease {
+            id: Some(lease.id.into()),
+            units: lease.units.iter().map(|(unit, _)| unit.into()).collect(),
+        };
         self.with(|inner| {
             let computing = inner.computing.values();
             let computing = computing.filter(|held| !held.cancelled.load(Ordering::Relaxed));
-            let computing = computing.map(|held| Job::clone(&held.job));
-            let finished = inner.unacknowledged();
-            let finished = finished.map(|finished| Job::clone(&finished.job));
+            let computing = computing.map(|held| named(&held.lease));
+            let finished = inner.finished.values();
+            let finished = finished.map(|finished| named(&finished.lease));
             computing.chain(finished).collect()
         })
     }
@@ -348,107 +338,93 @@ impl HeldJobs {
 mod tests {
     use super::*;
 
-    fn job(job: u64) -> Arc<Job> {
-        Arc::new(Job {
-            job,
-            attempt: 1,
-            payload: vec![7],
-            seconds: 1.0,
+    const ANY: usize = usize::MAX;
+
+    fn id(number: u64) -> LeaseId {
+        LeaseId { epoch: 1, number }
+    }
+
+    fn lease(number: u64, seconds: f64) -> Arc<Lease> {
+        Arc::new(Lease {
+            id: id(number),
+            units: Vec::new(),
+            seconds,
+            announce: false,
         })
     }
 
-    fn result(job: u64, wall_seconds: f64) -> JobResult {
-        JobResult {
-            job,
-            attempt: 1,
-            outcome: None,
-            cpu_seconds: 0.0,
-            wall_seconds,
-            serial: 0,
+    fn taken(numbers: std::ops::RangeInclusive<u64>) -> HeldLeases {
+        let held = HeldLeases::default();
+        for number in numbers {
+            assert!(held.take(&lease(number, 1.0)));
+        }
+        held
+    }
+
+    fn samples(count: usize) -> UnitResult {
+        UnitResult {
+            samples_um: vec![1.5; count],
+            ..UnitResult::default()
+        }
+    }
+
+    fn failure() -> UnitResult {
+        UnitResult {
+            error: Some("no load path".to_owned()),
+            ..UnitResult::default()
         }
     }
 
     #[test]
-    fn a_job_is_held_once_until_its_result_is_acknowledged() {
-        let held = HeldJobs::default();
-        assert!(held.take(&job(7)));
-        assert!(!held.take(&job(7)), "a job leased twice is computed once");
-        assert!(held.start(7).is_some());
-        held.finish(result(7, 1.0));
-        assert!(!held.take(&job(7)), "its result is still to be handed in");
+    fn a_lease_is_held_once_until_its_result_is_acknowledged() {
+        let held = taken(7..=7);
+        assert!(!held.take(&lease(7, 1.0)), "an answer that came twice");
+        assert!(held.start(id(7)).is_some());
+        held.add(id(7), samples(3), 1.0);
+        held.finish(id(7));
+        assert!(
+            !held.take(&lease(7, 1.0)),
+            "its result is still to be handed in"
+        );
         assert_eq!((held.computing(), held.unacknowledged()), (0, 1));
-        held.acknowledge(&held.results());
-        assert_eq!(held.unacknowledged(), 0);
-        assert!(held.take(&job(7)));
-    }
-
-    #[test]
-    fn a_job_leased_again_while_it_is_held_answers_as_its_newest_attempt() {
-        let held = HeldJobs::default();
-        held.take(&job(7));
-        held.start(7);
-        let again = Job {
-            attempt: 3,
-            ..Job::clone(&job(7))
-        };
-        assert!(!held.take(&Arc::new(again)));
-        assert_eq!(held.attempts()[0].attempt, 3);
-        held.finish(result(7, 1.0));
-        assert_eq!(held.results()[0].attempt, 3, "an older one would be stale");
-    }
-
-    #[test]
-    fn a_job_that_failed_may_be_leased_again_before_its_failure_is_acknowledged() {
-        let held = HeldJobs::default();
-        let failure = |attempt| JobResult {
-            attempt,
-            outcome: Some(job_result::Outcome::Error("no load path".to_owned())),
-            ..result(7, 1.0)
-        };
-        held.take(&job(7));
-        held.start(7);
-        held.finish(failure(1));
-        assert_eq!(held.jobs().len(), 1, "a restarted coordinator learns of it");
-        assert!(held.attempts().is_empty(), "it is not being computed");
-        let first = held.results();
-
-        let again = Job {
-            attempt: 2,
-            ..Job::clone(&job(7))
-        };
-        assert!(held.take(&Arc::new(again)), "another attempt");
-        held.start(7);
-        held.finish(failure(2));
-        let both: Vec<(u32, u64)> = held
-            .results()
-            .iter()
-            .map(|result| (result.attempt, result.serial))
-            .collect();
-        assert_eq!(both, [(1, 1), (2, 2)]);
-        held.acknowledge(&first);
-        assert_eq!(held.results()[0].serial, 2, "only what was reported");
-        held.cancel(&[7]);
+        let (results, bytes) = held.results(ANY);
+        assert!(bytes > 24, "{bytes}");
+        held.acknowledge(&results);
         assert_eq!(held.unacknowledged(), 0);
     }
 
     #[test]
-    fn a_heartbeat_names_waiting_running_and_unacknowledged_jobs() {
-        let held = HeldJobs::default();
-        for id in 1..=3 {
-            held.take(&job(id));
+    fn failures_are_numbered_and_stand_beside_what_was_computed() {
+        let held = taken(1..=2);
+        for number in 1..=2 {
+            held.start(id(number));
+            held.add(id(number), failure(), 1.0);
+            held.add(id(number), samples(1), 1.0);
+            held.finish(id(number));
         }
-        held.start(2);
-        held.start(3);
-        held.finish(result(3, 1.0));
-        let mut named: Vec<(u64, bool)> = held
-            .attempts()
+        let (results, _) = held.results(ANY);
+        let serials: Vec<u64> = results
             .iter()
-            .map(|attempt| (attempt.job, attempt.started))
+            .flat_map(|result| result.results.iter().map(|unit| unit.serial))
+            .collect();
+        assert_eq!(serials, [1, 0, 2, 0]);
+    }
+
+    #[test]
+    fn a_heartbeat_names_waiting_running_and_unacknowledged_leases() {
+        let held = taken(1..=3);
+        held.start(id(2));
+        held.start(id(3));
+        held.finish(id(3));
+        let mut named: Vec<(u64, bool)> = held
+            .states()
+            .iter()
+            .map(|state| (state.id.unwrap().number, state.started))
             .collect();
         named.sort_unstable();
         assert_eq!(named, [(1, false), (2, true), (3, true)]);
         assert_eq!(
-            held.jobs().len(),
+            held.leases().len(),
             3,
             "a restarted coordinator learns of all"
         );
@@ -456,86 +432,99 @@ mod tests {
 
     #[test]
     fn giving_up_keeps_what_runs_and_what_is_finished() {
-        let held = HeldJobs::default();
-        for id in 1..=3 {
-            held.take(&job(id));
-        }
-        held.start(2);
-        held.start(3);
-        held.finish(result(3, 1.0));
-        assert_eq!(held.give_up_waiting(), [1]);
+        let held = taken(1..=3);
+        held.start(id(2));
+        held.start(id(3));
+        held.finish(id(3));
+        assert_eq!(held.give_up_waiting(), [id(1)]);
         assert!(
-            held.start(1).is_none(),
-            "a job that was given back must not be computed"
+            held.start(id(1)).is_none(),
+            "what was given back must not be computed"
         );
-        assert_eq!(held.give_up_all(), [2]);
-        held.finish(result(2, 1.0));
-        assert_eq!(
-            held.unacknowledged(),
-            1,
-            "the result of a job given back is not ours"
-        );
+        assert_eq!(held.give_up_all(), [id(2)]);
+        held.finish(id(2));
+        assert_eq!(held.unacknowledged(), 1, "what was given back is not ours");
     }
 
     #[test]
-    fn giving_up_hands_in_what_is_finished_of_a_job() {
-        let held = HeldJobs::default();
-        for id in 1..=3 {
-            held.take(&job(id));
-            held.start(id);
+    fn giving_up_hands_in_what_is_finished_of_a_lease() {
+        let held = taken(1..=4);
+        for number in 1..=4 {
+            held.start(id(number));
         }
-        let part = || Part {
-            result: TaskResult::Verify {
-                point: "archard".to_owned(),
-                first: 4,
-                samples_um: vec![1.5, 2.5],
-            },
-            cpu_seconds: 3.0,
-            wall_seconds: 4.0,
-        };
-        held.keep(1, part());
-        held.keep(3, part());
-        held.cancel(&[3]);
-        assert_eq!(held.give_up_all(), [2, 3], "nobody needs the third");
-        let results = held.results();
-        assert_eq!(results.len(), 1);
-        let Some(job_result::Outcome::Result(payload)) = &results[0].outcome else {
-            panic!("a result")
-        };
-        let read: TaskResult = serde_json::from_slice(payload).unwrap();
-        assert_eq!((results[0].job, read), (1, part().result));
+        held.add(id(1), samples(2), 1.0);
+        held.keep(id(1), samples(1), 2.0);
+        held.keep(id(3), samples(1), 2.0);
+        held.add(id(4), samples(2), 1.0);
+        held.cancel(&[id(3)]);
+        assert_eq!(held.give_up_all(), [id(2), id(3)], "nobody needs the third");
+        let (results, _) = held.results(ANY);
+        let counts: Vec<Vec<usize>> = results
+            .iter()
+            .map(|result| {
+                result
+                    .results
+                    .iter()
+                    .map(|unit| unit.samples_um.len())
+                    .collect()
+            })
+            .collect();
+        assert_eq!(counts, [vec![2, 1], vec![2]]);
+        assert_eq!(results[0].wall_seconds, 2.0);
         // The sample that was in the way ends after all: the part has gone its way.
-        held.finish(result(1, 9.0));
-        assert_eq!(held.results(), results);
+        held.finish(id(1));
+        assert_eq!(held.results(ANY).0, results);
     }
 
     #[test]
-    fn a_cancelled_job_is_told_to_stop_and_keeps_its_slot_until_it_does() {
-        let held = HeldJobs::default();
-        held.take(&job(1));
-        held.take(&job(2));
-        let cancelled = held.start(1).unwrap();
-        held.cancel(&[1, 2]);
+    fn a_cancelled_lease_is_told_to_stop_and_keeps_its_slot_until_it_does() {
+        let held = taken(1..=3);
+        held.start(id(3));
+        held.finish(id(3));
+        let cancelled = held.start(id(1)).unwrap();
+        held.cancel(&[id(1), id(2), id(3)]);
         assert!(cancelled.load(Ordering::Relaxed));
         assert_eq!(held.computing(), 1, "the one that waited is gone");
-        assert!(held.jobs().is_empty());
-        held.finish(result(1, 1.0));
-        assert_eq!((held.computing(), held.unacknowledged()), (0, 0));
+        held.finish(id(1));
+        assert_eq!(held.computing(), 0);
+        assert_eq!(held.unacknowledged(), 1, "what is finished is handed in");
     }
 
     #[test]
-    fn the_shorter_the_jobs_the_more_are_held_ahead() {
-        let held = |jobs: u64, seconds: f64| {
-            let held = HeldJobs::default();
-            for id in 0..jobs {
-                held.take(&Arc::new(Job {
-                    seconds,
-                    ..Job::clone(&job(id))
-                }));
+    fn results_go_by_as_many_as_a_slow_line_bears() {
+        let held = taken(1..=3);
+        for number in 1..=3 {
+            held.start(id(number));
+            held.add(id(number), samples(1000), 1.0);
+            held.finish(id(number));
+        }
+        assert_eq!(held.results(ANY).0.len(), 3);
+        assert_eq!(held.results(17_000).0.len(), 2);
+        assert_eq!(held.results(10).0.len(), 1, "one alone, however large");
+    }
+
+    #[test]
+    fn what_nobody_acknowledges_keeps_the_worker_from_asking_for_more() {
+        let held = taken(1..=1);
+        held.start(id(1));
+        held.add(id(1), samples(UNACKNOWLEDGED_BYTES / 8), 1.0);
+        assert!(held.wanted(2).is_some());
+        held.finish(id(1));
+        assert_eq!(held.wanted(2), None);
+        held.acknowledge(&held.results(ANY).0);
+        assert!(held.wanted(2).is_some());
+    }
+
+    #[test]
+    fn the_shorter_the_leases_the_more_are_held_ahead() {
+        let held = |leases: u64, seconds: f64| {
+            let held = HeldLeases::default();
+            for number in 0..leases {
+                held.take(&lease(number, seconds));
             }
             held.wanted(2)
         };
-        let wanted = |jobs, seconds| Some(Wanted { jobs, seconds });
+        let wanted = |leases, seconds| Some(Wanted { leases, seconds });
         assert_eq!(held(0, 0.0), wanted(4000, 4.0));
         assert_eq!(held(2, 1.0), wanted(3998, 2.0));
         assert_eq!(held(4, 1.0), None);

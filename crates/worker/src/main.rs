@@ -30,7 +30,7 @@ struct Arguments {
     #[arg(long, value_name = "SECONDS", default_value_t = 30)]
     connect_timeout: u64,
     /// After how many seconds without the coordinator to leave
-    #[arg(long, value_name = "SECONDS", default_value_t = 3600)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 60)]
     give_up_after: u64,
     /// How many seconds jobs that are being computed may take to end after SIGTERM
     #[arg(long, value_name = "SECONDS", default_value_t = 30)]
@@ -76,7 +76,7 @@ fn main() -> ExitCode {
         let shutdown = CancellationToken::new();
         tokio::spawn(console::watch_signals(
             shutdown.clone(),
-            "draining: finishing what is being computed; signal again to leave at once",
+            "leaving: finishing what is being computed; Ctrl-C once more leaves at once",
         ));
         Worker::new(options).run(shutdown).await
     });
@@ -84,8 +84,16 @@ fn main() -> ExitCode {
     runtime.shutdown_background();
     match result {
         Ok(summary) => {
-            tracing::info!(jobs = summary.jobs, finished = summary.finished, "leaving");
-            ExitCode::from(exit::OK)
+            tracing::info!(
+                leases = summary.leases,
+                finished = summary.finished,
+                "leaving"
+            );
+            ExitCode::from(if summary.finished {
+                exit::OK
+            } else {
+                exit::INTERRUPTED
+            })
         }
         Err(error) => {
             console::complain(&error.to_string());

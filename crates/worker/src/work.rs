@@ -7,8 +7,9 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, RwLock};
 use std::time::{Duration, Instant};
 
+use ledger::LeaseId;
 use protocol::Role;
-use protocol::v1::ReleaseRequest;
+use protocol::v2::ReleaseRequest;
 use tokio::sync::mpsc::UnboundedSender;
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
@@ -17,7 +18,7 @@ use tracing::{debug, info, warn};
 use crate::client::{Credentials, Dial, Link, connect_by};
 use crate::connection::Error;
 use crate::exec::Exec;
-use crate::held::HeldJobs;
+use crate::held::HeldLeases;
 
 use registering::Registered;
 
@@ -61,9 +62,10 @@ pub struct Options {
 /// What a worker did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Summary {
-    /// Jobs whose results were acknowledged.
-    pub jobs: u64,
-    /// Whether the coordinator said that the campaign is finished (or else a shutdown came first).
+    /// Leases whose results were acknowledged.
+    pub leases: u64,
+    /// Whether the coordinator said that the campaign is finished; or else the worker was asked to
+    /// leave before.
     pub finished: bool,
 }
 
@@ -81,7 +83,7 @@ struct Shared {
     /// The problem with the digest of its model; replaced when a restarted coordinator names
     /// another campaign.
     problem: RwLock<Option<Arc<Registered>>>,
-    held: HeldJobs,
+    held: HeldLeases,
     /// Asks samplers to stop between two samples.
     hurry: AtomicBool,
     /// Results that the coordinator has.
@@ -128,7 +130,7 @@ impl Worker {
             options: self.options,
             connection,
             problem: RwLock::new(None),
-            held: HeldJobs::default(),
+            held: HeldLeases::default(),
             hurry: AtomicBool::new(false),
             acknowledged: AtomicU64::new(0),
             stop: stop.clone(),
@@ -136,7 +138,7 @@ impl Worker {
         });
         let registered = tokio::select! {
             registered = shared.register(true) => registered?,
-            () = shutdown.cancelled() => return Ok(Summary { jobs: 0, finished: false }),
+            () = shutdown.cancelled() => return Ok(Summary { leases: 0, finished: false }),
         };
         info!(
             coordinator = %shared.connection.url(),
@@ -169,8 +171,10 @@ impl Worker {
         };
         stop.cancel();
         let asked = tokio::time::Instant::now();
-        if matches!(end, Ok(End::Stopped)) {
-            shared.drain().await;
+        match end {
+            Ok(End::Stopped) => shared.drain().await,
+            Ok(End::Dismissed) => info!("the coordinator ends before the campaign does"),
+            Ok(End::Finished) | Err(_) => {}
         }
         reporter_stop.cancel();
         // A coordinator that does not answer must not keep a worker that was asked to leave.
@@ -184,7 +188,7 @@ impl Worker {
             let lost = shared.held.unacknowledged();
             warn!(lost, "leaving with results that nobody acknowledged");
         }
-        let jobs = shared.acknowledged.load(Ordering::Relaxed);
+        let leases = shared.acknowledged.load(Ordering::Relaxed);
         tasks.shutdown().await;
         if let Some(registered) = shared.registered() {
             registered.backend.stop();
@@ -196,7 +200,7 @@ impl Worker {
             }
         }
         let finished = matches!(end?, End::Finished);
-        Ok(Summary { jobs, finished })
+        Ok(Summary { leases, finished })
     }
 }
 
@@ -207,6 +211,8 @@ enum End {
     Finished,
     /// The worker was asked to stop.
     Stopped,
+    /// The coordinator said that it ends, and that the campaign is not finished.
+    Dismissed,
 }
 
 impl Shared {
@@ -230,33 +236,37 @@ impl Shared {
         }
     }
 
-    /// Gives back what has not started and waits for the rest. Towards the end of the grace period
+    /// Says that this worker leaves, gives back what has not started and waits for the rest. Towards the end of the grace period
     /// samplers stop between two samples and hand in what they have. Of a job whose sample takes even
     /// longer, what was kept is handed in; if that is nothing, it is given back.
     async fn drain(&self) {
         let now = tokio::time::Instant::now();
         let patient_until = now + self.options.grace.mul_f64(PATIENT_PART);
         let waiting = self.held.give_up_waiting();
-        tokio::join!(self.give_back(waiting), self.computed_by(patient_until));
+        tokio::join!(
+            self.give_back(waiting, true),
+            self.computed_by(patient_until)
+        );
         self.hurry.store(true, Ordering::Relaxed);
         self.computed_by(now + self.options.grace).await;
-        self.give_back(self.held.give_up_all()).await;
+        self.give_back(self.held.give_up_all(), true).await;
     }
 
-    /// Tells the coordinator that it may lease these jobs to others.
-    async fn give_back(&self, jobs: Vec<u64>) {
-        if jobs.is_empty() {
+    /// Tells the coordinator that it may lease this to others, and whether this worker leaves.
+    async fn give_back(&self, leases: Vec<LeaseId>, leaving: bool) {
+        if leases.is_empty() && !leaving {
             return;
         }
         let request = ReleaseRequest {
             worker_id: self.worker_id.clone(),
-            jobs,
+            leases: leases.into_iter().map(Into::into).collect(),
+            leaving,
         };
         let mut client = self.connection.client();
         // A release that gets lost costs no more than the wait for the lease to run out.
         let call = tokio::time::timeout(Duration::from_secs(2), client.release(request));
         if !matches!(call.await, Ok(Ok(_))) {
-            debug!("the release of unfinished jobs was not acknowledged");
+            debug!("the release of unfinished leases was not acknowledged");
         }
     }
 

@@ -269,6 +269,18 @@ impl Campaign {
             .collect()
     }
 
+    /// SHA-256 of everything that the values of a design's samples may depend on: the same for a
+    /// campaign and one that [extends](Self::extends) it.
+    #[must_use]
+    pub fn values_digest(&self) -> [u8; 32] {
+        let mut values = self.clone();
+        values.doe.designs = 0;
+        values.sampling.samples_per_design = 0;
+        values.verify.samples = 0;
+        values.enrichment = None;
+        Sha256::digest(values.to_json().as_bytes()).into()
+    }
+
     /// Whether this is `held` made larger: more designs, more samples per design or more fresh
     /// samples, an enrichment or a larger budget for it, and everything else the same. What was
     /// sampled for `held` is then part of it.

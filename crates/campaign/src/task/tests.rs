@@ -1,262 +1,297 @@
 use std::cell::{Cell, RefCell};
+use std::collections::BTreeSet;
+
+use ledger::Kind;
 
 use super::*;
-use crate::Campaign;
-use crate::formulation::Problem;
+use crate::simulator::Simulator;
+use crate::{Campaign, simulator};
+
+const X: [f64; 6] = [0.25, 1.37, 1.37, 0.85, 1.31, 0.80];
 
 fn problem() -> Problem {
     Problem::new(Campaign::parse("paper.toml", Campaign::PAPER).unwrap())
 }
 
-fn request(count: u32) -> Task {
-    Task::Sample {
-        frozen: problem().printed_frozen(),
-        designs: vec![
-            SampleRequest {
-                design: 3,
-                x: [0.25, 1.37, 1.37, 0.85, 1.31, 0.80],
-                samples: SampleRange { first: 0, count },
-            },
-            // x_p + x_r = −2 leaves the involute equation without a solution.
-            SampleRequest {
-                design: 4,
-                x: [-1.0, -1.0, 1.0, 1.0, 1.0, 1.0],
-                samples: SampleRange { first: 0, count },
-            },
-        ],
+fn variables() -> Variables {
+    Variables::robust(&X, &problem().printed_frozen())
+}
+
+fn unit(stream: StreamId, samples: std::ops::Range<u32>) -> Unit {
+    Unit {
+        stream,
+        generation: Generation(1),
+        samples,
     }
 }
 
-#[test]
-fn a_panic_is_recorded_against_its_design() {
-    let outcome = guarded(|| panic!("no such tooth"));
-    assert_eq!(
-        outcome,
-        Ok(Some(DesignOutcome::Refused {
-            reason: "simulator-panic: no such tooth".to_owned()
-        }))
-    );
+fn design(samples: std::ops::Range<u32>) -> Unit {
+    unit(StreamId::design(3), samples)
 }
 
-#[test]
-fn tasks_and_results_survive_json_bit_for_bit() {
-    let problem = problem();
-    let task = request(6);
-    let json = serde_json::to_string(&task).unwrap();
-    assert_eq!(serde_json::from_str::<Task>(&json).unwrap(), task);
-    let result = execute(&problem, &task).unwrap();
-    let json = serde_json::to_string(&result).unwrap();
-    assert_eq!(serde_json::from_str::<TaskResult>(&json).unwrap(), result);
-    let TaskResult::Sample { designs } = result else {
-        panic!("a sampling result")
-    };
-    assert!(matches!(&designs[0].outcome,
-        DesignOutcome::Simulated { samples_um, .. } if samples_um.len() == 6));
-    assert!(matches!(&designs[1].outcome,
-        DesignOutcome::Refused { reason } if reason.starts_with("no-involute-solution: ")));
-}
-
-fn samples(result: &TaskResult) -> Vec<(u32, Vec<f64>)> {
-    let TaskResult::Sample { designs } = result else {
-        panic!("a sampling result")
-    };
-    designs
-        .iter()
-        .filter_map(|design| match &design.outcome {
-            DesignOutcome::Simulated { samples_um, .. } => {
-                Some((design.design, samples_um.clone()))
-            }
-            DesignOutcome::Refused { .. } => None,
-        })
-        .collect()
-}
-
-fn of_one_design(samples: SampleRange) -> Task {
-    let Task::Sample { frozen, designs } = request(0) else {
-        unreachable!("the request is one for samples")
-    };
-    let designs = vec![SampleRequest {
-        samples,
-        ..designs[0]
-    }];
-    Task::Sample { frozen, designs }
+fn drawn(output: Option<Output>) -> Vec<f64> {
+    match output {
+        Some(Output::Design { samples_um, .. } | Output::Samples(samples_um)) => samples_um,
+        other => panic!("no samples: {other:?}"),
+    }
 }
 
 /// What workers compute is what the gear model computes, to the last bit.
 #[test]
-fn tasks_ask_the_built_in_model_and_nothing_else() {
+fn units_ask_the_built_in_model_and_nothing_else() {
     let problem = problem();
-    let variables = Variables::robust(
-        &[0.25, 1.37, 1.37, 0.85, 1.31, 0.80],
-        &problem.printed_frozen(),
-    );
+    let variables = variables();
     let pair = problem.pair(&variables).unwrap();
     let unworn = pair.unworn();
     let worn = pair.archard(problem.wear()).analysis;
     let mut sampler = pair.sampler(problem.wear());
     let seed = problem.campaign().seed;
-    let drawn = (2..7)
+    let samples_um = (2..7)
         .map(|index| sampler.draw(&mut stream(seed, Purpose::Wear, 3, index)))
         .collect();
-    let task = of_one_design(SampleRange { first: 2, count: 5 });
-    let TaskResult::Sample { designs } = execute(&problem, &task).unwrap() else {
-        panic!("a sampling result")
-    };
+    let source = Source::Design(variables);
     assert_eq!(
-        designs[0].outcome,
-        DesignOutcome::Simulated {
-            criteria: problem.criteria(&pair, unworn.hertz_pressure_mpa),
-            hertz_pressure_worn_mpa: worn.hertz_pressure_mpa,
-            delta_ste_um: unworn.delta_ste_um,
-            delta_ste_archard_um: worn.delta_ste_um,
-            first: 2,
-            samples_um: drawn,
+        compute(&problem, &design(2..7), &source).unwrap(),
+        Output::Design {
+            analysed: Analysed {
+                criteria: problem.criteria(&pair, unworn.hertz_pressure_mpa),
+                hertz_pressure_worn_mpa: worn.hertz_pressure_mpa,
+                delta_ste_um: unworn.delta_ste_um,
+                delta_ste_archard_um: worn.delta_ste_um,
+            },
             ruled_out: None,
+            samples_um,
         }
     );
     assert_eq!(
         problem.normal_module(&variables).unwrap(),
         pair.geometry().normal_module
     );
+    // x_p + x_r = −2 leaves the involute equation without a solution.
+    let refused = [-1.0, -1.0, 1.0, 1.0, 1.0, 1.0];
+    let refused = Variables::robust(&refused, &problem.printed_frozen());
+    let output = compute(&problem, &design(0..3), &Source::Design(refused)).unwrap();
+    assert!(
+        matches!(&output, Output::Refused(reason) if reason.starts_with("no-involute-solution: ")),
+        "{output:?}"
+    );
 }
 
 #[test]
 fn a_design_that_its_constraints_rule_out_gets_no_samples() {
-    let outcome = |skip_violation| {
+    let output = |skip_violation| {
         let mut campaign = problem().campaign().clone();
         campaign.sampling.skip_violation = skip_violation;
         let problem = Problem::new(campaign);
-        let task = of_one_design(SampleRange { first: 0, count: 5 });
-        let TaskResult::Sample { designs } = execute(&problem, &task).unwrap() else {
-            panic!("a sampling result")
-        };
-        match &designs[0].outcome {
-            DesignOutcome::Simulated {
-                criteria,
-                hertz_pressure_worn_mpa,
-                samples_um,
+        match compute(&problem, &design(0..5), &Source::Design(variables())) {
+            Ok(Output::Design {
+                analysed,
                 ruled_out,
-                ..
-            } => {
+                samples_um,
+            }) => {
                 let worn = Criteria {
-                    hertz_pressure_mpa: *hertz_pressure_worn_mpa,
-                    ..*criteria
+                    hertz_pressure_mpa: analysed.hertz_pressure_worn_mpa,
+                    ..analysed.criteria
                 };
-                let violation = problem.violation(&worn);
-                (violation, samples_um.len(), ruled_out.clone())
+                (problem.violation(&worn), samples_um.len(), ruled_out)
             }
-            DesignOutcome::Refused { reason } => panic!("{reason}"),
+            other => panic!("{other:?}"),
         }
     };
-    let (violation, samples, reason) = outcome(Some(0.0));
+    let (violation, samples, reason) = output(Some(0.0));
     assert!(violation > 0.1, "this design has interference");
     assert_eq!(samples, 0);
     let reason = reason.unwrap();
     assert!(reason.starts_with("ruled-out: "), "{reason}");
     assert!(reason.contains("mate flank margin = -"), "{reason}");
-    assert_eq!(outcome(Some(0.99 * violation)).1, 0);
+    assert_eq!(output(Some(0.99 * violation)).1, 0);
     // It breaks the constraints by less than the limit, or nobody asked.
-    assert_eq!(outcome(Some(1.01 * violation)), (violation, 5, None));
-    assert_eq!(outcome(None), (violation, 5, None));
+    assert_eq!(output(Some(1.01 * violation)), (violation, 5, None));
+    assert_eq!(output(None), (violation, 5, None));
 }
 
 #[test]
 fn a_sample_does_not_depend_on_who_draws_its_neighbours() {
     let problem = problem();
-    let drawn = |first, count| {
-        let task = of_one_design(SampleRange { first, count });
-        samples(&execute(&problem, &task).unwrap())[0].1.clone()
-    };
-    assert_eq!(drawn(0, 8)[5..], drawn(5, 3));
-}
-
-#[test]
-fn a_stopped_task_gives_what_is_done() {
-    let problem = problem();
-    let Task::Sample { frozen, designs } = request(4) else {
-        unreachable!("the request is one for samples")
-    };
-    let later = SampleRequest {
-        design: 5,
-        ..designs[0]
-    };
-    let task = Task::Sample {
-        frozen,
-        designs: vec![designs[0], designs[1], later],
-    };
-    let whole = samples(&execute(&problem, &task).unwrap());
-    let stopped_after = |questions: u32| {
-        let left = Cell::new(questions);
-        let so_far_last = RefCell::new(None);
-        let keep_going = |so_far: &dyn Fn() -> TaskResult| {
-            let going = left.get() > 0;
-            left.set(left.get().saturating_sub(1));
-            so_far_last.replace(Some(so_far()));
-            going
+    for source in [Source::Design(variables()), Source::Point(variables())] {
+        let stream = match source {
+            Source::Point(_) => StreamId::point(2),
+            _ => StreamId::design(3),
         };
-        let part = execute_until(&problem, &task, &keep_going).unwrap();
-        if left.get() == 0 && questions < 11 {
-            // What could be had when the last question was asked is what came of it.
-            assert_eq!(so_far_last.take().as_ref(), Some(&part), "{questions}");
-        }
-        assert_eq!(part.is_empty(), samples(&part).is_empty());
-        part
-    };
-    // Asked before each design and each sample: 1 + 4, 1 (refused), 1 + 4.
-    for (questions, designs, of_last) in [
-        (0, 0, 0),
-        (1, 0, 0),
-        (2, 1, 1),
-        (4, 1, 3),
-        (5, 1, 4),
-        (6, 2, 4),
-        (7, 2, 4),
-        (9, 3, 2),
-        (11, 3, 4),
-    ] {
-        let part = stopped_after(questions);
-        let TaskResult::Sample { designs: done } = &part else {
-            panic!("a sampling result")
-        };
-        assert_eq!(done.len(), designs, "after {questions} questions");
-        let part = samples(&part);
-        assert_eq!(part.last().map_or(0, |last| last.1.len()), of_last);
-        for ((design, part), (same, whole)) in part.iter().zip(&whole) {
-            assert_eq!((design, part.as_slice()), (same, &whole[..part.len()]));
-        }
+        let of = |samples| drawn(compute(&problem, &unit(stream, samples), &source).ok());
+        assert_eq!(of(0..8)[5..], of(5..8));
     }
 }
 
 #[test]
-fn a_stopped_verification_gives_fewer_samples() {
+fn what_is_stopped_gives_what_is_done() {
     let problem = problem();
-    let task = Task::Verify {
-        point: "archard".to_owned(),
-        number: 2,
-        variables: Variables::robust(
-            &[0.25, 1.37, 1.37, 0.85, 1.31, 0.80],
-            &problem.printed_frozen(),
+    for (source, whole, asked_before) in [
+        // Before its analyses and before each sample.
+        (Source::Design(variables()), design(4..8), 1),
+        (
+            Source::Point(variables()),
+            unit(StreamId::point(2), 4..8),
+            0,
         ),
-        samples: SampleRange {
-            first: 10,
-            count: 5,
-        },
+    ] {
+        let all = drawn(compute(&problem, &whole, &source).ok());
+        for answers in 0..=6_u32 {
+            let left = Cell::new(answers);
+            let so_far_last = RefCell::new(None);
+            let keep_going = |so_far: &dyn Fn() -> Option<Output>| {
+                let going = left.get() > 0;
+                left.set(left.get().saturating_sub(1));
+                so_far_last.replace(so_far());
+                going
+            };
+            let part = compute_until(&problem, &whole, &source, &keep_going).unwrap();
+            let expected = (answers.saturating_sub(asked_before) as usize).min(all.len());
+            if expected < all.len() {
+                assert_eq!(so_far_last.take(), part, "what was kept is what came of it");
+            }
+            if expected == 0 {
+                assert_eq!(part, None);
+            } else {
+                assert_eq!(drawn(part), all[..expected]);
+            }
+        }
+    }
+}
+
+/// A simulator whose design can be analysed and whose samples are made up.
+struct Fake {
+    problem: Problem,
+    analysed_um: f64,
+    sample: fn() -> Result<f64, String>,
+}
+
+impl Simulator for Fake {
+    fn problem(&self) -> &Problem {
+        &self.problem
+    }
+
+    fn prepare<'a>(&'a self, variables: &Variables) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
+        assert!(variables.profile_shift[0] < 0.9, "no such tooth");
+        Ok(Box::new(Design(self)))
+    }
+}
+
+struct Design<'a>(&'a Fake);
+
+impl Prepared for Design<'_> {
+    fn criteria(&self, hertz_pressure_mpa: f64) -> Criteria {
+        let pair = self.0.problem.pair(&variables()).unwrap();
+        self.0.problem.criteria(&pair, hertz_pressure_mpa)
+    }
+
+    fn unworn(&mut self) -> Result<simulator::Analysis, NoAnswer> {
+        Ok(simulator::Analysis {
+            delta_ste_um: self.0.analysed_um,
+            hertz_pressure_mpa: 900.0,
+        })
+    }
+
+    fn archard(&mut self) -> Result<simulator::Analysis, NoAnswer> {
+        self.unworn()
+    }
+
+    fn sample(&mut self, _: &mut stats::streams::StreamRng) -> Result<f64, String> {
+        (self.0.sample)()
+    }
+}
+
+/// Whether a design is feasible must not depend on which of its samples are asked for together.
+#[test]
+fn analyses_refuse_a_design_and_samples_fail() {
+    let of = |analysed_um: f64, sample: fn() -> Result<f64, String>, x_p: f64| {
+        let fake = Fake {
+            problem: problem(),
+            analysed_um,
+            sample,
+        };
+        let mut variables = variables();
+        variables.profile_shift[0] = x_p;
+        compute(&fake, &design(4..6), &Source::Design(variables))
     };
-    let left = Cell::new(3);
-    let keep_going = |_: &dyn Fn() -> TaskResult| left.replace(left.get() - 1) > 0;
-    let (
-        Ok(TaskResult::Verify {
-            samples_um: whole, ..
-        }),
-        Ok(TaskResult::Verify {
-            first, samples_um, ..
-        }),
-    ) = (
-        execute(&problem, &task),
-        execute_until(&problem, &task, &keep_going),
-    )
-    else {
-        panic!("two verifying results")
+    let good: fn() -> Result<f64, String> = || Ok(1.0);
+    assert!(matches!(of(1.0, good, 0.2), Ok(Output::Design { .. })));
+    for (output, reason) in [
+        (of(1.0, good, 0.95), "simulator-panic: no such tooth"),
+        (of(f64::NAN, good, 0.2), "not-a-number: "),
+    ] {
+        assert!(
+            matches!(&output, Ok(Output::Refused(text)) if text.starts_with(reason)),
+            "{output:?}"
+        );
+    }
+    let failures: [(fn() -> Result<f64, String>, &str); 6] = [
+        (|| panic!("out of teeth"), "simulator-panic: out of teeth"),
+        (|| Ok(f64::NAN), "ΔSTE is NaN"),
+        (|| Ok(f64::INFINITY), "ΔSTE is inf"),
+        (|| Ok(-5.0), "ΔSTE is -5e0 µm"),
+        (
+            || Ok(1e308),
+            "ΔSTE is 1e308 µm, but a ΔSTE lies between 0 and 1e6 µm",
+        ),
+        (|| Err("licence".to_owned()), "licence"),
+    ];
+    for (sample, expected) in failures {
+        let error = of(1.0, sample, 0.2).unwrap_err();
+        let expected = format!("design-3, sample 4: {expected}");
+        assert!(error.starts_with(&expected), "{error}");
+    }
+    let error = of(-5.0, good, 0.2).unwrap_err();
+    assert!(
+        error.starts_with("design-3: ΔSTE unworn is -5e0 µm"),
+        "{error}"
+    );
+}
+
+/// Every input changes the generation, and what no value depends on does not.
+#[test]
+fn a_generation_is_the_digest_of_what_values_depend_on() {
+    let campaign = problem().campaign().clone();
+    let inputs = Inputs::new(&campaign, Some("abc"));
+    let source = Source::Point(variables());
+    let stream = StreamId::point(2);
+    let mut larger = campaign.clone();
+    larger.doe.designs += 1;
+    larger.verify.samples += 1;
+    larger.sampling.samples_per_design += 1;
+    assert_eq!(Inputs::new(&larger, Some("abc")), inputs);
+    let mut seeded = campaign.clone();
+    seeded.seed += 1;
+    let mut moved = variables();
+    moved.root_radius_mm[1] += 1e-9;
+    let run = |start, model: &str| Run {
+        approach: Approach::Kriging,
+        start,
+        frozen: problem().printed_frozen(),
+        model: Some(model.into()),
     };
-    assert_eq!((first, samples_um.as_slice()), (10, &whole[..3]));
+    let of_run = |run: Run| inputs.generation(run.stream(), &Source::Run(run));
+    let generations = [
+        inputs.generation(stream, &source),
+        inputs.generation(StreamId::point(3), &source),
+        inputs.generation(StreamId::design(2), &source),
+        inputs.generation(stream, &Source::Point(moved)),
+        Inputs::new(&campaign, Some("abd")).generation(stream, &source),
+        Inputs::new(&seeded, Some("abc")).generation(stream, &source),
+        of_run(run(0, "a")),
+        of_run(run(1, "a")),
+        of_run(run(0, "b")),
+    ];
+    let distinct: BTreeSet<Generation> = generations.into_iter().collect();
+    assert_eq!(distinct.len(), generations.len());
+    assert_eq!(run(7, "a").stream().kind, Kind::Run);
+    assert_eq!(run(7, "a").stream().run_parts(), (3, 7));
+}
+
+#[test]
+fn variables_survive_as_numbers() {
+    let variables = variables();
+    assert_eq!(Variables::of_values(&variables.values()), variables);
+    let frozen = variables.frozen_part();
+    assert_eq!(Frozen::of_values(&frozen.values()), frozen);
 }

@@ -4,9 +4,10 @@ use std::time::Instant;
 
 use anyhow::Context as _;
 use campaign::formulation::{Problem, ROBUST_VARIABLES};
-use campaign::task::{self, SampleRange, SampleRequest, Task};
-use campaign::{Approach, Campaign};
+use campaign::task::{self, Output, Source};
+use campaign::{Approach, Campaign, Variables};
 use coordinator::references;
+use ledger::{Generation, StreamId, Unit};
 use protocol::exit;
 use rand::RngExt as _;
 use stats::streams::{Purpose, stream};
@@ -145,36 +146,25 @@ fn measure(problem: &Problem) -> anyhow::Result<Measured> {
     let mut seconds = [0.0; 2];
     let mut feasible = 0.0;
     let samples = [4, 104];
+    let frozen = problem.printed_frozen();
     for (pass, count) in samples.into_iter().enumerate() {
-        let designs: Vec<SampleRequest> = (0..DESIGNS)
-            .map(|design| {
-                let mut rng = stream(problem.campaign().seed, Purpose::Test, u64::from(design), 1);
-                let unit: [f64; ROBUST_VARIABLES] = std::array::from_fn(|_| rng.random());
-                SampleRequest {
-                    design,
-                    x: problem.robust_point(&unit),
-                    samples: SampleRange { first: 0, count },
-                }
-            })
-            .collect();
-        let task = Task::Sample {
-            frozen: problem.printed_frozen(),
-            designs,
-        };
+        feasible = 0.0;
         let before = Instant::now();
-        let result = task::execute(problem, &task)
-            .map_err(anyhow::Error::msg)
-            .context("a trial run")?;
-        seconds[pass] = before.elapsed().as_secs_f64();
-        if let campaign::task::TaskResult::Sample { designs } = result {
-            let simulated = |design: &&campaign::task::DesignResult| {
-                matches!(
-                    design.outcome,
-                    campaign::task::DesignOutcome::Simulated { .. }
-                )
+        for design in 0..DESIGNS {
+            let mut rng = stream(problem.campaign().seed, Purpose::Test, u64::from(design), 1);
+            let point: [f64; ROBUST_VARIABLES] = std::array::from_fn(|_| rng.random());
+            let unit = Unit {
+                stream: StreamId::design(design),
+                generation: Generation::default(),
+                samples: 0..count,
             };
-            feasible = designs.iter().filter(simulated).count() as f64;
+            let variables = Variables::robust(&problem.robust_point(&point), &frozen);
+            let output = task::compute(problem, &unit, &Source::Design(variables))
+                .map_err(anyhow::Error::msg)
+                .context("a trial run")?;
+            feasible += f64::from(u8::from(matches!(output, Output::Design { .. })));
         }
+        seconds[pass] = before.elapsed().as_secs_f64();
     }
     let drawn = feasible.max(1.0) * f64::from(samples[1] - samples[0]);
     let sample_seconds = ((seconds[1] - seconds[0]) / drawn).max(0.0);

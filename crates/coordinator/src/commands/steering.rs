@@ -4,7 +4,7 @@ use std::io::IsTerminal as _;
 use std::time::{Duration, Instant};
 
 use coordinator::status::{self, Status};
-use protocol::v1::{DrainRequest, ExplainRequest, RetryRequest, WatchRequest};
+use protocol::v2::{DrainRequest, ExplainRequest, RetryRequest, WatchRequest};
 use protocol::{Role, exit};
 use store::Store;
 use worker::client::{Link, connect};
@@ -127,27 +127,21 @@ pub(super) async fn drain(arguments: &arguments::Drain) -> anyhow::Result<u8> {
     print(&if arguments.resume {
         "leasing again\n".to_owned()
     } else {
-        format!("draining: the coordinator ends when the {leased} jobs that are out are in\n")
+        format!("draining: the coordinator ends when the {leased} leases that are out are in\n")
     })?;
     Ok(exit::OK)
 }
 
 /// `coordinator retry`.
 pub(super) async fn retry(arguments: &arguments::Retry) -> anyhow::Result<u8> {
-    if !arguments.quarantined {
-        let sentence = "say what to try again: --quarantined is all there is so far";
-        return Err(Usage(sentence.to_owned()).into());
-    }
     let link = link(&arguments.client)?;
     let answer = link.client().retry(RetryRequest {}).await;
-    let jobs = answer
-        .map_err(|status| link.error(&status))?
-        .into_inner()
-        .jobs;
-    print(&if jobs.is_empty() {
-        "no job was given up\n".to_owned()
+    let answer = answer.map_err(|status| link.error(&status))?;
+    let retried = answer.into_inner().retried;
+    print(&if retried.is_empty() {
+        "nothing was given up\n".to_owned()
     } else {
-        jobs.join("\n") + "\n"
+        retried.join("\n") + "\n"
     })?;
     Ok(exit::OK)
 }

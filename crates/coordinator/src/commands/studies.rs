@@ -48,6 +48,7 @@ pub(super) async fn sweep(arguments: arguments::Sweep) -> anyhow::Result<u8> {
             guard: Guard::default(),
             out: member.report.clone(),
             workers: workers.clone(),
+            lease: server::LEASE,
             metrics: None,
         };
         let progress = Progress::new();

@@ -2,7 +2,7 @@
 
 use std::time::SystemTime;
 
-use protocol::v1::StatusRequest;
+use protocol::v2::StatusRequest;
 use protocol::{Refusal, Role};
 use tonic::Code;
 use worker::client::{Credentials, Link, TlsFault, connect};

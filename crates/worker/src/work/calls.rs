@@ -1,42 +1,56 @@
-//! What a worker does over and over: it leases jobs, computes them, hands in results and says that it
-//! is there.
+//! What a worker does over and over: it leases, computes, hands in results and says that it is there.
 
 use std::cell::Cell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use campaign::task::{KeepGoing, Task, TaskResult, execute_until};
-use protocol::v1::{
-    Directive, HeartbeatRequest, Job, JobResult, LeaseRequest, ReportRequest, job_result,
-};
+use campaign::task::{Output, Source, compute_until};
+use ledger::{LeaseId, Unit};
+use protocol::v2::{self, Directive, HeartbeatRequest, LeaseRequest, ReportRequest, UnitResult};
 use rustix::time::{ClockId, clock_gettime};
 use tokio::sync::mpsc::UnboundedReceiver;
 use tokio_util::sync::CancellationToken;
-use tracing::{debug, warn};
+use tracing::{debug, info, warn};
 
+use super::registering::Registered;
 use super::{CALL_TIMEOUT, End, Shared};
 use crate::backoff::Backoff;
 use crate::client::cause;
 use crate::connection::Error;
-use crate::held::Part;
+use crate::held::Lease;
 
-/// How long a lease call waits at the coordinator for a job to turn up.
+/// How long a lease call waits at the coordinator for something to turn up.
 const LEASE_WAIT: Duration = Duration::from_secs(5);
 
-/// How often what is finished of a job is kept, in case that the rest takes too long.
+/// How often what is finished of a unit is kept, in case that the rest takes too long.
 const KEEP_EVERY: Duration = Duration::from_secs(1);
 /// The most samples between two looks at the clock.
 const MAX_STRIDE: u32 = 64;
 
-/// How long a job waits until the coordinator knows that it begins.
+/// How long a lease waits until the coordinator knows that it begins.
 const ANNOUNCE_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Leases jobs and hands them to the compute threads.
+/// After an external program failed, how long the worker waits whether it is asked to leave: whoever
+/// ends both at once, as systemd and Slurm do, ends the program first as often as not.
+const AFTERTHOUGHT: Duration = Duration::from_millis(500);
+
+/// The most bytes of results in a report, unless one alone is larger; half as many after one that did
+/// not pass in time, but never fewer than the second number.
+const BYTES_PER_REPORT: usize = 1 << 20;
+const FEWEST_BYTES: usize = 1 << 14;
+/// The slowest line over which results pass, bytes per second.
+const SLOWEST_LINE: f64 = 1e4;
+
+/// How long the coordinator may be silent before the worker says so.
+const SILENCE: Duration = Duration::from_secs(10);
+
+/// Leases work and hands it to the compute threads.
 pub(super) async fn lease(shared: Arc<Shared>, pool: rayon::ThreadPool) -> Result<End, Error> {
     let slots = shared.options.slots.max(1);
     let mut backoff = Backoff::new();
     let mut away_since: Option<Instant> = None;
+    let mut has_complained = false;
     let mut client = shared.connection.client();
     loop {
         let changed = shared.held.changed.notified();
@@ -49,7 +63,7 @@ pub(super) async fn lease(shared: Arc<Shared>, pool: rayon::ThreadPool) -> Resul
         let epoch = shared.epoch();
         let request = LeaseRequest {
             worker_id: shared.worker_id.clone(),
-            credit: u32::try_from(wanted.jobs).unwrap_or(u32::MAX),
+            credit: u32::try_from(wanted.leases).unwrap_or(u32::MAX),
             seconds: wanted.seconds,
             wait_ms: LEASE_WAIT.as_millis() as u32,
         };
@@ -68,6 +82,11 @@ pub(super) async fn lease(shared: Arc<Shared>, pool: rayon::ThreadPool) -> Resul
                     debug!(reason = %cause(status), "leasing failed");
                 }
                 let since = *away_since.get_or_insert_with(Instant::now);
+                if since.elapsed() > SILENCE && !has_complained {
+                    has_complained = true;
+                    let leaving_in = shared.options.give_up_after.as_secs();
+                    warn!(leaving_in, "the coordinator does not answer");
+                }
                 if since.elapsed() > shared.options.give_up_after {
                     return Err(Error::Away {
                         url: shared.connection.url().to_owned(),
@@ -81,9 +100,13 @@ pub(super) async fn lease(shared: Arc<Shared>, pool: rayon::ThreadPool) -> Resul
             }
         };
         away_since = None;
+        if std::mem::take(&mut has_complained) {
+            info!("the coordinator answers again");
+        }
         backoff.reset();
         match response.directive() {
             Directive::Finished => return Ok(End::Finished),
+            Directive::Leave => return Ok(End::Dismissed),
             Directive::Register => {
                 tokio::select! {
                     done = shared.register_again(epoch) => done?,
@@ -92,11 +115,20 @@ pub(super) async fn lease(shared: Arc<Shared>, pool: rayon::ThreadPool) -> Resul
             }
             _ => {}
         }
-        for job in response.jobs {
-            let job = Arc::new(job);
-            if shared.held.take(&job) {
+        for lease in response.leases {
+            let units = lease.units().map_err(|why| Error::Nonsense {
+                url: shared.connection.url().to_owned(),
+                reason: format!("a lease {why}"),
+            })?;
+            let lease = Arc::new(Lease {
+                id: lease.name(),
+                units,
+                seconds: lease.seconds,
+                announce: lease.announce,
+            });
+            if shared.held.take(&lease) {
                 let shared = Arc::clone(&shared);
-                pool.spawn_fifo(move || compute(&shared, &job));
+                pool.spawn_fifo(move || compute(&shared, &lease));
             }
         }
     }
@@ -108,13 +140,15 @@ fn thread_seconds() -> f64 {
     time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
 }
 
-/// What a compute thread knows of the job at hand.
+/// What a compute thread knows of the unit at hand.
 struct Computing<'a> {
     shared: &'a Shared,
-    job: &'a Job,
+    lease: LeaseId,
+    unit: &'a Unit,
     cancelled: &'a AtomicBool,
+    /// When the lease began.
     began: Instant,
-    /// Processor time of the thread when the job began.
+    /// Processor time of the thread when the unit began.
     before: f64,
     /// When a part was last kept.
     kept: Cell<Instant>,
@@ -126,7 +160,7 @@ struct Computing<'a> {
 impl Computing<'_> {
     /// Whether to go on with the next sample. What is finished is kept now and then, because the next
     /// sample may last longer than the worker.
-    fn go_on(&self, so_far: &dyn Fn() -> TaskResult) -> bool {
+    fn go_on(&self, so_far: &dyn Fn() -> Option<Output>) -> bool {
         let is_wanted = !self.cancelled.load(Ordering::Relaxed);
         if !is_wanted || self.shared.hurry.load(Ordering::Relaxed) {
             return false;
@@ -144,14 +178,11 @@ impl Computing<'_> {
             self.left.set(stride);
             if since >= KEEP_EVERY {
                 self.kept.set(Instant::now());
-                let result = so_far();
-                if !result.is_empty() {
-                    let part = Part {
-                        result,
-                        cpu_seconds: thread_seconds() - self.before,
-                        wall_seconds: self.began.elapsed().as_secs_f64(),
-                    };
-                    self.shared.held.keep(self.job.job, part);
+                if let Some(output) = so_far() {
+                    let cpu_seconds = thread_seconds() - self.before;
+                    let part = protocol::result(self.unit, &Ok(Some(output)), cpu_seconds);
+                    let seconds = self.began.elapsed().as_secs_f64();
+                    self.shared.held.keep(self.lease, part, seconds);
                 }
             }
         }
@@ -159,78 +190,80 @@ impl Computing<'_> {
     }
 }
 
-/// Does one job on a compute thread.
-fn compute(shared: &Shared, job: &Job) {
-    let Some(cancelled) = shared.held.start(job.job) else {
+/// Computes a lease on a compute thread, unit by unit: one that fails does not take the others with
+/// it.
+fn compute(shared: &Shared, lease: &Lease) {
+    let Some(cancelled) = shared.held.start(lease.id) else {
         return;
     };
-    if job.attempt > 1 {
+    if lease.announce {
         // Whoever had it before may have died of it, and so may this worker before its next
-        // heartbeat: unless the coordinator knows that it has begun, nobody would blame the job.
+        // heartbeat: unless the coordinator knows that it has begun, nobody would blame it.
         shared.announce();
     }
     let began = Instant::now();
-    let computing = Computing {
-        shared,
-        job,
-        cancelled: &cancelled,
-        began,
-        before: thread_seconds(),
-        kept: Cell::new(began),
-        stride: Cell::new(1),
-        left: Cell::new(1),
-    };
-    let (outcome, program_seconds) = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
-        attempt(shared, job, &|so_far| computing.go_on(so_far))
-    }))
-    .unwrap_or_else(|_| {
-        let error = "the job panicked; the worker's log has the message".to_owned();
+    if let Some(registered) = shared.registered() {
+        for (unit, source) in &lease.units {
+            let is_stopped =
+                cancelled.load(Ordering::Relaxed) || shared.hurry.load(Ordering::Relaxed);
+            if is_stopped {
+                break;
+            }
+            let computing = Computing {
+                shared,
+                lease: lease.id,
+                unit,
+                cancelled: &cancelled,
+                began,
+                before: thread_seconds(),
+                kept: Cell::new(Instant::now()),
+                stride: Cell::new(1),
+                left: Cell::new(1),
+            };
+            if let Some(result) = attempt(&registered, &computing, source) {
+                shared
+                    .held
+                    .add(lease.id, result, began.elapsed().as_secs_f64());
+            }
+        }
+    }
+    shared.held.finish(lease.id);
+}
+
+/// What comes of a unit; none if it was stopped before anything did.
+fn attempt(
+    registered: &Registered,
+    computing: &Computing<'_>,
+    source: &Source,
+) -> Option<UnitResult> {
+    let Computing { shared, unit, .. } = computing;
+    let go_on = |so_far: &dyn Fn() -> Option<Output>| computing.go_on(so_far);
+    let backend = &registered.backend;
+    let guarded = std::panic::AssertUnwindSafe(|| {
+        backend.with(&registered.problem, |simulator| {
+            compute_until(simulator, unit, source, &go_on)
+        })
+    });
+    let (outcome, program_seconds) = std::panic::catch_unwind(guarded).unwrap_or_else(|_| {
+        let error = format!(
+            "{}: the worker panicked; its log has the message",
+            unit.stream
+        );
         (Err(error), 0.0)
     });
     // What an external program takes is somebody else's time on the processor.
     let cpu_seconds = thread_seconds() - computing.before + program_seconds;
-    if outcome.is_err() && shared.programs_are_stopped() {
-        // Nobody waits for it any more: the job was given back, or the campaign is finished.
-        return;
-    }
     if let Err(error) = &outcome {
-        warn!(job = job.job, attempt = job.attempt, %error, "a job failed");
+        if backend.is_external() && shared.leaves_within(AFTERTHOUGHT) {
+            // Whoever asked this worker to leave has ended the program as well.
+            return None;
+        }
+        warn!(stream = %unit.stream, lease = %computing.lease, %error, "a failure");
     }
-    let outcome = match outcome {
-        Ok(result) => job_result::Outcome::Result(result),
-        Err(error) => job_result::Outcome::Error(error),
-    };
-    shared.held.finish(JobResult {
-        job: job.job,
-        attempt: job.attempt,
-        outcome: Some(outcome),
-        cpu_seconds,
-        wall_seconds: began.elapsed().as_secs_f64(),
-        serial: 0,
-    });
-}
-
-/// The result's payload, and how many seconds an external program took for it.
-fn attempt(
-    shared: &Shared,
-    job: &Job,
-    keep_going: &KeepGoing<'_>,
-) -> (Result<Vec<u8>, String>, f64) {
-    let task: Task = match serde_json::from_slice(&job.payload) {
-        Ok(task) => task,
-        Err(error) => return (Err(format!("the task cannot be read: {error}")), 0.0),
-    };
-    let Some(registered) = shared.registered() else {
-        return (Err("the worker is not registered".to_owned()), 0.0);
-    };
-    let (result, seconds) = registered.backend.with(&registered.problem, |simulator| {
-        execute_until(simulator, &task, keep_going)
-    });
-    let payload = result.and_then(|result| {
-        serde_json::to_vec(&result)
-            .map_err(|error| format!("the result cannot be written: {error}"))
-    });
-    (payload, seconds)
+    match &outcome {
+        Ok(None) => None,
+        _ => Some(protocol::result(unit, &outcome, cpu_seconds)),
+    }
 }
 
 /// Hands in results until they are acknowledged.
@@ -238,9 +271,10 @@ pub(super) async fn report(shared: Arc<Shared>, stop: CancellationToken) {
     let mut backoff = Backoff::new();
     let mut client = shared.connection.client();
     let mut attempts_after_stop = 0;
+    let mut most = BYTES_PER_REPORT;
     loop {
         let changed = shared.held.changed.notified();
-        let results = shared.held.results();
+        let (results, bytes) = shared.held.results(most);
         if results.is_empty() {
             if stop.is_cancelled() {
                 return;
@@ -256,9 +290,11 @@ pub(super) async fn report(shared: Arc<Shared>, stop: CancellationToken) {
             worker_id: shared.worker_id.clone(),
             results: results.clone(),
         };
-        match tokio::time::timeout(CALL_TIMEOUT, client.report(request)).await {
+        let patience = CALL_TIMEOUT + Duration::from_secs_f64(bytes as f64 / SLOWEST_LINE);
+        match tokio::time::timeout(patience, client.report(request)).await {
             Ok(Ok(response)) => {
                 backoff.reset();
+                most = BYTES_PER_REPORT;
                 let directive = response.into_inner().directive();
                 if directive == Directive::Register {
                     // Results are welcome from a registered worker only: introduce ourselves and
@@ -274,8 +310,11 @@ pub(super) async fn report(shared: Arc<Shared>, stop: CancellationToken) {
                 shared.held.acknowledge(&results);
             }
             failed => {
-                if let Ok(Err(status)) = &failed {
-                    debug!(reason = %cause(status), "handing in results failed");
+                match &failed {
+                    Ok(Err(status)) => {
+                        debug!(reason = %cause(status), "handing in results failed");
+                    }
+                    _ => most = (most / 2).max(FEWEST_BYTES),
                 }
                 if stop.is_cancelled() {
                     attempts_after_stop += 1;
@@ -304,6 +343,20 @@ impl Shared {
             let _ = heard.recv_timeout(ANNOUNCE_TIMEOUT);
         }
     }
+
+    /// Whether this worker is asked to leave, now or within a moment.
+    fn leaves_within(&self, moment: Duration) -> bool {
+        let since = Instant::now();
+        loop {
+            if self.stop.is_cancelled() || self.programs_are_stopped() {
+                return true;
+            }
+            if since.elapsed() > moment {
+                return false;
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
 }
 
 /// Tells the coordinator regularly what is held, and does what it answers. Goes on while the worker
@@ -329,9 +382,10 @@ pub(super) async fn heartbeat(
         let epoch = shared.epoch();
         let request = HeartbeatRequest {
             worker_id: shared.worker_id.clone(),
-            held: shared.held.attempts(),
+            held: shared.held.states(),
         };
-        let call = tokio::time::timeout(CALL_TIMEOUT, client.heartbeat(request)).await;
+        // One that hangs must not keep the next one from being in time.
+        let call = tokio::time::timeout(2 * period, client.heartbeat(request)).await;
         for told in waiting {
             // One that waits no longer needs no answer.
             let _ = told.try_send(());
@@ -342,11 +396,18 @@ pub(super) async fn heartbeat(
             continue;
         };
         let response = response.into_inner();
-        shared.held.cancel(&response.cancelled);
+        shared.held.cancel(&ids(&response.cancelled));
         match response.directive() {
+            Directive::Finished => return Ok(End::Finished),
+            Directive::Leave => return Ok(End::Dismissed),
             Directive::Register => shared.register_again(epoch).await?,
-            Directive::Drain => shared.give_back(shared.held.give_up_waiting()).await,
+            Directive::Drain => shared.give_back(shared.held.give_up_waiting(), false).await,
             _ => {}
         }
     }
+}
+
+/// Names of leases, as they came.
+pub(super) fn ids(leases: &[v2::LeaseId]) -> Vec<LeaseId> {
+    leases.iter().map(|id| (*id).into()).collect()
 }

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use campaign::Campaign;
 use campaign::formulation::Problem;
-use protocol::v1::RegisterRequest;
+use protocol::v2::RegisterRequest;
 use tracing::{debug, info};
 
 use super::{CALL_TIMEOUT, Shared};
@@ -51,7 +51,7 @@ impl Shared {
                     .map_or_else(String::new, |k| k.model_digest.clone()),
                 slots: u32::try_from(options.slots).unwrap_or(u32::MAX),
                 held: if known.is_some() {
-                    self.held.jobs()
+                    self.held.leases()
                 } else {
                     Vec::new()
                 },
@@ -83,7 +83,7 @@ impl Shared {
                         });
                         let done = confirmed.is_some();
                         if done {
-                            self.held.cancel(&response.cancelled);
+                            self.held.cancel(&super::calls::ids(&response.cancelled));
                         } else {
                             // What is held belongs to another campaign, if to any.
                             self.held.cancel_all();

@@ -3,12 +3,13 @@
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-pub(super) const fn overlap(a: &Range<u32>, b: &Range<u32>) -> bool {
+/// Whether they have a sample in common.
+pub(crate) const fn overlap(a: &Range<u32>, b: &Range<u32>) -> bool {
     a.start < b.end && b.start < a.end
 }
 
 /// Takes `taken` out of disjoint ascending `ranges`.
-pub(super) fn subtract(ranges: &mut Vec<Range<u32>>, taken: &Range<u32>) {
+pub fn subtract(ranges: &mut Vec<Range<u32>>, taken: &Range<u32>) {
     if !ranges.iter().any(|range| overlap(range, taken)) {
         return;
     }
@@ -25,7 +26,8 @@ pub(super) fn subtract(ranges: &mut Vec<Range<u32>>, taken: &Range<u32>) {
 }
 
 /// What `stored` leaves of `0..wanted`.
-pub(super) fn gaps(stored: &BTreeSet<u32>, wanted: u32) -> Vec<Range<u32>> {
+#[must_use]
+pub fn gaps(stored: &BTreeSet<u32>, wanted: u32) -> Vec<Range<u32>> {
     let mut gaps = Vec::new();
     let mut next = 0;
     for &sample in stored.range(..wanted) {
@@ -40,8 +42,17 @@ pub(super) fn gaps(stored: &BTreeSet<u32>, wanted: u32) -> Vec<Range<u32>> {
     gaps
 }
 
+/// The samples of `ranges` that lie in `within`.
+pub(crate) fn common(ranges: &[Range<u32>], within: &Range<u32>) -> Vec<Range<u32>> {
+    ranges
+        .iter()
+        .map(|range| range.start.max(within.start)..range.end.min(within.end))
+        .filter(|range| range.start < range.end)
+        .collect()
+}
+
 /// Puts disjoint ranges in order and joins neighbours.
-pub(super) fn join(ranges: &mut Vec<Range<u32>>) {
+pub(crate) fn join(ranges: &mut Vec<Range<u32>>) {
     ranges.sort_by_key(|range| range.start);
     ranges.dedup_by(|next, range| {
         let touches = next.start == range.end;

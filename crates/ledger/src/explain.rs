@@ -1,0 +1,289 @@
+//! Why nothing, or nothing more, is being leased.
+
+use std::fmt;
+use std::time::Duration;
+
+use crate::ledger::Ledger;
+use crate::types::{StreamId, WorkerId};
+
+/// How many workers a sentence names.
+const NAMED: usize = 3;
+
+/// One reason why nothing, or nothing more, is being leased, or that all is well. As text it is a
+/// sentence that says what is the matter and what to do.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Explanation {
+    /// Nothing is wanted, and nothing was given up.
+    NothingWanted,
+    /// Leasing was stopped.
+    Draining {
+        /// Leases that are out.
+        leased: usize,
+    },
+    /// There is work, but no worker has called for the length of a lease.
+    NoWorkers {
+        /// Workers that are registered.
+        known: usize,
+        /// How long ago the last of them called.
+        silent_for: Option<Duration>,
+        /// Streams that miss something.
+        open: usize,
+    },
+    /// Streams are free, and workers that failed several in a row are kept from them.
+    Suspended {
+        /// Workers that are suspended.
+        suspended: usize,
+        /// Workers that called recently, those included.
+        present: usize,
+        /// How long until the first of them is leased something again.
+        next_in: Duration,
+        /// Streams that are free.
+        free: usize,
+    },
+    /// Streams wait after a failure.
+    Waiting {
+        /// How many.
+        waiting: usize,
+        /// How long until the first of them is tried again.
+        next_in: Duration,
+    },
+    /// Nothing is free any more, but some leases are out.
+    LastLeases {
+        /// How many.
+        leased: usize,
+        /// Who holds them.
+        workers: Vec<WorkerId>,
+        /// For how long the oldest has been held.
+        oldest_for: Duration,
+    },
+    /// Streams were given up.
+    GivenUp {
+        /// How many.
+        given_up: usize,
+        /// The first of them.
+        stream: StreamId,
+        /// Its error.
+        error: String,
+    },
+    /// Streams are free and workers are there, but none of them has asked for one yet.
+    NotAsked {
+        /// Streams that are free.
+        free: usize,
+        /// Workers that called recently and are not suspended.
+        workers: usize,
+    },
+    /// All is well.
+    Running {
+        /// Leases that are out.
+        leased: usize,
+        /// Workers that hold them.
+        workers: usize,
+        /// Streams that are free.
+        free: usize,
+    },
+}
+
+impl<P: Clone> Ledger<P> {
+    /// Why nothing, or nothing more, is being leased at `now`: never empty, the weightiest reason
+    /// first. A worker is taken to be there if it has called within the length of a lease.
+    pub fn explain(&self, now: Duration) -> Vec<Explanation> {
+        let (free, leased) = (self.free.len(), self.leases.len());
+        let open = self.streams.len() - self.given_up.len();
+        let mut reasons = Vec::new();
+        if self.is_draining {
+            reasons.push(Explanation::Draining { leased });
+        }
+        let silence = |seen: Duration| now.saturating_sub(seen);
+        let present: Vec<_> = self.workers.present(self.options.lease, now).collect();
+        let waits = present.iter().filter_map(|worker| worker.suspended_until);
+        let waits: Vec<Duration> = waits
+            .filter_map(|until| until.checked_sub(now))
+            .filter(|wait| !wait.is_zero())
+            .collect();
+        if open > 0 && present.is_empty() {
+            let seen = self.workers.known.values().map(|worker| worker.last_seen);
+            reasons.push(Explanation::NoWorkers {
+                known: self.workers.known.len(),
+                silent_for: seen.max().map(silence),
+                open,
+            });
+        } else if open > 0 {
+            if let Some(&next_in) = waits.iter().min()
+                && free > 0
+            {
+                reasons.push(Explanation::Suspended {
+                    suspended: waits.len(),
+                    present: present.len(),
+                    next_in,
+                    free,
+                });
+            }
+            if leased > 0 && free > 0 {
+                let workers = self.holders_of_leases().len();
+                reasons.push(Explanation::Running {
+                    leased,
+                    workers,
+                    free,
+                });
+            } else if leased > 0 {
+                let oldest = self.leases.values().map(|lease| lease.granted).min();
+                reasons.push(Explanation::LastLeases {
+                    leased,
+                    workers: self.holders_of_leases().into_iter().cloned().collect(),
+                    oldest_for: oldest.map_or(Duration::ZERO, silence),
+                });
+            } else if free > 0 && waits.len() < present.len() && !self.is_draining {
+                reasons.push(Explanation::NotAsked {
+                    free,
+                    workers: present.len() - waits.len(),
+                });
+            }
+        }
+        if let Some(&(until, _)) = self.waiting.first() {
+            reasons.push(Explanation::Waiting {
+                waiting: self.waiting.len(),
+                next_in: until.saturating_sub(now),
+            });
+        }
+        let first_given_up = self.given_up().next();
+        if let Some((stream, error)) = first_given_up {
+            reasons.push(Explanation::GivenUp {
+                given_up: self.given_up.len(),
+                stream,
+                error: error.to_owned(),
+            });
+        } else if open == 0 {
+            reasons.push(Explanation::NothingWanted);
+        }
+        reasons
+    }
+}
+
+impl fmt::Display for Explanation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NothingWanted => f.write_str(
+                "no samples are wanted at the moment: the campaign is between two stages or has \
+                 just started; wait a moment",
+            ),
+            Self::Draining { leased } => write!(
+                f,
+                "draining: {} still out will finish, and nothing more is given out; `coordinator \
+                 drain --resume` goes on",
+                leases(*leased)
+            ),
+            Self::NoWorkers { known: 0, open, .. } => write!(
+                f,
+                "samples of {} are missing, but no worker has connected: start one with `worker \
+                 --connect` and this coordinator's address",
+                streams(*open)
+            ),
+            Self::NoWorkers {
+                known,
+                silent_for,
+                open,
+            } => write!(
+                f,
+                "samples of {} are missing, but none of {known} known workers has called for {}: \
+                 start workers, or check that they run and reach this coordinator",
+                streams(*open),
+                seconds(silent_for.unwrap_or_default())
+            ),
+            Self::Suspended {
+                suspended,
+                present,
+                next_in,
+                free,
+            } => write!(
+                f,
+                "{} could be computed, but {suspended} of {present} workers are suspended, having \
+                 failed several in a row; the first goes on in {}: look at the failures and mend \
+                 their cause, then run `coordinator retry`, or start other workers",
+                streams(*free),
+                seconds(*next_in)
+            ),
+            Self::Waiting { waiting, next_in } => write!(
+                f,
+                "{} failed and will be tried again, the first in {}",
+                streams(*waiting),
+                seconds(*next_in)
+            ),
+            Self::LastLeases {
+                leased,
+                workers,
+                oldest_for,
+            } => {
+                let named: Vec<&str> = workers.iter().take(NAMED).map(WorkerId::as_str).collect();
+                let more = workers.len() - named.len();
+                write!(
+                    f,
+                    "nothing waits for a worker; {} still out with ",
+                    leases(*leased)
+                )?;
+                f.write_str(&named.join(", "))?;
+                if more > 0 {
+                    write!(f, " and {more} more")?;
+                }
+                write!(
+                    f,
+                    ", the oldest for {}: wait, or stop a worker that hangs, and others get what it \
+                     holds",
+                    seconds(*oldest_for)
+                )
+            }
+            Self::GivenUp {
+                given_up,
+                stream,
+                error,
+            } => write!(
+                f,
+                "{} given up, the first ({stream}) because of {error:?}: mend the cause, then run \
+                 `coordinator retry`",
+                if *given_up == 1 {
+                    "1 was".to_owned()
+                } else {
+                    format!("{given_up} were")
+                }
+            ),
+            Self::NotAsked { free, workers } => write!(
+                f,
+                "{} could be computed and {workers} workers are connected, but none has asked yet: \
+                 wait a moment; if it stays so, look at the workers' logs",
+                streams(*free)
+            ),
+            Self::Running {
+                leased,
+                workers,
+                free,
+            } => write!(
+                f,
+                "all is well: {} out with {workers} workers, {} more to go; more workers would \
+                 finish them sooner",
+                leases(*leased),
+                streams(*free)
+            ),
+        }
+    }
+}
+
+fn leases(count: usize) -> String {
+    if count == 1 {
+        "1 lease".to_owned()
+    } else {
+        format!("{count} leases")
+    }
+}
+
+/// Designs, points and runs.
+fn streams(count: usize) -> String {
+    if count == 1 {
+        "1 design or run".to_owned()
+    } else {
+        format!("{count} designs or runs")
+    }
+}
+
+/// A time for people: whole seconds are exact enough.
+fn seconds(time: Duration) -> String {
+    format!("{} s", time.as_secs_f64().ceil())
+}

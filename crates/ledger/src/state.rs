@@ -1,0 +1,81 @@
+//! What a ledger remembers of a stream and of a lease.
+
+use std::collections::BTreeSet;
+use std::ops::Range;
+use std::time::Duration;
+
+use crate::ranges::{common, join, subtract};
+use crate::types::{Generation, History, LeaseId, Unit, WorkerId};
+
+#[derive(Debug, Clone)]
+pub(crate) struct Stream<P> {
+    pub(crate) generation: Generation,
+    pub(crate) source: P,
+    /// Not stored: disjoint, ascending.
+    pub(crate) missing: Vec<Range<u32>>,
+    /// The part of it that is on no lease.
+    pub(crate) free: Vec<Range<u32>>,
+    /// The end of what was ever wanted.
+    pub(crate) end: u32,
+    /// The leases with units of this stream.
+    pub(crate) leases: BTreeSet<LeaseId>,
+    /// Whether it gets leases of its own, since a worker fell silent over it and others.
+    pub(crate) is_suspect: bool,
+    /// Whether a lease of it ever ran out.
+    pub(crate) has_lapsed: bool,
+    /// The worker processes that fell silent over it alone.
+    pub(crate) blame: BTreeSet<WorkerId>,
+    pub(crate) history: History,
+    pub(crate) failures: u32,
+    /// Until when it waits after a failure.
+    pub(crate) waits_until: Option<Duration>,
+    /// Why it was given up.
+    pub(crate) given_up: Option<GivenUp>,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct GivenUp {
+    pub(crate) error: String,
+    /// Whether crashes were the reason, which may be taken back.
+    pub(crate) for_crashes: bool,
+}
+
+impl<P> Stream<P> {
+    pub(crate) fn crashes(&self) -> usize {
+        self.history.crashes + self.blame.len()
+    }
+
+    /// Whether anything could be leased, were it due.
+    pub(crate) fn has_free(&self) -> bool {
+        self.given_up.is_none() && !self.free.is_empty()
+    }
+
+    pub(crate) fn take(&mut self, lease: LeaseId, samples: &Range<u32>) {
+        subtract(&mut self.free, samples);
+        self.leases.insert(lease);
+    }
+
+    /// Frees what is missing of `samples`, but for what is on the other leases, `held`.
+    pub(crate) fn free_again(&mut self, samples: &Range<u32>, held: &[Range<u32>]) {
+        let mut freed = common(&self.missing, samples);
+        for range in held {
+            subtract(&mut freed, range);
+        }
+        for range in &freed {
+            subtract(&mut self.free, range);
+        }
+        self.free.extend(freed);
+        join(&mut self.free);
+    }
+}
+
+#[derive(Debug, Clone)]
+pub(crate) struct Lease {
+    pub(crate) worker: WorkerId,
+    pub(crate) units: Vec<Unit>,
+    pub(crate) granted: Duration,
+    pub(crate) expires: Duration,
+    pub(crate) started: bool,
+    /// How long it is expected to take, in seconds.
+    pub(crate) seconds: f64,
+}

@@ -1,0 +1,75 @@
+//! How much a lease holds.
+
+use ledger::{Delivery, Kind, Ledger, Options, StreamId};
+
+use crate::{all_of, at, lease_all, ledger, units, wanted, worker};
+
+/// Samples of a grant.
+fn samples(grant: &ledger::Grant<()>) -> usize {
+    units(grant).iter().map(|unit| unit.samples.len()).sum()
+}
+
+/// Teaches a ledger that a sample takes so long.
+fn taught(options: Options, designs: u32, wanted: u32, seconds_per_sample: f64) -> Ledger<()> {
+    let mut ledger = ledger(options, designs, wanted, &["a"]);
+    let grant = ledger.lease(&worker("a"), at(0.0)).unwrap();
+    let weight = samples(&grant) + 20 * grant.units.len();
+    let delivery = Delivery {
+        seconds: seconds_per_sample * weight as f64,
+        ..all_of(&grant)
+    };
+    ledger.deliver(&worker("a"), grant.lease, &delivery, at(0.0));
+    ledger
+}
+
+#[test]
+fn leases_take_about_a_second_once_it_is_known_what_a_sample_costs() {
+    let mut cheap = taught(Options::default(), 3000, 30, 1e-4);
+    let grant = cheap.lease(&worker("a"), at(0.0)).unwrap();
+    assert!((0.5..1.1).contains(&grant.seconds), "{}", grant.seconds);
+    assert!(grant.units.len() > 100, "designs share a lease");
+    // A design that takes longer is cut.
+    let mut dear = taught(Options::default(), 2, 3000, 1e-2);
+    let grant = dear.lease(&worker("a"), at(0.0)).unwrap();
+    assert!(grant.units.len() == 1 && (0.5..1.1).contains(&grant.seconds));
+}
+
+#[test]
+fn samples_that_may_take_hours_are_leased_one_by_one() {
+    let options = Options {
+        long_samples: true,
+        ..Options::default()
+    };
+    let mut ledger = ledger(options, 3, 10, &["a"]);
+    assert_eq!(samples(&ledger.lease(&worker("a"), at(0.0)).unwrap()), 1);
+}
+
+#[test]
+fn towards_the_end_leases_become_small_so_that_all_slots_end_together() {
+    let mut ledger = taught(Options::default(), 60, 30, 1e-4);
+    ledger.register(&worker("a"), "here", 8, at(0.0));
+    let grant = ledger.lease(&worker("a"), at(2.0)).unwrap();
+    assert!(grant.units.len() <= 60 / 8, "{}", grant.units.len());
+}
+
+#[test]
+fn a_result_fits_into_a_message_whatever_samples_cost() {
+    let mut ledger = taught(Options::default(), 1, 10_000_000, 1e-9);
+    let grant = ledger.lease(&worker("a"), at(0.0)).unwrap();
+    assert_eq!(samples(&grant), 50_000);
+}
+
+#[test]
+fn runs_come_before_designs_and_designs_before_points() {
+    let mut ledger = Ledger::new(Options::default(), 1);
+    ledger.register(&worker("a"), "here", 1, at(0.0));
+    ledger.want(wanted(StreamId::point(3), 1, 0..5));
+    ledger.want(wanted(StreamId::design(3), 1, 0..5));
+    ledger.want(wanted(StreamId::run(2, 1), 1, 0..1));
+    let kinds: Vec<Kind> = lease_all(&mut ledger, "a", at(0.0))
+        .iter()
+        .map(|grant| grant.units[0].0.stream.kind)
+        .collect();
+    assert_eq!(kinds, [Kind::Run, Kind::Design, Kind::Point]);
+    assert_eq!(StreamId::run(2, 1).run_parts(), (2, 1));
+}

@@ -1,0 +1,335 @@
+//! What becomes of streams and leases, case by case.
+
+use ledger::{Accepted, Delivery, Failure, Generation, Ledger, Options, StreamId, Unit, Vanished};
+
+use crate::{LEASE, all_of, at, beat, failure_of, lease_all, ledger, units, wanted, worker};
+
+const ONE: StreamId = StreamId::design(0);
+
+fn alone() -> Options {
+    Options {
+        bundle: false,
+        ..Options::default()
+    }
+}
+
+#[test]
+fn a_result_is_accepted_by_what_it_is_and_not_by_who_brings_it() {
+    let mut ledger = ledger(alone(), 1, 10, &["a", "b"]);
+    let grant = ledger.lease(&worker("a"), at(0.0)).unwrap();
+    assert_eq!(units(&grant)[0].samples, 0..10);
+    assert_eq!(ledger.accept(&units(&grant)[0]), Accepted::Yes);
+    // Another worker, which never leased it.
+    ledger.deliver(&worker("b"), grant.lease, &all_of(&grant), at(1.0));
+    assert!(ledger.is_idle() && !ledger.has_work());
+    assert_eq!(beat(&mut ledger, "a", &[&grant], at(2.0)), [grant.lease]);
+    // It may come again, and is then compared with what is stored.
+    assert_eq!(ledger.accept(&units(&grant)[0]), Accepted::Yes);
+    // But no samples that nobody asked for.
+    let mut beyond = units(&grant)[0].clone();
+    beyond.samples = 9..11;
+    assert_eq!(ledger.accept(&beyond), Accepted::Stale);
+}
+
+#[test]
+fn nothing_of_an_earlier_generation_is_accepted() {
+    let mut ledger = Ledger::new(alone(), 1);
+    let point = StreamId::point(3);
+    ledger.register(&worker("a"), "here", 1, at(0.0));
+    ledger.want(wanted(point, 1, 0..8));
+    let old = ledger.lease(&worker("a"), at(0.0)).unwrap();
+    // The optimum is chosen anew while the worker is cut off.
+    ledger.forget(|id| id == point);
+    assert_eq!(ledger.accept(&units(&old)[0]), Accepted::Stale);
+    ledger.want(wanted(point, 2, 0..8));
+    assert_eq!(ledger.accept(&units(&old)[0]), Accepted::Stale);
+    ledger.deliver(&worker("a"), old.lease, &all_of(&old), at(9.0));
+    let new = ledger.lease(&worker("a"), at(9.0)).unwrap();
+    assert_eq!(
+        units(&new)[0].samples,
+        0..8,
+        "none of the new one's samples is there"
+    );
+    assert_eq!(ledger.counts().stale, 2);
+    // Without being forgotten first, too.
+    ledger.want(wanted(point, 3, 0..8));
+    assert_eq!(ledger.accept(&units(&new)[0]), Accepted::Stale);
+    assert_eq!(beat(&mut ledger, "a", &[&new], at(10.0)), [new.lease]);
+}
+
+#[test]
+fn what_is_settled_is_not_wanted_again_by_somebody_who_looked_too_early() {
+    let mut ledger = ledger(alone(), 1, 10, &["a"]);
+    let grant = ledger.lease(&worker("a"), at(0.0)).unwrap();
+    ledger.deliver(&worker("a"), grant.lease, &all_of(&grant), at(1.0));
+    assert!(!ledger.want(wanted(ONE, 7, 0..10)));
+    assert!(ledger.want(wanted(ONE, 7, 0..20)), "more samples");
+    let more = ledger.lease(&worker("a"), at(2.0)).unwrap();
+    assert_eq!(units(&more)[0].samples, 10..20);
+}
+
+#[test]
+fn the_rest_of_a_partial_result_is_free_at_once() {
+    let mut ledger = ledger(alone(), 1, 10, &["a"]);
+    let grant = ledger.lease(&worker("a"), at(0.0)).unwrap();
+    let mut part = all_of(&grant);
+    part.stored[0].samples = 0..6;
+    ledger.deliver(&worker("a"), grant.lease, &part, at(1.0));
+    assert!(ledger.has_work());
+    let rest = ledger.lease(&worker("a"), at(1.0)).unwrap();
+    assert_eq!(units(&rest)[0].samples, 6..10);
+    assert!(rest.lease.number > grant.lease.number);
+}
+
+#[test]
+fn three_processes_that_fall_silent_over_a_stream_end_it_and_one_that_only_slept_does_not() {
+    let mut ledger = ledger(alone(), 1, 1, &["a", "b", "c"]);
+    // The same worker again and again: it sleeps, it does not die.
+    let mut now = at(0.0);
+    let mut newest = ledger.lease(&worker("a"), now).unwrap();
+    for _ in 0..5 {
+        beat(&mut ledger, "a", &[&newest], now);
+        now += 2 * LEASE;
+        let vanished = ledger.expire(now);
+        assert!(matches!(
+            vanished[..],
+            [Vanished {
+                given_up: false,
+                ..
+            }]
+        ));
+        newest = ledger.lease(&worker("a"), now).unwrap();
+    }
+    // What it brings after all takes the blame back, too.
+    for (name, given_up) in [("b", false), ("c", true)] {
+        ledger.release(&worker("a"), &[newest.lease], now);
+        let grant = ledger.lease(&worker(name), now).unwrap();
+        beat(&mut ledger, name, &[&grant], now);
+        now += 2 * LEASE;
+        assert_eq!(ledger.expire(now)[0].given_up, given_up);
+        newest = grant;
+    }
+    assert!(ledger.take_settled());
+    assert_eq!(ledger.given_up().count(), 1);
+    // The last of them had only slept, and goes on where it was.
+    assert_eq!(beat(&mut ledger, "c", &[&newest], now), []);
+    ledger.deliver(&worker("c"), newest.lease, &all_of(&newest), now);
+    assert_eq!(ledger.given_up().count(), 0);
+    assert_eq!(ledger.counts().free + ledger.counts().leased, 0);
+}
+
+#[test]
+fn a_lease_of_several_designs_that_kills_its_worker_is_split_before_anybody_is_blamed() {
+    let mut ledger = ledger(Options::default(), 60, 4, &["a", "b", "c"]);
+    // Until it is known what a sample costs, designs do not share a lease.
+    let first = ledger.lease(&worker("a"), at(0.0)).unwrap();
+    ledger.deliver(&worker("a"), first.lease, &all_of(&first), at(0.0));
+    let grant = ledger.lease(&worker("a"), at(0.0)).unwrap();
+    assert!(grant.units.len() > 1);
+    beat(&mut ledger, "a", &[&grant], at(0.0));
+    let vanished = ledger.expire(at(60.0));
+    assert!(vanished[0].is_split && !vanished[0].given_up);
+    let shared = units(&grant);
+    for grant in lease_all(&mut ledger, "b", at(60.0)) {
+        let is_split = |unit: &Unit| shared.iter().any(|other| other.stream == unit.stream);
+        let units = units(&grant);
+        assert!(units.len() == 1 || !units.iter().any(is_split), "{grant:?}");
+    }
+}
+
+#[test]
+fn a_lease_that_ran_out_is_taken_up_again_by_its_heartbeat_and_never_one_that_was_given_back() {
+    let mut ledger = ledger(alone(), 1, 10, &["a", "b"]);
+    let grant = ledger.lease(&worker("a"), at(0.0)).unwrap();
+    beat(&mut ledger, "a", &[&grant], at(0.0));
+    ledger.expire(at(60.0));
+    assert_eq!(beat(&mut ledger, "a", &[&grant], at(61.0)), []);
+    assert!(ledger.lease(&worker("b"), at(61.0)).is_none(), "held again");
+    ledger.release(&worker("a"), &[grant.lease], at(62.0));
+    assert_eq!(beat(&mut ledger, "a", &[&grant], at(63.0)), [grant.lease]);
+    assert!(ledger.lease(&worker("b"), at(63.0)).is_some());
+}
+
+#[test]
+fn whoever_begins_with_what_another_slept_over_goes_on_beside_it() {
+    let mut ledger = ledger(alone(), 1, 10, &["a", "b", "c"]);
+    let slept = ledger.lease(&worker("a"), at(0.0)).unwrap();
+    beat(&mut ledger, "a", &[&slept], at(0.0));
+    ledger.expire(at(60.0));
+    let other = ledger.lease(&worker("b"), at(60.0)).unwrap();
+    assert_eq!(beat(&mut ledger, "a", &[&slept], at(61.0)), []);
+    // A third time would insure against bad luck twice.
+    assert!(ledger.lease(&worker("c"), at(600.0)).is_none());
+    ledger.deliver(&worker("a"), slept.lease, &all_of(&slept), at(62.0));
+    assert_eq!(beat(&mut ledger, "b", &[&other], at(62.0)), [other.lease]);
+}
+
+#[test]
+fn failures_wait_longer_and_longer_and_the_third_ends_it() {
+    let mut ledger = ledger(alone(), 1, 1, &["a"]);
+    let mut now = at(0.0);
+    for wait in [1.0, 4.0] {
+        let grant = ledger.lease(&worker("a"), now).unwrap();
+        let failure = failure_of(&grant);
+        let (failed, _) = ledger.deliver(&worker("a"), grant.lease, &failure, now);
+        assert_eq!(failed, [Failure::Retry(at(wait))]);
+        // The same call again counts once.
+        let (again, _) = ledger.deliver(&worker("a"), grant.lease, &failure, now);
+        assert_eq!(again, [Failure::Ignored]);
+        assert!(ledger.lease(&worker("a"), now + at(0.9 * wait)).is_none());
+        assert_eq!(ledger.next_due(now), Some(now + at(wait)));
+        now += at(wait);
+    }
+    let grant = ledger.lease(&worker("a"), now).unwrap();
+    let (failed, _) = ledger.deliver(&worker("a"), grant.lease, &failure_of(&grant), now);
+    assert_eq!(failed, [Failure::GivenUp]);
+    assert!(ledger.explain(now)[0].to_string().contains("no load path"));
+    assert_eq!(ledger.retry(), [ONE]);
+    assert!(ledger.lease(&worker("a"), now).is_some());
+}
+
+#[test]
+fn failures_of_one_moment_count_once() {
+    let options = Options {
+        long_samples: true,
+        ..alone()
+    };
+    let mut ledger = ledger(options, 1, 8, &["a"]);
+    ledger.register(&worker("a"), "here", 8, at(0.0));
+    let grants = lease_all(&mut ledger, "a", at(0.0));
+    assert_eq!(grants.len(), 8, "one sample each");
+    let failures: Vec<Failure> = grants
+        .iter()
+        .flat_map(|grant| {
+            ledger
+                .deliver(&worker("a"), grant.lease, &failure_of(grant), at(0.1))
+                .0
+        })
+        .collect();
+    assert_eq!(failures[0], Failure::Retry(at(1.0)));
+    assert!(
+        failures[1..]
+            .iter()
+            .all(|failure| *failure == Failure::Ignored)
+    );
+}
+
+#[test]
+fn a_worker_that_fails_many_streams_is_suspended_once_however_many_it_holds() {
+    let mut ledger = ledger(alone(), 9, 1, &["a", "b"]);
+    ledger.register(&worker("a"), "here", 9, at(0.0));
+    let grants = lease_all(&mut ledger, "a", at(0.0));
+    let mut suspensions = Vec::new();
+    for (grant, second) in grants.iter().zip(1_u32..) {
+        let now = at(f64::from(second));
+        suspensions.extend(
+            ledger
+                .deliver(&worker("a"), grant.lease, &failure_of(grant), now)
+                .1,
+        );
+    }
+    assert_eq!(suspensions, [at(3.0) + Options::default().suspension]);
+    assert!(ledger.lease(&worker("a"), at(20.0)).is_none());
+    assert!(ledger.lease(&worker("b"), at(20.0)).is_some());
+    assert!(ledger.lease(&worker("a"), at(33.0)).is_some());
+    assert!(ledger.workers().all(|status| status.failed <= 9));
+}
+
+#[test]
+fn a_worker_that_leaves_is_blamed_for_nothing() {
+    let mut ledger = ledger(alone(), 4, 1, &["a", "b"]);
+    ledger.register(&worker("a"), "here", 2, at(0.0));
+    let (one, two) = (
+        ledger.lease(&worker("a"), at(0.0)).unwrap(),
+        ledger.lease(&worker("a"), at(0.0)).unwrap(),
+    );
+    beat(&mut ledger, "a", &[&one, &two], at(0.0));
+    ledger.leaves(&worker("a"), at(1.0));
+    assert!(ledger.lease(&worker("a"), at(1.0)).is_none());
+    let (failed, _) = ledger.deliver(&worker("a"), one.lease, &failure_of(&one), at(2.0));
+    assert_eq!(failed, [Failure::Ignored]);
+    assert_eq!(ledger.expire(at(60.0)), []);
+    let again = lease_all(&mut ledger, "b", at(60.0));
+    assert_eq!(again.len(), 4, "all of it is free");
+}
+
+#[test]
+fn near_the_end_an_idle_worker_gets_what_another_has_held_for_long() {
+    let mut ledger = ledger(alone(), 1, 10, &["a", "b", "c"]);
+    let first = ledger.lease(&worker("a"), at(0.0)).unwrap();
+    assert!(ledger.lease(&worker("b"), at(1.0)).is_none());
+    let second = ledger.lease(&worker("b"), at(10.0)).unwrap();
+    assert_eq!(units(&second), units(&first));
+    assert!(
+        ledger.lease(&worker("c"), at(10.0)).is_none(),
+        "two are enough"
+    );
+    ledger.deliver(&worker("b"), second.lease, &all_of(&second), at(11.0));
+    assert_eq!(beat(&mut ledger, "a", &[&first], at(11.0)), [first.lease]);
+    assert!(ledger.is_idle());
+}
+
+#[test]
+fn what_is_held_from_before_a_restart_is_held_on_under_its_old_name() {
+    let mut before = ledger(alone(), 2, 10, &["a"]);
+    let grant = before.lease(&worker("a"), at(0.0)).unwrap();
+    let mut after = Ledger::new(alone(), 2);
+    after.close_until(at(3.0));
+    for design in 0..2 {
+        after.want(wanted(StreamId::design(design), 7, 0..10));
+    }
+    after.register(&worker("b"), "here", 2, at(0.0));
+    assert!(
+        after.lease(&worker("b"), at(0.0)).is_none(),
+        "somebody may hold it"
+    );
+    assert_eq!(after.next_due(at(0.0)), Some(at(3.0)));
+    after.register(&worker("a"), "here", 1, at(1.0));
+    assert!(after.adopt(&worker("a"), grant.lease, &units(&grant), at(1.0)));
+    let other = after.lease(&worker("b"), at(3.0)).unwrap();
+    assert_eq!(units(&other)[0].stream, StreamId::design(1));
+    after.deliver(&worker("a"), grant.lease, &all_of(&grant), at(4.0));
+    // Neither what is settled nor what is of another generation is taken over.
+    assert!(!after.adopt(&worker("a"), grant.lease, &units(&grant), at(5.0)));
+    let mut stale = units(&other);
+    stale[0].generation = Generation(8);
+    let lease = ledger::LeaseId {
+        epoch: 1,
+        number: 99,
+    };
+    assert!(!after.adopt(&worker("a"), lease, &stale, at(5.0)));
+}
+
+#[test]
+fn a_design_that_cannot_be_simulated_is_settled_for_good() {
+    let mut ledger = ledger(alone(), 1, 10, &["a"]);
+    let grant = ledger.lease(&worker("a"), at(0.0)).unwrap();
+    let delivery = Delivery {
+        refused: vec![(ONE, Generation(7))],
+        ..Delivery::default()
+    };
+    ledger.deliver(&worker("a"), grant.lease, &delivery, at(1.0));
+    assert!(ledger.take_settled());
+    assert!(!ledger.want(wanted(ONE, 7, 0..20)));
+}
+
+#[test]
+fn workers_are_forgotten_when_they_have_been_away_for_long() {
+    let mut ledger = ledger(alone(), 1, 1, &["a", "b"]);
+    ledger.see(&worker("b"), 40 * LEASE);
+    ledger.expire(61 * LEASE);
+    assert!(!ledger.see(&worker("a"), 61 * LEASE));
+    assert!(ledger.see(&worker("b"), 61 * LEASE));
+}
+
+#[test]
+fn while_draining_nothing_is_leased_and_everything_is_taken() {
+    let mut ledger = ledger(alone(), 2, 1, &["a"]);
+    let grant = ledger.lease(&worker("a"), at(0.0)).unwrap();
+    ledger.set_draining(true);
+    assert!(ledger.lease(&worker("a"), at(0.0)).is_none());
+    ledger.deliver(&worker("a"), grant.lease, &all_of(&grant), at(1.0));
+    assert!(ledger.is_idle());
+    ledger.set_draining(false);
+    assert!(ledger.lease(&worker("a"), at(1.0)).is_some());
+}

@@ -1,0 +1,407 @@
+//! Between what travels and what the programs work with.
+//!
+//! Everything that arrives is checked here: whoever holds a [`Unit`], a [`Source`] or an [`Output`]
+//! holds one that makes sense.
+
+use std::fmt;
+use std::sync::Arc;
+
+use campaign::formulation::{ALL_VARIABLES, ROBUST_VARIABLES};
+use campaign::task::{Analysed, Output, Run, Source};
+use campaign::{Approach, Criteria, Frozen, Variables};
+use ledger::{Generation, Grant, Kind, LeaseId, StreamId, Unit};
+
+use crate::v2;
+
+/// Why a message makes no sense: a sentence without subject.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Malformed(pub String);
+
+impl fmt::Display for Malformed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+fn malformed<T>(why: &str) -> Result<T, Malformed> {
+    Err(Malformed(why.to_owned()))
+}
+
+impl From<LeaseId> for v2::LeaseId {
+    fn from(LeaseId { epoch, number }: LeaseId) -> Self {
+        Self { epoch, number }
+    }
+}
+
+impl From<v2::LeaseId> for LeaseId {
+    fn from(v2::LeaseId { epoch, number }: v2::LeaseId) -> Self {
+        Self { epoch, number }
+    }
+}
+
+impl From<&Unit> for v2::Unit {
+    fn from(unit: &Unit) -> Self {
+        let kind = match unit.stream.kind {
+            Kind::Run => Self::kind_of(v2::Kind::Run),
+            Kind::Design => Self::kind_of(v2::Kind::Design),
+            Kind::Point => Self::kind_of(v2::Kind::Point),
+        };
+        Self {
+            kind,
+            index: unit.stream.index,
+            generation: unit.generation.0,
+            first: unit.samples.start,
+            count: unit.samples.len() as u32,
+        }
+    }
+}
+
+impl v2::Unit {
+    const fn kind_of(kind: v2::Kind) -> i32 {
+        kind as i32
+    }
+}
+
+impl TryFrom<&v2::Unit> for Unit {
+    type Error = Malformed;
+
+    fn try_from(unit: &v2::Unit) -> Result<Self, Malformed> {
+        let kind = match unit.kind() {
+            v2::Kind::Run => Kind::Run,
+            v2::Kind::Design => Kind::Design,
+            v2::Kind::Point => Kind::Point,
+            v2::Kind::Unspecified => return malformed("names a unit of no kind"),
+        };
+        let Some(end) = unit.first.checked_add(unit.count) else {
+            return malformed("names samples beyond the last one there can be");
+        };
+        Ok(Self {
+            stream: StreamId {
+                kind,
+                index: unit.index,
+            },
+            generation: Generation(unit.generation),
+            samples: unit.first..end,
+        })
+    }
+}
+
+/// A lease as it travels.
+#[must_use]
+pub fn lease(grant: &Grant<Arc<Source>>) -> v2::Lease {
+    let mut lease = v2::Lease {
+        id: Some(grant.lease.into()),
+        seconds: grant.seconds,
+        announce: grant.announce,
+        ..v2::Lease::default()
+    };
+    for (unit, source) in &grant.units {
+        lease.units.push(unit.into());
+        match &**source {
+            Source::Design(variables) | Source::Point(variables) => {
+                lease.x.extend(variables.robust_part());
+                lease.frozen = variables.frozen_part().values().to_vec();
+            }
+            Source::Run(run) => {
+                lease.frozen = run.frozen.values().to_vec();
+                lease.model_json = run.model.as_deref().map(str::to_owned);
+            }
+        }
+    }
+    lease
+}
+
+impl v2::Lease {
+    /// Its name.
+    #[must_use]
+    pub fn name(&self) -> LeaseId {
+        self.id.unwrap_or_default().into()
+    }
+
+    /// What is to be computed.
+    ///
+    /// # Errors
+    ///
+    /// The message makes no sense.
+    pub fn units(&self) -> Result<Vec<(Unit, Source)>, Malformed> {
+        let frozen = self.frozen.as_slice().try_into();
+        let frozen: [f64; ALL_VARIABLES - ROBUST_VARIABLES] =
+            frozen.map_err(|_| Malformed("has not five frozen variables".to_owned()))?;
+        let frozen = Frozen::of_values(&frozen);
+        let (points, []) = self.x.as_chunks::<ROBUST_VARIABLES>() else {
+            return malformed("has not six variables for each point");
+        };
+        let mut points = points.iter();
+        let model: Option<Arc<str>> = self.model_json.as_deref().map(Into::into);
+        let source = |unit: &v2::Unit| {
+            let unit = Unit::try_from(unit)?;
+            let mut variables = || match points.next() {
+                Some(x) => Ok(Variables::robust(x, &frozen)),
+                None => malformed("has not six variables for each point"),
+            };
+            let source = match unit.stream.kind {
+                Kind::Design => Source::Design(variables()?),
+                Kind::Point => Source::Point(variables()?),
+                Kind::Run => {
+                    let (approach, start) = unit.stream.run_parts();
+                    let numbered = |known: &Approach| known.number() == u64::from(approach);
+                    let Some(approach) = Approach::ALL.into_iter().find(numbered) else {
+                        return malformed("names an approach that there is not");
+                    };
+                    Source::Run(Run {
+                        approach,
+                        start,
+                        frozen,
+                        model: model.clone(),
+                    })
+                }
+            };
+            Ok((unit, source))
+        };
+        self.units.iter().map(source).collect()
+    }
+}
+
+/// What came of a unit, as it travels; its serial is left zero.
+#[must_use]
+pub fn result(
+    unit: &Unit,
+    outcome: &Result<Option<Output>, String>,
+    cpu_seconds: f64,
+) -> v2::UnitResult {
+    let mut result = v2::UnitResult {
+        unit: Some(v2::Unit {
+            count: 0,
+            ..unit.into()
+        }),
+        cpu_seconds,
+        ..v2::UnitResult::default()
+    };
+    match outcome {
+        Ok(Some(Output::Design {
+            analysed,
+            ruled_out,
+            samples_um,
+        })) => {
+            result.analysed = analysed.numbers().to_vec();
+            result.ruled_out.clone_from(ruled_out);
+            result.samples_um.clone_from(samples_um);
+        }
+        Ok(Some(Output::Refused(reason))) => result.refused = Some(reason.clone()),
+        Ok(Some(Output::Samples(samples_um))) => result.samples_um.clone_from(samples_um),
+        Ok(Some(Output::Run(run))) => match serde_json::to_string(run) {
+            Ok(json) => {
+                result.run_json = Some(json);
+                result.samples_count(1);
+            }
+            Err(error) => result.error = Some(format!("the run cannot be written: {error}")),
+        },
+        Ok(None) => {}
+        Err(error) => result.error = Some(error.clone()),
+    }
+    if !result.samples_um.is_empty() {
+        result.samples_count(result.samples_um.len() as u32);
+    }
+    result
+}
+
+impl v2::UnitResult {
+    fn samples_count(&mut self, count: u32) {
+        if let Some(unit) = &mut self.unit {
+            unit.count = count;
+        }
+    }
+}
+
+/// What a result says: the unit that it covers and what came of it, or why nothing did.
+///
+/// # Errors
+///
+/// The message makes no sense.
+pub fn output(result: &v2::UnitResult) -> Result<(Unit, Result<Output, String>), Malformed> {
+    let Some(unit) = &result.unit else {
+        return malformed("names no unit");
+    };
+    let unit = Unit::try_from(unit)?;
+    let said = [&result.refused, &result.run_json, &result.error];
+    let said = said.iter().filter(|text| text.is_some()).count();
+    let has_samples = !result.analysed.is_empty() || !result.samples_um.is_empty();
+    if said + usize::from(has_samples) != 1 {
+        return malformed("must be either samples or one of a refusal, a run and an error");
+    }
+    if let Some(error) = &result.error {
+        return Ok((unit, Err(error.clone())));
+    }
+    let output = match (unit.stream.kind, &result.run_json, &result.refused) {
+        (Kind::Run, Some(json), None) => match serde_json::from_str(json) {
+            Ok(run) => Output::Run(run),
+            Err(error) => return malformed(&format!("has a run that cannot be read: {error}")),
+        },
+        (Kind::Design, None, Some(reason)) => Output::Refused(reason.clone()),
+        (Kind::Design, None, None) => Output::Design {
+            analysed: analysed(&result.analysed)?,
+            ruled_out: result.ruled_out.clone(),
+            samples_um: result.samples_um.clone(),
+        },
+        (Kind::Point, None, None) if result.analysed.is_empty() => {
+            Output::Samples(result.samples_um.clone())
+        }
+        _ => return malformed("is not what its unit asks for"),
+    };
+    let count = match &output {
+        Output::Design { samples_um, .. } | Output::Samples(samples_um) => samples_um.len(),
+        Output::Refused(_) => 0,
+        Output::Run(_) => 1,
+    };
+    if count != unit.samples.len() {
+        return malformed("has not as many samples as it says");
+    }
+    Ok((unit, Ok(output)))
+}
+
+/// The analysis of a design; the normal module is not among the numbers and is nought.
+fn analysed(numbers: &[f64]) -> Result<Analysed, Malformed> {
+    let [
+        contact_ratio,
+        specific_sliding,
+        hertz_pressure_mpa,
+        hertz_pressure_worn_mpa,
+        root_stress_mpa,
+        clearance_p,
+        clearance_r,
+        margin_p,
+        margin_r,
+        delta_ste_um,
+        delta_ste_archard_um,
+    ] = *numbers
+    else {
+        return malformed("has not the eleven numbers of an analysis");
+    };
+    if !numbers.iter().all(|number| number.is_finite()) {
+        return malformed("has an analysis with something that is no number");
+    }
+    Ok(Analysed {
+        criteria: Criteria {
+            contact_ratio,
+            specific_sliding,
+            hertz_pressure_mpa,
+            root_stress_mpa,
+            clearance_mm: [clearance_p, clearance_r],
+            flank_margin_mm: [margin_p, margin_r],
+            normal_module_mm: 0.0,
+        },
+        hertz_pressure_worn_mpa,
+        delta_ste_um,
+        delta_ste_archard_um,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use campaign::Campaign;
+    use campaign::formulation::Problem;
+    use campaign::task::{Inputs, compute};
+    use ledger::{History, Ledger, Options, Wanted, WorkerId};
+
+    use super::*;
+
+    /// A lease of every kind, through its message and back, is computed and comes back as it was.
+    #[test]
+    fn leases_and_results_survive_bit_for_bit() {
+        let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
+        campaign.optimise.starts = 1;
+        let problem = Problem::new(campaign);
+        let frozen = problem.printed_frozen();
+        let inputs = Inputs::new(problem.campaign(), None);
+        let good = Variables::robust(&[0.25, 1.37, 1.37, 0.85, 1.31, 0.80], &frozen);
+        let bad = Variables::robust(&[-1.0, -1.0, 1.0, 1.0, 1.0, 1.0], &frozen);
+        let run = Run {
+            approach: Approach::Kriging,
+            start: 3,
+            frozen,
+            model: Some("{}".into()),
+        };
+        let sources = [
+            (StreamId::design(0), Source::Design(good)),
+            (StreamId::design(1), Source::Design(bad)),
+            (StreamId::point(2), Source::Point(good)),
+            (run.stream(), Source::Run(run)),
+        ];
+        let mut ledger = Ledger::new(Options::default(), 5);
+        let worker = WorkerId::from("a");
+        ledger.register(&worker, "here", 4, std::time::Duration::ZERO);
+        for (stream, source) in &sources {
+            ledger.want(Wanted {
+                stream: *stream,
+                generation: inputs.generation(*stream, source),
+                source: Arc::new(source.clone()),
+                missing: std::iter::once(0..1).collect(),
+                history: History::default(),
+            });
+        }
+        let mut seen = 0;
+        while let Some(grant) = ledger.lease(&worker, std::time::Duration::ZERO) {
+            let message = lease(&grant);
+            assert_eq!(message.name(), grant.lease);
+            let units = message.units().unwrap();
+            assert_eq!(units.len(), grant.units.len());
+            for ((unit, source), (sent, sent_source)) in units.iter().zip(&grant.units) {
+                assert_eq!((unit, source), (sent, &**sent_source));
+                let computed = compute(&problem, unit, source);
+                let result = result(unit, &computed.clone().map(Some), 0.5);
+                let (covered, mut read) = output(&result).unwrap();
+                if let (
+                    Ok(Output::Design { analysed, .. }),
+                    Ok(Output::Design { analysed: a, .. }),
+                ) = (&mut read, &computed)
+                {
+                    analysed.criteria.normal_module_mm = a.criteria.normal_module_mm;
+                }
+                assert_eq!(read, computed);
+                let is_counted = !matches!(computed, Ok(Output::Refused(_)) | Err(_));
+                assert_eq!(covered.samples.len(), usize::from(is_counted));
+                seen += 1;
+            }
+        }
+        assert_eq!(seen, sources.len());
+    }
+
+    #[test]
+    fn nonsense_is_refused() {
+        let unit = v2::Unit {
+            kind: v2::Kind::Design.into(),
+            count: 2,
+            ..v2::Unit::default()
+        };
+        let good = v2::UnitResult {
+            unit: Some(unit),
+            analysed: vec![1.0; 11],
+            samples_um: vec![1.0; 2],
+            ..v2::UnitResult::default()
+        };
+        assert!(output(&good).is_ok());
+        type Change = fn(&mut v2::UnitResult);
+        let changes: [(Change, &str); 8] = [
+            (|result| result.unit = None, "names no unit"),
+            (|result| result.unit.as_mut().unwrap().kind = 9, "no kind"),
+            (
+                |result| result.unit.as_mut().unwrap().first = u32::MAX,
+                "beyond",
+            ),
+            (|result| result.samples_um.push(1.0), "as many samples"),
+            (|result| result.analysed.truncate(10), "eleven"),
+            (|result| result.analysed[3] = f64::NAN, "no number"),
+            (|result| result.error = Some(String::new()), "either"),
+            (
+                |result| result.unit.as_mut().unwrap().kind = v2::Kind::Point.into(),
+                "asks for",
+            ),
+        ];
+        for (change, why) in changes {
+            let mut result = good.clone();
+            change(&mut result);
+            let refused = output(&result).unwrap_err().to_string();
+            assert!(refused.contains(why), "{refused:?} has no {why:?}");
+        }
+    }
+}
