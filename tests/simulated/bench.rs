@@ -5,15 +5,13 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
 use campaign::formulation::Problem;
-use campaign::plan::OpenDesign;
-use campaign::task::{
-    DesignOutcome, DesignResult, SampleRange, SampleRequest, Task, TaskResult, execute,
-};
-use campaign::{Campaign, probe};
+use campaign::task::{Inputs, Output, Source, compute};
+use campaign::{Campaign, Variables, probe};
 use coordinator::board::Board;
 use coordinator::service::{Recorder, Service};
 use coordinator::status::Status;
-use protocol::v1::RegisterRequest;
+use ledger::{Generation, Options, StreamId, Unit, Wanted};
+use protocol::v2::RegisterRequest;
 use store::{Batch, FailureRow, Receipt};
 
 /// How long a worker may be silent.
@@ -65,35 +63,19 @@ impl Memory {
     }
 
     /// What a coordinator that starts now finds missing.
-    pub(crate) fn designs(&self) -> Vec<OpenDesign> {
-        let state = |design: u32| {
-            let id = u64::from(design);
-            let missing = self.with(|stored| {
-                let held = |sample: &u32| stored.samples.contains_key(&(id, u64::from(*sample)));
-                let missing = (0..SAMPLES).filter(|sample| !held(sample));
-                missing.map(|sample| sample..sample + 1).collect()
+    fn missing(&self, problem: &Problem) -> Vec<Wanted<Arc<Source>>> {
+        let inputs = Inputs::new(problem.campaign(), None);
+        let wanted = (0..DESIGNS).map(|design| {
+            let held = self.with(|stored| {
+                let samples = stored.samples.keys();
+                let of_design = samples.filter(|(of, _)| *of == u64::from(design));
+                of_design.map(|(_, sample)| *sample as u32).collect()
             });
-            OpenDesign {
-                design,
-                x: x(design),
-                missing: join(missing),
-            }
-        };
-        let states = (0..DESIGNS).map(state);
-        states.filter(|open| !open.missing.is_empty()).collect()
+            let missing = ledger::gaps(&held, SAMPLES);
+            inputs.wanted(StreamId::design(design), source(problem, design), missing)
+        });
+        wanted.collect()
     }
-}
-
-/// Neighbouring ranges as one.
-fn join(ranges: Vec<std::ops::Range<u32>>) -> Vec<std::ops::Range<u32>> {
-    let mut joined: Vec<std::ops::Range<u32>> = Vec::new();
-    for range in ranges {
-        match joined.last_mut() {
-            Some(last) if last.end == range.start => last.end = range.end,
-            _ => joined.push(range),
-        }
-    }
-    joined
 }
 
 #[tonic::async_trait]
@@ -140,9 +122,10 @@ impl Recorder for Memory {
     }
 }
 
-fn x(design: u32) -> [f64; 6] {
+pub(crate) fn source(problem: &Problem, design: u32) -> Source {
     let shift = f64::from(design) * 0.01;
-    [0.25 + shift, 1.37, 1.37, 0.85, 1.31, 0.80]
+    let x = [0.25 + shift, 1.37, 1.37, 0.85, 1.31, 0.80];
+    Source::Design(Variables::robust(&x, &problem.printed_frozen()))
 }
 
 /// The shipped quick campaign.
@@ -152,12 +135,12 @@ pub(crate) fn campaign() -> Campaign {
 
 /// A board with what is missing.
 pub(crate) fn board(problem: &Problem, memory: &Memory, epoch: u64) -> Arc<Board> {
-    let options = scheduler::Options {
+    let options = Options {
         lease: LEASE,
-        ..scheduler::Options::default()
+        ..Options::default()
     };
     let board = Board::new(options, epoch);
-    board.post_designs(problem.printed_frozen(), &memory.designs());
+    board.want(memory.missing(problem));
     board.open();
     Arc::new(board)
 }
@@ -192,24 +175,15 @@ pub(crate) fn introduction(worker: &str) -> RegisterRequest {
 
 /// The samples as one machine computes them, without a network.
 pub(crate) fn expected(problem: &Problem) -> Samples {
-    let designs = (0..DESIGNS).map(|design| SampleRequest {
-        design,
-        x: x(design),
-        samples: SampleRange {
-            first: 0,
-            count: SAMPLES,
-        },
-    });
-    let task = Task::Sample {
-        frozen: problem.printed_frozen(),
-        designs: designs.collect(),
-    };
-    let Ok(TaskResult::Sample { designs }) = execute(problem, &task) else {
-        panic!("the designs can be sampled");
-    };
     let mut samples = Samples::new();
-    for DesignResult { design, outcome } in designs {
-        let DesignOutcome::Simulated { samples_um, .. } = outcome else {
+    for design in 0..DESIGNS {
+        let unit = Unit {
+            stream: StreamId::design(design),
+            generation: Generation::default(),
+            samples: 0..SAMPLES,
+        };
+        let output = compute(problem, &unit, &source(problem, design));
+        let Ok(Output::Design { samples_um, .. }) = output else {
             panic!("design {design} can be simulated");
         };
         samples.extend(

@@ -4,37 +4,31 @@
 use std::time::Duration;
 
 use campaign::formulation::Problem;
-use campaign::task::{SampleRange, SampleRequest, Task, execute};
-use coordinator::ingest::rows;
+use campaign::task::compute;
+use coordinator::ingest;
 use coordinator::service::Service;
+use ledger::{Generation, StreamId, Unit};
 use proptest::prelude::*;
 use prost::Message;
-use protocol::v1::campaign_server::Campaign as _;
-use protocol::v1::{
-    Directive, DrainRequest, ExplainRequest, HeartbeatRequest, Job, JobAttempt, JobResult,
-    LeaseRequest, RegisterRequest, ReleaseRequest, ReportRequest, RetryRequest, StatusRequest,
-    WatchRequest, job_result,
+use protocol::v2::campaign_server::Campaign as _;
+use protocol::v2::{
+    self, Directive, DrainRequest, ExplainRequest, HeartbeatRequest, HeldLease, LeaseRequest,
+    LeaseResult, LeaseState, RegisterRequest, ReleaseRequest, ReportRequest, RetryRequest,
+    StatusRequest, UnitResult, WatchRequest,
 };
 use tonic::Request;
 
-use crate::bench::{Memory, campaign, introduction, service};
+use crate::bench::{Memory, campaign, introduction, service, source};
 
-/// A task with its answer as JSON.
-fn answered(problem: &Problem) -> (Task, Vec<u8>) {
-    let request = SampleRequest {
-        design: 3,
-        x: [0.25, 1.37, 1.37, 0.85, 1.31, 0.80],
-        samples: SampleRange { first: 5, count: 9 },
+/// Nine samples of design 3, as a worker hands them in.
+fn answer(problem: &Problem) -> UnitResult {
+    let unit = Unit {
+        stream: StreamId::design(3),
+        generation: Generation(7),
+        samples: 5..14,
     };
-    let task = Task::Sample {
-        frozen: problem.printed_frozen(),
-        designs: vec![request],
-    };
-    let result = execute(problem, &task).expect("the design can be sampled");
-    (
-        task,
-        serde_json::to_vec(&result).expect("numbers and names"),
-    )
+    let output = compute(problem, &unit, &source(problem, 3));
+    protocol::result(&unit, &output.map(Some), 0.1)
 }
 
 /// A change of some bytes: at a place (in thousandths of the length), how many go, what comes.
@@ -111,50 +105,78 @@ fn a_worker() -> impl Strategy<Value = String> {
     prop_oneof![4 => Just("known".to_owned()), 1 => "\\PC{0,200}"]
 }
 
-/// Jobs that exist, might exist, and cannot.
-fn a_job() -> impl Strategy<Value = u64> {
-    prop_oneof![
-        (0..3_u64).prop_map(|n| n << 56),
-        (0..600_u64).prop_map(|n| (2 << 56) | n),
-        any::<u64>()
-    ]
+/// Leases that exist, might exist, and cannot.
+fn a_lease() -> impl Strategy<Value = v2::LeaseId> {
+    let epoch = prop_oneof![4 => Just(1), 1 => any::<u64>()];
+    let number = prop_oneof![4 => 0..40_u64, 1 => any::<u64>()];
+    (epoch, number).prop_map(|(epoch, number)| v2::LeaseId { epoch, number })
 }
 
-fn a_result() -> impl Strategy<Value = JobResult> {
-    let payload = prop::collection::vec(any::<u8>(), 0..40).prop_map(job_result::Outcome::Result);
-    let error = "\\PC{0,40}".prop_map(job_result::Outcome::Error);
-    let outcome = prop::option::of(prop_oneof![payload, error]);
-    let seconds = (any::<f64>(), any::<f64>());
-    (a_job(), any::<u32>(), outcome, seconds, any::<u64>()).prop_map(
-        |(job, attempt, outcome, (cpu_seconds, wall_seconds), serial)| JobResult {
-            job,
-            attempt,
-            outcome,
-            cpu_seconds,
-            wall_seconds,
-            serial,
+fn a_unit() -> impl Strategy<Value = v2::Unit> {
+    let index = prop_oneof![3 => 0..8_u64, 1 => any::<u64>()];
+    let first = prop_oneof![3 => 0..500_u32, 1 => any::<u32>()];
+    let count = prop_oneof![3 => 0..500_u32, 1 => any::<u32>()];
+    (0..5_i32, index, any::<u64>(), first, count).prop_map(
+        |(kind, index, generation, first, count)| v2::Unit {
+            kind,
+            index,
+            generation,
+            first,
+            count,
         },
     )
 }
 
+fn a_result() -> impl Strategy<Value = LeaseResult> {
+    let numbers = || prop::collection::vec(any::<f64>(), 0..12);
+    let text = || prop::option::of("\\PC{0,40}");
+    let unit = (
+        prop::option::of(a_unit()),
+        numbers(),
+        numbers(),
+        text(),
+        text(),
+    );
+    let unit = (unit, text(), text(), any::<u64>(), any::<f64>()).prop_map(
+        |(
+            (unit, analysed, samples_um, ruled_out, refused),
+            run_json,
+            error,
+            serial,
+            cpu_seconds,
+        )| {
+            UnitResult {
+                unit,
+                analysed,
+                samples_um,
+                ruled_out,
+                refused,
+                run_json,
+                error,
+                serial,
+                cpu_seconds,
+            }
+        },
+    );
+    let units = prop::collection::vec(unit, 0..4);
+    (a_lease(), units, any::<f64>()).prop_map(|(id, results, wall_seconds)| LeaseResult {
+        id: Some(id),
+        results,
+        wall_seconds,
+    })
+}
+
 /// A well-formed message without sense, as bytes.
 fn nonsense() -> impl Strategy<Value = Vec<u8>> {
-    let attempt = (a_job(), any::<u32>(), any::<bool>());
-    let attempt = attempt.prop_map(|(job, attempt, started)| JobAttempt {
-        job,
-        attempt,
+    let state = (a_lease(), any::<bool>());
+    let state = state.prop_map(|(id, started)| LeaseState {
+        id: Some(id),
         started,
     });
-    let held = (
-        a_job(),
-        any::<u32>(),
-        prop::collection::vec(any::<u8>(), 0..60),
-    );
-    let held = held.prop_map(|(job, attempt, payload)| Job {
-        job,
-        attempt,
-        payload,
-        seconds: 1.0,
+    let held = (a_lease(), prop::collection::vec(a_unit(), 0..4));
+    let held = held.prop_map(|(id, units)| HeldLease {
+        id: Some(id),
+        units,
     });
     let version = prop_oneof![Just(env!("CARGO_PKG_VERSION").to_owned()), "\\PC{0,9}"];
     let held = prop::collection::vec(held, 0..4);
@@ -181,15 +203,22 @@ fn nonsense() -> impl Strategy<Value = Vec<u8>> {
         }
         .encode_to_vec()
     });
-    let heartbeat = (a_worker(), prop::collection::vec(attempt, 0..5));
+    let heartbeat = (a_worker(), prop::collection::vec(state, 0..5));
     let heartbeat = heartbeat
         .prop_map(|(worker_id, held)| HeartbeatRequest { worker_id, held }.encode_to_vec());
     let report = (a_worker(), prop::collection::vec(a_result(), 0..5));
     let report = report
         .prop_map(|(worker_id, results)| ReportRequest { worker_id, results }.encode_to_vec());
-    let release = (a_worker(), prop::collection::vec(a_job(), 0..5));
-    let release =
-        release.prop_map(|(worker_id, jobs)| ReleaseRequest { worker_id, jobs }.encode_to_vec());
+    // None that says it leaves: it would be served no more, and rightly.
+    let release = (a_worker(), prop::collection::vec(a_lease(), 0..5));
+    let release = release.prop_map(|(worker_id, leases)| {
+        ReleaseRequest {
+            worker_id,
+            leases,
+            leaving: false,
+        }
+        .encode_to_vec()
+    });
     prop_oneof![register, lease, heartbeat, report, release]
 }
 
@@ -204,22 +233,33 @@ fn config(cases: u32) -> ProptestConfig {
 #[test]
 fn no_bytes_break_the_reading_of_results() {
     let problem = Problem::new(campaign());
-    let (task, answer) = answered(&problem);
-    assert!(rows(2 << 56, Some(&task), &answer, 0.1).is_ok());
+    let good = answer(&problem);
+    let read = ingest::read(&good, |_| None).expect("it is whole");
+    assert_eq!(read.rows.expect("it is right").samples.len(), 9);
+    let answer = good.encode_to_vec();
     let bytes = prop::collection::vec(any::<u8>(), 0..200);
     let changes = prop::collection::vec(a_change(), 1..5);
     let payload = prop_oneof![
         1 => bytes,
         3 => changes.prop_map(move |changes| changed(&answer, &changes)),
     ];
-    proptest!(config(4000), |(payload in payload, job: u64, known: bool, cpu: f64)| {
-        if let Ok(parsed) = rows(job, known.then_some(&task), &payload, cpu) {
-            prop_assert!(parsed.batch.times.iter().all(|time| time.cpu_seconds >= 0.0));
-            if known {
-                // What was accepted answers the task: its design, its samples.
-                let asked = |row: &store::SampleRow| row.design == 3 && (5..14).contains(&row.sample);
-                prop_assert!(parsed.batch.samples.iter().all(asked));
-            }
+    proptest!(config(4000), |(payload in payload)| {
+        let Ok(result) = UnitResult::decode(&*payload) else {
+            return Ok(());
+        };
+        let Ok(read) = ingest::read(&result, |_| Some("archard".to_owned())) else {
+            return Ok(());
+        };
+        if let Ok(batch) = read.rows {
+            prop_assert!(batch.times.iter().all(|time| time.cpu_seconds >= 0.0));
+            // What was read covers its unit, and holds nothing that cannot be.
+            let range = u64::from(read.unit.samples.start)..u64::from(read.unit.samples.end);
+            let is_right = |row: &store::SampleRow| {
+                row.design == read.unit.stream.index
+                    && range.contains(&row.sample)
+                    && (0.0..=1e6).contains(&row.delta_ste_um)
+            };
+            prop_assert!(batch.samples.iter().all(is_right));
         }
     });
 }
@@ -240,7 +280,7 @@ fn no_message_breaks_the_service() {
             for message in &messages {
                 send(&service, message).await;
             }
-            // It still works: a worker that makes sense gets a job, unless one of the messages
+            // It still works: a worker that makes sense is leased something, unless one of the messages
             // stopped the leasing.
             let _ = service.board.drain(false);
             // Whoever holds all jobs by now has had them for so long that others get them, too.
@@ -249,7 +289,7 @@ fn no_message_breaks_the_service() {
             service.register(good).await.expect("a good introduction");
             let request = LeaseRequest { worker_id: "good".to_owned(), credit: 1, seconds: 1.0, wait_ms: 0 };
             let response = service.lease(Request::new(request)).await.expect("a good request");
-            prop_assert_eq!(response.into_inner().jobs.len(), 1);
+            prop_assert_eq!(response.into_inner().leases.len(), 1);
             Ok(())
         })?;
     });

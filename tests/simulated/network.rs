@@ -9,13 +9,14 @@ use std::task::{Context, Poll};
 use std::time::Duration;
 
 use campaign::formulation::Problem;
-use campaign::task::{Task, execute};
-use coordinator::board::Board;
+use campaign::task::compute;
+use coordinator::board::{Board, Course};
+use ledger::Vanished;
 use protocol::Role;
-use protocol::v1::campaign_server::CampaignServer;
-use protocol::v1::{
-    Directive, HeartbeatRequest, Job, JobAttempt, JobResult, LeaseRequest, ReleaseRequest,
-    ReportRequest, job_result,
+use protocol::v2::campaign_server::CampaignServer;
+use protocol::v2::{
+    Directive, HeartbeatRequest, Lease, LeaseRequest, LeaseResult, LeaseState, ReleaseRequest,
+    ReportRequest,
 };
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::sync::mpsc;
@@ -84,6 +85,8 @@ struct World {
     memory: Memory,
     epoch: Arc<AtomicU64>,
     board: Arc<Mutex<Option<Arc<Board>>>>,
+    /// Who fell silent, in the coordinators' eyes.
+    vanished: Arc<Mutex<Vec<Vanished>>>,
     /// Whether the campaign may end.
     may_end: bool,
 }
@@ -95,6 +98,7 @@ impl World {
             memory: Memory::default(),
             epoch: Arc::default(),
             board: Arc::default(),
+            vanished: Arc::default(),
             may_end: true,
         }
     }
@@ -113,12 +117,15 @@ impl World {
         let board = Arc::clone(&service.board);
         *self.board.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::clone(&board));
         let (memory, may_end) = (self.memory.clone(), self.may_end);
+        let vanished = Arc::clone(&self.vanished);
         tokio::spawn(async move {
             loop {
                 tokio::time::sleep(LEASE / 20).await;
-                board.expire();
+                let mut of_world = vanished.lock().unwrap_or_else(PoisonError::into_inner);
+                of_world.extend(board.expire());
+                drop(of_world);
                 if may_end && memory.is_complete() {
-                    board.finish();
+                    board.set_course(Course::Finished);
                 }
             }
         });
@@ -221,6 +228,18 @@ fn run(
     while !ended {
         ended = sim.step().unwrap();
     }
+    // Everybody lives: silence may cost work, but gives nothing up.
+    let vanished = world
+        .vanished
+        .lock()
+        .unwrap_or_else(PoisonError::into_inner);
+    assert!(
+        !vanished.iter().any(|vanished| vanished.given_up),
+        "{vanished:?}"
+    );
+    assert!(lasting > LEASE || vanished.is_empty(), "{vanished:?}");
+    let board = world.board().expect("it ran");
+    assert!(board.given_up().is_empty());
     world.memory.with(|stored| {
         assert_eq!(stored.conflicts, 0);
         assert_eq!(stored.failures, []);
@@ -360,7 +379,8 @@ fn a_coordinator_that_is_away_for_a_while_loses_nothing() {
 /// A worker whose every call arrives twice, over two connections and so in either order, and some
 /// of them once more when they are long out of date.
 async fn stutter(problem: Arc<Problem>) -> turmoil::Result {
-    let (one, two) = (link(), link());
+    let links = (link(), link());
+    let (one, two) = (&links.0, &links.1);
     macro_rules! twice {
         ($method:ident, $request:expr) => {{
             let request = $request;
@@ -386,10 +406,9 @@ async fn stutter(problem: Arc<Problem>) -> turmoil::Result {
         {
             return Ok(());
         }
-        let jobs: Vec<Job> = first.jobs.into_iter().chain(second.jobs).collect();
-        let held = jobs.iter().map(|job| JobAttempt {
-            job: job.job,
-            attempt: job.attempt,
+        let leases: Vec<Lease> = first.leases.into_iter().chain(second.leases).collect();
+        let held = leases.iter().map(|lease| LeaseState {
+            id: lease.id,
             started: true,
         });
         let heartbeat = HeartbeatRequest {
@@ -398,32 +417,41 @@ async fn stutter(problem: Arc<Problem>) -> turmoil::Result {
         };
         twice!(heartbeat, heartbeat.clone());
         let mut results = Vec::new();
-        for job in &jobs {
-            let task: Task = serde_json::from_slice(&job.payload)?;
-            let result = execute(&*problem, &task)?;
-            results.push(JobResult {
-                job: job.job,
-                attempt: job.attempt,
-                outcome: Some(job_result::Outcome::Result(serde_json::to_vec(&result)?)),
-                cpu_seconds: 0.1,
+        for lease in &leases {
+            let units = lease.units().map_err(|why| why.to_string())?;
+            let of_units = units.iter().map(|(unit, source)| {
+                let output = compute(&*problem, unit, source);
+                protocol::result(unit, &output.map(Some), 0.1)
+            });
+            results.push(LeaseResult {
+                id: lease.id,
+                results: of_units.collect(),
                 wall_seconds: 1.0,
-                serial: 0,
             });
         }
         let report = ReportRequest {
             worker_id: worker_id.clone(),
             results,
         };
-        twice!(report, report.clone());
+        // One of two that come at once is put off, and comes again.
+        let (mut first, mut second) = (one.client(), two.client());
+        let twice = tokio::join!(first.report(report.clone()), second.report(report.clone()));
+        for answer in [twice.0, twice.1] {
+            if let Err(status) = answer {
+                assert_eq!(status.code(), tonic::Code::Unavailable);
+            }
+        }
+        first.report(report.clone()).await?;
         // Out of date by now, all three.
         twice!(heartbeat, heartbeat);
         let release = ReleaseRequest {
             worker_id: worker_id.clone(),
-            jobs: jobs.iter().map(|job| job.job).collect(),
+            leases: leases.iter().filter_map(|lease| lease.id).collect(),
+            leaving: false,
         };
         twice!(release, release);
         if let Some(old) = past.first() {
-            twice!(report, old.clone());
+            one.client().report(old.clone()).await?;
         }
         past.push(report);
     }
@@ -444,10 +472,7 @@ fn calls_that_come_twice_and_in_another_order_change_nothing() {
             assert!(stored.samples == expected(&world.problem));
         });
         let counts = world.board().expect("it ran").live().counts;
-        assert_eq!(
-            (counts.queued, counts.leased, counts.quarantined),
-            (0, 0, 0)
-        );
+        assert_eq!((counts.free, counts.leased, counts.given_up), (0, 0, 0));
     }
 }
 

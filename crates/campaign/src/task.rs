@@ -1,9 +1,10 @@
 //! What workers compute: what it takes, what comes out, and the pure function between them.
 
+use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
-use ledger::{Generation, StreamId, Unit};
+use ledger::{Generation, History, StreamId, Unit, Wanted};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 use stats::streams::{Purpose, stream};
@@ -92,6 +93,23 @@ impl Inputs {
         let digest = hash.finalize();
         let first = digest.first_chunk().expect("SHA-256 has 32 bytes");
         Generation(u64::from_le_bytes(*first))
+    }
+
+    /// Samples of a stream, as a ledger wants them.
+    #[must_use]
+    pub fn wanted(
+        &self,
+        stream: StreamId,
+        source: Source,
+        missing: Vec<Range<u32>>,
+    ) -> Wanted<Arc<Source>> {
+        Wanted {
+            stream,
+            generation: self.generation(stream, &source),
+            source: Arc::new(source),
+            missing,
+            history: History::default(),
+        }
     }
 }
 

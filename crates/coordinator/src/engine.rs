@@ -10,7 +10,7 @@ use campaign::formulation::Problem;
 use campaign::plan::{self, LocalStep, Next, OpenDesign, VerifyPoint};
 use campaign::task::{Inputs, Source};
 use campaign::{Approach, Campaign, Frozen, LinearResponse, Variables};
-use ledger::{Generation, History, Kind, StreamId, Vanished, Wanted};
+use ledger::{Generation, Kind, StreamId, Vanished};
 use rustix::time::{ClockId, clock_gettime};
 use stats::streams::Purpose;
 use store::{Batch, FailureKind, FailureRow, OptimumRow, Store, Writer};
@@ -204,15 +204,9 @@ impl Engine {
         let mut wanted = Vec::new();
         let mut named = Vec::new();
         let mut want = |stream: StreamId, source: Source, missing, name: Option<String>| {
-            let generation = self.inputs.generation(stream, &source);
-            named.extend(name.map(|name| (stream, name, generation)));
-            wanted.push(Wanted {
-                stream,
-                generation,
-                source: Arc::new(source),
-                missing,
-                history: History::default(),
-            });
+            let new = self.inputs.wanted(stream, source, missing);
+            named.extend(name.map(|name| (stream, name, new.generation)));
+            wanted.push(new);
         };
         for run in &next.runs {
             let name = ingest::run_name(run.approach, run.start);

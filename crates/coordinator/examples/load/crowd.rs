@@ -6,11 +6,10 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, ensure};
 use campaign::formulation::Problem;
 use campaign::probe;
-use campaign::task::{Task, execute};
-use protocol::v1::campaign_client::CampaignClient;
-use protocol::v1::{
-    Directive, HeartbeatRequest, JobResult, LeaseRequest, RegisterRequest, ReportRequest,
-    job_result,
+use campaign::task::compute;
+use protocol::v2::campaign_client::CampaignClient;
+use protocol::v2::{
+    Directive, HeartbeatRequest, LeaseRequest, LeaseResult, RegisterRequest, ReportRequest,
 };
 
 use super::{campaign, coordinator, wait_for_jobs};
@@ -107,25 +106,32 @@ async fn member(
                 seconds: 1.0,
                 wait_ms: 5000,
             };
-            for job in working.lease(request).await?.into_inner().jobs {
-                let task: Task = serde_json::from_slice(&job.payload)?;
-                if matches!(task, Task::Optimise { .. }) {
+            for lease in working.lease(request).await?.into_inner().leases {
+                let units = lease
+                    .units()
+                    .map_err(|why| anyhow::anyhow!("a lease {why}"))?;
+                if units
+                    .iter()
+                    .any(|(unit, _)| unit.stream.kind == ledger::Kind::Run)
+                {
                     // The processors are needed to measure with: this one is busy to the end.
                     tokio::time::sleep_until(until).await;
                     return Ok(1);
                 }
                 // Off the network's threads: it is the coordinator that is to be measured.
                 let problem = Arc::clone(&problem);
-                let computed = tokio::task::spawn_blocking(move || execute(&*problem, &task));
-                let result = computed.await?.map_err(anyhow::Error::msg)?;
-                let result = JobResult {
-                    job: job.job,
-                    attempt: job.attempt,
-                    outcome: Some(job_result::Outcome::Result(serde_json::to_vec(&result)?)),
-                    cpu_seconds: 0.0,
-                    // As from a slow machine, so that jobs stay small and all get some.
+                let computed = tokio::task::spawn_blocking(move || {
+                    let result = |(unit, source): &(_, _)| {
+                        let output = compute(&*problem, unit, source);
+                        protocol::result(unit, &output.map(Some), 0.0)
+                    };
+                    units.iter().map(result).collect()
+                });
+                let result = LeaseResult {
+                    id: lease.id,
+                    results: computed.await?,
+                    // As from a slow machine, so that leases stay small and all get some.
                     wall_seconds: 1.0,
-                    serial: 0,
                 };
                 let request = ReportRequest {
                     worker_id: name.clone(),

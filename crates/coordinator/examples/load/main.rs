@@ -1,7 +1,7 @@
 //! How much a coordinator bears, and what it costs.
 //!
 //! ```text
-//! load noop [JOBS]         jobs that do nothing, each leased, run, reported and committed by itself, by
+//! load noop [LEASES]       leases that do nothing, each given out, run, reported and committed by itself, by
 //!                          two workers of one slot in processes of their own
 //! load overhead [SAMPLES]  the CPU time of a campaign's samples over gRPC and into the store, against
 //!                          the same samples in one process; with the built-in simulator, and with
@@ -28,15 +28,16 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail, ensure};
 use campaign::formulation::Problem;
-use campaign::task::Task;
-use campaign::{Campaign, probe};
-use coordinator::board::Board;
+use campaign::task::{Inputs, Source};
+use campaign::{Campaign, Variables, probe};
+use coordinator::board::{Board, Course};
 use coordinator::guard::Guard;
 use coordinator::listening;
 use coordinator::server::{self, Plan, Workers};
 use coordinator::service::{Recorder, Service, StoreRecorder};
+use ledger::StreamId;
 use protocol::Role;
-use protocol::v1::LeaseRequest;
+use protocol::v2::{Kind, LeaseRequest};
 use store::{Batch, CampaignRow, CriteriaRow, DesignRow, SampleRow, Store};
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
@@ -153,15 +154,18 @@ struct Served {
     _folder: tempfile::TempDir,
 }
 
-async fn served(campaign: &Campaign, digest: Option<String>) -> anyhow::Result<Served> {
+async fn served(
+    campaign: &Campaign,
+    digest: Option<String>,
+    bundle: bool,
+) -> anyhow::Result<Served> {
     // Beside the program rather than in /tmp, which may be memory: commits are to cost what they do.
     let exe = std::env::current_exe()?;
     let folder = tempfile::tempdir_in(exe.parent().context("the program has a folder")?)?;
     let store = new_store(&folder.path().join("load.db"), campaign).await?;
-    let options = scheduler::Options {
-        lease: Duration::from_secs(5),
-        duplicate_after: Duration::from_secs(2),
-        ..scheduler::Options::default()
+    let options = ledger::Options {
+        bundle,
+        ..ledger::Options::default()
     };
     let board = Arc::new(Board::new(options, 1));
     let service = Service {
@@ -215,17 +219,24 @@ async fn work(arguments: &[String]) -> anyhow::Result<()> {
 async fn noop(jobs: usize) -> anyhow::Result<()> {
     let campaign = campaign(2, 4)?;
     let problem = Problem::new(campaign.clone());
-    let served = served(&campaign, Some(probe::model_digest(&problem))).await?;
+    let served = served(&campaign, Some(probe::model_digest(&problem)), false).await?;
     let url = format!("http://{}", served.address);
-    let task = Task::Sample {
-        frozen: problem.printed_frozen(),
-        designs: Vec::new(),
-    };
-    // Numbers of sampling jobs that no design has.
-    let numbers = (1..=jobs as u64).map(|job| (2 << 56) | (1 << 55) | job);
-    served
-        .board
-        .post(numbers.map(|job| (job, task.clone())).collect());
+    // Designs that no pair can be made of: the simulator sees that at once.
+    let impossible = Variables::robust(&[-1.0; 6], &problem.printed_frozen());
+    let rows: Vec<DesignRow> = (0..jobs as u64)
+        .map(|design| DesignRow::new(design, [-1.0; 6]))
+        .collect();
+    served.store.put_designs(&rows).await?;
+    let inputs = Inputs::new(&campaign, None);
+    let wanted = (0..jobs as u32).map(|design| {
+        let source = Source::Design(impossible);
+        inputs.wanted(
+            StreamId::design(design),
+            source,
+            std::iter::once(0..1).collect(),
+        )
+    });
+    served.board.want(wanted.collect());
     let before = cpu();
     let workers = [
         Process::start(&["worker", &url])?,
@@ -233,24 +244,27 @@ async fn noop(jobs: usize) -> anyhow::Result<()> {
     ];
     served.board.open();
     let mut began = None;
-    while served.board.live().done < jobs as u64 {
-        // Not the start of the processes, but from the first job on.
-        if began.is_none() && served.board.live().done > 0 {
-            began = Some((Instant::now(), served.board.live().done));
+    while served.board.live().counts.delivered < jobs as u64 {
+        // Not the start of the processes, but from the first lease on.
+        if began.is_none() && served.board.live().counts.delivered > 0 {
+            began = Some((Instant::now(), served.board.live().counts.delivered));
         }
         tokio::time::sleep(Duration::from_millis(1)).await;
     }
-    let (began, already) = began.context("too few jobs to measure")?;
+    let (began, already) = began.context("too few leases to measure")?;
     let seconds = began.elapsed().as_secs_f64();
-    served.board.finish();
+    served.board.set_course(Course::Finished);
     for worker in workers {
         worker.wait()?;
     }
     let used = cpu() - before;
     let recorded = served.store.job_times().await?.len();
-    ensure!(recorded == jobs, "{recorded} of {jobs} jobs are on record");
+    ensure!(
+        recorded == jobs,
+        "{recorded} of {jobs} leases are on record"
+    );
     println!(
-        "{jobs} jobs: {:.0} per second, {:.1} µs of CPU time each (coordinator and workers); all are \
+        "{jobs} leases: {:.0} per second, {:.1} µs of CPU time each (coordinator and workers); all are \
          on disk",
         (jobs as u64 - already) as f64 / seconds,
         1e6 * used / jobs as f64
@@ -274,6 +288,7 @@ async fn serve(arguments: &[String]) -> anyhow::Result<()> {
         workers: Workers::Remote {
             keep_serving: false,
         },
+        lease: server::LEASE,
         metrics: None,
     };
     server::run(plan, None, CancellationToken::new()).await?;
@@ -291,7 +306,7 @@ async fn coordinator(folder: &Path, campaign: &Campaign) -> anyhow::Result<(Proc
     Ok((process, format!("http://{address}")))
 }
 
-/// Waits until a sampling job can be leased, and how long that took.
+/// Waits until a design can be leased, and how long that took.
 async fn wait_for_jobs(url: &str, digest: &str) -> anyhow::Result<Duration> {
     let began = Instant::now();
     let link = connect(url, &Credentials::default(), Role::Worker)?;
@@ -305,7 +320,11 @@ async fn wait_for_jobs(url: &str, digest: &str) -> anyhow::Result<Duration> {
                 wait_ms: 10,
             };
             let leased = link.client().lease(request).await?.into_inner();
-            if leased.jobs.iter().any(|job| job.job >> 56 == 2) {
+            let leases = leased.leases.iter();
+            if leases
+                .flat_map(|lease| &lease.units)
+                .any(|unit| unit.kind() == Kind::Design)
+            {
                 return Ok(began.elapsed());
             }
         }

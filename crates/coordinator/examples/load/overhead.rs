@@ -3,9 +3,10 @@
 use std::time::Duration;
 
 use campaign::formulation::Problem;
-use campaign::plan::OpenDesign;
-use campaign::task::{SampleRange, SampleRequest, Task, execute};
-use campaign::{Campaign, probe};
+use campaign::task::{Inputs, Source, compute};
+use campaign::{Campaign, Variables, probe};
+use coordinator::board::Course;
+use ledger::{Generation, StreamId, Unit};
 use store::DesignRow;
 
 use crate::{Process, campaign, cpu, cpu_parts, served, slow};
@@ -24,7 +25,7 @@ fn designs(problem: &Problem, count: usize) -> Vec<[f64; 6]> {
     while designs.len() < count {
         let unit: [f64; 6] = std::array::from_fn(|_| rng.random());
         let x = problem.robust_point(&unit);
-        let variables = campaign::Variables::robust(&x, &problem.printed_frozen());
+        let variables = Variables::robust(&x, &problem.printed_frozen());
         if problem.pair(&variables).is_ok() {
             designs.push(x);
         }
@@ -85,17 +86,14 @@ fn alone(problem: &Problem, points: &[[f64; 6]]) {
         for half in points.chunks(points.len().div_ceil(2)) {
             scope.spawn(move || {
                 for (design, x) in (0..).zip(half) {
-                    let designs = vec![SampleRequest {
-                        design,
-                        x: *x,
-                        samples: SampleRange {
-                            first: 0,
-                            count: PER_DESIGN as u32,
-                        },
-                    }];
-                    let frozen = problem.printed_frozen();
-                    let _ =
-                        std::hint::black_box(execute(problem, &Task::Sample { frozen, designs }));
+                    let unit = Unit {
+                        stream: StreamId::design(design),
+                        generation: Generation::default(),
+                        samples: 0..PER_DESIGN as u32,
+                    };
+                    let variables = Variables::robust(x, &problem.printed_frozen());
+                    let source = Source::Design(variables);
+                    let _ = std::hint::black_box(compute(problem, &unit, &source));
                 }
             });
         }
@@ -110,23 +108,20 @@ async fn over_grpc(
     exec: Option<&str>,
 ) -> anyhow::Result<[f64; 2]> {
     let before = cpu_parts();
-    let served = served(campaign, digest).await?;
+    let served = served(campaign, digest, true).await?;
     let rows: Vec<DesignRow> = (0..)
         .zip(points)
         .map(|(design, x)| DesignRow::new(design, *x))
         .collect();
     served.store.put_designs(&rows).await?;
-    let missing = 0..campaign.sampling.samples_per_design;
-    let states: Vec<OpenDesign> = (0..)
-        .zip(points)
-        .map(|(design, x)| OpenDesign {
-            design,
-            x: *x,
-            missing: vec![missing.clone()],
-        })
-        .collect();
     let problem = Problem::new(campaign.clone());
-    served.board.post_designs(problem.printed_frozen(), &states);
+    let inputs = Inputs::new(campaign, None);
+    let wanted = (0..).zip(points).map(|(design, x)| {
+        let source = Source::Design(Variables::robust(x, &problem.printed_frozen()));
+        let missing = std::iter::once(0..campaign.sampling.samples_per_design);
+        inputs.wanted(StreamId::design(design), source, missing.collect())
+    });
+    served.board.want(wanted.collect());
     served.board.open();
     let url = format!("http://{}", served.address);
     let mut arguments = vec!["worker", &url];
@@ -136,7 +131,7 @@ async fn over_grpc(
     while served.store.progress().await?.samples < wanted {
         tokio::time::sleep(Duration::from_millis(100)).await;
     }
-    served.board.finish();
+    served.board.set_course(Course::Finished);
     for worker in workers {
         worker.wait()?;
     }

@@ -6,14 +6,14 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use campaign::formulation::Problem;
-use campaign::task::{Task, execute};
+use campaign::task::{Source, compute};
 use campaign::{Approach, Campaign, probe};
 use coordinator::board::Board;
 use coordinator::engine::{Ended, Engine};
 use coordinator::service::{Service, StoreRecorder};
 use coordinator::status;
-use protocol::v1::campaign_server::Campaign as _;
-use protocol::v1::{JobResult, LeaseRequest, RegisterRequest, ReportRequest, job_result};
+use protocol::v2::campaign_server::Campaign as _;
+use protocol::v2::{LeaseRequest, LeaseResult, RegisterRequest, ReportRequest};
 use store::{CampaignRow, InfillRow, OptimumRow, RoundRow, Store};
 use tokio_util::sync::CancellationToken;
 use tonic::Request;
@@ -44,7 +44,7 @@ fn campaign_file() -> String {
     text
 }
 
-/// What becomes of an infill point's jobs, by the point's name.
+/// Whether an infill point fails, by its name.
 type Fails = fn(&str) -> bool;
 
 /// Runs the campaign on the store until it ends, or until so many infill samples are stored.
@@ -61,9 +61,10 @@ async fn run(path: &Path, workers: usize, fails: Fails, stop_at: Option<u64>) ->
     };
     let store = Store::create_or_open(path, &row).await.unwrap();
     let problem = Arc::new(Problem::new(campaign.clone()));
-    let options = scheduler::Options {
-        set_aside: Duration::ZERO,
-        ..scheduler::Options::default()
+    let options = ledger::Options {
+        suspension: Duration::ZERO,
+        retry_after: Duration::ZERO,
+        ..ledger::Options::default()
     };
     let board = Arc::new(Board::new(options, 1));
     let service = Service {
@@ -73,7 +74,7 @@ async fn run(path: &Path, workers: usize, fails: Fails, stop_at: Option<u64>) ->
         model_digest: Some(probe::model_digest(&problem)),
     };
     let writer = store.writer().unwrap();
-    let engine = Engine::new(Arc::clone(&problem), store.clone(), writer, board);
+    let engine = Engine::new(Arc::clone(&problem), None, store.clone(), writer, board);
     let shutdown = CancellationToken::new();
     let work = async {
         let workers = (0..workers).map(|worker| {
@@ -130,24 +131,20 @@ async fn work(service: Service<StoreRecorder>, problem: Arc<Problem>, id: String
             wait_ms: 50,
         };
         let leased = service.lease(Request::new(request)).await.unwrap();
-        for job in leased.into_inner().jobs {
-            let task: Task = serde_json::from_slice(&job.payload).unwrap();
-            let outcome = match &task {
-                Task::Verify { point, .. } if fails(point) => {
-                    job_result::Outcome::Error("no load path".to_owned())
-                }
-                task => {
-                    let result = execute(&*problem, task).unwrap();
-                    job_result::Outcome::Result(serde_json::to_vec(&result).unwrap())
-                }
-            };
-            let result = JobResult {
-                job: job.job,
-                attempt: job.attempt,
-                outcome: Some(outcome),
-                cpu_seconds: 0.25,
+        for lease in leased.into_inner().leases {
+            let units = lease.units().unwrap();
+            let results = units.iter().map(|(unit, source)| {
+                let name = service.board.point_name(unit.stream).unwrap_or_default();
+                let output = match source {
+                    Source::Point(_) if fails(&name) => Err("no load path".to_owned()),
+                    source => compute(&*problem, unit, source),
+                };
+                protocol::result(unit, &output.map(Some), 0.25)
+            });
+            let result = LeaseResult {
+                id: lease.id,
+                results: results.collect(),
                 wall_seconds: 0.001,
-                serial: 0,
             };
             let request = ReportRequest {
                 worker_id: id.clone(),
@@ -243,7 +240,7 @@ async fn infill_points_that_fail_are_survived_and_kept_away_from() {
     let fails = |point: &str| point.starts_with("infill-0001") || point.starts_with("infill-0007");
     let ended = run(&path, 2, fails, None).await.unwrap();
     assert_eq!(ended.given_up.len(), 2, "{ended:?}");
-    assert!(ended.given_up[0].contains("infill point"), "{ended:?}");
+    assert!(ended.given_up[0].starts_with("infill-"), "{ended:?}");
     let found = found(&path).await;
     assert!(found.optimum.feasible);
     let failed: Vec<&InfillRow> = found.infill.iter().filter(|row| row.failed).collect();

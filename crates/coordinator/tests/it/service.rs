@@ -4,43 +4,45 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use campaign::batches::StreamId;
 use campaign::formulation::Problem;
-use campaign::plan::OpenDesign;
-use campaign::task::{DesignOutcome, Task, TaskResult, execute};
-use campaign::{Campaign, probe};
+use campaign::task::{Inputs, Source, compute};
+use campaign::{Approach, Campaign, Variables, probe};
 use coordinator::board::Board;
 use coordinator::service::{Service, StoreRecorder};
 use coordinator::status::{Optimum, Progress, Status};
+use ledger::{Options, StreamId};
 use protocol::Refusal;
-use protocol::v1::campaign_server::Campaign as _;
-use protocol::v1::{
-    Directive, DrainRequest, ExplainRequest, HeartbeatRequest, Job, JobAttempt, JobResult,
-    LeaseRequest, RegisterRequest, ReleaseRequest, ReportRequest, RetryRequest, WatchRequest,
-    job_result,
+use protocol::v2::campaign_server::Campaign as _;
+use protocol::v2::{
+    Directive, DrainRequest, ExplainRequest, HeartbeatRequest, HeldLease, Lease, LeaseRequest,
+    LeaseResult, LeaseState, RegisterRequest, ReleaseRequest, ReportRequest, RetryRequest,
+    UnitResult, WatchRequest,
 };
 use store::{CampaignRow, DesignRow, FailureKind, Store};
 use tempfile::TempDir;
 use tonic::Request;
 
-/// The number of the only job on the board.
-const JOB: u64 = 2 << 56;
-
-/// How many samples it asks for.
+/// How many samples the only design needs.
 const SAMPLES: usize = 10;
 
 /// The only design.
 const X: [f64; 6] = [0.25, 1.37, 1.37, 0.85, 1.31, 0.80];
 
+fn variables(problem: &Problem) -> Variables {
+    Variables::robust(&X, &problem.printed_frozen())
+}
+
 /// A board with one design that lacks its samples.
 fn board(problem: &Problem, epoch: u64) -> Arc<Board> {
-    let board = Board::new(scheduler::Options::default(), epoch);
-    let design = OpenDesign {
-        design: 0,
-        x: X,
-        missing: std::iter::once(0..SAMPLES as u32).collect(),
+    let options = Options {
+        retry_after: Duration::ZERO,
+        ..Options::default()
     };
-    board.post_designs(problem.printed_frozen(), &[design]);
+    let board = Board::new(options, epoch);
+    let inputs = Inputs::new(problem.campaign(), None);
+    let source = Source::Design(variables(problem));
+    let missing = std::iter::once(0..SAMPLES as u32).collect();
+    board.want(vec![inputs.wanted(StreamId::design(0), source, missing)]);
     board.open();
     Arc::new(board)
 }
@@ -101,7 +103,7 @@ impl Bench {
         self.service.register(Request::new(request)).await.map(drop)
     }
 
-    async fn lease(&self, worker: &str) -> (Vec<Job>, Directive) {
+    async fn lease(&self, worker: &str) -> (Vec<Lease>, Directive) {
         let request = LeaseRequest {
             worker_id: worker.to_owned(),
             credit: 1,
@@ -115,28 +117,10 @@ impl Bench {
             .unwrap()
             .into_inner();
         let directive = response.directive();
-        (response.jobs, directive)
+        (response.leases, directive)
     }
 
-    async fn report(&self, worker: &str, attempt: u32, outcome: job_result::Outcome) -> Directive {
-        self.report_numbered(worker, attempt, outcome, 0).await
-    }
-
-    async fn report_numbered(
-        &self,
-        worker: &str,
-        attempt: u32,
-        outcome: job_result::Outcome,
-        serial: u64,
-    ) -> Directive {
-        let result = JobResult {
-            job: JOB,
-            attempt,
-            outcome: Some(outcome),
-            cpu_seconds: 0.5,
-            wall_seconds: 0.5,
-            serial,
-        };
+    async fn report(&self, worker: &str, result: LeaseResult) -> Directive {
         let request = ReportRequest {
             worker_id: worker.to_owned(),
             results: vec![result],
@@ -149,9 +133,18 @@ impl Bench {
             .directive()
     }
 
-    fn answer(&self, job: &Job) -> Vec<u8> {
-        let task: Task = serde_json::from_slice(&job.payload).unwrap();
-        serde_json::to_vec(&execute(&self.problem, &task).unwrap()).unwrap()
+    /// What an honest worker makes of a lease.
+    fn answer(&self, lease: &Lease) -> LeaseResult {
+        let results = lease.units().unwrap();
+        let results = results.iter().map(|(unit, source)| {
+            let output = compute(&self.problem, unit, source);
+            protocol::result(unit, &output.map(Some), 0.5)
+        });
+        LeaseResult {
+            id: lease.id,
+            results: results.collect(),
+            wall_seconds: 0.5,
+        }
     }
 
     async fn samples(&self) -> usize {
@@ -185,11 +178,8 @@ async fn strangers_are_asked_to_register_and_store_nothing() {
         bench.lease("stranger").await,
         (Vec::new(), Directive::Register)
     );
-    let outcome = job_result::Outcome::Result(b"{}".to_vec());
-    assert_eq!(
-        bench.report("stranger", 1, outcome).await,
-        Directive::Register
-    );
+    let result = LeaseResult::default();
+    assert_eq!(bench.report("stranger", result).await, Directive::Register);
     let request = HeartbeatRequest {
         worker_id: "stranger".to_owned(),
         held: Vec::new(),
@@ -208,15 +198,11 @@ async fn strangers_are_asked_to_register_and_store_nothing() {
 async fn a_result_is_stored_before_it_is_acknowledged_and_only_once() {
     let bench = bench().await;
     bench.register(bench.introduction("w")).await.unwrap();
-    let (jobs, _) = bench.lease("w").await;
-    assert_eq!(jobs.len(), 1);
-    let answer = bench.answer(&jobs[0]);
+    let (leases, _) = bench.lease("w").await;
+    assert_eq!(leases.len(), 1);
     for _ in 0..2 {
-        let outcome = job_result::Outcome::Result(answer.clone());
-        assert_eq!(
-            bench.report("w", jobs[0].attempt, outcome).await,
-            Directive::Continue
-        );
+        let answer = bench.answer(&leases[0]);
+        assert_eq!(bench.report("w", answer).await, Directive::Continue);
         assert_eq!(bench.samples().await, SAMPLES);
     }
     assert!(bench.store.failures().await.unwrap().is_empty());
@@ -229,121 +215,155 @@ async fn a_result_that_contradicts_the_store_is_loud_and_changes_nothing() {
     let bench = bench().await;
     bench.register(bench.introduction("honest")).await.unwrap();
     bench.register(bench.introduction("wrong")).await.unwrap();
-    let (jobs, _) = bench.lease("honest").await;
-    let answer = bench.answer(&jobs[0]);
-    let outcome = job_result::Outcome::Result(answer.clone());
-    bench.report("honest", jobs[0].attempt, outcome).await;
+    let (leases, _) = bench.lease("honest").await;
+    let answer = bench.answer(&leases[0]);
+    // The same numbers are welcome from anybody, under any lease.
+    bench.report("wrong", answer.clone()).await;
+    bench.report("honest", answer.clone()).await;
     let held = bench.store.samples_digest().await.unwrap();
+    assert!(bench.store.failures().await.unwrap().is_empty());
 
-    let mut result: TaskResult = serde_json::from_slice(&answer).unwrap();
-    if let TaskResult::Sample { designs } = &mut result
-        && let DesignOutcome::Simulated { samples_um, .. } = &mut designs[0].outcome
-    {
-        samples_um[7] += 1e-9;
-    }
-    let outcome = job_result::Outcome::Result(serde_json::to_vec(&result).unwrap());
-    bench.report("wrong", 2, outcome).await;
+    let mut other = answer;
+    other.results[0].samples_um[7] += 1e-9;
+    bench.report("wrong", other).await;
     assert_eq!(bench.store.samples_digest().await.unwrap(), held);
-    let failures = bench.store.failures().await.unwrap();
-    assert_eq!(failures.len(), 1);
-    assert_eq!(failures[0].worker, "wrong");
-    assert!(
-        failures[0].error.contains("sample 7 of design 0"),
-        "{}",
-        failures[0].error
-    );
 }
 
 #[tokio::test]
-async fn garbage_counts_as_a_failure_until_the_job_is_given_up() {
+async fn numbers_that_cannot_be_are_failures_until_the_design_is_given_up() {
     let bench = bench().await;
-    for worker in ["a", "b", "c", "d"] {
+    for (worker, absurd) in [("a", -1.0), ("b", 1e308), ("c", f64::NAN)] {
         bench.register(bench.introduction(worker)).await.unwrap();
-        let (jobs, _) = bench.lease(worker).await;
-        let Some(job) = jobs.first() else { break };
-        let outcome = job_result::Outcome::Result(b"\xffgarbage".to_vec());
-        assert_eq!(
-            bench.report(worker, job.attempt, outcome).await,
-            Directive::Continue
-        );
+        let (leases, _) = bench.lease(worker).await;
+        let mut answer = bench.answer(&leases[0]);
+        answer.results[0].samples_um[3] = absurd;
+        assert_eq!(bench.report(worker, answer).await, Directive::Continue);
     }
-    let (given_up, _) = bench.board.given_up();
-    assert_eq!(given_up, BTreeSet::from([StreamId::Design(0)]));
+    let design = StreamId::design(0);
+    assert_eq!(bench.board.given_up(), BTreeSet::from([design]));
     assert_eq!(bench.samples().await, 0);
     let failures = bench.store.failures().await.unwrap();
     assert_eq!(
         failures.last().map(|row| row.kind),
         Some(FailureKind::Quarantine)
     );
-    assert!(
-        failures
-            .iter()
-            .all(|row| row.error.contains("cannot be read"))
-    );
+    for row in &failures {
+        assert!(
+            row.error.contains("design-0: ΔSTE of sample 3 is"),
+            "{row:?}"
+        );
+    }
 
     // Another chance, and this time an honest worker.
     let retried = bench.service.retry(Request::new(RetryRequest {})).await;
-    assert_eq!(retried.unwrap().into_inner().jobs, ["sample-0-0"]);
+    assert_eq!(retried.unwrap().into_inner().retried, ["design-0"]);
     bench.register(bench.introduction("e")).await.unwrap();
-    let (jobs, _) = bench.lease("e").await;
-    let outcome = job_result::Outcome::Result(bench.answer(&jobs[0]));
-    bench.report("e", jobs[0].attempt, outcome).await;
+    let (leases, _) = bench.lease("e").await;
+    let answer = bench.answer(&leases[0]);
+    bench.report("e", answer).await;
     assert_eq!(bench.samples().await, SAMPLES);
-    assert!(bench.board.given_up().0.is_empty());
+    assert!(bench.board.given_up().is_empty());
 }
 
 #[tokio::test]
 async fn what_a_partial_result_leaves_undone_is_leased_again() {
     let bench = bench().await;
     bench.register(bench.introduction("leaver")).await.unwrap();
-    let (jobs, _) = bench.lease("leaver").await;
-    let mut result: TaskResult = serde_json::from_slice(&bench.answer(&jobs[0])).unwrap();
-    let TaskResult::Sample { designs } = &mut result else {
-        panic!("a sampling result")
-    };
-    let DesignOutcome::Simulated { samples_um, .. } = &mut designs[0].outcome else {
-        panic!("the design can be simulated")
-    };
-    samples_um.truncate(4);
-    let outcome = job_result::Outcome::Result(serde_json::to_vec(&result).unwrap());
-    bench.report("leaver", jobs[0].attempt, outcome).await;
+    let (leases, _) = bench.lease("leaver").await;
+    let mut part = bench.answer(&leases[0]);
+    part.results[0].samples_um.truncate(4);
+    part.results[0].unit.as_mut().unwrap().count = 4;
+    bench.report("leaver", part).await;
     assert_eq!(bench.samples().await, 4);
 
     bench.register(bench.introduction("next")).await.unwrap();
-    let (jobs, _) = bench.lease("next").await;
-    let Ok(Task::Sample { designs, .. }) = serde_json::from_slice(&jobs[0].payload) else {
-        panic!("a sampling task")
+    let (leases, _) = bench.lease("next").await;
+    let units = leases[0].units().unwrap();
+    assert_eq!(units[0].0.samples, 4..10);
+}
+
+/// A worker is cut off while the optimum that it samples is chosen anew: with the samples of the old
+/// one, the new one would be judged by another design's numbers, without a word.
+#[tokio::test]
+async fn samples_of_an_optimum_that_was_replaced_are_not_stored_for_the_new_one() {
+    let bench = bench().await;
+    let inputs = Inputs::new(bench.problem.campaign(), None);
+    let name = Approach::Kriging.name();
+    let stream = StreamId::point(Approach::Kriging.number());
+    let want = async |x_p: f64| {
+        let mut variables = variables(&bench.problem);
+        variables.profile_shift[0] = x_p;
+        let missing = std::iter::once(0..8).collect();
+        let wanted = inputs.wanted(stream, Source::Point(variables), missing);
+        let generation = [(name.to_owned(), wanted.generation.0)];
+        bench.store.put_generations(&generation).await.unwrap();
+        bench.board.name_point(stream.index, name);
+        bench.board.want(vec![wanted]);
     };
-    assert_eq!((designs[0].samples.first, designs[0].samples.count), (4, 6));
+    let lease = async |worker: &str| loop {
+        let (leases, _) = bench.lease(worker).await;
+        if leases[0].units().unwrap()[0].0.stream == stream {
+            return leases[0].clone();
+        }
+        let answer = bench.answer(&leases[0]);
+        bench.report(worker, answer).await;
+    };
+    for worker in ["old", "new"] {
+        bench.register(bench.introduction(worker)).await.unwrap();
+    }
+    want(0.25).await;
+    let old = lease("old").await;
+    let late = bench.answer(&old);
+    // As the engine does it when the model is fitted again.
+    bench.board.forget(|id| id == stream);
+    bench.store.clear_derived(&[name]).await.unwrap();
+    bench.report("old", late.clone()).await;
+    assert!(bench.store.verify_samples(name).await.unwrap().is_empty());
+    want(0.20).await;
+    bench.report("old", late).await;
+    assert!(bench.store.verify_samples(name).await.unwrap().is_empty());
+    let new = lease("new").await;
+    let units = new.units().unwrap();
+    assert_eq!(units[0].0.samples, 0..8, "nothing of it is there");
+    let expected = bench.answer(&new);
+    bench.report("new", expected.clone()).await;
+    let stored = bench.store.verify_samples(name).await.unwrap();
+    let stored: Vec<f64> = stored.iter().map(|row| row.delta_ste_um).collect();
+    assert_eq!(stored, expected.results[0].samples_um);
 }
 
 #[tokio::test]
 async fn a_restarted_coordinator_takes_over_what_its_workers_hold() {
     let mut bench = bench().await;
     bench.register(bench.introduction("w")).await.unwrap();
-    let (jobs, _) = bench.lease("w").await;
+    let (leases, _) = bench.lease("w").await;
+    let held = |lease: &Lease| HeldLease {
+        id: lease.id,
+        units: lease.units.clone(),
+    };
 
-    // The restart: nothing is known of jobs and workers.
-    let empty = Arc::new(Board::new(scheduler::Options::default(), 8));
+    // The restart: nothing is known of leases and workers.
+    let empty = Arc::new(Board::new(Options::default(), 8));
     bench.service.board = Arc::clone(&empty);
     let mut request = bench.introduction("w");
-    request.held = jobs.clone();
+    request.held = leases.iter().map(held).collect();
     let starting = bench.register(request.clone()).await.unwrap_err();
     assert_eq!(starting.code(), tonic::Code::Unavailable, "it may pass");
     bench.service.board = board(&bench.problem, 8);
-    let mut stale = jobs[0].clone();
-    stale.job += 1 << 24;
-    stale.payload = br#"{"verify":{}}"#.to_vec();
+    let mut stale = held(&leases[0]);
+    stale.id.as_mut().unwrap().number += 1;
+    stale.units[0].generation += 1;
     request.held.push(stale.clone());
     let answer = bench.service.register(Request::new(request)).await.unwrap();
-    assert_eq!(answer.into_inner().cancelled, [stale.job]);
+    assert_eq!(answer.into_inner().cancelled, [stale.id.unwrap()]);
 
     bench.register(bench.introduction("other")).await.unwrap();
-    let (others, _) = bench.lease("other").await;
-    let is_other = |job: &Job| job.job != jobs[0].job || job.attempt > jobs[0].attempt;
-    assert!(others.iter().all(is_other), "it is computed already");
-    let outcome = job_result::Outcome::Result(bench.answer(&jobs[0]));
-    bench.report("w", jobs[0].attempt, outcome).await;
+    assert!(
+        bench.lease("other").await.0.is_empty(),
+        "it is computed already"
+    );
+    let answer = bench.answer(&leases[0]);
+    bench.report("w", answer).await;
     assert_eq!(bench.samples().await, SAMPLES);
     assert!(bench.store.failures().await.unwrap().is_empty());
 }
@@ -353,12 +373,20 @@ async fn a_restarted_coordinator_takes_over_what_its_workers_hold() {
 #[tokio::test]
 async fn a_failure_reported_again_counts_once() {
     let mut bench = bench().await;
-    let error = || job_result::Outcome::Error("no load path".to_owned());
     bench.register(bench.introduction("w")).await.unwrap();
-    let (jobs, _) = bench.lease("w").await;
-    let attempt = jobs[0].attempt;
+    let (leases, _) = bench.lease("w").await;
+    let failure = |lease: &Lease, serial| LeaseResult {
+        id: lease.id,
+        results: vec![UnitResult {
+            unit: lease.units.first().copied(),
+            error: Some("no load path".to_owned()),
+            serial,
+            ..UnitResult::default()
+        }],
+        wall_seconds: 0.5,
+    };
     for _ in 0..2 {
-        bench.report_numbered("w", attempt, error(), 1).await;
+        bench.report("w", failure(&leases[0], 1)).await;
     }
     let histories = || async { bench.store.job_histories().await.unwrap() };
     assert_eq!(histories().await[0].failures, 1);
@@ -367,23 +395,23 @@ async fn a_failure_reported_again_counts_once() {
     restarted.remember(histories().await);
     bench.service.board = Arc::clone(&restarted);
     let mut request = bench.introduction("w");
-    request.held = jobs.clone();
+    request.held = vec![HeldLease {
+        id: leases[0].id,
+        units: leases[0].units.clone(),
+    }];
     bench.register(request).await.unwrap();
     assert_eq!(restarted.live().counts.leased, 1, "it is taken over");
-    bench.report_numbered("w", attempt, error(), 1).await;
+    bench.report("w", failure(&leases[0], 1)).await;
     assert_eq!(restarted.live().counts.leased, 0, "and free for others");
     assert_eq!(restarted.live().workers[0].failed, 0);
     assert_eq!(bench.store.failures().await.unwrap().len(), 1);
 
-    // Another failure counts, also of the same job by the same worker; an overtaken copy of the first
-    // one takes nothing away from whoever holds the job now.
-    let (jobs, _) = bench.lease("w").await;
-    assert_eq!(jobs[0].job, JOB);
-    bench.report_numbered("w", attempt, error(), 1).await;
+    // Another failure counts, also of the same design by the same worker; an overtaken copy of the
+    // first one takes nothing away from whoever holds it now.
+    let (again, _) = bench.lease("w").await;
+    bench.report("w", failure(&leases[0], 1)).await;
     assert_eq!(restarted.live().counts.leased, 1);
-    bench
-        .report_numbered("w", jobs[0].attempt, error(), 2)
-        .await;
+    bench.report("w", failure(&again[0], 2)).await;
     assert_eq!(restarted.live().workers[0].failed, 1);
     assert_eq!(bench.store.job_histories().await.unwrap()[0].failures, 2);
 }
@@ -401,7 +429,7 @@ async fn what_a_worker_says_of_itself_is_bounded() {
         "cut within a character"
     );
 
-    request.held = vec![Job::default(); 100_001];
+    request.held = vec![HeldLease::default(); 100_001];
     let refused = bench.register(request).await.unwrap_err();
     assert_eq!(Refusal::of(&refused), Some(Refusal::Malformed));
     assert!(refused.message().contains("100000"), "{refused}");
@@ -482,20 +510,18 @@ async fn whoever_watches_hears_of_a_change_and_of_nothing_else() {
 }
 
 #[tokio::test]
-async fn released_jobs_go_to_the_next_worker_without_blame() {
+async fn what_is_given_back_goes_to_the_next_worker_without_blame() {
     let bench = bench().await;
     for worker in ["leaver", "next"] {
         bench.register(bench.introduction(worker)).await.unwrap();
     }
-    let (jobs, _) = bench.lease("leaver").await;
-    let held = vec![JobAttempt {
-        job: JOB,
-        attempt: jobs[0].attempt,
-        started: true,
-    }];
+    let (leases, _) = bench.lease("leaver").await;
     let request = HeartbeatRequest {
         worker_id: "leaver".to_owned(),
-        held,
+        held: vec![LeaseState {
+            id: leases[0].id,
+            started: true,
+        }],
     };
     let heartbeat = bench
         .service
@@ -506,10 +532,11 @@ async fn released_jobs_go_to_the_next_worker_without_blame() {
     assert!(heartbeat.cancelled.is_empty());
     let request = ReleaseRequest {
         worker_id: "leaver".to_owned(),
-        jobs: vec![JOB],
+        leases: leases.iter().filter_map(|lease| lease.id).collect(),
+        leaving: true,
     };
     bench.service.release(Request::new(request)).await.unwrap();
-    let (jobs, _) = bench.lease("next").await;
-    assert_eq!(jobs.len(), 1);
+    assert!(bench.lease("leaver").await.0.is_empty(), "it leaves");
+    assert_eq!(bench.lease("next").await.0.len(), 1);
     assert!(bench.store.failures().await.unwrap().is_empty());
 }

@@ -74,6 +74,7 @@ async fn every_table_gives_back_what_was_put() {
                 at_unix_ms: None,
             },
         ],
+        only_for: None,
     };
     let responses = [
         ResponseRow {
@@ -114,7 +115,8 @@ async fn every_table_gives_back_what_was_put() {
         receipt,
         Receipt {
             new_rows: rows,
-            duplicate_rows: 0
+            duplicate_rows: 0,
+            is_stale: false,
         }
     );
     store.put_responses(&responses).await.unwrap();

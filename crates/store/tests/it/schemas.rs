@@ -83,6 +83,7 @@ fn all_rows() -> Batch {
                 at_unix_ms: (i > 0).then_some(1_700_000_000_000 + i64::from(i)),
             })
             .collect(),
+        only_for: None,
     }
 }
 

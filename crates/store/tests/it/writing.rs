@@ -27,6 +27,7 @@ async fn the_same_rows_again_are_duplicates() {
             cpu_seconds: 0.25,
         }],
         failures: Vec::new(),
+        only_for: None,
     };
     let writer = store.writer().unwrap();
     writer.submit(batch.clone()).await.unwrap();
@@ -35,7 +36,8 @@ async fn the_same_rows_again_are_duplicates() {
         receipt,
         Receipt {
             new_rows: 0,
-            duplicate_rows: batch.len() as u64
+            duplicate_rows: batch.len() as u64,
+            is_stale: false,
         }
     );
 
@@ -45,7 +47,8 @@ async fn the_same_rows_again_are_duplicates() {
         receipt,
         Receipt {
             new_rows: 100,
-            duplicate_rows: 100
+            duplicate_rows: 100,
+            is_stale: false,
         }
     );
     let twice = samples([sample(0, 0, 1.0), sample(0, 0, 1.0)]);
@@ -54,7 +57,8 @@ async fn the_same_rows_again_are_duplicates() {
         receipt,
         Receipt {
             new_rows: 1,
-            duplicate_rows: 1
+            duplicate_rows: 1,
+            is_stale: false,
         }
     );
     let receipt = store.put_designs(&[design(1), design(2)]).await.unwrap();
@@ -62,7 +66,8 @@ async fn the_same_rows_again_are_duplicates() {
         receipt,
         Receipt {
             new_rows: 1,
-            duplicate_rows: 1
+            duplicate_rows: 1,
+            is_stale: false,
         }
     );
     assert_eq!(
@@ -528,4 +533,74 @@ async fn a_failure_is_stored_once_for_each_number_of_its_worker() {
     assert_eq!(store.failure_groups().await.unwrap()[0].count, 7);
     assert!(store.knows_failure("b", 1).await.unwrap());
     assert!(!store.knows_failure("b", 2).await.unwrap());
+}
+
+/// What comes late for an optimum that was chosen anew must not be taken for the new one's.
+#[tokio::test]
+async fn a_batch_is_stored_for_the_generation_that_is_wanted_only() {
+    let (_folder, path) = folder();
+    let store = store_with(&path, 1).await;
+    let writer = store.writer().unwrap();
+    let batch = |sample, generation| Batch {
+        verify: vec![VerifyRow {
+            approach: "kriging".into(),
+            sample,
+            delta_ste_um: generation as f64,
+        }],
+        only_for: Some(("kriging".into(), generation)),
+        ..Batch::default()
+    };
+    let submit = async |sample, generation| {
+        let receipt = writer.submit(batch(sample, generation)).await.unwrap();
+        (receipt.new_rows, receipt.is_stale)
+    };
+    let put = async |generation| {
+        let wanted = [("kriging".to_owned(), generation)];
+        store.put_generations(&wanted).await.unwrap();
+    };
+    let held = async || {
+        let rows = store.verify_samples("kriging").await.unwrap();
+        let tally = store.verify_counts().await.unwrap();
+        let count = tally.iter().map(|(_, count)| *count).sum::<u64>();
+        assert_eq!(count, rows.len() as u64);
+        rows.iter()
+            .map(|row| row.delta_ste_um)
+            .collect::<Vec<f64>>()
+    };
+    assert_eq!(submit(0, 1).await, (0, true), "nobody has asked for any");
+    put(1).await;
+    assert_eq!(submit(0, 1).await, (1, false));
+    put(1).await;
+    assert_eq!(submit(1, 1).await, (1, false));
+    // Others of the same group are not concerned.
+    let both = tokio::join!(writer.submit(batch(2, 9)), writer.submit(batch(2, 1)));
+    assert!(both.0.unwrap().is_stale && !both.1.unwrap().is_stale);
+    assert_eq!(held().await, [1.0; 3]);
+    // Another design: the samples of the old one go.
+    put(2).await;
+    assert_eq!(held().await, [0.0; 0]);
+    assert_eq!(submit(0, 1).await, (0, true));
+    assert_eq!(submit(0, 2).await, (1, false));
+    store.clear_derived(&["kriging"]).await.unwrap();
+    assert_eq!(submit(1, 2).await, (0, true), "it was cleared");
+    assert_eq!(held().await, [0.0; 0]);
+}
+
+/// A store of an earlier schema says of no point which generation its samples are.
+#[tokio::test]
+async fn samples_that_were_there_before_generations_stay() {
+    let (_folder, path) = folder();
+    let store = store_with(&path, 1).await;
+    let batch = Batch {
+        verify: vec![VerifyRow {
+            approach: "kriging".into(),
+            sample: 0,
+            delta_ste_um: 1.0,
+        }],
+        ..Batch::default()
+    };
+    store.writer().unwrap().submit(batch).await.unwrap();
+    let wanted = [("kriging".to_owned(), u64::MAX)];
+    store.put_generations(&wanted).await.unwrap();
+    assert_eq!(store.verify_samples("kriging").await.unwrap().len(), 1);
 }

@@ -1,11 +1,11 @@
 //! External simulators that behave, and that do not.
 
+use std::ops::Range;
 use std::sync::atomic::AtomicU32;
 
 use campaign::Campaign;
-use campaign::task::{
-    DesignOutcome, SampleRange, SampleRequest, Task, TaskResult, execute, execute_until,
-};
+use campaign::task::{Output, Run, Source, compute, compute_until};
+use ledger::{Generation, StreamId, Unit};
 
 use super::*;
 
@@ -51,38 +51,33 @@ fn backend(changes: &str) -> Backend {
     )
 }
 
-fn task(designs: u32, samples: SampleRange) -> Task {
-    Task::Sample {
-        frozen: problem().printed_frozen(),
-        designs: (0..designs)
-            .map(|design| SampleRequest {
-                design,
-                x: [0.25, 1.37, 1.37, 0.85, 1.31, 0.80],
-                samples,
-            })
-            .collect(),
+const X: [f64; 6] = [0.25, 1.37, 1.37, 0.85, 1.31, 0.80];
+
+const THREE: Range<u32> = 0..3;
+
+/// Samples of the first design.
+fn unit(samples: Range<u32>) -> Unit {
+    Unit {
+        stream: StreamId::design(0),
+        generation: Generation::default(),
+        samples,
     }
 }
 
-const THREE: SampleRange = SampleRange { first: 0, count: 3 };
-
-fn run(backend: &Backend, task: &Task) -> Result<TaskResult, String> {
-    backend
-        .with(&problem(), |simulator| execute(simulator, task))
-        .0
+fn source() -> Source {
+    Source::Design(Variables::robust(&X, &problem().printed_frozen()))
 }
 
-fn samples(result: &TaskResult) -> Vec<Vec<f64>> {
-    let TaskResult::Sample { designs } = result else {
-        panic!("a sampling result")
-    };
-    designs
-        .iter()
-        .map(|design| match &design.outcome {
-            DesignOutcome::Simulated { samples_um, .. } => samples_um.clone(),
-            DesignOutcome::Refused { reason } => panic!("refused: {reason}"),
-        })
-        .collect()
+fn run(backend: &Backend, samples: Range<u32>) -> Result<Output, String> {
+    let compute = |simulator: &dyn Simulator| compute(simulator, &unit(samples), &source());
+    backend.with(&problem(), compute).0
+}
+
+fn samples(output: &Output) -> Vec<f64> {
+    match output {
+        Output::Design { samples_um, .. } => samples_um.clone(),
+        other => panic!("no samples: {other:?}"),
+    }
 }
 
 /// Processes whose command line holds `mark`.
@@ -116,41 +111,35 @@ fn mark() -> String {
 #[test]
 fn answers_become_results_and_one_process_gives_them_all() {
     let backend = backend("echo started >&2");
-    let result = run(&backend, &task(2, THREE)).unwrap();
-    let TaskResult::Sample { designs } = &result else {
-        panic!("a sampling result")
-    };
-    let DesignOutcome::Simulated {
-        criteria,
-        hertz_pressure_worn_mpa,
-        delta_ste_um,
-        delta_ste_archard_um,
-        first,
+    let result = run(&backend, THREE).unwrap();
+    let Output::Design {
+        analysed,
         samples_um,
         ..
-    } = &designs[1].outcome
+    } = &result
     else {
         panic!("a simulated design")
     };
+    let criteria = analysed.criteria;
     assert_eq!(
         (criteria.contact_ratio, criteria.hertz_pressure_mpa),
         (1.6, 1200.0)
     );
     assert!((criteria.normal_module_mm - 4.0).abs() < 1.5);
-    assert_eq!(*hertz_pressure_worn_mpa, 1300.5);
+    assert_eq!(analysed.hertz_pressure_worn_mpa, 1300.5);
     assert_eq!(
-        (*delta_ste_um, *delta_ste_archard_um, *first),
-        (0.5, 0.75, 0)
+        (analysed.delta_ste_um, analysed.delta_ste_archard_um),
+        (0.5, 0.75)
     );
     assert_eq!(samples_um.len(), 3);
     assert_ne!(
         samples_um[0], samples_um[1],
         "every sample has a seed of its own"
     );
-    // The same job again gives the same numbers, and so does a part of it.
-    assert_eq!(run(&backend, &task(2, THREE)).unwrap(), result);
-    let part = run(&backend, &task(1, SampleRange { first: 2, count: 1 })).unwrap();
-    assert_eq!(samples(&part)[0], [samples(&result)[0][2]]);
+    // The same again gives the same numbers, and so does a part of it.
+    assert_eq!(run(&backend, THREE).unwrap(), result);
+    let part = run(&backend, 2..3).unwrap();
+    assert_eq!(samples(&part), samples_um[2..]);
     let Backend::External(programs) = &backend else {
         panic!("an external backend")
     };
@@ -180,36 +169,29 @@ fn the_digest_tells_programs_apart() {
 #[test]
 fn a_refused_design_is_a_result_and_a_refused_sample_is_none() {
     let refusing = "on_unworn() { answer '\"refused\":\"contact-gap: the teeth lose contact\"'; }";
-    let TaskResult::Sample { designs } = run(&backend(refusing), &task(2, THREE)).unwrap() else {
-        panic!("a sampling result")
-    };
-    for design in designs {
-        let DesignOutcome::Refused { reason } = design.outcome else {
-            panic!("a refused design")
-        };
-        assert_eq!(reason, "contact-gap: the teeth lose contact");
-    }
+    let reason = "contact-gap: the teeth lose contact".to_owned();
+    assert_eq!(run(&backend(refusing), THREE), Ok(Output::Refused(reason)));
     let refusing = "on_sample() { answer '\"refused\":\"contact-gap: not now\"'; }";
-    let error = run(&backend(refusing), &task(1, THREE)).unwrap_err();
+    let error = run(&backend(refusing), THREE).unwrap_err();
     assert!(
-        error.contains("design 0, sample 0") && error.contains("refused a sample"),
+        error.contains("design-0, sample 0") && error.contains("refused a sample"),
         "{error}"
     );
 }
 
 #[test]
 fn a_failure_names_design_sample_status_request_and_standard_error() {
-    // Fails on the third sample of the second design.
+    // Fails on the third sample.
     let dying = r#"
         n=0
         on_sample() {
             n=$((n + 1))
-            [ $n -lt 6 ] || { echo 'out of licences' >&2; exit 3; }
+            [ $n -lt 3 ] || { echo 'out of licences' >&2; exit 3; }
             answer '"delta_ste_um":1'
         }"#;
-    let error = run(&backend(dying), &task(2, THREE)).unwrap_err();
+    let error = run(&backend(dying), THREE).unwrap_err();
     for part in [
-        "design 1, sample 2: the simulator ended (exit status: 3) before it had answered",
+        "design-0, sample 2: the simulator ended (exit status: 3) before it had answered",
         "\"request\":\"sample\"",
         "out of licences",
     ] {
@@ -226,12 +208,9 @@ fn a_process_that_died_is_replaced() {
         file = file.display()
     );
     let backend = backend(&dying);
-    let error = run(&backend, &task(1, THREE)).unwrap_err();
+    let error = run(&backend, THREE).unwrap_err();
     assert!(error.contains("signal: 9"), "{error}");
-    assert_eq!(
-        samples(&run(&backend, &task(1, THREE)).unwrap()),
-        [[1.0; 3]]
-    );
+    assert_eq!(samples(&run(&backend, THREE).unwrap()), [1.0; 3]);
     std::fs::remove_file(file).unwrap();
 }
 
@@ -243,10 +222,7 @@ fn a_process_that_died_between_jobs_fails_none() {
         on_sample() { n=$((n + 1)); answer '"delta_ste_um":1'; [ $n -lt 3 ] || exit 0; }"#;
     let backend = backend(dying);
     for _ in 0..2 {
-        assert_eq!(
-            samples(&run(&backend, &task(1, THREE)).unwrap()),
-            [[1.0; 3]]
-        );
+        assert_eq!(samples(&run(&backend, THREE).unwrap()), [1.0; 3]);
         let Backend::External(programs) = &backend else {
             panic!("an external backend")
         };
@@ -261,7 +237,7 @@ fn what_hangs_is_killed_with_everything_it_started() {
         "{PREAMBLE}\non_sample() {{ echo 'still thinking' >&2; sh -c 'sleep 600; : {mark}' & wait; }}\n{LOOP}"
     );
     let backend = backend_of(hanging, Duration::from_millis(300));
-    let error = run(&backend, &task(1, THREE)).unwrap_err();
+    let error = run(&backend, THREE).unwrap_err();
     assert!(
         error.contains("gave no answer within 0.3 s and was killed"),
         "{error}"
@@ -302,10 +278,10 @@ fn nonsense_ends_the_process_and_is_quoted() {
     ] {
         // Too much output must not be taken for the answer to the next question, whenever it comes.
         let changes = format!("on_sample() {{ {nonsense}; }}");
-        let error = run(&backend(&changes), &task(1, THREE)).unwrap_err();
+        let error = run(&backend(&changes), THREE).unwrap_err();
         let split = nonsense.ends_with("more") && error.contains("nonsense");
         assert!(error.contains(why) || split, "{nonsense}: {error}");
-        assert!(error.starts_with("design 0, sample "), "{error}");
+        assert!(error.starts_with("design-0, sample "), "{error}");
     }
 }
 
@@ -314,10 +290,7 @@ fn slow_writers_of_partial_lines_are_waited_for() {
     let slow = r#"on_sample() {
         printf '{"id":%s,' "$id"; sleep 0.05; printf '"delta_ste_um":'; sleep 0.05; printf '2.5}\n'
     }"#;
-    assert_eq!(
-        samples(&run(&backend(slow), &task(1, THREE)).unwrap()),
-        [[2.5; 3]]
-    );
+    assert_eq!(samples(&run(&backend(slow), THREE).unwrap()), [2.5; 3]);
 }
 
 #[test]
@@ -330,7 +303,7 @@ fn a_flood_of_standard_error_blocks_nothing_and_its_end_is_kept() {
             [ $n -lt 3 ] || { echo 'the last line' >&2; exit 1; }
             answer '"delta_ste_um":1'
         }"#;
-    let error = run(&backend(flooding), &task(1, THREE)).unwrap_err();
+    let error = run(&backend(flooding), THREE).unwrap_err();
     assert!(
         error.contains("sample 2") && error.ends_with("the last line"),
         "{error}"
@@ -342,7 +315,7 @@ fn a_flood_of_standard_error_blocks_nothing_and_its_end_is_kept() {
 #[test]
 fn an_answer_without_end_is_cut_short() {
     let endless = "on_sample() { awk 'BEGIN { for (;;) printf \"0123456789\" }'; }";
-    let error = run(&backend(endless), &task(1, THREE)).unwrap_err();
+    let error = run(&backend(endless), THREE).unwrap_err();
     assert!(
         error.contains("an answer of more than 1048576 bytes"),
         "{error}"
@@ -366,7 +339,7 @@ fn stopping_ends_what_is_waited_for() {
     let hanging = format!("{PREAMBLE}\non_sample() {{ : {mark}; sleep 600; }}\n{LOOP}");
     let backend = backend_of(hanging, Duration::from_secs(600));
     std::thread::scope(|scope| {
-        let job = scope.spawn(|| run(&backend, &task(1, THREE)));
+        let job = scope.spawn(|| run(&backend, THREE));
         eventually("the program", || processes(&mark) > 0);
         backend.stop();
         let error = job.join().unwrap().unwrap_err();
@@ -378,32 +351,45 @@ fn stopping_ends_what_is_waited_for() {
 #[test]
 fn a_stopped_task_keeps_its_finished_samples() {
     let asked = Cell::new(0);
-    let keep_going = |_: &dyn Fn() -> TaskResult| {
+    let keep_going = |_: &dyn Fn() -> Option<Output>| {
         asked.set(asked.get() + 1);
         asked.get() <= 3
     };
     let backend = backend("");
-    let (result, seconds) = backend.with(&problem(), |simulator| {
-        execute_until(simulator, &task(2, THREE), &keep_going)
+    let (output, seconds) = backend.with(&problem(), |simulator| {
+        compute_until(simulator, &unit(THREE), &source(), &keep_going)
     });
     // Asked before the design and before each of its samples.
-    assert_eq!(
-        samples(&result.unwrap()),
-        [samples(&run(&backend, &task(1, THREE)).unwrap())[0][..2].to_vec()]
-    );
+    let whole = run(&backend, THREE).unwrap();
+    assert_eq!(samples(&output.unwrap().unwrap()), samples(&whole)[..2]);
     assert!(seconds > 0.0);
+}
+
+/// "Optimum −5 µm" would be believed.
+#[test]
+fn a_simulator_whose_numbers_cannot_be_fails() {
+    let negative = "on_archard() { answer '\"delta_ste_um\":-5,\"hertz_pressure_mpa\":1'; }";
+    let error = run(&backend(negative), THREE).unwrap_err();
+    assert!(error.contains("the simulator's ΔSTE is -5e0 µm"), "{error}");
+    let absurd = "on_sample() { answer '\"delta_ste_um\":1e308'; }";
+    let error = run(&backend(absurd), THREE).unwrap_err();
+    assert!(
+        error.contains("design-0, sample 0: ΔSTE is 1e308 µm"),
+        "{error}"
+    );
 }
 
 #[test]
 fn a_failing_program_fails_the_optimiser_too() {
-    let task = Task::Optimise {
+    let source = Source::Run(Run {
         approach: campaign::Approach::Archard,
         start: 0,
         frozen: problem().printed_frozen(),
         model: None,
-    };
+    });
     let failing = "n=0\non_archard() { n=$((n + 1)); [ $n -lt 4 ] || exit 9; answer '\"delta_ste_um\":1,\"hertz_pressure_mpa\":1'; }";
-    let error = run(&backend(failing), &task).unwrap_err();
+    let compute = |simulator: &dyn Simulator| compute(simulator, &unit(0..1), &source);
+    let error = backend(failing).with(&problem(), compute).0.unwrap_err();
     assert!(
         error.starts_with("simulator call ") && error.contains("exit status: 9"),
         "{error}"
