@@ -87,9 +87,9 @@ fn asked_to_end_programs_give_back_what_they_hold() {
     place.wait_for_some_samples();
     worker.terminate();
     let (status, errors) = worker.finish();
-    assert_eq!(status.code(), Some(0), "{errors}");
+    assert_eq!(status.code(), Some(14), "{errors}");
     // Its time is up in the middle of the campaign; it leaves in the same good order.
-    assert_code(&place.work(&["--slots", "2", "--max-runtime", "1"]), 0);
+    assert_code(&place.work(&["--slots", "2", "--max-runtime", "1"]), 14);
     coordinator.terminate();
     let (status, errors) = coordinator.finish();
     assert_eq!(status.code(), Some(14), "{errors}");
@@ -126,7 +126,7 @@ fn a_coordinator_that_does_not_answer_cannot_keep_a_worker_that_is_asked_to_leav
     let asked = Instant::now();
     worker.terminate();
     let (status, errors) = worker.finish();
-    assert_eq!(status.code(), Some(0), "{errors}");
+    assert_eq!(status.code(), Some(14), "{errors}");
     assert!(
         errors.contains("results that nobody acknowledged"),
         "{errors}"

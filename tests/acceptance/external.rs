@@ -246,11 +246,11 @@ fn a_worker_that_leaves_during_a_sample_longer_than_its_lease_hands_it_in() {
 
     // Meanwhile there is a job for everybody but one worker: whoever has none for a while leaves.
     assert!(place.ask(&["drain"]).contains("draining"));
-    assert_code(&place.work(&["--exec", &exec, "--idle-exit", "1"]), 0);
+    assert_code(&place.work(&["--exec", &exec, "--idle-exit", "1"]), 14);
 
     worker.terminate();
     let (ended, errors) = worker.finish();
-    assert_eq!(ended.code(), Some(0), "{errors}");
+    assert_eq!(ended.code(), Some(14), "{errors}");
     // Drained, with the last result in.
     let (ended, errors) = coordinator.finish();
     assert_eq!(ended.code(), Some(14), "{errors}");
@@ -347,13 +347,13 @@ fn a_design_that_was_given_up_gets_another_chance_when_it_is_asked_for() {
     assert_eq!(spoilt["designs"]["done"], 19, "{spoilt}");
 
     std::fs::write(&licence, "paid").unwrap();
-    let retried = place.ask(&["retry", "--quarantined"]);
-    assert!(retried.starts_with("sample-"), "{retried}");
+    let retried = place.ask(&["retry"]);
+    assert!(retried.starts_with("design-"), "{retried}");
     assert_code(&place.work(&work), 0);
     let whole = finished(&sandbox, DB);
     assert_eq!(whole["designs"]["done"], 20, "{whole}");
-    let again = place.ask(&["retry", "--quarantined"]);
-    assert!(again.contains("no job was given up"), "{again}");
+    let again = place.ask(&["retry"]);
+    assert!(again.contains("nothing was given up"), "{again}");
     coordinator.terminate();
     assert_eq!(coordinator.finish().0.code(), Some(0));
 
@@ -363,6 +363,137 @@ fn a_design_that_was_given_up_gets_another_chance_when_it_is_asked_for() {
     let alone = finished(&sandbox, "alone.db");
     assert_eq!(whole["samples_digest"], alone["samples_digest"]);
     assert_eq!(whole["optima"], alone["optima"]);
+}
+
+/// All but the first samples of one design always fail: it makes its response of those, once, and the
+/// campaign ends without the others, saying so, however often it is started.
+#[test]
+fn samples_that_always_fail_end_a_campaign_that_wants_more_of_them() {
+    let sandbox = Sandbox::new();
+    let file = campaign(
+        &sandbox,
+        &[
+            ("designs = 60", "designs = 20"),
+            ("probe_designs = 3", "probe_designs = 0"),
+            (
+                "samples_per_design = 25",
+                "samples_per_design = 25\nprecision_um = 0.001\nsamples_max = 60",
+            ),
+        ],
+    );
+    let log = path(&sandbox.path("asked"));
+    let action = format!(
+        "open({log:?}, 'a').write(str(seed) + '\\n'); \
+         len(set(open({log:?}))) > 30 and sys.exit('no licence')"
+    );
+    let exec = changed_program(&sandbox, "failing.py", &before_samples(ONE_OF_20, &action));
+    let run = ["run", &file, "--db", DB, "--exec", &exec];
+    for _ in 0..2 {
+        let ended = sandbox.coordinator(&run);
+        assert_code(&ended, 13);
+        let said = errors(&ended);
+        let computed = said.matches("responses computed").count();
+        assert!(computed <= 1, "computed {computed} times: {said}");
+        assert!(said.contains("given up streams=design-"), "{said}");
+    }
+}
+
+/// A simulator whose answers cannot be is told so, and what is right after that is taken.
+#[test]
+fn numbers_that_cannot_be_are_refused_and_the_mended_simulator_goes_on() {
+    let sandbox = Sandbox::new();
+    let file = twenty_designs(&sandbox);
+    let mended = path(&sandbox.path("mended"));
+    let absurd = [
+        (
+            "import random\n".to_owned(),
+            "import os\nimport random\n".to_owned(),
+        ),
+        (
+            "            \"delta_ste_um\": self.unworn_ste_um() + extra,".to_owned(),
+            format!(
+                "            \"delta_ste_um\": -5.0 if not os.path.exists({mended:?}) else \
+                 self.unworn_ste_um() + extra,"
+            ),
+        ),
+    ];
+    let exec = changed_program(&sandbox, "absurd.py", &absurd);
+    let run = ["run", &file, "--db", DB, "--exec", &exec];
+    let ended = sandbox.coordinator(&run);
+    assert_code(&ended, 13);
+    assert!(
+        errors(&ended).contains("-5e0 µm, but a ΔSTE lies between 0"),
+        "{}",
+        errors(&ended)
+    );
+    let status = sandbox.status(DB).unwrap();
+    assert_eq!(status["samples"]["done"], 0, "{status}");
+
+    std::fs::write(&mended, "").unwrap();
+    let ended = sandbox.coordinator(&run);
+    let status = sandbox.status(DB).unwrap();
+    assert!(status["samples"]["done"].as_u64() > Some(0), "{status}");
+    assert!(!errors(&ended).contains("1e6"), "{}", errors(&ended));
+}
+
+/// Asleep for longer than a lease, again and again, in the middle of a sample that takes longer than
+/// all of that: nobody is to blame, and what comes of it is kept.
+#[test]
+fn a_long_sample_outlives_three_pauses_of_its_worker() {
+    let sandbox = Sandbox::new();
+    let file = twenty_designs(&sandbox);
+    // Only the very first sample is long.
+    let log = path(&sandbox.path("begun"));
+    let condition = format!("not os.path.exists({log:?})");
+    let action = format!(
+        "open({log:?}, 'w').close(); __import__('time').sleep(20); open({log:?}, 'a').write('x')"
+    );
+    let exec = changed_program(&sandbox, "long.py", &before_samples(&condition, &action));
+    let place = Place::of_file(&sandbox, &file);
+    let coordinator = place.serve_for("2");
+    let worker = place.worker(&["--slots", "1", "--exec", &exec]);
+    let since = std::time::Instant::now();
+    while !sandbox.path("begun").exists() {
+        assert!(since.elapsed().as_secs() < 60, "no sample begins");
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    }
+    for _ in 0..3 {
+        worker.signal("STOP");
+        std::thread::sleep(std::time::Duration::from_secs(3));
+        worker.signal("CONT");
+        std::thread::sleep(std::time::Duration::from_secs(1));
+    }
+    for (name, process) in [("coordinator", coordinator), ("worker", worker)] {
+        let (status, errors) = process.finish();
+        assert_eq!(status.code(), Some(0), "{name}: {errors}");
+    }
+    let status = finished(&sandbox, DB);
+    assert_eq!(status["designs"]["done"], 20, "{status}");
+    let told = std::fs::read_to_string(sandbox.path("begun")).unwrap();
+    assert_eq!(told, "x", "the long sample was computed once, to its end");
+}
+
+/// A licence server that is away for two seconds ends nothing.
+#[test]
+fn a_simulator_that_fails_for_two_seconds_costs_nothing_but_time() {
+    let sandbox = Sandbox::new();
+    let file = twenty_designs(&sandbox);
+    let began = path(&sandbox.path("began"));
+    let action = format!(
+        "now = __import__('time').time(); \
+         os.path.exists({began:?}) or open({began:?}, 'w').write(str(now)); \
+         now < float(open({began:?}).read()) + 2.0 and sys.exit('no licence')"
+    );
+    let exec = changed_program(&sandbox, "away.py", &before_samples("True", &action));
+    let run = ["run", &file, "--db", DB, "--workers", "1", "--exec", &exec];
+    let ended = sandbox.coordinator(&run);
+    assert_code(&ended, 0);
+    assert!(
+        errors(&ended).contains("gets nothing for so long"),
+        "{}",
+        errors(&ended)
+    );
+    assert!(finished(&sandbox, DB)["failures"].as_u64() > Some(0));
 }
 
 #[test]

@@ -111,7 +111,7 @@ fn a_running_campaign_can_be_asked_and_drained() {
         printed(&output)
     };
     let why = ask(&["explain"]);
-    assert!(why.contains("no worker has ever connected"), "{why}");
+    assert!(why.contains("no worker has connected"), "{why}");
 
     let worker = sandbox.start("worker", &["--connect", &url, "--slots", "1"]);
     let some = |status: &serde_json::Value| status["samples"]["done"].as_u64() > Some(10_000);
@@ -235,8 +235,8 @@ fn whoever_watches_sees_the_end() {
         serde_json::from_str(text.lines().last().expect("at least one line")).unwrap();
     assert_eq!(last["finished"], true, "{last}");
     assert_eq!(worker.finish().0.code(), Some(0));
-    let again = place.ask(&["retry", "--quarantined"]);
-    assert!(again.contains("no job was given up"), "{again}");
+    let again = place.ask(&["retry"]);
+    assert!(again.contains("nothing was given up"), "{again}");
     coordinator.terminate();
     assert_eq!(coordinator.finish().0.code(), Some(0));
 }

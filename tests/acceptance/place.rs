@@ -41,7 +41,17 @@ impl<'s> Place<'s> {
         self.serve_with(options, &[])
     }
 
+    /// With leases of so many seconds.
+    pub(crate) fn serve_for(&self, lease: &str) -> Running {
+        self.start(&["--lease", lease], &[])
+    }
+
     pub(crate) fn serve_with(&self, options: &[&str], variables: &[(&str, &str)]) -> Running {
+        // Short leases: tests wait for some of them to run out.
+        self.start(&[&["--lease", "5"], options].concat(), variables)
+    }
+
+    fn start(&self, options: &[&str], variables: &[(&str, &str)]) -> Running {
         let serve = ["serve", &self.file, "--db", DB, "--listen", &self.address];
         self.sandbox
             .start_with("coordinator", &[&serve, options].concat(), variables)

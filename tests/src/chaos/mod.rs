@@ -162,6 +162,24 @@ impl Soak {
                 )));
             }
         }
+        // Percentiles and intervals of the fresh samples, too, but for what was measured.
+        let optima = |folder: &Path, db: &str| -> Result<Vec<String>, Violation> {
+            let out = folder.join(format!("{db}.optima.csv"));
+            let _ = std::fs::remove_file(&out);
+            let name = out.display().to_string();
+            let export = ["export", "--db", db, "--table", "optima", "--out", &name];
+            coordinator(&self.programs, folder, &export)?;
+            without_times(&out)
+        };
+        let (held, expected) = (
+            optima(folder, "c.db")?,
+            optima(&self.folder, "undisturbed.db")?,
+        );
+        if held != expected {
+            return Err(Violation(format!(
+                "the optima are {held:?}, and undisturbed they were {expected:?}"
+            )));
+        }
         let export = [
             "export", "--db", "c.db", "--table", "samples", "--out", "s.csv",
         ];
@@ -218,6 +236,19 @@ impl Progress {
         self.last = Some(now);
         Ok(())
     }
+}
+
+/// The rows of a table without processor times.
+fn without_times(path: &Path) -> Result<Vec<String>, Violation> {
+    let text = std::fs::read_to_string(path).map_err(|error| Violation(error.to_string()))?;
+    let mut lines = text.lines();
+    let header: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
+    let kept = |line: &str| {
+        let fields = line.split(',').zip(&header);
+        let fields = fields.filter(|(_, name)| !name.contains("cpu"));
+        fields.map(|(field, _)| field).collect::<Vec<_>>().join(",")
+    };
+    Ok(lines.map(kept).collect())
 }
 
 /// A store that was there once stays readable when its coordinator is gone; it may be in the middle

@@ -13,10 +13,6 @@ pub(crate) const WORKERS: usize = 2;
 /// Beyond the lease of five seconds.
 const LONG: Duration = Duration::from_millis(5600);
 
-/// How many leases of started jobs may run out in a round: at three, a job that happened to run
-/// each time would rightly be given up.
-const MAX_CRASHES: usize = 2;
-
 /// A process of the cluster.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Who {
@@ -58,7 +54,6 @@ pub(crate) fn plan(seed: u64, round: u64, span: Duration) -> Vec<(Duration, Act)
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(round);
     let mut acts = Vec::new();
-    let mut crashes = 0;
     for _ in 0..rng.random_range(3..8) {
         let at = span.mul_f64(rng.random_range(0.05..0.95));
         let mut spell = |low: u64, high: u64| Duration::from_millis(rng.random_range(low..high));
@@ -66,7 +61,6 @@ pub(crate) fn plan(seed: u64, round: u64, span: Duration) -> Vec<(Duration, Act)
         let worker = rng.random_range(0..WORKERS);
         let whom = Who::Worker(worker);
         let coordinator = Who::Coordinator;
-        let crash_allowed = crashes < MAX_CRASHES;
         match rng.random_range(0..20) {
             0..4 => acts.extend([
                 (at, Act::Kill(coordinator)),
@@ -80,14 +74,10 @@ pub(crate) fn plan(seed: u64, round: u64, span: Duration) -> Vec<(Duration, Act)
                 (at, Act::Stop(coordinator)),
                 (at + short, Act::Continue(coordinator)),
             ]),
-            7..10 if crash_allowed => {
-                crashes += 1;
-                acts.extend([(at, Act::Kill(whom)), (at + pause, Act::Start(whom))]);
-            }
+            7..10 => acts.extend([(at, Act::Kill(whom)), (at + pause, Act::Start(whom))]),
             10 => acts.extend([(at, Act::Terminate(whom)), (at + pause, Act::Start(whom))]),
             11 => acts.extend([(at, Act::Stop(whom)), (at + short, Act::Continue(whom))]),
-            12 if crash_allowed && rng.random_bool(0.5) => {
-                crashes += 1;
+            12 if rng.random_bool(0.5) => {
                 acts.extend([(at, Act::Stop(whom)), (at + LONG, Act::Continue(whom))]);
             }
             13 => acts.push((at, Act::Intrude)),
@@ -102,8 +92,7 @@ pub(crate) fn plan(seed: u64, round: u64, span: Duration) -> Vec<(Duration, Act)
                     _ => Fault::Delay(Duration::from_millis(rng.random_range(20..300))),
                 };
                 let network = |fault, cut| Act::Network { worker, fault, cut };
-                let long = crash_allowed && rng.random_bool(0.1);
-                crashes += usize::from(long);
+                let long = rng.random_bool(0.1);
                 acts.push((at, network(fault, false)));
                 let end = at + if long { LONG } else { short };
                 acts.push((end, network(Fault::None, rng.random_bool(0.5))));

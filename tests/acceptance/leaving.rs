@@ -1,0 +1,149 @@
+//! How workers leave: asked to, together with their simulators, or sent home.
+
+use std::time::{Duration, Instant};
+
+use acceptance::{Sandbox, assert_code, errors, root};
+
+use crate::place::{DB, Place};
+
+/// The example's campaign and program, in which every sample takes a moment.
+fn slow_example(sandbox: &Sandbox) -> (String, String) {
+    let read =
+        |name: &str| std::fs::read_to_string(root().join("campaigns/external").join(name)).unwrap();
+    let campaign = read("campaign.toml").replace("probe_designs = 3", "probe_designs = 0");
+    let file = sandbox.write("campaign.toml", &campaign);
+    let from = "        generator = random";
+    let program = read("simulator.py");
+    assert!(program.contains(from));
+    let slow = format!("        __import__(\"time\").sleep(0.3)\n{from}");
+    let program = sandbox.write("slow.py", &program.replacen(from, &slow, 1));
+    let exec = format!("exec python3 -B {}", program.display());
+    (file.display().to_string(), exec)
+}
+
+/// The Python processes whose command line holds `mark`.
+fn programs(mark: &str) -> Vec<String> {
+    let all = std::fs::read_dir("/proc").expect("processes can be listed");
+    all.filter_map(Result::ok)
+        .filter(|entry| {
+            let line = std::fs::read(entry.path().join("cmdline")).unwrap_or_default();
+            let line = String::from_utf8_lossy(&line).into_owned();
+            let name = line.split('\0').next().unwrap_or("");
+            name.ends_with("python3") && line.contains(mark)
+        })
+        .map(|entry| entry.file_name().to_string_lossy().into_owned())
+        .collect()
+}
+
+/// systemd ends all processes of a service at once, Slurm all of a step, and it preempts with two
+/// signals in a row: nothing of that is anybody's failure.
+#[test]
+fn ending_a_worker_together_with_its_simulators_costs_nothing() {
+    let sandbox = Sandbox::new();
+    let (file, exec) = slow_example(&sandbox);
+    let place = Place::of_file(&sandbox, &file);
+    let coordinator = place.serve(&[]);
+    let mark = sandbox.path("slow.py").display().to_string();
+    for _ in 0..3 {
+        let worker = place.worker(&["--slots", "2", "--exec", &exec, "--grace", "5"]);
+        let since = Instant::now();
+        while programs(&mark).len() < 2 {
+            assert!(since.elapsed().as_secs() < 60, "no program runs");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        std::thread::sleep(Duration::from_secs(2));
+        // The programs first, as the order of a process table has it as often as not.
+        let found = programs(&mark);
+        let status = std::process::Command::new("kill").args(&found).status();
+        assert!(status.unwrap().success(), "{found:?}");
+        worker.terminate();
+        worker.terminate();
+        std::thread::sleep(Duration::from_millis(200));
+        // It may have nothing left to do by now.
+        let (status, errors) = worker.finish();
+        assert_eq!(status.code(), Some(14), "{errors}");
+    }
+    coordinator.terminate();
+    assert_eq!(coordinator.finish().0.code(), Some(14));
+    let status = sandbox.status(DB).unwrap();
+    assert_eq!(status["failures"], 0, "{status}");
+}
+
+#[test]
+fn a_second_sigterm_changes_nothing_within_the_grace() {
+    let sandbox = Sandbox::new();
+    let (file, exec) = slow_example(&sandbox);
+    let place = Place::of_file(&sandbox, &file);
+    let coordinator = place.serve(&[]);
+    let worker = place.worker(&["--slots", "2", "--exec", &exec]);
+    sandbox.wait_for(DB, "some samples", |status| {
+        status["samples"]["done"].as_u64() > Some(3)
+    });
+    worker.terminate();
+    std::thread::sleep(Duration::from_millis(20));
+    worker.terminate();
+    let (status, errors) = worker.finish();
+    assert_eq!(status.code(), Some(14), "{errors}");
+    coordinator.terminate();
+    assert_eq!(coordinator.finish().0.code(), Some(14));
+    let status = sandbox.status(DB).unwrap();
+    assert_eq!(status["failures"], 0, "{status}");
+}
+
+/// Whoever waits for a coordinator that will not come back holds a slot of the cluster for nothing.
+#[test]
+fn after_a_drain_workers_leave_and_say_so() {
+    let sandbox = Sandbox::new();
+    let place = Place::long(&sandbox);
+    let coordinator = place.serve(&[]);
+    let worker = place.worker(&["--slots", "2"]);
+    place.wait_for_some_samples();
+    place.ask(&["drain"]);
+    let since = Instant::now();
+    let (status, said) = worker.finish();
+    assert_eq!(status.code(), Some(14), "{said}");
+    assert!(
+        said.contains("the coordinator ends before the campaign does"),
+        "{said}"
+    );
+    assert!(
+        since.elapsed() < Duration::from_secs(60),
+        "{:?}",
+        since.elapsed()
+    );
+    assert_eq!(coordinator.finish().0.code(), Some(14));
+}
+
+/// A coordinator that is gone is waited for, aloud and not for ever.
+#[test]
+fn a_worker_whose_coordinator_is_gone_says_so_and_leaves() {
+    let sandbox = Sandbox::new();
+    let place = Place::long(&sandbox);
+    let coordinator = place.serve(&[]);
+    let worker = place.worker(&["--give-up-after", "12"]);
+    place.wait_for_some_samples();
+    coordinator.kill();
+    let (status, said) = worker.finish();
+    assert_eq!(status.code(), Some(11), "{said}");
+    assert!(said.contains("the coordinator does not answer"), "{said}");
+}
+
+/// A finished coordinator that serves on ends when it is drained, as it says.
+#[test]
+fn a_finished_coordinator_that_keeps_serving_can_be_drained() {
+    let sandbox = Sandbox::new();
+    let place = Place::new(&sandbox, &acceptance::small_campaign(12, 10));
+    let coordinator = place.serve(&["--keep-serving"]);
+    assert_code(&place.work(&[]), 0);
+    sandbox.wait_for(DB, "the end", |status| status["finished"] == true);
+    place.ask(&["drain"]);
+    let (status, said) = coordinator.finish();
+    assert_eq!(status.code(), Some(0), "{said}");
+    let none = place.work(&["--connect-timeout", "1"]);
+    assert_code(&none, 11);
+    assert!(
+        errors(&none).contains("no coordinator answers"),
+        "{}",
+        errors(&none)
+    );
+}
