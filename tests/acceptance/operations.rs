@@ -142,12 +142,15 @@ fn a_running_campaign_can_be_asked_and_drained() {
         (&0.into(), &false.into())
     );
 
-    // The same command continues, and the worker has waited.
+    // Drained for good, as far as a worker can know: it holds no slot for nothing.
+    assert_eq!(worker.finish().0.code(), Some(14));
+    // The same command continues.
     let again = sandbox.start("coordinator", &serve);
+    let worker = sandbox.start("worker", &["--connect", &url, "--slots", "1"]);
     let done = |status: &serde_json::Value| status["samples"]["done"].as_u64();
     sandbox.wait_for("c.db", "more samples", |status| done(status) > done(&held));
     worker.terminate();
-    assert_eq!(worker.finish().0.code(), Some(0));
+    assert_eq!(worker.finish().0.code(), Some(14));
     again.terminate();
     assert_eq!(again.finish().0.code(), Some(14));
 }

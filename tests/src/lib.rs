@@ -230,9 +230,9 @@ impl Sandbox {
     ) -> Running {
         let child = Command::new(binary(program))
             .args(arguments)
-            .envs(variables.iter().copied())
             .current_dir(self.folder.path())
             .env("PITCHLINE_LOG", "warn")
+            .envs(variables.iter().copied())
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
             .spawn()

@@ -10,7 +10,7 @@ use campaign::formulation::Problem;
 use campaign::plan::{self, LocalStep, Next, OpenDesign, VerifyPoint};
 use campaign::task::{Inputs, Source};
 use campaign::{Approach, Campaign, Frozen, LinearResponse, Variables};
-use ledger::{Generation, Kind, StreamId, Vanished};
+use ledger::{Kind, StreamId, Vanished};
 use rustix::time::{ClockId, clock_gettime};
 use stats::streams::Purpose;
 use store::{Batch, FailureKind, FailureRow, OptimumRow, Store, Writer};
@@ -49,8 +49,6 @@ pub struct Engine {
     /// What is missing and who computes it.
     pub board: Arc<Board>,
     inputs: Inputs,
-    /// The generations that the store takes results of.
-    generations: Mutex<BTreeMap<StreamId, Generation>>,
     /// The linear responses of designs, once they were needed.
     linear: Mutex<BTreeMap<u64, LinearResponse>>,
 }
@@ -78,7 +76,6 @@ impl Engine {
             store,
             writer,
             board,
-            generations: Mutex::default(),
             linear: Mutex::default(),
         }
     }
@@ -205,7 +202,7 @@ impl Engine {
         let mut named = Vec::new();
         let mut want = |stream: StreamId, source: Source, missing, name: Option<String>| {
             let new = self.inputs.wanted(stream, source, missing);
-            named.extend(name.map(|name| (stream, name, new.generation)));
+            named.extend(name.map(|name| (name, new.generation.0)));
             wanted.push(new);
         };
         for run in &next.runs {
@@ -238,21 +235,13 @@ impl Engine {
             );
         }
         // The store first: what is wanted on the board may come back at once.
-        let mut known = self.generations.lock().await;
-        named.retain(|(stream, _, generation)| known.get(stream) != Some(generation));
         if !named.is_empty() {
-            let rows = named.iter();
-            let rows: Vec<(String, u64)> = rows
-                .map(|(_, name, generation)| (name.clone(), generation.0))
-                .collect();
-            self.store.put_generations(&rows).await?;
-            known.extend(
-                named
-                    .into_iter()
-                    .map(|(stream, _, generation)| (stream, generation)),
-            );
+            let held = self.store.generations().await?;
+            named.retain(|(name, generation)| held.get(name) != Some(generation));
         }
-        drop(known);
+        if !named.is_empty() {
+            self.store.put_generations(&named).await?;
+        }
         self.board.want(wanted);
         Ok(())
     }
@@ -270,10 +259,6 @@ impl Engine {
         };
         self.board.forget(is_derived);
         self.store.clear_derived(&SAMPLED_APPROACHES).await?;
-        self.generations
-            .lock()
-            .await
-            .retain(|stream, _| !is_derived(*stream));
         Ok(())
     }
 

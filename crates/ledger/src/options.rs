@@ -18,8 +18,9 @@ pub struct Options {
     /// A worker that failed this many streams, without delivering anything in between, is
     /// suspended. At least 1 is assumed.
     pub max_worker_strikes: usize,
-    /// How long a worker is suspended the first time; each time in a row is twice as long, up to
-    /// 32 times. Not for good: with bad streams and few workers the campaign would stand still.
+    /// How long a worker is suspended the first time; each time in a row is twice as long, up to 32
+    /// times. A worker that is the only one at work is suspended three times in a row at most: with
+    /// bad streams the campaign would stand still.
     pub suspension: Duration,
     /// Whether a sample may take hours: until one has come back, a lease has a single sample.
     pub long_samples: bool,
@@ -35,7 +36,7 @@ impl Default for Options {
             max_failures: 3,
             retry_after: Duration::from_secs(1),
             max_worker_strikes: 3,
-            suspension: Duration::from_secs(30),
+            suspension: Duration::from_secs(10),
             long_samples: false,
             bundle: true,
         }

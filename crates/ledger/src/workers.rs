@@ -8,6 +8,9 @@ use crate::types::{LeaseId, StreamId, WorkerId};
 
 /// How often the time of a suspension doubles.
 const MAX_DOUBLINGS: u32 = 5;
+/// How often in a row a worker is suspended when nobody else is there to work: by then it is the
+/// streams that are to blame, or what all workers need, and waiting does not mend it.
+const MAX_ALONE: u32 = 3;
 
 #[derive(Debug, Clone)]
 pub(crate) struct Worker {
@@ -98,6 +101,12 @@ impl Workers {
             self.forgive(stream, options);
             return None;
         }
+        let mut others = self.known.iter().filter(|(other, _)| *other != worker);
+        let is_at_work = |state: &Worker| {
+            let silence = now.saturating_sub(state.last_seen);
+            !state.is_leaving && !state.is_suspended(now) && silence <= options.lease
+        };
+        let is_alone = !others.any(|(_, state)| is_at_work(state));
         let state = self.known.get_mut(worker)?;
         // Whatever it held when it was suspended fails for the same reason.
         if state.is_suspended(now) {
@@ -105,6 +114,10 @@ impl Workers {
         }
         state.strikes.insert(stream);
         if state.strikes.len() < options.max_worker_strikes.max(1) {
+            return None;
+        }
+        if is_alone && state.suspensions >= MAX_ALONE {
+            state.strikes.clear();
             return None;
         }
         let doublings = state.suspensions.min(MAX_DOUBLINGS);

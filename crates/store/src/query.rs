@@ -376,6 +376,20 @@ pub(crate) async fn knows_failure(
     .map_err(|e| Error::sqlite("look for a failure", path, e))
 }
 
+pub(crate) async fn generations(
+    pool: &SqlitePool,
+    path: &Path,
+) -> Result<BTreeMap<String, u64>, Error> {
+    let rows = sqlx::query!("SELECT stream, generation FROM stream_generation")
+        .fetch_all(pool)
+        .await
+        .map_err(|e| Error::sqlite("read what is wanted", path, e))?;
+    let rows = rows.into_iter();
+    Ok(rows
+        .map(|r| (r.stream, r.generation.cast_unsigned()))
+        .collect())
+}
+
 pub(crate) async fn job_histories(
     pool: &SqlitePool,
     path: &Path,

@@ -247,6 +247,11 @@ impl Store {
         query::verify_counts(&self.readers, &self.path).await
     }
 
+    /// Of which generation results of a stream are wanted, by stream.
+    pub async fn generations(&self) -> Result<BTreeMap<String, u64>, Error> {
+        query::generations(&self.readers, &self.path).await
+    }
+
     /// Says of which generation results of these streams are wanted from now on, all or nothing. If
     /// another one was wanted before, the samples of that point are removed; if none was, as in a
     /// store of an earlier schema, they stay.

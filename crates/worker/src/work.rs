@@ -173,7 +173,7 @@ impl Worker {
         let asked = tokio::time::Instant::now();
         match end {
             Ok(End::Stopped) => shared.drain().await,
-            Ok(End::Dismissed) => info!("the coordinator ends before the campaign does"),
+            Ok(End::Dismissed) => warn!("the coordinator ends before the campaign does"),
             Ok(End::Finished) | Err(_) => {}
         }
         reporter_stop.cancel();

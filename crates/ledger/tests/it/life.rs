@@ -229,10 +229,30 @@ fn a_worker_that_fails_many_streams_is_suspended_once_however_many_it_holds() {
         );
     }
     assert_eq!(suspensions, [at(3.0) + Options::default().suspension]);
-    assert!(ledger.lease(&worker("a"), at(20.0)).is_none());
-    assert!(ledger.lease(&worker("b"), at(20.0)).is_some());
-    assert!(ledger.lease(&worker("a"), at(33.0)).is_some());
+    assert!(ledger.lease(&worker("a"), at(12.0)).is_none());
+    assert!(ledger.lease(&worker("b"), at(12.0)).is_some());
+    assert!(ledger.lease(&worker("a"), at(13.0)).is_some());
     assert!(ledger.workers().all(|status| status.failed <= 9));
+}
+
+/// With nothing but failures, a lone worker comes to an end in minutes.
+#[test]
+fn a_worker_alone_is_suspended_three_times_and_then_the_streams_are_to_blame() {
+    let mut ledger = ledger(alone(), 40, 1, &["a"]);
+    let mut now = at(0.0);
+    let mut suspensions = 0;
+    while ledger.given_up().count() < 40 {
+        match ledger.lease(&worker("a"), now) {
+            Some(grant) => {
+                let failure = failure_of(&grant);
+                let (_, suspended) = ledger.deliver(&worker("a"), grant.lease, &failure, now);
+                suspensions += u32::from(suspended.is_some());
+            }
+            None => now = ledger.next_due(now).expect("it goes on"),
+        }
+    }
+    assert_eq!(suspensions, 3);
+    assert!(now < at(120.0), "{now:?}");
 }
 
 #[test]
