@@ -41,6 +41,8 @@ fn systemd_starts_nothing_again_that_cannot_get_better() {
     let worker = read("systemd/pitchline-worker.service");
     let prevented = numbers_of(&worker, "RestartPreventExitStatus=");
     assert_eq!(prevented, FINAL_FOR_WORKER);
+    let success = numbers_of(&worker, "SuccessExitStatus=");
+    assert_eq!(success, [exit::INTERRUPTED]);
 }
 
 #[test]

@@ -29,13 +29,18 @@ pub fn read(
     result: &UnitResult,
     point: impl Fn(StreamId) -> Option<String>,
 ) -> Result<Read, protocol::Malformed> {
+    let named = |stream, why: &str| format!("{}: {why}", stream_name(stream));
     let (unit, output) = match protocol::output(result) {
         Ok(read) => read,
         Err(malformed) => {
             // A worker that sends nonsense about a stream has failed it.
             let unit = result.unit.as_ref().map(Unit::try_from);
             match unit {
-                Some(Ok(unit)) => (unit, Err(format!("the worker's result {malformed}"))),
+                Some(Ok(unit)) => {
+                    let why = format!("the worker's result {malformed}");
+                    let error = named(unit.stream, &why);
+                    (unit, Err(error))
+                }
                 _ => return Err(malformed),
             }
         }
@@ -50,9 +55,10 @@ pub fn read(
     );
     let is_time = result.cpu_seconds.is_finite() && result.cpu_seconds >= 0.0;
     let cpu_seconds = if is_time { result.cpu_seconds } else { 0.0 };
-    let rows = output
-        .and_then(|output| rows(&unit, output, cpu_seconds, &point))
-        .map_err(|error| format!("{}: {error}", stream_name(unit.stream)));
+    let rows = output.and_then(|output| {
+        let rows = rows(&unit, output, cpu_seconds, &point);
+        rows.map_err(|why| named(unit.stream, &why))
+    });
     Ok(Read {
         unit,
         rows,

@@ -2,7 +2,7 @@
 //!
 //! - [`engine`] runs the stages: it asks [`campaign::plan`] what comes next, does the local steps
 //!   ([`steps`], [`enrichment`]) itself and puts the jobs on the [`board`].
-//! - [`board`] holds the scheduler and the workers behind one lock; [`service`] is the gRPC face
+//! - [`board`] holds the ledger behind one lock, with real time and bells; [`service`] is the gRPC face
 //!   of it; [`ingest`] turns what workers hand in into rows of the store.
 //! - [`metrics`] shows the same to Prometheus.
 //! - [`listening`] keeps the port, [`guard`] has what guards it, [`access`] says who may call what,
