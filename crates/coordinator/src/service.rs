@@ -405,7 +405,7 @@ impl<R: Recorder> Service<R> {
             let (alone, together): (Vec<Part>, Vec<Part>) = std::mem::take(&mut brought.parts)
                 .into_iter()
                 .partition(|part| part.batch.only_for.is_some());
-            let together = (!together.is_empty()).then(|| together);
+            let together = (!together.is_empty()).then_some(together);
             let groups = alone.into_iter().map(|part| vec![part]).chain(together);
             for group in groups {
                 commits.push(async move { (of, self.commit(group).await) });

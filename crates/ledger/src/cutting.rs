@@ -18,7 +18,7 @@ pub(crate) const UNKNOWN_SECONDS: f64 = 2.0;
 /// A lease gets at most this part of what is left per slot, so that all slots end together.
 const PARTS_PER_SLOT: u64 = 3;
 /// The criteria of a design cost about as much as this many samples of the built-in simulator.
-const DESIGN_WEIGHT: u64 = 20;
+pub(crate) const DESIGN_WEIGHT: u64 = 20;
 /// The most samples of a lease, whatever they cost: even over a slow line its result must pass before
 /// the call is given up.
 const SAMPLES_MAX: u64 = 50_000;

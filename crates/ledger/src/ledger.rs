@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::time::Duration;
 
-use crate::cutting::{TARGET_SECONDS, UNKNOWN_SECONDS, weight};
+use crate::cutting::{DESIGN_WEIGHT, TARGET_SECONDS, UNKNOWN_SECONDS, weight};
 use crate::options::Options;
 use crate::ranges::{common, overlap, subtract};
 use crate::state::{GivenUp, Lease, Stream};
@@ -1032,13 +1032,16 @@ impl<P: Clone> Ledger<P> {
 
     /// Learns what samples cost from what a lease took.
     fn learn(&mut self, delivery: &Delivery) {
-        let Some(kind) = delivery.stored.first().map(|unit| unit.stream.kind) else {
+        let refused = delivery.refused.iter().map(|(stream, _)| stream.kind);
+        let stored = delivery.stored.iter().map(|unit| unit.stream.kind);
+        let Some(kind) = stored.chain(refused).next() else {
             return;
         };
         if !delivery.seconds.is_finite() || delivery.seconds <= 0.0 {
             return;
         }
-        let measured = delivery.seconds / weight(&delivery.stored);
+        let analysed = DESIGN_WEIGHT as f64 * delivery.refused.len() as f64;
+        let measured = delivery.seconds / (weight(&delivery.stored) + analysed);
         self.pace
             .entry(kind)
             .and_modify(|pace| *pace += LEARNING_RATE * (measured - *pace))

@@ -159,11 +159,14 @@ fn what_is_stopped_gives_what_is_done() {
     }
 }
 
+/// Makes a sample up.
+type Sampled = fn() -> Result<f64, String>;
+
 /// A simulator whose design can be analysed and whose samples are made up.
 struct Fake {
     problem: Problem,
     analysed_um: f64,
-    sample: fn() -> Result<f64, String>,
+    sample: Sampled,
 }
 
 impl Simulator for Fake {
@@ -204,7 +207,7 @@ impl Prepared for Design<'_> {
 /// Whether a design is feasible must not depend on which of its samples are asked for together.
 #[test]
 fn analyses_refuse_a_design_and_samples_fail() {
-    let of = |analysed_um: f64, sample: fn() -> Result<f64, String>, x_p: f64| {
+    let of = |analysed_um: f64, sample: Sampled, x_p: f64| {
         let fake = Fake {
             problem: problem(),
             analysed_um,
@@ -214,7 +217,7 @@ fn analyses_refuse_a_design_and_samples_fail() {
         variables.profile_shift[0] = x_p;
         compute(&fake, &design(4..6), &Source::Design(variables))
     };
-    let good: fn() -> Result<f64, String> = || Ok(1.0);
+    let good: Sampled = || Ok(1.0);
     assert!(matches!(of(1.0, good, 0.2), Ok(Output::Design { .. })));
     for (output, reason) in [
         (of(1.0, good, 0.95), "simulator-panic: no such tooth"),
@@ -225,7 +228,7 @@ fn analyses_refuse_a_design_and_samples_fail() {
             "{output:?}"
         );
     }
-    let failures: [(fn() -> Result<f64, String>, &str); 6] = [
+    let failures: [(Sampled, &str); 6] = [
         (|| panic!("out of teeth"), "simulator-panic: out of teeth"),
         (|| Ok(f64::NAN), "ΔSTE is NaN"),
         (|| Ok(f64::INFINITY), "ΔSTE is inf"),

@@ -1,12 +1,15 @@
 //! What a sample costs over gRPC and into the store, beside what it costs alone.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use campaign::formulation::Problem;
 use campaign::task::{Inputs, Source, compute};
 use campaign::{Campaign, Variables, probe};
 use coordinator::board::Course;
-use ledger::{Generation, StreamId, Unit};
+use ledger::{Generation, Grant, LeaseId, StreamId, Unit};
+use prost::Message as _;
+use protocol::v2::LeaseResult;
 use store::DesignRow;
 
 use crate::{Process, campaign, cpu, cpu_parts, served, slow};
@@ -51,6 +54,10 @@ pub(super) async fn measure(samples: usize) -> anyhow::Result<()> {
         ));
     }
     tell("built-in simulator", samples, rounds);
+    println!(
+        "{:.1} bytes of messages per sample, leases and results",
+        bytes(&problem, &points) as f64 / samples as f64
+    );
 
     let exe = std::env::current_exe()?;
     let command = format!("exec {} simulate", exe.display());
@@ -98,6 +105,40 @@ fn alone(problem: &Problem, points: &[[f64; 6]]) {
             });
         }
     });
+}
+
+/// How many bytes the leases and the results of all points have as messages.
+fn bytes(problem: &Problem, points: &[[f64; 6]]) -> usize {
+    let inputs = Inputs::new(problem.campaign(), None);
+    let unit = |(design, x): (u32, &[f64; 6])| {
+        let source = Source::Design(Variables::robust(x, &problem.printed_frozen()));
+        let stream = StreamId::design(design);
+        let unit = Unit {
+            stream,
+            generation: inputs.generation(stream, &source),
+            samples: 0..PER_DESIGN as u32,
+        };
+        (unit, Arc::new(source))
+    };
+    let units: Vec<(Unit, Arc<Source>)> = (0..).zip(points).map(unit).collect();
+    let results = units.iter().map(|(unit, source)| {
+        let output = compute(problem, unit, source);
+        protocol::result(unit, &output.map(Some), 1e-3)
+    });
+    let result = LeaseResult {
+        results: results.collect(),
+        ..LeaseResult::default()
+    };
+    let grant = Grant {
+        lease: LeaseId {
+            epoch: 1,
+            number: 1,
+        },
+        units,
+        seconds: 1.0,
+        announce: false,
+    };
+    protocol::lease(&grant).encoded_len() + result.encoded_len()
 }
 
 /// CPU time of a campaign's samples with two workers, their and the coordinator's start included.

@@ -34,6 +34,20 @@ fn leases_take_about_a_second_once_it_is_known_what_a_sample_costs() {
     assert!(grant.units.len() == 1 && (0.5..1.1).contains(&grant.seconds));
 }
 
+/// What the first designs cost is known even if none of them can be simulated.
+#[test]
+fn refused_designs_tell_what_a_design_costs() {
+    let mut ledger = ledger(Options::default(), 3000, 30, &["a"]);
+    let grant = ledger.lease(&worker("a"), at(0.0)).unwrap();
+    let delivery = Delivery {
+        refused: vec![(units(&grant)[0].stream, units(&grant)[0].generation)],
+        seconds: 1e-4,
+        ..Delivery::default()
+    };
+    ledger.deliver(&worker("a"), grant.lease, &delivery, at(0.0));
+    assert!(ledger.lease(&worker("a"), at(0.0)).unwrap().units.len() > 100);
+}
+
 #[test]
 fn samples_that_may_take_hours_are_leased_one_by_one() {
     let options = Options {
