@@ -22,9 +22,9 @@ use crate::{local, metrics, reporting};
 
 /// How long a worker may be silent before others get what it holds, unless somebody says otherwise.
 pub const LEASE: Duration = Duration::from_secs(30);
-/// How long after a restart nothing is leased, so that workers can say what they hold: as long as their
-/// pauses between two attempts to reach a coordinator become, but no more than a part of a lease.
-const GRACE: Duration = Duration::from_secs(3);
+/// How long after a restart nothing is leased, so that workers can say what they hold: as long as it
+/// takes those that a short absence has not made patient.
+const GRACE: Duration = Duration::from_millis(700);
 /// How long workers get to hear that the campaign is finished.
 const FAREWELL: Duration = Duration::from_secs(3);
 
@@ -213,7 +213,7 @@ async fn run_open(
     // Workers that nobody can have started before need not be waited for.
     let is_remote = matches!(plan.workers, Workers::Remote { .. });
     if is_remote && store.progress().await?.designs > 0 {
-        board.hold_back(GRACE.min(plan.lease / 4));
+        board.hold_back(GRACE);
     }
     let recorder = StoreRecorder::new(store)?;
     let service = Service {
