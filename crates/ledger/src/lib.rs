@@ -37,12 +37,16 @@
 
 #![warn(missing_docs)]
 
+mod calls;
+mod check;
 mod cutting;
 mod explain;
+mod leases;
 mod ledger;
 mod options;
 mod ranges;
 mod state;
+mod streams;
 mod types;
 mod workers;
 

@@ -1,0 +1,389 @@
+//! How leases come and go.
+
+use std::collections::BTreeSet;
+use std::ops::Range;
+use std::time::Duration;
+
+use crate::cutting::{DESIGN_WEIGHT, TARGET_SECONDS, UNKNOWN_SECONDS, weight};
+use crate::ledger::{Ledger, SURVEY_PERIOD};
+use crate::ranges::{common, overlap};
+use crate::state::{Lease, Stream};
+use crate::types::{Delivery, Grant, LeaseId, StreamId, Unit, Vanished, WorkerId};
+
+/// How much a new measurement counts against the earlier ones.
+const LEARNING_RATE: f64 = 0.3;
+/// No lease is expected to take longer than this, in seconds: ten years.
+const LONGEST_LEASE: f64 = 3e8;
+/// Workers that have been silent for so many leases are forgotten; should one call again, it is told
+/// to register.
+const FORGOTTEN_AFTER: u32 = 60;
+
+impl<P: Clone> Ledger<P> {
+    pub(crate) fn holds(&self, worker: &WorkerId, id: LeaseId) -> bool {
+        let lease = self.leases.get(&id);
+        lease.is_some_and(|lease| lease.worker == *worker)
+    }
+
+    pub(crate) fn holders(&self, id: StreamId) -> Vec<LeaseId> {
+        let stream = self.streams.get(&id);
+        stream.map_or_else(Vec::new, |stream| stream.leases.iter().copied().collect())
+    }
+
+    /// How long units are expected to take, in seconds.
+    pub(crate) fn expected(&self, units: &[Unit]) -> f64 {
+        let pace = units
+            .first()
+            .and_then(|unit| self.pace.get(&unit.stream.kind));
+        match pace {
+            Some(pace) => pace * weight(units),
+            None if self.options.long_samples => UNKNOWN_SECONDS,
+            None => TARGET_SECONDS,
+        }
+    }
+
+    pub(crate) fn grant(&mut self, worker: &WorkerId, units: Vec<Unit>, now: Duration) -> Grant<P> {
+        self.newest += 1;
+        let id = LeaseId {
+            epoch: self.epoch,
+            number: self.newest,
+        };
+        let seconds = self.expected(&units);
+        let sources = units.iter().filter_map(|unit| {
+            let stream = self.streams.get(&unit.stream)?;
+            Some((unit.clone(), stream.source.clone()))
+        });
+        let granted = Grant {
+            lease: id,
+            units: sources.collect(),
+            seconds,
+            announce: units.iter().any(|unit| {
+                let stream = self.streams.get(&unit.stream);
+                stream.is_some_and(|stream| stream.has_lapsed)
+            }),
+        };
+        let lease = Lease {
+            worker: worker.clone(),
+            units,
+            granted: now,
+            expires: now.saturating_add(self.options.lease),
+            started: false,
+            seconds,
+        };
+        self.add(id, lease);
+        granted
+    }
+
+    pub(crate) fn add(&mut self, id: LeaseId, lease: Lease) {
+        for unit in &lease.units {
+            if let Some(stream) = self.streams.get_mut(&unit.stream) {
+                stream.take(id, &unit.samples);
+            }
+            self.file(unit.stream);
+        }
+        self.expiries.insert((lease.expires, id));
+        self.alone.insert((lease.granted, id));
+        if let Some(state) = self.workers.known.get_mut(&lease.worker) {
+            state.held.insert(id);
+        }
+        self.leases.insert(id, lease);
+    }
+
+    /// Extends a lease that the worker holds.
+    pub(crate) fn extend(
+        &mut self,
+        worker: &WorkerId,
+        id: LeaseId,
+        started: bool,
+        now: Duration,
+    ) -> bool {
+        let expires = now.saturating_add(self.options.lease);
+        let Some(lease) = self.leases.get_mut(&id) else {
+            return false;
+        };
+        if lease.worker != *worker {
+            return false;
+        }
+        self.expiries.remove(&(lease.expires, id));
+        // A heartbeat that was overtaken must not shorten the lease.
+        lease.expires = lease.expires.max(expires);
+        lease.started |= started;
+        self.expiries.insert((lease.expires, id));
+        true
+    }
+
+    /// Makes a lease of what is still needed of one that ran out or is from before a restart.
+    pub(crate) fn take_up(&mut self, id: LeaseId, lease: Lease, now: Duration) -> bool {
+        let units = self.needed(&lease.units);
+        let rivals: BTreeSet<LeaseId> = units.iter().flat_map(|unit| self.rivals(unit)).collect();
+        // Another worker has begun with it, or will: this one may go on if it has begun, too. What it
+        // was leased itself meanwhile, it need not begin.
+        for rival in &rivals {
+            let Some(other) = self.leases.get(rival) else {
+                continue;
+            };
+            let is_own = other.worker == lease.worker;
+            let is_doubled = || other.units.iter().any(|unit| self.rivals(unit).len() > 1);
+            if is_own && other.started || !is_own && (!lease.started || is_doubled()) {
+                return false;
+            }
+        }
+        if units.is_empty() {
+            return false;
+        }
+        self.lapsed.remove(&id);
+        let mut is_doubled = false;
+        for rival in rivals {
+            let Some(other) = self.leases.get(&rival) else {
+                continue;
+            };
+            if other.worker == lease.worker {
+                self.end(rival);
+            } else {
+                self.alone.remove(&(other.granted, rival));
+                is_doubled = true;
+            }
+        }
+        let expires = now.saturating_add(self.options.lease);
+        let lease = Lease {
+            units,
+            granted: now,
+            expires,
+            ..lease
+        };
+        self.add(id, lease);
+        if is_doubled {
+            self.alone.remove(&(now, id));
+        }
+        true
+    }
+
+    /// The leases that have samples of a unit.
+    pub(crate) fn rivals(&self, unit: &Unit) -> Vec<LeaseId> {
+        let holders = self.holders(unit.stream).into_iter();
+        holders
+            .filter(|id| {
+                let lease = self.leases.get(id);
+                lease.is_some_and(|lease| lease.units.iter().any(|other| meet(other, unit)))
+            })
+            .collect()
+    }
+
+    /// What is still missing of units.
+    pub(crate) fn needed(&self, units: &[Unit]) -> Vec<Unit> {
+        let mut needed = Vec::new();
+        for unit in units {
+            let Some(stream) = self.streams.get(&unit.stream) else {
+                continue;
+            };
+            let is_given_up = stream.given_up.as_ref().is_some_and(|g| !g.for_crashes);
+            if stream.generation != unit.generation || is_given_up {
+                continue;
+            }
+            let missing = common(&stream.missing, &unit.samples);
+            needed.extend(missing.into_iter().map(|samples| Unit {
+                samples,
+                ..unit.clone()
+            }));
+        }
+        needed
+    }
+
+    /// What somebody else has held for long enough that another worker is to have it, too.
+    pub(crate) fn double(
+        &mut self,
+        worker: &WorkerId,
+        now: Duration,
+    ) -> Option<(LeaseId, Vec<Unit>)> {
+        let patience = self.patience_at(now);
+        let failed = &self.workers.known.get(worker)?.strikes;
+        let old = self.alone.iter();
+        let old = old.take_while(|(granted, _)| now.saturating_sub(*granted) >= patience);
+        for &(_, id) in old {
+            let lease = self.leases.get(&id)?;
+            if lease.worker == *worker {
+                continue;
+            }
+            let mut units = self.needed(&lease.units);
+            units.retain(|unit| {
+                let stream = self.streams.get(&unit.stream);
+                let may_be =
+                    |stream: &Stream<P>| stream.given_up.is_none() && stream.waits_until.is_none();
+                stream.is_some_and(may_be) && !failed.contains(&unit.stream)
+            });
+            if !units.is_empty() {
+                return Some((id, units));
+            }
+        }
+        None
+    }
+
+    /// Ends a lease: what is missing of it and on no other is free again.
+    pub(crate) fn end(&mut self, id: LeaseId) -> Option<Lease> {
+        let lease = self.leases.remove(&id)?;
+        self.expiries.remove(&(lease.expires, id));
+        self.alone.remove(&(lease.granted, id));
+        if let Some(state) = self.workers.known.get_mut(&lease.worker) {
+            state.held.remove(&id);
+        }
+        for unit in &lease.units {
+            if let Some(stream) = self.streams.get_mut(&unit.stream) {
+                stream.leases.remove(&id);
+            }
+        }
+        for unit in &lease.units {
+            let mut held: Vec<Range<u32>> = Vec::new();
+            for other in self.rivals(unit) {
+                let Some(other_lease) = self.leases.get(&other) else {
+                    continue;
+                };
+                let units = other_lease.units.iter();
+                let shared = units.filter(|other| meet(other, unit));
+                held.extend(shared.map(|unit| unit.samples.clone()));
+                self.alone.insert((other_lease.granted, other));
+            }
+            if let Some(stream) = self.streams.get_mut(&unit.stream) {
+                stream.free_again(&unit.samples, &held);
+            }
+            self.file(unit.stream);
+        }
+        Some(lease)
+    }
+
+    /// Ends those of these leases of which nothing is needed any more, and takes out of the others
+    /// what is not: whoever holds one that has ended is told so by its next heartbeat.
+    pub(crate) fn prune(&mut self, leases: &[LeaseId]) {
+        for &id in leases {
+            let Some(lease) = self.leases.get(&id) else {
+                continue;
+            };
+            let needed = self.needed(&lease.units);
+            if needed.is_empty() {
+                self.end(id);
+                continue;
+            }
+            let gone: Vec<StreamId> = lease
+                .units
+                .iter()
+                .map(|unit| unit.stream)
+                .filter(|stream| !needed.iter().any(|unit| unit.stream == *stream))
+                .collect();
+            for stream in gone {
+                if let Some(stream) = self.streams.get_mut(&stream) {
+                    stream.leases.remove(&id);
+                }
+            }
+            if let Some(lease) = self.leases.get_mut(&id) {
+                lease.units = needed;
+            }
+        }
+    }
+
+    pub(crate) fn expire_lease(&mut self, id: LeaseId) -> Option<Vanished> {
+        let lease = self.end(id)?;
+        let worker = lease.worker.clone();
+        let streams: BTreeSet<StreamId> = lease.units.iter().map(|unit| unit.stream).collect();
+        for id in &streams {
+            if let Some(stream) = self.streams.get_mut(id) {
+                stream.has_lapsed = true;
+            }
+        }
+        let has_started = lease.started;
+        self.lapsed.insert(id, lease);
+        let state = self.workers.known.get_mut(&worker);
+        if !has_started || state.as_ref().is_some_and(|state| state.is_leaving) {
+            return None;
+        }
+        if let Some(state) = state {
+            state.crashed += 1;
+        }
+        let &first = streams.first()?;
+        let is_split = streams.len() > 1;
+        let mut given_up = false;
+        for id in streams {
+            let Some(stream) = self.streams.get_mut(&id) else {
+                continue;
+            };
+            if is_split {
+                stream.is_suspect = true;
+                continue;
+            }
+            stream.blame.insert(worker.clone());
+            let crashes = stream.crashes();
+            if crashes >= self.options.max_crashes.max(1) && stream.given_up.is_none() {
+                given_up = true;
+                let error = format!("{crashes} workers fell silent over it, {worker} last");
+                self.give_up(id, error, true);
+            }
+        }
+        Some(Vanished {
+            lease: id,
+            worker,
+            stream: first,
+            is_split,
+            given_up,
+        })
+    }
+
+    /// Learns what samples cost from what a lease took.
+    pub(crate) fn learn(&mut self, delivery: &Delivery) {
+        let refused = delivery.refused.iter().map(|(stream, _)| stream.kind);
+        let stored = delivery.stored.iter().map(|unit| unit.stream.kind);
+        let Some(kind) = stored.chain(refused).next() else {
+            return;
+        };
+        if !delivery.seconds.is_finite() || delivery.seconds <= 0.0 {
+            return;
+        }
+        let analysed = DESIGN_WEIGHT as f64 * delivery.refused.len() as f64;
+        let measured = delivery.seconds / (weight(&delivery.stored) + analysed);
+        self.pace
+            .entry(kind)
+            .and_modify(|pace| *pace += LEARNING_RATE * (measured - *pace))
+            .or_insert(measured);
+    }
+
+    /// How long a lease is left to its worker alone: twice what one takes, as a second lease of what
+    /// is nearly done is wasted work.
+    pub(crate) fn patience_at(&mut self, now: Duration) -> Duration {
+        if let Some((of, patience)) = self.patience
+            && now.saturating_sub(of) < SURVEY_PERIOD
+        {
+            return patience;
+        }
+        let seconds = self.leases.values().map(|lease| lease.seconds);
+        let longest = seconds.fold(TARGET_SECONDS, f64::max).min(LONGEST_LEASE);
+        let patience = Duration::from_secs_f64(2.0 * longest);
+        self.patience = Some((now, patience));
+        patience
+    }
+
+    /// The slots of all workers that were heard of lately.
+    pub(crate) fn slots_present(&mut self, now: Duration) -> usize {
+        if let Some((of, slots)) = self.slots
+            && now.saturating_sub(of) < SURVEY_PERIOD
+        {
+            return slots;
+        }
+        let present = self.workers.present(2 * self.options.lease, now);
+        let slots = present.map(|worker| worker.slots).sum();
+        self.slots = Some((now, slots));
+        slots
+    }
+
+    /// Forgets what no longer matters: leases that ran out and of which nothing is needed, workers
+    /// that have been away for long.
+    pub(crate) fn clean(&mut self, now: Duration) {
+        let mut lapsed = std::mem::take(&mut self.lapsed);
+        lapsed.retain(|_, lease| !self.needed(&lease.units).is_empty());
+        self.lapsed = lapsed;
+        let long_ago = self.options.lease * FORGOTTEN_AFTER;
+        self.workers.known.retain(|_, worker| {
+            !worker.held.is_empty() || now.saturating_sub(worker.last_seen) < long_ago
+        });
+    }
+}
+
+/// Whether two units have samples in common.
+fn meet(a: &Unit, b: &Unit) -> bool {
+    a.stream == b.stream && overlap(&a.samples, &b.samples)
+}
