@@ -390,7 +390,7 @@ fn samples_that_always_fail_end_a_campaign_that_wants_more_of_them() {
     let log = path(&sandbox.path("asked"));
     let action = format!(
         "open({log:?}, 'a').write(str(seed) + '\\n'); \
-         len(set(open({log:?}))) > 30 and sys.exit('no licence')"
+         len(set(open({log:?}))) > 55 and sys.exit('no licence')"
     );
     let exec = changed_program(&sandbox, "failing.py", &before_samples(ONE_OF_20, &action));
     let run = ["run", &file, "--db", DB, "--exec", &exec];

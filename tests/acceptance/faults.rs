@@ -192,7 +192,7 @@ fn a_full_disk_ends_the_campaign_with_a_sentence_and_loses_nothing() {
     let blocks = (size.iter().max().unwrap() + 300_000) / 512;
     let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" run {file} --db f.db");
     let output = shell(&sandbox, &script);
-    assert_refused(&output, &[1, 4], "");
+    assert_refused(&output, &[1, 4], "f.db");
     let left = samples(&sandbox, "f.db");
     assert!(left >= held, "{left} of {held} samples are left");
     // With room again, it goes on.
@@ -205,6 +205,7 @@ fn a_full_disk_ends_the_campaign_with_a_sentence_and_loses_nothing() {
 #[test]
 fn a_full_file_system_ends_the_campaign_with_a_sentence() {
     if !can_unshare() {
+        eprintln!("skipped: no file system can be mounted here");
         return;
     }
     let sandbox = Sandbox::new();
@@ -217,7 +218,7 @@ fn a_full_file_system_ends_the_campaign_with_a_sentence() {
          small/s.db; code=$?; cp small/s.db* .; exit $code; }}' \"$0\""
     );
     let output = shell(&sandbox, &script);
-    assert_refused(&output, &[1, 4], "");
+    assert_refused(&output, &[1, 4], "s.db");
     let held = samples(&sandbox, "s.db");
     assert!(held > 0, "nothing was stored before the disk was full");
     assert_code(&sandbox.coordinator(&["run", file, "--db", "s.db"]), 0);
