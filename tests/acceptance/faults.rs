@@ -205,7 +205,7 @@ fn a_full_disk_ends_the_campaign_with_a_sentence_and_loses_nothing() {
 #[test]
 fn a_full_file_system_ends_the_campaign_with_a_sentence() {
     if !can_unshare() {
-        eprintln!("skipped: no file system can be mounted here");
+        acceptance::skipped("no file system can be mounted here");
         return;
     }
     let sandbox = Sandbox::new();

@@ -41,7 +41,7 @@ fn can_make_namespaces() -> bool {
 #[test]
 fn a_cable_pulled_for_longer_than_a_lease_loses_nothing() {
     if !can_make_namespaces() {
-        eprintln!("skipped: no network namespaces can be made here");
+        acceptance::skipped("no network namespaces can be made here");
         return;
     }
     let sandbox = Sandbox::new();

@@ -352,6 +352,12 @@ impl Drop for Running {
     }
 }
 
+/// Says that a test could not be run here, and why.
+#[expect(clippy::print_stderr, reason = "for whoever reads the tests' output")]
+pub fn skipped(why: &str) {
+    eprintln!("skipped: {why}");
+}
+
 /// An address on loopback that nobody listens on just now.
 ///
 /// # Panics

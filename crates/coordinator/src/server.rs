@@ -24,7 +24,7 @@ use crate::{local, metrics, reporting};
 pub const LEASE: Duration = Duration::from_secs(30);
 /// How long after a restart nothing is leased, so that workers can say what they hold: as long as it
 /// takes those that a short absence has not made patient.
-const GRACE: Duration = Duration::from_millis(700);
+const GRACE: Duration = Duration::from_millis(500);
 /// How long workers get to hear that the campaign is finished.
 const FAREWELL: Duration = Duration::from_secs(3);
 
