@@ -479,6 +479,7 @@ impl<R: Recorder> Service<R> {
                 stream,
                 serial: read.serial,
                 error,
+                contradicts: false,
             }),
         }
     }
@@ -533,6 +534,8 @@ impl<R: Recorder> Service<R> {
                 warn!(stream = %name, %worker, %error, again_in, "a failure");
                 FailureKind::Failure
             }
+            // Other numbers than are stored must not go unrecorded, whoever brings them when.
+            Failure::Ignored if failed.contradicts => FailureKind::Failure,
             Failure::Ignored => {
                 info!(stream = %name, %worker, %error, "a failure that does not count");
                 return Ok(());
@@ -580,6 +583,8 @@ struct Failed {
     stream: StreamId,
     serial: Option<u64>,
     error: String,
+    /// Whether the store holds other numbers.
+    contradicts: bool,
 }
 
 impl Brought {
@@ -599,6 +604,7 @@ impl Brought {
                     stream: unit.stream,
                     serial,
                     error: refused.to_string(),
+                    contradicts: true,
                 });
             }
         }

@@ -236,9 +236,10 @@ impl Shared {
         }
     }
 
-    /// Says that this worker leaves, gives back what has not started and waits for the rest. Towards the end of the grace period
-    /// samplers stop between two samples and hand in what they have. Of a job whose sample takes even
-    /// longer, what was kept is handed in; if that is nothing, it is given back.
+    /// Says that this worker leaves, gives back what has not started and waits for the rest. Towards
+    /// the end of the grace period samplers stop between two samples and hand in what they have. Of a
+    /// lease whose sample takes even longer, what was kept is handed in; if that is nothing, it is
+    /// given back.
     async fn drain(&self) {
         let now = tokio::time::Instant::now();
         let patient_until = now + self.options.grace.mul_f64(PATIENT_PART);

@@ -227,6 +227,11 @@ async fn a_result_that_contradicts_the_store_is_loud_and_changes_nothing() {
     other.results[0].samples_um[7] += 1e-9;
     bench.report("wrong", other).await;
     assert_eq!(bench.store.samples_digest().await.unwrap(), held);
+    let failures = bench.store.failures().await.unwrap();
+    assert_eq!(failures.len(), 1);
+    assert_eq!(failures[0].worker, "wrong");
+    let error = &failures[0].error;
+    assert!(error.contains("sample 7 of design 0"), "{error}");
 }
 
 #[tokio::test]
