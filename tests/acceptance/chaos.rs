@@ -1,14 +1,14 @@
 //! The soak, as much of it as fits: `cargo run --release -p acceptance --bin chaos` does more.
 
 use acceptance::Sandbox;
-use acceptance::chaos::Soak;
+use acceptance::chaos::{Kind, Soak};
 
 #[test]
 fn random_faults_leave_no_trace_in_the_results() {
     let sandbox = Sandbox::new();
     let soak = Soak::new(&sandbox.path("."), &acceptance::programs(), 2009).unwrap();
-    for round in 0..2 {
-        let done = soak.round(round).unwrap();
+    for (round, kind) in [(0, Kind::Plain), (1, Kind::Licence)] {
+        let done = soak.round(round, Some(kind)).unwrap();
         assert!(done.acts > 0 && done.looks > 0, "undisturbed: {done:?}");
     }
 }

@@ -8,6 +8,8 @@ use std::process::{Command, Output, Stdio};
 
 use acceptance::{Sandbox, assert_code, binary, errors, small_campaign};
 
+use crate::place::{DB, Place};
+
 /// A campaign that samples long enough to be killed.
 fn long() -> String {
     small_campaign(40, 20_000)
@@ -57,50 +59,61 @@ fn assert_refused(output: &Output, codes: &[i32], text: &str) {
     assert!(!said.contains("panicked"), "{said}");
 }
 
+/// The length of a log beyond which the store's writer moves it into its file, in bytes. Up to that,
+/// a log that is cut is an earlier state of the store, and nothing else.
+const LONG_LOG: u64 = 4 << 20;
+
+/// A store whose log holds nearly all of it, beside copies whose logs lost their ends.
 #[test]
-fn a_truncated_wal_costs_at_most_what_was_in_it() {
+fn a_log_that_lost_its_end_is_refused_where_its_commits_are_noted() {
     let sandbox = Sandbox::new();
-    let (file, held) = killed(&sandbox, "t.db");
-    let wal = sandbox.path("t.db-wal");
-    let length = std::fs::metadata(&wal)
-        .expect("a killed campaign leaves its log")
+    let place = Place::new(&sandbox, &small_campaign(40, 200));
+    let coordinator = place.serve(&["--keep-serving"]);
+    assert_code(&place.work(&[]), 0);
+    coordinator.kill();
+    let whole = sandbox.status(DB).expect("the store is there");
+    assert_eq!(whole["finished"], true, "{whole}");
+    let [store, log, note] = ["", "-wal", ".lock"].map(|end| sandbox.path(&format!("{DB}{end}")));
+    let length = std::fs::metadata(&log)
+        .expect("a killed coordinator leaves its log")
         .len();
-    // A copy whose log lost its end resumes from an older commit, and says nothing false.
+    assert!((100_000..LONG_LOG).contains(&length), "{length} bytes");
+
     for (name, keep) in [("half", length / 2), ("odd", length / 3 + 7), ("none", 0)] {
         let db = format!("{name}.db");
-        std::fs::copy(sandbox.path("t.db"), sandbox.path(&db)).unwrap();
-        let copy = sandbox.path(&format!("{db}-wal"));
-        std::fs::copy(&wal, &copy).unwrap();
-        let log = OpenOptions::new().write(true).open(&copy).unwrap();
-        log.set_len(keep).unwrap();
-        let before = samples_or_refusal(&sandbox, &db);
-        assert!(before.is_none_or(|before| before <= held), "{name}");
-    }
-    // The one whose log is whole has everything, and goes on from there.
-    assert_eq!(samples(&sandbox, "t.db"), held);
-    assert_code(&sandbox.coordinator(&["run", &file, "--db", "t.db"]), 0);
-    // So does the one with half a log: what is missing is computed again, to the same digest.
-    let refused = sandbox.coordinator(&["run", &file, "--db", "half.db"]);
-    if refused.status.success() {
-        let (whole, half) = (sandbox.status("t.db"), sandbox.status("half.db"));
-        assert_eq!(
-            whole.unwrap()["samples_digest"],
-            half.unwrap()["samples_digest"]
-        );
-    } else {
-        assert_refused(&refused, &[5, 7, 8], "half.db");
+        let [copy, cut, copied_note] =
+            ["", "-wal", ".lock"].map(|end| sandbox.path(&format!("{db}{end}")));
+        for (from, to) in [(&store, &copy), (&log, &cut), (&note, &copied_note)] {
+            std::fs::copy(from, to).unwrap();
+        }
+        let file = OpenOptions::new().write(true).open(&cut).unwrap();
+        file.set_len(keep).unwrap();
+        assert!(samples(&sandbox, &db) < samples(&sandbox, DB), "{name}");
+
+        // The lock file says how many commits were acknowledged.
+        let before = std::fs::read(&copy).unwrap();
+        let run = ["run", &place.file, "--db", &db];
+        let refused = sandbox.coordinator(&run);
+        assert_refused(&refused, &[8], &db);
+        assert_refused(&refused, &[8], "acknowledged commits");
+        assert_eq!(std::fs::read(&copy).unwrap(), before, "{name} was touched");
+
+        // Without it, as the message says, the campaign goes on from what is there.
+        std::fs::remove_file(&copied_note).unwrap();
+        assert_code(&sandbox.coordinator(&run), 0);
+        let again = sandbox.status(&db).expect("the store is there");
+        assert_eq!(again["samples_digest"], whole["samples_digest"], "{name}");
+        assert_eq!(again["optima"], whole["optima"], "{name}");
     }
 }
 
-/// How many samples a store has, or none if it is refused with a sentence.
-fn samples_or_refusal(sandbox: &Sandbox, db: &str) -> Option<u64> {
-    let output = sandbox.coordinator(&["status", "--db", db, "--json"]);
-    if output.status.success() {
-        let status: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-        return status["samples"]["done"].as_u64();
-    }
-    assert_refused(&output, &[5, 7, 8], db);
-    None
+#[test]
+fn a_log_that_is_whole_has_everything_after_a_kill() {
+    let sandbox = Sandbox::new();
+    let (file, held) = killed(&sandbox, "t.db");
+    assert!(sandbox.path("t.db-wal").exists());
+    assert_code(&sandbox.coordinator(&["run", &file, "--db", "t.db"]), 0);
+    assert!(samples(&sandbox, "t.db") > held);
 }
 
 #[test]

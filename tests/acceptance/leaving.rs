@@ -142,7 +142,7 @@ fn a_finished_coordinator_that_keeps_serving_can_be_drained() {
     let none = place.work(&["--connect-timeout", "1"]);
     assert_code(&none, 11);
     assert!(
-        errors(&none).contains("no coordinator answers"),
+        errors(&none).contains("no coordinator's access file"),
         "{}",
         errors(&none)
     );

@@ -17,4 +17,6 @@ mod paper;
 mod place;
 mod precision;
 mod security;
+mod shipped;
+mod stopping;
 mod studies;

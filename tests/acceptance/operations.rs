@@ -90,7 +90,7 @@ fn a_running_campaign_can_be_asked_and_drained() {
     // to its end, and what is out when it is drained comes in soon.
     let file = sandbox.write("long.toml", &small_campaign(1500, 4000));
     let (address, metrics) = (free_address().to_string(), free_address().to_string());
-    let url = format!("http://{address}");
+    let url = format!("https://{address}");
     let serve = [
         "serve",
         file.to_str().unwrap(),
@@ -164,9 +164,9 @@ async fn a_stranger_learns_what_can_be_asked() {
 
     let sandbox = Sandbox::new();
     let place = Place::new(&sandbox, &small_campaign(60, 6));
-    let _coordinator = place.serve(&[]);
+    let _coordinator = place.serve(&["--insecure"]);
     sandbox.wait_for(DB, "a store", |_| true);
-    let channel = tonic::transport::Endpoint::new(place.url.clone())
+    let channel = tonic::transport::Endpoint::new(place.url.replace("https", "http"))
         .unwrap()
         .connect_lazy();
 
@@ -228,7 +228,8 @@ fn whoever_watches_sees_the_end() {
     let sandbox = Sandbox::new();
     let place = Place::new(&sandbox, &small_campaign(60, 6));
     let coordinator = place.serve(&["--keep-serving"]);
-    sandbox.wait_for(DB, "a store", |_| true);
+    // The coordinator makes the DoE after it has written the access file.
+    sandbox.wait_for(DB, "the DoE", |status| status["stage"] == "sample");
     let worker = place.worker(&[]);
     let watch = ["status", "--watch", "--json", "--connect", &place.url];
     let output = sandbox.coordinator(&watch);

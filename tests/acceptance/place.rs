@@ -27,7 +27,7 @@ impl<'s> Place<'s> {
         Self {
             sandbox,
             file: file.to_owned(),
-            url: format!("http://{address}"),
+            url: format!("https://{address}"),
             address,
         }
     }

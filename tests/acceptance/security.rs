@@ -198,7 +198,7 @@ fn a_worker_without_the_right_to_is_refused_for_good() {
         &["a client's token", "takes a worker's"],
     );
     let astray = [&["--tls-ca", "others/ca.pem"], &TOKEN[..]].concat();
-    guarded.refused("https", &astray, 12, &["has not signed", "ca.pem"]);
+    guarded.refused("https", &astray, 12, &["no reason to trust", "ca.pem"]);
     guarded.refused("http", &TOKEN, 12, &["TLS only", "https://"]);
     guarded.refused("https", &TOKEN, 2, &["--tls-ca"]);
 
@@ -292,12 +292,12 @@ fn a_secret_does_not_travel_in_clear() {
 }
 
 #[test]
-fn a_coordinator_does_not_open_itself_by_mistake() {
+fn half_of_a_guard_is_refused_and_leaves_nothing_behind() {
     let sandbox = Sandbox::new();
     assert_code(&sandbox.coordinator(&["keygen", "keys"]), 0);
     let file = sandbox.write("tiny.toml", &tiny());
     let file = file.to_str().unwrap();
-    let beyond = ["serve", file, "--db", "c.db", "--listen", "0.0.0.0:0"];
+    let serve = ["serve", file, "--db", "c.db", "--listen", "127.0.0.1:0"];
     let tls = [
         "--tls-cert",
         "keys/server.pem",
@@ -305,28 +305,24 @@ fn a_coordinator_does_not_open_itself_by_mistake() {
         "keys/server.key",
     ];
     let tokens = ["--token-file", "keys/coordinator.tokens"];
-    for (more, parts) in [
-        (&[][..], ["needs TLS and tokens", "--token-file"]),
-        (&tls[..], ["needs tokens", "--token-file"]),
-        (&tokens[..], ["needs TLS", "--tls-cert"]),
+    for (more, part) in [
+        (&tls[..], "--token-file"),
+        (&tokens[..], "--tls-cert"),
+        (&[tokens[0], tokens[1], "--insecure"], "--insecure"),
     ] {
-        let output = sandbox.coordinator(&[&beyond[..], more].concat());
+        let output = sandbox.coordinator(&[&serve[..], more].concat());
         assert_code(&output, 2);
-        let message = errors(&output);
-        for part in [&parts[..], &["0.0.0.0:0", "keygen", "--insecure"]].concat() {
-            assert!(message.contains(part), "no {part:?} in {message}");
-        }
+        assert!(errors(&output).contains(part), "{}", errors(&output));
     }
     // Metrics have no guard at all.
-    let mut metrics = vec!["serve", file, "--db", "c.db"];
-    metrics.extend(["--listen", "127.0.0.1:0", "--metrics", "0.0.0.0:9400"]);
+    let metrics = [&serve[..], &["--metrics", "0.0.0.0:9400"]].concat();
     let output = sandbox.coordinator(&metrics);
     assert_code(&output, 2);
     for part in ["--metrics 0.0.0.0:9400", "127.0.0.1:9400", "--insecure"] {
         let message = errors(&output);
         assert!(message.contains(part), "no {part:?} in {message}");
     }
-    let half = [&beyond[..], &["--token-file", "keys/worker.token"]].concat();
+    let half = [&serve[..], &tls, &["--token-file", "keys/worker.token"]].concat();
     let output = sandbox.coordinator(&half);
     assert_code(&output, 4);
     assert!(
@@ -336,7 +332,7 @@ fn a_coordinator_does_not_open_itself_by_mistake() {
     );
     let path = sandbox.path("keys/coordinator.tokens");
     fs::set_permissions(path, fs::Permissions::from_mode(0o644)).unwrap();
-    let output = sandbox.coordinator(&[&beyond[..], &tls, &tokens].concat());
+    let output = sandbox.coordinator(&[&serve[..], &tls, &tokens].concat());
     assert_code(&output, 4);
     assert!(errors(&output).contains("chmod 600"), "{}", errors(&output));
     assert!(
@@ -408,7 +404,6 @@ fn no_log_is_so_chatty_that_it_tells_a_secret() {
     let sandbox = Sandbox::new();
     assert_code(&sandbox.coordinator(&["keygen", "keys"]), 0);
     sandbox.write("c.toml", &tiny());
-    let address = free_address().to_string();
     let chatty = |program: &str, arguments: &[&str]| {
         let mut command = Command::new(binary(program));
         command
@@ -418,30 +413,151 @@ fn no_log_is_so_chatty_that_it_tells_a_secret() {
             .stdout(Stdio::null());
         command
     };
-    let serve = [
-        "serve",
-        "c.toml",
-        "--db",
-        "c.db",
-        "--listen",
-        &address,
-        "--token-file",
-        "keys/coordinator.tokens",
-    ];
+    let serve = ["serve", "c.toml", "--db", "c.db", "--access", "c.access"];
+    let serve = [&serve[..], &["--listen", "127.0.0.1:0"]].concat();
     let log = fs::File::create(sandbox.path("coordinator.log")).unwrap();
     let mut coordinator = chatty("coordinator", &serve).stderr(log).spawn().unwrap();
-    let url = format!("http://{address}");
-    // One that is refused, and one that does all the work.
-    for (token, code) in [("keys/client.token", 12), ("keys/worker.token", 0)] {
-        let arguments = ["--connect", &url, "--slots", "1", "--token-file", token];
-        let output = chatty("worker", &arguments).output().unwrap();
-        assert_eq!(output.status.code(), Some(code), "{token}");
+    let since = Instant::now();
+    let access = loop {
+        match fs::read_to_string(sandbox.path("c.access")) {
+            Ok(text) => break text,
+            Err(_) => std::thread::sleep(Duration::from_millis(20)),
+        }
+        assert!(since.elapsed() < BOUNDED, "no access file is written");
+    };
+    let key = fs::read_to_string(sandbox.path("c.access.key")).unwrap();
+    // A copy without the worker's token is refused; the whole file does all the work.
+    let lines = access.lines().filter(|l| !l.starts_with("worker_token"));
+    let copy = sandbox.write("copy.access", &lines.collect::<Vec<_>>().join("\n"));
+    fs::set_permissions(copy, fs::Permissions::from_mode(0o600)).unwrap();
+    let no_secret_in = |text: &str| {
+        for line in access.lines().chain(key.lines()) {
+            let secret = line.rsplit(['-', ' ']).next().unwrap().trim_matches('"');
+            let is_secret = line.contains("_token") || key.contains(line) && line.len() > 40;
+            let shown = is_secret && text.contains(secret);
+            assert!(!shown, "a secret in {text}");
+        }
+    };
+    for (file, code) in [("copy.access", 12), ("c.access", 0)] {
+        let output = chatty("worker", &["--access", file, "--slots", "1"])
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(code), "{}", errors(&output));
         let log = errors(&output);
         assert!(log.contains("TRACE"), "the log is not chatty at all");
-        no_secret_in(&sandbox, &log);
+        no_secret_in(&log);
     }
     assert!(coordinator.wait().unwrap().success());
     let log = fs::read_to_string(sandbox.path("coordinator.log")).unwrap();
     assert!(log.contains("TRACE"), "the log is not chatty at all");
-    no_secret_in(&sandbox, &log);
+    no_secret_in(&log);
+}
+
+/// The access files of a sandbox, where the programs look for them.
+fn access_files(sandbox: &Sandbox) -> Vec<String> {
+    let Ok(entries) = fs::read_dir(sandbox.path("pitchline")) else {
+        return Vec::new();
+    };
+    let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let mut names: Vec<String> = names.filter(|name| name.ends_with(".access")).collect();
+    names.sort_unstable();
+    names
+}
+
+#[test]
+fn programs_on_one_machine_find_each_other_without_a_word() {
+    let sandbox = Sandbox::new();
+    let file = sandbox.write("c.toml", &tiny());
+    let serve = ["serve", file.to_str().unwrap(), "--db", "c.db"];
+    let serve = [&serve[..], &["--listen", "127.0.0.1:0", "--keep-serving"]].concat();
+    // Workers may be first.
+    let worker = sandbox.start("worker", &["--slots", "1"]);
+    let coordinator = sandbox.start("coordinator", &serve);
+    let (status, said) = worker.finish();
+    assert_eq!(status.code(), Some(0), "{said}");
+    assert_eq!(access_files(&sandbox), ["quick.access"]);
+    let path = sandbox.path("pitchline/quick.access");
+    for path in [&path, &sandbox.path("pitchline/quick.access.key")] {
+        let mode = fs::metadata(path).unwrap().permissions().mode() & 0o777;
+        assert_eq!(mode, 0o600, "{}", path.display());
+    }
+    let output = sandbox.coordinator(&["status", "--json"]);
+    assert_code(&output, 0);
+    assert!(printed(&output).contains("\"finished\":true"));
+
+    // A second coordinator must not take the first one's file, nor can it be told which is meant.
+    let again = ["serve", file.to_str().unwrap(), "--db", "d.db"];
+    let again = [&again[..], &["--listen", "127.0.0.1:0"]].concat();
+    let output = sandbox.coordinator(&again);
+    assert_code(&output, 10);
+    assert!(errors(&output).contains("quick.access"));
+    assert!(!sandbox.path("d.db").exists());
+    fs::copy(&path, sandbox.path("pitchline/other.access")).unwrap();
+    let output = sandbox.run("worker", &[]);
+    assert_code(&output, 2);
+    assert!(
+        errors(&output).contains("other.access"),
+        "{}",
+        errors(&output)
+    );
+    fs::remove_file(sandbox.path("pitchline/other.access")).unwrap();
+
+    coordinator.terminate();
+    assert_eq!(coordinator.finish().0.code(), Some(0));
+    assert!(
+        access_files(&sandbox).is_empty(),
+        "a finished coordinator leaves no access file"
+    );
+    let output = sandbox.run("worker", &["--connect-timeout", "0"]);
+    assert_code(&output, 11);
+    assert!(errors(&output).contains("pitchline"), "{}", errors(&output));
+}
+
+/// Another user of the machine can reach the port on loopback, and has no access file.
+#[test]
+fn on_loopback_too_a_call_without_a_token_is_refused() {
+    let sandbox = Sandbox::new();
+    let file = sandbox.write("c.toml", &small_campaign(60, 4000));
+    let address = free_address().to_string();
+    let serve = ["serve", file.to_str().unwrap(), "--db", "c.db"];
+    let serve = [&serve[..], &["--listen", &address]].concat();
+    let _coordinator = sandbox.start("coordinator", &serve);
+    sandbox.wait_for("c.db", "the store", |_| true);
+    let stranger = Sandbox::new();
+    for url in [format!("http://{address}"), format!("https://{address}")] {
+        let code = if url.starts_with("https") { 11 } else { 12 };
+        let connect = ["--connect", &url];
+        let output = stranger.run(
+            "worker",
+            &[&connect[..], &["--connect-timeout", "1"]].concat(),
+        );
+        assert_code(&output, code);
+        let output = stranger.coordinator(&[&["drain"][..], &connect].concat());
+        assert_code(&output, code);
+    }
+    let status = sandbox.status("c.db").unwrap();
+    assert_eq!(status["failures"], 0, "{status}");
+    // The owner is served.
+    assert_code(&sandbox.coordinator(&["drain"]), 0);
+}
+
+#[test]
+fn a_coordinator_computes_itself_and_admits_others() {
+    let sandbox = Sandbox::new();
+    let file = sandbox.write("c.toml", &small_campaign(100, 4000));
+    let file = file.to_str().unwrap();
+    assert_code(&sandbox.coordinator(&["run", file, "--db", "alone.db"]), 0);
+    let serve = ["serve", file, "--db", "c.db", "--listen", "127.0.0.1:0"];
+    let coordinator = sandbox.start("coordinator", &[&serve[..], &["--workers", "1"]].concat());
+    sandbox.wait_for("c.db", "some samples", |status| {
+        status["samples"]["done"].as_u64() > Some(0)
+    });
+    let worker = sandbox.start("worker", &["--slots", "1"]);
+    for (name, process) in [("coordinator", coordinator), ("worker", worker)] {
+        let (status, said) = process.finish();
+        assert_eq!(status.code(), Some(0), "{name}: {said}");
+    }
+    let [alone, both] = ["alone.db", "c.db"].map(|db| sandbox.status(db).unwrap());
+    assert_eq!(both["samples_digest"], alone["samples_digest"]);
+    assert_eq!(both["optima"], alone["optima"]);
 }

@@ -198,11 +198,62 @@ fn corrections_are_compared_with_none() {
     );
     // A campaign takes no notice of its bounds for corrections, but is another one.
     assert_code(&sandbox.coordinator(&["check", file]), 0);
-    assert_code(
-        &sandbox.coordinator(&["corrections", file, "--out", "b"]),
-        0,
-    );
+
+    // Workers of other processes compute the same, one of which is killed over it.
+    let address = acceptance::free_address().to_string();
+    let study = ["corrections", file, "--out", "b", "--workers", "0"];
+    let refused = sandbox.coordinator(&[&study[..], &["--listen", &address]].concat());
+    assert_code(&refused, 2);
+    assert!(errors(&refused).contains("--admit"), "{}", errors(&refused));
+    let admitting = [&study[..], &["--admit", "--listen", &address]].concat();
+    let study = sandbox.start("coordinator", &admitting);
+    let connect = format!("https://{address}");
+    let worker = || sandbox.start("worker", &["--connect", &connect]);
+    let killed = worker();
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    killed.kill();
+    let explain = sandbox.coordinator(&["explain", "--connect", &connect]);
+    assert_code(&explain, 0);
+    let (status, said) = worker().finish();
+    assert_eq!(status.code(), Some(0), "{said}");
+    let (status, said) = study.finish();
+    assert_eq!(status.code(), Some(0), "{said}");
     assert_eq!(csv(&sandbox, "b/corrections.csv"), table);
+}
+
+#[test]
+fn a_drained_study_ends_and_leaves_nothing_behind() {
+    let sandbox = Sandbox::new();
+    let section = "\n[corrections]\ncrowning_um = [0.0, 5.0]\n";
+    let text = small_campaign(60, 8).replacen("\"whole-face-beam\"", "\"hertz-beam\"", 1);
+    let file = sandbox.write("long.toml", &(text + section));
+    let study = [
+        "corrections",
+        file.to_str().unwrap(),
+        "--workers",
+        "0",
+        "--admit",
+    ];
+    let study = sandbox.start("coordinator", &study);
+    // Commands find the study by its access file.
+    let access = sandbox.path("pitchline/quick-corrections.access");
+    let since = std::time::Instant::now();
+    while !access.exists() {
+        assert!(since.elapsed().as_secs() < 30, "no access file");
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    let status = sandbox.coordinator(&["status"]);
+    assert_code(&status, 1);
+    assert!(
+        errors(&status).contains("a study runs here"),
+        "{}",
+        errors(&status)
+    );
+    assert_code(&sandbox.coordinator(&["drain"]), 0);
+    let (status, said) = study.finish();
+    assert_eq!(status.code(), Some(14), "{said}");
+    assert!(!sandbox.path("long-corrections").exists());
+    assert!(!access.exists());
 }
 
 #[test]
@@ -300,4 +351,38 @@ fn a_finished_campaign_is_looked_at_from_two_more_sides() {
         store,
         "they only read"
     );
+}
+
+#[test]
+fn an_external_simulator_is_weighed_by_fresh_samples_where_there_are_workers() {
+    let sandbox = Sandbox::new();
+    let external = acceptance::root().join("campaigns/external");
+    let file = external.join("campaign.toml").display().to_string();
+    let exec = format!(
+        "exec python3 -B {}",
+        external.join("simulator.py").display()
+    );
+    let run = ["run", &file, "--db", "e.db", "--exec", &exec];
+    assert_code(&sandbox.coordinator(&run), 0);
+    let pareto = ["pareto", &file, "--db", "e.db", "--out"];
+    let fresh = |out: &str| {
+        let table = csv(&sandbox, &format!("{out}/pareto.csv"));
+        let of_doe = column(&table, "source").zip(column(&table, "fresh_p90_um"));
+        of_doe
+            .filter(|(source, _)| source.contains("of the DoE"))
+            .filter(|(_, fresh)| !fresh.is_empty())
+            .count()
+    };
+    assert_code(
+        &sandbox.coordinator(&[&pareto[..], &["without"]].concat()),
+        0,
+    );
+    assert_eq!(fresh("without"), 0);
+    let with = [&pareto[..], &["with", "--exec", &exec]].concat();
+    assert_code(&sandbox.coordinator(&with), 0);
+    assert!(fresh("with") > 0);
+    let refine = [&pareto[..], &["never", "--refine", "1"]].concat();
+    let output = sandbox.coordinator(&refine);
+    assert_code(&output, 2);
+    assert!(errors(&output).contains("--exec"), "{}", errors(&output));
 }

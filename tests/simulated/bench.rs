@@ -8,10 +8,11 @@ use campaign::formulation::Problem;
 use campaign::task::{Inputs, Output, Source, compute};
 use campaign::{Campaign, Variables, probe};
 use coordinator::board::Board;
-use coordinator::service::{Recorder, Service};
-use coordinator::status::Status;
+use coordinator::recorder::Recorder;
+use coordinator::service::Service;
 use ledger::{Generation, Options, StreamId, Unit, Wanted};
 use protocol::v2::RegisterRequest;
+use results::status::Status;
 use store::{Batch, FailureRow, Receipt};
 
 /// How long a worker may be silent.
@@ -117,8 +118,8 @@ impl Recorder for Memory {
         Ok(())
     }
 
-    async fn status(&self) -> anyhow::Result<Status> {
-        anyhow::bail!("there is no store to ask")
+    async fn status(&self) -> anyhow::Result<Option<Status>> {
+        Ok(None)
     }
 }
 
@@ -166,7 +167,7 @@ pub(crate) fn introduction(worker: &str) -> RegisterRequest {
     RegisterRequest {
         worker_id: worker.to_owned(),
         host: "here".to_owned(),
-        program_version: env!("CARGO_PKG_VERSION").to_owned(),
+        program_version: identity::BUILD.to_owned(),
         model_digest: digest().to_owned(),
         slots: 1,
         held: Vec::new(),

@@ -178,7 +178,7 @@ fn nonsense() -> impl Strategy<Value = Vec<u8>> {
         id: Some(id),
         units,
     });
-    let version = prop_oneof![Just(env!("CARGO_PKG_VERSION").to_owned()), "\\PC{0,9}"];
+    let version = prop_oneof![Just(identity::BUILD.to_owned()), "\\PC{0,9}"];
     let held = prop::collection::vec(held, 0..4);
     let register = (a_worker(), version, any::<u32>(), "[0-9a-f]{0,64}", held).prop_map(
         |(worker_id, program_version, slots, model_digest, held)| {

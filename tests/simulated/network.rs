@@ -11,8 +11,9 @@ use std::time::Duration;
 use campaign::formulation::Problem;
 use campaign::task::compute;
 use coordinator::board::{Board, Course};
+use gateway::files::Credentials;
+use gateway::{Dial, Link, Role};
 use ledger::Vanished;
-use protocol::Role;
 use protocol::v2::campaign_server::CampaignServer;
 use protocol::v2::{
     Directive, HeartbeatRequest, Lease, LeaseRequest, LeaseResult, LeaseState, ReleaseRequest,
@@ -26,7 +27,6 @@ use tonic::transport::Server;
 use tonic::transport::server::Connected;
 use turmoil::net::{TcpListener, TcpStream};
 use turmoil::{Builder, Sim};
-use worker::client::{Credentials, Dial, Link, connect_by};
 use worker::{Options, Worker};
 
 use crate::bench::{LEASE, Memory, campaign, expected, introduction, service};
@@ -155,14 +155,12 @@ fn dial() -> Dial {
 }
 
 fn link() -> Link {
-    connect_by(dial(), URL, &Credentials::default(), Role::Worker).expect("a good address")
+    let none = Credentials::default();
+    gateway::link::connect(dial(), URL, &none, Role::Worker).expect("a good address")
 }
 
 fn options(host: &str) -> Options {
     Options {
-        connect: URL.to_owned(),
-        credentials: Credentials::default(),
-        dial: dial(),
         slots: 1,
         exec: None,
         host: host.to_owned(),
@@ -192,7 +190,7 @@ fn start_coordinator(sim: &mut Sim<'_>, world: &World) {
 fn start_workers(sim: &mut Sim<'_>) {
     for name in WORKERS {
         sim.client(name, async move {
-            let summary = Worker::new(options(name))
+            let summary = Worker::new(link(), options(name))
                 .run(CancellationToken::new())
                 .await?;
             assert!(summary.finished, "{name} left before the end");

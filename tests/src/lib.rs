@@ -131,7 +131,7 @@ yield_mpa = 980.0
 hertz_limit_mpa = 1550.0
 "#;
 
-/// A folder of a test's own, with helpers to run programs in it.
+/// A folder of a test's own, with helpers to run programs in it. Their access files are there, too.
 pub struct Sandbox {
     folder: TempDir,
 }
@@ -201,6 +201,7 @@ impl Sandbox {
         Command::new(binary(program))
             .args(arguments)
             .current_dir(self.folder.path())
+            .env("XDG_STATE_HOME", self.folder.path())
             .env("PITCHLINE_LOG", "off")
             .output()
             .expect("the program starts")
@@ -231,6 +232,7 @@ impl Sandbox {
         let child = Command::new(binary(program))
             .args(arguments)
             .current_dir(self.folder.path())
+            .env("XDG_STATE_HOME", self.folder.path())
             .env("PITCHLINE_LOG", "warn")
             .envs(variables.iter().copied())
             .stdout(Stdio::null())
@@ -318,6 +320,29 @@ impl Running {
             status.success(),
             "the process ended before it could be sent SIG{name}"
         );
+    }
+
+    /// Waits until it has written a line with `text` to standard error.
+    ///
+    /// # Panics
+    ///
+    /// When it ends before.
+    pub fn wait_for_line(&mut self, text: &str) {
+        let pipe = self.child.stderr.as_mut().expect("it is captured");
+        let (mut line, mut byte) = (Vec::new(), [0]);
+        loop {
+            // Byte by byte: what comes after the line is left for `finish`.
+            let read = pipe.read(&mut byte).expect("standard error can be read");
+            assert!(read > 0, "the process ended without having said {text:?}");
+            if byte != *b"\n" {
+                line.push(byte[0]);
+                continue;
+            }
+            if String::from_utf8_lossy(&line).contains(text) {
+                return;
+            }
+            line.clear();
+        }
     }
 
     /// Waits for its end and returns what it wrote to standard error, too.

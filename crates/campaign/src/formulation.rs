@@ -313,7 +313,7 @@ pub struct Problem {
     campaign: Campaign,
     template: PairInput,
     pub(crate) wear: gear::Wear,
-    discretisation: Discretisation,
+    pub(crate) discretisation: Discretisation,
 }
 
 impl Problem {

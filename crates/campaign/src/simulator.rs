@@ -4,9 +4,10 @@
 //! A design is prepared once; then its criteria, its two deterministic analyses and its samples
 //! are asked for one by one, because each may take microseconds or hours.
 
-use stats::streams::StreamRng;
+use stats::streams::{Purpose, StreamRng};
 
 use crate::formulation::{Criteria, Problem, Variables};
+use crate::variant::Variant;
 
 /// Why a simulator gave no number.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -45,6 +46,25 @@ pub trait Simulator {
     ///
     /// The design cannot be simulated, or the simulator failed.
     fn prepare<'a>(&'a self, variables: &Variables) -> Result<Box<dyn Prepared + 'a>, NoAnswer>;
+
+    /// Prepares a variant of a design. Only the built-in model takes one that is not plain.
+    ///
+    /// # Errors
+    ///
+    /// The variant cannot be simulated, or the simulator failed.
+    fn prepare_variant<'a>(
+        &'a self,
+        variant: &Variant,
+    ) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
+        if variant.is_plain() {
+            self.prepare(&variant.variables)
+        } else {
+            Err(NoAnswer::Failed(
+                "an external simulator takes neither corrections nor another module or wear"
+                    .to_owned(),
+            ))
+        }
+    }
 }
 
 /// A design, ready to be analysed.
@@ -100,7 +120,15 @@ impl Simulator for Problem {
     }
 
     fn prepare<'a>(&'a self, variables: &Variables) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
-        let pair = self.pair(variables).map_err(|error| {
+        // The stream is named by whoever draws samples.
+        self.prepare_variant(&Variant::new(*variables, (Purpose::Wear, 0)))
+    }
+
+    fn prepare_variant<'a>(
+        &'a self,
+        variant: &Variant,
+    ) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
+        let (pair, wear) = self.variant(variant).map_err(|error| {
             NoAnswer::Refused(match error {
                 gear::Error::Infeasible(infeasible) => {
                     format!("{}: {infeasible}", infeasible.code())
@@ -111,6 +139,7 @@ impl Simulator for Problem {
         Ok(Box::new(BuiltIn {
             problem: self,
             pair,
+            wear,
             sampler: None,
         }))
     }
@@ -119,6 +148,7 @@ impl Simulator for Problem {
 struct BuiltIn<'a> {
     problem: &'a Problem,
     pair: gear::Pair,
+    wear: gear::Wear,
     /// Made for the first sample: an optimiser never asks for one.
     sampler: Option<gear::Sampler>,
 }
@@ -133,7 +163,7 @@ impl Prepared for BuiltIn<'_> {
     }
 
     fn archard(&mut self) -> Result<Analysis, NoAnswer> {
-        let worn = self.pair.archard(self.problem.wear());
+        let worn = self.pair.archard(&self.wear);
         Ok(Analysis::of(&worn.analysis))
     }
 
@@ -153,7 +183,7 @@ impl Prepared for BuiltIn<'_> {
 impl BuiltIn<'_> {
     fn sampler(&mut self) -> &mut gear::Sampler {
         self.sampler
-            .get_or_insert_with(|| self.pair.sampler(self.problem.wear()))
+            .get_or_insert_with(|| self.pair.sampler(&self.wear))
     }
 }
 

@@ -12,7 +12,8 @@ use stats::streams::{Purpose, stream};
 use crate::Campaign;
 use crate::formulation::{Approach, Criteria, Frozen, Problem, Variables};
 use crate::optimise::{self, RunResult};
-use crate::simulator::{Analysis, NoAnswer, Prepared, Simulator};
+use crate::simulator::{NoAnswer, Prepared, Simulator};
+use crate::variant::Variant;
 
 /// What a worker needs to compute a stream.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,6 +22,8 @@ pub enum Source {
     Design(Variables),
     /// A point, of which samples are wanted.
     Point(Variables),
+    /// A variant of a design, of which criteria and samples are wanted.
+    Variant(Box<Variant>),
     /// A run of an optimiser.
     Run(Run),
 }
@@ -31,6 +34,7 @@ impl Source {
     pub fn bytes(&self) -> usize {
         match self {
             Self::Design(_) | Self::Point(_) => size_of::<Variables>(),
+            Self::Variant(_) => size_of::<Variant>(),
             Self::Run(run) => run.model.as_deref().map_or(0, str::len),
         }
     }
@@ -78,15 +82,14 @@ impl Inputs {
         let mut hash = Sha256::new();
         hash.update(self.0);
         hash.update(stream.to_string());
-        let mut numbers = |numbers: &[f64]| {
-            for number in numbers {
-                hash.update(number.to_bits().to_le_bytes());
-            }
-        };
+        let mut number = |number: f64| hash.update(number.to_bits().to_le_bytes());
         match source {
-            Source::Design(variables) | Source::Point(variables) => numbers(&variables.values()),
+            Source::Design(variables) | Source::Point(variables) => {
+                variables.values().into_iter().for_each(number);
+            }
+            Source::Variant(variant) => variant.numbers().for_each(number),
             Source::Run(run) => {
-                numbers(&run.frozen.values());
+                run.frozen.values().into_iter().for_each(&mut number);
                 hash.update(run.model.as_deref().unwrap_or_default());
             }
         }
@@ -208,40 +211,32 @@ pub fn compute_until(
     let stream = unit.stream;
     match source {
         Source::Design(variables) => {
-            if !keep_going(&|| None) {
-                return Ok(None);
-            }
-            let analysed = guarded(|| analyse(simulator, variables));
-            let (mut design, analysed, ruled_out) = match analysed {
-                Ok(Ok(analysed)) => analysed,
-                Ok(Err(NoAnswer::Refused(reason))) => return Ok(Some(Output::Refused(reason))),
-                Ok(Err(NoAnswer::Failed(error))) => return Err(format!("{stream}: {error}")),
-                Err(panic) => {
-                    let reason = format!("{SIMULATOR_PANIC}: {panic}");
-                    return Ok(Some(Output::Refused(reason)));
-                }
+            let campaign = simulator.problem().campaign();
+            let sampling = Sampling {
+                names: Names {
+                    seed: campaign.seed,
+                    purpose: Purpose::Wear,
+                    design: stream.index,
+                    coefficients: campaign.sampling.coefficients(),
+                },
+                skip_violation: campaign.sampling.skip_violation(),
             };
-            let gets_samples = ruled_out.is_none() && !unit.samples.is_empty();
-            // Criteria alone are no answer to a request for samples.
-            let output = |samples_um: &[f64]| {
-                (!gets_samples || !samples_um.is_empty()).then(|| Output::Design {
-                    analysed,
-                    ruled_out: ruled_out.clone(),
-                    samples_um: samples_um.to_vec(),
-                })
+            let prepare = || simulator.prepare(variables);
+            design(simulator.problem(), &prepare, unit, sampling, keep_going)
+        }
+        Source::Variant(variant) => {
+            let (purpose, number) = variant.stream;
+            let sampling = Sampling {
+                names: Names {
+                    seed: simulator.problem().campaign().seed,
+                    purpose,
+                    design: number,
+                    coefficients: stats::Sampling::Independent,
+                },
+                skip_violation: variant.feasible_only.then_some(0.0),
             };
-            if !gets_samples {
-                return Ok(output(&[]));
-            }
-            let names = Names {
-                seed: simulator.problem().campaign().seed,
-                purpose: Purpose::Wear,
-                design: stream.index,
-                coefficients: simulator.problem().campaign().sampling.coefficients(),
-            };
-            let keep_going = |drawn: &[f64]| keep_going(&|| output(drawn));
-            let samples_um = draw(design.as_mut(), names, unit, &keep_going)?;
-            Ok(output(&samples_um))
+            let prepare = || simulator.prepare_variant(variant);
+            design(simulator.problem(), &prepare, unit, sampling, keep_going)
         }
         Source::Point(variables) => {
             let prepared = guarded(|| simulator.prepare(variables));
@@ -283,14 +278,60 @@ fn guarded<T>(work: impl FnOnce() -> T) -> Result<T, String> {
     })
 }
 
-type Prepare<'a> = (Box<dyn Prepared + 'a>, Analysed, Option<String>);
+/// How the samples of a design are drawn.
+#[derive(Debug, Clone, Copy)]
+struct Sampling {
+    names: Names,
+    /// The violation of the constraints above which a design gets no samples.
+    skip_violation: Option<f64>,
+}
+
+/// Analyses a design and samples it.
+fn design<'a>(
+    problem: &Problem,
+    prepare: &dyn Fn() -> Result<Box<dyn Prepared + 'a>, NoAnswer>,
+    unit: &Unit,
+    sampling: Sampling,
+    keep_going: &KeepGoing<'_>,
+) -> Result<Option<Output>, String> {
+    if !keep_going(&|| None) {
+        return Ok(None);
+    }
+    let analysed = guarded(|| analyse(problem, prepare()?, sampling.skip_violation));
+    let (mut design, analysed, ruled_out) = match analysed {
+        Ok(Ok(analysed)) => analysed,
+        Ok(Err(NoAnswer::Refused(reason))) => return Ok(Some(Output::Refused(reason))),
+        Ok(Err(NoAnswer::Failed(error))) => return Err(format!("{}: {error}", unit.stream)),
+        Err(panic) => {
+            let reason = format!("{SIMULATOR_PANIC}: {panic}");
+            return Ok(Some(Output::Refused(reason)));
+        }
+    };
+    let gets_samples = ruled_out.is_none() && !unit.samples.is_empty();
+    // Criteria alone are no answer to a request for samples.
+    let output = |samples_um: &[f64]| {
+        (!gets_samples || !samples_um.is_empty()).then(|| Output::Design {
+            analysed,
+            ruled_out: ruled_out.clone(),
+            samples_um: samples_um.to_vec(),
+        })
+    };
+    if !gets_samples {
+        return Ok(output(&[]));
+    }
+    let keep_going = |drawn: &[f64]| keep_going(&|| output(drawn));
+    let samples_um = draw(design.as_mut(), sampling.names, unit, &keep_going)?;
+    Ok(output(&samples_um))
+}
+
+type Analysis<'a> = (Box<dyn Prepared + 'a>, Analysed, Option<String>);
 
 /// A design, ready to be sampled, with what its analyses say, and why it gets no samples.
 fn analyse<'a>(
-    simulator: &'a dyn Simulator,
-    variables: &Variables,
-) -> Result<Prepare<'a>, NoAnswer> {
-    let mut design = simulator.prepare(variables)?;
+    problem: &Problem,
+    mut design: Box<dyn Prepared + 'a>,
+    skip_violation: Option<f64>,
+) -> Result<Analysis<'a>, NoAnswer> {
     let unworn = design.unworn()?;
     let worn = design.archard()?;
     let criteria = design.criteria(unworn.hertz_pressure_mpa);
@@ -305,13 +346,12 @@ fn analyse<'a>(
             "{NOT_A_NUMBER}: the simulator gave a result that is no number"
         )));
     }
-    for (name, Analysis { delta_ste_um, .. }) in [("unworn", unworn), ("with Archard's wear", worn)]
-    {
-        check_delta_ste(delta_ste_um)
+    for (name, analysis) in [("unworn", unworn), ("with Archard's wear", worn)] {
+        check_delta_ste(analysis.delta_ste_um)
             .map_err(|why| NoAnswer::Failed(format!("ΔSTE {name} {why}")))?;
     }
     let of_worn = design.criteria(worn.hertz_pressure_mpa);
-    let ruled_out = ruled_out(simulator.problem(), &of_worn);
+    let ruled_out = skip_violation.and_then(|limit| ruled_out(problem, &of_worn, limit));
     Ok((design, analysed, ruled_out))
 }
 
@@ -350,8 +390,7 @@ impl Analysed {
 }
 
 /// Why a design with these criteria (with the contact pressure of worn flanks) gets no samples.
-fn ruled_out(problem: &Problem, criteria: &Criteria) -> Option<String> {
-    let limit = problem.campaign().sampling.skip_violation()?;
+fn ruled_out(problem: &Problem, criteria: &Criteria, limit: f64) -> Option<String> {
     let violation = problem.violation(criteria);
     // On the edge itself the violation is zero, but the inequalities are strict. A violation that is
     // no number is reported as such, not as a broken constraint.

@@ -36,6 +36,25 @@ impl Default for Schedule {
     }
 }
 
+impl Schedule {
+    /// The same for a [`Run`], whose caller evaluates a generation at a time.
+    #[must_use]
+    pub fn options(&self, bounds: &Bounds) -> RunOptions {
+        RunOptions {
+            search: Options {
+                population: self.population,
+                parents: self.parents,
+                step: self.step,
+                ..Options::new(bounds.clone())
+            },
+            evaluations: self.evaluations,
+            restarts: Restarts::FromBest {
+                planned: self.restart_at,
+            },
+        }
+    }
+}
+
 /// Minimises `objective` over the box, from `start`, and returns the best design it evaluated.
 ///
 /// The objective returns an `f64`, or an [`Evaluation`] with a violation to be ranked feasibility
@@ -63,20 +82,7 @@ where
     R: Rng + ?Sized,
     F: FnMut(&[f64]) -> E + ?Sized,
 {
-    let search = Options {
-        population: schedule.population,
-        parents: schedule.parents,
-        step: schedule.step,
-        ..Options::new(bounds.clone())
-    };
-    let options = RunOptions {
-        search,
-        evaluations: schedule.evaluations,
-        restarts: Restarts::FromBest {
-            planned: schedule.restart_at,
-        },
-    };
-    minimise_run(start, options, rng, objective)
+    minimise_run(start, schedule.options(bounds), rng, objective)
 }
 
 /// [`minimise`] with every setting of the search, and any kind of restarts.

@@ -3,21 +3,23 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
-use clap::{ArgGroup, Args, Parser, Subcommand};
-use coordinator::export::Table;
-use coordinator::guard::GuardFiles;
+use ::studies::simulate::WearChoice;
+use clap::{Args, Parser, Subcommand};
+use console::LogFormat;
 use coordinator::server;
-use coordinator::simulate::WearChoice;
+use gateway::client::Reach;
+use gateway::guard::GuardFiles;
+use results::export::Table;
 use worker::SimulatorArguments;
-use worker::client::Credentials;
-use worker::console::LogFormat;
 
 mod studies;
-pub(crate) use studies::{Corrections, FinishedCampaign, Pareto, Sensitivity, Sweep};
+pub(crate) use self::studies::{
+    Corrections, FinishedCampaign, Pareto, Sensitivity, StudyWorkers, Sweep,
+};
 
 /// Plans a Monte Carlo campaign of gear designs, leases its jobs to workers, and writes the report.
 #[derive(Debug, Parser)]
-#[command(version, after_help = worker::console::help_footer())]
+#[command(version = identity::BUILD, after_help = console::help_footer())]
 pub(crate) struct Arguments {
     /// How to write the log
     #[arg(long, value_enum, default_value_t, global = true)]
@@ -61,7 +63,7 @@ pub(crate) enum Command {
     Check(Check),
     /// Write a commented campaign file to start from
     Init(Init),
-    /// Make certificates and tokens for a coordinator that listens beyond loopback
+    /// Make certificates and tokens for a site that wants its own instead of access files
     Keygen(Keygen),
 }
 
@@ -86,6 +88,28 @@ pub(crate) struct Run {
     pub(crate) out: Option<PathBuf>,
 }
 
+/// Where workers and commands of other processes connect.
+#[derive(Debug, Args)]
+pub(crate) struct PortArguments {
+    /// The address to listen on, such as 127.0.0.1:7400 [default: all interfaces, at a free port,
+    /// or at the last one]
+    #[arg(long, value_name = "ADDR")]
+    pub(crate) listen: Option<SocketAddr>,
+    /// The access file to write, for workers and commands [default: NAME.access in
+    /// ~/.local/state/pitchline]
+    #[arg(long, value_name = "FILE", env = "PITCHLINE_ACCESS")]
+    pub(crate) access: Option<PathBuf>,
+    /// A further name or address of this machine for the access file; may be repeated
+    #[arg(long = "host", value_name = "NAME")]
+    pub(crate) hosts: Vec<String>,
+    #[command(flatten)]
+    pub(crate) guard: GuardFiles,
+    /// Listen without TLS, tokens or access file, although anybody could join or read along
+    #[arg(long, conflicts_with_all = ["token_file", "tls_cert", "tls_key", "client_ca"],
+        requires = "listen")]
+    pub(crate) insecure: bool,
+}
+
 #[derive(Debug, Args)]
 pub(crate) struct Serve {
     /// The campaign file
@@ -97,14 +121,14 @@ pub(crate) struct Serve {
     /// Accept a store on a network file system, whose locks and syncs may not keep their word
     #[arg(long)]
     pub(crate) allow_network_store: bool,
-    /// The address to listen on, such as 127.0.0.1:7400; beyond loopback it takes TLS and tokens
-    #[arg(long, value_name = "ADDR")]
-    pub(crate) listen: SocketAddr,
     #[command(flatten)]
-    pub(crate) guard: GuardFiles,
-    /// Listen beyond loopback without TLS or tokens, although anybody there could join or read along
-    #[arg(long)]
-    pub(crate) insecure: bool,
+    pub(crate) port: PortArguments,
+    /// How many workers to start in this process
+    #[arg(long, value_name = "N", default_value_t = 0,
+        value_parser = clap::value_parser!(u16).range(0..=1024))]
+    pub(crate) workers: u16,
+    #[command(flatten)]
+    pub(crate) simulator: SimulatorArguments,
     /// The folder of the report [default: NAME-report]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
@@ -122,16 +146,15 @@ pub(crate) struct Serve {
 }
 
 #[derive(Debug, Args)]
-#[command(group = ArgGroup::new("source").required(true).args(["db", "connect"]))]
 pub(crate) struct Status {
-    /// The store
+    /// The store, instead of the running coordinator, which knows its workers and their pace, too
     #[arg(long, value_name = "FILE")]
     pub(crate) db: Option<PathBuf>,
-    /// The address of the running coordinator, which knows its workers and their pace, too
-    #[arg(long, value_name = "URL")]
-    pub(crate) connect: Option<String>,
     #[command(flatten)]
-    pub(crate) credentials: Credentials,
+    pub(crate) reach: Reach,
+    /// Compare everything in the store with its digests first: seconds for millions of samples
+    #[arg(long, requires = "db")]
+    pub(crate) check: bool,
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
@@ -140,26 +163,16 @@ pub(crate) struct Status {
     pub(crate) watch: bool,
 }
 
-/// How a running coordinator is reached.
-#[derive(Debug, Args)]
-pub(crate) struct Client {
-    /// The address of the running coordinator, such as http://127.0.0.1:7400
-    #[arg(long, value_name = "URL")]
-    pub(crate) connect: String,
-    #[command(flatten)]
-    pub(crate) credentials: Credentials,
-}
-
 #[derive(Debug, Args)]
 pub(crate) struct Explain {
     #[command(flatten)]
-    pub(crate) client: Client,
+    pub(crate) reach: Reach,
 }
 
 #[derive(Debug, Args)]
 pub(crate) struct Drain {
     #[command(flatten)]
-    pub(crate) client: Client,
+    pub(crate) reach: Reach,
     /// Take an earlier request back
     #[arg(long)]
     pub(crate) resume: bool,
@@ -168,7 +181,7 @@ pub(crate) struct Drain {
 #[derive(Debug, Args)]
 pub(crate) struct Retry {
     #[command(flatten)]
-    pub(crate) client: Client,
+    pub(crate) reach: Reach,
 }
 
 #[derive(Debug, Args)]
@@ -237,7 +250,7 @@ pub(crate) struct Keygen {
     #[arg(long = "host", value_name = "NAME")]
     pub(crate) hosts: Vec<String>,
     /// For how many days the certificates hold
-    #[arg(long, value_name = "N", default_value_t = coordinator::keygen::DAYS,
+    #[arg(long, value_name = "N", default_value_t = gateway::keygen::DAYS,
         value_parser = clap::value_parser!(u32).range(1..=36_500))]
     pub(crate) days: u32,
 }

@@ -7,14 +7,15 @@ use std::time::Duration;
 
 use campaign::task::Source;
 use ledger::{
-    Accepted, Counts, Delivery, Failure, Grant, History, Kind, LeaseId, Ledger, Options, StreamId,
-    Unit, Vanished, Wanted, WorkerId, WorkerStatus,
+    Accepted, Delivery, Failure, Grant, History, Kind, LeaseId, Ledger, Options, StreamId, Unit,
+    Vanished, Wanted, WorkerId,
 };
 use protocol::MAX_MESSAGE_BYTES;
+use results::live::Running;
+use stages::names;
 use tokio::sync::Notify;
 use tokio::time::Instant;
 
-use crate::ingest;
 use crate::pace::Pace;
 
 /// The most bytes of models in an answer, unless one alone is larger.
@@ -27,23 +28,6 @@ pub struct Room {
     pub leases: usize,
     /// No more once they are expected to take this long, in seconds.
     pub seconds: f64,
-}
-
-/// What only the running coordinator knows.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Live {
-    /// The registered workers.
-    pub workers: Vec<WorkerStatus>,
-    /// When this was so.
-    pub now: Duration,
-    /// Streams and leases by state.
-    pub counts: Counts,
-    /// Samples stored per second, lately.
-    pub samples_per_second: f64,
-    /// What a run of an optimiser takes, in seconds, once one has ended.
-    pub run_seconds: Option<f64>,
-    /// Whether leasing was stopped.
-    pub is_draining: bool,
 }
 
 /// What workers are to do, beyond what they are leased.
@@ -69,6 +53,7 @@ struct Inner {
     /// Whether the first plan is posted: before, nobody can be told what is needed.
     is_ready: bool,
     course: Course,
+    retries: u64,
     /// Grows with whatever a client might want to see.
     revision: u64,
 }
@@ -102,6 +87,7 @@ impl Board {
                 reporting: BTreeSet::new(),
                 is_ready: false,
                 course: Course::Work,
+                retries: 0,
                 revision: 1,
             }),
             origin: Instant::now(),
@@ -179,7 +165,7 @@ impl Board {
         self.change(|inner, _| {
             for mut wanted in wanted {
                 if !inner.histories.is_empty() {
-                    let name = ingest::stream_name(wanted.stream);
+                    let name = names::stream_name(wanted.stream);
                     wanted.history = inner.histories.remove(&name).unwrap_or_default();
                 }
                 inner.ledger.want(wanted);
@@ -262,6 +248,25 @@ impl Board {
     /// Tells all workers to go on or to leave.
     pub fn set_course(&self, course: Course) {
         self.change(|inner, _| inner.course = course);
+    }
+
+    /// How many retries have found something to do.
+    #[must_use]
+    pub fn retries(&self) -> u64 {
+        self.lock().retries
+    }
+
+    /// Tells all workers that the campaign is finished, unless there were more retries than `seen`: one
+    /// may come while the report is written. Returns whether the campaign is finished.
+    #[must_use]
+    pub fn finish(&self, seen: u64) -> bool {
+        self.change(|inner, _| {
+            let is_finished = inner.retries == seen;
+            if is_finished {
+                inner.course = Course::Finished;
+            }
+            is_finished
+        })
     }
 
     /// Ends when a finished campaign has work again, as after a retry.
@@ -416,6 +421,7 @@ impl Board {
         let retried = self.change(|inner, _| {
             let retried = inner.ledger.retry();
             if !retried.is_empty() {
+                inner.retries += 1;
                 inner.course = Course::Work;
             }
             retried
@@ -464,10 +470,10 @@ impl Board {
 
     /// What only the running coordinator knows.
     #[must_use]
-    pub fn live(&self) -> Live {
+    pub fn live(&self) -> Running {
         let now = self.now();
         let inner = self.lock();
-        Live {
+        Running {
             workers: inner.ledger.workers().collect(),
             now,
             counts: inner.ledger.counts(),

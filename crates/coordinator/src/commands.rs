@@ -6,13 +6,19 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
+use ::studies::simulate;
 use campaign::formulation::Problem;
 use campaign::{Campaign, FileError, PairFile};
-use coordinator::guard::{Guard, GuardError};
-use coordinator::keygen::{self, KeygenError};
-use coordinator::server::{self, Outcome, Plan, Workers};
-use coordinator::{comparing, export, reporting, simulate, status, steps};
+use coordinator::local::LocalWorkers;
+use coordinator::server::{self, Outcome, Plan};
+use coordinator::serving::{self, Port, Security};
+use gateway::access::{self, AccessError};
+use gateway::guard::{Guard, GuardError};
+use gateway::keygen::{self, KeygenError};
 use protocol::exit;
+use results::describing::describe;
+use results::{comparing, export, reporting, status};
+use stages::designs;
 use store::Store;
 use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
@@ -73,11 +79,14 @@ pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
         if let Some(error) = cause.downcast_ref::<worker::Error>() {
             return error.exit_code();
         }
-        if let Some(guard) = cause.downcast_ref::<GuardError>() {
-            return match guard {
-                GuardError::Open { .. } => exit::USAGE,
-                GuardError::File(_) | GuardError::NoToken { .. } => exit::FILE_ACCESS,
-            };
+        if let Some(error) = cause.downcast_ref::<gateway::Error>() {
+            return error.exit_code();
+        }
+        if cause.is::<GuardError>() {
+            return exit::FILE_ACCESS;
+        }
+        if let Some(error) = cause.downcast_ref::<AccessError>() {
+            return access_exit_code(error);
         }
         match cause.downcast_ref::<KeygenError>() {
             Some(KeygenError::Host { .. }) => return exit::USAGE,
@@ -91,14 +100,22 @@ pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
         if let Some(store) = cause.downcast_ref::<store::Error>() {
             return store_exit_code(store);
         }
-        match cause.downcast_ref::<server::Error>() {
-            Some(server::Error::Store(store)) => return store_exit_code(store),
-            Some(server::Error::Listen { .. }) => return exit::CANNOT_LISTEN,
-            Some(server::Error::Other(error)) => return exit_code(error),
+        match cause.downcast_ref::<serving::Error>() {
+            Some(serving::Error::Store(store)) => return store_exit_code(store),
+            Some(serving::Error::Listen { .. }) => return exit::CANNOT_LISTEN,
+            Some(serving::Error::Access(error)) => return access_exit_code(error),
+            Some(serving::Error::Other(error)) => return exit_code(error),
             None => {}
         }
     }
     exit::FAILURE
+}
+
+const fn access_exit_code(error: &AccessError) -> u8 {
+    match error {
+        AccessError::InUse { .. } => exit::CANNOT_LISTEN,
+        _ => exit::FILE_ACCESS,
+    }
 }
 
 const fn store_exit_code(error: &store::Error) -> u8 {
@@ -107,11 +124,15 @@ const fn store_exit_code(error: &store::Error) -> u8 {
         E::NoStore { .. } => exit::NO_STORE,
         E::OtherCampaign { .. } | E::ModelDigestConflict { .. } => exit::OTHER_CAMPAIGN,
         E::NotADatabase { .. } | E::NotAStore { .. } => exit::NOT_A_STORE,
-        E::Damaged { .. } | E::Behind { .. } | E::NewerSchema { .. } | E::OlderSchema { .. } => {
-            exit::UNUSABLE_STORE
-        }
+        E::Damaged { .. }
+        | E::DamagedRows { .. }
+        | E::Lost { .. }
+        | E::Linked { .. }
+        | E::Behind { .. }
+        | E::NewerSchema { .. }
+        | E::OlderSchema { .. } => exit::UNUSABLE_STORE,
         E::Locked { .. } => exit::STORE_LOCKED,
-        E::Io { .. } | E::DiskFull { .. } => exit::FILE_ACCESS,
+        E::Io { .. } | E::DiskFull { .. } | E::UnreadLog { .. } => exit::FILE_ACCESS,
         _ => exit::FAILURE,
     }
 }
@@ -158,31 +179,37 @@ async fn run(arguments: arguments::Run) -> anyhow::Result<u8> {
         .db
         .unwrap_or_else(|| PathBuf::from(format!("{}.db", campaign.name)));
     refuse_network_store(&db, arguments.allow_network_store)?;
-    let workers = local_workers(&campaign, arguments.simulator, arguments.workers)?;
+    let count = arguments.workers.unwrap_or_else(processors);
+    let workers = local_workers(&campaign, &arguments.simulator, count)?;
     let plan = Plan {
         out: out_folder(arguments.out, &campaign),
         campaign,
         file_text: text,
         db,
-        listen: SocketAddr::from(([127, 0, 0, 1], 0)),
-        guard: Guard::default(),
         workers,
+        port: None,
+        keep_serving: false,
         lease: server::LEASE,
         metrics: None,
     };
     conduct(plan).await
 }
 
-/// Workers of this process, one per processor unless `count` says otherwise, with the simulator
-/// that the campaign asks for.
+/// The number of processors.
+fn processors() -> u16 {
+    let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    u16::try_from(processors).unwrap_or(u16::MAX)
+}
+
+/// So many workers of this process, with the simulator that the campaign asks for.
 fn local_workers(
     campaign: &Campaign,
-    simulator: worker::SimulatorArguments,
-    count: Option<u16>,
-) -> Result<Workers, Usage> {
+    simulator: &worker::SimulatorArguments,
+    count: u16,
+) -> Result<LocalWorkers, Usage> {
     let exec = simulator.exec();
     match (campaign.is_external(), &exec) {
-        (true, None) => {
+        (true, None) if count > 0 => {
             return Err(Usage(format!(
                 "campaign {} is simulated by an external program: give it with --exec 'CMD'",
                 campaign.name
@@ -197,9 +224,8 @@ fn local_workers(
         }
         _ => {}
     }
-    let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    Ok(Workers::Local {
-        count: count.map_or(processors, usize::from),
+    Ok(LocalWorkers {
+        count: usize::from(count),
         exec,
     })
 }
@@ -207,26 +233,43 @@ fn local_workers(
 async fn serve(arguments: arguments::Serve) -> anyhow::Result<u8> {
     let text = read(&arguments.campaign)?;
     let campaign = Campaign::parse(&arguments.campaign.display().to_string(), &text)?;
-    let guard = Guard::load(&arguments.guard)?;
-    if !arguments.insecure {
-        guard.suffices_for(arguments.listen)?;
+    if !arguments.port.insecure {
         refuse_open_metrics(arguments.metrics)?;
     }
+    let port = port(arguments.port, &campaign.name)?;
     refuse_network_store(&arguments.db, arguments.allow_network_store)?;
+    let workers = local_workers(&campaign, &arguments.simulator, arguments.workers)?;
     let plan = Plan {
         out: out_folder(arguments.out, &campaign),
         campaign,
         file_text: text,
         db: arguments.db,
-        listen: arguments.listen,
-        guard,
-        workers: Workers::Remote {
-            keep_serving: arguments.keep_serving,
-        },
+        workers,
+        port: Some(port),
+        keep_serving: arguments.keep_serving,
         lease: Duration::from_secs(arguments.lease),
         metrics: arguments.metrics,
     };
     conduct(plan).await
+}
+
+/// The port of a campaign or study of this name.
+fn port(arguments: arguments::PortArguments, name: &str) -> anyhow::Result<Port> {
+    let security = if arguments.insecure {
+        Security::Guard(Guard::open())
+    } else {
+        match (Guard::load(&arguments.guard)?, arguments.access) {
+            (Some(guard), _) => Security::Guard(guard),
+            (None, file) => Security::Access {
+                file: file.map_or_else(|| access::default_file(name), Ok)?,
+                hosts: arguments.hosts,
+            },
+        }
+    };
+    Ok(Port {
+        listen: arguments.listen,
+        security,
+    })
 }
 
 /// Metrics are served to whoever asks, in clear: they name workers and tell what fails.
@@ -274,7 +317,7 @@ fn out_folder(out: Option<PathBuf>, campaign: &Campaign) -> PathBuf {
 
 async fn conduct(plan: Plan) -> anyhow::Result<u8> {
     let shutdown = CancellationToken::new();
-    tokio::spawn(worker::console::watch_signals(shutdown.clone(), "stopping"));
+    tokio::spawn(console::watch_signals(shutdown.clone(), "stopping"));
     let db = plan.db.clone();
     let problem = Problem::new(plan.campaign.clone());
     let progress = Progress::new();
@@ -283,11 +326,11 @@ async fn conduct(plan: Plan) -> anyhow::Result<u8> {
         Outcome::Finished { given_up, report } => {
             let store = Store::open_read_only(&db).await?;
             let status = status::read(&store).await?;
-            let evenness = steps::evenness(&problem, &store.designs().await?);
+            let evenness = designs::evenness(&problem, &store.designs().await?);
             let doe = evenness.map_or_else(String::new, |text| format!("doe             {text}\n"));
             print(&format!(
                 "{}{doe}report          {}\n",
-                status::describe(&status),
+                describe(&status),
                 report.display()
             ))?;
             if given_up.is_empty() {

@@ -8,7 +8,6 @@ use std::process::ExitCode;
 
 use clap::Parser as _;
 use protocol::exit;
-use worker::console;
 
 fn main() -> ExitCode {
     #[cfg(feature = "failpoints")]

@@ -16,12 +16,13 @@ use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric};
 use prometheus_client::metrics::counter::ConstCounter;
 use prometheus_client::metrics::gauge::ConstGauge;
 use prometheus_client::registry::Registry;
+use results::live::Live;
+use results::status::Status;
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
 
 use crate::board::Board;
-use crate::service::Recorder;
-use crate::status::{Live, Status};
+use crate::recorder::Recorder;
 
 /// The media type of what Prometheus reads.
 const MEDIA_TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
@@ -48,7 +49,8 @@ pub async fn serve<R: Recorder>(
 
 async fn scrape<R: Recorder>(State((board, recorder)): State<(Arc<Board>, R)>) -> Response {
     match recorder.status().await {
-        Ok(status) => {
+        Ok(None) => StatusCode::NOT_FOUND.into_response(),
+        Ok(Some(status)) => {
             let text = render(status.with(board.live()));
             ([("content-type", MEDIA_TYPE)], text).into_response()
         }

@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use coordinator::status::{Live, Status};
 use indicatif::{ProgressBar, ProgressStyle};
-use worker::console;
+use results::live::Live;
+use results::status::Status;
 
 const TICK: Duration = Duration::from_millis(200);
 
@@ -79,6 +79,6 @@ fn pace(live: Option<&Live>) -> String {
 fn to_go(live: Option<&Live>) -> String {
     let eta = live.and_then(|live| live.eta_seconds);
     eta.map_or_else(String::new, |seconds| {
-        format!(", {} to go", coordinator::status::span(seconds))
+        format!(", {} to go", results::describing::span(seconds))
     })
 }

@@ -1,482 +1,316 @@
-//! The steps that the coordinator does itself: pure work between reading and writing the store.
+//! The local steps of a campaign: each reads the store, has the stages compute, and stores what comes
+//! of it. A step that is dropped before its end has stored nothing.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use anyhow::Context as _;
-use campaign::formulation::{Problem, ROBUST_VARIABLES};
-use campaign::optimise::{Found, RunResult};
-use campaign::{Approach, Campaign};
-use kriging::{Data, FitOptions, Model};
-use serde::{Deserialize, Serialize};
-use store::{CriteriaRow, DesignRow, ModelRow, OptimiserRunRow, OptimumRow, ResponseRow};
+use campaign::file::ControlVariate;
+use campaign::formulation::Problem;
+use campaign::{Approach, Frozen};
+use enrich::Recommendation;
+use ledger::StreamId;
+use stages::cost::{self, Cost};
+use stages::deciding::Rows;
+use stages::fitting::{self, ModelSummary, P90_MODEL};
+use stages::linear::LinearResponse;
+use stages::rounds::{self, Round, sentence};
+use stages::statistics::{Collector, Computed};
+use stages::{choosing, designs, responses};
+use store::{InfillRow, OptimumRow, Store};
+use tokio::sync::{Mutex, MutexGuard};
+use tracing::{debug, info, warn};
 
-use crate::snapshot::{P90_MODEL, variables_to_json};
+use crate::compute::blocking;
 
-/// What a reader wants to know of a fitted model.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct ModelSummary {
-    /// The covariance function.
-    pub kernel: String,
-    /// How many points it was fitted to.
-    pub points: usize,
-    /// The mean µ, µm.
-    pub mu_um: f64,
-    /// The process variance σ², µm².
-    pub sigma2_um2: f64,
-    /// The ranges in the order of the variables; none where the response does not depend on one.
-    pub ranges: Vec<Option<f64>>,
-    /// −log likelihood.
-    pub negative_log_likelihood: f64,
-    /// Q² of leave-one-out predictions.
-    pub q2: f64,
-    /// Root mean square of the leave-one-out residuals, µm.
-    pub rmse_um: f64,
-    /// The share of observations within their leave-one-out 90 % interval.
-    pub coverage90: f64,
-    /// The leave-one-out residuals (observation minus prediction) by design, µm.
-    pub residuals_um: Vec<(u64, f64)>,
-    /// What a user ought to know.
-    pub warnings: Vec<String>,
-    /// CPU time of the fit, seconds.
-    pub cpu_seconds: f64,
+/// What the local steps work with.
+pub(crate) struct Steps {
+    problem: Arc<Problem>,
+    store: Store,
+    /// The linear responses of designs, once they were needed.
+    linear: Mutex<BTreeMap<u64, LinearResponse>>,
 }
 
-/// Makes the DoE, or what is missing of it beside the `existing` designs, which stay as they are.
-///
-/// # Errors
-///
-/// Those of [`check_growth`]; nothing else for a validated campaign.
-pub fn doe(problem: &Problem, existing: &[DesignRow]) -> anyhow::Result<Vec<DesignRow>> {
-    let campaign = problem.campaign();
-    let options = doe::Options {
-        seed: campaign.seed,
-        ..doe::Options::default()
-    };
-    let n = campaign.doe.designs as usize;
-    let design = if existing.is_empty() {
-        campaign.doe.method.design(n, ROBUST_VARIABLES, &options)?
-    } else {
-        campaign
-            .doe
-            .method
-            .enlarge(&held(problem, existing), n, &options)?
-    };
-    Ok((existing.len()..n)
-        .map(|index| DesignRow::new(index as u64, problem.robust_point(design.point(index))))
-        .collect())
-}
-
-/// Whether [`doe()`] can add what is missing to the `existing` designs: asked before a store takes a
-/// campaign that has grown, which it could not give back.
-///
-/// # Errors
-///
-/// A design outside of the campaign's bounds, or more designs than the campaign wants.
-pub fn check_growth(problem: &Problem, existing: &[DesignRow]) -> anyhow::Result<()> {
-    let campaign = problem.campaign();
-    let n = campaign.doe.designs as usize;
-    // None yet, or as many as before: then there is nothing to add to.
-    if existing.is_empty() || existing.len() == n {
-        return Ok(());
-    }
-    let method = campaign.doe.method;
-    let checked = method.check_enlarge(&held(problem, existing), n, campaign.seed);
-    checked.with_context(|| {
-        format!(
-            "doe.designs is {n}, but the {} designs that the store holds cannot grow to that by \
-             the method {method}; the store is as it was",
-            existing.len()
-        )
-    })
-}
-
-/// The designs that a store holds, in the unit box of the campaign's bounds.
-#[must_use]
-pub fn held(problem: &Problem, existing: &[DesignRow]) -> doe::Design {
-    doe::Design {
-        n: existing.len(),
-        d: ROBUST_VARIABLES,
-        points: existing
-            .iter()
-            .flat_map(|row| problem.unit_point(&row.point()))
-            .collect(),
-    }
-}
-
-/// Beyond so many designs the discrepancy, which takes the square of their number, is not computed.
-const MEASURED_DESIGNS: usize = 20_000;
-
-/// How evenly the `existing` designs fill the box of the bounds, in words: their smallest distance and
-/// their centred discrepancy, in parts of the box's edges. None for fewer than two designs.
-#[must_use]
-pub fn evenness(problem: &Problem, existing: &[DesignRow]) -> Option<String> {
-    if existing.len() < 2 {
-        return None;
-    }
-    let design = held(problem, existing);
-    let mut text = format!("smallest distance {:.4}", design.min_distance());
-    if design.n <= MEASURED_DESIGNS {
-        text += &format!(", centred discrepancy {:.5}", design.centred_discrepancy());
-    }
-    Some(text)
-}
-
-/// Fits the kriging model of P90; `cpu_seconds` is left zero.
-///
-/// # Errors
-///
-/// The data cannot be fitted: too few feasible designs, for example.
-pub fn fit(
-    campaign: &Campaign,
-    designs: &[DesignRow],
-    responses: &[ResponseRow],
-) -> anyhow::Result<(Model, ModelSummary)> {
-    let points: Vec<(&DesignRow, &ResponseRow)> = responses
-        .iter()
-        .filter_map(|response| Some((designs.get(response.design as usize)?, response)))
-        .collect();
-    let x: Vec<f64> = points
-        .iter()
-        .flat_map(|(design, _)| design.point())
-        .collect();
-    let y: Vec<f64> = points.iter().map(|(_, response)| response.p90_um).collect();
-    let noise: Vec<f64> = points
-        .iter()
-        .map(|(_, response)| response.p90_variance_um2)
-        .collect();
-    let data = Data {
-        x: &x,
-        d: campaign::formulation::ROBUST_VARIABLES,
-        y: &y,
-        noise_variance: &noise,
-    };
-    let options = FitOptions {
-        kernel: campaign.kriging.kernel.parse()?,
-        seed: campaign.seed,
-        // The optimum of a model that is no better than noise would be a matter of luck.
-        refuse_no_structure: true,
-        ..FitOptions::default()
-    };
-    let model = kriging::fit(&data, &options)?;
-    let validation = model.leave_one_out();
-    let parameters = model.parameters();
-    let summary = ModelSummary {
-        kernel: model.kernel().to_string(),
-        points: model.points(),
-        mu_um: parameters.mu,
-        sigma2_um2: parameters.sigma2,
-        ranges: parameters
-            .ranges
-            .iter()
-            .map(|range| range.is_finite().then_some(*range))
-            .collect(),
-        negative_log_likelihood: model.negative_log_likelihood(),
-        q2: validation.q2,
-        rmse_um: validation.rmse,
-        coverage90: validation.coverage90,
-        residuals_um: points
-            .iter()
-            .map(|(_, response)| response.design)
-            .zip(validation.residuals.iter().copied())
-            .collect(),
-        warnings: model.warnings().iter().map(ToString::to_string).collect(),
-        cpu_seconds: 0.0,
-    };
-    Ok((model, summary))
-}
-
-/// The row of a fitted model.
-///
-/// # Errors
-///
-/// The model cannot be written as JSON: one of its numbers is not finite.
-pub fn model_row(model: &Model, summary: &ModelSummary) -> anyhow::Result<ModelRow> {
-    Ok(ModelRow {
-        name: P90_MODEL.to_owned(),
-        json: model.to_json()?,
-        summary_json: serde_json::to_string(summary)?,
-    })
-}
-
-/// What the DoE's samples cost, for the approaches that rest on them.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Cost {
-    /// Calls of the simulator.
-    pub simulator_calls: u64,
-    /// CPU time, seconds.
-    pub cpu_seconds: f64,
-}
-
-/// The calls that `samples` of the DoE took: one unworn analysis per design that can be simulated,
-/// one with Archard's wear, and the samples. Designs that cannot be simulated cost one attempt.
-#[must_use]
-pub fn sampling_calls(criteria: &[CriteriaRow], samples: u64) -> u64 {
-    let feasible = criteria.iter().filter(|row| row.feasible).count() as u64;
-    criteria.len() as u64 + feasible + samples
-}
-
-/// Chooses the best design that the runs of an approach found.
-///
-/// `extra` is what the approach's metamodel cost. A run that was given up is not among `rows`.
-///
-/// # Errors
-///
-/// A stored run cannot be read.
-pub fn choose_run(
-    problem: &Problem,
-    approach: Approach,
-    rows: &[OptimiserRunRow],
-    extra: Cost,
-) -> anyhow::Result<OptimumRow> {
-    let rows: Vec<_> = rows
-        .iter()
-        .filter(|row| row.approach == approach.name())
-        .collect();
-    let runs: Vec<RunResult> = rows
-        .iter()
-        .map(|row| serde_json::from_str(&row.result_json))
-        .collect::<Result<_, _>>()?;
-    let calls: u64 = runs.iter().map(|run| run.simulator_calls).sum();
-    let cpu_seconds: f64 = rows.iter().map(|row| row.cpu_seconds).sum();
-    let cost = Cost {
-        simulator_calls: calls + extra.simulator_calls,
-        cpu_seconds: cpu_seconds + extra.cpu_seconds,
-    };
-    let better = |a: &&Found, b: &&Found| a.criterion_um.total_cmp(&b.criterion_um);
-    let best = runs
-        .iter()
-        .filter_map(|run| run.best.as_ref())
-        .min_by(better);
-    let note = continuation_note(problem, &runs);
-    if let Some(found) = best {
-        return optimum(approach, Some(found), cost, note);
-    }
-    let printed = runs
-        .iter()
-        .filter_map(|run| run.printed.as_ref())
-        .min_by(better);
-    let note = match printed {
-        Some(found) => format!(
-            "No run found a design that satisfies every constraint: the best penalised one breaks \
-             some ({}).",
-            broken(problem, found)
-        ),
-        None => "No run found a design that can be simulated.".to_owned(),
-    };
-    optimum(approach, None, cost, note)
-}
-
-/// Chooses the best design of the DoE that satisfies every constraint, with its worn pressure.
-///
-/// # Errors
-///
-/// The row cannot be written.
-pub fn choose_of_doe(
-    problem: &Problem,
-    frozen: &campaign::Frozen,
-    designs: &[DesignRow],
-    criteria: &[CriteriaRow],
-    responses: &[ResponseRow],
-    cost: Cost,
-) -> anyhow::Result<OptimumRow> {
-    let mut best: Option<Found> = None;
-    for response in responses {
-        let better = best
-            .as_ref()
-            .is_none_or(|found| response.p90_um < found.criterion_um);
-        let (Some(design), true) = (designs.get(response.design as usize), better) else {
-            continue;
-        };
-        let variables = campaign::Variables::robust(&design.point(), frozen);
-        let criteria = criteria
-            .iter()
-            .find(|row| row.design == response.design)
-            .and_then(|row| worn_criteria(problem, &variables, row));
-        let Some(criteria) = criteria else { continue };
-        if problem.is_feasible(&criteria) {
-            best = Some(Found {
-                variables,
-                criterion_um: response.p90_um,
-                criteria,
-                feasible: true,
-            });
+impl Steps {
+    /// The steps of a campaign.
+    pub(crate) fn new(problem: Arc<Problem>, store: Store) -> Self {
+        Self {
+            problem,
+            store,
+            linear: Mutex::default(),
         }
     }
-    let note = if best.is_some() {
-        String::new()
-    } else {
-        "No design of the DoE satisfies every constraint.".to_owned()
-    };
-    optimum(Approach::BestOfDoe, best.as_ref(), cost, note)
-}
 
-/// The criteria that the simulator gave for a design, with the contact pressure of worn flanks.
-pub(crate) fn worn_criteria(
-    problem: &Problem,
-    variables: &campaign::Variables,
-    row: &CriteriaRow,
-) -> Option<campaign::Criteria> {
-    Some(campaign::Criteria {
-        contact_ratio: row.contact_ratio?,
-        specific_sliding: row.specific_sliding?,
-        hertz_pressure_mpa: row.hertz_pressure_worn_mpa?,
-        root_stress_mpa: row.root_stress_mpa?,
-        clearance_mm: [row.clearance_p_mm?, row.clearance_r_mm?],
-        flank_margin_mm: [row.flank_margin_p_mm?, row.flank_margin_r_mm?],
-        normal_module_mm: problem.normal_module(variables).ok()?,
-    })
-}
-
-/// The row of an approach for which nothing could be done.
-///
-/// # Errors
-///
-/// The row cannot be written.
-pub fn left_out(approach: Approach, note: String) -> anyhow::Result<OptimumRow> {
-    optimum(approach, None, Cost::default(), note)
-}
-
-/// The row of what an approach found.
-pub(crate) fn optimum(
-    approach: Approach,
-    found: Option<&Found>,
-    cost: Cost,
-    note: String,
-) -> anyhow::Result<OptimumRow> {
-    Ok(OptimumRow {
-        approach: approach.name().to_owned(),
-        x_json: variables_to_json(found.map(|found| &found.variables)),
-        // The paper values what cannot be simulated at 100; there is no design to value here.
-        criterion_um: found.map_or(0.0, |found| found.criterion_um),
-        feasible: found.is_some_and(|found| found.feasible),
-        criteria_json: serde_json::to_string(&found.map(|found| found.criteria))?,
-        simulator_calls: cost.simulator_calls,
-        cpu_seconds: cost.cpu_seconds,
-        note,
-    })
-}
-
-/// Says where the printed penalty weight alone would have ended.
-fn continuation_note(problem: &Problem, runs: &[RunResult]) -> String {
-    let ended: Vec<&Found> = runs
-        .iter()
-        .filter(|run| run.continuations > 0)
-        .filter_map(|run| run.printed.as_ref())
-        .collect();
-    let Some(worst) = ended
-        .iter()
-        .min_by(|a, b| a.criterion_um.total_cmp(&b.criterion_um))
-    else {
-        return String::new();
-    };
-    format!(
-        "With the printed penalty weight p = {}, {} of {} runs ended on a design that breaks a \
-         constraint (the lowest at {:.3} µm with {}); those runs went on, ranking feasible designs \
-         first, until they ended on one that breaks none.",
-        problem.campaign().optimise.penalty,
-        ended.len(),
-        runs.len(),
-        worst.criterion_um,
-        broken(problem, worst),
-    )
-}
-
-/// Names the constraints that a design breaks.
-fn broken(problem: &Problem, found: &Found) -> String {
-    let broken: Vec<String> = problem
-        .constraints(&found.criteria)
-        .iter()
-        .filter(|constraint| !constraint.holds())
-        .map(ToString::to_string)
-        .collect();
-    broken.join(", ")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn problem(method: doe::Method, designs: u32) -> Problem {
-        let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
-        campaign.doe = campaign::file::Doe { designs, method };
-        Problem::new(campaign)
+    /// Makes the DoE, or what is missing of it.
+    pub(crate) async fn make_doe(&self) -> anyhow::Result<()> {
+        let problem = Arc::clone(&self.problem);
+        let existing = self.store.designs().await?;
+        info!(
+            designs = self.problem.campaign().doe.designs,
+            existing = existing.len(),
+            method = %self.problem.campaign().doe.method,
+            "making the design of experiments"
+        );
+        let rows = blocking(move || designs::make(&problem, &existing))
+            .await?
+            .0?;
+        self.store.put_designs(&rows).await?;
+        info!("sampling");
+        Ok(())
     }
 
-    /// As a store holds them: in the variables' units, so that the last digits of the unit box are lost.
-    #[test]
-    fn designs_of_every_method_grow_again_and_again() {
-        for method in doe::Method::ALL {
-            let mut rows: Vec<DesignRow> = Vec::new();
-            for n in [30, 40, 52] {
-                let problem = problem(method, n);
-                check_growth(&problem, &rows).unwrap();
-                let added = doe(&problem, &rows).unwrap();
-                assert_eq!(added[0].design, rows.len() as u64);
-                rows.extend(added);
-                assert_eq!(rows.len(), n as usize, "{method}");
-                // Then there is nothing to check any more.
-                check_growth(&problem, &rows).unwrap();
-                assert!(doe(&problem, &rows).is_err(), "nothing is missing");
-                let said = evenness(&problem, &rows).unwrap();
-                let design = held(&problem, &rows);
-                let expected = [design.min_distance(), design.centred_discrepancy()];
-                let numbers: Vec<f64> = said
-                    .split(|c: char| !c.is_ascii_digit() && c != '.')
-                    .filter_map(|word| word.parse().ok())
-                    .collect();
-                for (found, expected) in numbers.iter().zip(expected) {
-                    assert!((found - expected).abs() < 1e-4, "{said}");
-                }
-                assert_eq!(numbers.len(), 2, "{said}");
+    /// The responses, and how many samples there are, once every design has enough of them; until then,
+    /// which want more. Those that were given up get none.
+    async fn responses(
+        &self,
+        frozen: Option<Frozen>,
+        given_up: &BTreeSet<StreamId>,
+    ) -> anyhow::Result<(Computed, u64)> {
+        let linear = self.linear_responses(frozen).await?;
+        let mut collector = Collector::new(&self.problem, &linear, given_up);
+        let mut samples = 0;
+        let push = |row| {
+            samples += 1;
+            collector.push(&row)
+        };
+        self.store.visit_samples(push).await?;
+        Ok((collector.finish()?, samples))
+    }
+
+    /// Computes the responses once every design has enough samples; until then, returns which want
+    /// more. Those that were given up get none.
+    pub(crate) async fn compute_responses(
+        &self,
+        frozen: Option<Frozen>,
+        given_up: &BTreeSet<StreamId>,
+    ) -> anyhow::Result<Option<BTreeMap<u64, u64>>> {
+        let (computed, samples) = self.responses(frozen, given_up).await?;
+        match computed {
+            Computed::Wants(wanting) => {
+                info!(
+                    designs = wanting.len(),
+                    "more samples, for a standard error below the precision"
+                );
+                Ok(Some(wanting))
+            }
+            Computed::Responses(rows) => {
+                info!(feasible = rows.len(), "responses computed");
+                self.store.put_responses(&rows, samples).await?;
+                Ok(None)
             }
         }
     }
 
-    #[test]
-    fn a_model_that_is_no_better_than_noise_is_refused() {
-        let problem = problem(doe::Method::Maximin, 40);
-        let designs = doe(&problem, &[]).unwrap();
-        let fitted = |slope: f64| {
-            let response = |row: &DesignRow| {
-                // Scatter with a standard deviation of about 0.6, and what depends on the design.
-                let scatter = (17.0 * row.design as f64).sin() + (29.0 * row.design as f64).cos();
-                ResponseRow {
-                    design: row.design,
-                    mean_um: 1.0,
-                    sd_um: 1.0,
-                    p90_um: 5.0 + 0.6 * scatter + slope * row.x_p,
-                    p90_variance_um2: 0.36,
-                    lilliefors_p: None,
-                }
-            };
-            let responses: Vec<ResponseRow> = designs.iter().map(response).collect();
-            fit(problem.campaign(), &designs, &responses)
-        };
-        let refusal = fitted(0.0).unwrap_err().to_string();
-        assert!(refusal.contains("no dependence on x"), "{refusal}");
-        let (_, summary) = fitted(20.0).unwrap();
-        assert!(summary.q2 > 0.9, "{}", summary.q2);
+    /// Whether the samples that have come since leave the stored responses as they are.
+    pub(crate) async fn responses_stay(
+        &self,
+        frozen: Option<Frozen>,
+        given_up: &BTreeSet<StreamId>,
+    ) -> anyhow::Result<bool> {
+        let (computed, samples) = self.responses(frozen, given_up).await?;
+        let held = self.store.responses().await?;
+        if computed != Computed::Responses(held.clone()) {
+            return Ok(false);
+        }
+        self.store.put_responses(&held, samples).await?;
+        Ok(true)
     }
 
-    #[test]
-    fn growth_that_cannot_be_is_refused_beforehand() {
-        let rows = doe(&problem(doe::Method::Maximin, 20), &[]).unwrap();
-        let larger = problem(doe::Method::Maximin, 30);
-        let refused = |problem: &Problem, rows: &[DesignRow]| {
-            format!("{:#}", check_growth(problem, rows).unwrap_err())
+    /// The linear responses of the sampled designs, where the campaign asks for them as control
+    /// variates.
+    async fn linear_responses(
+        &self,
+        frozen: Option<Frozen>,
+    ) -> anyhow::Result<MutexGuard<'_, BTreeMap<u64, LinearResponse>>> {
+        let mut linear = self.linear.lock().await;
+        if self.problem.campaign().sampling.control == ControlVariate::None {
+            return Ok(linear);
+        }
+        let counts = self.store.sampled_counts().await?;
+        let new: BTreeSet<u64> = counts
+            .into_iter()
+            .filter(|(design, samples)| *samples > 0 && !linear.contains_key(design))
+            .map(|(design, _)| design)
+            .collect();
+        if !new.is_empty() {
+            let frozen =
+                frozen.context("the DoE was sampled before its frozen variables were known")?;
+            let mut designs = self.store.designs().await?;
+            designs.retain(|row| new.contains(&row.design));
+            info!(designs = designs.len(), "linearising ΔSTE");
+            let problem = Arc::clone(&self.problem);
+            let made = blocking(move || responses::linearise(&problem, &frozen, &designs)).await?;
+            linear.extend(made.0);
+        }
+        Ok(linear)
+    }
+
+    /// The inner error says why the data cannot be fitted.
+    pub(crate) async fn fit(&self) -> anyhow::Result<Result<(), String>> {
+        let designs = self.store.designs().await?;
+        let responses = self.store.responses().await?;
+        let campaign = self.problem.campaign().clone();
+        info!(points = responses.len(), "fitting the kriging model");
+        let (fitted, cpu_seconds) =
+            blocking(move || fitting::fit(&campaign, &designs, &responses)).await?;
+        let (model, summary) = match fitted {
+            Ok((model, summary)) => (
+                model,
+                ModelSummary {
+                    cpu_seconds,
+                    ..summary
+                },
+            ),
+            Err(error) => return Ok(Err(format!("{error:#}"))),
         };
-        // A file that somebody edited: beyond the bounds.
-        let mut outside = rows.clone();
-        outside[4].x_r = 7.0;
-        let said = refused(&larger, &outside);
-        assert!(
-            said.contains("doe.designs is 30") && said.contains("point 4"),
-            "{said}"
+        for warning in &summary.warnings {
+            warn!(%warning, "kriging");
+        }
+        info!(
+            q2 = summary.q2,
+            rmse_um = summary.rmse_um,
+            cpu_seconds,
+            "kriging model fitted"
         );
-        let said = refused(&problem(doe::Method::Maximin, 19), &rows);
-        assert!(said.contains("19 points requested"), "{said}");
-        let said = refused(&problem(doe::Method::Sobol, 30), &rows);
-        assert!(
-            said.contains("method sobol") && said.contains("sequence"),
-            "{said}"
+        self.store
+            .put_model(&fitting::model_row(&model, &summary)?)
+            .await?;
+        Ok(Ok(()))
+    }
+
+    /// Decides the next round and stores it; its points are posted after that.
+    pub(crate) async fn decide_round(&self, frozen: Frozen) -> anyhow::Result<()> {
+        let sampling = self.problem.campaign().sampling;
+        let rows = Rows::read(&self.store, &sampling).await?;
+        let problem = Arc::clone(&self.problem);
+        let decide = move || rows.decide(&problem, &frozen);
+        let (decided, cpu_seconds) = blocking(decide).await?;
+        let (mut new, decision) = decided?;
+        new.row.cpu_seconds = cpu_seconds;
+        for note in &decision.notes {
+            debug!(round = new.row.round, ?note, "infill");
+        }
+        if !new.failed.is_empty() {
+            warn!(
+                points = new.failed.len(),
+                "infill points of the last round have failed"
+            );
+        }
+        let best = decision.recommendation.as_ref();
+        info!(
+            round = new.row.round + 1,
+            points = new.infill.len(),
+            expected_improvement_um = decision.expected_improvement_um,
+            predicted_um = best.map(|best| best.predicted_um),
+            half_width_um = best.map(Recommendation::half_width_um),
+            cpu_seconds,
+            "infill decided"
         );
+        if let Some(stop) = &decision.stop {
+            info!("{}", sentence(stop));
+        }
+        self.store.put_round(&new).await?;
+        Ok(())
+    }
+
+    /// Chooses the optimum of an approach; `fit_failed` says why there is no model.
+    pub(crate) async fn choose(
+        &self,
+        approach: Approach,
+        frozen: Option<Frozen>,
+        fit_failed: Option<&str>,
+    ) -> anyhow::Result<()> {
+        let row = match (approach, fit_failed) {
+            (Approach::Kriging, Some(reason)) => {
+                choosing::left_out(approach, format!("There is no kriging model: {reason}."))?
+            }
+            (Approach::BestOfDoe, _) => {
+                let cost = self.sampling_cost(frozen).await?;
+                let frozen =
+                    frozen.context("the DoE was sampled before its frozen variables were known")?;
+                let designs = self.store.designs().await?;
+                let criteria = self.store.criteria().await?;
+                let responses = self.store.responses().await?;
+                choosing::choose_of_doe(
+                    &self.problem,
+                    &frozen,
+                    &designs,
+                    &criteria,
+                    &responses,
+                    cost,
+                )?
+            }
+            (Approach::EnrichedKriging, _) => {
+                let frozen = frozen.context("the frozen variables are not known")?;
+                self.recommended(&frozen).await?
+            }
+            _ => {
+                let runs = self.store.optimiser_runs().await?;
+                let extra = if approach == Approach::Kriging {
+                    let sampling = self.sampling_cost(frozen).await?;
+                    let fit = self.store.model(P90_MODEL).await?.map_or(0.0, |row| {
+                        serde_json::from_str::<ModelSummary>(&row.summary_json)
+                            .map_or(0.0, |summary| summary.cpu_seconds)
+                    });
+                    Cost {
+                        cpu_seconds: sampling.cpu_seconds + fit,
+                        ..sampling
+                    }
+                } else {
+                    Cost::default()
+                };
+                choosing::choose_run(&self.problem, approach, &runs, extra)?
+            }
+        };
+        self.put_optimum(row).await
+    }
+
+    /// The row of the design that the last round recommends.
+    async fn recommended(&self, frozen: &Frozen) -> anyhow::Result<OptimumRow> {
+        let rounds = self.store.rounds().await?;
+        let infill = self.store.infill().await?;
+        let sampling = self.sampling_cost(Some(*frozen)).await?;
+        let control = self.control_analyses(*frozen, &infill).await?;
+        let times = self.store.job_times().await?;
+        let cost = cost::enrichment(sampling, &rounds, &infill, control, &times);
+        let last = rounds.into_iter().last().context("there is no round")?;
+        rounds::recommended(&self.problem, frozen, &Round::read(last)?, cost)
+    }
+
+    /// The analyses that the control variates of infill points took.
+    async fn control_analyses(&self, frozen: Frozen, infill: &[InfillRow]) -> anyhow::Result<u64> {
+        if self.problem.campaign().sampling.control == ControlVariate::None {
+            return Ok(0);
+        }
+        let (problem, infill) = (Arc::clone(&self.problem), infill.to_vec());
+        let count = move || cost::control_analyses(&problem, &frozen, &infill);
+        Ok(blocking(count).await?.0)
+    }
+
+    async fn put_optimum(&self, row: OptimumRow) -> anyhow::Result<()> {
+        let approach = &row.approach;
+        if row.feasible {
+            info!(
+                %approach,
+                criterion_um = row.criterion_um,
+                "optimum chosen"
+            );
+        } else {
+            warn!(%approach, note = %row.note, "no feasible optimum");
+        }
+        if !row.note.is_empty() && row.feasible {
+            info!(%approach, "{}", row.note);
+        }
+        self.store.put_optimum(&row).await?;
+        Ok(())
+    }
+
+    async fn sampling_cost(&self, frozen: Option<Frozen>) -> anyhow::Result<Cost> {
+        let criteria = self.store.criteria().await?;
+        let samples = self.store.progress().await?.samples;
+        let linear = self.linear_responses(frozen).await?;
+        let control = linear.values().map(LinearResponse::analyses).sum();
+        let times = self.store.job_times().await?;
+        Ok(cost::sampling(&criteria, samples, control, &times))
     }
 }

@@ -13,6 +13,8 @@ use ledger::{Generation, Grant, Kind, LeaseId, StreamId, Unit};
 
 use crate::v2;
 
+mod variant;
+
 /// Why a message makes no sense: a sentence without subject.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Malformed(pub String);
@@ -102,6 +104,7 @@ pub fn lease(grant: &Grant<Arc<Source>>) -> v2::Lease {
                 lease.x.extend(variables.robust_part());
                 lease.frozen = variables.frozen_part().values().to_vec();
             }
+            Source::Variant(variant) => lease.variants.push(variant::message(variant)),
             Source::Run(run) => {
                 lease.frozen = run.frozen.values().to_vec();
                 lease.model_json = run.model.as_deref().map(str::to_owned);
@@ -124,6 +127,9 @@ impl v2::Lease {
     ///
     /// The message makes no sense.
     pub fn units(&self) -> Result<Vec<(Unit, Source)>, Malformed> {
+        if !self.variants.is_empty() {
+            return self.variants();
+        }
         let frozen = self.frozen.as_slice().try_into();
         let frozen: [f64; ALL_VARIABLES - ROBUST_VARIABLES] =
             frozen.map_err(|_| Malformed("has not five frozen variables".to_owned()))?;
@@ -159,6 +165,22 @@ impl v2::Lease {
             Ok((unit, source))
         };
         self.units.iter().map(source).collect()
+    }
+
+    fn variants(&self) -> Result<Vec<(Unit, Source)>, Malformed> {
+        if self.variants.len() != self.units.len() {
+            return malformed("has not one variant for each unit");
+        }
+        let units = self.units.iter().map(Unit::try_from);
+        let variants = self.variants.iter().map(variant::read);
+        let pairs = units.zip(variants).map(|(unit, variant)| {
+            let (unit, variant) = (unit?, variant?);
+            if unit.stream.kind != Kind::Design {
+                return malformed("has a variant of what is no design");
+            }
+            Ok((unit, Source::Variant(Box::new(variant))))
+        });
+        pairs.collect()
     }
 }
 
@@ -298,10 +320,12 @@ fn analysed(numbers: &[f64]) -> Result<Analysed, Malformed> {
 
 #[cfg(test)]
 mod tests {
-    use campaign::Campaign;
     use campaign::formulation::Problem;
     use campaign::task::{Inputs, compute};
+    use campaign::{Campaign, Variant};
+    use gear::{Corrections, ReliefShape, TipRelief};
     use ledger::{History, Ledger, Options, Wanted, WorkerId};
+    use stats::streams::Purpose;
 
     use super::*;
 
@@ -321,16 +345,37 @@ mod tests {
             frozen,
             model: Some("{}".into()),
         };
-        let sources = [
+        let mut variant = Variant::new(good, (Purpose::Verify, 1 << 40));
+        let relief = TipRelief {
+            amount: 0.01,
+            length: 1.5,
+            shape: ReliefShape::Parabolic,
+        };
+        variant.corrections = Corrections::default().with_tip_relief(gear::Member::Gear, relief);
+        variant.normal_module_mm = Some(3.1);
+        variant.wear.variance = 0.5;
+        variant.feasible_only = true;
+        let designs = vec![
             (StreamId::design(0), Source::Design(good)),
             (StreamId::design(1), Source::Design(bad)),
             (StreamId::point(2), Source::Point(good)),
             (run.stream(), Source::Run(run)),
         ];
+        let plain = Variant::new(bad, (Purpose::Wear, 7));
+        let variants = vec![
+            (StreamId::design(0), Source::Variant(Box::new(variant))),
+            (StreamId::design(1), Source::Variant(Box::new(plain))),
+        ];
+        for sources in [designs, variants] {
+            travel(&problem, &inputs, &sources);
+        }
+    }
+
+    fn travel(problem: &Problem, inputs: &Inputs, sources: &[(StreamId, Source)]) {
         let mut ledger = Ledger::new(Options::default(), 5);
         let worker = WorkerId::from("a");
         ledger.register(&worker, "here", 4, std::time::Duration::ZERO);
-        for (stream, source) in &sources {
+        for (stream, source) in sources {
             ledger.want(Wanted {
                 stream: *stream,
                 generation: inputs.generation(*stream, source),
@@ -347,7 +392,7 @@ mod tests {
             assert_eq!(units.len(), grant.units.len());
             for ((unit, source), (sent, sent_source)) in units.iter().zip(&grant.units) {
                 assert_eq!((unit, source), (sent, &**sent_source));
-                let computed = compute(&problem, unit, source);
+                let computed = compute(problem, unit, source);
                 let result = result(unit, &computed.clone().map(Some), 0.5);
                 let (covered, mut read) = output(&result).unwrap();
                 if let (
@@ -358,8 +403,15 @@ mod tests {
                     analysed.criteria.normal_module_mm = a.criteria.normal_module_mm;
                 }
                 assert_eq!(read, computed);
-                let is_counted = !matches!(computed, Ok(Output::Refused(_)) | Err(_));
-                assert_eq!(covered.samples.len(), usize::from(is_counted));
+                // A design that is refused or ruled out has no samples.
+                let count = match &computed {
+                    Ok(Output::Design { samples_um, .. } | Output::Samples(samples_um)) => {
+                        samples_um.len()
+                    }
+                    Ok(Output::Run(_)) => 1,
+                    Ok(Output::Refused(_)) | Err(_) => 0,
+                };
+                assert_eq!(covered.samples.len(), count);
                 seen += 1;
             }
         }

@@ -17,7 +17,8 @@ pub const NO_STORE: u8 = 5;
 pub const OTHER_CAMPAIGN: u8 = 6;
 /// The store is no SQLite file.
 pub const NOT_A_STORE: u8 = 7;
-/// The store is damaged, or was written by a newer version of the program.
+/// The store is damaged, was removed while it was in use, has several names, or was written by a newer
+/// version of the program.
 pub const UNUSABLE_STORE: u8 = 8;
 /// Another coordinator has the store open.
 pub const STORE_LOCKED: u8 = 9;
@@ -51,7 +52,7 @@ pub const TABLE: [(u8, &str); 15] = [
     (NOT_A_STORE, "the store is no SQLite file"),
     (
         UNUSABLE_STORE,
-        "the store is damaged, or of a newer version of the program",
+        "the store is damaged, was removed, has several names, or is of a newer version",
     ),
     (STORE_LOCKED, "another coordinator has the store open"),
     (

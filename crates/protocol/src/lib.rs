@@ -1,8 +1,8 @@
 //! The wire: generated gRPC code and its conversions.
 //!
 //! The messages are defined in `proto/pitchline/v2/pitchline.proto`; this crate compiles them and
-//! adds what both ends must agree on besides: size limits, the tokens and what they allow, the
-//! reasons for which a coordinator turns a call away, and the exit codes of the programs.
+//! adds what both ends must agree on besides: size limits, the reasons for which a coordinator turns a
+//! call away, and the exit codes of the programs.
 
 /// Version 2 of the protocol, as generated from `proto/pitchline/v2`.
 #[expect(
@@ -25,8 +25,6 @@ pub const MAX_MESSAGE_BYTES: usize = 64 * 1024 * 1024;
 mod convert;
 pub mod exit;
 mod refusal;
-mod token;
 
 pub use convert::{Malformed, lease, output, result};
 pub use refusal::Refusal;
-pub use token::{Role, TOKEN_BYTES, TOKEN_HEADER, Token, TokenError, TokenSet};

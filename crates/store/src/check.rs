@@ -6,148 +6,208 @@
 //! compared with their digest after that, beside everything else: a bit that flipped on the disk
 //! does no harm to what is written meanwhile, and the campaign ends with an error before it is done.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
+use std::sync::Arc;
 
-use sqlx::Connection as _;
-use sqlx::sqlite::SqliteConnection;
+use sqlx::sqlite::SqliteConnectOptions;
 use tokio::sync::watch;
 
-use crate::{Error, open, query, tally};
+use crate::connection::Connection;
+use crate::keyed::{self, Table};
+use crate::rounds::{InfillRow, RoundRow};
+use crate::rows::{
+    CampaignRow, CriteriaRow, DesignRow, ModelRow, OptimiserRunRow, OptimumRow, ResponseRow,
+};
+use crate::{Error, samples, tally};
 
-type Found = watch::Receiver<Option<Result<(), Error>>>;
+type Found = watch::Sender<Option<Result<(), Error>>>;
 
 /// What the checks found, or will find.
 #[derive(Debug, Clone)]
 pub(crate) struct Verdict {
     pages: Found,
-    samples: Found,
+    /// The verdict on everything, the pages included.
+    all: Found,
+    /// What is checked only when somebody asks.
+    unasked: Option<Reading>,
+}
+
+/// How a store's file is read.
+#[derive(Debug, Clone)]
+pub(crate) struct Reading {
+    pub(crate) path: Arc<Path>,
+    pub(crate) options: SqliteConnectOptions,
 }
 
 /// What is still to be checked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Pending {
     Nothing,
-    Samples,
-    PagesAndSamples,
+    Rows,
+    PagesAndRows,
 }
 
 impl Verdict {
     /// Nothing is left to be found.
     pub(crate) fn sound() -> Self {
-        let sound = || watch::channel(Some(Ok(()))).1;
         Self {
-            pages: sound(),
-            samples: sound(),
+            pages: Found::new(Some(Ok(()))),
+            all: Found::new(Some(Ok(()))),
+            unasked: None,
+        }
+    }
+
+    /// Nothing is looked for until somebody wants to know.
+    pub(crate) fn on_demand(reading: Reading) -> Self {
+        Self {
+            pages: Found::new(None),
+            all: Found::new(None),
+            unasked: Some(reading),
         }
     }
 
     /// Starts what is still to be checked, on a connection of its own.
-    pub(crate) fn of(path: PathBuf, pending: Pending) -> Self {
-        let mut verdict = Self::sound();
+    pub(crate) fn of(reading: Reading, pending: Pending) -> Self {
         if pending == Pending::Nothing {
-            return verdict;
+            return Self::sound();
         }
-        let (samples, found) = watch::channel(None);
-        verdict.samples = found;
-        let pages = (pending == Pending::PagesAndSamples).then(|| {
-            let (pages, found) = watch::channel(None);
-            verdict.pages = found;
-            pages
-        });
+        let pages = (pending == Pending::Rows).then_some(Ok(()));
+        let verdict = Self {
+            pages: Found::new(pages.clone()),
+            all: Found::new(None),
+            unasked: None,
+        };
+        let found = verdict.clone();
         tokio::spawn(async move {
             let mut result = Ok(());
-            if let Some(pages) = pages {
-                result = check(&path, Part::Pages).await;
-                // Nobody may be left to hear of it.
-                let _ = pages.send(Some(result.clone()));
+            if pages.is_none() {
+                result = check(&reading, Part::Pages).await;
+                found.pages.send_replace(Some(result.clone()));
             }
             if result.is_ok() {
-                result = check(&path, Part::Samples).await;
+                result = check(&reading, Part::Rows).await;
             }
-            let _ = samples.send(Some(result));
+            found.conclude(result);
         });
         verdict
     }
 
+    /// Adds a finding. The first error stays.
+    pub(crate) fn conclude(&self, result: Result<(), Error>) {
+        self.all.send_if_modified(|found| {
+            let is_news = !matches!(found, Some(Err(_)));
+            if is_news {
+                *found = Some(result);
+            }
+            is_news
+        });
+    }
+
+    /// Whether everything is known to be sound.
+    pub(crate) fn is_sound(&self) -> bool {
+        matches!(*self.all.borrow(), Some(Ok(())))
+    }
+
     /// Waits until the pages are known to be sound.
     pub(crate) async fn on_pages(self) -> Result<(), Error> {
-        reached(self.pages).await
+        reached(&self.pages).await
     }
 
     /// Waits until everything is known to be sound.
     pub(crate) async fn on_everything(self) -> Result<(), Error> {
-        reached(self.pages).await?;
-        reached(self.samples).await
+        if let Some(reading) = self.unasked.as_ref().filter(|_| !self.is_sound()) {
+            let mut result = check(reading, Part::Pages).await;
+            if result.is_ok() {
+                result = check(reading, Part::Rows).await;
+            }
+            self.conclude(result);
+        }
+        reached(&self.all).await
+    }
+
+    /// Waits for an error, however long everything is sound.
+    pub(crate) async fn on_damage(self) -> Error {
+        let mut found = self.all.subscribe();
+        loop {
+            if let Some(Err(error)) = &*found.borrow_and_update() {
+                return error.clone();
+            }
+            if found.changed().await.is_err() {
+                return Error::Closed;
+            }
+        }
     }
 }
 
-async fn reached(mut found: Found) -> Result<(), Error> {
+async fn reached(found: &Found) -> Result<(), Error> {
+    let mut found = found.subscribe();
     let found = found.wait_for(Option::is_some).await;
     match found.as_deref() {
         Ok(Some(result)) => result.clone(),
-        // The runtime is shutting down.
         _ => Err(Error::Closed),
     }
 }
 
 enum Part {
     Pages,
-    Samples,
+    Rows,
 }
 
-async fn check(path: &Path, part: Part) -> Result<(), Error> {
-    let mut connection = open::connect(&open::reading(path), path).await?;
+async fn check(reading: &Reading, part: Part) -> Result<(), Error> {
+    let mut connection = Connection::open(&reading.options, &reading.path).await?;
     match part {
-        Part::Pages => quick_check(&mut connection, path).await?,
-        Part::Samples => samples(&mut connection, path).await?,
+        Part::Pages => quick_check(&mut connection).await?,
+        Part::Rows => rows(&mut connection).await?,
     }
-    connection
-        .close()
-        .await
-        .map_err(|e| Error::sqlite("close its file", path, e))
+    connection.close().await
 }
 
-/// Whether the samples have the digest that was carried on when they were stored. A bit that flipped
-/// within a number leaves its page as sound as before.
-pub(crate) async fn samples(connection: &mut SqliteConnection, path: &Path) -> Result<(), Error> {
-    // One transaction, so that both are of the same moment.
-    let mut moment = connection
-        .begin()
-        .await
-        .map_err(|e| Error::sqlite("begin to read", path, e))?;
-    let held = query::tally(&mut *moment, path).await?;
-    let computed = tally::recompute(&mut *moment, path).await?;
-    moment
-        .rollback()
-        .await
-        .map_err(|e| Error::sqlite("end reading", path, e))?;
-    if held == computed {
-        return Ok(());
-    }
-    Err(Error::Damaged {
-        path: path.to_owned(),
-        detail: format!(
-            "its samples have the digest {}, those that were acknowledged had {}: a number has \
-             changed on the disk",
-            computed.to_hex(),
-            held.to_hex()
-        ),
-    })
+/// Whether all rows are what was stored, by their seals and by the counts and digests that were carried
+/// on when samples were stored. A bit that flipped within a number leaves its page as sound as
+/// before.
+pub(crate) async fn rows(connection: &mut Connection<'_>) -> Result<(), Error> {
+    samples::visit(connection, |_| Ok::<(), Error>(())).await?;
+    other_rows(connection).await
 }
 
-pub(crate) async fn quick_check(
-    connection: &mut SqliteConnection,
-    path: &Path,
-) -> Result<(), Error> {
-    let findings: Vec<String> = sqlx::query_scalar("PRAGMA quick_check(1)")
-        .fetch_all(connection)
-        .await
-        .map_err(|e| Error::sqlite("check its file", path, e))?;
+/// As [`rows`], without the samples of the DoE.
+pub(crate) async fn other_rows(connection: &mut Connection<'_>) -> Result<(), Error> {
+    tally::check_verify_samples(connection).await?;
+    sealed::<CampaignRow>(connection).await?;
+    sealed::<DesignRow>(connection).await?;
+    sealed::<CriteriaRow>(connection).await?;
+    sealed::<OptimiserRunRow>(connection).await?;
+    sealed::<ResponseRow>(connection).await?;
+    sealed::<ModelRow>(connection).await?;
+    sealed::<OptimumRow>(connection).await?;
+    sealed::<RoundRow>(connection).await?;
+    sealed::<InfillRow>(connection).await
+}
+
+async fn sealed<T: Table>(connection: &mut Connection<'_>) -> Result<(), Error> {
+    keyed::all::<T>(connection).await.map(drop)
+}
+
+/// Seals all rows, for the migration that brought the seals.
+pub(crate) async fn seal(connection: &mut Connection<'_>) -> Result<(), Error> {
+    keyed::seal::<CampaignRow>(connection).await?;
+    keyed::seal::<DesignRow>(connection).await?;
+    keyed::seal::<CriteriaRow>(connection).await?;
+    keyed::seal::<OptimiserRunRow>(connection).await?;
+    keyed::seal::<ResponseRow>(connection).await?;
+    keyed::seal::<ModelRow>(connection).await?;
+    keyed::seal::<OptimumRow>(connection).await?;
+    keyed::seal::<RoundRow>(connection).await?;
+    keyed::seal::<InfillRow>(connection).await?;
+    tally::fill_points(connection).await
+}
+
+pub(crate) async fn quick_check(connection: &mut Connection<'_>) -> Result<(), Error> {
+    let findings: Vec<String> = connection
+        .pragma("check its file", "PRAGMA quick_check(1)")
+        .await?;
     if findings != ["ok"] {
-        return Err(Error::Damaged {
-            path: path.to_owned(),
-            detail: findings.join("; "),
-        });
+        return Err(connection.damaged(findings.join("; ")));
     }
     Ok(())
 }

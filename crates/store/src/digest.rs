@@ -1,4 +1,4 @@
-//! The digest of a set of samples.
+//! The digests of sets of samples.
 
 use std::fmt::Write as _;
 use std::ops::AddAssign;
@@ -28,6 +28,22 @@ impl SamplesDigest {
         bytes[8..16].copy_from_slice(&sample.to_le_bytes());
         bytes[16..].copy_from_slice(&delta_ste_um.to_bits().to_le_bytes());
         Self::from_bytes(&Sha256::digest(bytes).into())
+    }
+
+    /// Of one verification sample: its point's name comes first, with its length, in the place of a
+    /// design's index.
+    pub(crate) fn of_point(point: &str, sample: u64, delta_ste_um: f64) -> Self {
+        let mut hash = Sha256::new();
+        hash.update((point.len() as u64).to_le_bytes());
+        hash.update(point);
+        hash.update(sample.to_le_bytes());
+        hash.update(delta_ste_um.to_bits().to_le_bytes());
+        Self::from_bytes(&hash.finalize().into())
+    }
+
+    /// As a tally holds it; `None` when these are not the bytes of a digest.
+    pub(crate) fn from_blob(blob: &[u8]) -> Option<Self> {
+        blob.try_into().ok().map(Self::from_bytes)
     }
 
     pub(crate) fn from_bytes(bytes: &[u8; 32]) -> Self {

@@ -47,6 +47,22 @@ pub enum Error {
         /// What SQLite, or the check of the files, found.
         detail: String,
     },
+    /// Rows are not what was stored, or are not the rows that were stored.
+    #[error(
+        "the store {} is damaged in table {table}, row {row}: {detail}; restore a copy, or move it \
+         away to start again",
+        path.display()
+    )]
+    DamagedRows {
+        /// The damaged file.
+        path: PathBuf,
+        /// The table.
+        table: &'static str,
+        /// The row's key, or which rows it is one of.
+        row: String,
+        /// What is wrong with it.
+        detail: String,
+    },
     /// Less is in the file and its log than was acknowledged.
     #[error(
         "the store {} holds {held} of {acknowledged} acknowledged commits: its log (-wal) was cut \
@@ -116,6 +132,47 @@ pub enum Error {
     Locked {
         /// The store, not its lock file.
         path: PathBuf,
+    },
+    /// The store's file has several names.
+    #[error(
+        "the store {} is one file with {names} names (hard links), of which only the one that it was \
+         last written under leads to its log: remove the other names, or copy the file and use the \
+         copy",
+        path.display()
+    )]
+    Linked {
+        /// The refused name.
+        path: PathBuf,
+        /// How many names the file has.
+        names: u64,
+    },
+    /// A file of an open store went away.
+    #[error(
+        "{} was {how} while the store {} was in use: nothing more is acknowledged; put it back if \
+         you moved it, else start again from a copy",
+        file.display(),
+        path.display()
+    )]
+    Lost {
+        /// The store.
+        path: PathBuf,
+        /// The store's file or its log.
+        file: PathBuf,
+        /// What became of it.
+        how: &'static str,
+    },
+    /// A store that cannot be read without writing beside it.
+    #[error(
+        "the store {} cannot be read where it is: {} holds rows that were not moved into it, and \
+         their folder may not be written to; copy both to a folder of your own and read the copy",
+        path.display(),
+        log.display()
+    )]
+    UnreadLog {
+        /// The store.
+        path: PathBuf,
+        /// Its log.
+        log: PathBuf,
     },
     /// A sample came a second time with another value.
     #[error(
@@ -203,7 +260,7 @@ pub enum Error {
     #[error("{column} of {key} is {value}: only finite numbers can be stored")]
     NotFinite {
         /// Table and column.
-        column: &'static str,
+        column: String,
         /// The row's key.
         key: String,
         /// The refused value.
@@ -213,7 +270,7 @@ pub enum Error {
     #[error("{column} is {value}: the store holds numbers up to {}", i64::MAX)]
     TooLarge {
         /// Table and column.
-        column: &'static str,
+        column: String,
         /// The refused value.
         value: u64,
     },
@@ -279,8 +336,10 @@ pub enum Error {
 }
 
 // Primary result codes, https://www.sqlite.org/rescode.html
+const SQLITE_READONLY: i32 = 8;
 const SQLITE_CORRUPT: i32 = 11;
 const SQLITE_FULL: i32 = 13;
+const SQLITE_CANTOPEN: i32 = 14;
 const SQLITE_NOTADB: i32 = 26;
 
 impl Error {
@@ -302,11 +361,34 @@ impl Error {
         )
     }
 
+    /// Whether SQLite wanted to write where it may not.
+    pub(crate) fn is_read_only_folder(&self) -> bool {
+        matches!(
+            self,
+            Self::Sqlite { source, .. }
+                if matches!(primary_code(source), Some(SQLITE_READONLY | SQLITE_CANTOPEN))
+        )
+    }
+
     pub(crate) fn io(doing: &'static str, path: &Path, source: std::io::Error) -> Self {
         Self::Io {
             doing,
             path: path.to_owned(),
             source: Arc::new(source),
+        }
+    }
+
+    pub(crate) fn damaged_rows(
+        path: &Path,
+        table: &'static str,
+        row: String,
+        detail: &str,
+    ) -> Self {
+        Self::DamagedRows {
+            path: path.to_owned(),
+            table,
+            row,
+            detail: detail.to_owned(),
         }
     }
 

@@ -1,118 +1,256 @@
-//! Tables where the first write wins, written many rows to a statement.
+//! Rows in general: written many to a statement, and read with their seals.
+//!
+//! A row of a *sealed* table carries a digest of its columns, written with it and compared at
+//! every reading: a value that changed on the disk, or under another program's hands, is refused
+//! by the name of its table and row before anybody computes with it.
 //!
 //! Every statement is a hop to SQLite's thread and back, which costs more than a row, so rows go
 //! in by up to [`ROWS_PER_STATEMENT`]. Statements come in powers of two, so that few of them are
 //! prepared and kept; a chunk is filled up with copies of its last row, which do nothing in a
-//! table where the first write wins.
+//! table where the first write wins, or is replaced.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use sqlx::error::BoxDynError;
-use sqlx::sqlite::{SqliteArguments, SqliteConnection, SqlitePool, SqliteRow};
-use sqlx::{Arguments as _, AssertSqlSafe, Error as SqlxError};
+use sha2::{Digest as _, Sha256};
+use sqlx::sqlite::{SqliteArguments, SqliteRow};
+use sqlx::{Arguments as _, AssertSqlSafe, Error as SqlxError, Row as _};
+use tokio_stream::StreamExt as _;
 
 use crate::Error;
+use crate::connection::Connection;
 use crate::rows::Receipt;
+use crate::tables::number;
 
-/// Enough to make the hop cheap, and with the widest table's 14 columns still below SQLite's
+/// Enough to make the hop cheap, and with the widest table's 15 columns still below SQLite's
 /// 32 766 parameters.
 const ROWS_PER_STATEMENT: usize = 1024;
 
-/// A row that can be written many to a statement.
-pub(crate) trait Columns: Sized {
-    const TABLE: &'static str;
-    /// The key's columns first.
-    const COLUMNS: &'static [&'static str];
-
-    /// Refuses what SQLite would not give back as it was.
-    fn check(&self) -> Result<(), Error>;
-
-    /// The values of all columns, in their order.
-    fn bind(&self, arguments: &mut SqliteArguments) -> Result<(), BoxDynError>;
+/// A column's value in one row.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Value<'v> {
+    Null,
+    /// An index or a count, which SQLite's signed integers must be able to hold.
+    Count(u64),
+    /// 64 bits, read as two's complement.
+    Bits(u64),
+    Number(f64),
+    Text(&'v str),
+    Bytes(&'v [u8]),
 }
 
-/// A row of a table where the first write wins.
-pub(crate) trait Keyed: Columns {
+/// A type that is one column.
+pub(crate) trait Column: Sized {
+    fn value(&self) -> Value<'_>;
+
+    fn read(row: &SqliteRow, place: usize) -> Result<Self, SqlxError>;
+}
+
+impl Column for u64 {
+    fn value(&self) -> Value<'_> {
+        Value::Count(*self)
+    }
+
+    fn read(row: &SqliteRow, place: usize) -> Result<Self, SqlxError> {
+        row.try_get::<i64, _>(place).map(i64::cast_unsigned)
+    }
+}
+
+impl Column for bool {
+    fn value(&self) -> Value<'_> {
+        Value::Count(u64::from(*self))
+    }
+
+    fn read(row: &SqliteRow, place: usize) -> Result<Self, SqlxError> {
+        row.try_get(place)
+    }
+}
+
+impl Column for f64 {
+    fn value(&self) -> Value<'_> {
+        Value::Number(number(*self))
+    }
+
+    fn read(row: &SqliteRow, place: usize) -> Result<Self, SqlxError> {
+        row.try_get(place)
+    }
+}
+
+impl Column for Option<f64> {
+    fn value(&self) -> Value<'_> {
+        self.as_ref().map_or(Value::Null, f64::value)
+    }
+
+    fn read(row: &SqliteRow, place: usize) -> Result<Self, SqlxError> {
+        row.try_get(place)
+    }
+}
+
+impl Column for String {
+    fn value(&self) -> Value<'_> {
+        Value::Text(self)
+    }
+
+    fn read(row: &SqliteRow, place: usize) -> Result<Self, SqlxError> {
+        row.try_get(place)
+    }
+}
+
+impl Column for Vec<u8> {
+    fn value(&self) -> Value<'_> {
+        Value::Bytes(self)
+    }
+
+    fn read(row: &SqliteRow, place: usize) -> Result<Self, SqlxError> {
+        row.try_get(place)
+    }
+}
+
+impl Column for Option<String> {
+    fn value(&self) -> Value<'_> {
+        self.as_deref().map_or(Value::Null, Value::Text)
+    }
+
+    fn read(row: &SqliteRow, place: usize) -> Result<Self, SqlxError> {
+        row.try_get(place)
+    }
+}
+
+/// A table, by its row.
+pub(crate) trait Table: Sized + Send + Sync + Unpin {
+    const NAME: &'static str;
+    /// The key's columns first.
+    const COLUMNS: &'static [&'static str];
     /// How many columns the key has.
     const KEYS: usize;
-    /// Whether a second offer of the same row is an everyday event rather than the trace of a
-    /// mishap.
-    const OFTEN_REPEATED: bool;
+    /// Whether each row carries its seal, in the column `seal`.
+    const SEALED: bool;
     /// What fails when the rows cannot be read: completes "the database could not".
     const READING: &'static str;
 
+    /// Shows the values of all columns, in their order.
+    fn each(&self, visit: impl FnMut(Value<'_>));
+
+    fn read(row: &SqliteRow) -> Result<Self, SqlxError>;
+
+    /// The row's key for messages: "sample 3 of design 17".
+    fn name(&self) -> String {
+        let mut parts = Vec::new();
+        self.each(|value| {
+            if let Some(column) = Self::COLUMNS.get(parts.len()) {
+                parts.push(match value {
+                    Value::Null | Value::Bytes(_) => (*column).to_owned(),
+                    Value::Count(value) | Value::Bits(value) => format!("{column} {value}"),
+                    Value::Number(value) => format!("{column} {value}"),
+                    Value::Text(value) => format!("{column} {value:?}"),
+                });
+            }
+        });
+        parts.truncate(Self::KEYS);
+        parts.reverse();
+        parts.join(" of ")
+    }
+
+    /// Refuses what SQLite would not give back as it was.
+    fn check(&self) -> Result<(), Error> {
+        let mut columns = Self::COLUMNS.iter();
+        let mut result = Ok(());
+        self.each(|value| {
+            let column = columns.next().copied().unwrap_or_default();
+            let column = || format!("{}.{column}", Self::NAME);
+            match value {
+                Value::Count(value) if i64::try_from(value).is_err() => {
+                    let column = column();
+                    result = Err(Error::TooLarge { column, value });
+                }
+                Value::Number(value) if !value.is_finite() => {
+                    result = Err(Error::NotFinite {
+                        column: column(),
+                        key: self.name(),
+                        value,
+                    });
+                }
+                _ => {}
+            }
+        });
+        result
+    }
+
+    /// The first 64 bits of the SHA-256 of the table's name and of all columns.
+    ///
+    /// A checksum against accidents: it can be made to fit by whoever edits a row and means to.
+    fn seal(&self) -> i64 {
+        let mut hash = Sha256::new_with_prefix(Self::NAME);
+        self.each(|value| match value {
+            Value::Null => hash.update([0]),
+            Value::Count(value) | Value::Bits(value) => {
+                hash.update([1]);
+                hash.update(value.to_le_bytes());
+            }
+            Value::Number(value) => {
+                hash.update([2]);
+                hash.update(value.to_bits().to_le_bytes());
+            }
+            Value::Text(value) => {
+                hash.update([3]);
+                hash.update((value.len() as u64).to_le_bytes());
+                hash.update(value);
+            }
+            Value::Bytes(value) => {
+                hash.update([4]);
+                hash.update((value.len() as u64).to_le_bytes());
+                hash.update(value);
+            }
+        });
+        let hash = hash.finalize();
+        let first = hash.first_chunk().copied().unwrap_or_default();
+        i64::from_le_bytes(first)
+    }
+}
+
+/// A row of a table where the first write wins.
+pub(crate) trait Keyed: Table {
     type Key<'a>: Ord
     where
         Self: 'a;
 
     fn key(&self) -> Self::Key<'_>;
 
-    fn bind_key(&self, arguments: &mut SqliteArguments) -> Result<(), BoxDynError>;
-
-    fn read(row: &SqliteRow) -> Result<Self, SqlxError>;
-
     /// Refuses a row that differs from the one held.
     fn agree(held: &Self, offered: &Self) -> Result<(), Error>;
 }
 
-/// How to find out which rows are new.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Approach {
-    /// Suppose that all are, and see from the count whether that was so.
-    Trust,
-    /// Read what is held first.
-    Look,
-}
-
 /// Stores rows, each with the index of its owner's receipt, and returns those that were not held.
-/// `None` when trust was misplaced: the caller goes back to its savepoint and has to look.
 pub(crate) async fn insert<'r, T: Keyed>(
-    connection: &mut SqliteConnection,
-    path: &Path,
+    connection: &mut Connection<'_>,
     rows: &[(usize, &'r T)],
-    approach: Approach,
     receipts: &mut [Receipt],
-) -> Result<Option<Vec<&'r T>>, Error> {
+) -> Result<Vec<&'r T>, Error> {
     let mut fresh = Vec::with_capacity(rows.len());
     for chunk in rows.chunks(ROWS_PER_STATEMENT) {
         for (_, row) in chunk {
             row.check()?;
         }
         let before = fresh.len();
-        if approach == Approach::Trust && !T::OFTEN_REPEATED {
-            for &(owner, row) in chunk {
-                receipts[owner].new_rows += 1;
-                fresh.push(row);
-            }
-        } else {
-            look(connection, path, chunk, receipts, &mut fresh).await?;
-        }
+        look(connection, chunk, receipts, &mut fresh).await?;
         let offered = &fresh[before..];
-        let inserted = write(
-            connection,
-            path,
-            "INSERT INTO",
-            "ON CONFLICT DO NOTHING",
-            offered,
-        )
-        .await?;
+        let inserted = write(connection, "INSERT INTO", "ON CONFLICT DO NOTHING", offered).await?;
         if inserted != offered.len() as u64 {
-            return Ok(None);
+            // No one else writes, so what was not there a moment ago can go in.
+            return Err(connection.damaged("rows that it does not hold cannot be inserted"));
         }
     }
-    Ok(Some(fresh))
+    Ok(fresh)
 }
 
 /// Compares rows with those held, and with each other.
 async fn look<'r, T: Keyed>(
-    connection: &mut SqliteConnection,
-    path: &Path,
+    connection: &mut Connection<'_>,
     rows: &[(usize, &'r T)],
     receipts: &mut [Receipt],
     fresh: &mut Vec<&'r T>,
 ) -> Result<(), Error> {
-    let held = held(connection, path, rows).await?;
+    let held = held(connection, rows).await?;
     let mut known: BTreeMap<T::Key<'_>, &T> = held.iter().map(|row| (row.key(), row)).collect();
     for &(owner, row) in rows {
         match known.get(&row.key()) {
@@ -131,75 +269,160 @@ async fn look<'r, T: Keyed>(
 }
 
 async fn held<T: Keyed>(
-    connection: &mut SqliteConnection,
-    path: &Path,
+    connection: &mut Connection<'_>,
     rows: &[(usize, &T)],
 ) -> Result<Vec<T>, Error> {
-    let Some((_, last)) = rows.last() else {
+    let Some(last) = rows.last() else {
         return Ok(Vec::new());
     };
     let count = rows.len().next_power_of_two();
     let mut arguments = SqliteArguments::default();
     arguments.reserve(count * T::KEYS, 0);
     let filling = std::iter::repeat_n(last, count - rows.len());
-    for row in rows.iter().map(|(_, row)| row).chain(filling) {
-        row.bind_key(&mut arguments)
-            .map_err(|e| Error::sqlite(T::READING, path, SqlxError::Encode(e)))?;
+    for (_, row) in rows.iter().chain(filling) {
+        bind(*row, T::KEYS, &mut arguments).map_err(|e| connection.failed(T::READING, e))?;
     }
-    let sql = format!(
-        "{} WHERE ({}) IN (VALUES {})",
-        select::<T>(),
+    let filter = format!(
+        "WHERE ({}) IN (VALUES {})",
         keys::<T>(),
-        places(count, T::KEYS),
+        places(count, T::KEYS)
     );
-    let query = sqlx::query_with(AssertSqlSafe(sql), arguments);
-    read(path, query.fetch_all(connection).await)
+    collect(connection, &filter, arguments).await
 }
 
 /// All rows, by key.
-pub(crate) async fn all<T: Keyed>(pool: &SqlitePool, path: &Path) -> Result<Vec<T>, Error> {
-    let sql = format!("{} ORDER BY {}", select::<T>(), keys::<T>());
-    let rows = sqlx::query(AssertSqlSafe(sql)).fetch_all(pool).await;
-    read(path, rows)
+pub(crate) async fn all<T: Table>(connection: &mut Connection<'_>) -> Result<Vec<T>, Error> {
+    collect(connection, "", SqliteArguments::default()).await
 }
 
-/// The rows whose key begins with `first`, by key.
-pub(crate) async fn all_of<T: Keyed>(
-    pool: &SqlitePool,
-    path: &Path,
-    first: &str,
+/// The rows that a filter with one parameter lets through, by key.
+pub(crate) async fn all_where<T: Table>(
+    connection: &mut Connection<'_>,
+    filter: &str,
+    parameter: Value<'_>,
 ) -> Result<Vec<T>, Error> {
-    let sql = format!(
-        "{} WHERE {} = ? ORDER BY {}",
-        select::<T>(),
-        T::COLUMNS[0],
-        keys::<T>()
-    );
-    let query = sqlx::query(AssertSqlSafe(sql)).bind(first);
-    read(path, query.fetch_all(pool).await)
+    let arguments = arguments(connection, &[parameter])?;
+    collect(connection, filter, arguments).await
 }
 
-fn select<T: Keyed>() -> String {
-    format!("SELECT {} FROM {}", T::COLUMNS.join(", "), T::TABLE)
+pub(crate) fn arguments(
+    connection: &Connection<'_>,
+    values: &[Value<'_>],
+) -> Result<SqliteArguments, Error> {
+    let mut arguments = SqliteArguments::default();
+    for value in values {
+        add(*value, &mut arguments).map_err(|e| connection.failed("bind values", e))?;
+    }
+    Ok(arguments)
 }
 
-fn keys<T: Keyed>() -> String {
+async fn collect<T: Table>(
+    connection: &mut Connection<'_>,
+    filter: &str,
+    arguments: SqliteArguments,
+) -> Result<Vec<T>, Error> {
+    let mut rows = Vec::new();
+    visit(connection, filter, arguments, |row| {
+        rows.push(row);
+        Ok::<(), Error>(())
+    })
+    .await?;
+    Ok(rows)
+}
+
+/// Shows the rows that a filter lets through one by one, by key.
+pub(crate) async fn visit<T: Table, E: From<Error>>(
+    connection: &mut Connection<'_>,
+    filter: &str,
+    arguments: SqliteArguments,
+    mut visit: impl FnMut(T) -> Result<(), E>,
+) -> Result<(), E> {
+    let path = connection.shared_path();
+    let sql = statement::<T>(&columns::<T>(), filter);
+    let query = sqlx::query_with(AssertSqlSafe(sql), arguments);
+    let mut rows = connection.stream(T::READING, query.try_map(Ok));
+    while let Some(row) = rows.next().await {
+        let row = row?;
+        let read = decode::<T>(&path, &row)?;
+        if T::SEALED {
+            let held: Option<i64> = row.try_get(T::COLUMNS.len()).ok().flatten();
+            if held != Some(read.seal()) {
+                let detail = match held {
+                    Some(_) => {
+                        "its values are not those that it was sealed with: something else than this program has changed it"
+                    }
+                    None => "it has no seal: something else than this program has written it",
+                };
+                return Err(Error::damaged_rows(&path, T::NAME, read.name(), detail).into());
+            }
+        }
+        visit(read)?;
+    }
+    Ok(())
+}
+
+fn statement<T: Table>(columns: &str, filter: &str) -> String {
+    let (table, keys) = (T::NAME, keys::<T>());
+    format!("SELECT {columns} FROM {table} {filter} ORDER BY {keys}")
+}
+
+fn decode<T: Table>(path: &Path, row: &SqliteRow) -> Result<T, Error> {
+    T::read(row).map_err(|e| {
+        let row = "one that cannot be read".to_owned();
+        Error::damaged_rows(path, T::NAME, row, &e.to_string())
+    })
+}
+
+/// All rows, as a schema before the seals has them.
+pub(crate) async fn all_unsealed<T: Table>(
+    connection: &mut Connection<'_>,
+) -> Result<Vec<T>, Error> {
+    let sql = statement::<T>(&T::COLUMNS.join(", "), "");
+    let query = sqlx::query(AssertSqlSafe(sql)).try_map(Ok);
+    let rows = connection.all(T::READING, query).await?;
+    rows.iter()
+        .map(|row| decode(connection.path(), row))
+        .collect()
+}
+
+/// Seals the rows of a schema before the seals.
+pub(crate) async fn seal<T: Table>(connection: &mut Connection<'_>) -> Result<(), Error> {
+    let rows: Vec<T> = all_unsealed(connection).await?;
+    replace(connection, &rows).await
+}
+
+/// Stores rows in the place of those with their keys.
+pub(crate) async fn replace<T: Table>(
+    connection: &mut Connection<'_>,
+    rows: &[T],
+) -> Result<(), Error> {
+    rows.iter().try_for_each(T::check)?;
+    let rows: Vec<&T> = rows.iter().collect();
+    write(connection, "INSERT OR REPLACE INTO", "", &rows)
+        .await
+        .map(drop)
+}
+
+fn columns<T: Table>() -> String {
+    let mut columns = T::COLUMNS.join(", ");
+    if T::SEALED {
+        columns += ", seal";
+    }
+    columns
+}
+
+fn keys<T: Table>() -> String {
     T::COLUMNS[..T::KEYS].join(", ")
 }
 
-fn read<T: Keyed>(path: &Path, rows: Result<Vec<SqliteRow>, SqlxError>) -> Result<Vec<T>, Error> {
-    rows.and_then(|rows| rows.iter().map(T::read).collect())
-        .map_err(|e| Error::sqlite(T::READING, path, e))
-}
-
 /// One statement per chunk; returns how many rows it changed.
-pub(crate) async fn write<T: Columns>(
-    connection: &mut SqliteConnection,
-    path: &Path,
+pub(crate) async fn write<T: Table>(
+    connection: &mut Connection<'_>,
     verb: &str,
     otherwise: &str,
     rows: &[&T],
 ) -> Result<u64, Error> {
+    let width = T::COLUMNS.len() + usize::from(T::SEALED);
     let mut changed = 0;
     for chunk in rows.chunks(ROWS_PER_STATEMENT) {
         let Some(last) = chunk.last() else {
@@ -207,26 +430,50 @@ pub(crate) async fn write<T: Columns>(
         };
         let count = chunk.len().next_power_of_two();
         let mut arguments = SqliteArguments::default();
-        arguments.reserve(count * T::COLUMNS.len(), 0);
+        arguments.reserve(count * width, 0);
         let filling = std::iter::repeat_n(last, count - chunk.len());
         for row in chunk.iter().chain(filling) {
-            row.bind(&mut arguments)
-                .map_err(|e| Error::insertion(T::TABLE, path, SqlxError::Encode(e)))?;
+            bind(*row, width, &mut arguments).map_err(|e| connection.failed("bind rows", e))?;
         }
         let sql = format!(
             "{verb} {} ({}) VALUES {} {otherwise}",
-            T::TABLE,
-            T::COLUMNS.join(", "),
-            places(count, T::COLUMNS.len()),
+            T::NAME,
+            columns::<T>(),
+            places(count, width),
         );
         // Nothing but names and question marks is in the text.
-        changed += sqlx::query_with(AssertSqlSafe(sql), arguments)
-            .execute(&mut *connection)
-            .await
-            .map_err(|e| Error::insertion(T::TABLE, path, e))?
-            .rows_affected();
+        let query = sqlx::query_with(AssertSqlSafe(sql), arguments);
+        changed += connection.insert(T::NAME, query).await?.rows_affected();
     }
     Ok(changed)
+}
+
+/// Adds the first `count` values of a row, which end with its seal when it has one.
+fn bind<T: Table>(row: &T, count: usize, arguments: &mut SqliteArguments) -> Result<(), SqlxError> {
+    let mut left = count;
+    let mut result = Ok(());
+    row.each(|value| {
+        if left == 0 || result.is_err() {
+            return;
+        }
+        left -= 1;
+        result = add(value, arguments);
+    });
+    if left > 0 && result.is_ok() {
+        result = add(Value::Bits(row.seal().cast_unsigned()), arguments);
+    }
+    result
+}
+
+fn add(value: Value<'_>, arguments: &mut SqliteArguments) -> Result<(), SqlxError> {
+    match value {
+        Value::Null => arguments.add(None::<i64>),
+        Value::Count(value) | Value::Bits(value) => arguments.add(value.cast_signed()),
+        Value::Number(value) => arguments.add(value),
+        Value::Text(value) => arguments.add(value),
+        Value::Bytes(value) => arguments.add(value),
+    }
+    .map_err(SqlxError::Encode)
 }
 
 /// `(?,?),(?,?)`: `rows` of them with `columns` places each.

@@ -5,14 +5,18 @@
 //!
 //! # Invariants
 //!
-//! - One writer. [`Store::create_or_open`] holds an exclusive lock on `FILE.lock` until the last
-//!   row is on disk; readers ([`Store::open_read_only`]) need no lock.
+//! - One writer. [`Store::create_or_open`] holds exclusive locks on `FILE.lock` and, on Linux, on the
+//!   file itself until the last row is on disk; readers ([`Store::open_read_only`]) need no lock.
 //! - What was acknowledged is on disk: [`Writer::submit`] returns after the commit, and commits are
 //!   synced (`journal_mode = WAL`, `synchronous = FULL`).
 //! - First write wins. A second value for a design, criteria, sample or optimiser run is either
 //!   the same, and counted as a duplicate, or an error that names both. Nothing is overwritten.
 //! - A file that is not this campaign's sound store, or that holds less than was acknowledged, is
-//!   refused before anything is written to it.
+//!   refused before anything is written to it. So is one with several names, and one that went away
+//!   while it was open takes no more rows.
+//! - What was stored is what is read: rows carry a digest of their columns, samples have digests over
+//!   all of them, too, and a difference is an error that names table and row. These digests tell accidents:
+//!   a bit that flipped, a file that was edited. Whoever edits the store to deceive can make them fit.
 //! - Tallies are part of the transactions that store what they count: nobody has to read all
 //!   samples to know how many there are, of which designs, and what their digest is.
 //!
@@ -30,12 +34,14 @@
 //! - `store::after_commit`: the group is on disk, nobody has been told;
 //! - `store::checkpoint`: while the log is moved into the file; `return(N)` ends the process N
 //!   microseconds after the beginning of that;
+//! - `store::packing`: part of the samples of an earlier schema are packed, nothing is committed;
 //! - `store::migration`: the schema is brought up to date but for the commit.
 
 #![warn(missing_docs)]
 
 mod cause;
 mod check;
+mod connection;
 mod digest;
 mod error;
 mod failpoints;
@@ -44,9 +50,12 @@ mod insert;
 mod keyed;
 mod lock;
 mod open;
+mod place;
 mod query;
 mod rounds;
 mod rows;
+mod samples;
+mod schema;
 mod store;
 mod tables;
 mod tally;

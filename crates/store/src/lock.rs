@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 
 use crate::Error;
 use crate::open::beside;
+use crate::place;
 
 /// Held for as long as this lives.
 #[derive(Debug)]
@@ -19,6 +20,8 @@ pub(crate) struct Lock {
     store: PathBuf,
     path: PathBuf,
     file: File,
+    /// The store's own file, locked.
+    held: Option<File>,
 }
 
 impl Lock {
@@ -38,12 +41,20 @@ impl Lock {
                 store: store.to_owned(),
                 path,
                 file,
+                held: None,
             }),
             Err(TryLockError::WouldBlock) => Err(Error::Locked {
                 path: store.to_owned(),
             }),
             Err(TryLockError::Error(e)) => Err(Error::io("lock", &path, e)),
         }
+    }
+
+    /// Locks the store's file, too: the lock file goes by the name, and a file can have several.
+    pub(crate) fn hold_file(&mut self) -> Result<(), Error> {
+        place::refuse_links(&self.store)?;
+        self.held = place::lock_file(&self.store)?;
+        Ok(())
     }
 
     /// Notes how many commits there are.

@@ -1,43 +1,36 @@
-//! Opening a store: which files are refused, how a new one comes into being, and who may write.
+//! Opening a store: what is checked before, how a new one comes into being, and who may write.
 //!
 //! Nothing is written to a file before it has passed every check, and a new store appears under
 //! its name only when it is complete: a coordinator killed at any moment leaves either no store
 //! or one that opens.
 
 use std::fs::{self, File};
-use std::io::Read as _;
 use std::path::{Path, PathBuf};
+use std::slice;
+use std::sync::Arc;
 use std::time::Duration;
 
-use sqlx::migrate::{MigrateError, Migrator};
+use sqlx::ConnectOptions as _;
 use sqlx::sqlite::{
-    SqliteConnectOptions, SqliteConnection, SqliteJournalMode, SqlitePool, SqlitePoolOptions,
-    SqliteSynchronous,
+    SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous,
 };
-use sqlx::{ConnectOptions as _, Connection as _, Executor as _};
 
-use crate::check::{self, Pending, Verdict};
+use crate::check::{self, Pending, Reading, Verdict};
+use crate::connection::Connection;
+use crate::keyed;
 use crate::lock::Lock;
+use crate::place::{self, Place};
 use crate::rows::CampaignRow;
 use crate::store::Store;
-use crate::{Error, failpoints, insert, query, tally, writer};
-
-static MIGRATOR: Migrator = sqlx::migrate!("../../migrations");
-
-/// "PTCH", as the first migration sets it.
-const APPLICATION_ID: i64 = 0x5054_4348;
-
-/// How every SQLite file begins, <https://www.sqlite.org/fileformat2.html> 1.3.
-const SQLITE_MAGIC: &[u8; 16] = b"SQLite format 3\0";
+use crate::{Error, schema, writer};
 
 /// What `PRAGMA quick_check` reads in about a quarter of a second.
 const CHECK_AT_ONCE: u64 = 32 << 20;
 
-/// Whose samples are read and compared with their digest in about a quarter of a second.
+/// Whose samples are read and compared with their digest in about a tenth of a second.
 const COMPARE_AT_ONCE: u64 = 4 << 20;
 
-/// The schema that brought tallies, which its migration leaves in part to the program.
-const FIRST_WITH_TALLIES: i64 = 2;
+const LEAVE_TO_WRITE: &str = "BEGIN IMMEDIATE; UPDATE campaign SET one = one; ROLLBACK";
 
 /// Reading connections: a status page, an export and a report at once, and one to spare.
 const READERS: u32 = 4;
@@ -45,8 +38,9 @@ const READERS: u32 = 4;
 /// How long a statement waits for a lock. Only foreign tools can hold one for long.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// A sample's row is small, the hop between SQLite's thread and ours is not.
-const ROW_BUFFER: usize = 1024;
+/// Rows that a reader takes at a time: a hop between SQLite's thread and ours costs more than a row, and
+/// a row of samples has up to 32 KiB.
+const ROW_BUFFER: usize = 64;
 
 impl Store {
     /// Opens the store at `path` for this campaign, or creates it when there is no such file:
@@ -73,8 +67,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`Error::NotADatabase`], [`Error::NotAStore`], [`Error::Damaged`], [`Error::Behind`],
-    /// [`Error::NewerSchema`] and [`Error::OtherCampaign`] for a file that is not this campaign's
+    /// [`Error::NotADatabase`], [`Error::NotAStore`], [`Error::Damaged`], [`Error::DamagedRows`],
+    /// [`Error::Behind`], [`Error::Linked`], [`Error::NewerSchema`] and [`Error::OtherCampaign`] for a file that is not this campaign's
     /// sound store, which is then left as it was; [`Error::Locked`] while another process, or
     /// another `Store`, writes to it; [`Error::Migration`], [`Error::DiskFull`], [`Error::Io`] and [`Error::Sqlite`].
     pub async fn create_or_open_with(
@@ -92,36 +86,39 @@ impl Store {
         may_extend: impl Fn(&CampaignRow) -> bool,
         check_at_once: u64,
     ) -> Result<Self, Error> {
-        let path = resolve(path)?;
+        let path: Arc<Path> = resolve(path)?.into();
         // Before the lock, so that a mistyped path does not leave a lock file beside a stranger.
         if exists(&path)? {
-            check_header(&path)?;
+            schema::check_header(&path)?;
         }
         let mut lock = Lock::take(&path)?;
         if !exists(&path)? {
             create(&path, campaign, &mut lock).await?;
         }
+        lock.hold_file()?;
+        let place = Place::of(&path)?;
         roll_back(&path).await?;
-        let (mut connection, found) = inspect(&path).await?;
+        let reading = reading(&path);
+        let (mut connection, found) = schema::inspect(&reading).await?;
         let size = size(&path)?;
         let small = size <= check_at_once;
         let compare_at_once = size <= check_at_once.min(COMPARE_AT_ONCE);
         // An upgrade writes, and so does a change of the journal's mode.
-        let at_once = small || found < known_schema() || !is_wal(&mut connection, &path).await?;
+        let at_once = small || found < schema::known() || !is_wal(&mut connection).await?;
         if at_once {
-            check::quick_check(&mut connection, &path).await?;
+            check::quick_check(&mut connection).await?;
         }
-        if found >= FIRST_WITH_TALLIES && compare_at_once {
-            check::samples(&mut connection, &path).await?;
+        if compare_at_once {
+            schema::check_rows(&mut connection, found).await?;
         }
-        let held = query::campaign(&mut connection, &path).await?;
-        if found >= FIRST_WITH_TALLIES {
-            lock.compare(query::commits(&mut connection, &path).await?)?;
+        let (held, commits) = schema::read(&mut connection, found).await?;
+        if let Some(commits) = commits {
+            lock.compare(commits)?;
         }
-        close(connection, &path).await?;
+        connection.close().await?;
         if held.digest != campaign.digest && !may_extend(&held) {
             return Err(Error::OtherCampaign {
-                path,
+                path: path.to_path_buf(),
                 held_name: held.name,
                 held_digest: held.digest,
                 offered_name: campaign.name.clone(),
@@ -131,27 +128,26 @@ impl Store {
 
         let options = writing(&path);
         let (connection, pending) = if at_once {
-            let mut connection = connect(&options, &path).await?;
-            // SQLite opens a file that it may not write to, and complains only later.
+            let mut connection = Connection::open(&options, &path).await?;
+            // SQLite opens a file that it may not write to, and complains only when a row is written.
             connection
-                .execute("BEGIN IMMEDIATE; ROLLBACK")
-                .await
-                .map_err(|e| Error::sqlite("get leave to write to its file", &path, e))?;
-            if found < known_schema() {
-                migrate(&mut connection, &path, found).await?;
+                .run("get leave to write to its file", LEAVE_TO_WRITE)
+                .await?;
+            if found < schema::known() {
+                schema::migrate(&mut connection, found).await?;
             }
             let pending = if compare_at_once {
                 Pending::Nothing
             } else {
-                Pending::Samples
+                Pending::Rows
             };
             (Some(connection), pending)
         } else {
-            (None, Pending::PagesAndSamples)
+            (None, Pending::PagesAndRows)
         };
-        let verdict = Verdict::of(path.clone(), pending);
-        let readers = readers(&path).await?;
-        let writer = writer::spawn(path.clone(), options, connection, verdict.clone(), lock);
+        let readers = readers(&reading).await?;
+        let verdict = Verdict::of(reading, pending);
+        let writer = writer::spawn(place, options, connection, verdict.clone(), lock);
         Ok(Self {
             path,
             readers,
@@ -162,39 +158,66 @@ impl Store {
 
     /// Opens an existing store for reading, without a lock: also while a coordinator writes to it.
     ///
-    /// SQLite needs to write its index of the log (`-shm`) even so, unless one is there: the
-    /// folder has to be writable when no coordinator runs.
+    /// SQLite writes its index of the log (`-shm`) even so, unless one is there. In a folder that may
+    /// not be written to, as an archive is, the file is read without it; its log must then be empty or
+    /// missing, as a coordinator that ended leaves it, and no coordinator may begin meanwhile.
+    ///
+    /// A small store is checked first; for a large one, the check is made when
+    /// [`checked`](Store::checked) is called. Rows other than samples are compared with their digests
+    /// whenever they are read.
     ///
     /// # Errors
     ///
     /// [`Error::NoStore`], [`Error::NotADatabase`], [`Error::NotAStore`], [`Error::Damaged`],
-    /// [`Error::NewerSchema`], [`Error::OlderSchema`], [`Error::Io`] and [`Error::Sqlite`].
-    /// Damage that is not on the way to the first rows shows only when it is read.
+    /// [`Error::DamagedRows`], [`Error::NewerSchema`], [`Error::OlderSchema`], [`Error::Linked`] while
+    /// a coordinator writes to the file under another name, [`Error::UnreadLog`], [`Error::Io`] and
+    /// [`Error::Sqlite`].
     pub async fn open_read_only(path: &Path) -> Result<Self, Error> {
         if !exists(path)? {
             return Err(Error::NoStore {
                 path: path.to_owned(),
             });
         }
-        let path = resolve(path)?;
-        check_header(&path)?;
-        let (connection, found) = inspect(&path).await?;
-        close(connection, &path).await?;
-        let known = known_schema();
+        let path: Arc<Path> = resolve(path)?.into();
+        schema::check_header(&path)?;
+        place::refuse_hidden_log(&path)?;
+        let mut reading = reading(&path);
+        let (mut connection, found) = match schema::inspect(&reading).await {
+            Err(error) if error.is_read_only_folder() => {
+                let log = beside(&path, "-wal");
+                if fs::metadata(&log).is_ok_and(|log| log.len() > 0) {
+                    let path = path.to_path_buf();
+                    return Err(Error::UnreadLog { path, log });
+                }
+                reading.options = reading.options.immutable(true);
+                schema::inspect(&reading).await?
+            }
+            inspected => inspected?,
+        };
+        let known = schema::known();
         if found < known {
+            let path = path.to_path_buf();
             return Err(Error::OlderSchema { path, found, known });
         }
-        let readers = readers(&path).await?;
+        let verdict = if size(&path)? <= COMPARE_AT_ONCE {
+            check::quick_check(&mut connection).await?;
+            check::rows(&mut connection).await?;
+            Verdict::sound()
+        } else {
+            Verdict::on_demand(reading.clone())
+        };
+        connection.close().await?;
+        let readers = readers(&reading).await?;
         Ok(Self {
             path,
             readers,
             writer: None,
-            verdict: Verdict::sound(),
+            verdict,
         })
     }
 }
 
-/// One name per file, whichever way it was given: the lock goes by the name.
+/// One name per file, whichever symbolic links it was given by: the log goes by the name.
 fn resolve(path: &Path) -> Result<PathBuf, Error> {
     let failed = |e| Error::io("find", path, e);
     if exists(path)? {
@@ -232,29 +255,6 @@ pub(crate) fn beside(path: &Path, suffix: &str) -> PathBuf {
     PathBuf::from(name)
 }
 
-fn check_header(path: &Path) -> Result<(), Error> {
-    let mut file = File::open(path).map_err(|e| Error::io("open", path, e))?;
-    let mut head = Vec::with_capacity(SQLITE_MAGIC.len());
-    file.by_ref()
-        .take(SQLITE_MAGIC.len() as u64)
-        .read_to_end(&mut head)
-        .map_err(|e| Error::io("read", path, e))?;
-    if head.is_empty() {
-        // SQLite takes an empty file for an empty database. A store is never empty, so this is
-        // what is left of one: starting afresh would hide the loss.
-        return Err(Error::Damaged {
-            path: path.to_owned(),
-            detail: "the file is empty".into(),
-        });
-    }
-    if head != SQLITE_MAGIC {
-        return Err(Error::NotADatabase {
-            path: path.to_owned(),
-        });
-    }
-    Ok(())
-}
-
 /// Builds the store under another name and moves it into place when it is complete.
 async fn create(path: &Path, campaign: &CampaignRow, lock: &mut Lock) -> Result<(), Error> {
     let log = beside(path, "-wal");
@@ -283,15 +283,14 @@ async fn create(path: &Path, campaign: &CampaignRow, lock: &mut Lock) -> Result<
         .create_if_missing(true)
         .journal_mode(SqliteJournalMode::Delete)
         .synchronous(SqliteSynchronous::Full);
-    let mut connection = connect(&options, &draft).await?;
-    migrate(&mut connection, &draft, 0).await?;
-    insert::campaign(&mut connection, &draft, campaign).await?;
+    let mut connection = Connection::open(&options, &draft.as_path().into()).await?;
+    schema::migrate(&mut connection, 0).await?;
+    keyed::replace(&mut connection, slice::from_ref(campaign)).await?;
     // Before it has its name: switching later takes a journal, which a kill would leave behind.
-    sqlx::query("PRAGMA journal_mode = WAL")
-        .execute(&mut connection)
-        .await
-        .map_err(|e| Error::sqlite("switch to a write-ahead log", &draft, e))?;
-    close(connection, &draft).await?;
+    connection
+        .run("switch to a write-ahead log", "PRAGMA journal_mode = WAL")
+        .await?;
+    connection.close().await?;
     if exists(&companions[1])? {
         return Err(Error::Damaged {
             path: draft,
@@ -318,100 +317,23 @@ fn sync_folder(path: &Path) -> Result<(), Error> {
 
 /// Lets SQLite undo what a process that was killed had begun under a rollback journal, as a switch to
 /// the write-ahead log is: a reading connection may not. Only a store of ours is touched.
-async fn roll_back(path: &Path) -> Result<(), Error> {
+async fn roll_back(path: &Arc<Path>) -> Result<(), Error> {
     let journal = beside(path, "-journal");
-    if !fs::metadata(&journal).is_ok_and(|journal| journal.len() > 0) || !is_marked(path)? {
+    if !fs::metadata(&journal).is_ok_and(|journal| journal.len() > 0) || !schema::is_marked(path)? {
         return Ok(());
     }
-    let mut connection = connect(&writing(path), path).await?;
-    sqlx::query_scalar::<_, i64>("SELECT count(*) FROM sqlite_schema")
-        .fetch_one(&mut connection)
-        .await
-        .map_err(|e| Error::sqlite("undo what was begun", path, e))?;
-    close(connection, path).await
+    let mut connection = Connection::open(&writing(path), path).await?;
+    connection
+        .pragma::<i64>("undo what was begun", "SELECT count(*) FROM sqlite_schema")
+        .await?;
+    connection.close().await
 }
 
-/// Whether the file's header names it a store.
-fn is_marked(path: &Path) -> Result<bool, Error> {
-    // <https://www.sqlite.org/fileformat2.html> 1.3: a big-endian number at offset 68.
-    let mut header = Vec::with_capacity(72);
-    File::open(path)
-        .and_then(|file| file.take(72).read_to_end(&mut header))
-        .map_err(|e| Error::io("read", path, e))?;
-    Ok(header
-        .get(68..72)
-        .is_some_and(|id| id == (APPLICATION_ID as u32).to_be_bytes()))
-}
-
-/// Checks that the file is a store whose schema this program knows, and returns a reading
-/// connection and the schema's version.
-async fn inspect(path: &Path) -> Result<(SqliteConnection, i64), Error> {
-    let mut connection = connect(&reading(path), path).await?;
-    let failed = |e| Error::sqlite("read the schema", path, e);
-    let application_id: i64 = sqlx::query_scalar("PRAGMA application_id")
-        .fetch_one(&mut connection)
-        .await
-        .map_err(failed)?;
-    if application_id != APPLICATION_ID {
-        return Err(Error::NotAStore {
-            path: path.to_owned(),
-            application_id,
-        });
-    }
-    let migrations = query::migrations(&mut connection).await.map_err(failed)?;
-    let found = migrations.last().map_or(0, |(version, _)| *version);
-    let known = known_schema();
-    if found > known {
-        return Err(Error::NewerSchema {
-            path: path.to_owned(),
-            found,
-            known,
-        });
-    }
-    for (version, checksum) in &migrations {
-        let ours = MIGRATOR.iter().find(|m| m.version == *version);
-        if ours.is_none_or(|ours| *ours.checksum != **checksum) {
-            return Err(Error::Migration {
-                path: path.to_owned(),
-                source: MigrateError::VersionMismatch(*version).into(),
-            });
-        }
-    }
-    Ok((connection, found))
-}
-
-async fn is_wal(connection: &mut SqliteConnection, path: &Path) -> Result<bool, Error> {
-    let mode: String = sqlx::query_scalar("PRAGMA journal_mode")
-        .fetch_one(connection)
-        .await
-        .map_err(|e| Error::sqlite("read the journal's mode", path, e))?;
-    Ok(mode == "wal")
-}
-
-fn known_schema() -> i64 {
-    MIGRATOR.iter().map(|m| m.version).max().unwrap_or(0)
-}
-
-/// Brings the schema up to date, in one transaction: whatever happens meanwhile, the store has
-/// either its old schema or the new one.
-async fn migrate(connection: &mut SqliteConnection, path: &Path, found: i64) -> Result<(), Error> {
-    let failed = |e| Error::sqlite("bring the schema up to date", path, e);
-    let mut transaction = connection
-        .begin_with("BEGIN IMMEDIATE")
-        .await
-        .map_err(failed)?;
-    MIGRATOR.run(&mut *transaction).await.map_err(|e| match e {
-        MigrateError::Execute(e) | MigrateError::ExecuteMigration(e, _) => failed(e),
-        other => Error::Migration {
-            path: path.to_owned(),
-            source: other.into(),
-        },
-    })?;
-    if found < FIRST_WITH_TALLIES {
-        tally::fill(&mut transaction, path).await?;
-    }
-    failpoints::at("store::migration");
-    transaction.commit().await.map_err(failed)
+async fn is_wal(connection: &mut Connection<'_>) -> Result<bool, Error> {
+    let mode: Vec<String> = connection
+        .pragma("read the journal's mode", "PRAGMA journal_mode")
+        .await?;
+    Ok(mode == ["wal"])
 }
 
 pub(crate) fn writing(path: &Path) -> SqliteConnectOptions {
@@ -429,38 +351,26 @@ pub(crate) fn writing(path: &Path) -> SqliteConnectOptions {
         .disable_statement_logging()
 }
 
-pub(crate) fn reading(path: &Path) -> SqliteConnectOptions {
-    SqliteConnectOptions::new()
+fn reading(path: &Arc<Path>) -> Reading {
+    let options = SqliteConnectOptions::new()
         .filename(path)
         .read_only(true)
         .busy_timeout(BUSY_TIMEOUT)
         .row_buffer_size(ROW_BUFFER)
         // A visit of all samples takes as long as its visitor, which is no statement's fault.
-        .disable_statement_logging()
+        .disable_statement_logging();
+    Reading {
+        path: Arc::clone(path),
+        options,
+    }
 }
 
-async fn readers(path: &Path) -> Result<SqlitePool, Error> {
+async fn readers(reading: &Reading) -> Result<SqlitePool, Error> {
     SqlitePoolOptions::new()
         .max_connections(READERS)
-        .connect_with(reading(path))
+        .connect_with(reading.options.clone())
         .await
-        .map_err(|e| Error::sqlite("open its file for reading", path, e))
-}
-
-pub(crate) async fn connect(
-    options: &SqliteConnectOptions,
-    path: &Path,
-) -> Result<SqliteConnection, Error> {
-    SqliteConnection::connect_with(options)
-        .await
-        .map_err(|e| Error::sqlite("open its file", path, e))
-}
-
-async fn close(connection: SqliteConnection, path: &Path) -> Result<(), Error> {
-    connection
-        .close()
-        .await
-        .map_err(|e| Error::sqlite("close its file", path, e))
+        .map_err(|e| Error::sqlite("open its file for reading", &reading.path, e))
 }
 
 #[cfg(test)]
@@ -527,7 +437,7 @@ pub(crate) mod tests {
     async fn nothing_is_written_to_a_damaged_large_store() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("campaign.db");
-        filled(&path, 10_000).await;
+        filled(&path, 40_000).await;
         let mut bytes = fs::read(&path).unwrap();
         // A page of samples: nothing on the way to opening.
         let page = bytes.len() / 4096 - 20;
@@ -541,7 +451,7 @@ pub(crate) mod tests {
         let error = store
             .writer()
             .unwrap()
-            .submit(samples(20_000..20_001))
+            .submit(samples(50_000..50_001))
             .await
             .unwrap_err();
         assert!(matches!(error, Error::Damaged { .. }), "{error}");

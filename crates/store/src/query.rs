@@ -2,69 +2,53 @@
 
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::path::Path;
-
-use sqlx::SqliteExecutor;
-use sqlx::sqlite::{SqliteConnection, SqlitePool};
-use tokio_stream::StreamExt as _;
 
 use crate::Error;
 use crate::cause::first_line;
-use crate::digest::SamplesDigest;
+use crate::connection::Connection;
+use crate::keyed;
 use crate::rows::{
     CampaignRow, DesignRow, FailureGroup, FailureKind, FailureRow, JobHistory, MissingWork,
-    ModelRow, OptimumRow, Progress, ResponseRow, SampleRow,
+    Progress,
 };
 
 /// The migrations that made the schema: version and checksum, the oldest first.
 pub(crate) async fn migrations(
-    connection: &mut SqliteConnection,
-) -> Result<Vec<(i64, Vec<u8>)>, sqlx::Error> {
-    let rows = sqlx::query!(
+    connection: &mut Connection<'_>,
+) -> Result<Vec<(i64, Vec<u8>)>, Error> {
+    let rows = connection.all("read the schema", sqlx::query!(
         r#"SELECT version AS "version!: i64", checksum FROM _sqlx_migrations ORDER BY version"#
-    )
-    .fetch_all(connection)
-    .await?;
+    )).await?;
     Ok(rows.into_iter().map(|r| (r.version, r.checksum)).collect())
 }
 
-pub(crate) async fn campaign(
-    executor: impl SqliteExecutor<'_>,
-    path: &Path,
-) -> Result<CampaignRow, Error> {
-    let row = sqlx::query!(
-        "SELECT name, file_text, digest, seed, program_version, model_digest FROM campaign"
-    )
-    .fetch_optional(executor)
-    .await
-    .map_err(|e| Error::sqlite("read the campaign", path, e))?;
+pub(crate) async fn campaign(connection: &mut Connection<'_>) -> Result<CampaignRow, Error> {
+    let row = keyed::all(connection).await?.pop();
     // A store comes into being with its campaign in it.
-    let r = row.ok_or_else(|| Error::Damaged {
-        path: path.to_owned(),
-        detail: "it names no campaign".into(),
-    })?;
-    Ok(CampaignRow {
-        name: r.name,
-        file_text: r.file_text,
-        digest: r.digest,
-        seed: r.seed.cast_unsigned(),
-        program_version: r.program_version,
-        model_digest: r.model_digest,
-    })
+    row.ok_or_else(|| connection.damaged("it names no campaign"))
+}
+
+/// As [`campaign`], of a schema that has no seals.
+pub(crate) async fn campaign_before_seals(
+    connection: &mut Connection<'_>,
+) -> Result<CampaignRow, Error> {
+    let row = keyed::all_unsealed(connection).await?.pop();
+    row.ok_or_else(|| connection.damaged("it names no campaign"))
 }
 
 pub(crate) async fn sampled_counts(
-    pool: &SqlitePool,
-    path: &Path,
+    connection: &mut Connection<'_>,
 ) -> Result<Vec<(u64, u64)>, Error> {
-    let rows = sqlx::query!(
-        r#"SELECT design.design, coalesce(design_tally.samples, 0) AS "held!: i64"
+    let rows = connection
+        .all(
+            "count samples",
+            sqlx::query!(
+                r#"SELECT design.design, coalesce(design_tally.samples, 0) AS "held!: i64"
            FROM design LEFT JOIN design_tally ON design_tally.design = design.design
            ORDER BY design.design"#
-    )
-    .fetch_all(pool)
-    .await
-    .map_err(|e| Error::sqlite("count samples", path, e))?;
+            ),
+        )
+        .await?;
     Ok(rows
         .into_iter()
         .map(|r| (index(r.design), index(r.held)))
@@ -74,18 +58,19 @@ pub(crate) async fn sampled_counts(
 /// Designs that lack their criteria, or are feasible, not ruled out, and lack samples below `wanted`,
 /// or below what `more` says of them.
 pub(crate) async fn missing_work(
-    pool: &SqlitePool,
-    path: &Path,
+    connection: &mut Connection<'_>,
     wanted: u64,
     more: &BTreeMap<u64, u64>,
 ) -> Result<Vec<MissingWork>, Error> {
-    let failed = |e| Error::sqlite("look for missing work", path, e);
     // Beyond i64::MAX no sample can be stored, so nothing more could be missing or held.
     let limit = i64::try_from(wanted).unwrap_or(i64::MAX);
     let mut missing = BTreeMap::new();
     // Designs with every sample up to their last one, and enough of them, stay in the database.
-    let rows = sqlx::query!(
-        r#"SELECT design.design AS "design!: i64",
+    let rows = connection
+        .all(
+            "look for missing work",
+            sqlx::query!(
+                r#"SELECT design.design AS "design!: i64",
                   design.x_p, design.x_r, design.ha0_p, design.ha0_r, design.hf0_p, design.hf0_r,
                   criteria.design IS NULL AS "without_criteria!: bool",
                   coalesce(design_tally.samples, 0) AS "held!: i64",
@@ -98,18 +83,17 @@ pub(crate) async fn missing_work(
                  AND (coalesce(design_tally.samples, 0) < ?1
                       OR design_tally.samples <= design_tally.last_sample)
            ORDER BY design.design"#,
-        limit,
-    )
-    .fetch_all(pool)
-    .await
-    .map_err(failed)?;
+                limit,
+            ),
+        )
+        .await?;
 
     for row in rows {
         let samples = if row.held > row.last {
             // Without holes: nothing has to be read to know what is missing.
-            gaps(0..index(row.held), wanted)
+            gaps(std::iter::once(0..index(row.held)), wanted)
         } else {
-            missing_samples(pool, path, row.design, limit).await?
+            missing_samples(connection, row.design, limit).await?
         };
         if row.without_criteria || !samples.is_empty() {
             let x = [row.x_p, row.x_r, row.ha0_p, row.ha0_r, row.hf0_p, row.hf0_r];
@@ -123,12 +107,12 @@ pub(crate) async fn missing_work(
     }
     for (&design, &wanted) in more {
         let limit = i64::try_from(wanted).unwrap_or(i64::MAX);
-        let samples = missing_samples(pool, path, design.cast_signed(), limit).await?;
+        let samples = missing_samples(connection, design.cast_signed(), limit).await?;
         match missing.get_mut(&design) {
             Some(work) => work.samples = samples,
             None if samples.is_empty() => {}
             None => {
-                let row = design_row(pool, path, design.cast_signed()).await?;
+                let row = design_row(connection, design.cast_signed()).await?;
                 let work = MissingWork {
                     design: row,
                     criteria: false,
@@ -141,45 +125,53 @@ pub(crate) async fn missing_work(
     Ok(missing.into_values().collect())
 }
 
-async fn design_row(pool: &SqlitePool, path: &Path, design: i64) -> Result<DesignRow, Error> {
-    let row = sqlx::query!(
-        "SELECT x_p, x_r, ha0_p, ha0_r, hf0_p, hf0_r FROM design WHERE design = ?",
-        design
-    )
-    .fetch_one(pool)
-    .await
-    .map_err(|e| Error::sqlite("read a design", path, e))?;
+async fn design_row(connection: &mut Connection<'_>, design: i64) -> Result<DesignRow, Error> {
+    let row = connection
+        .one(
+            "read a design",
+            sqlx::query!(
+                "SELECT x_p, x_r, ha0_p, ha0_r, hf0_p, hf0_r FROM design WHERE design = ?",
+                design
+            ),
+        )
+        .await?;
     let x = [row.x_p, row.x_r, row.ha0_p, row.ha0_r, row.hf0_p, row.hf0_r];
     Ok(DesignRow::new(index(design), x))
 }
 
 /// What is missing of the samples `0..limit` of one design.
 async fn missing_samples(
-    pool: &SqlitePool,
-    path: &Path,
+    connection: &mut Connection<'_>,
     design: i64,
     limit: i64,
 ) -> Result<Vec<Range<u64>>, Error> {
-    let held = sqlx::query_scalar!(
-        "SELECT sample FROM sample WHERE design = ? AND sample < ? ORDER BY sample",
-        design,
-        limit,
-    )
-    .fetch_all(pool)
-    .await
-    .map_err(|e| Error::sqlite("look for missing work", path, e))?;
-    Ok(gaps(held.into_iter().map(index), index(limit)))
+    let held = connection
+        .all(
+            "look for missing work",
+            sqlx::query!(
+                r#"SELECT first_sample, length(delta_ste_um) / 8 AS "samples!: i64"
+                   FROM sample_range WHERE design = ? AND first_sample < ? ORDER BY first_sample"#,
+                design,
+                limit,
+            ),
+        )
+        .await?;
+    let held = held.into_iter().map(|r| {
+        let first = index(r.first_sample);
+        first..first + index(r.samples)
+    });
+    Ok(gaps(held, index(limit)))
 }
 
 /// What `held`, ascending, leaves of `0..wanted`.
-fn gaps(held: impl Iterator<Item = u64>, wanted: u64) -> Vec<Range<u64>> {
+fn gaps(held: impl IntoIterator<Item = Range<u64>>, wanted: u64) -> Vec<Range<u64>> {
     let mut gaps = Vec::new();
     let mut next = 0;
-    for sample in held.take_while(|sample| *sample < wanted) {
-        if sample > next {
-            gaps.push(next..sample);
+    for range in held {
+        if range.start.min(wanted) > next {
+            gaps.push(next..range.start.min(wanted));
         }
-        next = sample + 1;
+        next = range.end;
     }
     if next < wanted {
         gaps.push(next..wanted);
@@ -188,162 +180,38 @@ fn gaps(held: impl Iterator<Item = u64>, wanted: u64) -> Vec<Range<u64>> {
 }
 
 /// How many commits the store holds.
-pub(crate) async fn commits(connection: &mut SqliteConnection, path: &Path) -> Result<u64, Error> {
-    sqlx::query_scalar!("SELECT commits FROM tally")
-        .fetch_one(connection)
+pub(crate) async fn commits(connection: &mut Connection<'_>) -> Result<u64, Error> {
+    connection
+        .one("read the tally", sqlx::query!("SELECT commits FROM tally"))
         .await
-        .map(index)
-        .map_err(|e| Error::sqlite("read the tally", path, e))
-}
-
-/// The digest as the tally has it.
-pub(crate) async fn tally(
-    executor: impl SqliteExecutor<'_>,
-    path: &Path,
-) -> Result<SamplesDigest, Error> {
-    let digest = sqlx::query_scalar!("SELECT samples_digest FROM tally")
-        .fetch_one(executor)
-        .await
-        .map_err(|e| Error::sqlite("read the tally", path, e))?;
-    let bytes = <&[u8; 32]>::try_from(digest.as_slice()).map_err(|_| Error::Damaged {
-        path: path.to_owned(),
-        detail: format!("the digest of its samples has {} bytes", digest.len()),
-    })?;
-    Ok(SamplesDigest::from_bytes(bytes))
-}
-
-pub(crate) async fn visit_samples<E: From<Error>>(
-    executor: impl SqliteExecutor<'_>,
-    path: &Path,
-    mut visit: impl FnMut(SampleRow) -> Result<(), E>,
-) -> Result<(), E> {
-    let mut rows =
-        sqlx::query!("SELECT design, sample, delta_ste_um FROM sample ORDER BY design, sample")
-            .fetch(executor);
-    while let Some(row) = rows.next().await {
-        let row = row.map_err(|e| Error::sqlite("read samples", path, e))?;
-        visit(SampleRow {
-            design: index(row.design),
-            sample: index(row.sample),
-            delta_ste_um: row.delta_ste_um,
-        })?;
-    }
-    Ok(())
+        .map(|r| index(r.commits))
 }
 
 pub(crate) async fn verify_counts(
-    pool: &SqlitePool,
-    path: &Path,
+    connection: &mut Connection<'_>,
 ) -> Result<Vec<(String, u64)>, Error> {
-    let rows = sqlx::query!("SELECT approach, samples FROM verify_tally ORDER BY approach")
-        .fetch_all(pool)
-        .await
-        .map_err(|e| Error::sqlite("count verification samples", path, e))?;
+    let rows = connection
+        .all(
+            "count verification samples",
+            sqlx::query!("SELECT approach, samples FROM verify_tally ORDER BY approach"),
+        )
+        .await?;
     Ok(rows
         .into_iter()
         .map(|r| (r.approach, index(r.samples)))
         .collect())
 }
 
-pub(crate) async fn samples_of(
-    pool: &SqlitePool,
-    path: &Path,
-    design: u64,
-) -> Result<Vec<(u64, f64)>, Error> {
-    let Ok(design) = i64::try_from(design) else {
-        return Ok(Vec::new());
-    };
-    let rows = sqlx::query!(
-        "SELECT sample, delta_ste_um FROM sample WHERE design = ? ORDER BY sample",
-        design,
-    )
-    .fetch_all(pool)
-    .await
-    .map_err(|e| Error::sqlite("read the samples of a design", path, e))?;
-    Ok(rows
-        .into_iter()
-        .map(|r| (index(r.sample), r.delta_ste_um))
-        .collect())
-}
-
-pub(crate) async fn responses(pool: &SqlitePool, path: &Path) -> Result<Vec<ResponseRow>, Error> {
-    let rows = sqlx::query!(
-        "SELECT design, mean_um, sd_um, p90_um, p90_variance_um2, lilliefors_p
-         FROM response ORDER BY design"
-    )
-    .fetch_all(pool)
-    .await
-    .map_err(|e| Error::sqlite("read responses", path, e))?;
-    Ok(rows
-        .into_iter()
-        .map(|r| ResponseRow {
-            design: index(r.design),
-            mean_um: r.mean_um,
-            sd_um: r.sd_um,
-            p90_um: r.p90_um,
-            p90_variance_um2: r.p90_variance_um2,
-            lilliefors_p: r.lilliefors_p,
-        })
-        .collect())
-}
-
-pub(crate) async fn model(
-    pool: &SqlitePool,
-    path: &Path,
-    name: &str,
-) -> Result<Option<ModelRow>, Error> {
-    sqlx::query_as!(
-        ModelRow,
-        "SELECT name, json, summary_json FROM model WHERE name = ?",
-        name
-    )
-    .fetch_optional(pool)
-    .await
-    .map_err(|e| Error::sqlite("read a model", path, e))
-}
-
-pub(crate) async fn models(pool: &SqlitePool, path: &Path) -> Result<Vec<ModelRow>, Error> {
-    sqlx::query_as!(
-        ModelRow,
-        "SELECT name, json, summary_json FROM model ORDER BY name"
-    )
-    .fetch_all(pool)
-    .await
-    .map_err(|e| Error::sqlite("read models", path, e))
-}
-
-pub(crate) async fn optima(pool: &SqlitePool, path: &Path) -> Result<Vec<OptimumRow>, Error> {
-    let rows = sqlx::query!(
-        "SELECT approach, x_json, criterion_um, feasible, criteria_json, simulator_calls,
-                cpu_seconds, note
-         FROM optimum ORDER BY approach"
-    )
-    .fetch_all(pool)
-    .await
-    .map_err(|e| Error::sqlite("read optima", path, e))?;
-    Ok(rows
-        .into_iter()
-        .map(|r| OptimumRow {
-            approach: r.approach,
-            x_json: r.x_json,
-            criterion_um: r.criterion_um,
-            feasible: r.feasible != 0,
-            criteria_json: r.criteria_json,
-            simulator_calls: index(r.simulator_calls),
-            cpu_seconds: r.cpu_seconds,
-            note: r.note,
-        })
-        .collect())
-}
-
-pub(crate) async fn failures(pool: &SqlitePool, path: &Path) -> Result<Vec<FailureRow>, Error> {
-    let rows = sqlx::query!(
-        r#"SELECT job, attempt AS "attempt: u32", worker, serial, kind, error, at_unix_ms
+pub(crate) async fn failures(connection: &mut Connection<'_>) -> Result<Vec<FailureRow>, Error> {
+    let rows = connection
+        .all(
+            "read failures",
+            sqlx::query!(
+                r#"SELECT job, attempt AS "attempt: u32", worker, serial, kind, error, at_unix_ms
            FROM failure ORDER BY failure"#
-    )
-    .fetch_all(pool)
-    .await
-    .map_err(|e| Error::sqlite("read failures", path, e))?;
+            ),
+        )
+        .await?;
     rows.into_iter()
         .map(|r| {
             Ok(FailureRow {
@@ -360,30 +228,28 @@ pub(crate) async fn failures(pool: &SqlitePool, path: &Path) -> Result<Vec<Failu
 }
 
 pub(crate) async fn knows_failure(
-    pool: &SqlitePool,
-    path: &Path,
+    connection: &mut Connection<'_>,
     worker: &str,
     serial: u64,
 ) -> Result<bool, Error> {
     let serial = serial.cast_signed();
-    sqlx::query_scalar!(
+    let found = connection.one("look for a failure", sqlx::query!(
         r#"SELECT EXISTS (SELECT 1 FROM failure WHERE worker = ? AND serial = ?) AS "known!: bool""#,
         worker,
         serial,
-    )
-    .fetch_one(pool)
-    .await
-    .map_err(|e| Error::sqlite("look for a failure", path, e))
+    )).await?;
+    Ok(found.known)
 }
 
 pub(crate) async fn generations(
-    pool: &SqlitePool,
-    path: &Path,
+    connection: &mut Connection<'_>,
 ) -> Result<BTreeMap<String, u64>, Error> {
-    let rows = sqlx::query!("SELECT stream, generation FROM stream_generation")
-        .fetch_all(pool)
-        .await
-        .map_err(|e| Error::sqlite("read what is wanted", path, e))?;
+    let rows = connection
+        .all(
+            "read what is wanted",
+            sqlx::query!("SELECT stream, generation FROM stream_generation"),
+        )
+        .await?;
     let rows = rows.into_iter();
     Ok(rows
         .map(|r| (r.stream, r.generation.cast_unsigned()))
@@ -391,11 +257,13 @@ pub(crate) async fn generations(
 }
 
 pub(crate) async fn job_histories(
-    pool: &SqlitePool,
-    path: &Path,
+    connection: &mut Connection<'_>,
 ) -> Result<Vec<JobHistory>, Error> {
-    let rows = sqlx::query!(
-        r#"WITH given_up AS (
+    let rows = connection
+        .all(
+            "read what went wrong with jobs",
+            sqlx::query!(
+                r#"WITH given_up AS (
                SELECT job, max(failure) AS last FROM failure WHERE kind = 'quarantine' GROUP BY job
            )
            SELECT failure.job AS "job!",
@@ -405,10 +273,9 @@ pub(crate) async fn job_histories(
                   sum(kind = 'failure' AND failure > coalesce(last, 0)) AS "failures!: u32"
            FROM failure LEFT JOIN given_up ON given_up.job = failure.job
            GROUP BY failure.job ORDER BY failure.job"#
-    )
-    .fetch_all(pool)
-    .await
-    .map_err(|e| Error::sqlite("read what went wrong with jobs", path, e))?;
+            ),
+        )
+        .await?;
     Ok(rows
         .into_iter()
         .map(|r| JobHistory {
@@ -421,17 +288,18 @@ pub(crate) async fn job_histories(
 }
 
 pub(crate) async fn failure_groups(
-    pool: &SqlitePool,
-    path: &Path,
+    connection: &mut Connection<'_>,
 ) -> Result<Vec<FailureGroup>, Error> {
-    let rows = sqlx::query!(
-        r#"SELECT failure_tally.kind, cause, failures, job, worker, error
+    let rows = connection
+        .all(
+            "read the causes of failures",
+            sqlx::query!(
+                r#"SELECT failure_tally.kind, cause, failures, job, worker, error
            FROM failure_tally JOIN failure ON failure = last_failure
            ORDER BY failure_tally.kind, cause"#
-    )
-    .fetch_all(pool)
-    .await
-    .map_err(|e| Error::sqlite("read the causes of failures", path, e))?;
+            ),
+        )
+        .await?;
     rows.into_iter()
         .map(|r| {
             Ok(FailureGroup {
@@ -453,25 +321,28 @@ fn kind(text: String) -> Result<FailureKind, Error> {
     })
 }
 
-pub(crate) async fn progress(pool: &SqlitePool, path: &Path) -> Result<Progress, Error> {
+pub(crate) async fn progress(connection: &mut Connection<'_>) -> Result<Progress, Error> {
     // One statement, so that all counts are of one moment.
-    let r = sqlx::query!(
-        r#"SELECT (SELECT count(*) FROM design) AS "designs!: i64",
+    let r = connection
+        .one(
+            "count rows",
+            sqlx::query!(
+                r#"SELECT (SELECT count(*) FROM design) AS "designs!: i64",
                   (SELECT count(*) FROM criteria) AS "criteria_done!: i64",
                   (SELECT count(*) FROM criteria WHERE feasible = 1) AS "feasible!: i64",
                   (SELECT count(*) FROM criteria WHERE feasible = 1 AND reason IS NOT NULL)
                       AS "ruled_out!: i64",
                   (SELECT samples FROM tally) AS "samples!: i64",
+                  (SELECT samples_of_responses FROM tally) AS "samples_of_responses?: i64",
                   (SELECT count(*) FROM response) AS "responses!: i64",
                   (SELECT count(*) FROM model) AS "models!: i64",
                   (SELECT count(*) FROM optimiser_run) AS "optimiser_runs!: i64",
                   (SELECT count(*) FROM optimum) AS "optima!: i64",
                   (SELECT coalesce(sum(samples), 0) FROM verify_tally) AS "verify_samples!: i64",
                   (SELECT coalesce(sum(failures), 0) FROM failure_tally) AS "failures!: i64""#
-    )
-    .fetch_one(pool)
-    .await
-    .map_err(|e| Error::sqlite("count rows", path, e))?;
+            ),
+        )
+        .await?;
     Ok(Progress {
         designs: index(r.designs),
         criteria_done: index(r.criteria_done),
@@ -479,6 +350,7 @@ pub(crate) async fn progress(pool: &SqlitePool, path: &Path) -> Result<Progress,
         ruled_out: index(r.ruled_out),
         samples: index(r.samples),
         responses: index(r.responses),
+        samples_of_responses: r.samples_of_responses.map(index),
         models: index(r.models),
         optimiser_runs: index(r.optimiser_runs),
         optima: index(r.optima),
@@ -498,16 +370,18 @@ mod tests {
 
     #[test]
     fn gaps_are_what_is_not_held() {
-        let gaps = |held: &[u64], wanted| {
-            gaps(held.iter().copied(), wanted)
+        let gaps = |held: &[(u64, u64)], wanted| {
+            gaps(held.iter().map(|&(start, end)| start..end), wanted)
                 .into_iter()
                 .map(|gap| (gap.start, gap.end))
                 .collect::<Vec<_>>()
         };
         assert_eq!(gaps(&[], 0), []);
         assert_eq!(gaps(&[], 3), [(0, 3)]);
-        assert_eq!(gaps(&[0, 1, 2], 3), []);
-        assert_eq!(gaps(&[1, 2, 5], 8), [(0, 1), (3, 5), (6, 8)]);
-        assert_eq!(gaps(&[0, 7], 8), [(1, 7)]);
+        assert_eq!(gaps(&[(0, 2), (2, 3)], 3), []);
+        assert_eq!(gaps(&[(0, 9)], 3), []);
+        assert_eq!(gaps(&[(1, 3), (5, 6)], 8), [(0, 1), (3, 5), (6, 8)]);
+        assert_eq!(gaps(&[(0, 1), (7, 20)], 8), [(1, 7)]);
+        assert_eq!(gaps(&[(0, 1), (7, 20), (30, 31)], 5), [(1, 5)]);
     }
 }

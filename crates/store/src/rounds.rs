@@ -1,14 +1,10 @@
 //! Rounds of infill points.
 
-use std::path::Path;
-
-use sqlx::Executor as _;
-use sqlx::sqlite::{SqliteConnection, SqlitePool};
-
 use crate::Error;
-use crate::query::index;
+use crate::connection::Connection;
+use crate::insert::REMOVING;
+use crate::keyed::{self, Table};
 use crate::rows::Receipt;
-use crate::tables::{finite, fits, number};
 
 /// What one round of infill decided.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,69 +61,20 @@ pub struct NewRound {
 }
 
 pub(crate) async fn insert(
-    connection: &mut SqliteConnection,
-    path: &Path,
+    connection: &mut Connection<'_>,
     new: &NewRound,
 ) -> Result<Receipt, Error> {
-    check(new)?;
-    let row = &new.row;
-    let round = row.round.cast_signed();
-    let expected = row.expected_improvement_um.map(number);
-    let simulator_calls = row.simulator_calls.cast_signed();
-    let cpu_seconds = number(row.cpu_seconds);
-    sqlx::query!(
-        "INSERT INTO enrichment_round
-            (round, expected_improvement_um, recommendation_json, stop_json, notes_json,
-             simulator_calls, cpu_seconds)
-         VALUES (?, ?, ?, ?, ?, ?, ?)",
-        round,
-        expected,
-        row.recommendation_json,
-        row.stop_json,
-        row.notes_json,
-        simulator_calls,
-        cpu_seconds,
-    )
-    .execute(&mut *connection)
-    .await
-    .map_err(|e| Error::insertion("enrichment_round", path, e))?;
+    new.row.check()?;
+    new.infill.iter().try_for_each(Table::check)?;
+    keyed::write(connection, "INSERT INTO", "", &[&new.row]).await?;
     for point in &new.infill {
-        let [x_p, x_r, ha0_p, ha0_r, hf0_p, hf0_r] = point.x.map(number);
-        let infill = point.infill.cast_signed();
-        let round = point.round.cast_signed();
-        let stream = point.number.cast_signed();
-        let violation = number(point.violation);
-        let samples = point.samples.cast_signed();
-        sqlx::query!(
-            "INSERT INTO infill
-                (infill, round, name, number, reason, x_p, x_r, ha0_p, ha0_r, hf0_p, hf0_r,
-                 violation, samples, failed)
-             VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-            infill,
-            round,
-            point.name,
-            stream,
-            point.reason,
-            x_p,
-            x_r,
-            ha0_p,
-            ha0_r,
-            hf0_p,
-            hf0_r,
-            violation,
-            samples,
-            point.failed,
-        )
-        .execute(&mut *connection)
-        .await
-        .map_err(|e| Error::insertion("infill", path, e))?;
+        keyed::write(connection, "INSERT INTO", "", &[point]).await?;
     }
-    for &failed in &new.failed {
-        let infill = failed.cast_signed();
-        sqlx::query!("UPDATE infill SET failed = 1 WHERE infill = ?", infill)
-            .execute(&mut *connection)
-            .await
-            .map_err(|e| Error::insertion("infill", path, e))?;
+    if !new.failed.is_empty() {
+        let mut failed: Vec<InfillRow> = keyed::all(connection).await?;
+        failed.retain(|point| new.failed.contains(&point.infill));
+        failed.iter_mut().for_each(|point| point.failed = true);
+        keyed::replace(connection, &failed).await?;
     }
     Ok(Receipt {
         new_rows: 1 + new.infill.len() as u64,
@@ -135,34 +82,8 @@ pub(crate) async fn insert(
     })
 }
 
-/// Refuses what SQLite would not give back as it was.
-fn check(new: &NewRound) -> Result<(), Error> {
-    let row = &new.row;
-    let key = || format!("round {}", row.round);
-    fits("enrichment_round.round", row.round)?;
-    fits("enrichment_round.simulator_calls", row.simulator_calls)?;
-    finite(
-        "enrichment_round.expected_improvement_um",
-        key,
-        row.expected_improvement_um.unwrap_or(0.0),
-    )?;
-    finite("enrichment_round.cpu_seconds", key, row.cpu_seconds)?;
-    for point in &new.infill {
-        let key = || format!("\"{}\"", point.name);
-        fits("infill.infill", point.infill)?;
-        fits("infill.round", point.round)?;
-        fits("infill.number", point.number)?;
-        fits("infill.samples", point.samples)?;
-        finite("infill.violation", key, point.violation)?;
-        for value in point.x {
-            finite("infill.x", key, value)?;
-        }
-    }
-    Ok(())
-}
-
 /// Removes all rounds with their points and the samples of those.
-pub(crate) async fn clear(connection: &mut SqliteConnection, path: &Path) -> Result<(), Error> {
+pub(crate) async fn clear(connection: &mut Connection<'_>) -> Result<(), Error> {
     for statement in [
         "DELETE FROM verify_sample WHERE approach IN (SELECT name FROM infill)",
         "DELETE FROM verify_tally WHERE approach IN (SELECT name FROM infill)",
@@ -170,58 +91,7 @@ pub(crate) async fn clear(connection: &mut SqliteConnection, path: &Path) -> Res
         "DELETE FROM infill",
         "DELETE FROM enrichment_round",
     ] {
-        connection
-            .execute(statement)
-            .await
-            .map_err(|e| Error::sqlite("remove derived rows", path, e))?;
+        connection.run(REMOVING, statement).await?;
     }
     Ok(())
-}
-
-pub(crate) async fn rounds(pool: &SqlitePool, path: &Path) -> Result<Vec<RoundRow>, Error> {
-    let rows = sqlx::query!(
-        "SELECT round, expected_improvement_um, recommendation_json, stop_json, notes_json,
-                simulator_calls, cpu_seconds
-         FROM enrichment_round ORDER BY round"
-    )
-    .fetch_all(pool)
-    .await
-    .map_err(|e| Error::sqlite("read rounds", path, e))?;
-    Ok(rows
-        .into_iter()
-        .map(|r| RoundRow {
-            round: index(r.round),
-            expected_improvement_um: r.expected_improvement_um,
-            recommendation_json: r.recommendation_json,
-            stop_json: r.stop_json,
-            notes_json: r.notes_json,
-            simulator_calls: index(r.simulator_calls),
-            cpu_seconds: r.cpu_seconds,
-        })
-        .collect())
-}
-
-pub(crate) async fn infill(pool: &SqlitePool, path: &Path) -> Result<Vec<InfillRow>, Error> {
-    let rows = sqlx::query!(
-        r#"SELECT infill, round, name, number, reason, x_p, x_r, ha0_p, ha0_r, hf0_p, hf0_r,
-                  violation, samples, failed AS "failed: bool"
-           FROM infill ORDER BY infill"#
-    )
-    .fetch_all(pool)
-    .await
-    .map_err(|e| Error::sqlite("read infill points", path, e))?;
-    Ok(rows
-        .into_iter()
-        .map(|r| InfillRow {
-            infill: index(r.infill),
-            round: index(r.round),
-            name: r.name,
-            number: index(r.number),
-            reason: r.reason,
-            x: [r.x_p, r.x_r, r.ha0_p, r.ha0_r, r.hf0_p, r.hf0_r],
-            violation: r.violation,
-            samples: index(r.samples),
-            failed: r.failed,
-        })
-        .collect())
 }

@@ -355,6 +355,8 @@ pub struct Progress {
     pub samples: u64,
     /// Designs with a response.
     pub responses: u64,
+    /// How many samples the responses were computed from, where that is known.
+    pub samples_of_responses: Option<u64>,
     /// Fitted models.
     pub models: u64,
     /// Finished optimiser runs.

@@ -1,21 +1,23 @@
 //! The handle through which everyone reads, and through which the stages store their results.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
+use std::sync::Arc;
 
 use sqlx::sqlite::SqlitePool;
 
 use crate::Error;
 use crate::check::Verdict;
-use crate::digest::SamplesDigest;
-use crate::keyed;
+use crate::connection::Connection;
+use crate::keyed::{self, Value};
 use crate::query;
-use crate::rounds::{self, InfillRow, NewRound, RoundRow};
+use crate::rounds::{InfillRow, NewRound, RoundRow};
 use crate::rows::{
     CampaignRow, CriteriaRow, DesignRow, FailureGroup, FailureRow, JobHistory, JobTimeRow,
     MissingWork, ModelRow, OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow, SampleRow,
     VerifyRow,
 };
+use crate::samples;
 use crate::tally;
 use crate::writer::{Rows, Writer};
 
@@ -26,7 +28,7 @@ use crate::writer::{Rows, Writer};
 /// [`Error::Closed`]; writes also as described at [`Writer::submit`].
 #[derive(Debug, Clone)]
 pub struct Store {
-    pub(crate) path: PathBuf,
+    pub(crate) path: Arc<Path>,
     pub(crate) readers: SqlitePool,
     /// `None` when opened for reading.
     pub(crate) writer: Option<Writer>,
@@ -49,15 +51,27 @@ impl Store {
     }
 
     /// Waits until the file is known to be sound, which a small one is when it is open: its pages,
-    /// and that its samples have the digest they were acknowledged with. Stop at an error: if pages
-    /// are damaged, nothing has been written. Always true of a store that
-    /// was opened for reading, which is not checked.
+    /// and that its rows are what was stored. Stop at an error: if pages are damaged, nothing has been
+    /// written. A large store that was opened for reading is checked by the first call.
     ///
     /// # Errors
     ///
-    /// [`Error::Damaged`], or [`Error::Sqlite`] when the check could not be made.
+    /// [`Error::Damaged`], [`Error::DamagedRows`] or [`Error::Lost`], or [`Error::Sqlite`] when the
+    /// check could not be made.
     pub fn checked(&self) -> impl Future<Output = Result<(), Error>> + Send + use<> {
         self.verdict.clone().on_everything()
+    }
+
+    /// Whether everything in the file has been compared with its digests since it was opened, without
+    /// a difference: of what was found there, that is; what is stored meanwhile is not read again.
+    pub fn is_checked(&self) -> bool {
+        self.verdict.is_sound()
+    }
+
+    /// Waits for what [`checked`](Store::checked) would find, and for the file or its log to go away,
+    /// which the writer notices at its next commit or within a second. Never ends while all is well.
+    pub fn damaged(&self) -> impl Future<Output = Error> + Send + use<> {
+        self.verdict.clone().on_damage()
     }
 
     /// Commits what was submitted, moves the log into the file and gives the lock back.
@@ -79,7 +93,7 @@ impl Store {
 
     /// The campaign that the store belongs to.
     pub async fn campaign(&self) -> Result<CampaignRow, Error> {
-        query::campaign(&self.readers, &self.path).await
+        query::campaign(&mut self.reader().await?).await
     }
 
     /// Records which gear model fills the store; the first call decides.
@@ -99,7 +113,7 @@ impl Store {
 
     /// All designs.
     pub async fn designs(&self) -> Result<Vec<DesignRow>, Error> {
-        keyed::all(&self.readers, &self.path).await
+        keyed::all(&mut self.reader().await?).await
     }
 
     /// Stores designs, all or none; first write wins.
@@ -113,12 +127,12 @@ impl Store {
 
     /// The criteria of all designs that have them.
     pub async fn criteria(&self) -> Result<Vec<CriteriaRow>, Error> {
-        keyed::all(&self.readers, &self.path).await
+        keyed::all(&mut self.reader().await?).await
     }
 
     /// How many samples each design has, as (design, samples), designs without any included.
     pub async fn sampled_counts(&self) -> Result<Vec<(u64, u64)>, Error> {
-        query::sampled_counts(&self.readers, &self.path).await
+        query::sampled_counts(&mut self.reader().await?).await
     }
 
     /// What is missing until every design has its criteria and every feasible design its samples
@@ -130,12 +144,12 @@ impl Store {
         samples_per_design: u64,
         more: &BTreeMap<u64, u64>,
     ) -> Result<Vec<MissingWork>, Error> {
-        query::missing_work(&self.readers, &self.path, samples_per_design, more).await
+        query::missing_work(&mut self.reader().await?, samples_per_design, more).await
     }
 
     /// The samples of one design, as (sample, ΔSTE in µm).
     pub async fn samples_of(&self, design: u64) -> Result<Vec<(u64, f64)>, Error> {
-        query::samples_of(&self.readers, &self.path, design).await
+        samples::of_design(&mut self.reader().await?, design).await
     }
 
     /// Shows every sample to `visit`, by design and then by sample, never holding all of them in
@@ -148,7 +162,8 @@ impl Store {
         &self,
         visit: impl FnMut(SampleRow) -> Result<(), E>,
     ) -> Result<(), E> {
-        query::visit_samples(&self.readers, &self.path, visit).await
+        let mut reader = self.reader().await?;
+        samples::visit(&mut reader, visit).await
     }
 
     /// The digest of all samples, as 64 hex digits; read, not computed.
@@ -163,37 +178,60 @@ impl Store {
     /// accidents, such as samples that differ, are lost or are there twice. It is not a signature:
     /// somebody who may choose samples freely can make two tables with one sum.
     pub async fn samples_digest(&self) -> Result<String, Error> {
-        query::tally(&self.readers, &self.path)
-            .await
-            .map(SamplesDigest::to_hex)
+        let (_, digest) = tally::samples(&mut self.reader().await?).await?;
+        Ok(digest.to_hex())
     }
 
     /// [`samples_digest`](Store::samples_digest) as the samples themselves have it, which takes a
     /// reading of all of them. A difference says that the store's file was changed by something
     /// else than this program.
     pub async fn recompute_samples_digest(&self) -> Result<String, Error> {
-        let digest = tally::recompute(&self.readers, &self.path).await?;
+        let digest = samples::recompute(&mut self.reader().await?).await?;
+        Ok(digest.to_hex())
+    }
+
+    /// The digest of all verification and infill samples, as 64 hex digits; read, not computed.
+    ///
+    /// A sum like [`samples_digest`](Store::samples_digest), in whatever order the samples came, over
+    /// the SHA-256 of the length of the point's name as a 64-bit little-endian integer, the name, the
+    /// sample and the bits of ΔSTE in µm. It is that of the samples which are there: those of an
+    /// optimum that is chosen anew leave it when they are removed.
+    pub async fn verify_samples_digest(&self) -> Result<String, Error> {
+        let digest = tally::verify_digest(&mut self.reader().await?).await?;
+        Ok(digest.to_hex())
+    }
+
+    /// [`verify_samples_digest`](Store::verify_samples_digest) as the samples themselves have it.
+    pub async fn recompute_verify_samples_digest(&self) -> Result<String, Error> {
+        let digest = tally::recompute_verify(&mut self.reader().await?).await?;
         Ok(digest.to_hex())
     }
 
     /// The responses of all designs that have one.
     pub async fn responses(&self) -> Result<Vec<ResponseRow>, Error> {
-        query::responses(&self.readers, &self.path).await
+        keyed::all(&mut self.reader().await?).await
     }
 
-    /// Stores responses, all or none, replacing those held.
-    pub async fn put_responses(&self, rows: &[ResponseRow]) -> Result<Receipt, Error> {
-        self.put(Rows::Responses(rows.to_vec())).await
+    /// Stores responses, all or none, replacing those held. They were computed from so many samples:
+    /// [`Progress::samples_of_responses`].
+    pub async fn put_responses(
+        &self,
+        rows: &[ResponseRow],
+        samples: u64,
+    ) -> Result<Receipt, Error> {
+        self.put(Rows::Responses(rows.to_vec(), samples)).await
     }
 
     /// The model of this name, if there is one.
     pub async fn model(&self, name: &str) -> Result<Option<ModelRow>, Error> {
-        query::model(&self.readers, &self.path, name).await
+        let mut reader = self.reader().await?;
+        let models = keyed::all_where(&mut reader, "WHERE name = ?", Value::Text(name)).await?;
+        Ok(models.into_iter().next())
     }
 
     /// All models.
     pub async fn models(&self) -> Result<Vec<ModelRow>, Error> {
-        query::models(&self.readers, &self.path).await
+        keyed::all(&mut self.reader().await?).await
     }
 
     /// Stores a model, replacing the one of its name.
@@ -203,12 +241,12 @@ impl Store {
 
     /// All optimiser runs, by approach and then by start.
     pub async fn optimiser_runs(&self) -> Result<Vec<OptimiserRunRow>, Error> {
-        keyed::all(&self.readers, &self.path).await
+        keyed::all(&mut self.reader().await?).await
     }
 
     /// All optima.
     pub async fn optima(&self) -> Result<Vec<OptimumRow>, Error> {
-        query::optima(&self.readers, &self.path).await
+        keyed::all(&mut self.reader().await?).await
     }
 
     /// Stores an optimum, replacing the one of its approach.
@@ -218,12 +256,12 @@ impl Store {
 
     /// All rounds of infill.
     pub async fn rounds(&self) -> Result<Vec<RoundRow>, Error> {
-        rounds::rounds(&self.readers, &self.path).await
+        keyed::all(&mut self.reader().await?).await
     }
 
     /// The points of all rounds.
     pub async fn infill(&self) -> Result<Vec<InfillRow>, Error> {
-        rounds::infill(&self.readers, &self.path).await
+        keyed::all(&mut self.reader().await?).await
     }
 
     /// Stores a round with its points, and marks the earlier points that it found to have failed,
@@ -239,17 +277,17 @@ impl Store {
 
     /// The samples at the optimum of one approach.
     pub async fn verify_samples(&self, approach: &str) -> Result<Vec<VerifyRow>, Error> {
-        keyed::all_of(&self.readers, &self.path, approach).await
+        tally::verify_samples(&mut self.reader().await?, approach).await
     }
 
     /// How many samples there are at the optimum of each approach that has any, by approach.
     pub async fn verify_counts(&self) -> Result<Vec<(String, u64)>, Error> {
-        query::verify_counts(&self.readers, &self.path).await
+        query::verify_counts(&mut self.reader().await?).await
     }
 
     /// Of which generation results of a stream are wanted, by stream.
     pub async fn generations(&self) -> Result<BTreeMap<String, u64>, Error> {
-        query::generations(&self.readers, &self.path).await
+        query::generations(&mut self.reader().await?).await
     }
 
     /// Says of which generation results of these streams are wanted from now on, all or nothing. If
@@ -286,32 +324,39 @@ impl Store {
 
     /// What the finished jobs cost, by number.
     pub async fn job_times(&self) -> Result<Vec<JobTimeRow>, Error> {
-        keyed::all(&self.readers, &self.path).await
+        keyed::all(&mut self.reader().await?).await
     }
 
     /// Everything that went wrong, in the order in which it was stored.
     pub async fn failures(&self) -> Result<Vec<FailureRow>, Error> {
-        query::failures(&self.readers, &self.path).await
+        query::failures(&mut self.reader().await?).await
     }
 
     /// Whether the failure to which its worker gave this number is stored.
     pub async fn knows_failure(&self, worker: &str, serial: u64) -> Result<bool, Error> {
-        query::knows_failure(&self.readers, &self.path, worker, serial).await
+        query::knows_failure(&mut self.reader().await?, worker, serial).await
     }
 
     /// What went wrong, by job.
     pub async fn job_histories(&self) -> Result<Vec<JobHistory>, Error> {
-        query::job_histories(&self.readers, &self.path).await
+        query::job_histories(&mut self.reader().await?).await
     }
 
     /// What went wrong, grouped by kind and cause: by kind, and then by the cause's text.
     pub async fn failure_groups(&self) -> Result<Vec<FailureGroup>, Error> {
-        query::failure_groups(&self.readers, &self.path).await
+        query::failure_groups(&mut self.reader().await?).await
     }
 
     /// How far the campaign is. Counts designs, but no samples: those are tallied.
     pub async fn progress(&self) -> Result<Progress, Error> {
-        query::progress(&self.readers, &self.path).await
+        query::progress(&mut self.reader().await?).await
+    }
+
+    async fn reader(&self) -> Result<Connection<'static>, Error> {
+        match self.readers.acquire().await {
+            Ok(sql) => Ok(Connection::pooled(sql, &self.path)),
+            Err(e) => Err(Error::sqlite("open its file for reading", &self.path, e)),
+        }
     }
 
     async fn put(&self, rows: Rows) -> Result<Receipt, Error> {

@@ -1,65 +1,67 @@
 //! What is known of samples and failures without reading them.
 
 use std::collections::BTreeMap;
-use std::path::Path;
-
-use sqlx::SqliteExecutor;
-use sqlx::sqlite::SqliteConnection;
 
 use crate::Error;
 use crate::cause::cause;
+use crate::connection::Connection;
 use crate::digest::SamplesDigest;
+use crate::keyed::{self, Value};
 use crate::query;
-use crate::rows::{SampleRow, VerifyRow};
+use crate::rows::VerifyRow;
+use crate::samples::{self, SampleRange};
 use crate::tables::number;
 
-/// What new rows add to the tallies.
+/// What samples add up to: those that a batch brings, or all that are there.
 #[derive(Debug, Default)]
 pub(crate) struct Tally {
-    samples: i64,
+    samples: u64,
     digest: SamplesDigest,
     /// Count and highest index by design.
     designs: BTreeMap<u64, (u64, u64)>,
-    verify: BTreeMap<String, i64>,
+    /// Count and digest by point.
+    points: BTreeMap<String, (u64, SamplesDigest)>,
 }
 
 impl Tally {
-    pub(crate) fn add_sample(&mut self, row: &SampleRow) {
-        self.samples += 1;
-        self.digest += SamplesDigest::of(row.design, row.sample, number(row.delta_ste_um));
-        let (count, last) = self.designs.entry(row.design).or_default();
-        *count += 1;
-        *last = row.sample.max(*last);
-    }
-
-    pub(crate) fn add_verify_sample(&mut self, row: &VerifyRow) {
-        match self.verify.get_mut(&row.approach) {
-            Some(count) => *count += 1,
-            None => {
-                self.verify.insert(row.approach.clone(), 1);
-            }
+    /// Adds a range that is not empty.
+    pub(crate) fn add_range(&mut self, range: &SampleRange) {
+        let (count, last) = self.designs.entry(range.design).or_default();
+        for row in range.rows() {
+            self.samples += 1;
+            self.digest += SamplesDigest::of(row.design, row.sample, row.delta_ste_um);
+            *count += 1;
+            *last = row.sample.max(*last);
         }
     }
 
+    pub(crate) fn digest(&self) -> SamplesDigest {
+        self.digest
+    }
+
+    pub(crate) fn add_verify_sample(&mut self, row: &VerifyRow) {
+        let digest = SamplesDigest::of_point(&row.approach, row.sample, number(row.delta_ste_um));
+        let (count, sum) = match self.points.get_mut(&row.approach) {
+            Some(point) => point,
+            None => self.points.entry(row.approach.clone()).or_default(),
+        };
+        *count += 1;
+        *sum += digest;
+    }
+
     /// Adds this to the tallies in the store, in the transaction that stored the rows.
-    pub(crate) async fn write(
-        &self,
-        connection: &mut SqliteConnection,
-        path: &Path,
-    ) -> Result<(), Error> {
-        let failed = |e| Error::insertion("tally", path, e);
+    pub(crate) async fn write(&self, connection: &mut Connection<'_>) -> Result<(), Error> {
         if self.samples > 0 {
-            let mut digest = query::tally(&mut *connection, path).await?;
+            let (_, mut digest) = samples(connection).await?;
             digest += self.digest;
             let digest = digest.to_bytes().to_vec();
-            sqlx::query!(
+            let count = self.samples.cast_signed();
+            let query = sqlx::query!(
                 "UPDATE tally SET samples = samples + ?, samples_digest = ?",
-                self.samples,
+                count,
                 digest,
-            )
-            .execute(&mut *connection)
-            .await
-            .map_err(failed)?;
+            );
+            connection.insert("tally", query).await?;
             // An array of arrays: one statement for any number of designs, prepared once.
             let designs: Vec<String> = self
                 .designs
@@ -67,55 +69,206 @@ impl Tally {
                 .map(|(design, (count, last))| format!("[{design},{count},{last}]"))
                 .collect();
             let designs = format!("[{}]", designs.join(","));
-            sqlx::query!(
+            let query = sqlx::query!(
                 "INSERT INTO design_tally (design, samples, last_sample)
                  SELECT value ->> 0, value ->> 1, value ->> 2 FROM json_each(?) WHERE TRUE
                  ON CONFLICT DO UPDATE SET
                     samples = samples + excluded.samples,
                     last_sample = max(last_sample, excluded.last_sample)",
                 designs,
-            )
-            .execute(&mut *connection)
-            .await
-            .map_err(failed)?;
+            );
+            connection.insert("design_tally", query).await?;
         }
-        for (approach, count) in &self.verify {
-            sqlx::query!(
-                "INSERT INTO verify_tally (approach, samples) VALUES (?, ?)
-                 ON CONFLICT DO UPDATE SET samples = samples + excluded.samples",
-                approach,
+        if self.points.is_empty() {
+            return Ok(());
+        }
+        let held = points(connection).await?;
+        for (point, (count, digest)) in &self.points {
+            let (_, mut sum) = held.get(point).copied().unwrap_or_default();
+            sum += *digest;
+            let sum = sum.to_bytes().to_vec();
+            let count = count.cast_signed();
+            let query = sqlx::query!(
+                "INSERT INTO verify_tally (approach, samples, samples_digest) VALUES (?, ?, ?)
+                 ON CONFLICT DO UPDATE SET
+                    samples = samples + excluded.samples,
+                    samples_digest = excluded.samples_digest",
+                point,
                 count,
-            )
-            .execute(&mut *connection)
-            .await
-            .map_err(failed)?;
+                sum,
+            );
+            connection.insert("verify_tally", query).await?;
         }
         Ok(())
     }
 }
 
+/// Count and digest of the samples of the DoE, as the tally has them.
+pub(crate) async fn samples(
+    connection: &mut Connection<'_>,
+) -> Result<(u64, SamplesDigest), Error> {
+    let query = sqlx::query!("SELECT samples, samples_digest FROM tally");
+    let row = connection.one("read the tally", query).await?;
+    let digest = SamplesDigest::from_blob(&row.samples_digest)
+        .ok_or_else(|| connection.damaged_rows("tally", "one 1".into(), NO_DIGEST))?;
+    Ok((query::index(row.samples), digest))
+}
+
+/// Count and digest of the samples of each point that has any, as the tallies have them.
+pub(crate) async fn points(
+    connection: &mut Connection<'_>,
+) -> Result<BTreeMap<String, (u64, SamplesDigest)>, Error> {
+    let query = sqlx::query!("SELECT approach, samples, samples_digest FROM verify_tally");
+    let rows = connection.all("count verification samples", query).await?;
+    rows.into_iter()
+        .map(|r| {
+            let digest = r
+                .samples_digest
+                .as_deref()
+                .and_then(SamplesDigest::from_blob);
+            let digest = digest.ok_or_else(|| {
+                let row = format!("approach {:?}", r.approach);
+                connection.damaged_rows("verify_tally", row, NO_DIGEST)
+            })?;
+            Ok((r.approach, (query::index(r.samples), digest)))
+        })
+        .collect()
+}
+
+/// The digest of all verification and infill samples, as the tallies have it.
+pub(crate) async fn verify_digest(connection: &mut Connection<'_>) -> Result<SamplesDigest, Error> {
+    let points = points(connection).await?;
+    Ok(sum(points.values()))
+}
+
+fn sum<'p>(points: impl Iterator<Item = &'p (u64, SamplesDigest)>) -> SamplesDigest {
+    let mut sum = SamplesDigest::default();
+    points.for_each(|(_, digest)| sum += *digest);
+    sum
+}
+
+const NO_DIGEST: &str = "it has no digest of 32 bytes";
+
+/// Compares the samples of the DoE, read from `table`, with their tallies.
+pub(crate) async fn compare(
+    connection: &mut Connection<'_>,
+    found: &Tally,
+    table: &'static str,
+) -> Result<(), Error> {
+    let (count, digest) = samples(connection).await?;
+    let held = design_tallies(connection).await?;
+    for design in held.keys().chain(found.designs.keys()) {
+        let (held, found) = (held.get(design), found.designs.get(design));
+        if held != found {
+            let numbers = |numbers: Option<&(u64, u64)>| {
+                let (count, last) = numbers.copied().unwrap_or_default();
+                format!("{count} up to number {last}")
+            };
+            let (held, found) = (numbers(held), numbers(found));
+            let detail = format!("it has samples ({found}) other than were counted ({held})");
+            let row = format!("design {design}");
+            return Err(connection.damaged_rows(table, row, &detail));
+        }
+    }
+    if (count, digest) != (found.samples, found.digest) {
+        let detail = format!(
+            "{} samples have the digest {}, the {count} that were acknowledged had {}: a number \
+             has changed on the disk",
+            found.samples,
+            found.digest.to_hex(),
+            digest.to_hex()
+        );
+        let row = "one of all".to_owned();
+        return Err(connection.damaged_rows(table, row, &detail));
+    }
+    Ok(())
+}
+
+/// Count and highest index of each design's samples, as the tallies have them.
+async fn design_tallies(
+    connection: &mut Connection<'_>,
+) -> Result<BTreeMap<u64, (u64, u64)>, Error> {
+    let query = sqlx::query!("SELECT design, samples, last_sample FROM design_tally");
+    let rows = connection.all("count samples", query).await?.into_iter();
+    Ok(rows
+        .map(|r| {
+            let tally = (query::index(r.samples), query::index(r.last_sample));
+            (query::index(r.design), tally)
+        })
+        .collect())
+}
+
+/// The samples of one point, compared with its tally of the same moment.
+pub(crate) async fn verify_samples(
+    connection: &mut Connection<'_>,
+    point: &str,
+) -> Result<Vec<VerifyRow>, Error> {
+    let mut moment = connection.begin("BEGIN").await?;
+    let (filter, name) = ("WHERE approach = ?", Value::Text(point));
+    let rows: Vec<VerifyRow> = keyed::all_where(&mut moment, filter, name).await?;
+    let held = points(&mut moment).await?;
+    let held: BTreeMap<_, _> = held.into_iter().filter(|(name, _)| name == point).collect();
+    compare_points(&moment, &rows, &held)?;
+    moment.commit().await?;
+    Ok(rows)
+}
+
+/// Compares all verification and infill samples with their tallies.
+pub(crate) async fn check_verify_samples(connection: &mut Connection<'_>) -> Result<(), Error> {
+    let mut moment = connection.begin("BEGIN").await?;
+    let rows: Vec<VerifyRow> = keyed::all(&mut moment).await?;
+    let held = points(&mut moment).await?;
+    compare_points(&moment, &rows, &held)?;
+    moment.commit().await
+}
+
+fn compare_points(
+    connection: &Connection<'_>,
+    rows: &[VerifyRow],
+    held: &BTreeMap<String, (u64, SamplesDigest)>,
+) -> Result<(), Error> {
+    let mut found = Tally::default();
+    rows.iter().for_each(|row| found.add_verify_sample(row));
+    for point in held.keys().chain(found.points.keys()) {
+        let (held, found) = (held.get(point), found.points.get(point));
+        if held != found {
+            let numbers = |numbers: Option<&(u64, SamplesDigest)>| {
+                let (count, digest) = numbers.copied().unwrap_or_default();
+                format!("{count} with the digest {}", digest.to_hex())
+            };
+            let (held, found) = (numbers(held), numbers(found));
+            let detail =
+                format!("its samples ({found}) are not those that were acknowledged ({held})");
+            let row = format!("one of approach {point:?}");
+            return Err(connection.damaged_rows("verify_sample", row, &detail));
+        }
+    }
+    Ok(())
+}
+
 /// Counts a commit, in its own transaction.
-pub(crate) async fn count_commit(
-    connection: &mut SqliteConnection,
-    path: &Path,
-) -> Result<u64, Error> {
-    sqlx::query_scalar!("UPDATE tally SET commits = commits + 1 RETURNING commits")
-        .fetch_one(connection)
+pub(crate) async fn count_commit(connection: &mut Connection<'_>) -> Result<u64, Error> {
+    connection
+        .one(
+            "count a commit",
+            sqlx::query!("UPDATE tally SET commits = commits + 1 RETURNING commits"),
+        )
         .await
-        .map(query::index)
-        .map_err(|e| Error::sqlite("count a commit", path, e))
+        .map(|r| query::index(r.commits))
 }
 
 /// Counts a failure, in the transaction that stored it.
 pub(crate) async fn count_failure(
-    connection: &mut SqliteConnection,
-    path: &Path,
+    connection: &mut Connection<'_>,
     kind: &str,
     error: &str,
     failure: i64,
 ) -> Result<(), Error> {
     let cause = cause(error);
-    sqlx::query!(
+    connection
+        .insert(
+            "failure_tally",
+            sqlx::query!(
         "INSERT INTO failure_tally (kind, cause, failures, last_failure) VALUES (?, ?, 1, ?)
          ON CONFLICT DO UPDATE SET
             failures = failures + 1,
@@ -123,41 +276,48 @@ pub(crate) async fn count_failure(
         kind,
         cause,
         failure,
-    )
-    .execute(connection)
-    .await
-    .map_err(|e| Error::insertion("failure_tally", path, e))?;
+    ),
+        )
+        .await?;
     Ok(())
 }
 
-/// The digest of the samples that are there.
-pub(crate) async fn recompute(
-    executor: impl SqliteExecutor<'_>,
-    path: &Path,
+/// The digest of the verification and infill samples that are there.
+pub(crate) async fn recompute_verify(
+    connection: &mut Connection<'_>,
 ) -> Result<SamplesDigest, Error> {
-    let mut digest = SamplesDigest::default();
-    query::visit_samples(executor, path, |row| {
-        digest += SamplesDigest::of(row.design, row.sample, row.delta_ste_um);
-        Ok::<(), Error>(())
-    })
-    .await?;
-    Ok(digest)
+    let rows: Vec<VerifyRow> = keyed::all(connection).await?;
+    let mut found = Tally::default();
+    rows.iter().for_each(|row| found.add_verify_sample(row));
+    Ok(sum(found.points.values()))
 }
 
 /// Does what the migration that brought the tallies cannot: SQL has neither SHA-256 nor causes.
-pub(crate) async fn fill(connection: &mut SqliteConnection, path: &Path) -> Result<(), Error> {
-    let digest = recompute(&mut *connection, path).await?;
+pub(crate) async fn fill(connection: &mut Connection<'_>) -> Result<(), Error> {
+    let digest = samples::recompute(connection).await?;
     let digest = digest.to_bytes().to_vec();
-    sqlx::query!("UPDATE tally SET samples_digest = ?", digest)
-        .execute(&mut *connection)
-        .await
-        .map_err(|e| Error::insertion("tally", path, e))?;
-    let failures = sqlx::query!("SELECT failure, kind, error FROM failure ORDER BY failure")
-        .fetch_all(&mut *connection)
-        .await
-        .map_err(|e| Error::sqlite("read failures", path, e))?;
-    for row in failures {
-        count_failure(connection, path, &row.kind, &row.error, row.failure).await?;
+    let query = sqlx::query!("UPDATE tally SET samples_digest = ?", digest);
+    connection.insert("tally", query).await?;
+    let query = sqlx::query!("SELECT failure, kind, error FROM failure ORDER BY failure");
+    for row in connection.all("read failures", query).await? {
+        count_failure(connection, &row.kind, &row.error, row.failure).await?;
+    }
+    Ok(())
+}
+
+/// Does what the migration that brought the seals cannot.
+pub(crate) async fn fill_points(connection: &mut Connection<'_>) -> Result<(), Error> {
+    let rows: Vec<VerifyRow> = keyed::all(connection).await?;
+    let mut found = Tally::default();
+    rows.iter().for_each(|row| found.add_verify_sample(row));
+    for (point, (_, digest)) in &found.points {
+        let digest = digest.to_bytes().to_vec();
+        let query = sqlx::query!(
+            "UPDATE verify_tally SET samples_digest = ? WHERE approach = ?",
+            digest,
+            point,
+        );
+        connection.insert("verify_tally", query).await?;
     }
     Ok(())
 }

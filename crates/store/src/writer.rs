@@ -6,17 +6,19 @@
 //! bottleneck. The task is nobody's child: a caller that goes away while it waits does not stop a
 //! transaction half-way.
 
-use std::path::{Path, PathBuf};
+use std::slice;
+use std::time::Duration;
 
-use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
-use sqlx::{Connection as _, Executor as _};
+use sqlx::sqlite::SqliteConnectOptions;
 use tokio::sync::{mpsc, oneshot};
 
 use crate::check::Verdict;
+use crate::connection::Connection;
 use crate::lock::Lock;
+use crate::place::Place;
 use crate::rounds::{self, NewRound};
 use crate::rows::{Batch, CampaignRow, DesignRow, ModelRow, OptimumRow, Receipt, ResponseRow};
-use crate::{Error, failpoints, insert, open, tally};
+use crate::{Error, failpoints, insert, tally};
 
 /// Batches that wait for the writer before `submit` makes its callers wait.
 const QUEUE: usize = 1024;
@@ -24,6 +26,9 @@ const QUEUE: usize = 1024;
 /// A group is closed when it has this many rows: what keeps acknowledgements from waiting for
 /// ever longer transactions.
 const GROUP_ROWS: usize = 20_000;
+
+/// How often an idle writer looks whether its files are still there.
+const LOOK: Duration = Duration::from_secs(1);
 
 /// Bytes after which the log is moved into the file: a thousand pages, as SQLite does by itself.
 const LONG_LOG: u64 = 4 << 20;
@@ -81,7 +86,8 @@ impl Writer {
 pub(crate) enum Rows {
     Batch(Batch),
     Designs(Vec<DesignRow>),
-    Responses(Vec<ResponseRow>),
+    /// With the number of samples that they were computed from.
+    Responses(Vec<ResponseRow>, u64),
     Model(ModelRow),
     Optimum(OptimumRow),
     Round(NewRound),
@@ -107,7 +113,7 @@ impl Rows {
         match self {
             Self::Batch(batch) => batch.len(),
             Self::Designs(rows) => rows.len(),
-            Self::Responses(rows) => rows.len(),
+            Self::Responses(rows, _) => rows.len(),
             Self::Generations(rows) => rows.len(),
             Self::Model(_)
             | Self::Optimum(_)
@@ -134,16 +140,15 @@ type Ack = oneshot::Sender<Result<Receipt, Error>>;
 
 /// Starts the writing task. It owns the lock, so that the lock outlives the last commit.
 pub(crate) fn spawn(
-    path: PathBuf,
+    place: Place,
     options: SqliteConnectOptions,
-    connection: Option<SqliteConnection>,
+    connection: Option<Connection<'static>>,
     verdict: Verdict,
     lock: Lock,
 ) -> Writer {
     let (queue, commands) = mpsc::channel(QUEUE);
     let task = Task {
-        log: open::beside(&path, "-wal"),
-        path,
+        place,
         options,
         connection,
         verdict,
@@ -154,12 +159,11 @@ pub(crate) fn spawn(
 }
 
 struct Task {
-    path: PathBuf,
-    log: PathBuf,
+    place: Place,
     options: SqliteConnectOptions,
     /// `None` before the file is known to be sound, and after a failed transaction, of whose state
     /// nothing is then assumed.
-    connection: Option<SqliteConnection>,
+    connection: Option<Connection<'static>>,
     verdict: Verdict,
     lock: Lock,
 }
@@ -168,8 +172,14 @@ impl Task {
     async fn run(mut self, mut commands: mpsc::Receiver<Command>) {
         let mut closing = None;
         while closing.is_none() {
-            let Some(mut command) = commands.recv().await else {
-                break;
+            let mut command = match tokio::time::timeout(LOOK, commands.recv()).await {
+                Ok(Some(command)) => command,
+                Ok(None) => break,
+                Err(_) => {
+                    // The verdict is there for whoever waits for it.
+                    let _ = self.check_place();
+                    continue;
+                }
             };
             let mut group = Vec::new();
             let mut rows_in_group = 0;
@@ -227,13 +237,19 @@ impl Task {
 
     /// Moves the log into the file when it has grown long; nobody waits for that.
     async fn shorten_log(&mut self) {
-        let long = std::fs::metadata(&self.log).is_ok_and(|log| log.len() > LONG_LOG);
+        let long = self.place.check(self.connection.is_some());
+        let long = long.is_ok_and(|log| log > LONG_LOG);
         let Some(connection) = self.connection.as_mut().filter(|_| long) else {
             return;
         };
         failpoints::during("store::checkpoint");
         // Passive: what readers still need stays in the log, and moves another time.
-        let result = connection.execute("PRAGMA wal_checkpoint(PASSIVE)").await;
+        let result = connection
+            .run(
+                "move the log into its file",
+                "PRAGMA wal_checkpoint(PASSIVE)",
+            )
+            .await;
         if let Err(error) = result {
             // Nothing is lost, the log holds it.
             tracing::warn!(%error, "the log could not be moved into the store's file");
@@ -244,42 +260,46 @@ impl Task {
     /// batch was refused and the others were stored.
     async fn transaction(&mut self, group: &[Rows]) -> Result<Vec<Result<Receipt, Error>>, Error> {
         self.verdict.clone().on_pages().await?;
-        let path = &self.path;
-        let failed = |doing| move |e| Error::sqlite(doing, path, e);
+        // Before a connection is opened by the name.
+        self.check_place()?;
         let connection = match &mut self.connection {
             Some(connection) => connection,
-            none => none.insert(open::connect(&self.options, path).await?),
+            none => none.insert(Connection::open(&self.options, self.place.path()).await?),
         };
         // Immediate: a deferred transaction that turns into a writing one can fail with
         // SQLITE_BUSY_SNAPSHOT, for which the busy timeout does not wait.
-        connection
-            .execute("BEGIN IMMEDIATE")
-            .await
-            .map_err(failed("begin a transaction"))?;
+        let mut transaction = connection.begin("BEGIN IMMEDIATE").await?;
         let mut answers = Vec::with_capacity(group.len());
         for run in group.chunk_by(|a, b| a.is_batch() && b.is_batch()) {
             // All of it at once, and when somebody in it is refused, each on its own.
             let mut pieces = vec![run];
             while let Some(rows) = pieces.pop() {
-                match store(connection, path, rows).await? {
+                match store(&mut transaction, rows).await? {
                     Ok(receipts) => answers.extend(receipts.into_iter().map(Ok)),
                     Err(_) if rows.len() > 1 => pieces.extend(rows.chunks(1).rev()),
                     Err(refusal) => answers.push(Err(refusal)),
                 }
             }
         }
-        let commits = tally::count_commit(connection, path).await?;
+        let commits = tally::count_commit(&mut transaction).await?;
         failpoints::at("store::before_commit");
-        connection
-            .execute("COMMIT")
-            .await
-            .map_err(failed("commit"))?;
+        transaction.commit().await?;
+        // Once more: what is acknowledged has to be found again.
+        self.check_place()?;
         if let Err(error) = self.lock.record(commits) {
             // Only the check against a log that is cut later is the worse for it.
             tracing::warn!(%error, "the commit could not be noted");
         }
         failpoints::at("store::after_commit");
         Ok(answers)
+    }
+
+    fn check_place(&mut self) -> Result<(), Error> {
+        let result = self.place.check(self.connection.is_some()).map(drop);
+        if let Err(lost) = &result {
+            self.verdict.conclude(Err(lost.clone()));
+        }
+        result
     }
 
     async fn finish(&mut self) -> Result<(), Error> {
@@ -291,62 +311,57 @@ impl Task {
         // A reader elsewhere may keep part of the log in use: that is reported in the
         // statement's row, not as an error, and costs nothing but the log's size.
         connection
-            .execute("PRAGMA wal_checkpoint(TRUNCATE)")
-            .await
-            .map_err(|e| Error::sqlite("move the log into its file", &self.path, e))?;
-        connection
-            .close()
-            .await
-            .map_err(|e| Error::sqlite("close its file", &self.path, e))
+            .run(
+                "move the log into its file",
+                "PRAGMA wal_checkpoint(TRUNCATE)",
+            )
+            .await?;
+        connection.close().await
     }
 }
 
 /// Stores rows of one kind, all or none. The outer error means that the transaction is lost; the
 /// inner one that these rows were refused and left no trace.
 async fn store(
-    connection: &mut SqliteConnection,
-    path: &Path,
+    connection: &mut Connection<'_>,
     rows: &[Rows],
 ) -> Result<Result<Vec<Receipt>, Error>, Error> {
-    connection
-        .execute("SAVEPOINT rows")
-        .await
-        .map_err(|e| Error::sqlite("set a savepoint", path, e))?;
+    connection.run("set a savepoint", "SAVEPOINT rows").await?;
     let answer = match rows {
-        [Rows::Designs(rows)] => insert::designs(connection, path, rows).await.map(one),
-        [Rows::Responses(rows)] => insert::responses(connection, path, rows).await.map(one),
-        [Rows::Model(row)] => insert::model(connection, path, row).await.map(one),
-        [Rows::Optimum(row)] => insert::optimum(connection, path, row).await.map(one),
-        [Rows::Round(new)] => rounds::insert(connection, path, new).await.map(one),
-        [Rows::ModelDigest(digest)] => insert::model_digest(connection, path, digest)
+        [Rows::Designs(rows)] => insert::designs(connection, rows).await.map(one),
+        [Rows::Responses(rows, samples)] => {
+            insert::responses(connection, rows, *samples).await.map(one)
+        }
+        [Rows::Model(row)] => insert::replace(connection, slice::from_ref(row))
             .await
             .map(one),
-        [Rows::Extension(campaign, derived)] => {
-            insert::extension(connection, path, campaign, derived)
-                .await
-                .map(one)
-        }
-        [Rows::Generations(rows)] => insert::generations(connection, path, rows).await.map(one),
-        [Rows::Clearing(approaches)] => insert::clear(connection, path, approaches).await.map(one),
+        [Rows::Optimum(row)] => insert::replace(connection, slice::from_ref(row))
+            .await
+            .map(one),
+        [Rows::Round(new)] => rounds::insert(connection, new).await.map(one),
+        [Rows::ModelDigest(digest)] => insert::model_digest(connection, digest).await.map(one),
+        [Rows::Extension(campaign, derived)] => insert::extension(connection, campaign, derived)
+            .await
+            .map(one),
+        [Rows::Generations(rows)] => insert::generations(connection, rows).await.map(one),
+        [Rows::Clearing(approaches)] => insert::clear(connection, approaches).await.map(one),
         batches => {
             let batches: Vec<&Batch> = batches.iter().filter_map(Rows::batch).collect();
-            insert::batches(connection, path, &batches).await
+            insert::batches(connection, &batches).await
         }
     };
     match &answer {
         Ok(_) => {}
         Err(error) if error.is_refusal() => {
             connection
-                .execute("ROLLBACK TO rows")
-                .await
-                .map_err(|e| Error::sqlite("go back to a savepoint", path, e))?;
+                .run("go back to a savepoint", "ROLLBACK TO rows")
+                .await?;
         }
         Err(error) => return Err(error.clone()),
     }
     connection
-        .execute("RELEASE rows")
-        .await
-        .map_err(|e| Error::sqlite("release a savepoint", path, e))?;
+        .run("release a savepoint", "RELEASE rows")
+        .await?;
     Ok(answer)
 }
 
@@ -356,7 +371,11 @@ fn one(receipt: Receipt) -> Vec<Receipt> {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+    use std::sync::Arc;
+
     use super::*;
+    use crate::open;
     use crate::open::tests::{campaign, filled, samples};
     use crate::store::Store;
 
@@ -365,14 +384,15 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("campaign.db");
         filled(&path, 100).await;
+        let path: Arc<Path> = path.into();
 
-        // Room for ten more pages of 4096 bytes: some 2000 samples.
+        // Room for ten more pages of 4096 bytes: some 5000 samples.
         let pages = std::fs::metadata(&path).unwrap().len() / 4096 + 10;
         let options = open::writing(&path).pragma("max_page_count", pages.to_string());
-        let connection = open::connect(&options, &path).await.unwrap();
+        let connection = Connection::open(&options, &path).await.unwrap();
         let lock = Lock::take(&path).unwrap();
         let writer = spawn(
-            path.clone(),
+            Place::of(&path).unwrap(),
             options,
             Some(connection),
             Verdict::sound(),

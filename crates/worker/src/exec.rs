@@ -24,7 +24,7 @@ use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 use stats::streams::StreamRng;
 
-use crate::connection::Error;
+use crate::error::Error;
 use messages::{AnalysisAnswer, Answer, CriteriaAnswer, SampleAnswer, Started};
 use process::Process;
 
@@ -45,9 +45,10 @@ pub struct SimulatorArguments {
 impl SimulatorArguments {
     /// The external simulator, if there is one.
     #[must_use]
-    pub fn exec(self) -> Option<Exec> {
+    pub fn exec(&self) -> Option<Exec> {
         let timeout = self.exec_timeout;
-        self.exec.map(|command| Exec { command, timeout })
+        let command = self.exec.clone();
+        command.map(|command| Exec { command, timeout })
     }
 }
 

@@ -1,22 +1,18 @@
 //! What a worker holds: leases that wait, leases that are being computed, and results that the
 //! coordinator has not acknowledged yet.
 
+mod outbox;
+
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use campaign::task::Source;
 use ledger::{LeaseId, Unit};
-use prost::Message as _;
 use protocol::v2::{HeldLease, LeaseResult, LeaseState, UnitResult};
 use tokio::sync::Notify;
 
-/// The most results of a report: what their commit takes must stay short.
-const RESULTS_PER_REPORT: usize = 4096;
-
-/// Nothing more is asked for while so many bytes of results wait for their acknowledgement: a line that
-/// is slower than the computing must not fill the memory.
-const UNACKNOWLEDGED_BYTES: usize = 8 << 20;
+use outbox::Outbox;
 
 /// Work is held for this long per slot, in seconds, that which is being computed included: enough
 /// that round trips vanish in it. Of leases that take longer none is held ahead: another worker may
@@ -62,19 +58,10 @@ struct Held {
     seconds: f64,
 }
 
-#[derive(Debug)]
-struct Finished {
-    lease: Arc<Lease>,
-    result: LeaseResult,
-    bytes: usize,
-}
-
 #[derive(Debug, Default)]
 struct Inner {
     computing: BTreeMap<LeaseId, Held>,
-    finished: BTreeMap<LeaseId, Finished>,
-    /// How many bytes wait for their acknowledgement.
-    bytes: usize,
+    outbox: Outbox,
     /// The number of the newest failure.
     serial: u64,
 }
@@ -82,20 +69,12 @@ struct Inner {
 impl Inner {
     /// Keeps what came of a lease until it is acknowledged.
     fn finish(&mut self, held: Held) {
-        let lease = held.lease;
         let result = LeaseResult {
-            id: Some(lease.id.into()),
+            id: Some(held.lease.id.into()),
             results: held.done.into_iter().chain(held.part).collect(),
             wall_seconds: held.seconds,
         };
-        let bytes = result.encoded_len();
-        self.bytes += bytes;
-        let finished = Finished {
-            lease: Arc::clone(&lease),
-            result,
-            bytes,
-        };
-        self.finished.insert(lease.id, finished);
+        self.outbox.put(held.lease, result);
     }
 }
 
@@ -117,7 +96,7 @@ impl HeldLeases {
     pub(crate) fn take(&self, lease: &Arc<Lease>) -> bool {
         self.with(|inner| {
             let id = lease.id;
-            if inner.computing.contains_key(&id) || inner.finished.contains_key(&id) {
+            if inner.computing.contains_key(&id) || inner.outbox.contains(id) {
                 return false;
             }
             let held = Held {
@@ -205,8 +184,7 @@ impl HeldLeases {
     /// Forgets everything, as when the coordinator has another campaign.
     pub(crate) fn cancel_all(&self) {
         let leases: Vec<LeaseId> = self.with(|inner| {
-            inner.finished.clear();
-            inner.bytes = 0;
+            inner.outbox.clear();
             inner.computing.keys().copied().collect()
         });
         self.cancel(&leases);
@@ -248,14 +226,14 @@ impl HeldLeases {
 
     /// How many results wait for their acknowledgement.
     pub(crate) fn unacknowledged(&self) -> usize {
-        self.with(|inner| inner.finished.len())
+        self.with(|inner| inner.outbox.len())
     }
 
     /// What to ask for with `slots` slots; none while enough is held, or too much waits for its
     /// acknowledgement.
     pub(crate) fn wanted(&self, slots: usize) -> Option<Wanted> {
         self.with(|inner| {
-            if inner.bytes > UNACKNOWLEDGED_BYTES {
+            if inner.outbox.is_full() {
                 return None;
             }
             let held = inner.computing.len();
@@ -276,30 +254,12 @@ impl HeldLeases {
     /// As many of the results that wait for their acknowledgement as have at most so many bytes, or one
     /// alone; and how many bytes they have.
     pub(crate) fn results(&self, most: usize) -> (Vec<LeaseResult>, usize) {
-        self.with(|inner| {
-            let mut bytes = 0;
-            let mut results = Vec::new();
-            for finished in inner.finished.values().take(RESULTS_PER_REPORT) {
-                if bytes + finished.bytes > most && !results.is_empty() {
-                    break;
-                }
-                bytes += finished.bytes;
-                results.push(finished.result.clone());
-            }
-            (results, bytes)
-        })
+        self.with(|inner| inner.outbox.first(most))
     }
 
     /// Forgets acknowledged results.
     pub(crate) fn acknowledge(&self, results: &[LeaseResult]) {
-        self.with(|inner| {
-            for result in results {
-                let id = result.id.unwrap_or_default().into();
-                if let Some(finished) = inner.finished.remove(&id) {
-                    inner.bytes -= finished.bytes;
-                }
-            }
-        });
+        self.with(|inner| inner.outbox.acknowledge(results));
         self.changed.notify_waiters();
     }
 
@@ -312,7 +272,7 @@ impl HeldLeases {
         self.with(|inner| {
             let computing = inner.computing.iter();
             let computing = computing.map(|(id, held)| state(*id, held.started));
-            let finished = inner.finished.keys().map(|id| state(*id, true));
+            let finished = inner.outbox.leases().map(|lease| state(lease.id, true));
             computing.chain(finished).collect()
         })
     }
@@ -327,15 +287,14 @@ impl HeldLeases {
             let computing = inner.computing.values();
             let computing = computing.filter(|held| !held.cancelled.load(Ordering::Relaxed));
             let computing = computing.map(|held| named(&held.lease));
-            let finished = inner.finished.values();
-            let finished = finished.map(|finished| named(&finished.lease));
-            computing.chain(finished).collect()
+            computing.chain(inner.outbox.leases().map(named)).collect()
         })
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::outbox::UNACKNOWLEDGED_BYTES;
     use super::*;
 
     const ANY: usize = usize::MAX;

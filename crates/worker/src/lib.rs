@@ -7,16 +7,11 @@
 //! anew and hands in what it has.
 
 mod backoff;
-pub mod client;
-mod connection;
-pub mod console;
-pub mod credentials;
-mod dial;
+mod error;
 mod exec;
 mod held;
-mod tls;
 mod work;
 
-pub use connection::Error;
+pub use error::Error;
 pub use exec::{Exec, SimulatorArguments};
 pub use work::{Options, Summary, Worker};

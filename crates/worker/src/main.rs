@@ -4,23 +4,21 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Parser;
+use gateway::Role;
+use gateway::client::Reach;
 use protocol::exit;
 use tokio_util::sync::CancellationToken;
-use worker::client::{Credentials, Dial};
-use worker::{Options, SimulatorArguments, Worker, console};
+use worker::{Options, SimulatorArguments, Summary, Worker};
 
 /// Leases jobs from a coordinator, simulates, and reports the results.
 #[derive(Debug, Parser)]
-#[command(version, after_help = console::help_footer())]
+#[command(version = identity::BUILD, after_help = console::help_footer())]
 struct Arguments {
     /// How to write the log
     #[arg(long, value_enum, default_value_t)]
     log_format: console::LogFormat,
-    /// The coordinator's address, such as http://127.0.0.1:7400
-    #[arg(long, value_name = "URL", env = "PITCHLINE_CONNECT")]
-    connect: String,
     #[command(flatten)]
-    credentials: Credentials,
+    reach: Reach,
     /// How many jobs to compute at once [default: the number of processors]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     slots: Option<u16>,
@@ -48,9 +46,6 @@ fn main() -> ExitCode {
     console::start_log(arguments.log_format);
     let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let options = Options {
-        connect: arguments.connect,
-        credentials: arguments.credentials,
-        dial: Dial::default(),
         slots: arguments.slots.map_or(processors, usize::from),
         exec: arguments.simulator.exec(),
         host: host(),
@@ -78,7 +73,12 @@ fn main() -> ExitCode {
             shutdown.clone(),
             "leaving: finishing what is being computed; Ctrl-C once more leaves at once",
         ));
-        Worker::new(options).run(shutdown).await
+        let patience = options.connect_timeout;
+        let link = tokio::select! {
+            link = arguments.reach.link_within(Role::Worker, patience) => link?,
+            () = shutdown.cancelled() => return Ok(Summary::default()),
+        };
+        Worker::new(link, options).run(shutdown).await
     });
     // Threads that still compute what nobody waits for must not hold up the exit.
     runtime.shutdown_background();

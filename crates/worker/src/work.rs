@@ -7,16 +7,15 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, RwLock};
 use std::time::{Duration, Instant};
 
+use gateway::Link;
 use ledger::LeaseId;
-use protocol::Role;
 use protocol::v2::ReleaseRequest;
 use tokio::sync::mpsc::UnboundedSender;
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, info, warn};
 
-use crate::client::{Credentials, Dial, Link, connect_by};
-use crate::connection::Error;
+use crate::error::Error;
 use crate::exec::Exec;
 use crate::held::HeldLeases;
 
@@ -35,12 +34,6 @@ const LAST_REPORT: Duration = Duration::from_secs(2);
 /// A worker's settings.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// The coordinator's address, as in `http://127.0.0.1:7400`.
-    pub connect: String,
-    /// What the worker shows to the coordinator, and what it trusts it by.
-    pub credentials: Credentials,
-    /// How connections are opened; over TCP by default.
-    pub dial: Dial,
     /// How many jobs are computed at once.
     pub slots: usize,
     /// The external simulator, for a campaign that is not simulated by the built-in model.
@@ -60,7 +53,7 @@ pub struct Options {
 }
 
 /// What a worker did.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Summary {
     /// Leases whose results were acknowledged.
     pub leases: u64,
@@ -72,6 +65,7 @@ pub struct Summary {
 /// A worker, ready to run.
 #[derive(Debug)]
 pub struct Worker {
+    connection: Link,
     options: Options,
 }
 
@@ -95,10 +89,14 @@ struct Shared {
 }
 
 impl Worker {
-    /// A worker with these settings.
+    /// A worker with these settings for the coordinator at the other end of `connection`, which must
+    /// be a link of a worker's role.
     #[must_use]
-    pub const fn new(options: Options) -> Self {
-        Self { options }
+    pub const fn new(connection: Link, options: Options) -> Self {
+        Self {
+            connection,
+            options,
+        }
     }
 
     /// Works until the coordinator says that the campaign is finished, or until `shutdown`.
@@ -116,19 +114,13 @@ impl Worker {
                 slots,
                 reason: error.to_string(),
             })?;
-        let connection = connect_by(
-            self.options.dial.clone(),
-            &self.options.connect,
-            &self.options.credentials,
-            Role::Worker,
-        )?;
         // Cancelled by us when the campaign is finished or an error ends the worker, too.
         let stop = CancellationToken::new();
         let (announcements, announced) = tokio::sync::mpsc::unbounded_channel();
         let shared = Arc::new(Shared {
             worker_id: format!("{:032x}", rand::random::<u128>()),
             options: self.options,
-            connection,
+            connection: self.connection,
             problem: RwLock::new(None),
             held: HeldLeases::default(),
             hurry: AtomicBool::new(false),

@@ -10,29 +10,73 @@ use std::time::{Duration, Instant};
 use rustix::process::{Pid, Signal, kill_process};
 
 use super::Violation;
-use super::plan::{Act, WORKERS, Who};
+use super::plan::{Act, RELIEF, WORKERS, Who};
+use super::programs::{ACCESS, Programs, Serving};
 use super::proxy::{Fault, Proxy};
 use crate::free_address;
 
-/// "The same command continues", and "no coordinator answers".
-const EXPECTED_OF_COORDINATORS: &[i32] = &[0, 14];
-const EXPECTED_OF_WORKERS: &[i32] = &[0, 11, 14];
+/// The campaign is finished.
+const FINISHED: i32 = 0;
 /// The store is open elsewhere.
 const STORE_LOCKED: i32 = 9;
+/// The access file of a second coordinator on the same store, which the store itself must refuse.
+const INTRUDERS_ACCESS: &str = "intruder.access";
+/// No coordinator answers.
+const UNREACHABLE: i32 = 11;
+/// The campaign is finished but for what was given up.
+const INCOMPLETE: i32 = 13;
+/// Asked to leave, or drained.
+const INTERRUPTED: i32 = 14;
 /// Longer than a well-behaved process takes to end when asked to.
 const FAREWELL: Duration = Duration::from_secs(20);
+/// Shorter than a worker waits for a coordinator that does not answer.
+const ABSENCE: Duration = Duration::from_secs(25);
 
 /// Longer than a coordinator takes to be refused.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-struct Process {
+/// A process whose log goes to the folder of its round; it ends when this is dropped.
+pub(crate) struct Process {
     child: Child,
     name: String,
+    since: Instant,
     stopped: bool,
+    /// Whether it was sent SIGTERM.
+    is_asked: bool,
 }
 
 impl Process {
-    fn signal(&self, signal: Signal) {
+    /// Starts a command whose log goes to a file of the round's folder.
+    pub(crate) fn start(
+        mut command: Command,
+        folder: &Path,
+        name: String,
+    ) -> Result<Self, Violation> {
+        let log = File::create(folder.join(format!("{name}.log")))
+            .map_err(|error| Violation(format!("no log: {error}")))?;
+        let child = command
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(log)
+            .spawn();
+        Ok(Self {
+            child: child.map_err(|error| Violation(format!("{name} does not start: {error}")))?,
+            name,
+            since: Instant::now(),
+            stopped: false,
+            is_asked: false,
+        })
+    }
+
+    /// Its exit status, once it has ended.
+    pub(crate) fn ended(&mut self) -> Result<Option<ExitStatus>, Violation> {
+        let name = &self.name;
+        let ended = self.child.try_wait();
+        ended.map_err(|error| Violation(format!("{name} cannot be waited for: {error}")))
+    }
+
+    /// Sends a signal.
+    pub(crate) fn signal(&self, signal: Signal) {
         let id = i32::try_from(self.child.id()).ok().and_then(Pid::from_raw);
         if let Some(id) = id {
             // It has not been waited for, so the id is still its own.
@@ -48,83 +92,115 @@ impl Drop for Process {
     }
 }
 
+/// What a cluster computes.
+#[derive(Debug, Clone)]
+pub(crate) struct Setup {
+    /// The folder of the round.
+    pub(crate) folder: PathBuf,
+    /// The programs.
+    pub(crate) programs: Programs,
+    /// The campaign file.
+    pub(crate) file: PathBuf,
+    /// Whether coordinators stay when the campaign is finished.
+    pub(crate) stays: bool,
+    /// The command line of the workers' simulator, if the campaign asks for one.
+    pub(crate) simulator: Option<String>,
+}
+
 /// The processes of a round.
 pub(crate) struct Cluster {
-    folder: PathBuf,
-    programs: PathBuf,
+    pub(crate) setup: Setup,
     address: SocketAddr,
     proxies: Vec<Proxy>,
     coordinator: Option<Process>,
     workers: Vec<Option<Process>>,
+    /// Commands that steer the coordinator and have not ended.
+    clients: Vec<Process>,
     started: usize,
-    /// Whether a coordinator ended by itself and in good order.
-    pub(crate) finished: bool,
+    is_drained: bool,
+    /// The exit code of a coordinator that ended by itself, the campaign being finished.
+    pub(crate) ended: Option<i32>,
+    /// Whether a worker left because the campaign is finished.
+    pub(crate) is_dismissed: bool,
+    /// Whether the workers are kept away, which [`heal`](Self::heal) does not change.
+    pub(crate) is_cut_off: bool,
 }
 
 impl Cluster {
-    pub(crate) fn start(folder: &Path, programs: &Path) -> Result<Self, Violation> {
+    pub(crate) fn start(setup: Setup) -> Result<Self, Violation> {
         let address = free_address();
-        let proxies: Result<Vec<Proxy>, _> = (0..WORKERS).map(|_| Proxy::start(address)).collect();
+        let proxies: Result<Vec<Proxy>, _> = (0..=RELIEF).map(|_| Proxy::start(address)).collect();
         let mut cluster = Self {
-            folder: folder.to_owned(),
-            programs: programs.to_owned(),
+            setup,
             address,
             proxies: proxies.map_err(|error| Violation(format!("no proxy: {error}")))?,
             coordinator: None,
-            workers: (0..WORKERS).map(|_| None).collect(),
+            workers: (0..=RELIEF).map(|_| None).collect(),
+            clients: Vec::new(),
             started: 0,
-            finished: false,
+            is_drained: false,
+            ended: None,
+            is_dismissed: false,
+            is_cut_off: false,
         };
-        cluster.act(Act::Start(Who::Coordinator))?;
-        for worker in 0..WORKERS {
-            cluster.act(Act::Start(Who::Worker(worker)))?;
-        }
+        cluster.revive()?;
         Ok(cluster)
     }
 
-    fn command(&self, program: &str) -> Command {
-        let mut command = Command::new(self.programs.join(program));
-        command
-            .current_dir(&self.folder)
-            .env("PITCHLINE_LOG", "info");
-        command
+    fn serving(&self, listen: SocketAddr) -> Serving<'_> {
+        Serving {
+            file: &self.setup.file,
+            listen,
+            stays: self.setup.stays,
+        }
     }
 
     fn spawn(&mut self, who: Who) -> Result<Process, Violation> {
         self.started += 1;
-        let (name, mut command) = match who {
+        let folder = &self.setup.folder;
+        let (name, command) = match who {
             Who::Coordinator => {
-                let mut command = self.command("coordinator");
-                command.args([
-                    "serve",
-                    "../campaign.toml",
-                    "--db",
-                    "c.db",
-                    "--out",
-                    "report",
-                ]);
-                command.args(["--listen", &self.address.to_string(), "--lease", "5"]);
+                let serving = self.serving(self.address);
+                let command = self.setup.programs.coordinator(folder, ACCESS, serving);
                 (format!("coordinator-{}", self.started), command)
             }
             Who::Worker(worker) => {
-                let mut command = self.command("worker");
-                let url = format!("http://{}", self.proxies[worker].address());
-                command.args(["--connect", &url, "--slots", "1", "--grace", "2"]);
+                let (address, simulator) = (
+                    self.proxies[worker].address(),
+                    self.setup.simulator.as_deref(),
+                );
+                let command = self.setup.programs.worker(folder, address, simulator);
                 (format!("worker-{worker}-{}", self.started), command)
             }
         };
-        let log = File::create(self.folder.join(format!("{name}.log")))
-            .map_err(|error| Violation(format!("no log: {error}")))?;
-        let child = command
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(log)
-            .spawn();
-        Ok(Process {
-            child: child.map_err(|error| Violation(format!("{name} does not start: {error}")))?,
-            name,
-            stopped: false,
-        })
+        Process::start(command, folder, name)
+    }
+
+    /// Starts a command that steers the coordinator; it may take as long as it likes.
+    fn steer(&mut self, words: &[&str]) -> Result<(), Violation> {
+        self.started += 1;
+        let name = format!("{}-{}", words[0], self.started);
+        let setup = &self.setup;
+        let command = setup.programs.client(&setup.folder, self.address, words);
+        self.clients
+            .push(Process::start(command, &setup.folder, name)?);
+        Ok(())
+    }
+
+    /// Gives what was given up another chance; false when no coordinator answers.
+    pub(crate) fn retry(&mut self) -> Result<bool, Violation> {
+        self.started += 1;
+        let setup = &self.setup;
+        let command = setup
+            .programs
+            .client(&setup.folder, self.address, &["retry"]);
+        let name = format!("retry-{}", self.started);
+        let mut process = Process::start(command, &setup.folder, name)?;
+        match ended_within(&mut process, FAREWELL).and_then(|status| status.code()) {
+            Some(FINISHED) => Ok(true),
+            Some(UNREACHABLE) | None => Ok(false),
+            Some(code) => Err(self.unexpected(&process.name, &format!("code {code}"))),
+        }
     }
 
     fn place(&mut self, who: Who) -> &mut Option<Process> {
@@ -140,7 +216,7 @@ impl Cluster {
         self.look()?;
         match act {
             Act::Start(who) => {
-                let over = self.finished && who == Who::Coordinator;
+                let over = self.ended.is_some() && who == Who::Coordinator;
                 if self.place(who).is_none() && !over {
                     let process = self.spawn(who)?;
                     *self.place(who) = Some(process);
@@ -152,12 +228,13 @@ impl Cluster {
             }
             Act::Terminate(who) => {
                 if let Some(mut process) = self.place(who).take() {
+                    process.is_asked = true;
                     process.signal(Signal::TERM);
                     process.signal(Signal::CONT);
                     let status = wait(&mut process)?;
                     // One that has just been started knows no better than to end at once.
                     if status.signal() != Some(Signal::TERM.as_raw()) {
-                        self.ended(who, &process.name, status)?;
+                        self.note_end(who, &process, status)?;
                     }
                 }
             }
@@ -175,6 +252,12 @@ impl Cluster {
             }
             Act::Network { worker, fault, cut } => self.proxies[worker].set(fault, cut),
             Act::Intrude => self.intrude()?,
+            Act::Drain => {
+                self.is_drained = true;
+                self.steer(&["drain"])?;
+            }
+            Act::Resume => self.steer(&["drain", "--resume"])?,
+            Act::Retry => self.steer(&["retry"])?,
         }
         Ok(())
     }
@@ -186,27 +269,11 @@ impl Cluster {
         };
         // One that was stopped before it got hold of the store has nothing to defend.
         let has_lock = holds_a_lock(first.child.id());
-        let mut command = self.command("coordinator");
-        command.args([
-            "serve",
-            "../campaign.toml",
-            "--db",
-            "c.db",
-            "--listen",
-            "127.0.0.1:0",
-        ]);
-        let log = self.folder.join("intruder.log");
-        let said = File::create(&log).map_err(|error| Violation(format!("no log: {error}")))?;
-        let child = command
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(said)
-            .spawn();
-        let mut intruder = Process {
-            child: child.map_err(|error| Violation(format!("no second one: {error}")))?,
-            name: "intruder".to_owned(),
-            stopped: false,
-        };
+        let anywhere = SocketAddr::from(([127, 0, 0, 1], 0));
+        let (programs, folder) = (&self.setup.programs, &self.setup.folder);
+        let command = programs.coordinator(folder, INTRUDERS_ACCESS, self.serving(anywhere));
+        let log = folder.join("intruder.log");
+        let mut intruder = Process::start(command, folder, "intruder".to_owned())?;
         // One that opens the store before the first, which has just been started, serves: the first
         // is then refused in its place, and this one ends when it is dropped.
         let status = ended_within(&mut intruder, PATIENCE);
@@ -234,34 +301,65 @@ impl Cluster {
 
     /// Notices processes that have ended by themselves.
     pub(crate) fn look(&mut self) -> Result<(), Violation> {
-        let all = (0..WORKERS).map(Who::Worker).chain([Who::Coordinator]);
+        let all = (0..=RELIEF).map(Who::Worker).chain([Who::Coordinator]);
         for who in all {
             if let Some(process) = self.place(who)
                 && let Ok(Some(status)) = process.child.try_wait()
+                && let Some(process) = self.place(who).take()
             {
-                let name = process.name.clone();
-                self.place(who).take();
-                self.ended(who, &name, status)?;
+                self.note_end(who, &process, status)?;
+            }
+        }
+        let (mut over, mut open) = (Vec::new(), Vec::new());
+        for mut client in std::mem::take(&mut self.clients) {
+            match client.child.try_wait() {
+                Ok(Some(status)) => over.push((client, status)),
+                _ => open.push(client),
+            }
+        }
+        self.clients = open;
+        for (client, status) in over {
+            if !matches!(status.code(), Some(FINISHED | UNREACHABLE)) {
+                return Err(self.unexpected(&client.name, &status.to_string()));
             }
         }
         Ok(())
     }
 
-    fn ended(&mut self, who: Who, name: &str, status: ExitStatus) -> Result<(), Violation> {
-        let expected = match who {
-            Who::Coordinator => EXPECTED_OF_COORDINATORS,
-            Who::Worker(_) => EXPECTED_OF_WORKERS,
+    /// Notes how a process ended, if it may end so.
+    fn note_end(
+        &mut self,
+        who: Who,
+        process: &Process,
+        status: ExitStatus,
+    ) -> Result<(), Violation> {
+        let is_expected = match (who, status.code()) {
+            (Who::Coordinator, Some(code @ (FINISHED | INCOMPLETE))) => {
+                self.ended = Some(code);
+                true
+            }
+            (Who::Worker(_), Some(FINISHED)) => {
+                self.is_dismissed = true;
+                true
+            }
+            (_, Some(INTERRUPTED)) => process.is_asked || self.is_drained,
+            // The coordinator of a finished campaign does not come back.
+            (Who::Worker(_), Some(UNREACHABLE)) => {
+                process.is_asked || self.ended.is_some() || process.since.elapsed() > ABSENCE
+            }
+            _ => false,
         };
-        if who == Who::Coordinator && status.code() == Some(0) {
-            self.finished = true;
-        }
-        if status.code().is_some_and(|code| expected.contains(&code)) {
+        if is_expected {
             return Ok(());
         }
-        let log = std::fs::read_to_string(self.folder.join(format!("{name}.log")));
+        Err(self.unexpected(&process.name, &status.to_string()))
+    }
+
+    fn unexpected(&self, name: &str, status: &str) -> Violation {
+        let log = std::fs::read_to_string(self.setup.folder.join(format!("{name}.log")));
         let log = log.unwrap_or_default();
         let last = log.lines().last().unwrap_or_default();
-        Err(Violation(format!("{name} ended with {status}: {last}")))
+        Violation(format!("{name} ended with {status}: {last}"))
     }
 
     /// Whether the coordinator runs.
@@ -273,25 +371,27 @@ impl Cluster {
 
     /// Repairs everything: whatever was planned to be repaired later.
     pub(crate) fn heal(&mut self) -> Result<(), Violation> {
-        let all = (0..WORKERS).map(Who::Worker).chain([Who::Coordinator]);
-        for who in all {
-            self.act(Act::Continue(who))?;
-            self.act(Act::Start(who))?;
-            if let Who::Worker(worker) = who {
-                let fault = Fault::None;
-                self.act(Act::Network {
-                    worker,
-                    fault,
-                    cut: false,
-                })?;
-            }
+        self.act(Act::Continue(Who::Coordinator))?;
+        let workers = if self.is_cut_off { 0..0 } else { 0..WORKERS };
+        for worker in workers {
+            self.proxies[worker].set(Fault::None, false);
+            self.act(Act::Continue(Who::Worker(worker)))?;
+        }
+        self.revive()
+    }
+
+    /// Starts whatever is not running, as after a drain.
+    pub(crate) fn revive(&mut self) -> Result<(), Violation> {
+        self.act(Act::Start(Who::Coordinator))?;
+        for worker in 0..WORKERS {
+            self.act(Act::Start(Who::Worker(worker)))?;
         }
         Ok(())
     }
 
     /// Sends everybody home, in good order.
     pub(crate) fn end(mut self) -> Result<(), Violation> {
-        for worker in 0..WORKERS {
+        for worker in 0..=RELIEF {
             self.act(Act::Terminate(Who::Worker(worker)))?;
         }
         Ok(())

@@ -1,21 +1,36 @@
-//! A small real campaign on real processes, to which bad things happen at random.
+//! Small real campaigns on real processes, to which bad things happen at random.
 
 mod cluster;
+mod course;
+mod kinds;
+mod outcome;
 mod plan;
+mod programs;
+mod progress;
 mod proxy;
+mod study;
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use serde_json::Value;
+use rand::RngExt as _;
 
-use crate::small_campaign;
-use cluster::Cluster;
+use cluster::{Cluster, Setup};
+use course::Course;
+pub use kinds::Kind;
+use kinds::Reference;
+use outcome::Outcome;
+use plan::{Purpose, random};
+use programs::{DB, Programs};
+use progress::Progress;
 
 /// How often progress is looked at, unless looking itself takes long.
 const LOOK: Duration = Duration::from_millis(250);
+/// The same while a certain moment is waited for.
+const CLOSE_LOOK: Duration = Duration::from_millis(10);
 /// How many undisturbed runs a disturbed one may take on a machine that others use, too.
 const PATIENCE: u32 = 30;
 
@@ -27,261 +42,242 @@ pub struct Violation(pub(crate) String);
 /// What a round did.
 #[derive(Debug, Clone)]
 pub struct Round {
+    /// The kind of campaign.
+    pub kind: Kind,
     /// Acts that were done while the campaign ran.
     pub acts: usize,
     /// Looks at the progress.
     pub looks: usize,
+    /// Results that came when their stream had changed, and were dropped.
+    pub stale: usize,
     /// From the start of the coordinator to its good end.
     pub time: Duration,
 }
 
-/// A soak: rounds of the same campaign, each disturbed in its own way.
+/// A soak: rounds of small campaigns, each disturbed in its own way.
 #[derive(Debug)]
 pub struct Soak {
     folder: PathBuf,
-    programs: PathBuf,
+    programs: Programs,
     seed: u64,
-    undisturbed: Value,
-    /// What the undisturbed run took.
-    span: Duration,
+    undisturbed: Mutex<BTreeMap<Kind, Arc<Reference>>>,
+    keeps: bool,
 }
 
 impl Soak {
-    /// Runs the campaign once without disturbing it, in `folder`, with the programs in the folder
-    /// `programs`.
+    /// A soak in `folder`, with the programs in the folder `programs`.
     ///
     /// # Errors
     ///
-    /// The undisturbed run does not end well.
+    /// The folder cannot be written.
     pub fn new(folder: &Path, programs: &Path, seed: u64) -> Result<Self, Violation> {
-        // It samples for some seconds on two cores.
-        let shipped = small_campaign(40, 9000);
-        // Both laws of wear and both ways to share the load, by turns.
-        let text = if seed.is_multiple_of(2) {
-            shipped
-        } else {
-            shipped
-                .replacen("\"whole-face-beam\"", "\"hertz-beam\"", 1)
-                .replacen("law = \"signed\"", "law = \"archard\"", 1)
-                .replacen("coefficient_per_mpa = 3.5e-7", "max_depth_um = 3.5", 1)
-        };
-        let file = folder.join("campaign.toml");
-        std::fs::write(&file, text).map_err(|error| Violation(error.to_string()))?;
-        let run = [
-            "run",
-            "campaign.toml",
-            "--db",
-            "undisturbed.db",
-            "--out",
-            "undisturbed-report",
-        ];
-        let since = Instant::now();
-        coordinator(programs, folder, &run)?;
-        let span = since.elapsed().max(Duration::from_secs(2));
-        let undisturbed = status(programs, folder, "undisturbed.db")?;
-        if undisturbed["finished"] != true {
-            return Err(Violation(format!("not even undisturbed: {undisturbed}")));
-        }
         Ok(Self {
             folder: folder.to_owned(),
-            programs: programs.to_owned(),
+            programs: Programs::new(programs, folder)?,
             seed,
-            undisturbed,
-            span,
+            undisturbed: Mutex::default(),
+            keeps: false,
         })
     }
 
-    /// Runs a round; its folder stays behind only when a promise was broken.
+    /// Whether the folders of rounds stay that went well.
+    #[must_use]
+    pub const fn keeping(mut self, keeps: bool) -> Self {
+        self.keeps = keeps;
+        self
+    }
+
+    /// Runs a round; its folder stays behind only when a promise was broken. The kind of campaign
+    /// follows from seed and round unless it is given.
     ///
     /// # Errors
     ///
-    /// A promise was broken.
-    pub fn round(&self, round: u64) -> Result<Round, Violation> {
+    /// A promise was broken, or the undisturbed run of the same campaign does not end well.
+    pub fn round(&self, round: u64, kind: Option<Kind>) -> Result<Round, Violation> {
+        let kind = kind.unwrap_or_else(|| kind_of(self.seed, round));
+        let reference = self.reference(kind)?;
         let folder = self.folder.join(format!("round-{round}"));
         std::fs::create_dir(&folder).map_err(|error| Violation(error.to_string()))?;
-        let result = self.disturb(&folder, round)?;
-        self.verify(&folder)?;
-        let _ = std::fs::remove_dir_all(&folder);
+        let result = self.disturb(&folder, round, kind, &reference)?;
+        let outcome = Outcome::read(&self.programs, &folder, DB)?;
+        outcome.compare(&reference.outcome)?;
+        outcome.check_failures(kind)?;
+        if let Some(undisturbed) = &reference.study {
+            let file = &reference.files[0];
+            let table = study::disturbed(&self.programs, &folder, file, self.seed, round)?;
+            if table != *undisturbed {
+                return Err(Violation(format!(
+                    "a study found\n{table}\nbut undisturbed\n{undisturbed}"
+                )));
+            }
+        }
+        if !self.keeps {
+            let _ = std::fs::remove_dir_all(&folder);
+        }
         Ok(result)
     }
 
-    fn disturb(&self, folder: &Path, round: u64) -> Result<Round, Violation> {
-        let mut cluster = Cluster::start(folder, &self.programs)?;
+    /// The undisturbed run of a kind of campaign.
+    fn reference(&self, kind: Kind) -> Result<Arc<Reference>, Violation> {
+        let mut undisturbed = self
+            .undisturbed
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        if let Some(reference) = undisturbed.get(&kind) {
+            return Ok(Arc::clone(reference));
+        }
+        let reference = Reference::run(kind, self.seed, &self.folder, &self.programs)?;
+        let reference = Arc::new(reference);
+        undisturbed.insert(kind, Arc::clone(&reference));
+        Ok(reference)
+    }
+
+    /// The command line of a round's simulator, for campaigns that ask for one.
+    fn simulator(&self, round: u64, kind: Kind, reference: &Reference) -> Option<String> {
+        if !kind.is_external() {
+            return None;
+        }
+        let mut arguments = format!("{}-{round}", self.seed);
+        if kind == Kind::Licence {
+            let mut rng = random(self.seed, round, Purpose::Simulator);
+            // A design that gets samples; all of these fail, or so few that the first ones pass.
+            let designs = reference.outcome.column("responses", "design");
+            let x_p = reference.outcome.column("designs", "x_p");
+            let number: usize = designs[rng.random_range(0..designs.len())].parse().ok()?;
+            let share = if rng.random_bool(0.5) { 1.0 } else { 0.02 };
+            arguments = format!("{arguments} {} {share}", x_p[number]);
+        }
+        Some(self.programs.simulator("unreliable.py", &arguments))
+    }
+
+    fn disturb(
+        &self,
+        folder: &Path,
+        round: u64,
+        kind: Kind,
+        reference: &Reference,
+    ) -> Result<Round, Violation> {
+        let mut course = Course::new(kind, self.seed, round);
+        let mut cluster = Cluster::start(Setup {
+            folder: folder.to_owned(),
+            programs: self.programs.clone(),
+            file: reference.files[0].clone(),
+            stays: course.stays(),
+            simulator: self.simulator(round, kind, reference),
+        })?;
+        let mut diary = std::fs::File::create(folder.join("acts.log"))
+            .map_err(|error| Violation(error.to_string()))?;
         let since = Instant::now();
-        let mut plan = plan::plan(self.seed, round, self.span)
+        let mut plan = plan::plan(self.seed, round, reference.span)
             .into_iter()
             .peekable();
         let mut progress = Progress::default();
         let (mut acts, mut looks, mut healed) = (0, 0, false);
         let mut next_look = LOOK;
-        while !cluster.finished {
+        let time = loop {
             let now = since.elapsed();
-            if now > self.span * PATIENCE {
+            if let Some(code) = cluster.ended.take() {
+                let _ = writeln!(diary, "{now:.3?} the coordinator ended with {code}");
+                if course.is_over(code, &mut cluster, reference)? {
+                    cluster.ended = Some(code);
+                    break now;
+                }
+            }
+            if now > reference.span * PATIENCE {
                 let last = progress.last;
                 return Err(Violation(format!("no end in sight; at last: {last:?}")));
             }
             if let Some((_, act)) = plan.next_if(|(at, _)| *at <= now) {
+                let _ = writeln!(diary, "{now:.3?} {act:?}");
                 cluster.act(act)?;
                 acts += 1;
                 continue;
             }
-            if plan.peek().is_none() && !healed {
-                cluster.heal()?;
-                healed = true;
+            if plan.peek().is_none() {
+                if !healed {
+                    cluster.heal()?;
+                    healed = true;
+                }
+                // A drained coordinator leaves, and so do its workers.
+                cluster.revive()?;
             }
             // A coordinator that is down or asleep is looked at, too: its store must be readable.
-            if now >= next_look && folder.join("c.db").exists() {
-                if let Ok(status) = status(&self.programs, folder, "c.db") {
-                    progress.advance(&status)?;
+            if now >= next_look && folder.join(DB).exists() {
+                if let Ok(status) = self.programs.status(folder, DB) {
+                    progress.advance(&status, course.takes_turn())?;
                     looks += 1;
+                    let was_waiting = course.is_waiting();
+                    course.look(now, &status, &mut cluster, reference)?;
+                    if was_waiting && !course.is_waiting() {
+                        let _ = writeln!(diary, "{now:.3?} {course:?}");
+                    }
                 } else if !cluster.serves() && progress.last.is_some() {
-                    status_or_violation(&self.programs, folder, &mut progress)?;
+                    // What was there once stays readable; it may be in the middle of ending.
+                    std::thread::sleep(LOOK);
+                    let status = self.programs.status(folder, DB)?;
+                    progress.advance(&status, course.takes_turn())?;
                 }
-                // Most of the time is the campaign's.
                 let took = since.elapsed() - now;
-                next_look = since.elapsed() + LOOK.max(4 * took);
+                let pause = if course.is_waiting() {
+                    CLOSE_LOOK
+                } else {
+                    // Most of the time is the campaign's.
+                    LOOK.max(4 * took)
+                };
+                next_look = since.elapsed() + pause;
             }
             cluster.look()?;
+            if std::mem::take(&mut cluster.is_dismissed) && !course.takes_turn() {
+                let status = self.programs.status(folder, DB)?;
+                if status["finished"] != true {
+                    return Err(Violation(format!(
+                        "a worker ended as if the campaign were finished: {status}"
+                    )));
+                }
+            }
             std::thread::sleep(Duration::from_millis(10));
-        }
-        let time = since.elapsed();
-        cluster.heal()?;
-        cluster.end()?;
-        progress.advance(&status(&self.programs, folder, "c.db")?)?;
-        Ok(Round { acts, looks, time })
-    }
-
-    /// The end is the undisturbed one: nothing lost, nothing twice, nothing else.
-    fn verify(&self, folder: &Path) -> Result<(), Violation> {
-        let disturbed = status(&self.programs, folder, "c.db")?;
-        for key in ["finished", "samples", "samples_digest", "designs", "optima"] {
-            if disturbed[key] != self.undisturbed[key] {
-                return Err(Violation(format!(
-                    "{key} is {}, and undisturbed it was {}",
-                    disturbed[key], self.undisturbed[key]
-                )));
-            }
-        }
-        // Percentiles and intervals of the fresh samples, too, but for what was measured.
-        let optima = |folder: &Path, db: &str| -> Result<Vec<String>, Violation> {
-            let out = folder.join(format!("{db}.optima.csv"));
-            let _ = std::fs::remove_file(&out);
-            let name = out.display().to_string();
-            let export = ["export", "--db", db, "--table", "optima", "--out", &name];
-            coordinator(&self.programs, folder, &export)?;
-            without_times(&out)
         };
-        let (held, expected) = (
-            optima(folder, "c.db")?,
-            optima(&self.folder, "undisturbed.db")?,
-        );
-        if held != expected {
-            return Err(Violation(format!(
-                "the optima are {held:?}, and undisturbed they were {expected:?}"
-            )));
-        }
-        let export = [
-            "export", "--db", "c.db", "--table", "samples", "--out", "s.csv",
-        ];
-        coordinator(&self.programs, folder, &export)?;
-        let text = std::fs::read_to_string(folder.join("s.csv"))
-            .map_err(|error| Violation(error.to_string()))?;
-        let mut seen = BTreeSet::new();
-        for line in text.lines().skip(1) {
-            let mut fields = line.split(',');
-            let key = (fields.next(), fields.next());
-            if !seen.insert(key) {
-                return Err(Violation(format!("a sample is there twice: {line}")));
+        cluster.end()?;
+        progress.advance(&self.programs.status(folder, DB)?, course.takes_turn())?;
+        Ok(Round {
+            kind,
+            acts,
+            looks,
+            stale: stale(folder),
+            time,
+        })
+    }
+}
+
+/// The kind of campaign of a round.
+fn kind_of(seed: u64, round: u64) -> Kind {
+    let mut rng = random(seed, round, Purpose::Kind);
+    Kind::ALL[rng.random_range(0..Kind::ALL.len())]
+}
+
+/// How many stale results the logs of a round's coordinators report.
+fn stale(folder: &Path) -> usize {
+    let Ok(entries) = std::fs::read_dir(folder) else {
+        return 0;
+    };
+    entries
+        .filter_map(|entry| std::fs::read_to_string(entry.ok()?.path()).ok())
+        .map(|log| log.matches("a stale result").count())
+        .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sixty_rounds_have_every_kind_of_campaign() {
+        for seed in 1..10 {
+            let drawn: Vec<Kind> = (0..60).map(|round| kind_of(seed, round)).collect();
+            for kind in Kind::ALL {
+                let count = drawn.iter().filter(|drawn| **drawn == kind).count();
+                assert!(count >= 3, "seed {seed}: {count} rounds of {kind:?}");
             }
         }
-        if Some(seen.len() as u64) != disturbed["samples"]["done"].as_u64() {
-            let rows = seen.len();
-            let counted = &disturbed["samples"]["done"];
-            return Err(Violation(format!(
-                "{rows} samples exported, {counted} counted"
-            )));
-        }
-        Ok(())
     }
-}
-
-/// How far the campaign has been seen to be.
-#[derive(Debug, Default)]
-struct Progress {
-    /// Samples, designs, optimiser runs, samples at optima.
-    last: Option<[u64; 4]>,
-}
-
-impl Progress {
-    fn advance(&mut self, status: &Value) -> Result<(), Violation> {
-        let number = |value: &Value| value.as_u64().unwrap_or(0);
-        let verified = status["optima"].as_array().map_or(0, |optima| {
-            let done = optima.iter().map(|one| number(&one["verified"]["done"]));
-            done.sum()
-        });
-        let now = [
-            number(&status["samples"]["done"]),
-            number(&status["designs"]["done"]),
-            number(&status["optimiser_runs"]["done"]),
-            verified,
-        ];
-        if let Some(before) = self.last
-            && before.iter().zip(&now).any(|(before, now)| now < before)
-        {
-            return Err(Violation(format!(
-                "progress went back from {before:?} to {now:?} (samples, designs, optimiser runs, \
-                 samples at optima)"
-            )));
-        }
-        self.last = Some(now);
-        Ok(())
-    }
-}
-
-/// The rows of a table without processor times.
-fn without_times(path: &Path) -> Result<Vec<String>, Violation> {
-    let text = std::fs::read_to_string(path).map_err(|error| Violation(error.to_string()))?;
-    let mut lines = text.lines();
-    let header: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
-    let kept = |line: &str| {
-        let fields = line.split(',').zip(&header);
-        let fields = fields.filter(|(_, name)| !name.contains("cpu"));
-        fields.map(|(field, _)| field).collect::<Vec<_>>().join(",")
-    };
-    Ok(lines.map(kept).collect())
-}
-
-/// A store that was there once stays readable when its coordinator is gone; it may be in the middle
-/// of ending.
-fn status_or_violation(
-    programs: &Path,
-    folder: &Path,
-    progress: &mut Progress,
-) -> Result<(), Violation> {
-    std::thread::sleep(LOOK);
-    progress.advance(&status(programs, folder, "c.db")?)
-}
-
-fn status(programs: &Path, folder: &Path, db: &str) -> Result<Value, Violation> {
-    let printed = coordinator(programs, folder, &["status", "--db", db, "--json"])?;
-    serde_json::from_slice(&printed).map_err(|error| Violation(format!("no JSON: {error}")))
-}
-
-/// Runs `coordinator` to its good end and returns what it printed.
-fn coordinator(programs: &Path, folder: &Path, arguments: &[&str]) -> Result<Vec<u8>, Violation> {
-    let output = Command::new(programs.join("coordinator"))
-        .args(arguments)
-        .current_dir(folder)
-        .env("PITCHLINE_LOG", "off")
-        .output()
-        .map_err(|error| Violation(format!("coordinator does not start: {error}")))?;
-    if !output.status.success() {
-        let said = String::from_utf8_lossy(&output.stderr);
-        let what = arguments[0];
-        return Err(Violation(format!(
-            "{what} ended with {}: {said}",
-            output.status
-        )));
-    }
-    Ok(output.stdout)
 }

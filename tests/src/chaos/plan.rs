@@ -10,8 +10,11 @@ use super::proxy::Fault;
 /// How many workers a round has.
 pub(crate) const WORKERS: usize = 2;
 
-/// Beyond the lease of five seconds.
-const LONG: Duration = Duration::from_millis(5600);
+/// One more worker, which computes while the others are cut off.
+pub(crate) const RELIEF: usize = WORKERS;
+
+/// Beyond the lease of three seconds.
+const LONG: Duration = Duration::from_millis(3600);
 
 /// A process of the cluster.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -46,13 +49,41 @@ pub(crate) enum Act {
     },
     /// Starts one more coordinator on the same store, which must be refused.
     Intrude,
+    /// `coordinator drain`.
+    Drain,
+    /// `coordinator drain --resume`.
+    Resume,
+    /// `coordinator retry`.
+    Retry,
+}
+
+/// The random numbers of a round, which has a stream for each purpose.
+#[must_use]
+pub(crate) fn random(seed: u64, round: u64, purpose: Purpose) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(round * 5 + purpose as u64);
+    rng
+}
+
+/// What random numbers of a round are for.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Purpose {
+    /// The acts and their times.
+    Acts,
+    /// The kind of campaign.
+    Kind,
+    /// The turn that the campaign takes.
+    Course,
+    /// What the external simulator fails at.
+    Simulator,
+    /// What happens to the workers of a study.
+    Study,
 }
 
 /// Acts with their times since the start of the round, in order; trouble starts within `span`.
 #[must_use]
 pub(crate) fn plan(seed: u64, round: u64, span: Duration) -> Vec<(Duration, Act)> {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    rng.set_stream(round);
+    let mut rng = random(seed, round, Purpose::Acts);
     let mut acts = Vec::new();
     for _ in 0..rng.random_range(3..8) {
         let at = span.mul_f64(rng.random_range(0.05..0.95));
@@ -61,7 +92,7 @@ pub(crate) fn plan(seed: u64, round: u64, span: Duration) -> Vec<(Duration, Act)
         let worker = rng.random_range(0..WORKERS);
         let whom = Who::Worker(worker);
         let coordinator = Who::Coordinator;
-        match rng.random_range(0..20) {
+        match rng.random_range(0..24) {
             0..4 => acts.extend([
                 (at, Act::Kill(coordinator)),
                 (at + pause, Act::Start(coordinator)),
@@ -81,6 +112,17 @@ pub(crate) fn plan(seed: u64, round: u64, span: Duration) -> Vec<(Duration, Act)
                 acts.extend([(at, Act::Stop(whom)), (at + LONG, Act::Continue(whom))]);
             }
             13 => acts.push((at, Act::Intrude)),
+            14..16 => {
+                acts.push((at, Act::Drain));
+                if rng.random_bool(0.3) {
+                    acts.push((at + pause, Act::Resume));
+                } else {
+                    let workers = (0..WORKERS).map(Who::Worker);
+                    let all = std::iter::once(coordinator).chain(workers);
+                    acts.extend(all.map(|who| (at + short, Act::Start(who))));
+                }
+            }
+            16 => acts.push((at, Act::Retry)),
             _ => {
                 let fault = match rng.random_range(0..7) {
                     0 => Fault::Refuse,
@@ -135,7 +177,7 @@ mod tests {
             assert!(acts.iter().any(has), "{fault:?}");
         }
         let coordinator = Who::Coordinator;
-        let mut wanted = vec![Act::Intrude];
+        let mut wanted = vec![Act::Intrude, Act::Drain, Act::Resume, Act::Retry];
         for who in [coordinator, Who::Worker(0), Who::Worker(1)] {
             wanted.extend([Act::Kill(who), Act::Terminate(who), Act::Stop(who)]);
         }

@@ -1,5 +1,6 @@
 //! A thousand workers at once, each with a connection of its own, real calls and real results.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -7,12 +8,11 @@ use anyhow::{Context as _, ensure};
 use campaign::formulation::Problem;
 use campaign::probe;
 use campaign::task::compute;
-use protocol::v2::campaign_client::CampaignClient;
 use protocol::v2::{
     Directive, HeartbeatRequest, LeaseRequest, LeaseResult, RegisterRequest, ReportRequest,
 };
 
-use super::{campaign, coordinator, wait_for_jobs};
+use super::{campaign, coordinator, link, wait_for_jobs};
 
 pub(super) async fn crowd(workers: usize, seconds: usize) -> anyhow::Result<()> {
     let exe = std::env::current_exe()?;
@@ -21,14 +21,14 @@ pub(super) async fn crowd(workers: usize, seconds: usize) -> anyhow::Result<()> 
     let campaign = campaign(20_000, 200)?;
     let problem = Arc::new(Problem::new(campaign.clone()));
     let digest = probe::model_digest(&problem);
-    let (process, url) = coordinator(folder.path(), &campaign).await?;
-    wait_for_jobs(&url, &digest).await?;
+    let (process, access) = coordinator(folder.path(), &campaign).await?;
+    wait_for_jobs(&access, &digest).await?;
     println!("{workers} workers at once, for {seconds} s");
     let until = tokio::time::Instant::now() + Duration::from_secs(seconds as u64);
     let mut crowd = tokio::task::JoinSet::new();
     for index in 0..workers {
-        let (url, digest, problem) = (url.clone(), digest.clone(), Arc::clone(&problem));
-        crowd.spawn(member(index, url, digest, problem, until));
+        let (access, digest, problem) = (access.clone(), digest.clone(), Arc::clone(&problem));
+        crowd.spawn(member(index, access, digest, problem, until));
     }
     let mut waits = Vec::new();
     let (mut served, mut registered) = (0, Vec::new());
@@ -76,20 +76,19 @@ struct Member {
 /// One worker of the crowd: real calls on a connection of its own, and real results.
 async fn member(
     index: usize,
-    url: String,
+    access: PathBuf,
     digest: String,
     problem: Arc<Problem>,
     until: tokio::time::Instant,
 ) -> anyhow::Result<Member> {
     let worker_id = format!("member-{index}");
     let began = Instant::now();
-    let mut client = loop {
-        match CampaignClient::connect(url.clone()).await {
-            Ok(client) => break client,
-            Err(_) => tokio::time::sleep(Duration::from_millis(50)).await,
-        }
-    };
-    client.register(introduction(&worker_id, &digest)).await?;
+    let mut client = link(&access)?.client();
+    // Some are late on a busy machine, and try again, as workers do.
+    while let Err(status) = client.register(introduction(&worker_id, &digest)).await {
+        ensure!(status.code() == tonic::Code::Unavailable, "{status}");
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
     let mut member = Member {
         registered: began.elapsed(),
         heartbeats: Vec::new(),
@@ -178,7 +177,7 @@ pub(super) fn introduction(worker_id: &str, digest: &str) -> RegisterRequest {
     RegisterRequest {
         worker_id: worker_id.to_owned(),
         host: "load".to_owned(),
-        program_version: env!("CARGO_PKG_VERSION").to_owned(),
+        program_version: identity::BUILD.to_owned(),
         model_digest: digest.to_owned(),
         slots: 1,
         held: Vec::new(),

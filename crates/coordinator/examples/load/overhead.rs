@@ -164,8 +164,7 @@ async fn over_grpc(
     });
     served.board.want(wanted.collect());
     served.board.open();
-    let url = format!("http://{}", served.address);
-    let mut arguments = vec!["worker", &url];
+    let mut arguments = vec!["worker", &served.access];
     arguments.extend(exec);
     let workers = [Process::start(&arguments)?, Process::start(&arguments)?];
     let wanted = points.len() as u64 * u64::from(campaign.sampling.samples_per_design);

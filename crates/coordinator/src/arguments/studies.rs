@@ -3,10 +3,12 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use coordinator::snapshot;
-use coordinator::studies::pareto::Against;
-use coordinator::studies::sweep::Teeth;
+use stages::optima;
+use studies::pareto::Against;
+use studies::sweep::Teeth;
 use worker::SimulatorArguments;
+
+use super::PortArguments;
 
 #[derive(Debug, Args)]
 pub(crate) struct Sweep {
@@ -35,6 +37,22 @@ pub(crate) struct Sweep {
     pub(crate) simulator: SimulatorArguments,
 }
 
+/// Who computes a study's simulations.
+#[derive(Debug, Args)]
+pub(crate) struct StudyWorkers {
+    /// How many workers to start in this process [default: the number of processors]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=1024))]
+    pub(crate) workers: Option<u16>,
+    #[command(flatten)]
+    pub(crate) simulator: SimulatorArguments,
+    /// Let workers of other processes join, as `serve` does: the options that follow are those of
+    /// `serve`
+    #[arg(long)]
+    pub(crate) admit: bool,
+    #[command(flatten)]
+    pub(crate) port: PortArguments,
+}
+
 #[derive(Debug, Args)]
 pub(crate) struct Corrections {
     /// The campaign file, with a section [corrections]
@@ -49,6 +67,8 @@ pub(crate) struct Corrections {
     /// The folder of the tables [default: NAME-corrections]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) workers: StudyWorkers,
 }
 
 /// A campaign and its finished store.
@@ -85,6 +105,8 @@ pub(crate) struct Sensitivity {
     /// The folder of the tables [default: NAME-sensitivity]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) workers: StudyWorkers,
 }
 
 #[derive(Debug, Args)]
@@ -101,10 +123,12 @@ pub(crate) struct Pareto {
     /// The folder of the table and the chart [default: NAME-pareto]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) workers: StudyWorkers,
 }
 
 fn approach(text: &str) -> Result<String, String> {
-    match snapshot::approach_of(text) {
+    match optima::approach_of(text) {
         Some(approach) => Ok(approach.name().to_owned()),
         None => Err(format!(
             "there are {}",

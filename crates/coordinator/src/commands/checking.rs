@@ -6,10 +6,10 @@ use anyhow::Context as _;
 use campaign::formulation::{Problem, ROBUST_VARIABLES};
 use campaign::task::{self, Output, Source};
 use campaign::{Approach, Campaign, Variables};
-use coordinator::references;
 use ledger::{Generation, StreamId, Unit};
 use protocol::exit;
 use rand::RngExt as _;
+use stages::references;
 use stats::streams::{Purpose, stream};
 
 use super::{print, read};

@@ -3,15 +3,16 @@
 use std::io::IsTerminal as _;
 use std::time::{Duration, Instant};
 
-use coordinator::status::{self, Status};
+use gateway::client::Reach;
+use gateway::{Link, Role};
+use protocol::exit;
 use protocol::v2::{DrainRequest, ExplainRequest, RetryRequest, WatchRequest};
-use protocol::{Role, exit};
+use results::describing::describe;
+use results::status::{self, Status};
 use store::Store;
-use worker::client::{Link, connect};
-use worker::console;
 
-use super::{Usage, print};
-use crate::arguments::{self, Client};
+use super::print;
+use crate::arguments;
 
 /// How often a store is looked at.
 const PERIOD: Duration = Duration::from_secs(1);
@@ -24,17 +25,16 @@ const CLEAR: &str = "\x1b[H\x1b[J";
 
 /// `coordinator status`.
 pub(super) async fn status(arguments: arguments::Status) -> anyhow::Result<u8> {
-    let mut source = match (&arguments.db, &arguments.connect) {
-        (Some(db), _) => Source::Store(Store::open_read_only(db).await?),
-        (None, Some(url)) => Source::Coordinator {
-            link: connect(url, &arguments.credentials, Role::Client)?,
+    let mut source = match &arguments.db {
+        Some(db) => Source::Store(Store::open_read_only(db).await?),
+        None => Source::Coordinator {
+            link: link(&arguments.reach)?,
             seen: 0,
         },
-        (None, None) => {
-            let sentence = "give the store (--db) or the coordinator's address (--connect)";
-            return Err(Usage(sentence.to_owned()).into());
-        }
     };
+    if let (Source::Store(store), true) = (&source, arguments.check) {
+        store.checked().await?;
+    }
     let mut away_since: Option<Instant> = None;
     loop {
         let status = match source.next().await {
@@ -56,7 +56,7 @@ pub(super) async fn status(arguments: arguments::Status) -> anyhow::Result<u8> {
         let text = if arguments.json {
             serde_json::to_string(&status)? + "\n"
         } else {
-            status::describe(&status)
+            describe(&status)
         };
         let clear = arguments.watch && !arguments.json && std::io::stdout().is_terminal();
         print(&format!("{}{text}", if clear { CLEAR } else { "" }))?;
@@ -78,7 +78,7 @@ impl Source {
     fn may_come_back(&self, error: &anyhow::Error) -> bool {
         let is_away = matches!(
             error.downcast_ref(),
-            Some(worker::Error::Unreachable { .. })
+            Some(gateway::Error::Unreachable { .. })
         );
         is_away && matches!(self, Self::Coordinator { seen, .. } if *seen > 0)
     }
@@ -100,13 +100,13 @@ impl Source {
     }
 }
 
-fn link(client: &Client) -> Result<Link, worker::Error> {
-    connect(&client.connect, &client.credentials, Role::Client)
+fn link(reach: &Reach) -> Result<Link, gateway::Error> {
+    reach.link(Role::Client)
 }
 
 /// `coordinator explain`.
 pub(super) async fn explain(arguments: &arguments::Explain) -> anyhow::Result<u8> {
-    let link = link(&arguments.client)?;
+    let link = link(&arguments.reach)?;
     let answer = link.client().explain(ExplainRequest {}).await;
     let answer = answer.map_err(|status| link.error(&status))?.into_inner();
     print(&(answer.sentences.join("\n") + "\n"))?;
@@ -115,7 +115,7 @@ pub(super) async fn explain(arguments: &arguments::Explain) -> anyhow::Result<u8
 
 /// `coordinator drain`.
 pub(super) async fn drain(arguments: &arguments::Drain) -> anyhow::Result<u8> {
-    let link = link(&arguments.client)?;
+    let link = link(&arguments.reach)?;
     let request = DrainRequest {
         resume: arguments.resume,
     };
@@ -134,7 +134,7 @@ pub(super) async fn drain(arguments: &arguments::Drain) -> anyhow::Result<u8> {
 
 /// `coordinator retry`.
 pub(super) async fn retry(arguments: &arguments::Retry) -> anyhow::Result<u8> {
-    let link = link(&arguments.client)?;
+    let link = link(&arguments.reach)?;
     let answer = link.client().retry(RetryRequest {}).await;
     let answer = answer.map_err(|status| link.error(&status))?;
     let retried = answer.into_inner().retried;

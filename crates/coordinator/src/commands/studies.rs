@@ -1,27 +1,29 @@
 //! The studies: read files, call the library, print, choose an exit code.
 
-use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use campaign::Campaign;
 use campaign::formulation::Problem;
-use coordinator::guard::Guard;
 use coordinator::server::{self, Outcome, Plan};
-use coordinator::studies::{corrections, finished, pareto, require_built_in, sensitivity, sweep};
+use coordinator::study;
 use protocol::exit;
-use rustix::time::{ClockId, clock_gettime};
 use store::Store;
+use studies::refusal::require_built_in;
+use studies::simulations::Simulations;
+use studies::{corrections, finished, pareto, sensitivity, sweep};
 use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
 
-use super::{Usage, local_workers, print, read, refuse_network_store};
+use super::{Usage, local_workers, print, processors, read, refuse_network_store};
 use crate::arguments;
 use crate::progress::Progress;
 
 /// `coordinator sweep`: a campaign for each number of teeth, then the table of them all.
 pub(super) async fn sweep(arguments: arguments::Sweep) -> anyhow::Result<u8> {
     let campaign = parse(&arguments.campaign)?;
-    let workers = local_workers(&campaign, arguments.simulator, arguments.workers)?;
+    let count = arguments.workers.unwrap_or_else(processors);
+    let workers = local_workers(&campaign, &arguments.simulator, count)?;
     let out = folder(arguments.out, &campaign, "sweep");
     let file = arguments.campaign.display().to_string();
     let members = sweep::members(&file, &campaign, &arguments.teeth, &out)?;
@@ -31,7 +33,7 @@ pub(super) async fn sweep(arguments: arguments::Sweep) -> anyhow::Result<u8> {
         source,
     })?;
     let shutdown = CancellationToken::new();
-    tokio::spawn(worker::console::watch_signals(shutdown.clone(), "stopping"));
+    tokio::spawn(console::watch_signals(shutdown.clone(), "stopping"));
     let mut incomplete = false;
     for member in &members {
         refuse_network_store(&member.db, arguments.allow_network_store)?;
@@ -44,10 +46,10 @@ pub(super) async fn sweep(arguments: arguments::Sweep) -> anyhow::Result<u8> {
             campaign: member.campaign.clone(),
             file_text: member.file_text.clone(),
             db: member.db.clone(),
-            listen: SocketAddr::from(([127, 0, 0, 1], 0)),
-            guard: Guard::default(),
             out: member.report.clone(),
             workers: workers.clone(),
+            port: None,
+            keep_serving: false,
             lease: server::LEASE,
             metrics: None,
         };
@@ -83,26 +85,27 @@ pub(super) async fn corrections(arguments: arguments::Corrections) -> anyhow::Re
     let campaign = parse(&arguments.campaign)?;
     let spaces = corrections::spaces(&campaign).map_err(usage)?;
     let out = folder(arguments.out, &campaign, "corrections");
-    let rows = compute(move || {
+    let plan = plan(&campaign, arguments.workers, "corrections")?;
+    let rows = move |simulations: &dyn Simulations| {
         let problem = Problem::new(campaign);
-        let frozen = finished::frozen_anew(&problem).map_err(anyhow::Error::msg)?;
+        let frozen = finished::frozen_anew(simulations, &problem)?;
         let mut rows: Vec<corrections::Row> = Vec::new();
         for (number, space) in (0..).zip(&spaces) {
-            let begun = clock_gettime(ClockId::ProcessCPUTime);
-            let row = corrections::run(&problem, &frozen, space, number, rows.first())?;
-            let ended = clock_gettime(ClockId::ProcessCPUTime);
+            let begun = Instant::now();
+            let row =
+                corrections::run(simulations, &problem, &frozen, space, number, rows.first())?;
             info!(
                 corrections = space.name(),
                 designs = row.evaluations,
                 worn_samples = row.worn_calls,
-                cpu_seconds = ended.tv_sec - begun.tv_sec,
+                seconds = begun.elapsed().as_secs(),
                 "searched"
             );
             rows.push(row);
         }
         corrections::write_tables(&out, problem.campaign(), &rows).map(|page| (page, out))
-    });
-    finish(rows.await?)
+    };
+    conduct(plan, rows).await
 }
 
 /// `coordinator sensitivity`: what the recommended design owes to wear and tolerances.
@@ -118,37 +121,105 @@ pub(super) async fn sensitivity(arguments: arguments::Sensitivity) -> anyhow::Re
         rows: arguments.rows as usize,
     };
     let out = folder(arguments.out, problem.campaign(), "sensitivity");
-    let page = compute(move || {
-        let scenarios = sensitivity::scenarios(&problem, &optimum)?;
-        let indices = sensitivity::indices(&problem, &optimum, &tolerances)?;
+    let plan = plan(problem.campaign(), arguments.workers, "sensitivity")?;
+    let page = move |simulations: &dyn Simulations| {
+        let scenarios = sensitivity::scenarios(simulations, &problem, &optimum)?;
+        let indices = sensitivity::indices(simulations, &problem, &optimum, &tolerances)?;
         let name = &problem.campaign().name;
         sensitivity::write_tables(&out, name, &optimum, &tolerances, &scenarios, &indices)
             .map(|page| (page, out))
-    });
-    finish(page.await?)
+    };
+    conduct(plan, page).await
 }
 
 /// `coordinator pareto`: P90 against a second objective.
 pub(super) async fn pareto(arguments: arguments::Pareto) -> anyhow::Result<u8> {
     let (store, problem) = finished_campaign(&arguments.finished).await?;
     let (against, refine) = (arguments.against, arguments.refine);
-    if refine > 0 {
-        require_built_in(problem.campaign()).map_err(usage)?;
-    }
+    // The front of the DoE can be shown without its external simulator.
+    let workers = arguments.workers;
+    let has_workers =
+        !problem.campaign().is_external() || workers.admit || workers.simulator.exec().is_some();
     let optima = finished::optima(&store).await?;
     let frozen = finished::frozen(&problem, &optima);
     let all = pareto::of_doe(&store, &problem, &frozen, against).await?;
     store.close().await?;
     let out = folder(arguments.out, problem.campaign(), "pareto");
-    let page = compute(move || {
-        let mut points = pareto::front_of_doe(&problem, &all, against)?;
+    let campaign = problem.campaign().clone();
+    let page = move |simulations: Option<&dyn Simulations>| {
+        let mut points = pareto::front_of_doe(simulations, &problem, &all, against)?;
         points.extend(pareto::of_optima(&optima));
-        let refined = pareto::refine(&problem, &frozen, &points, against, refine)?;
-        points.extend(refined);
+        if let Some(simulations) = simulations {
+            let refined = pareto::refine(simulations, &problem, &frozen, &points, against, refine)?;
+            points.extend(refined);
+        }
         pareto::mark(&mut points, against);
         pareto::write_tables(&out, &problem, against, &all, &points, refine).map(|page| (page, out))
-    });
-    finish(page.await?)
+    };
+    if !has_workers && refine == 0 {
+        return finish(page(None)?);
+    }
+    let plan = plan(&campaign, workers, "pareto")?;
+    conduct(plan, move |simulations| page(Some(simulations))).await
+}
+
+/// Who computes a study of a campaign.
+fn plan(
+    campaign: &Campaign,
+    arguments: arguments::StudyWorkers,
+    what: &str,
+) -> anyhow::Result<study::Plan> {
+    let name = format!("{}-{what}", campaign.name);
+    let port = if arguments.admit {
+        Some(super::port(arguments.port, &name)?)
+    } else {
+        refuse_port(&arguments.port)?;
+        None
+    };
+    let default = if arguments.admit { 0 } else { processors() };
+    let count = arguments.workers.unwrap_or(default);
+    Ok(study::Plan {
+        workers: local_workers(campaign, &arguments.simulator, count)?,
+        campaign: campaign.clone(),
+        name,
+        port,
+        lease: server::LEASE,
+    })
+}
+
+/// Without `--admit` there is no port that options could be about. What only the environment names is
+/// another coordinator's.
+fn refuse_port(port: &arguments::PortArguments) -> Result<(), Usage> {
+    let is_given = |file: &Option<PathBuf>, variable| {
+        file.as_deref().map(Path::as_os_str) != std::env::var_os(variable).as_deref()
+    };
+    if port.listen.is_some()
+        || !port.hosts.is_empty()
+        || port.insecure
+        || is_given(&port.access, "PITCHLINE_ACCESS")
+        || is_given(&port.guard.tls_cert, "PITCHLINE_TLS_CERT")
+    {
+        return Err(usage(
+            "a study has a port only with --admit: add it, or leave out the port's options",
+        ));
+    }
+    Ok(())
+}
+
+/// Runs a study to its end, prints its page, and says where its tables are.
+async fn conduct(
+    plan: study::Plan,
+    work: impl FnOnce(&dyn Simulations) -> anyhow::Result<(String, PathBuf)> + Send + 'static,
+) -> anyhow::Result<u8> {
+    let shutdown = CancellationToken::new();
+    tokio::spawn(console::watch_signals(shutdown.clone(), "stopping"));
+    match study::run(plan, work, shutdown).await? {
+        Some(found) => finish(found),
+        None => {
+            info!("stopped; nothing of the study is kept");
+            Ok(exit::INTERRUPTED)
+        }
+    }
 }
 
 fn usage(error: impl std::fmt::Display) -> Usage {
@@ -174,13 +245,6 @@ async fn finished_campaign(
     let store = Store::open_read_only(&db).await?;
     let problem = finished::problem(&store, &campaign).await?;
     Ok((store, problem))
-}
-
-/// Computes off the runtime's threads; an interrupt ends the program meanwhile.
-async fn compute<T: Send + 'static>(
-    work: impl FnOnce() -> anyhow::Result<T> + Send + 'static,
-) -> anyhow::Result<T> {
-    tokio::task::spawn_blocking(work).await?
 }
 
 fn finish((page, out): (String, PathBuf)) -> anyhow::Result<u8> {

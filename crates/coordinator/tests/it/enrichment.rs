@@ -2,21 +2,15 @@
 //! its coordinator stops in the middle of a round, and its workers are more or fewer.
 
 use std::path::Path;
-use std::sync::Arc;
 use std::time::Duration;
 
-use campaign::formulation::Problem;
-use campaign::task::{Source, compute};
-use campaign::{Approach, Campaign, probe};
-use coordinator::board::Board;
-use coordinator::engine::{Ended, Engine};
-use coordinator::service::{Service, StoreRecorder};
-use coordinator::status;
-use protocol::v2::campaign_server::Campaign as _;
-use protocol::v2::{LeaseRequest, LeaseResult, RegisterRequest, ReportRequest};
-use store::{CampaignRow, InfillRow, OptimumRow, RoundRow, Store};
-use tokio_util::sync::CancellationToken;
-use tonic::Request;
+use campaign::Approach;
+use coordinator::engine::Ended;
+use ledger::Unit;
+use results::status;
+use store::{InfillRow, OptimumRow, RoundRow, Store};
+
+use crate::running::Coordinator;
 
 /// Samples of the DoE, at most, and the budget.
 const DESIGNS: u32 = 70;
@@ -49,40 +43,8 @@ type Fails = fn(&str) -> bool;
 
 /// Runs the campaign on the store until it ends, or until so many infill samples are stored.
 async fn run(path: &Path, workers: usize, fails: Fails, stop_at: Option<u64>) -> Option<Ended> {
-    let text = campaign_file();
-    let campaign = Campaign::parse("c.toml", &text).unwrap();
-    let row = CampaignRow {
-        name: campaign.name.clone(),
-        file_text: text,
-        digest: campaign.digest(),
-        seed: campaign.seed,
-        program_version: "0".to_owned(),
-        model_digest: None,
-    };
-    let store = Store::create_or_open(path, &row).await.unwrap();
-    let problem = Arc::new(Problem::new(campaign.clone()));
-    let options = ledger::Options {
-        suspension: Duration::ZERO,
-        retry_after: Duration::ZERO,
-        ..ledger::Options::default()
-    };
-    let board = Arc::new(Board::new(options, 1));
-    let service = Service {
-        board: Arc::clone(&board),
-        recorder: StoreRecorder::new(&store).unwrap(),
-        campaign_json: campaign.to_json(),
-        model_digest: Some(probe::model_digest(&problem)),
-    };
-    let writer = store.writer().unwrap();
-    let engine = Engine::new(Arc::clone(&problem), None, store.clone(), writer, board);
-    let shutdown = CancellationToken::new();
-    let work = async {
-        let workers = (0..workers).map(|worker| {
-            let (service, problem) = (service.clone(), Arc::clone(&problem));
-            work(service, problem, format!("worker-{worker}"), fails)
-        });
-        futures_util::future::join_all(workers).await;
-    };
+    let coordinator = Coordinator::start(path, campaign_file()).await;
+    let store = &coordinator.store;
     let enough = async {
         let Some(stop_at) = stop_at else {
             return std::future::pending().await;
@@ -98,62 +60,10 @@ async fn run(path: &Path, workers: usize, fails: Fails, stop_at: Option<u64>) ->
             tokio::time::sleep(Duration::from_millis(1)).await;
         }
     };
-    let ended = tokio::select! {
-        ended = engine.run(&shutdown) => ended.unwrap(),
-        () = work => None,
-        () = enough => None,
-    };
+    let fails = |point: Option<&str>, _: &Unit| point.is_some_and(fails);
+    let ended = coordinator.run(workers, &fails, enough).await;
     store.close().await.unwrap();
     ended
-}
-
-/// A worker that never ends by itself.
-async fn work(service: Service<StoreRecorder>, problem: Arc<Problem>, id: String, fails: Fails) {
-    loop {
-        let request = RegisterRequest {
-            worker_id: id.clone(),
-            host: "here".to_owned(),
-            program_version: env!("CARGO_PKG_VERSION").to_owned(),
-            model_digest: service.model_digest.clone().unwrap(),
-            slots: 1,
-            held: Vec::new(),
-        };
-        if service.register(Request::new(request)).await.is_ok() {
-            break;
-        }
-        tokio::time::sleep(Duration::from_millis(1)).await;
-    }
-    loop {
-        let request = LeaseRequest {
-            worker_id: id.clone(),
-            credit: 1,
-            seconds: 1.0,
-            wait_ms: 50,
-        };
-        let leased = service.lease(Request::new(request)).await.unwrap();
-        for lease in leased.into_inner().leases {
-            let units = lease.units().unwrap();
-            let results = units.iter().map(|(unit, source)| {
-                let name = service.board.point_name(unit.stream).unwrap_or_default();
-                let output = match source {
-                    Source::Point(_) if fails(&name) => Err("no load path".to_owned()),
-                    source => compute(&*problem, unit, source),
-                };
-                protocol::result(unit, &output.map(Some), 0.25)
-            });
-            let result = LeaseResult {
-                id: lease.id,
-                results: results.collect(),
-                wall_seconds: 0.001,
-            };
-            let request = ReportRequest {
-                worker_id: id.clone(),
-                results: vec![result],
-            };
-            service.report(Request::new(request)).await.unwrap();
-        }
-        tokio::task::yield_now().await;
-    }
 }
 
 /// What a campaign found, without what was measured.

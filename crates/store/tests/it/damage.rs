@@ -3,9 +3,13 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use store::{Error, Store};
+use store::{Batch, Error, ModelRow, OptimiserRunRow, OptimumRow, ResponseRow, Store, VerifyRow};
 
-use crate::{beside, campaign, folder, open, read, sample, samples, store_with};
+use crate::rounds::new_round;
+use crate::{
+    beside, campaign, execute, feasible, folder, infeasible, open, read, sample, samples,
+    store_with,
+};
 
 const BATCHES: u64 = 6;
 const ROWS: u64 = 300;
@@ -164,7 +168,8 @@ async fn a_transaction_under_a_journal_that_was_killed_is_undone() {
 
     let (_folder, path) = folder();
     let store = store_with(&path, 3).await;
-    let whole = (0..500).map(|i| sample(0, i, 1.5));
+    // With gaps, so that each has a row of its own.
+    let whole = (0..500).map(|i| sample(0, 2 * i, 1.5));
     store
         .writer()
         .unwrap()
@@ -183,7 +188,8 @@ async fn a_transaction_under_a_journal_that_was_killed_is_undone() {
         .execute(&mut connection)
         .await
         .unwrap();
-    sqlx::query("UPDATE sample SET delta_ste_um = 9.5")
+    // 9.5, little-endian.
+    sqlx::query("UPDATE sample_range SET delta_ste_um = x'0000000000002340'")
         .execute(&mut connection)
         .await
         .unwrap();
@@ -197,7 +203,7 @@ async fn a_transaction_under_a_journal_that_was_killed_is_undone() {
     );
     let marks = read(&left)
         .windows(8)
-        .filter(|w| *w == 9.5_f64.to_be_bytes())
+        .filter(|w| *w == 9.5_f64.to_le_bytes())
         .count();
     assert!(marks > 100, "{marks} rows were changed in the file already");
 
@@ -224,7 +230,7 @@ async fn a_new_store_never_has_a_rollback_journal() {
 #[tokio::test]
 async fn a_bit_that_flipped_in_a_sample_is_found_at_the_next_opening() {
     // Some megabytes are compared with their digest in the background.
-    for (count, at_once) in [(500_u64, true), (200_000, false)] {
+    for (count, at_once) in [(500_u64, true), (600_000, false)] {
         let (_folder, path) = folder();
         let store = store_with(&path, 3).await;
         let writer = store.writer().unwrap();
@@ -239,9 +245,9 @@ async fn a_bit_that_flipped_in_a_sample_is_found_at_the_next_opening() {
         sound.close().await.unwrap();
 
         let mut bytes = read(&path);
-        let number = 1.5_f64.to_be_bytes();
+        let number = 1.5_f64.to_le_bytes();
         let place = bytes.windows(8).rposition(|window| window == number);
-        bytes[place.unwrap() + 7] ^= 1;
+        bytes[place.unwrap()] ^= 1;
         fs::write(&path, bytes).unwrap();
         let error = match Store::create_or_open(&path, &campaign()).await {
             Ok(store) => {
@@ -255,7 +261,422 @@ async fn a_bit_that_flipped_in_a_sample_is_found_at_the_next_opening() {
                 error
             }
         };
-        assert!(matches!(error, Error::Damaged { .. }), "{error}");
-        assert!(error.to_string().contains("digest"), "{error}");
+        assert!(matches!(error, Error::DamagedRows { .. }), "{error}");
+        let said = error.to_string();
+        assert!(
+            said.contains("table sample_range, row first_sample"),
+            "{said}"
+        );
+        assert!(said.contains("of design 0"), "{said}");
     }
+}
+
+/// A row in every table that has seals, and samples of both kinds.
+async fn with_every_row(path: &Path) {
+    let store = store_with(path, 2).await;
+    let batch = Batch {
+        criteria: vec![feasible(0), infeasible(1)],
+        verify: (0..40).map(|i| verified("kriging", i)).collect(),
+        runs: vec![OptimiserRunRow {
+            approach: "kriging".into(),
+            start: 3,
+            result_json: "{\"best\":[1.5,2.5]}".into(),
+            simulator_calls: 7,
+            cpu_seconds: 0.5,
+        }],
+        ..samples((0..40).chain(50..60).map(|i| sample(1, i, 1.5)))
+    };
+    store.writer().unwrap().submit(batch).await.unwrap();
+    let response = ResponseRow {
+        design: 1,
+        mean_um: 1.5,
+        sd_um: 0.1,
+        p90_um: 1.75,
+        p90_variance_um2: 0.01,
+        lilliefors_p: None,
+    };
+    store.put_responses(&[response], 0).await.unwrap();
+    let model = ModelRow {
+        name: "p90".into(),
+        json: "{\"theta\":[1.5,0.25]}".into(),
+        summary_json: "{}".into(),
+    };
+    store.put_model(&model).await.unwrap();
+    let optimum = OptimumRow {
+        approach: "kriging".into(),
+        x_json: "{\"x_p\":0.5}".into(),
+        criterion_um: 0.75,
+        feasible: true,
+        criteria_json: "{}".into(),
+        simulator_calls: 1200,
+        cpu_seconds: 9.25,
+        note: String::new(),
+    };
+    store.put_optimum(&optimum).await.unwrap();
+    store.put_round(&new_round(0, &[])).await.unwrap();
+    store.put_round(&new_round(1, &[2])).await.unwrap();
+    store.pin_model_digest("abc").await.unwrap();
+    store.close().await.unwrap();
+}
+
+fn verified(point: &str, sample: u64) -> VerifyRow {
+    VerifyRow {
+        approach: point.into(),
+        sample,
+        delta_ste_um: 1.0 + sample as f64,
+    }
+}
+
+/// Refused by whoever reads or writes, with the names of file, table and row.
+async fn is_refused(path: &Path, table: &str, row: &str) {
+    let reading = Store::open_read_only(path).await.expect_err(table);
+    let writing = Store::create_or_open(path, &campaign())
+        .await
+        .expect_err(table);
+    for error in [reading, writing] {
+        let said = error.to_string();
+        assert!(matches!(error, Error::DamagedRows { .. }), "{said}");
+        let place = format!("table {table}, row {row}");
+        assert!(said.contains(&place), "no {place:?} in: {said}");
+        assert!(said.contains("campaign.db"), "{said}");
+        assert!(said.contains("restore a copy"), "{said}");
+    }
+}
+
+#[tokio::test]
+async fn an_edited_row_of_any_table_is_named() {
+    let (folder, path) = folder();
+    with_every_row(&path).await;
+    let whole = read(&path);
+    let edits = [
+        ("campaign", "one 1", "UPDATE campaign SET seed = seed + 1"),
+        (
+            "design",
+            "design 1",
+            "UPDATE design SET x_r = x_r + 1e-9 WHERE design = 1",
+        ),
+        (
+            "criteria",
+            "design 0",
+            "UPDATE criteria SET contact_ratio = 2.5 WHERE design = 0",
+        ),
+        (
+            "criteria",
+            "design 1",
+            "UPDATE criteria SET feasible = 1, reason = NULL",
+        ),
+        (
+            "optimiser_run",
+            "start 3 of approach \"kriging\"",
+            "UPDATE optimiser_run SET result_json = '{\"best\":[1.5,2.6]}'",
+        ),
+        (
+            "response",
+            "design 1",
+            "UPDATE response SET p90_um = 1.7500000000000002",
+        ),
+        (
+            "model",
+            "name \"p90\"",
+            "UPDATE model SET json = replace(json, '1.5', '1.6')",
+        ),
+        (
+            "optimum",
+            "approach \"kriging\"",
+            "UPDATE optimum SET criterion_um = 0.7",
+        ),
+        (
+            "optimum",
+            "approach \"kriging\"",
+            "UPDATE optimum SET seal = NULL",
+        ),
+        (
+            "optimum",
+            "approach \"simulator\"",
+            "INSERT INTO optimum SELECT 'simulator', x_json, criterion_um, feasible, criteria_json,
+                simulator_calls, cpu_seconds, note, seal FROM optimum",
+        ),
+        (
+            "enrichment_round",
+            "round 1",
+            "UPDATE enrichment_round SET stop_json = '{}' WHERE round = 1",
+        ),
+        (
+            "infill",
+            "infill 2",
+            "UPDATE infill SET failed = 0 WHERE infill = 2",
+        ),
+        // Sample 57 becomes 1.25.
+        (
+            "sample_range",
+            "first_sample 50 of design 1",
+            "UPDATE sample_range SET delta_ste_um = CAST(substr(delta_ste_um, 1, 56)
+                || x'000000000000f43f' || substr(delta_ste_um, 65) AS BLOB)
+                WHERE first_sample = 50",
+        ),
+        // Sample 50 becomes no number.
+        (
+            "sample_range",
+            "first_sample 50 of design 1",
+            "UPDATE sample_range SET delta_ste_um = CAST(x'000000000000f87f'
+                || substr(delta_ste_um, 9) AS BLOB) WHERE first_sample = 50",
+        ),
+        (
+            "sample_range",
+            "first_sample 0 of design 1",
+            "UPDATE sample_range SET delta_ste_um = substr(delta_ste_um, 9) WHERE first_sample = 0",
+        ),
+        (
+            "sample_range",
+            "first_sample 60 of design 1",
+            "UPDATE sample_range SET first_sample = 60 WHERE first_sample = 50",
+        ),
+        (
+            "sample_range",
+            "first_sample 50 of design 0",
+            "UPDATE sample_range SET design = 0 WHERE first_sample = 50",
+        ),
+        (
+            "sample_range",
+            "first_sample 10 of design 1",
+            "INSERT INTO sample_range SELECT design, 10, seal, delta_ste_um FROM sample_range
+                WHERE first_sample = 50",
+        ),
+        (
+            "sample_range",
+            "first_sample 0 of design 1",
+            "UPDATE sample_range SET seal = seal + 1",
+        ),
+        (
+            "sample_range",
+            "design 1",
+            "DELETE FROM sample_range WHERE first_sample = 50",
+        ),
+        ("sample_range", "design 1", "DELETE FROM sample_range"),
+        (
+            "sample_range",
+            "design 1",
+            "UPDATE design_tally SET samples = samples - 1",
+        ),
+        (
+            "sample_range",
+            "one of all",
+            "UPDATE tally SET samples_digest = zeroblob(32)",
+        ),
+        (
+            "verify_sample",
+            "one of approach \"kriging\"",
+            "UPDATE verify_sample SET delta_ste_um = 1.25 WHERE sample = 7",
+        ),
+        (
+            "verify_sample",
+            "one of approach \"kriging\"",
+            "DELETE FROM verify_sample WHERE sample = 7",
+        ),
+        (
+            "verify_sample",
+            "one of approach \"kriging\"",
+            "DELETE FROM verify_tally",
+        ),
+    ];
+    for (table, row, edit) in edits {
+        execute(&path, edit).await;
+        is_refused(&path, table, row).await;
+        fs::write(&path, &whole).unwrap();
+    }
+    // Untouched, it opens.
+    open(&path).await.close().await.unwrap();
+    drop(folder);
+}
+
+/// Bytes that are no whole number of samples, which the schema itself refuses.
+#[tokio::test]
+async fn a_range_that_was_cut_within_a_number_is_named() {
+    let (_folder, path) = folder();
+    with_every_row(&path).await;
+    execute(
+        &path,
+        "PRAGMA ignore_check_constraints = ON;
+         UPDATE sample_range SET delta_ste_um = substr(delta_ste_um, 1, length(delta_ste_um) - 3)
+         WHERE first_sample = 50",
+    )
+    .await;
+    is_damaged_or_refused(&path).await;
+}
+
+/// SQLite's own check of the file finds a broken constraint before the seals are compared.
+async fn is_damaged_or_refused(path: &Path) {
+    let reading = Store::open_read_only(path).await.expect_err("reading");
+    let writing = Store::create_or_open(path, &campaign())
+        .await
+        .expect_err("writing");
+    for error in [reading, writing] {
+        let said = error.to_string();
+        assert!(
+            said.contains("sample_range") && said.contains("campaign.db"),
+            "{said}"
+        );
+    }
+}
+
+/// JSON with a flipped bit may still be JSON, or be refused by a parser that knows no file.
+#[tokio::test]
+async fn a_bit_that_flipped_in_text_is_found() {
+    let (_folder, path) = folder();
+    with_every_row(&path).await;
+    let whole = read(&path);
+    for (text, table, row) in [
+        ("{\"theta\":[1.5,0.25]}", "model", "name \"p90\""),
+        (
+            "{\"best\":[1.5,2.5]}",
+            "optimiser_run",
+            "start 3 of approach \"kriging\"",
+        ),
+        ("{\"x_p\":0.5}", "optimum", "approach \"kriging\""),
+        ("# a campaign", "campaign", "one 1"),
+    ] {
+        let at = whole
+            .windows(text.len())
+            .rposition(|window| window == text.as_bytes())
+            .unwrap();
+        // The comma of an array becomes a hyphen, and so on.
+        for byte in [at + text.len() / 2, at + text.len() - 2] {
+            let mut bytes = whole.clone();
+            bytes[byte] ^= 1;
+            fs::write(&path, bytes).unwrap();
+            is_refused(&path, table, row).await;
+        }
+    }
+}
+
+/// What is replaced, marked or removed by the program itself is no damage.
+#[tokio::test]
+async fn rows_that_the_program_changes_stay_sound() {
+    let (_folder, path) = folder();
+    with_every_row(&path).await;
+    let store = open(&path).await;
+    let mut optimum = store.optima().await.unwrap().remove(0);
+    optimum.criterion_um = -0.0;
+    store.put_optimum(&optimum).await.unwrap();
+    let larger = store::CampaignRow {
+        digest: "larger".into(),
+        ..campaign()
+    };
+    store
+        .put_generations(&[("kriging".into(), 1)])
+        .await
+        .unwrap();
+    store
+        .put_generations(&[("kriging".into(), 2)])
+        .await
+        .unwrap();
+    assert_eq!(store.verify_samples("kriging").await.unwrap(), []);
+    store.extend(&larger, &["kriging"]).await.unwrap();
+    store.close().await.unwrap();
+    let store = Store::create_or_open(&path, &larger).await.unwrap();
+    store.checked().await.unwrap();
+    assert_eq!(
+        store.campaign().await.unwrap().model_digest.as_deref(),
+        Some("abc")
+    );
+    assert_eq!(store.verify_samples_digest().await.unwrap(), "0".repeat(64));
+}
+
+#[tokio::test]
+async fn the_digest_of_verification_samples_is_that_of_any_order() {
+    let (_first, one) = folder();
+    let (_second, other) = folder();
+    let rows: Vec<VerifyRow> = ["kriging", "infill-0001"]
+        .iter()
+        .flat_map(|point| (0..50).map(|i| verified(point, i)))
+        .collect();
+    let mut digests = Vec::new();
+    for (path, step) in [(one, 7), (other, 31)] {
+        let store = store_with(&path, 1).await;
+        let none = store.samples_digest().await.unwrap();
+        assert_eq!(store.verify_samples_digest().await.unwrap(), none);
+        let mut rows = rows.clone();
+        if step == 31 {
+            rows.reverse();
+        }
+        for part in rows.chunks(step) {
+            // Twice: the second time counts as nothing.
+            for _ in 0..2 {
+                let verify = part.to_vec();
+                let batch = Batch {
+                    verify,
+                    ..Batch::default()
+                };
+                store.writer().unwrap().submit(batch).await.unwrap();
+            }
+        }
+        let digest = store.verify_samples_digest().await.unwrap();
+        assert_eq!(
+            store.recompute_verify_samples_digest().await.unwrap(),
+            digest
+        );
+        assert_eq!(
+            store.samples_digest().await.unwrap(),
+            none,
+            "those of the DoE"
+        );
+        digests.push(digest);
+    }
+    assert_eq!(digests[0], digests[1]);
+    assert_ne!(digests[0], "0".repeat(64));
+}
+
+/// A large store is opened for reading without a check, and says so.
+#[tokio::test]
+async fn a_reader_of_a_large_store_checks_it_when_asked() {
+    let (_folder, path) = folder();
+    let store = store_with(&path, 1).await;
+    let writer = store.writer().unwrap();
+    for first in (0..600_000).step_by(20_000) {
+        let part = (first..first + 20_000).map(|i| sample(0, i, 1.5));
+        writer.submit(samples(part)).await.unwrap();
+    }
+    drop(writer);
+    store.close().await.unwrap();
+    let reader = Store::open_read_only(&path).await.unwrap();
+    assert!(!reader.is_checked());
+    reader.checked().await.unwrap();
+    assert!(reader.is_checked());
+    reader.close().await.unwrap();
+
+    execute(
+        &path,
+        "UPDATE sample_range
+         SET delta_ste_um = CAST(x'0000000000000440' || substr(delta_ste_um, 9) AS BLOB)
+         WHERE first_sample = 4096",
+    )
+    .await;
+    let reader = Store::open_read_only(&path).await.unwrap();
+    let error = reader.checked().await.unwrap_err();
+    assert!(
+        matches!(
+            error,
+            Error::DamagedRows {
+                table: "sample_range",
+                ..
+            }
+        ),
+        "{error}"
+    );
+    assert!(!reader.is_checked());
+    // Whoever reads all of them hears of it, too.
+    let error = reader
+        .visit_samples(|_| Ok::<(), Error>(()))
+        .await
+        .unwrap_err();
+    assert!(
+        matches!(
+            error,
+            Error::DamagedRows {
+                table: "sample_range",
+                ..
+            }
+        ),
+        "{error}"
+    );
 }

@@ -56,7 +56,7 @@ async fn finished(store: &Store) {
         p90_variance_um2: 0.0,
         lilliefors_p: None,
     };
-    store.put_responses(&[response]).await.unwrap();
+    store.put_responses(&[response], 0).await.unwrap();
     let model = ModelRow {
         name: "p90".into(),
         json: "{}".into(),

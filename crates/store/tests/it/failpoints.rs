@@ -8,7 +8,9 @@ use std::process::{Command, Output};
 
 use store::{Batch, Error, Store};
 
-use crate::{campaign, folder, newest_migration, open, sample, samples, schemas, store_with};
+use crate::{
+    campaign, execute, folder, newest_migration, open, sample, samples, schemas, store_with,
+};
 
 const BATCHES: u64 = 8;
 const ROWS: u64 = 2000;
@@ -122,6 +124,32 @@ async fn killed_during_a_checkpoint() {
         finish(&path, BATCHES).await;
     }
     assert!(deaths > 0, "no child died in time");
+}
+
+/// Design 1 gets so many samples that they are packed in several parts.
+#[tokio::test]
+async fn killed_while_samples_are_packed() {
+    let (_folder, path) = folder();
+    std::fs::copy(schemas::fixture(1), &path).unwrap();
+    execute(
+        &path,
+        "WITH RECURSIVE part (i) AS (SELECT 0 UNION ALL SELECT i + 1 FROM part WHERE i < 149999)
+         INSERT INTO sample SELECT 1, i, 1.0 / (i + 1) FROM part",
+    )
+    .await;
+    let child = run_child(&path, "store::packing=1*off->return");
+    assert_eq!(child, (0, true));
+    let error = Store::open_read_only(&path).await.unwrap_err();
+    assert!(
+        matches!(error, Error::OlderSchema { found: 1, .. }),
+        "{error}"
+    );
+    let store = Store::create_or_open(&path, &campaign()).await.unwrap();
+    let expected: Vec<(u64, f64)> = (0..150_000).map(|i| (i, 1.0 / (i + 1) as f64)).collect();
+    assert_eq!(store.samples_of(1).await.unwrap(), expected);
+    store.close().await.unwrap();
+    let store = Store::open_read_only(&path).await.unwrap();
+    store.checked().await.unwrap();
 }
 
 #[tokio::test]

@@ -4,6 +4,8 @@ mod damage;
 mod extending;
 #[cfg(all(unix, feature = "failpoints"))]
 mod failpoints;
+mod place;
+mod ranges;
 mod reading;
 mod refusal;
 mod rounds;

@@ -119,7 +119,7 @@ async fn every_table_gives_back_what_was_put() {
             is_stale: false,
         }
     );
-    store.put_responses(&responses).await.unwrap();
+    store.put_responses(&responses, 40).await.unwrap();
     store.put_model(&model).await.unwrap();
     store.put_optimum(&optimum).await.unwrap();
     store.pin_model_digest("abc").await.unwrap();
@@ -155,6 +155,7 @@ async fn every_table_gives_back_what_was_put() {
         ruled_out: 0,
         samples: 2,
         responses: 2,
+        samples_of_responses: Some(40),
         models: 1,
         optimiser_runs: 2,
         optima: 1,
@@ -177,7 +178,7 @@ async fn stages_run_again_replace_their_results() {
             p90_variance_um2: value,
             lilliefors_p: None,
         };
-        store.put_responses(&[response]).await.unwrap();
+        store.put_responses(&[response], 0).await.unwrap();
         assert_eq!(store.responses().await.unwrap(), [response]);
         let model = ModelRow {
             name: "m".into(),
@@ -282,7 +283,7 @@ async fn missing_work_is_what_a_restart_has_to_do() {
 }
 
 /// The sum of the hashes, byte by byte as one adds on paper.
-fn documented_digest(rows: &[SampleRow]) -> String {
+pub(crate) fn documented_digest(rows: &[SampleRow]) -> String {
     let mut sum = [0_u8; 32];
     for row in rows {
         let mut bytes = Vec::new();

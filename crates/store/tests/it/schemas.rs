@@ -276,6 +276,37 @@ async fn an_upgrade_that_fails_leaves_the_store_as_it_was() {
     holds_every_row(&open(&path).await).await;
 }
 
+/// The samples of an earlier schema are compared with their digest before they are packed.
+#[tokio::test]
+async fn a_store_of_an_earlier_schema_that_was_edited_is_left_as_it_was() {
+    let edits = [
+        (
+            "one of all",
+            "UPDATE sample SET delta_ste_um = 1.25 WHERE design = 5 AND sample = 7",
+        ),
+        (
+            "design 5",
+            "DELETE FROM sample WHERE design = 5 AND sample = 7",
+        ),
+        (
+            "design 5",
+            "UPDATE sample SET design = 1 WHERE design = 5 AND sample = 7",
+        ),
+    ];
+    for schema in 2..=6 {
+        for (row, edit) in edits {
+            let (_folder, path) = folder();
+            std::fs::copy(fixture(schema), &path).unwrap();
+            execute(&path, edit).await;
+            let before = read(&path);
+            let error = Store::create_or_open(&path, &campaign()).await.unwrap_err();
+            let place = format!("table sample, row {row}");
+            assert!(error.to_string().contains(&place), "{error}");
+            assert_eq!(read(&path), before);
+        }
+    }
+}
+
 #[tokio::test]
 async fn an_upgrade_that_was_killed_is_begun_anew() {
     let (folder, path) = folder();
@@ -325,7 +356,7 @@ async fn makes_the_fixture() {
     let store = open(&path).await;
     store.put_designs(&all_designs()).await.unwrap();
     store.writer().unwrap().submit(all_rows()).await.unwrap();
-    store.put_responses(&all_responses()).await.unwrap();
+    store.put_responses(&all_responses(), 0).await.unwrap();
     store.put_model(&the_model()).await.unwrap();
     store.put_optimum(&the_optimum()).await.unwrap();
     for round in 0..2 {

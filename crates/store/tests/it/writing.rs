@@ -222,7 +222,7 @@ async fn what_cannot_be_stored_is_refused() {
         matches!(
             error,
             Error::Constraint {
-                table: "sample",
+                table: "sample_range",
                 ..
             }
         ),

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use campaign::task::{Output, Source, compute_until};
+use gateway::link::cause;
 use ledger::{LeaseId, Unit};
 use protocol::v2::{self, Directive, HeartbeatRequest, LeaseRequest, ReportRequest, UnitResult};
 use rustix::time::{ClockId, clock_gettime};
@@ -16,8 +17,7 @@ use tracing::{debug, info, warn};
 use super::registering::Registered;
 use super::{CALL_TIMEOUT, End, Shared};
 use crate::backoff::Backoff;
-use crate::client::cause;
-use crate::connection::Error;
+use crate::error::Error;
 use crate::held::Lease;
 
 /// How long a lease call waits at the coordinator for something to turn up.
@@ -77,7 +77,7 @@ pub(super) async fn lease(shared: Arc<Shared>, pool: rayon::ThreadPool) -> Resul
             failed => {
                 if let Ok(Err(status)) = &failed {
                     if let Some(refusal) = shared.connection.refusal(status) {
-                        return Err(refusal);
+                        return Err(refusal.into());
                     }
                     debug!(reason = %cause(status), "leasing failed");
                 }
@@ -88,10 +88,11 @@ pub(super) async fn lease(shared: Arc<Shared>, pool: rayon::ThreadPool) -> Resul
                     warn!(leaving_in, "the coordinator does not answer");
                 }
                 if since.elapsed() > shared.options.give_up_after {
-                    return Err(Error::Away {
-                        url: shared.connection.url().to_owned(),
+                    return Err(gateway::Error::Away {
+                        url: shared.connection.url(),
                         seconds: shared.options.give_up_after.as_secs(),
-                    });
+                    }
+                    .into());
                 }
                 tokio::select! {
                     () = backoff.pause() => continue,
@@ -116,8 +117,8 @@ pub(super) async fn lease(shared: Arc<Shared>, pool: rayon::ThreadPool) -> Resul
             _ => {}
         }
         for lease in response.leases {
-            let units = lease.units().map_err(|why| Error::Nonsense {
-                url: shared.connection.url().to_owned(),
+            let units = lease.units().map_err(|why| gateway::Error::Nonsense {
+                url: shared.connection.url(),
                 reason: format!("a lease {why}"),
             })?;
             let lease = Arc::new(Lease {

@@ -5,13 +5,13 @@ use std::time::{Duration, Instant};
 
 use campaign::Campaign;
 use campaign::formulation::Problem;
+use gateway::link::cause;
 use protocol::v2::RegisterRequest;
 use tracing::{debug, info};
 
 use super::{CALL_TIMEOUT, Shared};
 use crate::backoff::Backoff;
-use crate::client::cause;
-use crate::connection::Error;
+use crate::error::Error;
 use crate::exec::Backend;
 
 /// What registering brought.
@@ -37,7 +37,7 @@ impl Shared {
         };
         let since = Instant::now();
         let mut backoff = Backoff::new();
-        let url = self.connection.url().to_owned();
+        let url = self.connection.url();
         loop {
             // The digest depends on the campaign, which only the coordinator knows: the first call
             // asks for it, the second one answers the question.
@@ -45,7 +45,7 @@ impl Shared {
             let request = RegisterRequest {
                 worker_id: self.worker_id.clone(),
                 host: options.host.clone(),
-                program_version: env!("CARGO_PKG_VERSION").to_owned(),
+                program_version: identity::BUILD.to_owned(),
                 model_digest: known
                     .as_ref()
                     .map_or_else(String::new, |k| k.model_digest.clone()),
@@ -96,7 +96,7 @@ impl Shared {
                         continue;
                     }
                     Err(status) => match self.connection.refusal(&status) {
-                        Some(refusal) => return Err(refusal),
+                        Some(refusal) => return Err(refusal.into()),
                         None => cause(&status),
                     },
                 },
@@ -105,13 +105,14 @@ impl Shared {
             debug!(%reason, "registering failed");
             if since.elapsed() > patience {
                 return Err(if first {
-                    Error::Unreachable { url, reason }
+                    gateway::Error::Unreachable { url, reason }
                 } else {
-                    Error::Away {
+                    gateway::Error::Away {
                         url,
                         seconds: patience.as_secs(),
                     }
-                });
+                }
+                .into());
             }
             backoff.pause().await;
         }
@@ -119,10 +120,11 @@ impl Shared {
 
     /// The problem of a new campaign, what simulates it here, and the digest of its model.
     async fn learn(&self, campaign_json: &str) -> Result<(Problem, Arc<Backend>, String), Error> {
-        let campaign = Campaign::from_json(campaign_json).map_err(|error| Error::Nonsense {
-            url: self.connection.url().to_owned(),
-            reason: error.to_string(),
-        })?;
+        let campaign =
+            Campaign::from_json(campaign_json).map_err(|error| gateway::Error::Nonsense {
+                url: self.connection.url(),
+                reason: error.to_string(),
+            })?;
         let problem = Problem::new(campaign);
         let backend = Arc::new(Backend::choose(&problem, self.options.exec.as_ref())?);
         // An external program may take its time to answer, and must not hold up anything else.

@@ -33,7 +33,7 @@ fn an_address_that_is_none_is_a_usage_error() {
         );
         let message = String::from_utf8(output.stderr).unwrap();
         assert!(
-            message.contains(address) && message.contains("http://127.0.0.1:7400"),
+            message.contains(address) && message.contains("https://127.0.0.1:7400"),
             "{message}"
         );
     }

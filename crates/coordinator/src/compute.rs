@@ -1,0 +1,20 @@
+//! Work for the processors, off the runtime's threads.
+
+use rustix::time::{ClockId, clock_gettime};
+
+/// Runs `work` on compute threads of its own, one per processor; returns their CPU time, too, in
+/// seconds.
+pub(crate) async fn blocking<T: Send + 'static>(
+    work: impl FnOnce() -> T + Send + 'static,
+) -> anyhow::Result<(T, f64)> {
+    let timed = move || -> anyhow::Result<(T, f64)> {
+        let pool = rayon::ThreadPoolBuilder::new().build()?;
+        let result = pool.install(work);
+        let times = pool.broadcast(|_| {
+            let time = clock_gettime(ClockId::ThreadCPUTime);
+            time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
+        });
+        Ok((result, times.iter().sum()))
+    };
+    tokio::task::spawn_blocking(timed).await?
+}

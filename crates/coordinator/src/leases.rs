@@ -1,0 +1,85 @@
+//! Takes back what silent workers hold.
+
+use std::time::Duration;
+
+use ledger::Vanished;
+use stages::names;
+use store::{Batch, FailureKind, FailureRow};
+use tokio::time::{Instant, MissedTickBehavior};
+use tracing::{error, warn};
+
+use crate::board::Board;
+use crate::recorder::Recorder;
+
+/// How often leases are looked over.
+const EXPIRY_PERIOD: Duration = Duration::from_millis(200);
+
+/// Takes back the leases of silent workers until it is dropped, and records what their workers may have
+/// died of.
+///
+/// # Errors
+///
+/// A failure cannot be recorded.
+pub(crate) async fn watch<R: Recorder>(board: &Board, recorder: &R) -> Result<(), store::Error> {
+    let mut period = tokio::time::interval(EXPIRY_PERIOD);
+    period.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut last = Instant::now();
+    let mut patient_until = last;
+    loop {
+        period.tick().await;
+        let now = Instant::now();
+        let half_a_lease = board.lease_time() / 2;
+        if now.duration_since(last) > half_a_lease {
+            // It was this process that slept: the heartbeats of the meantime are still to be read.
+            patient_until = now + half_a_lease;
+        }
+        last = now;
+        if now < patient_until {
+            continue;
+        }
+        for vanished in board.expire() {
+            let batch = Batch {
+                failures: vec![failure(vanished)],
+                ..Batch::default()
+            };
+            recorder.record(batch).await?;
+        }
+    }
+}
+
+fn failure(vanished: Vanished) -> FailureRow {
+    let Vanished {
+        lease,
+        worker,
+        stream,
+        is_split,
+        given_up,
+    } = vanished;
+    let name = if is_split {
+        format!("{} and others", names::stream_name(stream))
+    } else {
+        names::stream_name(stream)
+    };
+    let (kind, error) = if given_up {
+        error!(stream = %name, %worker, "too many workers vanished: given up");
+        (
+            FailureKind::Quarantine,
+            "its workers vanished while they computed it",
+        )
+    } else {
+        warn!(stream = %name, %worker, "a worker vanished while it computed");
+        (
+            FailureKind::Crash,
+            "its worker vanished while it computed it",
+        )
+    };
+    FailureRow {
+        job: name,
+        attempt: u32::try_from(lease.number).unwrap_or(u32::MAX),
+        worker: worker.to_string(),
+        serial: None,
+        kind,
+        error: error.to_owned(),
+        at_unix_ms: None,
+    }
+}

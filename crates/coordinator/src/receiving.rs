@@ -1,0 +1,257 @@
+//! What workers hand in: accepted by the board, stored, and told to the board.
+
+use futures_util::future::join_all;
+use ledger::{Accepted, Delivery, Failure, Generation, LeaseId, StreamId, Unit, WorkerId};
+use protocol::v2::{LeaseResult, UnitResult};
+use stages::names;
+use store::{Batch, FailureKind, FailureRow, Receipt};
+use tonic::Status;
+use tracing::{debug, error, info, warn};
+
+use crate::board::Board;
+use crate::ingest;
+use crate::recorder::Recorder;
+
+/// The most bytes of what a worker says about a failure that are kept.
+const ERROR_BYTES: usize = 16 << 10;
+
+/// Takes the results of workers.
+pub(crate) struct Receiving<'a, R> {
+    /// What is wanted.
+    pub(crate) board: &'a Board,
+    /// Where results go.
+    pub(crate) recorder: &'a R,
+}
+
+impl<R: Recorder> Receiving<'_, R> {
+    /// Stores the results of a worker's leases and delivers the leases.
+    pub(crate) async fn take_results(
+        &self,
+        worker: &WorkerId,
+        results: Vec<LeaseResult>,
+    ) -> Result<(), Status> {
+        let mut all = Vec::new();
+        let mut commits = Vec::new();
+        for (of, result) in results.iter().enumerate() {
+            let mut brought = Brought::default();
+            for unit in &result.results {
+                self.take(worker, unit, &mut brought);
+            }
+            // Designs go together; what depends on a generation goes alone.
+            let (alone, together): (Vec<Part>, Vec<Part>) = std::mem::take(&mut brought.parts)
+                .into_iter()
+                .partition(|part| part.batch.only_for.is_some());
+            let together = (!together.is_empty()).then_some(together);
+            let groups = alone.into_iter().map(|part| vec![part]).chain(together);
+            for group in groups {
+                commits.push(async move { (of, self.commit(group).await) });
+            }
+            all.push(brought);
+        }
+        // The writer commits all that are waiting at once.
+        for (of, committed) in join_all(commits).await {
+            let committed = committed.map_err(|failed| {
+                error!(error = %failed, "results could not be stored");
+                not_stored(&failed)
+            })?;
+            for (part, outcome) in committed {
+                all[of].note(worker, part, outcome);
+            }
+        }
+        for (result, mut brought) in results.into_iter().zip(all) {
+            // One that was reported to a coordinator before this one counts already.
+            let mut counted = Vec::with_capacity(brought.failed.len());
+            for failed in std::mem::take(&mut brought.failed) {
+                let is_known = match failed.serial {
+                    Some(serial) => self.recorder.knows_failure(worker.as_str(), serial).await,
+                    None => Ok(false),
+                };
+                if !is_known.map_err(|error| not_stored(&error))? {
+                    counted.push(failed);
+                }
+            }
+            let lease = LeaseId::from(result.id.unwrap_or_default());
+            let failures = counted.iter();
+            let delivery = Delivery {
+                failed: failures.map(|f| (f.stream, f.error.clone())).collect(),
+                stored: brought.stored,
+                refused: brought.refused,
+                seconds: result.wall_seconds,
+            };
+            let (outcomes, suspended) = self.board.deliver(worker, lease, delivery);
+            if let Some(time) = suspended {
+                warn!(%worker, seconds = time.as_secs_f64().ceil(),
+                    "a worker failed several in a row and gets nothing for so long");
+            }
+            for (failed, outcome) in counted.into_iter().zip(outcomes) {
+                self.record(worker, lease, failed, outcome).await?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Sorts out what came of a unit.
+    fn take(&self, worker: &WorkerId, result: &UnitResult, brought: &mut Brought) {
+        let read = match ingest::read(result, |stream| self.board.point_name(stream)) {
+            Ok(read) => read,
+            Err(why) => {
+                warn!(%worker, "a result {why}; it is dropped");
+                return;
+            }
+        };
+        let stream = read.unit.stream;
+        if self.board.accept(&read.unit) == Accepted::Stale {
+            debug!(stream = %names::stream_name(stream), %worker, "a stale result");
+            return;
+        }
+        match read.rows {
+            Ok(batch) => brought.parts.push(Part {
+                unit: read.unit,
+                is_refused: read.is_refused,
+                serial: read.serial,
+                batch,
+            }),
+            Err(error) => brought.failed.push(Failed {
+                stream,
+                serial: read.serial,
+                error,
+                contradicts: false,
+            }),
+        }
+    }
+
+    /// Stores parts, and what became of each; the outer error says that nothing was stored.
+    async fn commit(
+        &self,
+        parts: Vec<Part>,
+    ) -> Result<Vec<(Part, Result<Receipt, store::Error>)>, store::Error> {
+        let mut batch = Batch::default();
+        for part in &parts {
+            batch.append(part.batch.clone());
+        }
+        match self.recorder.record(batch).await {
+            Ok(receipt) => Ok(parts.into_iter().map(|part| (part, Ok(receipt))).collect()),
+            Err(refused) if refused.is_refusal() && parts.len() == 1 => Ok(parts
+                .into_iter()
+                .map(|part| (part, Err(refused.clone())))
+                .collect()),
+            Err(refused) if refused.is_refusal() => {
+                // One that contradicts the store must not take the others with it.
+                let mut outcomes = Vec::with_capacity(parts.len());
+                for part in parts {
+                    match self.recorder.record(part.batch.clone()).await {
+                        Err(failed) if !failed.is_refusal() => return Err(failed),
+                        outcome => outcomes.push((part, outcome)),
+                    }
+                }
+                Ok(outcomes)
+            }
+            Err(failed) => Err(failed),
+        }
+    }
+
+    /// Records a failure, once for each of the worker's numbers.
+    async fn record(
+        &self,
+        worker: &WorkerId,
+        lease: LeaseId,
+        failed: Failed,
+        outcome: Failure,
+    ) -> Result<(), Status> {
+        let name = names::stream_name(failed.stream);
+        let error = beginning(&failed.error, ERROR_BYTES);
+        let kind = match outcome {
+            Failure::GivenUp => {
+                error!(stream = %name, %worker, %error, "given up");
+                FailureKind::Quarantine
+            }
+            Failure::Retry(wait) => {
+                let again_in = wait.as_secs_f64();
+                warn!(stream = %name, %worker, %error, again_in, "a failure");
+                FailureKind::Failure
+            }
+            // Other numbers than are stored must not go unrecorded, whoever brings them when.
+            Failure::Ignored if failed.contradicts => FailureKind::Failure,
+            Failure::Ignored => {
+                info!(stream = %name, %worker, %error, "a failure that does not count");
+                return Ok(());
+            }
+        };
+        let row = FailureRow {
+            job: name,
+            attempt: u32::try_from(lease.number).unwrap_or(u32::MAX),
+            worker: worker.to_string(),
+            serial: failed.serial,
+            kind,
+            error: error.to_owned(),
+            at_unix_ms: None,
+        };
+        let batch = Batch {
+            failures: vec![row],
+            ..Batch::default()
+        };
+        let recorded = self.recorder.record(batch).await;
+        recorded.map(drop).map_err(|error| not_stored(&error))
+    }
+}
+
+/// What a lease brought, as far as it is known.
+#[derive(Debug, Default)]
+struct Brought {
+    /// To be stored.
+    parts: Vec<Part>,
+    stored: Vec<Unit>,
+    refused: Vec<(StreamId, Generation)>,
+    failed: Vec<Failed>,
+}
+
+/// What came of a unit, to be stored.
+#[derive(Debug)]
+struct Part {
+    unit: Unit,
+    is_refused: bool,
+    serial: Option<u64>,
+    batch: Batch,
+}
+
+#[derive(Debug)]
+struct Failed {
+    stream: StreamId,
+    serial: Option<u64>,
+    error: String,
+    /// Whether the store holds other numbers.
+    contradicts: bool,
+}
+
+impl Brought {
+    /// Notes what became of a part.
+    fn note(&mut self, worker: &WorkerId, part: Part, outcome: Result<Receipt, store::Error>) {
+        let Part { unit, serial, .. } = part;
+        let stream = names::stream_name(unit.stream);
+        match outcome {
+            Ok(receipt) if receipt.is_stale => debug!(%stream, %worker, "a stale result"),
+            Ok(_) if part.is_refused => self.refused.push((unit.stream, unit.generation)),
+            Ok(_) => self.stored.push(unit),
+            Err(refused) => {
+                // What is stored stays. Somebody computes other numbers, which must be heard; what
+                // is settled stays so, anything else is tried again elsewhere.
+                error!(%stream, %worker, error = %refused, "a worker contradicts the store");
+                self.failed.push(Failed {
+                    stream: unit.stream,
+                    serial,
+                    error: refused.to_string(),
+                    contradicts: true,
+                });
+            }
+        }
+    }
+}
+
+fn not_stored(error: &store::Error) -> Status {
+    Status::unavailable(format!("not stored: {error}"))
+}
+
+/// As much of a text as fits into so many bytes.
+pub(crate) fn beginning(text: &str, bytes: usize) -> &str {
+    &text[..text.floor_char_boundary(bytes)]
+}

@@ -1,0 +1,218 @@
+//! The port, the service and the workers of this process, while a campaign or a study runs.
+
+use std::net::{Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
+use std::time::Duration;
+
+use gateway::access::{AccessError, Held};
+use gateway::guard::Guard;
+use gateway::port::{self, Doors};
+use tokio::net::TcpListener;
+use tokio::task::{JoinHandle, JoinSet};
+use tokio_util::sync::CancellationToken;
+use tracing::{info, warn};
+
+use crate::board::Board;
+use crate::local::LocalWorkers;
+use crate::recorder::Recorder;
+use crate::service::Service;
+
+/// How long workers get to hear that they are to leave.
+const FAREWELL: Duration = Duration::from_secs(3);
+
+/// A port for workers and clients.
+#[derive(Debug)]
+pub struct Port {
+    /// The address to listen on; all interfaces, at the port of the last time if it is free, unless
+    /// it is given.
+    pub listen: Option<SocketAddr>,
+    /// What the port checks.
+    pub security: Security,
+}
+
+/// What a port checks.
+#[derive(Debug)]
+pub enum Security {
+    /// The secrets of an access file, which the coordinator writes.
+    Access {
+        /// The file.
+        file: PathBuf,
+        /// Names and addresses of this machine to write into it, besides those that it knows.
+        hosts: Vec<String>,
+    },
+    /// Certificates and tokens of the user's own; or nothing.
+    Guard(Guard),
+}
+
+/// Why a campaign or a study could not be run.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The store refused.
+    #[error(transparent)]
+    Store(#[from] store::Error),
+    /// The access file cannot be used.
+    #[error(transparent)]
+    Access(#[from] AccessError),
+    /// The address cannot be listened on.
+    #[error("cannot listen on {address}: choose another --listen address, or stop what uses it")]
+    Listen {
+        /// The address.
+        address: SocketAddr,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// Anything else.
+    #[error(transparent)]
+    Other(#[from] anyhow::Error),
+}
+
+pub(crate) async fn listen(address: SocketAddr) -> Result<TcpListener, Error> {
+    TcpListener::bind(address)
+        .await
+        .map_err(|source| Error::Listen { address, source })
+}
+
+/// A port that is bound, and the access file that is locked, but not yet written.
+pub(crate) struct OpenPort {
+    /// The names of this machine for the access file.
+    hosts: Vec<String>,
+    listener: TcpListener,
+    address: SocketAddr,
+    guard: Guard,
+    access: Option<Held>,
+}
+
+impl OpenPort {
+    /// Binds the port of the campaign or study of this name.
+    pub(crate) async fn new(port: &Port, name: &str) -> Result<Self, Error> {
+        let mut for_hosts = Vec::new();
+        let (guard, access) = match &port.security {
+            Security::Access { file, hosts } => {
+                for_hosts.clone_from(hosts);
+                let held = Held::take(file, name)?;
+                (held.guard()?, Some(held))
+            }
+            Security::Guard(guard) => (guard.clone(), None),
+        };
+        let everywhere = |port| SocketAddr::from((Ipv4Addr::UNSPECIFIED, port));
+        let listener = match (port.listen, access.as_ref().and_then(Held::last_port)) {
+            (Some(address), _) => listen(address).await?,
+            // Workers that wait for this coordinator try that port first.
+            (None, Some(last)) => match listen(everywhere(last)).await {
+                Ok(listener) => listener,
+                Err(_) => listen(everywhere(0)).await?,
+            },
+            (None, None) => listen(everywhere(0)).await?,
+        };
+        let address = listener.local_addr().map_err(|source| Error::Listen {
+            address: everywhere(0),
+            source,
+        })?;
+        Ok(Self {
+            hosts: for_hosts,
+            listener,
+            address,
+            guard,
+            access,
+        })
+    }
+}
+
+/// What runs beside the board.
+pub(crate) struct Serving {
+    hang_up: CancellationToken,
+    server: JoinHandle<anyhow::Result<()>>,
+    access: Option<Held>,
+    stop_workers: CancellationToken,
+    workers: JoinSet<Result<worker::Summary, worker::Error>>,
+}
+
+impl Serving {
+    /// Answers at the port, if there is one, and starts the workers of this process.
+    ///
+    /// # Errors
+    ///
+    /// The access file cannot be written.
+    pub(crate) fn start<R: Recorder>(
+        service: Service<R>,
+        opened: Option<OpenPort>,
+        workers: &LocalWorkers,
+    ) -> Result<Self, Error> {
+        let hang_up = CancellationToken::new();
+        let (dial, local) = port::local();
+        let mut access = None;
+        let port = match opened {
+            Some(opened) => {
+                if let Some(mut held) = opened.access {
+                    let file = held.publish(opened.address, &opened.hosts)?;
+                    info!(access = %file.display(), "workers and commands need this file, or a copy");
+                    access = Some(held);
+                }
+                info!(address = %opened.address, "listening");
+                Some((opened.listener, opened.guard))
+            }
+            None => None,
+        };
+        let doors = Doors { port, local };
+        let server = tokio::spawn(port::serve(service, doors, hang_up.clone()));
+        let stop_workers = CancellationToken::new();
+        let workers = workers
+            .start(&dial, &stop_workers)
+            .map_err(anyhow::Error::from)?;
+        Ok(Self {
+            hang_up,
+            server,
+            access,
+            stop_workers,
+            workers,
+        })
+    }
+
+    /// Cancelled when everything ends.
+    pub(crate) const fn hang_up(&self) -> &CancellationToken {
+        &self.hang_up
+    }
+
+    /// The first failure of a worker of this process; never when they all end well.
+    pub(crate) async fn failed(&mut self) -> anyhow::Error {
+        while let Some(ended) = self.workers.join_next().await {
+            match ended {
+                Ok(Ok(_)) => {}
+                Ok(Err(error)) => {
+                    return anyhow::Error::from(error).context("a worker of this process");
+                }
+                Err(panic) => {
+                    return anyhow::Error::from(panic).context("a worker of this process");
+                }
+            }
+        }
+        std::future::pending().await
+    }
+
+    /// Ends the workers of this process and the port. When all is finished, nobody needs the access
+    /// file any more.
+    pub(crate) async fn end(mut self, is_finished: bool) {
+        self.stop_workers.cancel();
+        let finish_workers = async { while self.workers.join_next().await.is_some() {} };
+        if tokio::time::timeout(Duration::from_secs(15), finish_workers)
+            .await
+            .is_err()
+        {
+            warn!("workers of this process did not end in time");
+        }
+        self.hang_up.cancel();
+        // Connections that linger are cut: their workers know how to cope.
+        let _ = tokio::time::timeout(Duration::from_secs(2), self.server).await;
+        if let (true, Some(access)) = (is_finished, self.access) {
+            access.remove();
+        }
+    }
+}
+
+/// Waits until the workers know that they are to leave.
+pub(crate) async fn farewell(board: &Board) {
+    let deadline = tokio::time::Instant::now() + FAREWELL;
+    while !board.all_dismissed() && tokio::time::Instant::now() < deadline {
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+}

@@ -1,0 +1,240 @@
+//! Places for connections: for newcomers, which have not shown a token yet, and for the admitted.
+//!
+//! When all places of newcomers are taken, the newcomer that came first loses its place. A flood of
+//! silent connections therefore does not delay a worker: it shows its token within milliseconds, and
+//! is admitted before thousands of others have come after it. Admitted connections are counted apart;
+//! one too many is refused with a sentence.
+
+use std::collections::BTreeMap;
+use std::net::SocketAddr;
+use std::pin::Pin;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::task::{Context, Poll};
+use std::time::Duration;
+
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::time::Sleep;
+use tokio_util::sync::{CancellationToken, WaitForCancellationFutureOwned};
+
+/// Most connections without a token.
+pub(crate) const NEWCOMERS: usize = 8192;
+/// Most connections with a token. A worker has one.
+pub(crate) const ADMITTED: usize = 16_384;
+/// How long a connection may go on without a valid token.
+const PROBATION: Duration = Duration::from_secs(30);
+
+/// All places of a port.
+#[derive(Debug)]
+pub(crate) struct Places {
+    newcomers: Mutex<Newcomers>,
+    most_newcomers: usize,
+    admitted: Arc<Semaphore>,
+}
+
+#[derive(Debug, Default)]
+struct Newcomers {
+    arrived: u64,
+    /// By order of arrival; cancelled when the place is lost.
+    waiting: BTreeMap<u64, CancellationToken>,
+}
+
+impl Places {
+    pub(crate) fn new(most_newcomers: usize, most_admitted: usize) -> Arc<Self> {
+        Arc::new(Self {
+            newcomers: Mutex::default(),
+            most_newcomers,
+            admitted: Arc::new(Semaphore::new(most_admitted)),
+        })
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Newcomers> {
+        self.newcomers
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A place for one more newcomer, if need be the oldest one's.
+    pub(crate) fn arrive(self: &Arc<Self>) -> Newcomer {
+        let mut newcomers = self.lock();
+        if newcomers.waiting.len() >= self.most_newcomers {
+            newcomers.turn_out_oldest();
+        }
+        newcomers.arrived += 1;
+        let number = newcomers.arrived;
+        let lost = CancellationToken::new();
+        newcomers.waiting.insert(number, lost.clone());
+        Newcomer {
+            places: Arc::clone(self),
+            number,
+            lost,
+        }
+    }
+
+    /// Takes the place of the newcomer that came first, as when the system has no more files.
+    pub(crate) fn turn_out_oldest(&self) {
+        self.lock().turn_out_oldest();
+    }
+}
+
+impl Newcomers {
+    fn turn_out_oldest(&mut self) {
+        if let Some((_, lost)) = self.waiting.pop_first() {
+            lost.cancel();
+        }
+    }
+}
+
+/// A newcomer's place, until this is dropped or another newcomer takes it.
+#[derive(Debug)]
+pub(crate) struct Newcomer {
+    places: Arc<Places>,
+    number: u64,
+    lost: CancellationToken,
+}
+
+impl Newcomer {
+    /// Ends when the place is lost.
+    pub(crate) async fn lost(&self) {
+        self.lost.cancelled().await;
+    }
+
+    /// The time for which the connection may go on without a token.
+    pub(crate) fn probation(&self) -> Probation {
+        Probation {
+            time: Box::pin(tokio::time::sleep(PROBATION)),
+            lost: Box::pin(self.lost.clone().cancelled_owned()),
+        }
+    }
+}
+
+impl Drop for Newcomer {
+    fn drop(&mut self) {
+        self.places.lock().waiting.remove(&self.number);
+    }
+}
+
+/// Ends when a newcomer's time is up or its place is lost.
+#[derive(Debug)]
+pub(crate) struct Probation {
+    time: Pin<Box<Sleep>>,
+    lost: Pin<Box<WaitForCancellationFutureOwned>>,
+}
+
+impl Future for Probation {
+    type Output = ();
+
+    fn poll(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<()> {
+        if self.time.as_mut().poll(cx).is_ready() || self.lost.as_mut().poll(cx).is_ready() {
+            return Poll::Ready(());
+        }
+        Poll::Pending
+    }
+}
+
+/// What the services know about the other end of a connection. Clones are of the same connection,
+/// which keeps its place until the last one is dropped.
+#[derive(Debug, Clone)]
+pub(crate) struct Peer {
+    /// Its address; none within this process.
+    pub(crate) address: Option<SocketAddr>,
+    /// Whether the connection is unencrypted, and must not be.
+    pub(crate) wants_encryption: bool,
+    standing: Arc<Mutex<Standing>>,
+}
+
+#[derive(Debug)]
+enum Standing {
+    Newcomer(Newcomer),
+    Admitted {
+        /// Given back when this is dropped. A connection within this process takes none.
+        _place: Option<OwnedSemaphorePermit>,
+    },
+}
+
+impl Peer {
+    /// The other end of a connection from `address`.
+    pub(crate) fn new(address: SocketAddr, wants_encryption: bool, newcomer: Newcomer) -> Self {
+        Self {
+            address: Some(address),
+            wants_encryption,
+            standing: Arc::new(Mutex::new(Standing::Newcomer(newcomer))),
+        }
+    }
+
+    /// A part of this process.
+    pub(crate) fn local() -> Self {
+        Self {
+            address: None,
+            wants_encryption: false,
+            standing: Arc::new(Mutex::new(Standing::Admitted { _place: None })),
+        }
+    }
+
+    /// Whether it is a part of this process, which needs no token.
+    pub(crate) const fn is_local(&self) -> bool {
+        self.address.is_none()
+    }
+
+    fn standing(&self) -> MutexGuard<'_, Standing> {
+        self.standing.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Whether the connection may live for as long as it wants.
+    pub(crate) fn is_admitted(&self) -> bool {
+        matches!(*self.standing(), Standing::Admitted { .. })
+    }
+
+    /// Admits the connection; fails when all places are taken.
+    pub(crate) fn admit(&self) -> bool {
+        let mut standing = self.standing();
+        let Standing::Newcomer(newcomer) = &*standing else {
+            return true;
+        };
+        let Ok(place) = Arc::clone(&newcomer.places.admitted).try_acquire_owned() else {
+            return false;
+        };
+        *standing = Standing::Admitted {
+            _place: Some(place),
+        };
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn peer(newcomer: Newcomer) -> Peer {
+        Peer::new("127.0.0.1:1".parse().unwrap(), false, newcomer)
+    }
+
+    #[tokio::test]
+    async fn the_oldest_newcomer_makes_room() {
+        let places = Places::new(2, 1);
+        let silent = [places.arrive(), places.arrive()];
+        let late = places.arrive();
+        silent[0].lost().await;
+        assert!(!silent[1].lost.is_cancelled());
+        assert!(!late.lost.is_cancelled());
+        let late = peer(late);
+        assert!(late.admit() && late.is_admitted());
+        // An admitted connection takes no newcomer's place.
+        let _another = places.arrive();
+        assert!(!silent[1].lost.is_cancelled());
+    }
+
+    #[test]
+    fn an_admitted_connection_keeps_its_place_until_it_ends() {
+        let places = Places::new(10, 1);
+        let first = peer(places.arrive());
+        assert!(first.admit() && first.admit());
+        let second = peer(places.arrive());
+        assert!(!second.admit() && !second.is_admitted());
+        let in_flight = first.clone();
+        drop(first);
+        assert!(!second.admit());
+        drop(in_flight);
+        assert!(second.admit());
+        assert!(Peer::local().admit());
+    }
+}

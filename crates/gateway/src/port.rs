@@ -1,0 +1,382 @@
+//! The port: what a connection must show before the services see it.
+//!
+//! A connection from outside reaches the gRPC server after a TLS handshake and the opening bytes of
+//! HTTP/2; it must begin within two seconds and be through within ten. Until its first call with a
+//! valid token it is a newcomer, whose place others may take (see `admission`). Connections
+//! from within the process, as `coordinator run` makes for its workers, need none of this.
+
+use std::convert::Infallible;
+use std::io;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::task::{Context, Poll};
+use std::time::Duration;
+
+use anyhow::Context as _;
+use protocol::v2::campaign_server::{Campaign, CampaignServer};
+use protocol::{DESCRIPTORS, MAX_MESSAGE_BYTES};
+use tokio::io::{
+    AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _, DuplexStream, ReadBuf,
+};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::mpsc;
+use tokio::task::JoinSet;
+use tokio_rustls::TlsAcceptor;
+use tokio_stream::wrappers::ReceiverStream;
+use tokio_util::sync::CancellationToken;
+use tonic::service::Routes;
+use tonic::transport::Server;
+use tonic::transport::server::Connected;
+use tracing::warn;
+
+use crate::admission::{ADMITTED, NEWCOMERS, Peer, Places, Probation};
+use crate::dial::{Dial, Stream};
+use crate::guard::Guard;
+use crate::methods::AccessLayer;
+use crate::sparing::Sparing;
+
+/// How long a connection may say nothing at all.
+const FIRST_BYTE: Duration = Duration::from_secs(2);
+/// How long a connection may take for the handshake of TLS and the opening bytes of HTTP/2.
+const GREETING: Duration = Duration::from_secs(10);
+/// How many calls a connection may have open at once. A worker has four, but a load generator may
+/// speak for a thousand workers.
+const CALLS: u32 = 2048;
+/// What the headers of one call may add up to, in bytes.
+const HEADERS: u32 = 16 * 1024;
+/// Bytes that a connection within the process holds, each way.
+const LOCAL_BUFFER: usize = 256 * 1024;
+
+/// The opening bytes of HTTP/2 (RFC 9113, section 3.4).
+const PREFACE: &[u8; 24] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
+/// The first byte of a TLS handshake (RFC 8446, section 5.1).
+const TLS_HANDSHAKE: u8 = 0x16;
+
+/// The ways in.
+#[derive(Debug)]
+pub struct Doors {
+    /// The port, with what it checks; none for a coordinator that computes by itself.
+    pub port: Option<(TcpListener, Guard)>,
+    /// For connections from within the process.
+    pub local: LocalDoor,
+}
+
+/// Where the connections of a [`Dial`] within the process arrive.
+#[derive(Debug)]
+pub struct LocalDoor(mpsc::Receiver<DuplexStream>);
+
+/// A way in from within the process: what the inside dials with, and the door where that leads.
+#[must_use]
+pub fn local() -> (Dial, LocalDoor) {
+    let (outside, inside) = mpsc::channel(64);
+    let dial = Dial::new(move |_, _| {
+        let outside = outside.clone();
+        async move {
+            let (near, far) = tokio::io::duplex(LOCAL_BUFFER);
+            let gone = |_| io::Error::from(io::ErrorKind::ConnectionRefused);
+            outside.send(far).await.map_err(gone)?;
+            Ok(near)
+        }
+    });
+    (dial, LocalDoor(inside))
+}
+
+/// Serves the campaign, health and reflection on the `doors` until `hang_up`.
+///
+/// # Errors
+///
+/// The server cannot go on.
+pub async fn serve<C: Campaign>(
+    campaign: C,
+    doors: Doors,
+    hang_up: CancellationToken,
+) -> anyhow::Result<()> {
+    let (health_reporter, health) = tonic_health::server::health_reporter();
+    health_reporter.set_serving::<CampaignServer<C>>().await;
+    let reflection = tonic_reflection::server::Builder::configure()
+        .register_encoded_file_descriptor_set(DESCRIPTORS)
+        .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
+        .build_v1()
+        .context("the reflection service")?;
+    let campaign = CampaignServer::new(campaign)
+        .max_decoding_message_size(MAX_MESSAGE_BYTES)
+        .max_encoding_message_size(MAX_MESSAGE_BYTES);
+    let services = Routes::new(health)
+        .add_service(reflection)
+        .add_service(campaign);
+    serve_services(services, doors, hang_up).await
+}
+
+async fn serve_services(
+    services: Routes,
+    doors: Doors,
+    hang_up: CancellationToken,
+) -> anyhow::Result<()> {
+    let (through, connections) = mpsc::channel(64);
+    let (port, guard) = doors.port.unzip();
+    let (tls, tokens) = guard.map_or((None, None), |guard| (guard.tls, guard.tokens));
+    let server = Server::builder()
+        .http2_keepalive_interval(Some(Duration::from_secs(10)))
+        .http2_keepalive_timeout(Some(Duration::from_secs(10)))
+        .http2_max_header_list_size(Some(HEADERS))
+        .max_concurrent_streams(Some(CALLS))
+        .layer(AccessLayer::new(tokens))
+        .add_routes(services)
+        .serve_with_incoming_shutdown(ReceiverStream::new(connections), hang_up.cancelled_owned());
+    let keep_port = async {
+        match port {
+            Some(listener) => keep_port(listener, tls, through.clone()).await,
+            None => std::future::pending().await,
+        }
+    };
+    tokio::select! {
+        served = server => served.context("the server"),
+        never = keep_port => match never {},
+        never = keep_local_door(doors.local, through.clone()) => match never {},
+    }
+}
+
+/// Each connection is an open file, and the usual limit of 1024 is too few for a thousand workers.
+fn allow_many_files() {
+    use rustix::process::{Resource, getrlimit, setrlimit};
+    let mut limit = getrlimit(Resource::Nofile);
+    let wanted = (NEWCOMERS + ADMITTED) as u64 + 1024;
+    let possible = limit.maximum.map_or(wanted, |maximum| maximum.min(wanted));
+    if limit.current.is_some_and(|current| current < possible) {
+        limit.current = Some(possible);
+        // Without it the port serves fewer workers, and says so when it must turn one away.
+        let _ = setrlimit(Resource::Nofile, limit);
+    }
+}
+
+/// Passes on the connections from within the process.
+async fn keep_local_door(
+    mut door: LocalDoor,
+    through: mpsc::Sender<io::Result<Connection>>,
+) -> Infallible {
+    while let Some(stream) = door.0.recv().await {
+        // It fails only when the server is about to end.
+        let _ = through.send(Ok(Connection::local(stream))).await;
+    }
+    std::future::pending().await
+}
+
+/// Accepts connections and passes on those that show what they are.
+async fn keep_port(
+    listener: TcpListener,
+    tls: Option<TlsAcceptor>,
+    through: mpsc::Sender<io::Result<Connection>>,
+) -> Infallible {
+    allow_many_files();
+    let places = Places::new(NEWCOMERS, ADMITTED);
+    let failures = Arc::new(Sparing::default());
+    // Dropped, and with them all that are half open, when this task is.
+    let mut opening = JoinSet::new();
+    loop {
+        while opening.try_join_next().is_some() {}
+        let (stream, address) = match listener.accept().await {
+            Ok(accepted) => accepted,
+            Err(error) => {
+                if let Some(more) = failures.may_speak() {
+                    warn!(%error, more, "cannot accept a connection");
+                }
+                // Out of files, most likely: the oldest newcomer gives up its own.
+                places.turn_out_oldest();
+                tokio::time::sleep(Duration::from_millis(5)).await;
+                continue;
+            }
+        };
+        let newcomer = places.arrive();
+        let (tls, through, failures) = (tls.clone(), through.clone(), Arc::clone(&failures));
+        opening.spawn(async move {
+            let greeted = tokio::select! {
+                () = newcomer.lost() => Err(io::Error::other("others wait for its place")),
+                greeted = tokio::time::timeout(GREETING, greet(stream, tls)) => {
+                    greeted.unwrap_or_else(|_| Err(too_slow()))
+                }
+            };
+            match greeted {
+                Ok((stream, wants_encryption)) => {
+                    let probation = newcomer.probation();
+                    let peer = Peer::new(address, wants_encryption, newcomer);
+                    // It fails only when the server is about to end.
+                    let _ = through
+                        .send(Ok(Connection::new(stream, peer, probation)))
+                        .await;
+                }
+                Err(reason) => {
+                    if let Some(more) = failures.may_speak() {
+                        warn!(peer = %address, %reason, more, "dropped a connection");
+                    }
+                }
+            }
+        });
+    }
+}
+
+fn too_slow() -> io::Error {
+    io::Error::new(io::ErrorKind::TimedOut, "says nothing")
+}
+
+/// Finds out what a caller speaks. Returns the connection just behind the opening bytes of HTTP/2,
+/// and whether it is an open one where it ought to be encrypted: such a caller gets through to be
+/// told so in its own language, and no further.
+async fn greet(stream: TcpStream, tls: Option<TlsAcceptor>) -> io::Result<(Box<dyn Stream>, bool)> {
+    stream.set_nodelay(true)?;
+    let mut first = [0];
+    let begun = tokio::time::timeout(FIRST_BYTE, stream.peek(&mut first)).await;
+    if begun.map_err(|_| too_slow())?? == 0 {
+        return Err(io::ErrorKind::UnexpectedEof.into());
+    }
+    match tls {
+        Some(acceptor) if first[0] == TLS_HANDSHAKE => {
+            match acceptor.accept(stream).into_fallible().await {
+                Ok(stream) => Ok((expect_preface(Box::new(stream)).await?, false)),
+                Err((error, stream)) => {
+                    linger(stream).await;
+                    Err(error)
+                }
+            }
+        }
+        None if first[0] == TLS_HANDSHAKE => {
+            turn_away(
+                stream,
+                "this port is not encrypted: use http://, not https://",
+            )
+            .await
+        }
+        tls => Ok((expect_preface(Box::new(stream)).await?, tls.is_some())),
+    }
+}
+
+/// Reads the opening bytes of HTTP/2.
+async fn expect_preface(mut stream: Box<dyn Stream>) -> io::Result<Box<dyn Stream>> {
+    let mut read = [0; PREFACE.len()];
+    let mut length = 0;
+    while length < read.len() {
+        match stream.read(&mut read[length..]).await? {
+            0 => return Err(io::ErrorKind::UnexpectedEof.into()),
+            more => length += more,
+        }
+        if !PREFACE.starts_with(&read[..length]) {
+            let why = "this port speaks gRPC over HTTP/2";
+            return turn_away(stream, why).await;
+        }
+    }
+    Ok(stream)
+}
+
+/// Says in HTTP/1.1, which people's tools understand, why nothing comes of it.
+async fn turn_away<T>(mut stream: impl Stream, why: &'static str) -> io::Result<T> {
+    let answer = format!(
+        "HTTP/1.1 400 Bad Request\r\nContent-Type: text/plain\r\nContent-Length: {}\r\n\
+         Connection: close\r\n\r\n{why}\n",
+        why.len() + 1
+    );
+    stream.write_all(answer.as_bytes()).await?;
+    linger(stream).await;
+    Err(io::Error::new(io::ErrorKind::InvalidData, why))
+}
+
+/// Closes a connection so that what was said last arrives: closing with unread bytes would reset it.
+async fn linger(mut stream: impl Stream) {
+    let closing = async {
+        stream.shutdown().await?;
+        let mut rest = [0; 1024];
+        let mut total = 0;
+        while total < 64 * 1024 {
+            match stream.read(&mut rest).await? {
+                0 => break,
+                more => total += more,
+            }
+        }
+        io::Result::Ok(())
+    };
+    // Whether it arrives is the caller's concern now.
+    let _ = tokio::time::timeout(Duration::from_secs(1), closing).await;
+}
+
+/// A connection that got through.
+struct Connection {
+    stream: Box<dyn Stream>,
+    /// How many of the opening bytes the HTTP/2 server has not been given yet.
+    preface: &'static [u8],
+    peer: Peer,
+    /// Until it is admitted.
+    probation: Option<Probation>,
+}
+
+impl Connection {
+    fn new(stream: Box<dyn Stream>, peer: Peer, probation: Probation) -> Self {
+        Self {
+            stream,
+            preface: PREFACE,
+            peer,
+            probation: Some(probation),
+        }
+    }
+
+    fn local(stream: DuplexStream) -> Self {
+        Self {
+            stream: Box::new(stream),
+            preface: &[],
+            peer: Peer::local(),
+            probation: None,
+        }
+    }
+}
+
+impl Connected for Connection {
+    type ConnectInfo = Peer;
+
+    fn connect_info(&self) -> Peer {
+        self.peer.clone()
+    }
+}
+
+impl AsyncRead for Connection {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        cx: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        if !self.preface.is_empty() {
+            let (now, later) = self
+                .preface
+                .split_at(self.preface.len().min(buffer.remaining()));
+            buffer.put_slice(now);
+            self.preface = later;
+            return Poll::Ready(Ok(()));
+        }
+        if self.probation.is_some() && self.peer.is_admitted() {
+            self.probation = None;
+        }
+        if let Some(probation) = &mut self.probation
+            && Pin::new(probation).poll(cx).is_ready()
+        {
+            return Poll::Ready(Err(io::ErrorKind::TimedOut.into()));
+        }
+        Pin::new(&mut self.stream).poll_read(cx, buffer)
+    }
+}
+
+impl AsyncWrite for Connection {
+    fn poll_write(
+        mut self: Pin<&mut Self>,
+        cx: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Poll<io::Result<usize>> {
+        Pin::new(&mut self.stream).poll_write(cx, bytes)
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_flush(cx)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_shutdown(cx)
+    }
+}
+
+#[cfg(test)]
+mod tests;

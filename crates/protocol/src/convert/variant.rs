@@ -1,0 +1,87 @@
+//! Variants of designs on their way to a worker.
+
+use campaign::{Variables, Variant, WearFactors};
+use gear::{Corrections, ReliefShape, TipRelief};
+use stats::streams::Purpose;
+
+use super::{Malformed, malformed};
+use crate::v2;
+
+/// A variant as it travels.
+pub(super) fn message(variant: &Variant) -> v2::Variant {
+    let relief = |relief: TipRelief| v2::TipRelief {
+        amount_mm: relief.amount,
+        length_mm: relief.length,
+        is_parabolic: relief.shape == ReliefShape::Parabolic,
+    };
+    let Corrections {
+        tip_relief: [pinion, mate],
+        crowning,
+    } = variant.corrections;
+    let WearFactors {
+        depth,
+        variance,
+        range,
+    } = variant.wear;
+    let (purpose, number) = variant.stream;
+    let purpose = match purpose {
+        Purpose::Wear => v2::Purpose::Wear,
+        Purpose::Verify => v2::Purpose::Verify,
+        _ => v2::Purpose::Unspecified,
+    };
+    v2::Variant {
+        variables: variant.variables.values().to_vec(),
+        pinion_relief: pinion.map(relief),
+        mate_relief: mate.map(relief),
+        crowning_mm: crowning,
+        normal_module_mm: variant.normal_module_mm,
+        wear_factors: vec![depth, variance, range],
+        purpose: purpose.into(),
+        number,
+        feasible_only: variant.feasible_only,
+    }
+}
+
+/// The variant in a message.
+///
+/// # Errors
+///
+/// The message makes no sense.
+pub(super) fn read(message: &v2::Variant) -> Result<Variant, Malformed> {
+    let Ok(values) = message.variables.as_slice().try_into() else {
+        return malformed("has not eleven variables for each variant");
+    };
+    let [depth, variance, range] = *message.wear_factors else {
+        return malformed("has not three factors on the wear for each variant");
+    };
+    let purpose = match message.purpose() {
+        v2::Purpose::Wear => Purpose::Wear,
+        v2::Purpose::Verify => Purpose::Verify,
+        v2::Purpose::Unspecified => return malformed("names random streams that there are not"),
+    };
+    let relief = |relief: &v2::TipRelief| TipRelief {
+        amount: relief.amount_mm,
+        length: relief.length_mm,
+        shape: if relief.is_parabolic {
+            ReliefShape::Parabolic
+        } else {
+            ReliefShape::Linear
+        },
+    };
+    Ok(Variant {
+        variables: Variables::of_values(values),
+        corrections: Corrections {
+            tip_relief: [&message.pinion_relief, &message.mate_relief]
+                .map(|given| given.as_ref().map(relief)),
+            crowning: message.crowning_mm,
+        },
+        normal_module_mm: message.normal_module_mm,
+        wear: WearFactors {
+            depth,
+            variance,
+            range,
+        },
+        stream: (purpose, message.number),
+        feasible_only: message.feasible_only,
+    })
+}

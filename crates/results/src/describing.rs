@@ -1,0 +1,156 @@
+//! The status as text for people.
+
+use std::fmt::Write as _;
+
+use crate::live::{Live, Worker};
+use crate::status::{Enrichment, FailureGroup, Progress, Status};
+
+/// The status for people.
+#[must_use]
+pub fn describe(status: &Status) -> String {
+    let mut text = String::new();
+    let Status {
+        designs,
+        samples,
+        optimiser_runs,
+        ..
+    } = status;
+    // Writing to a string does not fail.
+    let _ = writeln!(
+        text,
+        "campaign        {} ({})",
+        status.campaign,
+        &status.campaign_digest[..12]
+    );
+    let _ = writeln!(text, "stage           {}", status.stage_name());
+    let _ = writeln!(
+        text,
+        "designs         {} of {} done, {} can be simulated{}",
+        designs.done,
+        designs.wanted,
+        designs.feasible,
+        match designs.ruled_out {
+            0 => String::new(),
+            count => format!(", {count} of them ruled out by constraints"),
+        }
+    );
+    let _ = writeln!(
+        text,
+        "samples         {} ({} per design)",
+        samples.done, samples.per_design
+    );
+    let _ = writeln!(text, "samples digest  {}", status.samples_digest);
+    let _ = writeln!(text, "verify digest   {}", status.verify_samples_digest);
+    if !status.digests_checked {
+        let _ = writeln!(
+            text,
+            "                as recorded; coordinator status --db FILE --check compares them"
+        );
+    }
+    let _ = writeln!(
+        text,
+        "optimiser runs  {} of {}",
+        optimiser_runs.done, optimiser_runs.wanted
+    );
+    if let Some(enrichment) = &status.enrichment {
+        let Enrichment {
+            round,
+            samples,
+            points,
+            failed,
+            ended,
+        } = enrichment;
+        let state = if *ended {
+            "ended".to_owned()
+        } else {
+            format!("{} of {} samples", samples.done, samples.wanted)
+        };
+        let failed = match failed {
+            0 => String::new(),
+            failed => format!(", {failed} of them failed"),
+        };
+        let _ = writeln!(
+            text,
+            "enrichment      round {round}: {state}; {points} infill points{failed}"
+        );
+    }
+    for optimum in &status.optima {
+        let criterion = optimum.criterion_um.map_or_else(
+            || "no feasible design".to_owned(),
+            |value| format!("{value:.4} µm"),
+        );
+        let Progress { done, wanted } = optimum.verified;
+        let _ = writeln!(
+            text,
+            "optimum         {:<16} {criterion}, {done} of {wanted} fresh samples",
+            optimum.approach
+        );
+    }
+    let _ = writeln!(text, "failures        {}", status.failures);
+    for group in &status.failure_groups {
+        let FailureGroup {
+            kind,
+            cause,
+            count,
+            last_job,
+            ..
+        } = group;
+        let _ = writeln!(text, "  {count:>6} x {kind}: {cause} (last: {last_job})");
+    }
+    if let Some(live) = &status.live {
+        describe_live(live, &mut text);
+    }
+    text
+}
+
+fn describe_live(live: &Live, text: &mut String) {
+    let Live {
+        jobs_queued,
+        jobs_leased,
+        jobs_done,
+        jobs_given_up,
+        ..
+    } = live;
+    let _ = writeln!(
+        text,
+        "jobs            {jobs_leased} leased, {jobs_queued} queued, {jobs_done} done, \
+         {jobs_given_up} given up{}",
+        if live.draining { "; draining" } else { "" }
+    );
+    let eta = live
+        .eta_seconds
+        .map_or_else(String::new, |seconds| format!(", {} to go", span(seconds)));
+    let _ = writeln!(
+        text,
+        "rate            {:.0} samples per second{eta}",
+        live.samples_per_second
+    );
+    for worker in &live.workers {
+        let Worker {
+            host,
+            slots,
+            leased,
+            completed,
+            failed,
+            silent_seconds,
+            set_aside,
+        } = worker;
+        let aside = if *set_aside { ", set aside" } else { "" };
+        let _ = writeln!(
+            text,
+            "worker          {host}: {slots} slots, {leased} jobs, {completed} done, {failed} \
+             failed, heard of {silent_seconds:.1} s ago{aside}"
+        );
+    }
+}
+
+/// A length of time for people.
+#[must_use]
+pub fn span(seconds: f64) -> String {
+    match seconds {
+        s if s < 90.0 => format!("{s:.0} s"),
+        s if s < 5400.0 => format!("{:.0} min", s / 60.0),
+        s if s < 172_800.0 => format!("{:.1} h", s / 3600.0),
+        s => format!("{:.1} d", s / 86_400.0),
+    }
+}

@@ -1,0 +1,268 @@
+//! Tables of a store as CSV: one header line, units in the names.
+
+use std::io::Write;
+
+use campaign::formulation::VARIABLE_NAMES;
+use campaign::{Criteria, Variables};
+use clap::ValueEnum;
+use stages::optima::{self, optimum_variables};
+use stages::rounds::{Round, sentence};
+use store::Store;
+
+/// A table that can be exported.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Table {
+    /// The DoE with the criteria of its designs.
+    Designs,
+    /// Every sample.
+    Samples,
+    /// The percentile of every feasible design.
+    Responses,
+    /// What the approaches found.
+    Optima,
+    /// What every round of infill decided.
+    Rounds,
+    /// The infill points, with the percentile of the samples that each brought.
+    Infill,
+    /// Everything that went wrong, in its order, with all that was said about it.
+    Failures,
+}
+
+/// Writes a table.
+///
+/// # Errors
+///
+/// The store cannot be read or the output cannot be written.
+pub async fn write(store: &Store, table: Table, out: impl Write) -> anyhow::Result<()> {
+    let mut out = csv::Writer::from_writer(out);
+    match table {
+        Table::Designs => designs(store, &mut out).await?,
+        Table::Samples => samples(store, &mut out).await?,
+        Table::Responses => responses(store, &mut out).await?,
+        Table::Optima => optima(store, &mut out).await?,
+        Table::Rounds => rounds(store, &mut out).await?,
+        Table::Infill => infill(store, &mut out).await?,
+        Table::Failures => failures(store, &mut out).await?,
+    }
+    out.flush()?;
+    Ok(())
+}
+
+fn number(value: f64) -> String {
+    // The shortest digits that read back as the same number.
+    format!("{value}")
+}
+
+fn optional(value: Option<f64>) -> String {
+    value.map_or_else(String::new, number)
+}
+
+async fn failures<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Result<()> {
+    out.write_record(["job", "attempt", "worker", "kind", "error"])?;
+    for row in store.failures().await? {
+        let attempt = row.attempt.to_string();
+        let kind = row.kind.as_str();
+        out.write_record([&row.job, &attempt, &row.worker, kind, &row.error])?;
+    }
+    Ok(())
+}
+
+async fn designs<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Result<()> {
+    let mut header = vec!["design"];
+    header.extend(&VARIABLE_NAMES[..6]);
+    header.extend([
+        "feasible",
+        "reason",
+        "contact_ratio",
+        "specific_sliding",
+        "hertz_pressure_mpa",
+        "root_stress_mpa",
+        "delta_ste_um",
+        "delta_ste_archard_um",
+    ]);
+    out.write_record(&header)?;
+    let criteria: std::collections::BTreeMap<u64, store::CriteriaRow> = store
+        .criteria()
+        .await?
+        .into_iter()
+        .map(|row| (row.design, row))
+        .collect();
+    for row in store.designs().await? {
+        let mut record = vec![row.design.to_string()];
+        record.extend(row.point().map(number));
+        match criteria.get(&row.design) {
+            Some(criteria) => {
+                record.push(u8::from(criteria.feasible).to_string());
+                record.push(criteria.reason.clone().unwrap_or_default());
+                record.extend(
+                    [
+                        criteria.contact_ratio,
+                        criteria.specific_sliding,
+                        criteria.hertz_pressure_mpa,
+                        criteria.root_stress_mpa,
+                        criteria.delta_ste_um,
+                        criteria.delta_ste_archard_um,
+                    ]
+                    .map(optional),
+                );
+            }
+            None => record.extend(std::iter::repeat_n(String::new(), 8)),
+        }
+        out.write_record(&record)?;
+    }
+    Ok(())
+}
+
+async fn samples<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Result<()> {
+    out.write_record(["design", "sample", "delta_ste_um"])?;
+    store
+        .visit_samples(|row| -> anyhow::Result<()> {
+            out.write_record([
+                row.design.to_string(),
+                row.sample.to_string(),
+                number(row.delta_ste_um),
+            ])?;
+            Ok(())
+        })
+        .await
+}
+
+async fn responses<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Result<()> {
+    out.write_record([
+        "design",
+        "mean_um",
+        "sd_um",
+        "p90_um",
+        "p90_variance_um2",
+        "lilliefors_p",
+    ])?;
+    for row in store.responses().await? {
+        out.write_record([
+            row.design.to_string(),
+            number(row.mean_um),
+            number(row.sd_um),
+            number(row.p90_um),
+            number(row.p90_variance_um2),
+            optional(row.lilliefors_p),
+        ])?;
+    }
+    Ok(())
+}
+
+async fn rounds<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Result<()> {
+    out.write_record([
+        "round",
+        "points",
+        "samples",
+        "failed",
+        "expected_improvement_um",
+        "predicted_um",
+        "predicted_low_um",
+        "predicted_high_um",
+        "simulator_calls",
+        "cpu_seconds",
+        "stop",
+    ])?;
+    let infill = store.infill().await?;
+    for row in store.rounds().await? {
+        let round = Round::read(row)?;
+        let row = &round.row;
+        let points = || infill.iter().filter(|point| point.round == row.round);
+        let best = round.recommendation.as_ref();
+        out.write_record([
+            (row.round + 1).to_string(),
+            points().count().to_string(),
+            points().map(|point| point.samples).sum::<u64>().to_string(),
+            points().filter(|point| point.failed).count().to_string(),
+            optional(row.expected_improvement_um),
+            optional(best.map(|best| best.predicted_um)),
+            optional(best.map(|best| best.interval_um.0)),
+            optional(best.map(|best| best.interval_um.1)),
+            row.simulator_calls.to_string(),
+            number(row.cpu_seconds),
+            round.stop.as_ref().map_or_else(String::new, sentence),
+        ])?;
+    }
+    Ok(())
+}
+
+async fn infill<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Result<()> {
+    let mut header = vec!["point", "round", "reason"];
+    header.extend(&VARIABLE_NAMES[..6]);
+    header.extend([
+        "violation",
+        "samples",
+        "failed",
+        "p90_um",
+        "p90_variance_um2",
+    ]);
+    out.write_record(&header)?;
+    for row in store.infill().await? {
+        let samples = store.verify_samples(&row.name).await?;
+        let samples: Vec<f64> = samples.iter().map(|sample| sample.delta_ste_um).collect();
+        let is_whole = samples.len() as u64 == row.samples && !row.failed;
+        let percentile = stats::percentile_p90(&samples).ok().filter(|_| is_whole);
+        let mut record = vec![row.name, (row.round + 1).to_string(), row.reason];
+        record.extend(row.x.map(number));
+        record.push(number(row.violation));
+        record.push(row.samples.to_string());
+        record.push(u8::from(row.failed).to_string());
+        record.push(optional(percentile.map(|percentile| percentile.p90)));
+        record.push(optional(percentile.map(|percentile| percentile.variance)));
+        out.write_record(&record)?;
+    }
+    Ok(())
+}
+
+async fn optima<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Result<()> {
+    let mut header = vec!["approach"];
+    header.extend(VARIABLE_NAMES);
+    header.extend([
+        "criterion_um",
+        "p90_um",
+        "p90_low_um",
+        "p90_high_um",
+        "contact_ratio",
+        "specific_sliding",
+        "hertz_pressure_mpa",
+        "root_stress_mpa",
+        "feasible",
+        "simulator_calls",
+        "cpu_seconds",
+    ]);
+    out.write_record(&header)?;
+    for row in optima::stored(store).await? {
+        let variables = optimum_variables(&row);
+        let criteria: Option<Criteria> = serde_json::from_str(&row.criteria_json)?;
+        let samples: Vec<f64> = store
+            .verify_samples(&row.approach)
+            .await?
+            .iter()
+            .map(|sample| sample.delta_ste_um)
+            .collect();
+        let percentile = stats::percentile_p90(&samples).ok();
+        let interval = percentile
+            .as_ref()
+            .and_then(|percentile| stats::p90_interval(percentile, 0.95).ok());
+        let mut record = vec![row.approach.clone()];
+        match variables.as_ref().map(Variables::values) {
+            Some(values) => record.extend(values.map(number)),
+            None => record.extend(std::iter::repeat_n(String::new(), VARIABLE_NAMES.len())),
+        }
+        record.push(optional(variables.map(|_| row.criterion_um)));
+        record.push(optional(percentile.map(|percentile| percentile.p90)));
+        record.push(optional(interval.map(|(low, _)| low)));
+        record.push(optional(interval.map(|(_, high)| high)));
+        record.push(optional(criteria.map(|criteria| criteria.contact_ratio)));
+        record.push(optional(criteria.map(|criteria| criteria.specific_sliding)));
+        record.push(optional(
+            criteria.map(|criteria| criteria.hertz_pressure_mpa),
+        ));
+        record.push(optional(criteria.map(|criteria| criteria.root_stress_mpa)));
+        record.push(u8::from(row.feasible).to_string());
+        record.push(row.simulator_calls.to_string());
+        record.push(number(row.cpu_seconds));
+        out.write_record(&record)?;
+    }
+    Ok(())
+}

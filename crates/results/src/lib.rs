@@ -1,0 +1,16 @@
+//! What a campaign's store says, for people and for programs. Everything here only reads, and works
+//! beside a running campaign, too.
+//!
+//! - [`status`] says how far a campaign is; [`live`] has what only a running coordinator knows of it, and
+//!   [`describing`] puts both into words.
+//! - [`export`] writes the store's tables as CSV.
+//! - [`reporting`] gathers the data of the report; [`comparing`] puts the paper's figures beside ours.
+//! - [`mod@percentile`] estimates P90 with its interval from fresh samples.
+
+pub mod comparing;
+pub mod describing;
+pub mod export;
+pub mod live;
+pub mod percentile;
+pub mod reporting;
+pub mod status;

@@ -1,0 +1,62 @@
+//! The rounds of infill, for the report.
+
+use campaign::Approach;
+use report::{Enrichment, EnrichmentRound};
+use stages::rounds::{Round, sentence};
+use stages::snapshot::response_counts;
+use store::Store;
+
+use super::sources::Sources;
+
+/// Deviate of a two-sided 95 % interval.
+const Z95: f64 = 1.959_963_984_540_054;
+
+/// None without an enrichment.
+pub(super) async fn enrichment(
+    store: &Store,
+    sources: &Sources,
+) -> anyhow::Result<Option<Enrichment>> {
+    let Some(section) = &sources.problem.campaign().enrichment else {
+        return Ok(None);
+    };
+    let mut rounds = Vec::new();
+    let (mut stop, mut recommendation) = (String::new(), None);
+    for row in &sources.rounds {
+        let round = Round::read(row.clone())?;
+        let points = || {
+            let points = sources.infill.iter();
+            points.filter(|point| point.round == round.row.round)
+        };
+        let further = points().filter(|point| point.reason == "more").count() as u64;
+        let best = round.recommendation.as_ref();
+        rounds.push(EnrichmentRound {
+            round: round.row.round + 1,
+            new_designs: points().count() as u64 - further,
+            further_turns: further,
+            samples: points().map(|point| point.samples).sum(),
+            failed: points().filter(|point| point.failed).count() as u64,
+            expected_improvement_um: round.row.expected_improvement_um.unwrap_or(f64::NAN),
+            predicted_um: best.map_or(f64::NAN, |best| best.predicted_um),
+            low_um: best.map_or(f64::NAN, |best| best.interval_um.0),
+            high_um: best.map_or(f64::NAN, |best| best.interval_um.1),
+        });
+        stop = round.stop.as_ref().map_or_else(String::new, sentence);
+        recommendation = round.recommendation;
+    }
+    let fresh = sources.fresh.get(Approach::EnrichedKriging.name());
+    let fresh = fresh.map_or(&[][..], Vec::as_slice);
+    let verified = stats::percentile_p90(fresh).ok();
+    let counts = response_counts(store, &sources.problem.campaign().sampling).await?;
+    Ok(Some(Enrichment {
+        rounds,
+        tolerance_um: section.tolerance_um,
+        stop,
+        doe_samples: counts.values().sum(),
+        verified_um: verified.map(|percentile| percentile.p90),
+        interval_of_estimate_um: recommendation.zip(verified).map(|(best, verified)| {
+            // Both are uncertain, the model and the verification.
+            let half = best.half_width_um().hypot(Z95 * verified.variance.sqrt());
+            (best.predicted_um - half, best.predicted_um + half)
+        }),
+    }))
+}

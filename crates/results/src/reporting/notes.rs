@@ -1,0 +1,97 @@
+//! Remarks and warnings, and what the model leaves out.
+
+use stages::optima::optimum_variables;
+
+use super::sources::Sources;
+
+pub(super) fn notes(sources: &Sources, failures: &[store::FailureRow]) -> Vec<String> {
+    let campaign = sources.problem.campaign();
+    let mut notes = campaign.warnings();
+    if let Some(model) = &sources.model {
+        notes.extend(
+            model
+                .warnings
+                .iter()
+                .map(|warning| format!("Kriging: {warning}.")),
+        );
+    }
+    if !campaign.is_external() {
+        notes.extend(pointed_tips(sources));
+    }
+    let panics = |name: &str| {
+        sources
+            .criteria
+            .iter()
+            .filter(|row| {
+                row.reason
+                    .as_deref()
+                    .is_some_and(|reason| reason.starts_with(name))
+            })
+            .count()
+    };
+    for (name, what) in [
+        (campaign::task::SIMULATOR_PANIC, "made the simulator panic"),
+        (
+            campaign::task::NOT_A_NUMBER,
+            "gave results that are no numbers",
+        ),
+    ] {
+        let count = panics(name);
+        if count > 0 {
+            notes.push(format!(
+                "{count} designs {what}; they are recorded as infeasible."
+            ));
+        }
+    }
+    let mut given_up: Vec<&str> = failures
+        .iter()
+        .filter(|row| row.kind == store::FailureKind::Quarantine)
+        .map(|row| row.job.as_str())
+        .collect();
+    given_up.dedup();
+    if !given_up.is_empty() {
+        notes.push(format!("Jobs that were given up: {}.", given_up.join(", ")));
+    }
+    notes.push(
+        "The contact pressure of approach 1 is that of unworn flanks; the designs of the problems \
+         with wear are judged by the pressure on flanks with Archard’s wear."
+            .to_owned(),
+    );
+    notes.push(if campaign.is_external() {
+        "An external program simulated the designs. What only the built-in model knows is left \
+         out: drawings of the optima, their transmission error curves and profiles of worn flanks."
+            .to_owned()
+    } else {
+        "The model leaves out dynamics, friction, misalignment, pitch errors and the elastic \
+         coupling of neighbouring slices; its compliance has no gear body."
+            .to_owned()
+    });
+    notes
+}
+
+/// Names optima whose teeth have no tip land left: no constraint of the paper asks for one, and
+/// the slenderness of such tips makes their ΔSTE depend on how the beam model ends.
+fn pointed_tips(sources: &Sources) -> Vec<String> {
+    let mut notes = Vec::new();
+    for row in &sources.optima {
+        let Some(pair) =
+            optimum_variables(row).and_then(|variables| sources.problem.pair(&variables).ok())
+        else {
+            continue;
+        };
+        let pointed = pair.geometry().pointed;
+        let who = match pointed {
+            [false, false] => continue,
+            [true, false] => "The pinion of",
+            [false, true] => "The mate of",
+            [true, true] => "Both gears of",
+        };
+        notes.push(format!(
+            "{who} the optimum “{}” has pointed teeth: the constraints ask for no tip land. Its \
+             ΔSTE rests on where the beam model ends a tooth that thins to nothing; shortened to a \
+             usual tip land, such a pair loses much of what it gained.",
+            row.approach
+        ));
+    }
+    notes
+}

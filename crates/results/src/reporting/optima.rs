@@ -1,0 +1,170 @@
+//! What each approach found: the design, its drawing, its curves and its runs.
+
+use anyhow::Context as _;
+use campaign::optimise::RunResult;
+use campaign::{Approach, Criteria, Variables};
+use gear::Member;
+use report::{
+    ApproachResult, Constraints, GearDrawing, GearOutline, OptimiserRun, Optimum, SteCurves,
+};
+use stages::optima::{approach_of, optimum_variables};
+use store::OptimumRow;
+
+use super::sources::Sources;
+use crate::percentile::percentile;
+
+/// Points on each flank of a drawn gear.
+const OUTLINE_POINTS: usize = 24;
+
+const fn report_approach(approach: Approach) -> report::Approach {
+    match approach {
+        Approach::NoWear => report::Approach::WithoutWear,
+        Approach::Archard => report::Approach::ArchardWear,
+        Approach::Kriging => report::Approach::Kriging,
+        Approach::BestOfDoe => report::Approach::BestOfDoe,
+        Approach::EnrichedKriging => report::Approach::KrigingEnriched,
+    }
+}
+
+pub(super) fn approaches(sources: &Sources) -> anyhow::Result<Vec<ApproachResult>> {
+    Approach::ALL
+        .iter()
+        .filter_map(|approach| {
+            sources
+                .optima
+                .iter()
+                .find(|row| row.approach == approach.name())
+        })
+        .map(|row| {
+            let approach = approach_of(&row.approach).context("an unknown approach")?;
+            let criteria: Option<Criteria> = serde_json::from_str(&row.criteria_json)?;
+            let outcome = match (optimum_variables(row), criteria) {
+                (Some(variables), Some(criteria)) => {
+                    Ok(optimum(sources, row, &variables, &criteria))
+                }
+                _ => Err(row.note.clone()),
+            };
+            Ok(ApproachResult {
+                approach: report_approach(approach),
+                note: if outcome.is_ok() {
+                    row.note.clone()
+                } else {
+                    String::new()
+                },
+                outcome,
+                simulator_calls: row.simulator_calls,
+                cpu_seconds: row.cpu_seconds,
+                runs: runs(sources, approach)?,
+            })
+        })
+        .collect()
+}
+
+fn runs(sources: &Sources, approach: Approach) -> anyhow::Result<Vec<OptimiserRun>> {
+    let restart_at = u64::from(sources.problem.campaign().optimise.restart_at);
+    sources
+        .runs
+        .iter()
+        .filter(|row| row.approach == approach.name())
+        .map(|row| {
+            let run: RunResult = serde_json::from_str(&row.result_json)?;
+            let mut restarts: Vec<u64> = run.restarts.iter().map(|(at, _)| *at).collect();
+            restarts.push(restart_at);
+            restarts.sort_unstable();
+            Ok(OptimiserRun {
+                start: row.start as usize + 1,
+                best: run.history,
+                restarts,
+            })
+        })
+        .collect()
+}
+
+fn optimum(
+    sources: &Sources,
+    row: &OptimumRow,
+    variables: &Variables,
+    criteria: &Criteria,
+) -> Optimum {
+    let samples = sources
+        .fresh
+        .get(&row.approach)
+        .map_or(&[][..], Vec::as_slice);
+    // Drawings and curves are the built-in model's.
+    let pair = if sources.problem.campaign().is_external() {
+        None
+    } else {
+        sources.problem.pair(variables).ok()
+    };
+    Optimum {
+        variables: variables.values(),
+        criterion_um: row.criterion_um,
+        p90: percentile(samples),
+        constraints: Constraints {
+            contact_ratio: criteria.contact_ratio,
+            specific_slip: criteria.specific_sliding,
+            von_mises_mpa: criteria.root_stress_mpa,
+            pressure_mpa: criteria.hertz_pressure_mpa,
+            interference_margin_mm: criteria
+                .clearance_mm
+                .iter()
+                .chain(&criteria.flank_margin_mm)
+                .copied()
+                .fold(f64::INFINITY, f64::min),
+        },
+        feasible: row.feasible,
+        drawing: pair.as_ref().map(drawing),
+        ste: pair.as_ref().map(|pair| ste(sources, pair)),
+    }
+}
+
+fn drawing(pair: &gear::Pair) -> GearDrawing {
+    let geometry = pair.geometry();
+    let placements = gear::mesh_placement(pair, 0.0);
+    let teeth = geometry.teeth.map(f64::from);
+    let outline = |member: Member| {
+        let index = member.index();
+        let points = gear::gear_outline(pair, member, OUTLINE_POINTS);
+        GearOutline {
+            outline: points
+                .into_iter()
+                .map(|point| placements[index].apply(point))
+                .collect(),
+            centre: placements[index].centre,
+            pitch_radius_mm: Some(geometry.centre_distance * teeth[index] / (teeth[0] + teeth[1])),
+            base_radius_mm: Some(geometry.r_b[index]),
+        }
+    };
+    GearDrawing {
+        pinion: outline(Member::Pinion),
+        mate: outline(Member::Gear),
+        line_of_action: Some(path_of_contact(geometry)),
+    }
+}
+
+/// The ends of the path of contact, in the frame of [`gear::mesh_placement`]: pinion axis at the
+/// origin, the mate's on the x axis.
+fn path_of_contact(geometry: &gear::Geometry) -> [[f64; 2]; 2] {
+    let (sin, cos) = geometry.alpha_wt.sin_cos();
+    [geometry.s_in, geometry.s_out].map(|s| {
+        [
+            geometry.r_b[0] * cos + s * sin,
+            geometry.r_b[0] * sin - s * cos,
+        ]
+    })
+}
+
+fn ste(sources: &Sources, pair: &gear::Pair) -> SteCurves {
+    let unworn = pair.unworn();
+    let worn = pair.archard(sources.problem.wear()).analysis;
+    // The curve is periodic: its first point again closes the period in the chart.
+    let closed = |values: Vec<f64>, end: Option<f64>| -> Vec<f64> {
+        let end = end.or_else(|| values.first().copied());
+        values.into_iter().chain(end).collect()
+    };
+    SteCurves {
+        phase: closed(unworn.phases, Some(1.0)),
+        unworn_um: closed(unworn.ste_um, None),
+        worn_um: closed(worn.ste_um, None),
+    }
+}

@@ -1,0 +1,99 @@
+//! The designs that the paper prints, on this model.
+
+use campaign::file::PercentileRule;
+use gear::paper::printed::{self as paper, Place};
+use report::{PreliminaryDesign, PrintedDesign, PrintedFigures, SimilarDesign};
+use stages::references::{name, variables};
+use stages::responses::{self, Samples};
+
+use super::sources::Sources;
+use crate::percentile::percentile;
+
+pub(super) fn preliminary(sources: &Sources) -> Vec<PreliminaryDesign> {
+    let k = sources.problem.campaign().sampling.samples_per_design as usize;
+    paper::PRELIMINARY
+        .iter()
+        .enumerate()
+        .filter_map(|(row, printed)| {
+            let samples = sources.fresh.get(&name(Place::Preliminary(row)))?;
+            let plain = Samples::plain(samples);
+            let response = responses::response(0, plain, PercentileRule::Paper).ok()?;
+            let variance = stats::p90_variance(response.sd_um.powi(2), k, stats::PAPER_Z90);
+            Some(PreliminaryDesign {
+                variables: printed.variables,
+                samples: samples.len(),
+                mean_um: response.mean_um,
+                sd_um: response.sd_um,
+                p90_um: response.p90_um,
+                lilliefors_p: response.lilliefors_p.unwrap_or(f64::NAN),
+                p90_variance_um2: variance.unwrap_or(f64::NAN),
+            })
+        })
+        .collect()
+}
+
+pub(super) fn similar(sources: &Sources) -> Vec<SimilarDesign> {
+    paper::SIMILAR
+        .iter()
+        .enumerate()
+        .filter_map(|(row, printed)| {
+            let place = Place::Similar(row);
+            let pair = sources.problem.pair(&variables(place)).ok()?;
+            Some(SimilarDesign {
+                variables: printed.variables,
+                delta_ste_archard_um: pair.archard(sources.problem.wear()).analysis.delta_ste_um,
+                p90: percentile(sources.fresh.get(&name(place))?),
+            })
+        })
+        .collect()
+}
+
+pub(super) fn printed_designs(sources: &Sources) -> Vec<PrintedDesign> {
+    (6..=10)
+        .map(|figure| PrintedDesign {
+            figure,
+            outcome: printed_figures(sources, figure),
+        })
+        .collect()
+}
+
+fn printed_figures(sources: &Sources, figure: u8) -> Result<PrintedFigures, String> {
+    let pair = sources
+        .problem
+        .pair(&variables(Place::Figure(figure)))
+        .map_err(|error| error.to_string())?;
+    let unworn = pair.unworn();
+    let worn = pair.archard(sources.problem.wear()).analysis;
+    // Figures 6 and 7 are designs of the problem without wear, the others of problems with it.
+    let analysis = if figure <= 7 { &unworn } else { &worn };
+    let criteria = sources.problem.criteria(&pair, analysis.hertz_pressure_mpa);
+    let samples = match figure {
+        6 => &[][..],
+        _ => sources
+            .fresh
+            .get(&name(Place::Figure(figure)))
+            .map_or(&[][..], Vec::as_slice),
+    };
+    let p90 = percentile(samples);
+    let criterion_um = match figure {
+        6 | 7 => unworn.delta_ste_um,
+        9 => worn.delta_ste_um,
+        // The captions give a kriging prediction and an estimate from 30 samples; the model's
+        // figure beside them is its own accurate percentile.
+        _ => p90.value_um,
+    };
+    let notched = pair.root_stress().iter().any(|root| !root.in_range);
+    let mut von_mises = report::ModelFigure::from(criteria.root_stress_mpa);
+    if notched {
+        von_mises.note =
+            "The notch factor’s formula is outside its range (1 to 8) here.".to_owned();
+    }
+    Ok(PrintedFigures {
+        contact_ratio: criteria.contact_ratio.into(),
+        specific_slip: criteria.specific_sliding.into(),
+        von_mises_mpa: von_mises,
+        pressure_mpa: criteria.hertz_pressure_mpa.into(),
+        criterion_um: criterion_um.into(),
+        p90_um: p90.value_um.into(),
+    })
+}

@@ -1,0 +1,76 @@
+//! What a report is made of, read once.
+
+use std::collections::BTreeMap;
+
+use campaign::formulation::Problem;
+use campaign::{Approach, Campaign};
+use gear::paper::printed::Place;
+use stages::fitting::ModelSummary;
+use stages::fitting::P90_MODEL;
+use stages::references;
+use store::{
+    CampaignRow, CriteriaRow, DesignRow, InfillRow, OptimiserRunRow, OptimumRow, ResponseRow,
+    RoundRow, Store,
+};
+
+use super::choice;
+
+/// Everything a report needs, read once.
+pub(super) struct Sources {
+    pub(super) campaign: CampaignRow,
+    pub(super) problem: Problem,
+    pub(super) designs: Vec<DesignRow>,
+    pub(super) criteria: Vec<CriteriaRow>,
+    pub(super) responses: Vec<ResponseRow>,
+    /// Where an estimator is chosen by design.
+    pub(super) choice: Option<choice::Effect>,
+    /// How many samples of the DoE are stored.
+    pub(super) samples: u64,
+    pub(super) optima: Vec<OptimumRow>,
+    pub(super) runs: Vec<OptimiserRunRow>,
+    pub(super) model: Option<ModelSummary>,
+    pub(super) infill: Vec<InfillRow>,
+    pub(super) rounds: Vec<RoundRow>,
+    /// Fresh samples by point.
+    pub(super) fresh: BTreeMap<String, Vec<f64>>,
+}
+
+impl Sources {
+    /// Reads them.
+    pub(super) async fn read(store: &Store) -> anyhow::Result<Self> {
+        let row = store.campaign().await?;
+        let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
+        let problem = Problem::new(campaign);
+        let mut fresh = BTreeMap::new();
+        let names = Approach::ALL
+            .iter()
+            .map(|approach| approach.name().to_owned())
+            .chain(Place::all().map(references::name));
+        for name in names {
+            let samples = store.verify_samples(&name).await?;
+            fresh.insert(
+                name,
+                samples.iter().map(|sample| sample.delta_ste_um).collect(),
+            );
+        }
+        let responses = store.responses().await?;
+        Ok(Self {
+            campaign: row,
+            designs: store.designs().await?,
+            criteria: store.criteria().await?,
+            choice: choice::effect(store, &problem.campaign().sampling, &responses).await?,
+            responses,
+            infill: store.infill().await?,
+            rounds: store.rounds().await?,
+            samples: store.progress().await?.samples,
+            optima: store.optima().await?,
+            runs: store.optimiser_runs().await?,
+            model: match store.model(P90_MODEL).await? {
+                Some(row) => Some(serde_json::from_str(&row.summary_json)?),
+                None => None,
+            },
+            fresh,
+            problem,
+        })
+    }
+}

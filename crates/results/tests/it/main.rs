@@ -1,0 +1,3 @@
+//! What a store says.
+
+mod status;

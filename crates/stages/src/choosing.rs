@@ -1,0 +1,174 @@
+//! Which design an approach ends with, as a row of the store.
+
+use campaign::formulation::Problem;
+use campaign::optimise::{Found, RunResult};
+use campaign::{Approach, Frozen, Variables};
+use store::{CriteriaRow, DesignRow, OptimiserRunRow, OptimumRow, ResponseRow};
+
+use crate::cost::Cost;
+use crate::designs::worn_criteria;
+use crate::optima::variables_to_json;
+
+/// Chooses the best design that the runs of an approach found.
+///
+/// `extra` is what the approach's metamodel cost. A run that was given up is not among `rows`.
+///
+/// # Errors
+///
+/// A stored run cannot be read.
+pub fn choose_run(
+    problem: &Problem,
+    approach: Approach,
+    rows: &[OptimiserRunRow],
+    extra: Cost,
+) -> anyhow::Result<OptimumRow> {
+    let rows: Vec<_> = rows
+        .iter()
+        .filter(|row| row.approach == approach.name())
+        .collect();
+    let runs: Vec<RunResult> = rows
+        .iter()
+        .map(|row| serde_json::from_str(&row.result_json))
+        .collect::<Result<_, _>>()?;
+    let calls: u64 = runs.iter().map(|run| run.simulator_calls).sum();
+    let cpu_seconds: f64 = rows.iter().map(|row| row.cpu_seconds).sum();
+    let cost = Cost {
+        simulator_calls: calls + extra.simulator_calls,
+        cpu_seconds: cpu_seconds + extra.cpu_seconds,
+    };
+    let better = |a: &&Found, b: &&Found| a.criterion_um.total_cmp(&b.criterion_um);
+    let best = runs
+        .iter()
+        .filter_map(|run| run.best.as_ref())
+        .min_by(better);
+    let note = continuation_note(problem, &runs);
+    if let Some(found) = best {
+        return optimum(approach, Some(found), cost, note);
+    }
+    let printed = runs
+        .iter()
+        .filter_map(|run| run.printed.as_ref())
+        .min_by(better);
+    let note = match printed {
+        Some(found) => format!(
+            "No run found a design that satisfies every constraint: the best penalised one breaks \
+             some ({}).",
+            broken(problem, found)
+        ),
+        None => "No run found a design that can be simulated.".to_owned(),
+    };
+    optimum(approach, None, cost, note)
+}
+
+/// Chooses the best design of the DoE that satisfies every constraint, with its worn pressure.
+///
+/// # Errors
+///
+/// The row cannot be written.
+pub fn choose_of_doe(
+    problem: &Problem,
+    frozen: &Frozen,
+    designs: &[DesignRow],
+    criteria: &[CriteriaRow],
+    responses: &[ResponseRow],
+    cost: Cost,
+) -> anyhow::Result<OptimumRow> {
+    let mut best: Option<Found> = None;
+    for response in responses {
+        let better = best
+            .as_ref()
+            .is_none_or(|found| response.p90_um < found.criterion_um);
+        let (Some(design), true) = (designs.get(response.design as usize), better) else {
+            continue;
+        };
+        let variables = Variables::robust(&design.point(), frozen);
+        let criteria = criteria
+            .iter()
+            .find(|row| row.design == response.design)
+            .and_then(|row| worn_criteria(problem, &variables, row));
+        let Some(criteria) = criteria else { continue };
+        if problem.is_feasible(&criteria) {
+            best = Some(Found {
+                variables,
+                criterion_um: response.p90_um,
+                criteria,
+                feasible: true,
+            });
+        }
+    }
+    let note = if best.is_some() {
+        String::new()
+    } else {
+        "No design of the DoE satisfies every constraint.".to_owned()
+    };
+    optimum(Approach::BestOfDoe, best.as_ref(), cost, note)
+}
+
+/// The row of an approach for which nothing could be done.
+///
+/// # Errors
+///
+/// The row cannot be written.
+pub fn left_out(approach: Approach, note: String) -> anyhow::Result<OptimumRow> {
+    optimum(approach, None, Cost::default(), note)
+}
+
+/// The row of what an approach found.
+///
+/// # Errors
+///
+/// The row cannot be written.
+pub fn optimum(
+    approach: Approach,
+    found: Option<&Found>,
+    cost: Cost,
+    note: String,
+) -> anyhow::Result<OptimumRow> {
+    Ok(OptimumRow {
+        approach: approach.name().to_owned(),
+        x_json: variables_to_json(found.map(|found| &found.variables)),
+        // The paper values what cannot be simulated at 100; there is no design to value here.
+        criterion_um: found.map_or(0.0, |found| found.criterion_um),
+        feasible: found.is_some_and(|found| found.feasible),
+        criteria_json: serde_json::to_string(&found.map(|found| found.criteria))?,
+        simulator_calls: cost.simulator_calls,
+        cpu_seconds: cost.cpu_seconds,
+        note,
+    })
+}
+
+/// Says where the printed penalty weight alone would have ended.
+fn continuation_note(problem: &Problem, runs: &[RunResult]) -> String {
+    let ended: Vec<&Found> = runs
+        .iter()
+        .filter(|run| run.continuations > 0)
+        .filter_map(|run| run.printed.as_ref())
+        .collect();
+    let Some(worst) = ended
+        .iter()
+        .min_by(|a, b| a.criterion_um.total_cmp(&b.criterion_um))
+    else {
+        return String::new();
+    };
+    format!(
+        "With the printed penalty weight p = {}, {} of {} runs ended on a design that breaks a \
+         constraint (the lowest at {:.3} µm with {}); those runs went on, ranking feasible designs \
+         first, until they ended on one that breaks none.",
+        problem.campaign().optimise.penalty,
+        ended.len(),
+        runs.len(),
+        worst.criterion_um,
+        broken(problem, worst),
+    )
+}
+
+/// Names the constraints that a design breaks.
+fn broken(problem: &Problem, found: &Found) -> String {
+    let broken: Vec<String> = problem
+        .constraints(&found.criteria)
+        .iter()
+        .filter(|constraint| !constraint.holds())
+        .map(ToString::to_string)
+        .collect();
+    broken.join(", ")
+}

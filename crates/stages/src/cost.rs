@@ -1,0 +1,94 @@
+//! What samples, models and approaches cost.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use campaign::formulation::Problem;
+use campaign::{Frozen, Variables};
+use ledger::Kind;
+use rayon::prelude::*;
+use store::{CriteriaRow, InfillRow, JobTimeRow, RoundRow};
+
+use crate::infill::{Point, bits};
+use crate::linear::LinearResponse;
+use crate::names;
+
+/// What an approach cost.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Cost {
+    /// Calls of the simulator.
+    pub simulator_calls: u64,
+    /// CPU time, seconds.
+    pub cpu_seconds: f64,
+}
+
+/// The calls that `samples` of the DoE took: one unworn analysis per design that can be simulated,
+/// one with Archard's wear, and the samples. Designs that cannot be simulated cost one attempt.
+#[must_use]
+pub fn sampling_calls(criteria: &[CriteriaRow], samples: u64) -> u64 {
+    let feasible = criteria.iter().filter(|row| row.feasible).count() as u64;
+    criteria.len() as u64 + feasible + samples
+}
+
+/// What the DoE's samples cost, for the approaches that rest on them; `control_analyses` are those of
+/// its control variates.
+#[must_use]
+pub fn sampling(
+    criteria: &[CriteriaRow],
+    samples: u64,
+    control_analyses: u64,
+    times: &[JobTimeRow],
+) -> Cost {
+    let is_design = |row: &&JobTimeRow| matches!(names::timed(row.job), Some((Kind::Design, _)));
+    Cost {
+        simulator_calls: sampling_calls(criteria, samples) + control_analyses,
+        cpu_seconds: times
+            .iter()
+            .filter(is_design)
+            .map(|row| row.cpu_seconds)
+            .sum(),
+    }
+}
+
+/// What the DoE, the infill samples and the rounds' decisions cost.
+#[must_use]
+pub fn enrichment(
+    sampling: Cost,
+    rounds: &[RoundRow],
+    infill: &[InfillRow],
+    control_analyses: u64,
+    times: &[JobTimeRow],
+) -> Cost {
+    let numbers: BTreeSet<u64> = infill.iter().map(|row| row.number).collect();
+    let searching: u64 = rounds.iter().map(|round| round.simulator_calls).sum();
+    let sampled = infill.iter().filter(|row| !row.failed);
+    let samples: u64 = sampled.map(|row| row.samples).sum();
+    Cost {
+        simulator_calls: sampling.simulator_calls + searching + samples + control_analyses,
+        cpu_seconds: sampling.cpu_seconds
+            + rounds.iter().map(|round| round.cpu_seconds).sum::<f64>()
+            + infill_seconds(times, &numbers),
+    }
+}
+
+/// The analyses that the control variates of infill points took.
+#[must_use]
+pub fn control_analyses(problem: &Problem, frozen: &Frozen, infill: &[InfillRow]) -> u64 {
+    let places: BTreeMap<_, Point> = infill.iter().map(|row| (bits(&row.x), row.x)).collect();
+    let linear = |x: &Point| LinearResponse::of(problem, &Variables::robust(x, frozen)).ok();
+    let linear = places.par_iter().filter_map(|(_, x)| linear(x));
+    linear.map(|linear| linear.analyses()).sum()
+}
+
+/// The CPU time of the samples of these infill points, seconds.
+#[must_use]
+pub fn infill_seconds(times: &[JobTimeRow], numbers: &BTreeSet<u64>) -> f64 {
+    let is_infill = |row: &&JobTimeRow| {
+        matches!(names::timed(row.job),
+            Some((Kind::Point, number)) if numbers.contains(&number))
+    };
+    times
+        .iter()
+        .filter(is_infill)
+        .map(|row| row.cpu_seconds)
+        .sum()
+}

@@ -1,0 +1,339 @@
+//! Rounds of infill: from the store's rows to a decision, and back.
+//!
+//! What a round decides follows from rows and seed alone, so a coordinator that was killed before
+//! the decision was on disk makes the same one again.
+
+use std::cell::Cell;
+use std::collections::{BTreeMap, BTreeSet};
+
+use anyhow::Context as _;
+use campaign::file::{ControlVariate, Sampling};
+use campaign::formulation::{Problem, ROBUST_VARIABLES};
+use campaign::{Frozen, Variables};
+use enrich::{Decision, Infill, Known, Reason, RoundRecord, Sampled, State};
+use rayon::prelude::*;
+use stats::streams::Purpose;
+use store::{CriteriaRow, DesignRow, InfillRow, NewRound, ResponseRow, RoundRow, Store};
+
+use crate::designs;
+use crate::infill::{self, Point, REACH, bits, options, point_name, point_number};
+use crate::linear::LinearResponse;
+use crate::responses::{self, Samples};
+use crate::snapshot::{infill_samples, response_counts};
+
+/// What a round is decided from.
+#[derive(Debug, Default)]
+pub struct Rows {
+    designs: Vec<DesignRow>,
+    criteria: Vec<CriteriaRow>,
+    responses: Vec<ResponseRow>,
+    /// How many samples each response rests on.
+    counts: BTreeMap<u64, u64>,
+    rounds: Vec<RoundRow>,
+    infill: Vec<InfillRow>,
+    /// The samples of every infill point that has all of them.
+    samples: BTreeMap<u64, Vec<f64>>,
+    /// The samples of the designs at which infill points lie.
+    of_designs: BTreeMap<u64, Vec<f64>>,
+}
+
+impl Rows {
+    /// Reads them.
+    ///
+    /// # Errors
+    ///
+    /// The store cannot be read, or the samples of a design make no response.
+    pub async fn read(store: &Store, sampling: &Sampling) -> anyhow::Result<Self> {
+        let mut rows = Self {
+            designs: store.designs().await?,
+            criteria: store.criteria().await?,
+            responses: store.responses().await?,
+            counts: response_counts(store, sampling).await?,
+            rounds: store.rounds().await?,
+            infill: store.infill().await?,
+            ..Self::default()
+        };
+        for row in &rows.infill {
+            let held = infill_samples(store, row).await?;
+            if held.len() as u64 == row.samples {
+                rows.samples
+                    .insert(row.infill, held.into_values().collect());
+            }
+        }
+        let sampled: BTreeSet<[u64; ROBUST_VARIABLES]> =
+            rows.infill.iter().map(|row| bits(&row.x)).collect();
+        for design in &rows.designs {
+            if sampled.contains(&bits(&design.point())) {
+                let count = rows.counts.get(&design.design).copied().unwrap_or(0);
+                let held = store.samples_of(design.design).await?;
+                let held = held
+                    .into_iter()
+                    .take(count as usize)
+                    .map(|(_, value)| value);
+                rows.of_designs.insert(design.design, held.collect());
+            }
+        }
+        Ok(rows)
+    }
+
+    /// The points that are not sampled although their round is over: they were given up.
+    fn lost(&self) -> Vec<u64> {
+        let lost = |row: &&InfillRow| !row.failed && !self.samples.contains_key(&row.infill);
+        self.infill
+            .iter()
+            .filter(lost)
+            .map(|row| row.infill)
+            .collect()
+    }
+
+    fn has_failed(&self, row: &InfillRow) -> bool {
+        row.failed || !self.samples.contains_key(&row.infill)
+    }
+
+    /// How many samples were asked for so far.
+    fn asked(&self) -> u64 {
+        let of_doe = self
+            .responses
+            .iter()
+            .filter_map(|r| self.counts.get(&r.design));
+        let of_infill = self.infill.iter().map(|row| row.samples);
+        of_doe.copied().chain(of_infill).sum()
+    }
+
+    /// All that is known of responses: one entry per place, the designs of the DoE first.
+    fn state(&self, problem: &Problem, frozen: &Frozen) -> State {
+        let criteria: BTreeMap<u64, &CriteriaRow> =
+            self.criteria.iter().map(|row| (row.design, row)).collect();
+        let mut sampled: Vec<Sampled> = Vec::new();
+        // The samples of places that rest on more than a design's response, with the names of their
+        // random streams.
+        let mut pooled: BTreeMap<usize, Vec<Stream<'_>>> = BTreeMap::new();
+        let mut places: BTreeMap<[u64; ROBUST_VARIABLES], usize> = BTreeMap::new();
+        for response in &self.responses {
+            let Some(design) = self.designs.get(response.design as usize) else {
+                continue;
+            };
+            let x = design.point();
+            let Some(row) = criteria.get(&response.design) else {
+                continue;
+            };
+            let worn = designs::worn_criteria(problem, &Variables::robust(&x, frozen), row);
+            let violation = worn.map(|worn| infill::violation(problem, &worn));
+            let (Some(violation), Some(baseline_um)) = (violation, row.delta_ste_archard_um) else {
+                continue;
+            };
+            if violation > REACH {
+                continue;
+            }
+            if let Some(held) = self.of_designs.get(&response.design) {
+                let stream = (Purpose::Wear, response.design, held.as_slice());
+                pooled.insert(sampled.len(), vec![stream]);
+            }
+            places.insert(bits(&x), sampled.len());
+            let samples = self.counts.get(&response.design).copied().unwrap_or(0);
+            sampled.push(Sampled {
+                x: x.to_vec(),
+                samples: u32::try_from(samples).unwrap_or(u32::MAX),
+                response_um: response.p90_um,
+                variance_um2: response.p90_variance_um2,
+                violation,
+                baseline_um,
+            });
+        }
+        for row in self.infill.iter().filter(|row| !self.has_failed(row)) {
+            let place = *places.entry(bits(&row.x)).or_insert_with(|| {
+                sampled.push(Sampled {
+                    x: row.x.to_vec(),
+                    samples: 0,
+                    response_um: f64::NAN,
+                    variance_um2: 0.0,
+                    violation: row.violation,
+                    baseline_um: f64::NAN,
+                });
+                sampled.len() - 1
+            });
+            if let Some(drawn) = self.samples.get(&row.infill) {
+                let stream = (Purpose::Verify, row.number, drawn.as_slice());
+                pooled.entry(place).or_default().push(stream);
+            }
+        }
+        let responses: Vec<(usize, usize, Option<ResponseRow>, Option<f64>)> = pooled
+            .par_iter()
+            .map(|(&place, streams)| {
+                let x = &sampled[place].x;
+                let (count, row) = pool(problem, frozen, x, streams);
+                (place, count, row, baseline(problem, frozen, x))
+            })
+            .collect();
+        for (place, count, row, baseline) in responses {
+            let entry = &mut sampled[place];
+            if let Some(baseline) = baseline {
+                entry.baseline_um = baseline;
+            }
+            entry.samples = u32::try_from(count).unwrap_or(u32::MAX);
+            if let Some(row) = row {
+                entry.response_um = row.p90_um;
+                entry.variance_um2 = row.p90_variance_um2;
+            }
+        }
+        let failed = self.infill.iter().filter(|row| self.has_failed(row));
+        State {
+            sampled,
+            failed: failed
+                .filter(|row| !places.contains_key(&bits(&row.x)))
+                .map(|row| row.x.to_vec())
+                .collect(),
+            rounds: self.rounds.iter().map(|round| self.record(round)).collect(),
+        }
+    }
+
+    fn record(&self, round: &RoundRow) -> RoundRecord {
+        let of_round = self.infill.iter().filter(|row| row.round == round.round);
+        RoundRecord {
+            expected_improvement_um: round.expected_improvement_um,
+            asked: of_round.clone().count() as u32,
+            failed: of_round.filter(|row| self.has_failed(row)).count() as u32,
+        }
+    }
+
+    /// Decides the next round; its CPU time is left zero.
+    ///
+    /// # Errors
+    ///
+    /// The campaign has no enrichment, or the model cannot be fitted.
+    pub fn decide(
+        &self,
+        problem: &Problem,
+        frozen: &Frozen,
+    ) -> anyhow::Result<(NewRound, Decision)> {
+        let section = problem.campaign().enrichment.as_ref();
+        let section = section.context("the campaign has no enrichment")?;
+        let left = u64::from(section.samples).saturating_sub(self.asked());
+        // At most what the budget says, which has 32 bits.
+        let options = options(problem, section, left as u32)?;
+        let state = self.state(problem, frozen);
+        let calls = Cell::new(0);
+        let exact = |x: &[f64]| -> Option<Known> {
+            let x: Point = x.try_into().ok()?;
+            let (known, took) = infill::known(problem, &Variables::robust(&x, frozen))?;
+            calls.set(calls.get() + took);
+            Some(known)
+        };
+        let decision = enrich::decide(&state, &options, &exact)?;
+        let round = self.rounds.len() as u64;
+        let mut taken: Vec<u64> = self.infill.iter().map(|row| row.number).collect();
+        let mut infill = Vec::new();
+        for entry in &decision.infill {
+            let index = (self.infill.len() + infill.len()) as u64;
+            let (x, violation, samples, reason) = match entry {
+                Infill::New {
+                    x, samples, reason, ..
+                } => {
+                    let violation = exact(x).map(|known| known.violation);
+                    (x, violation, *samples, reason_name(*reason))
+                }
+                Infill::More {
+                    design, samples, ..
+                } => {
+                    let entry = &state.sampled[*design];
+                    (&entry.x, Some(entry.violation), *samples, "more")
+                }
+            };
+            let x = x.as_slice().try_into();
+            let x: Point = x.context("an infill point of another problem")?;
+            let number = point_number(index, &x, &taken);
+            taken.push(number);
+            infill.push(InfillRow {
+                infill: index,
+                round,
+                name: point_name(index, number),
+                number,
+                reason: reason.to_owned(),
+                x,
+                violation: violation.context("an infill point that cannot be simulated")?,
+                samples: u64::from(samples),
+                failed: false,
+            });
+        }
+        let row = RoundRow {
+            round,
+            expected_improvement_um: decision.expected_improvement_um,
+            recommendation_json: decision
+                .recommendation
+                .as_ref()
+                .map(serde_json::to_string)
+                .transpose()?,
+            stop_json: decision
+                .stop
+                .as_ref()
+                .map(serde_json::to_string)
+                .transpose()?,
+            notes_json: serde_json::to_string(&decision.notes)?,
+            simulator_calls: calls.get(),
+            cpu_seconds: 0.0,
+        };
+        let failed = self.lost();
+        Ok((
+            NewRound {
+                row,
+                infill,
+                failed,
+            },
+            decision,
+        ))
+    }
+}
+
+/// Samples and the name of their random streams.
+type Stream<'a> = (Purpose, u64, &'a [f64]);
+
+/// ΔSTE with Archard's wear at a place that can be simulated.
+fn baseline(problem: &Problem, frozen: &Frozen, x: &[f64]) -> Option<f64> {
+    let x: Point = x.try_into().ok()?;
+    let pair = problem.pair(&Variables::robust(&x, frozen)).ok()?;
+    Some(pair.archard(problem.wear()).analysis.delta_ste_um)
+}
+
+/// How many samples there are at a place, and the response that they make together.
+fn pool(
+    problem: &Problem,
+    frozen: &Frozen,
+    x: &[f64],
+    streams: &[Stream<'_>],
+) -> (usize, Option<ResponseRow>) {
+    let sampling = problem.campaign().sampling;
+    let values: Vec<f64> = streams
+        .iter()
+        .flat_map(|(_, _, held)| *held)
+        .copied()
+        .collect();
+    let linear = (sampling.control == ControlVariate::Linearised)
+        .then(|| {
+            let x: Point = x.try_into().ok()?;
+            LinearResponse::of(problem, &Variables::robust(&x, frozen)).ok()
+        })
+        .flatten();
+    let control = linear.map(|linear| {
+        let of_stream = |(purpose, number, held): &Stream<'_>| {
+            responses::controls(problem, (*purpose, *number), &linear, held.len())
+        };
+        let controls: Vec<f64> = streams.iter().flat_map(of_stream).collect();
+        (controls, linear.moments())
+    });
+    let samples = Samples {
+        values: &values,
+        control: control
+            .as_ref()
+            .map(|(controls, known)| (&controls[..], *known)),
+    };
+    let row = responses::response(0, samples, sampling.percentile);
+    (values.len(), row.ok())
+}
+
+const fn reason_name(reason: Reason) -> &'static str {
+    match reason {
+        Reason::Local => "local",
+        Reason::Global => "global",
+        Reason::SpaceFilling => "space-filling",
+    }
+}

@@ -1,0 +1,171 @@
+//! The designs of the DoE: made, enlarged, and read.
+
+use anyhow::Context as _;
+use campaign::formulation::{Problem, ROBUST_VARIABLES};
+use campaign::{Criteria, Variables};
+use store::{CriteriaRow, DesignRow};
+
+/// Makes the DoE, or what is missing of it beside the `existing` designs, which stay as they are.
+///
+/// # Errors
+///
+/// Those of [`check_growth`]; nothing else for a validated campaign.
+pub fn make(problem: &Problem, existing: &[DesignRow]) -> anyhow::Result<Vec<DesignRow>> {
+    let campaign = problem.campaign();
+    let options = doe::Options {
+        seed: campaign.seed,
+        ..doe::Options::default()
+    };
+    let n = campaign.doe.designs as usize;
+    let design = if existing.is_empty() {
+        campaign.doe.method.design(n, ROBUST_VARIABLES, &options)?
+    } else {
+        campaign
+            .doe
+            .method
+            .enlarge(&held(problem, existing), n, &options)?
+    };
+    Ok((existing.len()..n)
+        .map(|index| DesignRow::new(index as u64, problem.robust_point(design.point(index))))
+        .collect())
+}
+
+/// Whether [`make`] can add what is missing to the `existing` designs: asked before a store takes a
+/// campaign that has grown, which it could not give back.
+///
+/// # Errors
+///
+/// A design outside of the campaign's bounds, or more designs than the campaign wants.
+pub fn check_growth(problem: &Problem, existing: &[DesignRow]) -> anyhow::Result<()> {
+    let campaign = problem.campaign();
+    let n = campaign.doe.designs as usize;
+    // None yet, or as many as before: then there is nothing to add to.
+    if existing.is_empty() || existing.len() == n {
+        return Ok(());
+    }
+    let method = campaign.doe.method;
+    let checked = method.check_enlarge(&held(problem, existing), n, campaign.seed);
+    checked.with_context(|| {
+        format!(
+            "doe.designs is {n}, but the {} designs that the store holds cannot grow to that by \
+             the method {method}; the store is as it was",
+            existing.len()
+        )
+    })
+}
+
+/// The designs that a store holds, in the unit box of the campaign's bounds.
+#[must_use]
+pub fn held(problem: &Problem, existing: &[DesignRow]) -> doe::Design {
+    doe::Design {
+        n: existing.len(),
+        d: ROBUST_VARIABLES,
+        points: existing
+            .iter()
+            .flat_map(|row| problem.unit_point(&row.point()))
+            .collect(),
+    }
+}
+
+/// Beyond so many designs the discrepancy, which takes the square of their number, is not computed.
+const MEASURED_DESIGNS: usize = 20_000;
+
+/// How evenly the `existing` designs fill the box of the bounds, in words: their smallest distance and
+/// their centred discrepancy, in parts of the box's edges. None for fewer than two designs.
+#[must_use]
+pub fn evenness(problem: &Problem, existing: &[DesignRow]) -> Option<String> {
+    if existing.len() < 2 {
+        return None;
+    }
+    let design = held(problem, existing);
+    let mut text = format!("smallest distance {:.4}", design.min_distance());
+    if design.n <= MEASURED_DESIGNS {
+        text += &format!(", centred discrepancy {:.5}", design.centred_discrepancy());
+    }
+    Some(text)
+}
+
+/// The criteria that the simulator gave for a design, with the contact pressure of worn flanks.
+#[must_use]
+pub fn worn_criteria(
+    problem: &Problem,
+    variables: &Variables,
+    row: &CriteriaRow,
+) -> Option<Criteria> {
+    Some(Criteria {
+        contact_ratio: row.contact_ratio?,
+        specific_sliding: row.specific_sliding?,
+        hertz_pressure_mpa: row.hertz_pressure_worn_mpa?,
+        root_stress_mpa: row.root_stress_mpa?,
+        clearance_mm: [row.clearance_p_mm?, row.clearance_r_mm?],
+        flank_margin_mm: [row.flank_margin_p_mm?, row.flank_margin_r_mm?],
+        normal_module_mm: problem.normal_module(variables).ok()?,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use campaign::Campaign;
+
+    use super::*;
+
+    fn problem(method: doe::Method, designs: u32) -> Problem {
+        let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
+        campaign.doe = campaign::file::Doe { designs, method };
+        Problem::new(campaign)
+    }
+
+    /// As a store holds them: in the variables' units, so that the last digits of the unit box are lost.
+    #[test]
+    fn designs_of_every_method_grow_again_and_again() {
+        for method in doe::Method::ALL {
+            let mut rows: Vec<DesignRow> = Vec::new();
+            for n in [30, 40, 52] {
+                let problem = problem(method, n);
+                check_growth(&problem, &rows).unwrap();
+                let added = make(&problem, &rows).unwrap();
+                assert_eq!(added[0].design, rows.len() as u64);
+                rows.extend(added);
+                assert_eq!(rows.len(), n as usize, "{method}");
+                // Then there is nothing to check any more.
+                check_growth(&problem, &rows).unwrap();
+                assert!(make(&problem, &rows).is_err(), "nothing is missing");
+                let said = evenness(&problem, &rows).unwrap();
+                let design = held(&problem, &rows);
+                let expected = [design.min_distance(), design.centred_discrepancy()];
+                let numbers: Vec<f64> = said
+                    .split(|c: char| !c.is_ascii_digit() && c != '.')
+                    .filter_map(|word| word.parse().ok())
+                    .collect();
+                for (found, expected) in numbers.iter().zip(expected) {
+                    assert!((found - expected).abs() < 1e-4, "{said}");
+                }
+                assert_eq!(numbers.len(), 2, "{said}");
+            }
+        }
+    }
+
+    #[test]
+    fn growth_that_cannot_be_is_refused_beforehand() {
+        let rows = make(&problem(doe::Method::Maximin, 20), &[]).unwrap();
+        let larger = problem(doe::Method::Maximin, 30);
+        let refused = |problem: &Problem, rows: &[DesignRow]| {
+            format!("{:#}", check_growth(problem, rows).unwrap_err())
+        };
+        // A file that somebody edited: beyond the bounds.
+        let mut outside = rows.clone();
+        outside[4].x_r = 7.0;
+        let said = refused(&larger, &outside);
+        assert!(
+            said.contains("doe.designs is 30") && said.contains("point 4"),
+            "{said}"
+        );
+        let said = refused(&problem(doe::Method::Maximin, 19), &rows);
+        assert!(said.contains("19 points requested"), "{said}");
+        let said = refused(&problem(doe::Method::Sobol, 30), &rows);
+        assert!(
+            said.contains("method sobol") && said.contains("sequence"),
+            "{said}"
+        );
+    }
+}

@@ -1,0 +1,53 @@
+//! The linear part of ΔSTE as a control variate of its samples: ΔSTE is all but linear in the wear of
+//! most designs, and the distribution of a sum of normal coefficients is known.
+
+use campaign::formulation::{Problem, Variables};
+use stats::streams::StreamRng;
+
+/// What the linear part of a design's ΔSTE is, sample by sample: a control variate.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LinearResponse {
+    slopes: Vec<f64>,
+}
+
+impl LinearResponse {
+    /// The linear response of a design: how much ΔSTE in µm changes with each coefficient of its wear.
+    ///
+    /// # Errors
+    ///
+    /// Why the design cannot be simulated.
+    pub fn of(problem: &Problem, variables: &Variables) -> Result<Self, gear::Error> {
+        let slopes = problem.pair(variables)?.sampler(problem.wear()).slopes();
+        Ok(Self { slopes })
+    }
+
+    /// How many analyses it took.
+    #[must_use]
+    pub fn analyses(&self) -> u64 {
+        2 * self.slopes.len() as u64
+    }
+
+    /// Its mean and standard deviation over the wear, µm.
+    #[must_use]
+    pub fn moments(&self) -> stats::Control {
+        stats::Control {
+            mean: 0.0,
+            sd: self
+                .slopes
+                .iter()
+                .map(|slope| slope * slope)
+                .sum::<f64>()
+                .sqrt(),
+        }
+    }
+
+    /// Its value for the sample that is drawn from `rng`, µm.
+    pub fn of_sample(&self, rng: &mut StreamRng) -> f64 {
+        let coefficients = gear::wear_coefficients(rng, self.slopes.len());
+        self.slopes
+            .iter()
+            .zip(coefficients)
+            .map(|(a, b)| a * b)
+            .sum()
+    }
+}

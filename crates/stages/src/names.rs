@@ -1,0 +1,92 @@
+//! What streams are called: in the store, in messages, and where the store keeps what they cost.
+
+use campaign::Approach;
+use ledger::{Kind, StreamId, Unit};
+
+use crate::infill;
+
+/// What a run is called in the store where generations are.
+#[must_use]
+pub fn run_name(approach: Approach, start: u32) -> String {
+    format!("run {} {start}", approach.name())
+}
+
+/// A stream as people see it.
+#[must_use]
+pub fn stream_name(stream: StreamId) -> String {
+    let approach = |number: u64| Approach::ALL.into_iter().find(|a| a.number() == number);
+    match stream.kind {
+        Kind::Run => {
+            let (number, start) = stream.run_parts();
+            let name = approach(number.into()).map_or("unknown", Approach::name);
+            format!("run-{name}-{start}")
+        }
+        Kind::Design => stream.to_string(),
+        Kind::Point if infill::is_infill(stream.index) => {
+            format!("infill-{}", infill::mark(stream.index))
+        }
+        Kind::Point => match approach(stream.index) {
+            Some(approach) => format!("verify-{}", approach.name()),
+            None => stream.to_string(),
+        },
+    }
+}
+
+/// The key of what a unit cost, in the store: the kind 8 bits, then for samples 4 bits of nought, the
+/// stream's index 28 and the first sample 24; for a run the approach 8, the start 16 and a part of the
+/// generation 32.
+#[must_use]
+pub fn time_key(unit: &Unit) -> u64 {
+    let (stream, first) = (unit.stream, u64::from(unit.samples.start));
+    match stream.kind {
+        Kind::Run => {
+            let (approach, start) = stream.run_parts();
+            let stamp = unit.generation.0 & 0xffff_ffff;
+            1 << 56 | u64::from(approach) << 48 | u64::from(start) << 32 | stamp
+        }
+        Kind::Design => 2 << 56 | stream.index << 24 | first,
+        Kind::Point => 3 << 56 | stream.index << 24 | first,
+    }
+}
+
+/// The kind of what a time in the store was taken of, and for samples the stream's index.
+#[must_use]
+pub const fn timed(job: u64) -> Option<(Kind, u64)> {
+    let index = (job >> 24) & 0x0fff_ffff;
+    match job >> 56 {
+        1 => Some((Kind::Run, 0)),
+        2 => Some((Kind::Design, index)),
+        3 => Some((Kind::Point, index)),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn streams_have_names_for_people() {
+        let run = StreamId::run(Approach::Kriging.number() as u32, 2);
+        let infill = StreamId::point(infill::point_number(3, &[0.5; 6], &[]));
+        assert_eq!(stream_name(run), "run-kriging-2");
+        assert_eq!(stream_name(StreamId::point(2)), "verify-archard");
+        assert!(stream_name(infill).starts_with("infill-"));
+        assert_eq!(stream_name(StreamId::design(7)), "design-7");
+    }
+
+    #[test]
+    fn the_key_of_a_time_tells_of_what_it_was_taken() {
+        let of = |stream| {
+            let unit = Unit {
+                stream,
+                generation: ledger::Generation(0xabcd_0000_1234),
+                samples: 5..7,
+            };
+            timed(time_key(&unit))
+        };
+        assert_eq!(of(StreamId::run(3, 2)), Some((Kind::Run, 0)));
+        assert_eq!(of(StreamId::design(7)), Some((Kind::Design, 7)));
+        assert_eq!(of(StreamId::point(3)), Some((Kind::Point, 3)));
+    }
+}

@@ -1,0 +1,419 @@
+//! The stages as a pure decision: what the store holds decides what comes next.
+//!
+//! [`next`] looks at a [`State`] and names every job whose inputs exist and whose result is missing,
+//! and at most one local step. It keeps no memory, so a coordinator that was killed anywhere and
+//! started again decides as the first one would have.
+//!
+//! ```text
+//! doe ─────────────┐
+//! runs without wear ┤► frozen ─► sample ─► statistics ─► fit ─► runs on kriging ─► choose ─► verify
+//!                   │         └► runs with Archard's wear ───────────────────────►   ┘         └► report
+//!                                                         └► round ⇄ its points ─►   ┘
+//! ```
+
+use campaign::Campaign;
+use campaign::file::FrozenFrom;
+use campaign::formulation::{Approach, Frozen};
+use campaign::task::Run;
+use ledger::StreamId;
+
+use crate::state::{State, VerifyPoint};
+
+/// Something that only the coordinator does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LocalStep {
+    /// Make the DoE, or what is missing of it.
+    Doe,
+    /// Compute the responses of all designs from their samples.
+    Statistics,
+    /// Fit the kriging model.
+    Fit,
+    /// Decide the next round of infill points, or to stop.
+    Enrich,
+    /// Choose the best design that the runs of an approach (or the DoE, or the last round) found.
+    Choose(Approach),
+}
+
+/// What comes next.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Next {
+    /// Runs of optimisers whose inputs exist and whose results are missing.
+    pub runs: Vec<Run>,
+    /// The variables that all designs share, when designs lack samples.
+    pub sampling: Option<Frozen>,
+    /// The points that lack samples.
+    pub points: Vec<VerifyPoint>,
+    /// A step of the coordinator's own.
+    pub local: Option<LocalStep>,
+}
+
+impl Next {
+    /// Whether nothing is left to do but the report.
+    #[must_use]
+    pub const fn is_finished(&self) -> bool {
+        self.runs.is_empty()
+            && self.sampling.is_none()
+            && self.points.is_empty()
+            && self.local.is_none()
+    }
+}
+
+/// The frozen variables, once they are known.
+///
+/// An approach 1 that found no feasible design leaves nothing to freeze, so the printed values serve.
+#[must_use]
+pub fn frozen(campaign: &Campaign, printed: Frozen, state: &State) -> Option<Frozen> {
+    match campaign.frozen.from {
+        FrozenFrom::Printed => Some(printed),
+        FrozenFrom::Deterministic => state
+            .optima
+            .get(&Approach::NoWear)
+            .map(|optimum| optimum.map_or(printed, |variables| variables.frozen_part())),
+    }
+}
+
+/// Decides what comes next.
+#[must_use]
+pub fn next(campaign: &Campaign, printed: Frozen, state: &State) -> Next {
+    let mut runs = Vec::new();
+    let frozen = frozen(campaign, printed, state);
+
+    for approach in Approach::OPTIMISED {
+        let inputs = match approach {
+            Approach::NoWear => Some((printed, None)),
+            Approach::Archard => frozen.map(|frozen| (frozen, None)),
+            _ => frozen
+                .zip(state.model.clone())
+                .map(|(frozen, model)| (frozen, Some(model))),
+        };
+        let Some((frozen, model)) = inputs else {
+            continue;
+        };
+        for start in 0..campaign.optimise.starts {
+            if !state.is_settled(approach, start) {
+                runs.push(Run {
+                    approach,
+                    start,
+                    frozen,
+                    model: model.clone(),
+                });
+            }
+        }
+    }
+    let lacks_samples = state.lacks_samples();
+    let mut points = verify_points(campaign, state);
+    points.extend(state.enrichment.points.iter().cloned());
+    points.retain(|point| {
+        !point.is_complete() && !state.given_up.contains(&StreamId::point(point.number))
+    });
+    Next {
+        runs,
+        sampling: frozen.filter(|_| lacks_samples),
+        points,
+        local: local_step(campaign, state),
+    }
+}
+
+/// Every point that gets fresh samples, those of the known optima included.
+#[must_use]
+pub fn verify_points(campaign: &Campaign, state: &State) -> Vec<VerifyPoint> {
+    let optima = state.optima.iter().filter_map(|(approach, variables)| {
+        Some(VerifyPoint {
+            name: approach.name().to_owned(),
+            number: approach.number(),
+            variables: (*variables)?,
+            wanted: campaign.verify.samples,
+            stored: state.verified.get(approach).cloned().unwrap_or_default(),
+        })
+    });
+    optima
+        .chain(state.reference_points.iter().cloned())
+        .collect()
+}
+
+fn local_step(campaign: &Campaign, state: &State) -> Option<LocalStep> {
+    if state.designs < campaign.doe.designs as usize {
+        return Some(LocalStep::Doe);
+    }
+    let chosen = |approach| state.optima.contains_key(&approach);
+    let starts = campaign.optimise.starts;
+    let settled = |approach: Approach| (0..starts).all(|start| state.is_settled(approach, start));
+    for approach in Approach::OPTIMISED {
+        let left_out = approach == Approach::Kriging && state.fit_failed;
+        if !chosen(approach) && (settled(approach) || left_out) {
+            return Some(LocalStep::Choose(approach));
+        }
+    }
+    if state.lacks_samples() {
+        return None;
+    }
+    if !state.has_responses {
+        return Some(LocalStep::Statistics);
+    }
+    if !chosen(Approach::BestOfDoe) {
+        return Some(LocalStep::Choose(Approach::BestOfDoe));
+    }
+    if state.model.is_none() && !state.fit_failed {
+        return Some(LocalStep::Fit);
+    }
+    if campaign.enrichment.is_none() || chosen(Approach::EnrichedKriging) {
+        return None;
+    }
+    if state.enrichment.is_stopped {
+        return Some(LocalStep::Choose(Approach::EnrichedKriging));
+    }
+    let settled = state
+        .enrichment
+        .is_settled(|id| state.given_up.contains(&id));
+    settled.then_some(LocalStep::Enrich)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use campaign::formulation::{Problem, ROBUST_VARIABLES, Variables};
+
+    use super::*;
+    use crate::infill::{FIRST, point_name};
+    use crate::state::{OpenDesign, Progress};
+
+    fn campaign() -> Campaign {
+        let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
+        campaign.doe.designs = 60;
+        campaign.verify.samples = 300;
+        campaign
+    }
+
+    fn printed(campaign: &Campaign) -> Frozen {
+        Problem::new(campaign.clone()).printed_frozen()
+    }
+
+    /// The state of a campaign with all designs, the first `done` of which have their samples.
+    fn sampled(done: u32) -> State {
+        let open = |design| OpenDesign {
+            design,
+            x: [0.5; ROBUST_VARIABLES],
+            missing: std::iter::once(0..30).collect(),
+        };
+        State {
+            designs: 60,
+            open: (done..60).map(open).collect(),
+            ..State::default()
+        }
+    }
+
+    #[test]
+    fn an_empty_store_makes_the_doe_while_runs_without_samples_start() {
+        let campaign = campaign();
+        let next = next(&campaign, printed(&campaign), &State::default());
+        assert_eq!(next.local, Some(LocalStep::Doe));
+        assert_eq!(next.runs.len(), 6);
+    }
+
+    #[test]
+    fn frozen_values_of_the_own_optimum_are_waited_for() {
+        let mut campaign = campaign();
+        campaign.frozen.from = FrozenFrom::Deterministic;
+        let state = State { ..sampled(0) };
+        let first = next(&campaign, printed(&campaign), &state);
+        assert_eq!((first.runs.len(), first.sampling), (3, None));
+        let state = State {
+            optima: BTreeMap::from([(Approach::NoWear, None)]),
+            ..state
+        };
+        let then = next(&campaign, printed(&campaign), &state);
+        assert_eq!(then.sampling, Some(printed(&campaign)));
+    }
+
+    #[test]
+    fn the_stages_follow_each_other_to_the_end() {
+        let campaign = campaign();
+        let printed = printed(&campaign);
+        let mut state = State { ..sampled(60) };
+        for approach in [Approach::NoWear, Approach::Archard] {
+            for start in 0..3 {
+                state.runs.insert((approach, start));
+            }
+        }
+        let design = Variables::robust(&[0.5; 6], &printed);
+        let mut steps = Vec::new();
+        for _ in 0..20 {
+            let next = next(&campaign, printed, &state);
+            let runs = next.runs.iter().map(|run| (run.approach, run.start));
+            state.runs.extend(runs);
+            assert_eq!(next.sampling, None, "all samples are stored");
+            for point in &next.points {
+                let approach = *Approach::ALL
+                    .iter()
+                    .find(|approach| approach.number() == point.number)
+                    .unwrap();
+                let stored = state.verified.entry(approach).or_default();
+                stored.extend(0..campaign.verify.samples);
+            }
+            match next.local {
+                None if next.is_finished() => break,
+                None => {}
+                Some(step) => {
+                    steps.push(step);
+                    match step {
+                        LocalStep::Doe => panic!("the DoE is stored"),
+                        LocalStep::Statistics => state.has_responses = true,
+                        LocalStep::Fit => state.model = Some("model".into()),
+                        LocalStep::Enrich => panic!("the campaign has no enrichment"),
+                        LocalStep::Choose(approach) => {
+                            state.optima.insert(approach, Some(design));
+                        }
+                    }
+                }
+            }
+        }
+        use LocalStep::{Choose, Fit, Statistics};
+        assert_eq!(
+            steps,
+            vec![
+                Choose(Approach::NoWear),
+                Choose(Approach::Archard),
+                Statistics,
+                Choose(Approach::BestOfDoe),
+                Fit,
+                Choose(Approach::Kriging),
+            ]
+        );
+        assert!(next(&campaign, printed, &state).is_finished());
+        assert_eq!(state.verified.len(), 4);
+    }
+
+    #[test]
+    fn designs_that_were_given_up_do_not_hold_up_the_campaign() {
+        let campaign = campaign();
+        let printed = printed(&campaign);
+        let mut state = State { ..sampled(50) };
+        let waiting = next(&campaign, printed, &state);
+        assert_eq!((waiting.local, waiting.sampling), (None, Some(printed)));
+        state.given_up.extend((50..60).map(StreamId::design));
+        let going_on = next(&campaign, printed, &state);
+        assert_eq!(going_on.local, Some(LocalStep::Statistics));
+        assert_eq!(going_on.sampling, None);
+    }
+
+    #[test]
+    fn approach_three_is_left_out_when_nothing_can_be_learned() {
+        let campaign = campaign();
+        let state = State {
+            has_responses: true,
+            fit_failed: true,
+            optima: BTreeMap::from([(Approach::BestOfDoe, None)]),
+            ..sampled(60)
+        };
+        let next = next(&campaign, printed(&campaign), &state);
+        assert_eq!(next.local, Some(LocalStep::Choose(Approach::Kriging)));
+    }
+
+    fn enriched() -> Campaign {
+        let text = include_str!("../../../campaigns/enriched.toml");
+        Campaign::parse("enriched.toml", text).unwrap()
+    }
+
+    fn point(number: u64, stored: u32, frozen: &Frozen) -> VerifyPoint {
+        VerifyPoint {
+            name: point_name(0, number),
+            number,
+            variables: Variables::robust(&[0.5; 6], frozen),
+            wanted: 30,
+            stored: (0..stored).collect(),
+        }
+    }
+
+    /// A campaign whose model has just been fitted.
+    fn fitted(campaign: &Campaign) -> State {
+        State {
+            designs: campaign.doe.designs as usize,
+            has_responses: true,
+            model: Some("model".into()),
+            optima: [
+                Approach::NoWear,
+                Approach::Archard,
+                Approach::Kriging,
+                Approach::BestOfDoe,
+            ]
+            .map(|approach| (approach, None))
+            .into(),
+            runs: Approach::OPTIMISED
+                .into_iter()
+                .flat_map(|approach| (0..3).map(move |start| (approach, start)))
+                .collect(),
+            ..State::default()
+        }
+    }
+
+    #[test]
+    fn a_round_is_decided_once_the_one_before_is_settled() {
+        let campaign = enriched();
+        let frozen = Problem::new(campaign.clone()).printed_frozen();
+        let step = |state: &State| super::next(&campaign, frozen, state).local;
+        let mut state = fitted(&campaign);
+        assert_eq!(step(&state), Some(LocalStep::Enrich));
+        // It does not wait for the runs on the model, nor for a model.
+        state.runs.clear();
+        assert_eq!(step(&state), Some(LocalStep::Enrich));
+        (state.model, state.fit_failed) = (None, true);
+        assert_eq!(step(&state), Some(LocalStep::Enrich));
+        state = fitted(&campaign);
+
+        // In the middle of a round, as after a restart: only what is missing is asked for.
+        let numbers = [FIRST + 3, FIRST + 9, FIRST + 4];
+        state.enrichment = Progress {
+            rounds: 1,
+            points: vec![
+                point(numbers[0], 30, &frozen),
+                point(numbers[1], 12, &frozen),
+                point(numbers[2], 0, &frozen),
+            ],
+            is_stopped: false,
+        };
+        let next = super::next(&campaign, frozen, &state);
+        let open: Vec<u64> = next.points.iter().map(|point| point.number).collect();
+        assert_eq!((open.as_slice(), next.local), (&numbers[1..], None));
+        // One gets its samples, one fails: both are settled.
+        state.enrichment.points[2] = point(numbers[2], 30, &frozen);
+        assert_eq!(step(&state), None);
+        state.given_up.insert(StreamId::point(numbers[1]));
+        let next = super::next(&campaign, frozen, &state);
+        assert_eq!(next.local, Some(LocalStep::Enrich));
+        assert_eq!(next.points, []);
+    }
+
+    #[test]
+    fn the_round_that_stops_is_followed_by_its_recommendation_and_that_by_fresh_samples() {
+        let campaign = enriched();
+        let frozen = Problem::new(campaign.clone()).printed_frozen();
+        let approach = Approach::EnrichedKriging;
+        let mut state = fitted(&campaign);
+        state.enrichment = Progress {
+            rounds: 4,
+            points: Vec::new(),
+            is_stopped: true,
+        };
+        let next = super::next(&campaign, frozen, &state);
+        assert_eq!(next.local, Some(LocalStep::Choose(approach)));
+        let variables = Variables::robust(&[0.5; 6], &frozen);
+        state.optima.insert(approach, Some(variables));
+        let next = super::next(&campaign, frozen, &state);
+        assert_eq!(next.local, None);
+        let open: Vec<_> = next.points.iter().map(|p| (p.number, p.wanted)).collect();
+        assert_eq!(open, [(5, campaign.verify.samples)]);
+        let stored = (0..campaign.verify.samples).collect();
+        state.verified.insert(approach, stored);
+        assert!(super::next(&campaign, frozen, &state).is_finished());
+    }
+
+    #[test]
+    fn without_the_section_nothing_is_enriched() {
+        let campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
+        let frozen = Problem::new(campaign.clone()).printed_frozen();
+        assert!(super::next(&campaign, frozen, &fitted(&campaign)).is_finished());
+        assert_eq!(Approach::of(&campaign).count(), 4);
+        assert_eq!(Approach::of(&enriched()).count(), 5);
+    }
+}

@@ -1,0 +1,64 @@
+//! The designs that the paper prints, as points to be sampled beside the campaign's own optima.
+
+use campaign::Variables;
+use campaign::formulation::Problem;
+use gear::paper::printed::Place;
+
+use crate::state::VerifyPoint;
+
+/// The name of a printed design's samples in the store.
+#[must_use]
+pub fn name(place: Place) -> String {
+    match place {
+        Place::Preliminary(row) => format!("table-1-{}", row + 1),
+        Place::Similar(row) => format!("table-4-{}", row + 1),
+        Place::Figure(figure) => format!("figure-{figure}"),
+    }
+}
+
+/// The printed design.
+#[must_use]
+pub fn variables(place: Place) -> Variables {
+    let [
+        x_p,
+        x_r,
+        ha_p,
+        ha_r,
+        hf_p,
+        hf_r,
+        tip_p,
+        tip_r,
+        root_p,
+        root_r,
+        beta,
+    ] = place.variables();
+    Variables {
+        profile_shift: [x_p, x_r],
+        tool_addendum: [ha_p, ha_r],
+        tool_dedendum: [hf_p, hf_r],
+        tip_radius_mm: [tip_p, tip_r],
+        root_radius_mm: [root_p, root_r],
+        helix_angle_deg: beta,
+    }
+}
+
+/// The points to be sampled for `problem`: none unless the campaign compares itself with the
+/// paper, and none that its pair cannot simulate.
+#[must_use]
+pub fn points(problem: &Problem) -> Vec<VerifyPoint> {
+    if !problem.campaign().report.compare_with_paper {
+        return Vec::new();
+    }
+    // No percentile is printed of Figure 6.
+    Place::all()
+        .filter(|place| *place != Place::Figure(6))
+        .map(|place| VerifyPoint {
+            name: name(place),
+            number: place.number(),
+            variables: variables(place),
+            wanted: problem.campaign().verify.samples,
+            stored: std::collections::BTreeSet::new(),
+        })
+        .filter(|point| problem.pair(&point.variables).is_ok())
+        .collect()
+}

@@ -1,0 +1,390 @@
+//! From samples to responses: how many samples a design needs, and what its percentile is.
+
+use std::collections::BTreeMap;
+
+use campaign::file::{PercentileRule, Sampling};
+use campaign::formulation::{Frozen, Problem, Variables};
+use rayon::prelude::*;
+use stats::VarianceFormula;
+use stats::streams::{Purpose, stream};
+use store::{DesignRow, ResponseRow};
+
+use crate::linear::LinearResponse;
+
+/// Normality is rejected where Lilliefors' p-value is below this, as in the paper.
+pub const SIGNIFICANCE: f64 = 0.05;
+
+/// A design's samples with what is known of them beforehand.
+#[derive(Debug, Clone, Copy)]
+pub struct Samples<'a> {
+    /// ΔSTE, µm: the samples from the first on, without a hole.
+    pub values: &'a [f64],
+    /// The control variate's value for each, and its moments.
+    pub control: Option<(&'a [f64], stats::Control)>,
+}
+
+/// Whether a design has its samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sampled {
+    /// It has, and so many of them make its response.
+    Enough(usize),
+    /// It has enough only with so many; of those held so many can make a response.
+    Wants {
+        /// How many it wants.
+        samples: usize,
+        /// How many would do.
+        at_least: usize,
+    },
+}
+
+/// Goes through the batches of a design's `samples`, which are those from the first on, without a
+/// hole, and at least as many as the first batch has. What a batch asks for depends on the batches before it alone: samples that came early
+/// change nothing.
+///
+/// # Errors
+///
+/// A sample that is no number.
+pub fn sampled(samples: &[f64], sampling: &Sampling) -> Result<Sampled, stats::Error> {
+    let held = samples.len();
+    let mut count = (sampling.samples_per_design as usize).min(held);
+    let Some(rule) = sampling.rule() else {
+        return Ok(Sampled::Enough(count));
+    };
+    loop {
+        let row = response(0, Samples::plain(&samples[..count]), sampling.percentile)?;
+        let of_normal = match rule.variance {
+            VarianceFormula::Taylor => stats::p90_variance,
+            VarianceFormula::Exact => stats::exact_p90_variance,
+        };
+        let normal = of_normal(row.sd_um.powi(2), count, rule.z.value())?;
+        // What s would have to be for a normal sample's percentile to be as uncertain as this one.
+        let sd = if normal > 0.0 {
+            row.sd_um * (row.p90_variance_um2 / normal).sqrt()
+        } else {
+            row.sd_um
+        };
+        let more = stats::samples_needed(count, sd, &rule)?;
+        if more == 0 {
+            return Ok(Sampled::Enough(count));
+        }
+        if count + more > held {
+            return Ok(Sampled::Wants {
+                samples: count + more,
+                at_least: count,
+            });
+        }
+        count += more;
+    }
+}
+
+/// The response of one design of the DoE from its samples, by the campaign's settings.
+///
+/// Samples whose coefficients depend on each other make m + z σ̂ with the jackknife variance over
+/// their groups, [`stats::grouped_p90`]. They have no p-value: Lilliefors' test takes independent
+/// samples.
+///
+/// # Errors
+///
+/// Too few samples, or one that is no number.
+pub fn response_of(
+    design: u64,
+    samples: Samples<'_>,
+    settings: &Sampling,
+) -> Result<ResponseRow, stats::Error> {
+    let rule = settings.percentile;
+    let group = match settings.coefficients() {
+        stats::Sampling::Independent => return response(design, samples, rule),
+        even => even.group(),
+    };
+    let estimate = stats::grouped_p90(samples.values, group, rule.normal().z.value())?;
+    Ok(ResponseRow {
+        design,
+        mean_um: estimate.mean,
+        sd_um: estimate.sd,
+        p90_um: estimate.p90,
+        p90_variance_um2: estimate.variance,
+        lilliefors_p: None,
+    })
+}
+
+/// The response of one design from independent samples.
+///
+/// # Errors
+///
+/// Too few samples, or one that is no number.
+pub fn response(
+    design: u64,
+    samples: Samples<'_>,
+    rule: PercentileRule,
+) -> Result<ResponseRow, stats::Error> {
+    let normal = rule.normal();
+    let Samples { values, control } = samples;
+    // A control that does not move says nothing: there is no random wear.
+    if let Some((controls, known)) = control
+        && known.sd > 0.0
+    {
+        let estimate = stats::control_variate_p90(values, controls, known, normal.z.value())?;
+        return Ok(ResponseRow {
+            design,
+            mean_um: estimate.mean,
+            sd_um: estimate.sd,
+            p90_um: estimate.p90,
+            p90_variance_um2: estimate.variance,
+            lilliefors_p: stats::lilliefors(values).ok().map(|test| test.p_value),
+        });
+    }
+    let choice = stats::choose_p90(
+        values,
+        &stats::ChoiceRule {
+            significance: match rule.harrell_davis() {
+                None => 0.0,
+                Some(_) => SIGNIFICANCE,
+            },
+            normal,
+            harrell_davis: rule.harrell_davis().unwrap_or_default(),
+        },
+    )?;
+    Ok(ResponseRow {
+        design,
+        mean_um: choice.normal.mean,
+        sd_um: choice.normal.sd,
+        p90_um: choice.chosen.p90,
+        p90_variance_um2: choice.chosen.variance,
+        // Identical samples have no distribution to test; the row then says nothing about it.
+        lilliefors_p: choice.p_value,
+    })
+}
+
+impl<'a> Samples<'a> {
+    /// Samples of which nothing is known beforehand.
+    #[must_use]
+    pub const fn plain(values: &'a [f64]) -> Self {
+        Self {
+            values,
+            control: None,
+        }
+    }
+}
+
+/// The linear responses of designs, which serve as control variates. Designs that cannot be
+/// simulated have none.
+#[must_use]
+pub fn linearise(
+    problem: &Problem,
+    frozen: &Frozen,
+    designs: &[DesignRow],
+) -> BTreeMap<u64, LinearResponse> {
+    designs
+        .par_iter()
+        .filter_map(|row| {
+            let variables = Variables::robust(&row.point(), frozen);
+            Some((row.design, LinearResponse::of(problem, &variables).ok()?))
+        })
+        .collect()
+}
+
+/// The control's values for the first `count` samples of a design of the DoE ([`Purpose::Wear`]) or
+/// of a point ([`Purpose::Verify`]).
+#[must_use]
+pub fn controls(
+    problem: &Problem,
+    (purpose, number): (Purpose, u64),
+    linear: &LinearResponse,
+    count: usize,
+) -> Vec<f64> {
+    let seed = problem.campaign().seed;
+    (0..count as u64)
+        .map(|sample| linear.of_sample(&mut stream(seed, purpose, number, sample)))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sampling(precision_um: Option<f64>) -> Sampling {
+        Sampling {
+            samples_per_design: 10,
+            precision_um,
+            samples_max: precision_um.map(|_| 60),
+            skip_violation: None,
+            percentile: PercentileRule::Normal,
+            control: campaign::file::ControlVariate::None,
+            coefficients: campaign::file::WearCoefficients::Independent,
+            group: None,
+        }
+    }
+
+    /// Alternating around 1 with a standard deviation of about `sd`.
+    fn samples(count: usize, sd: f64) -> Vec<f64> {
+        (0..count)
+            .map(|index| if index % 2 == 0 { 1.0 - sd } else { 1.0 + sd })
+            .collect()
+    }
+
+    #[test]
+    fn without_a_precision_every_design_gets_the_same() {
+        let found = sampled(&samples(25, 9.0), &sampling(None));
+        assert_eq!(found, Ok(Sampled::Enough(10)));
+    }
+
+    #[test]
+    fn a_design_gets_samples_until_its_standard_error_is_below_the_precision() {
+        let precise = sampling(Some(0.1));
+        // A standard deviation of 0.1 takes about 1.8 · (0.1/0.1)² samples, one of 0.35 takes 25.
+        assert_eq!(
+            sampled(&samples(10, 0.1), &precise),
+            Ok(Sampled::Enough(10))
+        );
+        // Never more than twice as many at a time, since the deviation is an estimate.
+        let wants = |samples, at_least| Ok(Sampled::Wants { samples, at_least });
+        assert_eq!(sampled(&samples(10, 0.35), &precise), wants(20, 10));
+        assert_eq!(sampled(&samples(20, 0.35), &precise), wants(30, 20));
+        let enough = 30;
+        assert_eq!(
+            sampled(&samples(enough, 0.35), &precise),
+            Ok(Sampled::Enough(enough))
+        );
+        let row = response(
+            0,
+            Samples::plain(&samples(enough, 0.35)),
+            PercentileRule::Normal,
+        )
+        .unwrap();
+        assert!(row.p90_variance_um2.sqrt() <= 0.1, "{row:?}");
+        // What came early changes nothing.
+        assert_eq!(
+            sampled(&samples(60, 0.35), &precise),
+            Ok(Sampled::Enough(enough))
+        );
+        // A noisy design ends at the most there is.
+        assert_eq!(
+            sampled(&samples(60, 40.0), &precise),
+            Ok(Sampled::Enough(60))
+        );
+    }
+
+    #[test]
+    fn the_rule_decides_between_estimators() {
+        let skewed: Vec<f64> = (0..40).map(|index| f64::from(index).powi(6)).collect();
+        let of = |rule| response(3, Samples::plain(&skewed), rule).unwrap();
+        let (paper, normal, chosen) = (
+            of(PercentileRule::Paper),
+            of(PercentileRule::Normal),
+            of(PercentileRule::Chosen),
+        );
+        assert!(chosen.lilliefors_p.unwrap() < SIGNIFICANCE);
+        let expected = stats::harrell_davis_p90(&skewed).unwrap();
+        assert_eq!(chosen.p90_um, expected.p90);
+        assert_eq!(chosen.p90_variance_um2, expected.variance);
+        let bootstrap = of(PercentileRule::ChosenBootstrap);
+        assert_eq!(bootstrap.p90_um, chosen.p90_um);
+        let expected = stats::HarrellDavisVariance::Bootstrap;
+        let expected = stats::harrell_davis_p90_with(&skewed, expected).unwrap();
+        assert_eq!(bootstrap.p90_variance_um2, expected.variance);
+        assert_ne!(bootstrap.p90_variance_um2, chosen.p90_variance_um2);
+        let plain = stats::percentile_p90(&skewed).unwrap();
+        assert_eq!(
+            (paper.p90_um, paper.p90_variance_um2),
+            (plain.p90, plain.variance)
+        );
+        // Exact z and an unbiased s both raise it.
+        assert!(normal.p90_um > paper.p90_um);
+    }
+
+    /// P90 of one pair again and again from fresh streams, as workers and coordinator make it: how it
+    /// scatters, beside the variance that the responses state, which kriging takes as its noise.
+    #[test]
+    fn every_kind_of_coefficients_states_the_variance_it_has() {
+        use campaign::file::WearCoefficients;
+        use campaign::task::{self, Output, Source};
+        use ledger::{Generation, StreamId, Unit};
+
+        let mut campaign =
+            campaign::Campaign::parse("paper.toml", campaign::Campaign::PAPER).unwrap();
+        let (samples, replications) = (64, 400);
+        campaign.sampling.samples_per_design = samples;
+        campaign.sampling.percentile = PercentileRule::Normal;
+        let mut of_mean = Vec::new();
+        let mut of_p90 = Vec::new();
+        for coefficients in [
+            WearCoefficients::Independent,
+            WearCoefficients::Antithetic,
+            WearCoefficients::QuasiRandom,
+        ] {
+            campaign.sampling.coefficients = coefficients;
+            let problem = Problem::new(campaign.clone());
+            // The paper's Figure 7.
+            let x = [0.49, 0.49, 1.20, 1.11, 1.00, 1.09];
+            let source = Source::Design(Variables::robust(&x, &problem.printed_frozen()));
+            let rows: Vec<ResponseRow> = (0..replications)
+                .map(|design| {
+                    let unit = Unit {
+                        stream: StreamId::design(design),
+                        generation: Generation::default(),
+                        samples: 0..samples,
+                    };
+                    let output = task::compute(&problem, &unit, &source);
+                    let Ok(Output::Design { samples_um, .. }) = &output else {
+                        panic!("the paper's design can be simulated")
+                    };
+                    let samples = Samples::plain(samples_um);
+                    response_of(0, samples, &campaign.sampling).unwrap()
+                })
+                .collect();
+            let scatter = |value: fn(&ResponseRow) -> f64| {
+                let values: Vec<f64> = rows.iter().map(value).collect();
+                stats::mean_sd(&values).unwrap().1.powi(2)
+            };
+            let p90 = scatter(|row| row.p90_um);
+            let stated =
+                rows.iter().map(|row| row.p90_variance_um2).sum::<f64>() / f64::from(replications);
+            // A variance of 400 is known to 7 %; the jackknife over 8 groups leans up by an eighth.
+            let ratio = stated / p90;
+            assert!((0.8..1.35).contains(&ratio), "{coefficients:?}: {ratio}");
+            of_mean.push(scatter(|row| row.mean_um));
+            of_p90.push(p90);
+        }
+        // ΔSTE is nearly linear in the coefficients, so that the mean gains most; an estimate of the
+        // spread gains from an even sequence, not from signs.
+        assert!(of_mean[1] < 0.3 * of_mean[0], "{of_mean:?}");
+        assert!(of_mean[2] < 0.5 * of_mean[0], "{of_mean:?}");
+        assert!(of_p90[2] < 0.8 * of_p90[0], "{of_p90:?}");
+    }
+
+    #[test]
+    fn the_linear_response_makes_few_samples_as_good_as_thousands() {
+        let campaign = campaign::Campaign::parse("paper.toml", campaign::Campaign::PAPER).unwrap();
+        let problem = Problem::new(campaign);
+        let frozen = problem.printed_frozen();
+        // The paper's Figure 7.
+        let design = DesignRow::new(7, [0.49, 0.49, 1.20, 1.11, 1.00, 1.09]);
+        let linear = &linearise(&problem, &frozen, &[design])[&7];
+        let mut sampler = problem
+            .pair(&Variables::robust(&design.point(), &frozen))
+            .unwrap()
+            .sampler(problem.wear());
+        let seed = problem.campaign().seed;
+        let values: Vec<f64> = (0..20_000)
+            .map(|sample| sampler.draw(&mut stream(seed, Purpose::Wear, 7, sample)))
+            .collect();
+        let controls = controls(&problem, (Purpose::Wear, 7), linear, values.len());
+        let of = |count: usize, control: bool| {
+            let samples = Samples {
+                values: &values[..count],
+                control: control.then_some((&controls[..count], linear.moments())),
+            };
+            response(7, samples, PercentileRule::Normal).unwrap()
+        };
+        let (all, plain, controlled) = (of(20_000, false), of(30, false), of(30, true));
+        assert!(
+            controlled.p90_variance_um2 < 0.01 * plain.p90_variance_um2,
+            "{controlled:?} beside {plain:?}"
+        );
+        let error = (all.p90_variance_um2 + controlled.p90_variance_um2).sqrt();
+        assert!(
+            (controlled.p90_um - all.p90_um).abs() < 4.0 * error,
+            "{controlled:?} beside {all:?}"
+        );
+    }
+}

@@ -1,0 +1,185 @@
+//! What the store holds, as decisions want to see it.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use campaign::file::Sampling;
+use campaign::{Campaign, Frozen, Variables};
+use store::{InfillRow, Store};
+
+use crate::fitting::P90_MODEL;
+use crate::optima::{approach_of, optimum_variables};
+use crate::responses::{self, Sampled};
+use crate::state::{OpenDesign, Progress, State, VerifyPoint};
+
+/// Reads the state of the campaign; `more` names designs that want more samples than others.
+///
+/// Of the DoE only what is missing is read: a restart has to be quick however much is done.
+///
+/// # Errors
+///
+/// The store cannot be read.
+pub async fn load(
+    store: &Store,
+    campaign: &Campaign,
+    references: &[VerifyPoint],
+    more: &BTreeMap<u64, u64>,
+) -> Result<State, store::Error> {
+    let progress = store.progress().await?;
+    let wanted = u64::from(campaign.sampling.samples_per_design);
+    let missing = store.missing_work(wanted, more).await?;
+    // Designs that were given up before they had samples enough have no response to wait for. Those
+    // that only wanted more make one from what they have.
+    let lacks = |work: &&store::MissingWork| {
+        !work.criteria && work.samples.iter().any(|range| range.start < wanted)
+    };
+    let unsampled = missing.iter().filter(lacks).count() as u64;
+    let sampled = progress
+        .feasible
+        .saturating_sub(progress.ruled_out + unsampled);
+    let open = missing.iter().map(|work| OpenDesign {
+        // A DoE has at most 100 000 designs, and the samples of each are counted in 32 bits.
+        design: work.design.design as u32,
+        x: work.design.point(),
+        missing: work
+            .samples
+            .iter()
+            .map(|range| range.start as u32..range.end as u32)
+            .collect(),
+    });
+    let mut state = State {
+        designs: progress.designs as usize,
+        open: open.collect(),
+        has_responses: progress.designs == u64::from(campaign.doe.designs)
+            && progress.responses == sampled,
+        has_outdated_responses: progress.responses > 0
+            && progress
+                .samples_of_responses
+                .is_some_and(|samples| samples != progress.samples),
+        model: store.model(P90_MODEL).await?.map(|row| row.json.into()),
+        ..State::default()
+    };
+    for run in store.optimiser_runs().await? {
+        if let (Some(approach), Ok(start)) = (approach_of(&run.approach), u32::try_from(run.start))
+        {
+            state.runs.insert((approach, start));
+        }
+    }
+    for optimum in store.optima().await? {
+        let Some(approach) = approach_of(&optimum.approach) else {
+            continue;
+        };
+        let stored = stored_samples(store, approach.name()).await?;
+        state.verified.insert(approach, stored);
+        state.optima.insert(approach, optimum_variables(&optimum));
+    }
+    for point in references {
+        let stored = stored_samples(store, &point.name).await?;
+        state.reference_points.push(VerifyPoint {
+            stored,
+            ..point.clone()
+        });
+    }
+    Ok(state)
+}
+
+async fn stored_samples(store: &Store, point: &str) -> Result<BTreeSet<u32>, store::Error> {
+    let rows = store.verify_samples(point).await?;
+    Ok(rows
+        .iter()
+        .filter_map(|row| u32::try_from(row.sample).ok())
+        .collect())
+}
+
+/// How far the enrichment is, with the points of its last round.
+///
+/// # Errors
+///
+/// The store cannot be read.
+pub async fn enrichment(store: &Store, frozen: &Frozen) -> Result<Progress, store::Error> {
+    let rounds = store.rounds().await?;
+    let Some(last) = rounds.last() else {
+        return Ok(Progress::default());
+    };
+    let mut points = Vec::new();
+    for row in store.infill().await? {
+        if row.round == last.round {
+            points.push(VerifyPoint {
+                stored: infill_samples(store, &row).await?.keys().copied().collect(),
+                name: row.name,
+                number: row.number,
+                variables: Variables::robust(&row.x, frozen),
+                wanted: u32::try_from(row.samples).unwrap_or(u32::MAX),
+            });
+        }
+    }
+    Ok(Progress {
+        rounds: rounds.len() as u32,
+        points,
+        is_stopped: last.stop_json.is_some(),
+    })
+}
+
+/// The samples of a point that were asked for, by index.
+pub(crate) async fn infill_samples(
+    store: &Store,
+    row: &InfillRow,
+) -> Result<BTreeMap<u32, f64>, store::Error> {
+    let held = store.verify_samples(&row.name).await?;
+    Ok(held
+        .iter()
+        .filter(|sample| sample.sample < row.samples)
+        .filter_map(|sample| Some((u32::try_from(sample.sample).ok()?, sample.delta_ste_um)))
+        .collect())
+}
+
+/// How many samples each response rests on, by design. Samples may be there that came before they
+/// were wanted: those count for nothing.
+///
+/// # Errors
+///
+/// The store cannot be read, or the samples of a design make no response.
+pub async fn response_counts(
+    store: &Store,
+    settings: &Sampling,
+) -> anyhow::Result<BTreeMap<u64, u64>> {
+    let mut counts = BTreeMap::new();
+    for row in store.responses().await? {
+        let count = if settings.rule().is_none() {
+            settings.samples_per_design as usize
+        } else {
+            let held = store.samples_of(row.design).await?;
+            let held: Vec<f64> = held.into_iter().map(|(_, value)| value).collect();
+            match responses::sampled(&held, settings)? {
+                Sampled::Enough(count) => count,
+                Sampled::Wants { at_least, .. } => at_least,
+            }
+        };
+        counts.insert(row.design, count as u64);
+    }
+    Ok(counts)
+}
+
+/// The designs with a response that want more samples than others, and how many: after a restart, too,
+/// of a campaign that went on without those of designs that were given up.
+///
+/// # Errors
+///
+/// The store cannot be read, or the samples of a design make no response.
+pub async fn wants_more(store: &Store, settings: &Sampling) -> anyhow::Result<BTreeMap<u64, u64>> {
+    let mut more = BTreeMap::new();
+    if settings.rule().is_none() {
+        return Ok(more);
+    }
+    for row in store.responses().await? {
+        let samples = store.samples_of(row.design).await?;
+        let held = samples
+            .iter()
+            .zip(0..)
+            .take_while(|((sample, _), i)| sample == i);
+        let held: Vec<f64> = held.map(|((_, value), _)| *value).collect();
+        if let Sampled::Wants { samples, .. } = responses::sampled(&held, settings)? {
+            more.insert(row.design, samples as u64);
+        }
+    }
+    Ok(more)
+}

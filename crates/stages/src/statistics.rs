@@ -1,0 +1,191 @@
+//! The responses of a DoE from its samples, which the store shows design by design.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use anyhow::Context as _;
+use campaign::formulation::Problem;
+use ledger::StreamId;
+use stats::streams::Purpose;
+use store::{ResponseRow, SampleRow};
+
+use crate::linear::LinearResponse;
+use crate::responses::{self, Sampled, Samples};
+
+/// What the samples make.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Computed {
+    /// The responses of all designs that have samples enough.
+    Responses(Vec<ResponseRow>),
+    /// No responses yet: these designs want so many samples for the precision.
+    Wants(BTreeMap<u64, u64>),
+}
+
+/// Makes responses of samples that come in the order of design and sample.
+#[derive(Debug)]
+pub struct Collector<'a> {
+    problem: &'a Problem,
+    /// The control variates of designs.
+    linear: &'a BTreeMap<u64, LinearResponse>,
+    /// What gets no more samples.
+    given_up: &'a BTreeSet<StreamId>,
+    design: Option<u64>,
+    samples: Vec<f64>,
+    rows: Vec<ResponseRow>,
+    wanting: BTreeMap<u64, u64>,
+}
+
+impl<'a> Collector<'a> {
+    /// A collector without samples.
+    #[must_use]
+    pub const fn new(
+        problem: &'a Problem,
+        linear: &'a BTreeMap<u64, LinearResponse>,
+        given_up: &'a BTreeSet<StreamId>,
+    ) -> Self {
+        Self {
+            problem,
+            linear,
+            given_up,
+            design: None,
+            samples: Vec::new(),
+            rows: Vec::new(),
+            wanting: BTreeMap::new(),
+        }
+    }
+
+    /// Takes the next sample.
+    ///
+    /// # Errors
+    ///
+    /// The samples of the design before make no response.
+    pub fn push(&mut self, row: &SampleRow) -> anyhow::Result<()> {
+        if self.design != Some(row.design) {
+            self.close()?;
+            self.design = Some(row.design);
+        }
+        let most = self.problem.campaign().sampling.samples_max() as usize;
+        // Those beyond a hole wait until it is filled.
+        if self.samples.len() < most && row.sample == self.samples.len() as u64 {
+            self.samples.push(row.delta_ste_um);
+        }
+        Ok(())
+    }
+
+    /// What all samples make.
+    ///
+    /// # Errors
+    ///
+    /// The samples of the last design make no response.
+    pub fn finish(mut self) -> anyhow::Result<Computed> {
+        self.close()?;
+        Ok(if self.wanting.is_empty() {
+            Computed::Responses(self.rows)
+        } else {
+            Computed::Wants(self.wanting)
+        })
+    }
+
+    fn close(&mut self) -> anyhow::Result<()> {
+        let settings = &self.problem.campaign().sampling;
+        if let Some(design) = self.design
+            && self.samples.len() >= settings.samples_per_design as usize
+        {
+            let context = || format!("the samples of design {design}");
+            let count = match responses::sampled(&self.samples, settings).with_context(context)? {
+                Sampled::Enough(count) => count,
+                Sampled::Wants { samples, at_least } => {
+                    if !self.is_given_up(design) {
+                        self.wanting.insert(design, samples as u64);
+                    }
+                    at_least
+                }
+            };
+            let control = self.linear.get(&design).map(|linear| {
+                let stream = (Purpose::Wear, design);
+                let values = responses::controls(self.problem, stream, linear, count);
+                (values, linear.moments())
+            });
+            let samples = Samples {
+                values: &self.samples[..count],
+                control: control
+                    .as_ref()
+                    .map(|(values, known)| (&values[..], *known)),
+            };
+            let row = responses::response_of(design, samples, settings).with_context(context)?;
+            self.rows.push(row);
+        }
+        self.samples.clear();
+        Ok(())
+    }
+
+    fn is_given_up(&self, design: u64) -> bool {
+        let stream = u32::try_from(design).map(StreamId::design);
+        stream.is_ok_and(|stream| self.given_up.contains(&stream))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use campaign::Campaign;
+
+    use super::*;
+
+    /// A campaign of ten samples a design, with a precision of so many µm.
+    fn problem(precision_um: Option<f64>) -> Problem {
+        let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
+        campaign.sampling.samples_per_design = 10;
+        campaign.sampling.precision_um = precision_um;
+        campaign.sampling.samples_max = precision_um.map(|_| 60);
+        Problem::new(campaign)
+    }
+
+    /// Samples of a design that scatter by `sd`.
+    fn rows(design: u64, samples: impl Iterator<Item = u64>, sd: f64) -> Vec<SampleRow> {
+        samples
+            .map(|sample| SampleRow {
+                design,
+                sample,
+                delta_ste_um: if sample % 2 == 0 { 1.0 - sd } else { 1.0 + sd },
+            })
+            .collect()
+    }
+
+    fn computed(problem: &Problem, rows: &[SampleRow], given_up: &[u32]) -> Computed {
+        let linear = BTreeMap::new();
+        let given_up = given_up.iter().copied().map(StreamId::design).collect();
+        let mut collector = Collector::new(problem, &linear, &given_up);
+        for row in rows {
+            collector.push(row).unwrap();
+        }
+        collector.finish().unwrap()
+    }
+
+    #[test]
+    fn samples_beyond_a_hole_wait_until_it_is_filled() {
+        let mut held = rows(0, 0..12, 0.2);
+        held.extend(rows(3, (0..12).filter(|sample| *sample != 7), 0.2));
+        held.extend(rows(4, 0..10, 0.2));
+        let Computed::Responses(responses) = computed(&problem(None), &held, &[]) else {
+            panic!("nothing more is wanted without a precision");
+        };
+        let designs: Vec<u64> = responses.iter().map(|row| row.design).collect();
+        assert_eq!(designs, [0, 4]);
+        let [of_twelve, of_ten] = &responses[..] else {
+            panic!("two responses");
+        };
+        assert_eq!(of_twelve.p90_um, of_ten.p90_um, "the first ten count");
+    }
+
+    #[test]
+    fn designs_that_want_more_hold_up_the_others_until_they_are_given_up() {
+        let mut held = rows(0, 0..10, 0.01);
+        held.extend(rows(1, 0..10, 0.35));
+        let precise = problem(Some(0.1));
+        let wants = computed(&precise, &held, &[]);
+        assert_eq!(wants, Computed::Wants(BTreeMap::from([(1, 20)])));
+        let Computed::Responses(responses) = computed(&precise, &held, &[1]) else {
+            panic!("what is given up is not waited for");
+        };
+        assert_eq!(responses.len(), 2);
+    }
+}

@@ -1,0 +1,54 @@
+//! From what comes next to what workers are asked for.
+
+use std::sync::Arc;
+
+use campaign::Variables;
+use campaign::task::{Inputs, Source};
+use ledger::{StreamId, Wanted};
+
+use crate::names;
+use crate::plan::Next;
+use crate::state::OpenDesign;
+
+/// What workers are asked for.
+#[derive(Debug, Clone, Default)]
+pub struct Asked {
+    /// The streams, each with what is missing of it.
+    pub streams: Vec<Wanted<Arc<Source>>>,
+    /// The generations of runs and points by their names in the store, which accepts no others.
+    pub generations: Vec<(String, u64)>,
+}
+
+/// What `next` asks workers for; `open` are the designs that lack samples.
+#[must_use]
+pub fn asked(inputs: &Inputs, next: &Next, open: &[OpenDesign]) -> Asked {
+    let mut asked = Asked::default();
+    for run in &next.runs {
+        let missing = std::iter::once(0..1).collect();
+        let wanted = inputs.wanted(run.stream(), Source::Run(run.clone()), missing);
+        asked.named(names::run_name(run.approach, run.start), wanted);
+    }
+    if let Some(frozen) = &next.sampling {
+        for design in open {
+            let source = Source::Design(Variables::robust(&design.x, frozen));
+            // Its criteria tell whether it needs samples, so there always are some to ask for.
+            let missing = design.missing.clone();
+            let wanted = inputs.wanted(StreamId::design(design.design), source, missing);
+            asked.streams.push(wanted);
+        }
+    }
+    for point in &next.points {
+        let missing = ledger::gaps(&point.stored, point.wanted);
+        let source = Source::Point(point.variables);
+        let wanted = inputs.wanted(StreamId::point(point.number), source, missing);
+        asked.named(point.name.clone(), wanted);
+    }
+    asked
+}
+
+impl Asked {
+    fn named(&mut self, name: String, wanted: Wanted<Arc<Source>>) {
+        self.generations.push((name, wanted.generation.0));
+        self.streams.push(wanted);
+    }
+}

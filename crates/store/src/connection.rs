@@ -1,0 +1,213 @@
+//! A connection that knows its file.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use sqlx::pool::PoolConnection;
+use sqlx::query::{Map, Query};
+use sqlx::sqlite::{
+    Sqlite, SqliteArguments, SqliteConnectOptions, SqliteConnection, SqliteQueryResult, SqliteRow,
+};
+use sqlx::{
+    Connection as _, Decode, Error as SqlxError, Executor as _, Row as _, Transaction, Type,
+};
+use tokio_stream::{Stream, StreamExt as _};
+
+use crate::Error;
+
+/// A connection to a store's file: runs statements, and turns what SQLite says into an [`Error`] that
+/// names the file. `doing` completes "the database could not".
+#[derive(Debug)]
+pub(crate) struct Connection<'c> {
+    sql: Handle<'c>,
+    path: Arc<Path>,
+}
+
+#[derive(Debug)]
+enum Handle<'c> {
+    Own(SqliteConnection),
+    Pooled(PoolConnection<Sqlite>),
+    Within(Transaction<'c, Sqlite>),
+}
+
+type Mapped<'q, F> = Map<'q, Sqlite, F, SqliteArguments>;
+
+impl Connection<'static> {
+    pub(crate) async fn open(
+        options: &SqliteConnectOptions,
+        path: &Arc<Path>,
+    ) -> Result<Self, Error> {
+        let opened = SqliteConnection::connect_with(options).await;
+        Ok(Self {
+            sql: Handle::Own(opened.map_err(|e| Error::sqlite("open its file", path, e))?),
+            path: Arc::clone(path),
+        })
+    }
+
+    pub(crate) fn pooled(sql: PoolConnection<Sqlite>, path: &Arc<Path>) -> Self {
+        Self {
+            sql: Handle::Pooled(sql),
+            path: Arc::clone(path),
+        }
+    }
+
+    pub(crate) async fn close(self) -> Result<(), Error> {
+        let closed = match self.sql {
+            Handle::Own(sql) => sql.close().await,
+            Handle::Pooled(sql) => sql.close().await,
+            Handle::Within(transaction) => transaction.rollback().await,
+        };
+        closed.map_err(|e| Error::sqlite("close its file", &self.path, e))
+    }
+}
+
+impl Connection<'_> {
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    pub(crate) fn shared_path(&self) -> Arc<Path> {
+        Arc::clone(&self.path)
+    }
+
+    /// What is left of the connection when the database could not do something.
+    pub(crate) fn failed(&self, doing: &'static str, source: SqlxError) -> Error {
+        Error::sqlite(doing, &self.path, source)
+    }
+
+    pub(crate) fn damaged(&self, detail: impl Into<String>) -> Error {
+        Error::Damaged {
+            path: self.path.to_path_buf(),
+            detail: detail.into(),
+        }
+    }
+
+    pub(crate) fn damaged_rows(&self, table: &'static str, row: String, detail: &str) -> Error {
+        Error::damaged_rows(&self.path, table, row, detail)
+    }
+
+    pub(crate) fn sql(&mut self) -> &mut SqliteConnection {
+        match &mut self.sql {
+            Handle::Own(sql) => sql,
+            Handle::Pooled(sql) => sql,
+            Handle::Within(transaction) => transaction,
+        }
+    }
+
+    /// A transaction, which is rolled back when it is dropped.
+    pub(crate) async fn begin(&mut self, statement: &'static str) -> Result<Connection<'_>, Error> {
+        let path = Arc::clone(&self.path);
+        let begun = self.sql().begin_with(statement).await;
+        Ok(Connection {
+            sql: Handle::Within(begun.map_err(|e| Error::sqlite("begin a transaction", &path, e))?),
+            path,
+        })
+    }
+
+    pub(crate) async fn commit(self) -> Result<(), Error> {
+        match self.sql {
+            Handle::Within(transaction) => transaction
+                .commit()
+                .await
+                .map_err(|e| Error::sqlite("commit", &self.path, e)),
+            Handle::Own(_) | Handle::Pooled(_) => Ok(()),
+        }
+    }
+
+    /// Runs statements without parameters.
+    pub(crate) async fn run(
+        &mut self,
+        doing: &'static str,
+        statement: &'static str,
+    ) -> Result<(), Error> {
+        let done = self.sql().execute(statement).await;
+        done.map(drop).map_err(|e| self.failed(doing, e))
+    }
+
+    /// What a statement without parameters returns, one value a row.
+    pub(crate) async fn pragma<O>(
+        &mut self,
+        doing: &'static str,
+        statement: &'static str,
+    ) -> Result<Vec<O>, Error>
+    where
+        O: for<'r> Decode<'r, Sqlite> + Type<Sqlite> + Send + Unpin,
+    {
+        let query = sqlx::query(statement).try_map(|row: SqliteRow| row.try_get(0));
+        self.all(doing, query).await
+    }
+
+    pub(crate) async fn execute(
+        &mut self,
+        doing: &'static str,
+        query: Query<'_, Sqlite, SqliteArguments>,
+    ) -> Result<SqliteQueryResult, Error> {
+        let done = query.execute(self.sql()).await;
+        done.map_err(|e| self.failed(doing, e))
+    }
+
+    /// As [`execute`](Self::execute), for rows of `table`.
+    pub(crate) async fn insert(
+        &mut self,
+        table: &'static str,
+        query: Query<'_, Sqlite, SqliteArguments>,
+    ) -> Result<SqliteQueryResult, Error> {
+        let done = query.execute(self.sql()).await;
+        done.map_err(|e| Error::insertion(table, &self.path, e))
+    }
+
+    pub(crate) async fn all<F, O>(
+        &mut self,
+        doing: &'static str,
+        query: Mapped<'_, F>,
+    ) -> Result<Vec<O>, Error>
+    where
+        F: FnMut(SqliteRow) -> Result<O, SqlxError> + Send,
+        O: Send + Unpin,
+    {
+        let rows = query.fetch_all(self.sql()).await;
+        rows.map_err(|e| self.failed(doing, e))
+    }
+
+    pub(crate) async fn one<F, O>(
+        &mut self,
+        doing: &'static str,
+        query: Mapped<'_, F>,
+    ) -> Result<O, Error>
+    where
+        F: FnMut(SqliteRow) -> Result<O, SqlxError> + Send,
+        O: Send + Unpin,
+    {
+        let row = query.fetch_one(self.sql()).await;
+        row.map_err(|e| self.failed(doing, e))
+    }
+
+    pub(crate) async fn optional<F, O>(
+        &mut self,
+        doing: &'static str,
+        query: Mapped<'_, F>,
+    ) -> Result<Option<O>, Error>
+    where
+        F: FnMut(SqliteRow) -> Result<O, SqlxError> + Send,
+        O: Send + Unpin,
+    {
+        let row = query.fetch_optional(self.sql()).await;
+        row.map_err(|e| self.failed(doing, e))
+    }
+
+    /// Rows one by one, for tables that are too large to be held.
+    pub(crate) fn stream<'s, F, O>(
+        &'s mut self,
+        doing: &'static str,
+        query: Mapped<'s, F>,
+    ) -> impl Stream<Item = Result<O, Error>> + Send + Unpin + 's
+    where
+        F: FnMut(SqliteRow) -> Result<O, SqlxError> + Send + 's,
+        O: Send + Unpin + 's,
+    {
+        let path = Arc::clone(&self.path);
+        query
+            .fetch(self.sql())
+            .map(move |row| row.map_err(|e| Error::sqlite(doing, &path, e)))
+    }
+}

@@ -1,0 +1,392 @@
+//! The samples of the DoE. A row of their table holds a range of consecutive samples of one design.
+
+use std::path::Path;
+
+use crate::connection::Connection;
+use crate::digest::SamplesDigest;
+use crate::keyed::{self, Table as _, Value};
+use crate::rows::{Batch, Receipt, SampleRow};
+use crate::tables::{differ, number};
+use crate::tally::{self, Tally};
+use crate::{Error, failpoints, query};
+
+/// Most samples in a row, as the schema has it: bounds what a reader holds in memory at a time.
+const LONGEST: usize = 4096;
+
+/// Rows that an upgrade packs at a time.
+const PACKED_AT_ONCE: i64 = 65_536;
+
+/// The table of schemas before 7, with a row for each sample.
+const UNPACKED: &str = "sample";
+
+/// Consecutive samples of one design.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct SampleRange {
+    pub(crate) design: u64,
+    pub(crate) first_sample: u64,
+    /// ΔSTE in µm: 64 bits a sample, little-endian.
+    pub(crate) delta_ste_um: Vec<u8>,
+}
+
+impl SampleRange {
+    fn values(&self) -> &[[u8; 8]] {
+        self.delta_ste_um.as_chunks().0
+    }
+
+    /// The number after the last sample's.
+    pub(crate) fn end(&self) -> u64 {
+        self.first_sample.saturating_add(self.values().len() as u64)
+    }
+
+    pub(crate) fn rows(&self) -> impl Iterator<Item = SampleRow> {
+        let samples = self.first_sample..self.end();
+        samples.zip(self.values()).map(|(sample, value)| SampleRow {
+            design: self.design,
+            sample,
+            delta_ste_um: f64::from_le_bytes(*value),
+        })
+    }
+}
+
+/// Refuses a sample that SQLite would not give back as it was.
+pub(crate) fn check(row: &SampleRow) -> Result<(), Error> {
+    for (column, value) in [("design", row.design), ("sample", row.sample)] {
+        if i64::try_from(value).is_err() {
+            let column = column.to_owned();
+            return Err(Error::TooLarge { column, value });
+        }
+    }
+    if row.delta_ste_um.is_finite() {
+        return Ok(());
+    }
+    Err(Error::NotFinite {
+        column: "delta_ste_um".to_owned(),
+        key: format!("sample {} of design {}", row.sample, row.design),
+        value: row.delta_ste_um,
+    })
+}
+
+/// Stores the samples of batches that are not held, with a receipt for each batch, and adds them to
+/// the tally.
+pub(crate) async fn insert(
+    connection: &mut Connection<'_>,
+    batches: &[&Batch],
+    receipts: &mut [Receipt],
+    tally: &mut Tally,
+) -> Result<(), Error> {
+    let mut offered: Vec<(usize, SampleRow)> = Vec::new();
+    for (owner, batch) in batches.iter().enumerate() {
+        offered.extend(batch.samples.iter().map(|row| (owner, *row)));
+    }
+    if offered.is_empty() {
+        return Ok(());
+    }
+    // Stable: a sample that two batches bring is new to the first.
+    offered.sort_by_key(|(_, row)| key(row));
+    let held = held(connection, &offered).await?;
+    let fresh = fresh(&held, &offered, receipts)?;
+    fresh.iter().for_each(|range| tally.add_range(range));
+    write(connection, &fresh).await
+}
+
+fn key(row: &SampleRow) -> (u64, u64) {
+    (row.design, row.sample)
+}
+
+/// The offered samples that are not held. Both are in order.
+fn fresh(
+    held: &[SampleRange],
+    offered: &[(usize, SampleRow)],
+    receipts: &mut [Receipt],
+) -> Result<Vec<SampleRange>, Error> {
+    let mut held = held.iter().flat_map(SampleRange::rows).peekable();
+    let mut fresh = Vec::new();
+    let mut last: Option<&SampleRow> = None;
+    for (owner, row) in offered {
+        while held.next_if(|held| key(held) < key(row)).is_some() {}
+        let mut known = held.peek().into_iter().chain(last);
+        if let Some(known) = known.find(|known| key(known) == key(row)) {
+            agree(known, row)?;
+            receipts[*owner].duplicate_rows += 1;
+        } else {
+            append(&mut fresh, row);
+            last = Some(row);
+            receipts[*owner].new_rows += 1;
+        }
+    }
+    Ok(fresh)
+}
+
+/// The ranges between the first and the last of the samples of each design, which are in order.
+async fn held(
+    connection: &mut Connection<'_>,
+    offered: &[(usize, SampleRow)],
+) -> Result<Vec<SampleRange>, Error> {
+    let designs = offered.chunk_by(|(_, a), (_, b)| a.design == b.design);
+    let spans = designs.filter_map(|rows| {
+        let ((_, first), (_, last)) = (rows.first()?, rows.last()?);
+        Some(format!(
+            "[{},{},{}]",
+            first.design, first.sample, last.sample
+        ))
+    });
+    let spans = format!("[{}]", spans.collect::<Vec<_>>().join(","));
+    // The first range that may matter is the last one that begins at or before the first sample.
+    let filter = "WHERE (design, first_sample) IN (
+        SELECT held.design, held.first_sample
+        FROM json_each(?) AS span CROSS JOIN sample_range AS held
+        WHERE held.design = span.value ->> 0
+          AND held.first_sample <= span.value ->> 2
+          AND held.first_sample >= coalesce(
+                (SELECT max(first_sample) FROM sample_range
+                 WHERE design = span.value ->> 0 AND first_sample <= span.value ->> 1), 0)
+          AND held.first_sample + length(held.delta_ste_um) / 8 > span.value ->> 1)";
+    keyed::all_where(connection, filter, Value::Text(&spans)).await
+}
+
+fn agree(held: &SampleRow, offered: &SampleRow) -> Result<(), Error> {
+    match differ(held.delta_ste_um, offered.delta_ste_um) {
+        None => Ok(()),
+        Some((held, value)) => Err(Error::Conflict {
+            design: offered.design,
+            sample: offered.sample,
+            held,
+            offered: value,
+        }),
+    }
+}
+
+/// Adds a sample to the last range, or begins another one. Samples come in order.
+fn append(ranges: &mut Vec<SampleRange>, row: &SampleRow) {
+    let value = number(row.delta_ste_um).to_le_bytes();
+    match ranges.last_mut() {
+        Some(range)
+            if (range.design, range.end()) == (row.design, row.sample)
+                && range.values().len() < LONGEST =>
+        {
+            range.delta_ste_um.extend(value);
+        }
+        _ => ranges.push(SampleRange {
+            design: row.design,
+            first_sample: row.sample,
+            delta_ste_um: value.to_vec(),
+        }),
+    }
+}
+
+/// Inserts ranges with one statement: all values in one array of bytes, and where in it each range is.
+async fn write(connection: &mut Connection<'_>, ranges: &[SampleRange]) -> Result<(), Error> {
+    if ranges.is_empty() {
+        return Ok(());
+    }
+    let mut values = Vec::new();
+    let mut places = Vec::with_capacity(ranges.len());
+    for range in ranges {
+        let SampleRange {
+            design,
+            first_sample,
+            delta_ste_um,
+        } = range;
+        let (from, length, seal) = (values.len() + 1, delta_ste_um.len(), range.seal());
+        places.push(format!("[{design},{first_sample},{seal},{from},{length}]"));
+        values.extend_from_slice(delta_ste_um);
+    }
+    let places = format!("[{}]", places.join(","));
+    let query = sqlx::query!(
+        "INSERT INTO sample_range (design, first_sample, seal, delta_ste_um)
+         SELECT value ->> 0, value ->> 1, value ->> 2, substr(?1, value ->> 3, value ->> 4)
+         FROM json_each(?2)",
+        values,
+        places,
+    );
+    connection.insert(SampleRange::NAME, query).await.map(drop)
+}
+
+/// Shows every sample to `visit`, and compares what it showed with the tallies of the same moment.
+pub(crate) async fn visit<E: From<Error>>(
+    connection: &mut Connection<'_>,
+    visit: impl FnMut(SampleRow) -> Result<(), E>,
+) -> Result<(), E> {
+    let mut moment = connection.begin("BEGIN").await?;
+    compare(&mut moment, SampleRange::NAME, visit).await?;
+    Ok(moment.commit().await?)
+}
+
+/// As [`visit`], within a transaction. A difference is reported of `table`.
+async fn compare<E: From<Error>>(
+    connection: &mut Connection<'_>,
+    table: &'static str,
+    mut visit: impl FnMut(SampleRow) -> Result<(), E>,
+) -> Result<(), E> {
+    let mut found = Tally::default();
+    ranges(connection, None, |range| {
+        found.add_range(range);
+        range.rows().try_for_each(&mut visit)
+    })
+    .await?;
+    Ok(tally::compare(connection, &found, table).await?)
+}
+
+/// The samples of one design, as (sample, ΔSTE in µm).
+pub(crate) async fn of_design(
+    connection: &mut Connection<'_>,
+    design: u64,
+) -> Result<Vec<(u64, f64)>, Error> {
+    let mut samples = Vec::new();
+    ranges(connection, Some(design), |range| {
+        samples.extend(range.rows().map(|row| (row.sample, row.delta_ste_um)));
+        Ok::<(), Error>(())
+    })
+    .await?;
+    Ok(samples)
+}
+
+/// The digest of the samples that are there.
+pub(crate) async fn recompute(connection: &mut Connection<'_>) -> Result<SamplesDigest, Error> {
+    let mut found = Tally::default();
+    ranges(connection, None, |range| {
+        found.add_range(range);
+        Ok::<(), Error>(())
+    })
+    .await?;
+    Ok(found.digest())
+}
+
+/// Shows the ranges of one design, or of all, in order.
+async fn ranges<E: From<Error>>(
+    connection: &mut Connection<'_>,
+    design: Option<u64>,
+    mut visit: impl FnMut(&SampleRange) -> Result<(), E>,
+) -> Result<(), E> {
+    let path = connection.shared_path();
+    let mut next = (0, 0);
+    let visit = |range: SampleRange| {
+        if (range.design, range.first_sample) < next {
+            return Err(overlap(&path, &range).into());
+        }
+        next = (range.design, range.end());
+        visit(&range)
+    };
+    let (filter, parameters) = match design {
+        Some(design) => ("WHERE design = ?", vec![Value::Bits(design)]),
+        None => ("", Vec::new()),
+    };
+    let parameters = keyed::arguments(connection, &parameters)?;
+    keyed::visit(connection, filter, parameters, visit).await
+}
+
+fn overlap(path: &Path, range: &SampleRange) -> Error {
+    let detail = "it overlaps the range before it: something else than this program has written it";
+    Error::damaged_rows(path, SampleRange::NAME, range.name(), detail)
+}
+
+/// Packs the table that schemas before 7 have, a row for each sample, and drops it.
+pub(crate) async fn pack(connection: &mut Connection<'_>, has_tallies: bool) -> Result<(), Error> {
+    let mut after = (-1, -1);
+    loop {
+        let ranges = unpacked(connection, &mut after).await?;
+        if ranges.is_empty() {
+            break;
+        }
+        write(connection, &ranges).await?;
+        failpoints::at("store::packing");
+    }
+    if has_tallies {
+        compare(connection, UNPACKED, |_| Ok::<(), Error>(())).await?;
+    }
+    connection
+        .run("drop the table of unpacked samples", "DROP TABLE sample")
+        .await
+}
+
+/// Compares the table that schemas before 7 have with its tallies.
+pub(crate) async fn check_unpacked(connection: &mut Connection<'_>) -> Result<(), Error> {
+    let (mut after, mut found) = ((-1, -1), Tally::default());
+    loop {
+        let ranges = unpacked(connection, &mut after).await?;
+        if ranges.is_empty() {
+            return tally::compare(connection, &found, UNPACKED).await;
+        }
+        ranges.iter().for_each(|range| found.add_range(range));
+    }
+}
+
+/// Some of the samples after this design and sample, in order.
+async fn unpacked(
+    connection: &mut Connection<'_>,
+    after: &mut (i64, i64),
+) -> Result<Vec<SampleRange>, Error> {
+    let query = sqlx::query!(
+        "SELECT design, sample, delta_ste_um FROM sample
+         WHERE (design, sample) > (?, ?) ORDER BY design, sample LIMIT ?",
+        after.0,
+        after.1,
+        PACKED_AT_ONCE,
+    );
+    let mut ranges = Vec::new();
+    for row in connection.all("read samples", query).await? {
+        *after = (row.design, row.sample);
+        let row = SampleRow {
+            design: query::index(row.design),
+            sample: query::index(row.sample),
+            delta_ste_um: row.delta_ste_um,
+        };
+        append(&mut ranges, &row);
+    }
+    Ok(ranges)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::open::tests::filled;
+    use crate::store::Store;
+
+    fn range(first_sample: u64, values: &[f64]) -> SampleRange {
+        let bytes = values.iter().flat_map(|value| value.to_le_bytes());
+        SampleRange {
+            design: 0,
+            first_sample,
+            delta_ste_um: bytes.collect(),
+        }
+    }
+
+    /// Its seal fits, so a mistake of this program, or another program that seals, has written it.
+    #[tokio::test]
+    async fn a_range_that_overlaps_another_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("campaign.db");
+        filled(&path, 10).await;
+        let options = crate::open::writing(&path);
+        let path = path.as_path().into();
+        let mut connection = Connection::open(&options, &path).await.unwrap();
+        write(&mut connection, &[range(9, &[1.0, 1.0])])
+            .await
+            .unwrap();
+        connection.close().await.unwrap();
+        let error = Store::open_read_only(&path).await.unwrap_err().to_string();
+        let place = "table sample_range, row first_sample 9 of design 0: it overlaps";
+        assert!(error.contains(place), "{error}");
+    }
+
+    #[test]
+    fn what_is_held_or_came_before_is_not_fresh() {
+        let offered = [(0, 4), (1, 4), (0, 5), (1, 6), (1, 8)].map(|(owner, sample)| {
+            let row = SampleRow {
+                design: 0,
+                sample,
+                delta_ste_um: sample as f64,
+            };
+            (owner, row)
+        });
+        let mut receipts = [Receipt::default(); 2];
+        let held = [range(2, &[2.0, 3.0]), range(5, &[5.0])];
+        let fresh = fresh(&held, &offered, &mut receipts).unwrap();
+        assert_eq!(
+            fresh,
+            [range(4, &[4.0]), range(6, &[6.0]), range(8, &[8.0])]
+        );
+        let counts = receipts.map(|receipt| (receipt.new_rows, receipt.duplicate_rows));
+        assert_eq!(counts, [(1, 1), (2, 1)]);
+    }
+}

@@ -1,0 +1,134 @@
+//! The same file under several names, files that go away, and folders that may not be written to.
+
+use std::fs;
+use std::time::Duration;
+
+use store::{Error, Store};
+
+use crate::{beside, campaign, folder, open, read, sample, samples, store_with};
+
+#[cfg(unix)]
+#[tokio::test]
+async fn a_file_with_two_names_is_refused_under_either() {
+    let (_folder, path) = folder();
+    store_with(&path, 3).await.close().await.unwrap();
+    let second = path.with_file_name("second.db");
+    fs::hard_link(&path, &second).unwrap();
+    let before = read(&path);
+    for path in [&path, &second] {
+        let error = Store::create_or_open(path, &campaign()).await.unwrap_err();
+        assert!(matches!(error, Error::Linked { names: 2, .. }), "{error}");
+    }
+    assert_eq!(read(&path), before);
+    // Nobody writes: a snapshot made of links can be read.
+    Store::open_read_only(&second).await.unwrap();
+    fs::remove_file(&path).unwrap();
+    assert_eq!(open(&second).await.designs().await.unwrap().len(), 3);
+}
+
+#[cfg(target_os = "linux")]
+#[tokio::test]
+async fn a_store_in_use_is_locked_under_every_name() {
+    let (_folder, path) = folder();
+    let store = store_with(&path, 3).await;
+    let second = path.with_file_name("second.db");
+    fs::hard_link(&path, &second).unwrap();
+    let error = Store::create_or_open(&second, &campaign())
+        .await
+        .unwrap_err();
+    assert!(matches!(error, Error::Linked { .. }), "{error}");
+    // Its log is elsewhere.
+    let error = Store::open_read_only(&second).await.unwrap_err();
+    assert!(matches!(error, Error::Linked { .. }), "{error}");
+    Store::open_read_only(&path).await.unwrap();
+    // A file that was moved has one name.
+    fs::remove_file(&path).unwrap();
+    let error = Store::create_or_open(&second, &campaign())
+        .await
+        .unwrap_err();
+    assert!(matches!(error, Error::Locked { .. }), "{error}");
+    drop(store);
+}
+
+#[cfg(unix)]
+#[tokio::test]
+async fn a_store_that_is_removed_while_it_is_used_is_missed() {
+    for (suffix, replaced) in [("", false), ("-wal", false), ("", true), ("-wal", true)] {
+        let (_folder, path) = folder();
+        let store = store_with(&path, 1).await;
+        let writer = store.writer().unwrap();
+        writer.submit(samples([sample(0, 0, 1.0)])).await.unwrap();
+        let file = beside(&path, suffix);
+        let bytes = read(&file);
+        let away = path.with_file_name("away");
+        fs::rename(&file, &away).unwrap();
+        if replaced {
+            fs::write(&file, bytes).unwrap();
+        }
+        let error = writer
+            .submit(samples([sample(0, 1, 1.0)]))
+            .await
+            .unwrap_err();
+        let Error::Lost {
+            file: lost, how, ..
+        } = &error
+        else {
+            panic!("{error}");
+        };
+        assert_eq!(*lost, file.canonicalize().unwrap_or(lost.clone()));
+        assert_eq!(*how == "removed", !replaced, "{error}");
+        assert!(!error.is_refusal());
+        // The campaign does not end well.
+        assert!(matches!(store.checked().await, Err(Error::Lost { .. })));
+        let error = store.damaged().await;
+        assert!(error.to_string().contains("put it back"), "{error}");
+    }
+}
+
+/// Nobody has to write for it.
+#[cfg(unix)]
+#[tokio::test]
+async fn an_idle_store_is_missed_within_seconds() {
+    let (_folder, path) = folder();
+    let store = store_with(&path, 1).await;
+    let damaged = store.damaged();
+    fs::remove_file(&path).unwrap();
+    let error = tokio::time::timeout(Duration::from_secs(10), damaged).await;
+    assert!(matches!(error, Ok(Error::Lost { .. })), "{error:?}");
+}
+
+#[cfg(unix)]
+#[tokio::test]
+async fn a_store_in_a_folder_that_may_not_be_written_to_can_be_read() {
+    use std::os::unix::fs::PermissionsExt as _;
+
+    let (folder, path) = folder();
+    let store = store_with(&path, 3).await;
+    let with_log = folder.path().join("log.db");
+    for suffix in ["", "-wal"] {
+        fs::copy(beside(&path, suffix), beside(&with_log, suffix)).unwrap();
+    }
+    store.close().await.unwrap();
+    let mode = |mode| {
+        fs::set_permissions(folder.path(), fs::Permissions::from_mode(mode)).unwrap();
+    };
+    fs::set_permissions(&path, fs::Permissions::from_mode(0o444)).unwrap();
+    mode(0o555);
+    let may_write_anyway = fs::write(folder.path().join("probe"), "").is_ok();
+    let reader = Store::open_read_only(&path).await;
+    let log = Store::open_read_only(&with_log).await;
+    let written = Store::create_or_open(&path, &campaign()).await;
+    mode(0o755);
+    let reader = reader.unwrap();
+    assert_eq!(reader.designs().await.unwrap().len(), 3);
+    reader.checked().await.unwrap();
+    // The superuser may write to anything, and then there is nothing to refuse.
+    assert_eq!(written.is_ok(), may_write_anyway);
+    match log {
+        Ok(_) => assert!(may_write_anyway),
+        Err(error) => {
+            assert!(matches!(error, Error::UnreadLog { .. }), "{error}");
+            assert!(error.to_string().contains("log.db-wal"), "{error}");
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! Reading a campaign that is finished.
+
+use campaign::file::FrozenFrom;
+use campaign::formulation::Problem;
+use campaign::task::Run;
+use campaign::{Approach, Campaign, Criteria, Frozen, Variables};
+use results::status;
+use stages::optima::{self, approach_of, optimum_variables};
+use stages::plan;
+use stages::state::State;
+use store::Store;
+
+use crate::refusal::Unfinished;
+use crate::simulations::Simulations;
+
+/// A design that an approach found, with its fresh samples.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Optimum {
+    /// The approach.
+    pub approach: Approach,
+    /// The design.
+    pub variables: Variables,
+    /// Its criteria.
+    pub criteria: Criteria,
+    /// Fresh samples of ΔSTE, µm.
+    pub fresh: Vec<f64>,
+}
+
+/// The problem of the campaign in `store`, which is to be that of `campaign` and finished.
+///
+/// # Errors
+///
+/// The store holds another campaign, or is not finished, or cannot be read.
+pub async fn problem(store: &Store, campaign: &Campaign) -> anyhow::Result<Problem> {
+    let held = store.campaign().await?;
+    if held.digest != campaign.digest() {
+        return Err(store::Error::OtherCampaign {
+            path: store.path().to_owned(),
+            held_name: held.name,
+            held_digest: held.digest,
+            offered_name: campaign.name.clone(),
+            offered_digest: campaign.digest(),
+        }
+        .into());
+    }
+    let status = status::read(store).await?;
+    if !status.finished {
+        return Err(Unfinished {
+            store: store.path().display().to_string(),
+            stage: status.stage,
+        }
+        .into());
+    }
+    Ok(Problem::new(campaign.clone()))
+}
+
+/// The feasible optima, in the order of the approaches.
+///
+/// # Errors
+///
+/// The store cannot be read.
+pub async fn optima(store: &Store) -> anyhow::Result<Vec<Optimum>> {
+    let mut optima = Vec::new();
+    for row in optima::stored(store).await? {
+        let criteria: Option<Criteria> = serde_json::from_str(&row.criteria_json)?;
+        let (Some(approach), Some(variables), Some(criteria), true) = (
+            approach_of(&row.approach),
+            optimum_variables(&row),
+            criteria,
+            row.feasible,
+        ) else {
+            continue;
+        };
+        let fresh = store.verify_samples(&row.approach).await?;
+        optima.push(Optimum {
+            approach,
+            variables,
+            criteria,
+            fresh: fresh.iter().map(|row| row.delta_ste_um).collect(),
+        });
+    }
+    Ok(optima)
+}
+
+/// The five variables that all designs of the campaign's DoE share.
+#[must_use]
+pub fn frozen(problem: &Problem, optima: &[Optimum]) -> Frozen {
+    let printed = problem.printed_frozen();
+    let without_wear = optima
+        .iter()
+        .find(|optimum| optimum.approach == Approach::NoWear);
+    let state = State {
+        optima: [(
+            Approach::NoWear,
+            without_wear.map(|optimum| optimum.variables),
+        )]
+        .into(),
+        ..State::default()
+    };
+    // A finished campaign knows them.
+    plan::frozen(problem.campaign(), printed, &state).unwrap_or(printed)
+}
+
+/// The same for a campaign without a store: where they come from the optimum without wear, workers
+/// search it.
+///
+/// # Errors
+///
+/// Those of the simulations.
+pub fn frozen_anew(simulations: &dyn Simulations, problem: &Problem) -> anyhow::Result<Frozen> {
+    let campaign = problem.campaign();
+    let printed = problem.printed_frozen();
+    if campaign.frozen.from == FrozenFrom::Printed {
+        return Ok(printed);
+    }
+    let run = |start| Run {
+        approach: Approach::NoWear,
+        start,
+        frozen: printed,
+        model: None,
+    };
+    let runs = simulations.optimise((0..campaign.optimise.starts).map(run).collect())?;
+    let best = runs
+        .iter()
+        .filter_map(|run| run.best)
+        .min_by(|a, b| a.criterion_um.total_cmp(&b.criterion_um));
+    Ok(best.map_or(printed, |found| found.variables.frozen_part()))
+}

@@ -1,0 +1,435 @@
+//! The designs that are compared, and the front of those that no other is better than.
+
+use campaign::formulation::Problem;
+use campaign::{Criteria, Frozen, Variables};
+use report::Percentile;
+use results::percentile::percentile;
+use stages::designs::worn_criteria;
+use store::{CriteriaRow, Store};
+
+use crate::direct::{self, Corrected, Space};
+use crate::finished::Optimum;
+use crate::simulations::{Answer, Request, Simulations, at_once};
+
+/// Random streams of refined designs and of the DoE's; corrections have the numbers below.
+const REFINED: u64 = 1000;
+const OF_DOE: u64 = 1 << 32;
+
+/// How far below the best design's value the tightest limit of a search lies, as a share of it.
+const REACH: f64 = 0.15;
+
+/// The second objective.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Against {
+    /// F, the largest contact pressure with Archard's wear
+    Pressure,
+    /// σ_vm, the larger root stress
+    RootStress,
+}
+
+impl Against {
+    /// The name of its constraint, as [`campaign::formulation::Constraint`] has it.
+    pub(super) const fn constraint(self) -> &'static str {
+        match self {
+            Self::Pressure => "F",
+            Self::RootStress => "σ_vm",
+        }
+    }
+
+    pub(super) const fn label(self) -> &'static str {
+        match self {
+            Self::Pressure => "contact pressure F (MPa)",
+            Self::RootStress => "root stress σ_vm (MPa)",
+        }
+    }
+
+    pub(super) const fn of(self, criteria: &Criteria) -> f64 {
+        match self {
+            Self::Pressure => criteria.hertz_pressure_mpa,
+            Self::RootStress => criteria.root_stress_mpa,
+        }
+    }
+
+    /// The campaign's limit, MPa.
+    pub(super) fn limit(self, problem: &Problem) -> f64 {
+        let material = &problem.campaign().material;
+        match self {
+            Self::Pressure => material.hertz_limit_mpa,
+            Self::RootStress => material.yield_mpa,
+        }
+    }
+
+    /// The same problem with another limit. A limit is no input of the simulator.
+    fn limited(self, problem: &Problem, limit: f64) -> Problem {
+        let mut campaign = problem.campaign().clone();
+        match self {
+            Self::Pressure => campaign.material.hertz_limit_mpa = limit,
+            Self::RootStress => campaign.material.yield_mpa = limit,
+        }
+        Problem::new(campaign)
+    }
+}
+
+/// Where a design comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Source {
+    /// Design of the DoE with this index.
+    Doe(u64),
+    /// The optimum of the approach of this name.
+    Optimum(&'static str),
+    /// A direct search under a limit.
+    Refined,
+}
+
+impl Source {
+    pub(super) fn name(self) -> String {
+        match self {
+            Self::Doe(index) => format!("design {index} of the DoE"),
+            Self::Optimum(approach) => format!("optimum of {approach}"),
+            Self::Refined => "direct search".to_owned(),
+        }
+    }
+}
+
+/// A design with both objectives.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Point {
+    /// Where it comes from.
+    pub source: Source,
+    /// The design.
+    pub variables: Variables,
+    /// Its criteria.
+    pub criteria: Criteria,
+    /// P90 from the samples of the campaign, or of the search that found it.
+    pub p90: Percentile,
+    /// P90 from fresh samples; none where there are none.
+    pub fresh: Option<Percentile>,
+    /// Whether no other design is at least as good in both objectives, by fresh samples where there
+    /// are any.
+    pub on_front: bool,
+}
+
+impl Point {
+    pub(super) fn judged_um(&self) -> f64 {
+        self.fresh.unwrap_or(self.p90).value_um
+    }
+}
+
+/// The designs of a finished campaign's DoE that satisfy every constraint, that on the second
+/// objective aside.
+///
+/// # Errors
+///
+/// The store cannot be read.
+pub async fn of_doe(
+    store: &Store,
+    problem: &Problem,
+    frozen: &Frozen,
+    against: Against,
+) -> anyhow::Result<Vec<Point>> {
+    let designs = store.designs().await?;
+    let criteria = store.criteria().await?;
+    let counts: std::collections::BTreeMap<u64, u64> =
+        store.sampled_counts().await?.into_iter().collect();
+    let row_of = |design: u64| -> Option<&CriteriaRow> {
+        let at = criteria
+            .binary_search_by_key(&design, |row| row.design)
+            .ok()?;
+        criteria.get(at)
+    };
+    let mut points = Vec::new();
+    for response in store.responses().await? {
+        let Some(design) = designs.get(response.design as usize) else {
+            continue;
+        };
+        let variables = Variables::robust(&design.point(), frozen);
+        let found = row_of(response.design).and_then(|row| worn_criteria(problem, &variables, row));
+        let Some(criteria) = found else { continue };
+        let constraints = problem.constraints(&criteria);
+        let mut others = constraints
+            .iter()
+            .filter(|constraint| constraint.name != against.constraint());
+        if !others.all(|constraint| constraint.holds()) {
+            continue;
+        }
+        let samples = counts.get(&response.design).copied().unwrap_or(0) as usize;
+        let estimate = stats::Percentile {
+            n: samples,
+            mean: response.mean_um,
+            sd: response.sd_um,
+            p90: response.p90_um,
+            variance: response.p90_variance_um2,
+        };
+        let (low_um, high_um) =
+            stats::p90_interval(&estimate, 0.95).unwrap_or((f64::NAN, f64::NAN));
+        points.push(Point {
+            source: Source::Doe(response.design),
+            variables,
+            criteria,
+            p90: Percentile {
+                value_um: response.p90_um,
+                low_um,
+                high_um,
+                samples,
+            },
+            fresh: None,
+            on_front: false,
+        });
+    }
+    Ok(points)
+}
+
+/// The optima of a finished campaign.
+#[must_use]
+pub fn of_optima(optima: &[Optimum]) -> Vec<Point> {
+    optima
+        .iter()
+        .map(|optimum| {
+            let p90 = percentile(&optimum.fresh);
+            Point {
+                source: Source::Optimum(optimum.approach.name()),
+                variables: optimum.variables,
+                criteria: optimum.criteria,
+                p90,
+                fresh: Some(p90),
+                on_front: false,
+            }
+        })
+        .filter(|point| point.p90.value_um.is_finite())
+        .collect()
+}
+
+/// The non-dominated points, by `p90` and the second objective, in ascending order of the latter.
+fn front_of(points: &[Point], against: Against, p90: fn(&Point) -> f64) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..points.len()).collect();
+    let second = |i: usize| against.of(&points[i].criteria);
+    order.sort_by(|&a, &b| {
+        second(a)
+            .total_cmp(&second(b))
+            .then(p90(&points[a]).total_cmp(&p90(&points[b])))
+    });
+    let mut least = f64::INFINITY;
+    order.retain(|&i| {
+        let better = p90(&points[i]) < least;
+        if better {
+            least = p90(&points[i]);
+        }
+        better
+    });
+    order
+}
+
+/// The front of the DoE by its own samples, with fresh samples of each of its designs if there are
+/// workers to draw them.
+///
+/// # Errors
+///
+/// Those of the simulations, or a design cannot be simulated again; none of the latter for a store of
+/// this version.
+pub fn front_of_doe(
+    simulations: Option<&dyn Simulations>,
+    problem: &Problem,
+    points: &[Point],
+    against: Against,
+) -> anyhow::Result<Vec<Point>> {
+    let front = front_of(points, against, |point| point.p90.value_um);
+    let front: Vec<Point> = front.into_iter().map(|i| points[i].clone()).collect();
+    let Some(simulations) = simulations else {
+        return Ok(front);
+    };
+    let number = |point: &Point| match point.source {
+        Source::Doe(index) => OF_DOE + index,
+        _ => OF_DOE,
+    };
+    let numbered = front.into_iter().map(|point| (number(&point), point));
+    verify(simulations, problem, numbered.collect())
+}
+
+/// Gives points fresh samples, whose random streams the numbers name.
+fn verify(
+    simulations: &dyn Simulations,
+    problem: &Problem,
+    points: Vec<(u64, Point)>,
+) -> anyhow::Result<Vec<Point>> {
+    let request = |(number, point): &(u64, Point)| {
+        let design = Corrected {
+            variables: point.variables,
+            corrections: gear::Corrections::default(),
+        };
+        direct::verification(problem, &design, *number)
+    };
+    let requests: Vec<Request> = points.iter().map(request).collect();
+    let answers = simulations.simulate(&requests)?;
+    let fresh = |((_, mut point), answer): ((u64, Point), Answer)| {
+        let samples_um = answer.samples_of(&point.source.name())?;
+        point.fresh = Some(percentile(&samples_um));
+        Ok(point)
+    };
+    points.into_iter().zip(answers).map(fresh).collect()
+}
+
+/// Direct searches under `count` limits of the second objective: the campaign's own, then tighter
+/// and tighter ones down to 15 % below the best known design, each from the best known design
+/// within its limit. A search under a limit that nothing satisfies finds nothing.
+///
+/// # Errors
+///
+/// Those of the simulations.
+pub fn refine(
+    simulations: &dyn Simulations,
+    problem: &Problem,
+    frozen: &Frozen,
+    known: &[Point],
+    against: Against,
+    count: u32,
+) -> anyhow::Result<Vec<Point>> {
+    // The optimum without wear has a helix angle and radii of its own, out of these searches' reach.
+    let known: Vec<Point> = known
+        .iter()
+        .filter(|point| point.variables.frozen_part() == *frozen)
+        .cloned()
+        .collect();
+    let front = front_of(&known, against, Point::judged_um);
+    let best = front.last().map(|&i| against.of(&known[i].criteria));
+    let found: Vec<Option<(u64, Point)>> = at_once(0..count, |number| {
+        let own = against.limit(problem);
+        let limit = match (number, best) {
+            (1.., Some(best)) => {
+                own.min(best * (1.0 - REACH * f64::from(number) / f64::from(count)))
+            }
+            _ => own,
+        };
+        let within = front
+            .iter()
+            .rev()
+            .find(|&&i| against.of(&known[i].criteria) < limit)
+            .map(|&i| problem.unit_point(&known[i].variables.robust_part()));
+        // The workers' own limit is the campaign's: a search sorts out what they sample needlessly.
+        let limited = against.limited(problem, limit);
+        let number = REFINED + u64::from(number);
+        let origin = within.as_ref().map(|unit| &unit[..]);
+        let space = &Space::plain();
+        let search = direct::search(simulations, &limited, frozen, space, number, 0, origin)?;
+        let point = search.found.map(|found| Point {
+            source: Source::Refined,
+            variables: found.design.variables,
+            criteria: found.criteria,
+            p90: Percentile {
+                value_um: found.p90_um,
+                low_um: f64::NAN,
+                high_um: f64::NAN,
+                samples: problem.campaign().sampling.samples_per_design as usize,
+            },
+            fresh: None,
+            on_front: false,
+        });
+        Ok(point.map(|point| (number, point)))
+    })?;
+    verify(simulations, problem, found.into_iter().flatten().collect())
+}
+
+/// Says of each point whether it is on the front of them all, and sorts by the second objective.
+pub fn mark(points: &mut [Point], against: Against) {
+    for i in front_of(points, against, Point::judged_um) {
+        points[i].on_front = true;
+    }
+    points.sort_by(|a, b| {
+        against
+            .of(&a.criteria)
+            .total_cmp(&against.of(&b.criteria))
+            .then(a.judged_um().total_cmp(&b.judged_um()))
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use campaign::Campaign;
+
+    use super::*;
+    use crate::simulations::InProcess;
+
+    fn point(source: Source, pressure: f64, p90_um: f64, fresh_um: Option<f64>) -> Point {
+        let problem = Problem::new(Campaign::parse("paper.toml", Campaign::PAPER).unwrap());
+        let variables = stages::references::variables(gear::paper::printed::Place::Figure(9));
+        let percentile = |value_um: f64| Percentile {
+            value_um,
+            low_um: value_um - 0.1,
+            high_um: value_um + 0.1,
+            samples: 30,
+        };
+        Point {
+            source,
+            variables,
+            criteria: problem.criteria(&problem.pair(&variables).unwrap(), pressure),
+            p90: percentile(p90_um),
+            fresh: fresh_um.map(percentile),
+            on_front: false,
+        }
+    }
+
+    #[test]
+    fn the_front_holds_what_nothing_is_better_than() {
+        let doe = |i, pressure, p90| point(Source::Doe(i), pressure, p90, None);
+        let points = [
+            doe(0, 1000.0, 4.0),
+            doe(1, 1000.0, 3.5),
+            doe(2, 1100.0, 3.5),
+            doe(3, 1200.0, 2.0),
+            doe(4, 1300.0, 2.5),
+            doe(5, 1400.0, 1.0),
+        ];
+        let front = front_of(&points, Against::Pressure, |point| point.p90.value_um);
+        assert_eq!(front, [1, 3, 5]);
+        // The root stress of all is the same: one is best.
+        let front = front_of(&points, Against::RootStress, |point| point.p90.value_um);
+        assert_eq!(front, [5]);
+    }
+
+    #[test]
+    fn fresh_samples_decide_over_those_that_a_design_was_chosen_by() {
+        let mut points = [
+            point(Source::Doe(0), 1000.0, 2.0, Some(3.0)),
+            point(Source::Doe(1), 1400.0, 1.5, Some(3.1)),
+            point(Source::Optimum("kriging"), 1300.0, 2.0, Some(2.0)),
+        ];
+        mark(&mut points, Against::Pressure);
+        let marks = points.clone().map(|point| (point.source, point.on_front));
+        assert_eq!(
+            marks,
+            [
+                (Source::Doe(0), true),
+                (Source::Optimum("kriging"), true),
+                (Source::Doe(1), false)
+            ]
+        );
+    }
+
+    #[test]
+    fn searches_under_a_limit_stay_below_it() {
+        let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
+        campaign.optimise.evaluations = 400;
+        campaign.optimise.restart_at = 200;
+        campaign.sampling.samples_per_design = 8;
+        campaign.verify.samples = 50;
+        let problem = Problem::new(campaign);
+        let known = [
+            point(Source::Doe(0), 1150.0, 4.0, None),
+            point(Source::Doe(1), 1500.0, 3.0, None),
+        ];
+        let refine = || {
+            let frozen = problem.printed_frozen();
+            let here = &InProcess(&problem);
+            refine(here, &problem, &frozen, &known, Against::Pressure, 2).unwrap()
+        };
+        let found = refine();
+        // By their text: what an interval is not known of is no number, and no number equals itself.
+        assert_eq!(format!("{found:?}"), format!("{:?}", refine()));
+        assert_eq!(found.len(), 2);
+        // The campaign's own limit, then half of 15 % below the best known design's 1500 MPa.
+        for (point, limit) in found.iter().zip([1550.0, 1387.5]) {
+            assert!(point.criteria.hertz_pressure_mpa < limit);
+            assert!(problem.is_feasible(&point.criteria));
+            assert_eq!(point.fresh.unwrap().samples, 50);
+        }
+    }
+}

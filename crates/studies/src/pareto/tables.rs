@@ -1,0 +1,201 @@
+//! The front as CSV, Markdown and a chart.
+
+use std::path::Path;
+
+use campaign::formulation::{Problem, VARIABLE_NAMES};
+use report::PercentileSeries;
+
+use super::front::{Against, Point, Source};
+use crate::table::{NOTHING, Table, exact, maybe_exact, with_interval, write};
+
+/// Writes `pareto.csv`, `pareto.md` and `pareto.svg` into `out`; returns the Markdown. `all` are the
+/// designs behind the front of the DoE, `marked` what [`super::mark`] has seen, after so many `searches`.
+///
+/// # Errors
+///
+/// A file cannot be written.
+pub fn write_tables(
+    out: &Path,
+    problem: &Problem,
+    against: Against,
+    all: &[Point],
+    marked: &[Point],
+    searches: u32,
+) -> anyhow::Result<String> {
+    write(out, "pareto.csv", all_figures(marked).csv()?)?;
+    let mut page = format!(
+        "# {}: P90 of ΔSTE against the {}\n\n\
+         {} designs of the DoE satisfy the constraints, that on {} (below {} MPa) aside. Below are \
+         those that no other is better than by the samples of the campaign, the optima, and what \
+         searches found; intervals are of 95 %. A design is on the front if no other one is better \
+         by fresh samples.\n\n{}",
+        problem.campaign().name,
+        against.label(),
+        all.len(),
+        against.constraint(),
+        against.limit(problem),
+        summary(problem, against, marked).markdown()
+    );
+    if searches > 0 {
+        let found = marked
+            .iter()
+            .filter(|point| point.source == Source::Refined);
+        page += &format!(
+            "\n{} of {searches} direct searches found a design within their limit.\n",
+            found.count()
+        );
+    }
+    match chart(problem, against, all, marked) {
+        Ok(svg) => {
+            write(out, "pareto.svg", svg)?;
+            page += "\n![The front](pareto.svg)\n";
+        }
+        Err(why) => page += &format!("\n{why}\n"),
+    }
+    write(out, "pareto.md", &page)?;
+    Ok(page)
+}
+
+fn summary(problem: &Problem, against: Against, points: &[Point]) -> Table {
+    let mut table = Table::new([
+        "design",
+        against.label(),
+        "P90 of its samples, µm",
+        "P90 of fresh samples, µm",
+        "on the front",
+    ]);
+    for point in points {
+        let value = against.of(&point.criteria);
+        let beyond = if value < against.limit(problem) {
+            ""
+        } else {
+            " (beyond the limit)"
+        };
+        table.rows.push(vec![
+            point.source.name(),
+            format!("{value:.0}{beyond}"),
+            with_interval(&point.p90),
+            point
+                .fresh
+                .as_ref()
+                .map_or(NOTHING.to_owned(), with_interval),
+            if point.on_front { "yes" } else { "no" }.to_owned(),
+        ]);
+    }
+    table
+}
+
+fn all_figures(points: &[Point]) -> Table {
+    let mut header = vec!["source"];
+    header.extend(VARIABLE_NAMES);
+    header.extend([
+        "contact_ratio",
+        "specific_sliding",
+        "hertz_pressure_mpa",
+        "root_stress_mpa",
+        "p90_um",
+        "p90_low_um",
+        "p90_high_um",
+        "fresh_p90_um",
+        "fresh_p90_low_um",
+        "fresh_p90_high_um",
+        "on_front",
+    ]);
+    let mut table = Table::new(header);
+    for point in points {
+        let mut line = vec![point.source.name()];
+        line.extend(point.variables.values().map(exact));
+        let criteria = &point.criteria;
+        line.extend(
+            [
+                criteria.contact_ratio,
+                criteria.specific_sliding,
+                criteria.hertz_pressure_mpa,
+                criteria.root_stress_mpa,
+            ]
+            .map(exact),
+        );
+        for p90 in [Some(point.p90), point.fresh] {
+            let finite = |value: f64| value.is_finite().then_some(value);
+            line.push(maybe_exact(p90.map(|p90| p90.value_um)));
+            line.push(maybe_exact(p90.and_then(|p90| finite(p90.low_um))));
+            line.push(maybe_exact(p90.and_then(|p90| finite(p90.high_um))));
+        }
+        line.push(u8::from(point.on_front).to_string());
+        table.rows.push(line);
+    }
+    table
+}
+
+fn chart(
+    problem: &Problem,
+    against: Against,
+    all: &[Point],
+    marked: &[Point],
+) -> Result<String, report::Error> {
+    let at = |point: &Point| against.of(&point.criteria);
+    let series = |name: &str, of: &dyn Fn(&Source) -> bool| PercentileSeries {
+        name: name.to_owned(),
+        points: marked
+            .iter()
+            .filter(|point| of(&point.source))
+            .map(|point| (at(point), point.fresh.unwrap_or(point.p90)))
+            .collect(),
+    };
+    let dots: Vec<[f64; 2]> = all
+        .iter()
+        .map(|point| [at(point), point.p90.value_um])
+        .collect();
+    let front: Vec<[f64; 2]> = marked
+        .iter()
+        .filter(|point| point.on_front)
+        .map(|point| [at(point), point.judged_um()])
+        .collect();
+    report::chart_front(
+        against.label(),
+        against.limit(problem),
+        &dots,
+        &front,
+        &[
+            series("front of the DoE", &|s| matches!(s, Source::Doe(_))),
+            series("optima", &|s| matches!(s, Source::Optimum(_))),
+            series("direct searches", &|s| matches!(s, Source::Refined)),
+        ],
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use campaign::Campaign;
+    use gear::paper::printed::Place;
+    use report::Percentile;
+
+    use super::*;
+
+    #[test]
+    fn the_tables_are_whole_and_the_chart_shows_what_there_is() {
+        let problem = Problem::new(Campaign::parse("paper.toml", Campaign::PAPER).unwrap());
+        let variables = stages::references::variables(Place::Figure(9));
+        let pair = problem.pair(&variables).unwrap();
+        let point = |source, pressure| Point {
+            source,
+            variables,
+            criteria: problem.criteria(&pair, pressure),
+            p90: Percentile {
+                value_um: 2.0,
+                low_um: 1.9,
+                high_um: 2.1,
+                samples: 30,
+            },
+            fresh: None,
+            on_front: true,
+        };
+        let points = [
+            point(Source::Doe(0), 1000.0),
+            point(Source::Optimum("kriging"), 1300.0),
+        ];
+        assert!(all_figures(&points).csv().is_ok(), "every row is complete");
+        let svg = chart(&problem, Against::Pressure, &points, &points).unwrap();
+        assert!(svg.contains("front of the DoE") && !svg.contains("direct searches"));
+    }
+}

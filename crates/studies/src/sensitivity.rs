@@ -1,0 +1,442 @@
+//! `coordinator sensitivity`: what the recommended design's P90 owes to the scenario of wear, and
+//! to tolerances.
+//!
+//! Two questions, two tables. The first varies one parameter of the wear field at a time by a factor
+//! and samples afresh. The second lets small deviations of the six variables and of the wear's
+//! parameters vary together and splits the variance that follows among them (Sobol' indices).
+//!
+//! A deviation of a variable is one of manufacture: tools keep their module, so the module stays as
+//! designed, and the centre distance at which the pair meshes without backlash follows.
+
+use std::path::Path;
+
+use anyhow::Context as _;
+use campaign::formulation::{Problem, ROBUST_VARIABLES, VARIABLE_NAMES};
+use campaign::{Variables, Variant, WearFactors};
+use report::Percentile;
+use results::percentile::percentile;
+use stats::streams::{Purpose, stream};
+use stats::{Index, Sensitivity, SensitivityPlan};
+
+use crate::direct::COMMON;
+use crate::finished::Optimum;
+use crate::simulations::{Answer, Request, Simulations};
+use crate::table::{Table, exact, with_interval, write};
+
+/// Names the wear profiles among which the field of a single sample is drawn.
+const FIELDS: u64 = (1 << 40) + 1;
+
+/// Bootstrap samples behind an interval.
+const RESAMPLES: usize = 1000;
+
+/// The parameters of the wear field, in the order of the inputs after the variables.
+const SCENARIO: [&str; 3] = ["wear depth", "wear variance", "wear range"];
+
+/// How much is uncertain.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tolerances {
+    /// Largest deviation of each of the six variables, modules.
+    pub modules: f64,
+    /// Largest deviation of the wear's depth, variance and range, as a share of each.
+    pub scenario: f64,
+    /// Rows of the analysis; a power of two is best.
+    pub rows: usize,
+}
+
+/// One line of the scenario table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scenario {
+    /// What is changed.
+    pub parameter: &'static str,
+    /// By which factor.
+    pub factor: f64,
+    /// P90 from as many fresh samples as the campaign verifies with.
+    pub p90: Percentile,
+}
+
+/// The indices of one output.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Indices {
+    /// The output, in words.
+    pub output: &'static str,
+    /// The inputs.
+    pub inputs: Vec<&'static str>,
+    /// What was found.
+    pub sensitivity: Sensitivity,
+}
+
+/// The optimum of least verified P90, or that of the approach of that name.
+///
+/// # Errors
+///
+/// There is no such feasible optimum.
+pub fn choose<'a>(optima: &'a [Optimum], approach: Option<&str>) -> anyhow::Result<&'a Optimum> {
+    let p90 = |optimum: &Optimum| percentile(&optimum.fresh).value_um;
+    match approach {
+        Some(name) => optima
+            .iter()
+            .find(|optimum| optimum.approach.name() == name)
+            .with_context(|| format!("approach {name} found no feasible design")),
+        None => optima
+            .iter()
+            .filter(|optimum| p90(optimum).is_finite())
+            .min_by(|a, b| p90(a).total_cmp(&p90(b)))
+            .context("no approach found a feasible design"),
+    }
+}
+
+/// P90 of the design as verified, and with the wear field's variance, range and depth halved and
+/// doubled. The random numbers are those of the verification.
+///
+/// # Errors
+///
+/// Those of the simulations, or the design cannot be simulated; none of the latter for one from the
+/// campaign's store.
+pub fn scenarios(
+    simulations: &dyn Simulations,
+    problem: &Problem,
+    optimum: &Optimum,
+) -> anyhow::Result<Vec<Scenario>> {
+    let one = ["as designed"].map(|parameter| (parameter, 1.0));
+    let varied = ["wear variance", "wear range", "wear depth"]
+        .into_iter()
+        .flat_map(|parameter| [0.5, 2.0].map(|factor| (parameter, factor)));
+    let scenarios: Vec<_> = one.into_iter().chain(varied).collect();
+    let request = |(parameter, factor): &(&str, f64)| {
+        let stream = (Purpose::Verify, optimum.approach.number());
+        let mut variant = Variant::new(optimum.variables, stream);
+        match *parameter {
+            "wear variance" => variant.wear.variance = *factor,
+            "wear range" => variant.wear.range = *factor,
+            "wear depth" => variant.wear.depth = *factor,
+            _ => {}
+        }
+        Request {
+            variant,
+            samples: 0..problem.campaign().verify.samples,
+        }
+    };
+    let requests: Vec<Request> = scenarios.iter().map(request).collect();
+    let answers = simulations.simulate(&requests)?;
+    let scenario = |((parameter, factor), answer): ((&'static str, f64), Answer)| {
+        let samples_um = answer.samples_of("the optimum")?;
+        Ok(Scenario {
+            parameter,
+            factor,
+            p90: percentile(&samples_um),
+        })
+    };
+    scenarios.into_iter().zip(answers).map(scenario).collect()
+}
+
+/// First-order and total indices of P90 (from the common samples of the campaign's number), and of
+/// the ΔSTE of one worn pair, whose wear field is one input more.
+///
+/// # Errors
+///
+/// Those of the simulations; or the design has no module, tolerances leave no design that can be
+/// simulated, or nothing varies.
+pub fn indices(
+    simulations: &dyn Simulations,
+    problem: &Problem,
+    optimum: &Optimum,
+    tolerances: &Tolerances,
+) -> anyhow::Result<Vec<Indices>> {
+    let mut inputs = VARIABLE_NAMES[..ROBUST_VARIABLES].to_vec();
+    inputs.extend(SCENARIO);
+    let module = problem.normal_module(&optimum.variables)?;
+    let at = |point: &[f64], stream| Variant {
+        normal_module_mm: Some(module),
+        ..deviated(&optimum.variables, tolerances, point, stream)
+    };
+    let samples_per_design = problem.campaign().sampling.samples_per_design;
+    let of_p90 = |point: &[f64]| Request {
+        variant: at(point, COMMON),
+        samples: 0..samples_per_design,
+    };
+    let of_sample = |point: &[f64]| {
+        // The field is drawn from 2³² numbered ones, so that its number is a uniform input.
+        let number = (point[inputs.len()] * f64::from(u32::MAX)) as u32;
+        let number = number.min(u32::MAX - 1);
+        Request {
+            variant: at(point, (Purpose::Wear, FIELDS)),
+            samples: number..number + 1,
+        }
+    };
+    let with_field = [&inputs[..], &["wear field"]].concat();
+    let analyse = |output, inputs, number, request: &dyn Fn(&[f64]) -> Request| {
+        analyse(
+            simulations,
+            problem,
+            output,
+            inputs,
+            tolerances,
+            number,
+            request,
+        )
+    };
+    Ok(vec![
+        analyse("P90", inputs.clone(), 0, &of_p90)?,
+        analyse("ΔSTE of one worn pair", with_field, 1, &of_sample)?,
+    ])
+}
+
+/// The design and the wear at a point of the unit cube.
+fn deviated(
+    nominal: &Variables,
+    tolerances: &Tolerances,
+    point: &[f64],
+    stream: (Purpose, u64),
+) -> Variant {
+    let deviation = |input: usize, size: f64| size * (2.0 * point[input] - 1.0);
+    let mut x = nominal.robust_part();
+    for (input, value) in x.iter_mut().enumerate() {
+        *value += deviation(input, tolerances.modules);
+    }
+    let factor = |number: usize| 1.0 + deviation(ROBUST_VARIABLES + number, tolerances.scenario);
+    let variables = Variables::robust(&x, &nominal.frozen_part());
+    Variant {
+        wear: WearFactors {
+            depth: factor(0),
+            variance: factor(1),
+            range: factor(2),
+        },
+        ..Variant::new(variables, stream)
+    }
+}
+
+fn analyse(
+    simulations: &dyn Simulations,
+    problem: &Problem,
+    output: &'static str,
+    inputs: Vec<&'static str>,
+    tolerances: &Tolerances,
+    number: u32,
+    request: &dyn Fn(&[f64]) -> Request,
+) -> anyhow::Result<Indices> {
+    let plan = SensitivityPlan::new(inputs.len(), tolerances.rows, number)?;
+    let requests: Vec<Request> = (0..plan.len())
+        .map(|index| request(&plan.point(index)))
+        .collect();
+    // The percentile of a single sample is that sample.
+    let value = |answer| match answer {
+        Answer::Refused(_) => f64::NAN,
+        Answer::Simulated { samples_um, .. } => match samples_um[..] {
+            [sample] => sample,
+            _ => percentile(&samples_um).value_um,
+        },
+    };
+    let answers = simulations.simulate(&requests)?;
+    let outputs: Vec<f64> = answers.into_iter().map(value).collect();
+    let seed = problem.campaign().seed;
+    let mut rng = stream(seed, Purpose::Wear, FIELDS + 1, u64::from(number));
+    let sensitivity = plan
+        .analyse(&outputs, RESAMPLES, &mut rng)
+        .with_context(|| format!("the indices of {output}"))?;
+    Ok(Indices {
+        output,
+        inputs,
+        sensitivity,
+    })
+}
+
+/// Writes `scenarios.csv`, `indices.csv` and `sensitivity.md` into `out`; returns the Markdown.
+///
+/// # Errors
+///
+/// A file cannot be written.
+pub fn write_tables(
+    out: &Path,
+    name: &str,
+    optimum: &Optimum,
+    tolerances: &Tolerances,
+    scenarios: &[Scenario],
+    indices: &[Indices],
+) -> anyhow::Result<String> {
+    let mut table = Table::new(["parameter", "factor", "p90_um", "p90_low_um", "p90_high_um"]);
+    let mut shown = Table::new(["scenario", "P90, µm"]);
+    for row in scenarios {
+        let p90 = &row.p90;
+        let figures = [row.factor, p90.value_um, p90.low_um, p90.high_um].map(exact);
+        table
+            .rows
+            .push([vec![row.parameter.to_owned()], figures.to_vec()].concat());
+        let label = if row.factor == 1.0 {
+            row.parameter.to_owned()
+        } else {
+            format!("{} × {}", row.parameter, row.factor)
+        };
+        shown.rows.push(vec![label, with_interval(p90)]);
+    }
+    write(out, "scenarios.csv", table.csv()?)?;
+    write(out, "indices.csv", index_figures(indices).csv()?)?;
+    let mut page = format!(
+        "# {name}: sensitivity of the design of approach {}\n\n{}",
+        optimum.approach.name(),
+        shown.markdown()
+    );
+    page += &format!(
+        "\nShares of the variance when the six variables deviate by up to {} modules and the \
+         wear's depth, variance and range by up to {} %, all evenly and independently, with 95 % \
+         bootstrap intervals. The first-order index is what an input does alone, the total one what \
+         it does with the others, too.\n",
+        tolerances.modules,
+        100.0 * tolerances.scenario
+    );
+    for one in indices {
+        let found = &one.sensitivity;
+        let mut shown = Table::new(["input", "first-order index", "total index"]);
+        let index = |i: &Index| format!("{:.3} [{:.3}; {:.3}]", i.value, i.low, i.high);
+        for ((input, first), total) in one.inputs.iter().zip(&found.first).zip(&found.total) {
+            shown
+                .rows
+                .push(vec![(*input).to_owned(), index(first), index(total)]);
+        }
+        page += &format!(
+            "\n{}: mean {:.3} µm, standard deviation {:.3} µm",
+            one.output,
+            found.mean,
+            found.variance.sqrt()
+        );
+        if found.left_out > 0 {
+            page += &format!(
+                "; {} of {} rows left out, because a deviated pair cannot be simulated",
+                found.left_out, tolerances.rows
+            );
+        }
+        page += &format!(".\n\n{}", shown.markdown());
+    }
+    write(out, "sensitivity.md", &page)?;
+    Ok(page)
+}
+
+fn index_figures(indices: &[Indices]) -> Table {
+    let mut table = Table::new([
+        "output",
+        "input",
+        "first",
+        "first_low",
+        "first_high",
+        "total",
+        "total_low",
+        "total_high",
+    ]);
+    for one in indices {
+        let found = &one.sensitivity;
+        for ((input, first), total) in one.inputs.iter().zip(&found.first).zip(&found.total) {
+            let figures = [first, total].map(|i| [i.value, i.low, i.high].map(exact));
+            let mut line = vec![one.output.to_owned(), (*input).to_owned()];
+            line.extend(figures.concat());
+            table.rows.push(line);
+        }
+    }
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    use campaign::{Approach, Campaign};
+
+    use super::*;
+    use crate::simulations::InProcess;
+
+    /// The optimum of Figure 9 with the campaign's own random numbers.
+    fn figure_9() -> (Problem, Optimum) {
+        let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
+        campaign.sampling.samples_per_design = 10;
+        campaign.verify.samples = 200;
+        let problem = Problem::new(campaign);
+        let variables = stages::references::variables(gear::paper::printed::Place::Figure(9));
+        let pair = problem.pair(&variables).unwrap();
+        let variant = Variant::new(variables, (Purpose::Verify, Approach::Archard.number()));
+        let request = Request {
+            variant,
+            samples: 0..200,
+        };
+        let answer = InProcess(&problem).simulate(&[request]).unwrap().remove(0);
+        let optimum = Optimum {
+            approach: Approach::Archard,
+            variables,
+            criteria: problem.criteria(&pair, 1000.0),
+            fresh: answer.samples_of("Figure 9").unwrap(),
+        };
+        (problem, optimum)
+    }
+
+    #[test]
+    fn the_scenario_as_designed_is_the_verification_and_more_wear_is_worse() {
+        let (problem, optimum) = figure_9();
+        let rows = scenarios(&InProcess(&problem), &problem, &optimum).unwrap();
+        assert_eq!(rows.len(), 7);
+        assert_eq!(rows[0].p90, percentile(&optimum.fresh));
+        let of = |parameter: &str, factor: f64| {
+            let row = rows
+                .iter()
+                .find(|row| row.parameter == parameter && row.factor == factor);
+            row.unwrap().p90.value_um
+        };
+        let nominal = rows[0].p90.value_um;
+        // Half the depth may be worse, too, for a design that was optimised for the whole.
+        assert!(nominal < of("wear depth", 2.0));
+        // A wider scatter of the same mean moves the percentile up.
+        assert!(of("wear variance", 0.5) < nominal && nominal < of("wear variance", 2.0));
+    }
+
+    #[test]
+    fn indices_are_reproducible_and_shares_of_one() {
+        let (problem, optimum) = figure_9();
+        let tolerances = Tolerances {
+            modules: 0.01,
+            scenario: 0.2,
+            rows: 128,
+        };
+        let here = &InProcess(&problem);
+        let indices = |tolerances| indices(here, &problem, &optimum, tolerances);
+        let found = indices(&tolerances).unwrap();
+        assert_eq!(found, indices(&tolerances).unwrap());
+        assert_eq!(
+            found.iter().map(|one| one.inputs.len()).collect::<Vec<_>>(),
+            [9, 10]
+        );
+        for one in &found {
+            let sum: f64 = one.sensitivity.first.iter().map(|index| index.value).sum();
+            // Estimates from 128 rows: what is far off is wrong, not unlucky.
+            assert!((0.6..1.3).contains(&sum), "{}: {sum}", one.output);
+            assert_eq!(one.sensitivity.left_out, 0);
+        }
+        // The percentile is nearly proportional to the depth, which varies by 20 %.
+        let of_p90 = &found[0];
+        let depth = of_p90
+            .inputs
+            .iter()
+            .position(|i| *i == "wear depth")
+            .unwrap();
+        assert!(of_p90.sensitivity.total[depth].value > 0.3);
+        let none = Tolerances {
+            modules: 0.0,
+            scenario: 0.0,
+            rows: 64,
+        };
+        let error = indices(&none).unwrap_err();
+        assert!(
+            format!("{error:#}").contains("does not depend"),
+            "{error:#}"
+        );
+    }
+
+    #[test]
+    fn the_design_of_least_percentile_is_recommended_unless_another_is_asked_for() {
+        let (_, first) = figure_9();
+        let second = Optimum {
+            approach: Approach::Kriging,
+            fresh: first.fresh.iter().map(|sample| 0.5 * sample).collect(),
+            ..first.clone()
+        };
+        let optima = [first, second];
+        assert_eq!(choose(&optima, None).unwrap().approach, Approach::Kriging);
+        let asked = choose(&optima, Some("archard")).unwrap();
+        assert_eq!(asked.approach, Approach::Archard);
+        assert!(choose(&optima, Some("no-wear")).is_err());
+        assert!(choose(&[], None).is_err());
+    }
+}

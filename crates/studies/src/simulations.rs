@@ -1,0 +1,145 @@
+//! What a study asks of the workers.
+
+use std::ops::Range;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::thread::ScopedJoinHandle;
+
+use campaign::Variant;
+use campaign::formulation::{Criteria, Problem};
+use campaign::optimise::RunResult;
+use campaign::task::{Output, Run, Source, compute};
+use ledger::{Generation, StreamId, Unit};
+
+/// Samples of a variant that a study asks for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Request {
+    /// The variant.
+    pub variant: Variant,
+    /// Which of its samples.
+    pub samples: Range<u32>,
+}
+
+/// What the simulator says of a variant.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Answer {
+    /// The variant cannot be simulated, and why.
+    Refused(String),
+    /// The variant was simulated.
+    Simulated {
+        /// Its criteria, with the contact pressure under Archard's wear.
+        criteria: Criteria,
+        /// ΔSTE of the samples asked for, µm; none of a variant that breaks a constraint and is to be
+        /// sampled only if it does not.
+        samples_um: Vec<f64>,
+    },
+}
+
+/// The workers of a study. Calls block until all answers are in; several threads may call at once.
+pub trait Simulations: Sync {
+    /// Simulates variants; the answers are in their order.
+    ///
+    /// # Errors
+    ///
+    /// The simulator failed repeatedly, or the study was stopped.
+    fn simulate(&self, requests: &[Request]) -> anyhow::Result<Vec<Answer>>;
+
+    /// Runs optimisers; the results are in the order of the runs.
+    ///
+    /// # Errors
+    ///
+    /// As [`simulate`](Self::simulate).
+    fn optimise(&self, runs: Vec<Run>) -> anyhow::Result<Vec<RunResult>>;
+}
+
+impl Answer {
+    /// The samples of a variant, µm, which `name` names in the error.
+    ///
+    /// # Errors
+    ///
+    /// The variant cannot be simulated.
+    pub fn samples_of(self, name: &str) -> anyhow::Result<Vec<f64>> {
+        match self {
+            Self::Simulated { samples_um, .. } => Ok(samples_um),
+            Self::Refused(why) => anyhow::bail!("{name} cannot be simulated: {why}"),
+        }
+    }
+}
+
+/// The most threads that wait for workers at once.
+const THREADS: u32 = 16;
+
+/// What `work` gives for each number, in their order. Several threads call it at once, because it waits
+/// for workers most of the time.
+///
+/// # Errors
+///
+/// The first of `work`'s, in the order of the numbers.
+pub(crate) fn at_once<T: Send>(
+    numbers: Range<u32>,
+    work: impl Fn(u32) -> anyhow::Result<T> + Sync,
+) -> anyhow::Result<Vec<T>> {
+    let next = AtomicU32::new(numbers.start);
+    let take = || {
+        let mut done = Vec::new();
+        loop {
+            let number = next.fetch_add(1, Ordering::Relaxed);
+            if number >= numbers.end {
+                return done;
+            }
+            done.push((number, work(number)));
+        }
+    };
+    let mut done: Vec<(u32, anyhow::Result<T>)> = std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..THREADS.min(numbers.len() as u32))
+            .map(|_| scope.spawn(take))
+            .collect();
+        let join = |thread: ScopedJoinHandle<'_, _>| match thread.join() {
+            Ok(done) => done,
+            Err(panic) => std::panic::resume_unwind(panic),
+        };
+        threads.into_iter().flat_map(join).collect()
+    });
+    done.sort_by_key(|(number, _)| *number);
+    done.into_iter().map(|(_, result)| result).collect()
+}
+
+/// Simulations in the calling thread, for tests and examples.
+pub struct InProcess<'a>(pub &'a Problem);
+
+impl Simulations for InProcess<'_> {
+    fn simulate(&self, requests: &[Request]) -> anyhow::Result<Vec<Answer>> {
+        let answer = |request: &Request| {
+            let unit = Unit {
+                stream: StreamId::design(0),
+                generation: Generation(0),
+                samples: request.samples.clone(),
+            };
+            let source = Source::Variant(Box::new(request.variant));
+            match compute(self.0, &unit, &source).map_err(anyhow::Error::msg)? {
+                Output::Refused(why) => Ok(Answer::Refused(why)),
+                Output::Design {
+                    analysed,
+                    samples_um,
+                    ..
+                } => Ok(Answer::Simulated {
+                    criteria: Criteria {
+                        hertz_pressure_mpa: analysed.hertz_pressure_worn_mpa,
+                        ..analysed.criteria
+                    },
+                    samples_um,
+                }),
+                other => anyhow::bail!("a variant cannot give {other:?}"),
+            }
+        };
+        requests.iter().map(answer).collect()
+    }
+
+    fn optimise(&self, runs: Vec<Run>) -> anyhow::Result<Vec<RunResult>> {
+        let run = |run: Run| {
+            let model = run.model.as_deref();
+            campaign::optimise::run(self.0, run.approach, run.start, &run.frozen, model)
+                .map_err(anyhow::Error::msg)
+        };
+        runs.into_iter().map(run).collect()
+    }
+}

@@ -1,0 +1,370 @@
+//! `coordinator sweep`: the whole procedure for several numbers of teeth.
+//!
+//! Each number is a campaign of its own with its own store. What a sweep has done is what its
+//! stores hold: a killed one continues, and a finished one has nothing left to do but its tables.
+
+use std::path::{Path, PathBuf};
+
+use campaign::formulation::VARIABLE_NAMES;
+use campaign::{Approach, Campaign, Criteria, FileError, Variables};
+use report::{Percentile, PercentileSeries};
+use results::percentile::percentile;
+use results::status;
+use stages::optima::{self, approach_of, optimum_variables};
+use store::Store;
+
+use crate::table::{NOTHING, Table, exact, maybe_exact, with_interval, write};
+
+/// Numbers of teeth, ascending and without gaps.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Teeth(std::ops::RangeInclusive<u32>);
+
+impl Teeth {
+    /// What the simulator takes.
+    const SENSIBLE: std::ops::RangeInclusive<u32> = 4..=2000;
+
+    /// Every number, ascending.
+    pub fn iter(&self) -> impl Iterator<Item = u32> {
+        self.0.clone()
+    }
+}
+
+impl std::str::FromStr for Teeth {
+    type Err = String;
+
+    /// Reads `17..30` (without 30), `17..=30` (with it) or `17`.
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let number = |text: &str| -> Result<u32, String> {
+            let wrong = || format!("{text:?} is no number of teeth from 4 to 2000");
+            let number = text.trim().parse().map_err(|_| wrong())?;
+            if Self::SENSIBLE.contains(&number) {
+                Ok(number)
+            } else {
+                Err(wrong())
+            }
+        };
+        let range = if let Some((first, last)) = text.split_once("..=") {
+            number(first)?..=number(last)?
+        } else if let Some((first, end)) = text.split_once("..") {
+            number(first)?..=number(end)? - 1
+        } else {
+            number(text)?..=number(text)?
+        };
+        if range.is_empty() {
+            return Err(format!(
+                "{text:?} holds no number: 17..30 is 17 to 29, 17..=30 is 17 to 30"
+            ));
+        }
+        Ok(Self(range))
+    }
+}
+
+/// One campaign of a sweep.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Member {
+    /// The pinion's teeth.
+    pub teeth: u32,
+    /// The campaign.
+    pub campaign: Campaign,
+    /// The text of its file.
+    pub file_text: String,
+    /// Its store.
+    pub db: PathBuf,
+    /// The folder of its report.
+    pub report: PathBuf,
+}
+
+/// The campaigns of a sweep, with their places in the folder `out`.
+///
+/// # Errors
+///
+/// With one of the numbers the campaign makes no sense; `file` names the campaign's file.
+pub fn members(
+    file: &str,
+    campaign: &Campaign,
+    teeth: &Teeth,
+    out: &Path,
+) -> Result<Vec<Member>, FileError> {
+    teeth
+        .iter()
+        .map(|teeth| {
+            let (campaign, file_text) = campaign.with_pinion_teeth(file, teeth)?;
+            Ok(Member {
+                teeth,
+                db: out.join(format!("{}.db", campaign.name)),
+                report: out.join(format!("{}-report", campaign.name)),
+                campaign,
+                file_text,
+            })
+        })
+        .collect()
+}
+
+/// Whether the store of a campaign is there, is that campaign's, and has nothing left to do.
+///
+/// # Errors
+///
+/// There is something in the store's place that cannot be read.
+pub async fn is_finished(member: &Member) -> anyhow::Result<bool> {
+    let store = match Store::open_read_only(&member.db).await {
+        Ok(store) => store,
+        Err(store::Error::NoStore { .. }) => return Ok(false),
+        Err(error) => return Err(error.into()),
+    };
+    let status = status::read(&store).await;
+    store.close().await?;
+    let status = status?;
+    Ok(status.finished && status.campaign_digest == member.campaign.digest())
+}
+
+/// What one approach found for one number of teeth.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Row {
+    /// Teeth of pinion and mate.
+    pub teeth: [u32; 2],
+    /// The approach.
+    pub approach: Approach,
+    /// Calls of the simulator.
+    pub simulator_calls: u64,
+    /// The design with its criterion (µm), criteria and verified percentile; a remark where there
+    /// is none.
+    pub found: Result<(Variables, f64, Criteria, Percentile), String>,
+}
+
+/// What the store of a finished campaign says, one row per approach.
+///
+/// # Errors
+///
+/// The store cannot be read.
+pub async fn rows(member: &Member) -> anyhow::Result<Vec<Row>> {
+    let store = Store::open_read_only(&member.db).await?;
+    let mut rows = Vec::new();
+    for optimum in optima::stored(&store).await? {
+        let Some(approach) = approach_of(&optimum.approach) else {
+            continue;
+        };
+        let criteria: Option<Criteria> = serde_json::from_str(&optimum.criteria_json)?;
+        let found = match (optimum_variables(&optimum), criteria) {
+            (Some(variables), Some(criteria)) => {
+                let fresh = store.verify_samples(&optimum.approach).await?;
+                let samples: Vec<f64> = fresh.iter().map(|row| row.delta_ste_um).collect();
+                let p90 = percentile(&samples);
+                Ok((variables, optimum.criterion_um, criteria, p90))
+            }
+            _ => Err(optimum.note),
+        };
+        rows.push(Row {
+            teeth: member.campaign.teeth(),
+            approach,
+            simulator_calls: optimum.simulator_calls,
+            found,
+        });
+    }
+    store.close().await?;
+    Ok(rows)
+}
+
+/// Writes `sweep.csv`, `sweep.md` and `sweep.svg` into `out`; returns the Markdown.
+///
+/// # Errors
+///
+/// A file cannot be written.
+pub fn write_tables(out: &Path, name: &str, rows: &[Row]) -> anyhow::Result<String> {
+    write(out, "sweep.csv", all_figures(rows).csv()?)?;
+    let mut page = format!(
+        "# {name} over tooth numbers\n\n\
+         P90 of ΔSTE in µm at the optimum of each approach, with its 95 % interval from fresh \
+         samples.\n\n{}",
+        summary(rows).markdown()
+    );
+    for row in rows {
+        if let Err(why) = &row.found {
+            page += &format!(
+                "\n{} teeth, {}: no feasible design. {why}\n",
+                row.teeth[0],
+                row.approach.name()
+            );
+        }
+    }
+    match report::chart_teeth(&lines(rows)) {
+        Ok(svg) => {
+            write(out, "sweep.svg", svg)?;
+            page += "\n![P90 against the number of teeth](sweep.svg)\n";
+        }
+        Err(why) => page += &format!("\n{why}\n"),
+    }
+    write(out, "sweep.md", &page)?;
+    Ok(page)
+}
+
+/// The approaches that occur, in their order.
+fn approaches(rows: &[Row]) -> Vec<Approach> {
+    Approach::ALL
+        .into_iter()
+        .filter(|approach| rows.iter().any(|row| row.approach == *approach))
+        .collect()
+}
+
+/// One line per number of teeth, one column per approach.
+fn summary(rows: &[Row]) -> Table {
+    let approaches = approaches(rows);
+    let mut header = vec!["teeth".to_owned(), "best approach".to_owned()];
+    header.extend(approaches.iter().map(|approach| approach.name().to_owned()));
+    header.push("module of the best, mm".to_owned());
+    let mut table = Table::new(header);
+    let mut rest = rows;
+    while let Some(first) = rest.first() {
+        let (group, others) = rest.split_at(
+            rest.iter()
+                .position(|row| row.teeth != first.teeth)
+                .unwrap_or(rest.len()),
+        );
+        rest = others;
+        let best = group
+            .iter()
+            .filter_map(|row| Some((row, row.found.as_ref().ok()?)))
+            .min_by(|a, b| a.1.3.value_um.total_cmp(&b.1.3.value_um));
+        let mut line = vec![
+            format!("{} : {}", first.teeth[0], first.teeth[1]),
+            best.map_or("none feasible", |(row, _)| row.approach.name())
+                .to_owned(),
+        ];
+        line.extend(approaches.iter().map(|approach| {
+            let row = group.iter().find(|row| row.approach == *approach);
+            match row.map(|row| &row.found) {
+                Some(Ok((_, _, _, p90))) => with_interval(p90),
+                Some(Err(_)) => "none feasible".to_owned(),
+                None => NOTHING.to_owned(),
+            }
+        }));
+        line.push(best.map_or_else(
+            || NOTHING.to_owned(),
+            |(_, found)| format!("{:.3}", found.2.normal_module_mm),
+        ));
+        table.rows.push(line);
+    }
+    table
+}
+
+fn all_figures(rows: &[Row]) -> Table {
+    let mut header = vec!["teeth_p", "teeth_r", "approach"];
+    header.extend(VARIABLE_NAMES);
+    header.extend([
+        "criterion_um",
+        "p90_um",
+        "p90_low_um",
+        "p90_high_um",
+        "normal_module_mm",
+        "contact_ratio",
+        "specific_sliding",
+        "hertz_pressure_mpa",
+        "root_stress_mpa",
+        "simulator_calls",
+        "remark",
+    ]);
+    let mut table = Table::new(header);
+    for row in rows {
+        let [pinion, mate] = row.teeth.map(|teeth| teeth.to_string());
+        let mut line = vec![pinion, mate, row.approach.name().to_owned()];
+        let found = row.found.as_ref().ok();
+        match found {
+            Some((variables, ..)) => line.extend(variables.values().map(exact)),
+            None => line.extend(VARIABLE_NAMES.map(|_| String::new())),
+        }
+        let p90 = found.map(|found| found.3);
+        let criteria = found.map(|found| found.2);
+        line.extend(
+            [
+                found.map(|found| found.1),
+                p90.map(|p90| p90.value_um),
+                p90.map(|p90| p90.low_um),
+                p90.map(|p90| p90.high_um),
+                criteria.map(|criteria| criteria.normal_module_mm),
+                criteria.map(|criteria| criteria.contact_ratio),
+                criteria.map(|criteria| criteria.specific_sliding),
+                criteria.map(|criteria| criteria.hertz_pressure_mpa),
+                criteria.map(|criteria| criteria.root_stress_mpa),
+            ]
+            .map(maybe_exact),
+        );
+        line.push(row.simulator_calls.to_string());
+        line.push(row.found.as_ref().err().cloned().unwrap_or_default());
+        table.rows.push(line);
+    }
+    table
+}
+
+fn lines(rows: &[Row]) -> Vec<PercentileSeries> {
+    approaches(rows)
+        .into_iter()
+        .map(|approach| PercentileSeries {
+            name: approach.name().to_owned(),
+            points: rows
+                .iter()
+                .filter(|row| row.approach == approach)
+                .filter_map(|row| Some((f64::from(row.teeth[0]), row.found.as_ref().ok()?.3)))
+                .collect(),
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_are_read_as_rust_writes_them() {
+        let read = |text: &str| -> Vec<u32> { text.parse::<Teeth>().unwrap().iter().collect() };
+        assert_eq!(read("17..20"), [17, 18, 19]);
+        assert_eq!(read("17..=20"), [17, 18, 19, 20]);
+        assert_eq!(read("21"), [21]);
+        for wrong in [
+            "",
+            "20..17",
+            "17..17",
+            "3..9",
+            "17..2001..",
+            "a..b",
+            "17..=1e3",
+        ] {
+            assert!(wrong.parse::<Teeth>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_number_without_a_feasible_design_is_a_line_of_the_table() {
+        let campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
+        let variables = stages::references::variables(gear::paper::printed::Place::Figure(7));
+        let problem = campaign::formulation::Problem::new(campaign);
+        let criteria = problem.criteria(&problem.pair(&variables).unwrap(), 1000.0);
+        let p90 = percentile(&[1.0, 1.1, 0.9, 1.0, 1.2]);
+        let row = |teeth, approach, found| Row {
+            teeth,
+            approach,
+            simulator_calls: 7,
+            found,
+        };
+        let found = || Ok((variables, 1.0, criteria, p90));
+        let none = || Err("No run found a design.".to_owned());
+        let rows = [
+            row([19, 21], Approach::NoWear, none()),
+            row([19, 21], Approach::Archard, none()),
+            row([20, 22], Approach::NoWear, none()),
+            row([20, 22], Approach::Archard, found()),
+        ];
+        let table = summary(&rows);
+        assert_eq!(table.rows.len(), 2);
+        assert_eq!(table.rows[0][1], "none feasible");
+        assert_eq!(table.rows[1][1], "archard");
+        assert!(
+            table.rows[1][3].starts_with("1.186 ["),
+            "{:?}",
+            table.rows[1]
+        );
+        let all = all_figures(&rows);
+        assert_eq!(all.rows.len(), 4);
+        assert!(all.csv().is_ok(), "every row is complete");
+        let drawn: Vec<usize> = lines(&rows).iter().map(|line| line.points.len()).collect();
+        assert_eq!(drawn, [0, 1]);
+    }
+}

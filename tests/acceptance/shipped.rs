@@ -1,0 +1,68 @@
+//! The programs as they are shipped, without fail points. Their folder is named by the variable
+//! `PITCHLINE_SHIPPED`, as in
+//!
+//! ```text
+//! cargo build --release -p coordinator -p worker
+//! PITCHLINE_SHIPPED=$PWD/target/release cargo test -p acceptance --test acceptance -- shipped
+//! ```
+
+use std::path::PathBuf;
+
+use acceptance::{Sandbox, assert_code, errors, small_campaign};
+
+/// The variable that names the folder of the shipped programs.
+const VARIABLE: &str = "PITCHLINE_SHIPPED";
+
+/// At this point a coordinator with fail points ends before it has stored anything.
+const DEADLY: [(&str, &str); 1] = [("FAILPOINTS", "store::before_commit=return")];
+
+/// The path of the shipped coordinator, or none where there is nothing to test.
+fn coordinator() -> Option<String> {
+    let Some(folder) = std::env::var_os(VARIABLE) else {
+        acceptance::skipped(&format!("{VARIABLE} names no folder of shipped programs"));
+        return None;
+    };
+    let path = PathBuf::from(folder).join("coordinator");
+    assert!(path.is_absolute(), "{VARIABLE} must be an absolute path");
+    assert!(path.exists(), "there is no {}", path.display());
+    Some(path.display().to_string())
+}
+
+#[test]
+fn shipped_programs_have_no_fail_points_and_survive_a_kill() {
+    let Some(coordinator) = coordinator() else {
+        return;
+    };
+    let sandbox = Sandbox::new();
+    let file = sandbox.write("long.toml", &small_campaign(40, 20_000));
+    let file = file.to_str().unwrap();
+    let start = |db: &str| sandbox.start_with(&coordinator, &["run", file, "--db", db], &DEADLY);
+    let (ended, said) = start("whole.db").finish();
+    assert_eq!(ended.code(), Some(0), "{said}");
+    let whole = sandbox.status("whole.db").unwrap();
+    assert_eq!(whole["finished"], true, "{whole}");
+
+    let running = start("killed.db");
+    sandbox.wait_for("killed.db", "some samples", |status| {
+        status["samples"]["done"].as_u64() > Some(10_000)
+    });
+    running.kill();
+    let held = sandbox.status("killed.db").unwrap();
+    assert_eq!(held["finished"], false, "it was killed too late: {held}");
+    let (ended, said) = start("killed.db").finish();
+    assert_eq!(ended.code(), Some(0), "{said}");
+    let again = sandbox.status("killed.db").unwrap();
+    for key in ["samples_digest", "samples", "optima", "failures"] {
+        assert_eq!(again[key], whole[key], "{key}");
+    }
+    let table = ["export", "--db", "killed.db", "--table", "failures"];
+    let exported = sandbox.run(&coordinator, &[&table[..], &["--out", "f.csv"]].concat());
+    assert_code(&exported, 0);
+    let failures = std::fs::read_to_string(sandbox.path("f.csv")).unwrap();
+    assert_eq!(
+        failures.lines().count(),
+        1,
+        "{failures} {}",
+        errors(&exported)
+    );
+}

@@ -1,0 +1,60 @@
+//! SIGTERM during the steps that the coordinator computes itself.
+
+use std::time::{Duration, Instant};
+
+use acceptance::{Sandbox, small_campaign};
+
+use crate::campaign::{digest, export};
+
+/// Far less than the steps take together, on a machine that does other things, too.
+const PROMPTLY: Duration = Duration::from_secs(8);
+
+/// A campaign with as many designs as it takes to make the design of experiments, the kriging model
+/// and the decision of a round last for some tenths of a second each.
+fn campaign() -> String {
+    let section = "\n[enrichment]\ncriterion = \"expected-quantile-improvement\"\n\
+                   samples = 20000\nrounds = 1\npoints_per_round = 4\nsamples_per_point = 10\n\
+                   tolerance_um = 0.001\n";
+    small_campaign(1200, 4) + section
+}
+
+#[test]
+fn a_signal_ends_the_coordinator_in_the_middle_of_a_step() {
+    let sandbox = Sandbox::new();
+    let file = sandbox.write("steps.toml", &campaign());
+    let file = file.to_str().unwrap();
+    let start = |db: &str| {
+        let run = ["run", file, "--db", db];
+        sandbox.start_with("coordinator", &run, &[("PITCHLINE_LOG", "info")])
+    };
+    // What is said when a step begins, and when it has ended.
+    let steps = [
+        ("making the design of experiments", "INFO sampling"),
+        ("fitting the kriging model", "kriging model fitted"),
+        ("kriging model fitted", "infill decided"),
+    ];
+    for (begins, ends) in steps {
+        let mut running = start("stopped.db");
+        running.wait_for_line(begins);
+        std::thread::sleep(Duration::from_millis(50));
+        let since = Instant::now();
+        running.terminate();
+        let (ended, said) = running.finish();
+        let took = since.elapsed();
+        assert_eq!(ended.code(), Some(14), "{begins}: {said}");
+        assert!(took < PROMPTLY, "{begins}: {took:?}: {said}");
+        assert!(
+            !said.contains(ends),
+            "{begins}: the step came to its end: {said}"
+        );
+    }
+    for db in ["stopped.db", "whole.db"] {
+        let (ended, said) = start(db).finish();
+        assert_eq!(ended.code(), Some(0), "{db}: {said}");
+    }
+    assert_eq!(digest(&sandbox, "stopped.db"), digest(&sandbox, "whole.db"));
+    for table in ["designs", "responses", "infill"] {
+        let [stopped, whole] = ["stopped.db", "whole.db"].map(|db| export(&sandbox, db, table));
+        assert!(stopped == whole, "{table} differ");
+    }
+}

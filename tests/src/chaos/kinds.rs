@@ -1,0 +1,188 @@
+//! The kinds of campaign that a round may have, and the undisturbed run that each is compared with.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use super::outcome::Outcome;
+use super::programs::Programs;
+use super::{Violation, study};
+use crate::{root, small_campaign};
+
+/// A kind of campaign.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Kind {
+    /// The same number of samples for every design; a study comes after the campaign.
+    Plain,
+    /// Samples to a precision, where the constraints allow it.
+    Precise,
+    /// Rounds of infill after the DoE.
+    Enriched,
+    /// Grows while verification samples of its first optimum are in flight.
+    Grown,
+    /// An external simulator that fails now and then.
+    External,
+    /// An external simulator that cannot compute one design until the licence is paid.
+    Licence,
+}
+
+impl Kind {
+    /// All kinds.
+    pub const ALL: [Self; 6] = [
+        Self::Plain,
+        Self::Precise,
+        Self::Enriched,
+        Self::Grown,
+        Self::External,
+        Self::Licence,
+    ];
+
+    /// The kind's name.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Plain => "plain",
+            Self::Precise => "precise",
+            Self::Enriched => "enriched",
+            Self::Grown => "grown",
+            Self::External => "external",
+            Self::Licence => "licence",
+        }
+    }
+
+    /// Whether an external program simulates the designs.
+    #[must_use]
+    pub const fn is_external(self) -> bool {
+        matches!(self, Self::External | Self::Licence)
+    }
+
+    /// The campaign files, in the order in which they are run on the same store.
+    fn texts(self, seed: u64) -> Vec<String> {
+        let is_even = seed.is_multiple_of(2);
+        match self {
+            Self::Plain => vec![law(small_campaign(40, 6000), is_even)],
+            Self::Precise => {
+                let precision = "precision_um = 0.005\nsamples_max = 8000\nskip_violation = 2.0\n\
+                                 percentile = \"chosen\"\nsamples_per_design = 1500 ";
+                let text = small_campaign(40, 1500);
+                vec![law(
+                    change(&text, "samples_per_design = 1500 ", precision),
+                    is_even,
+                )]
+            }
+            Self::Enriched => {
+                let section = "\n[enrichment]\ncriterion = \"expected-quantile-improvement\"\n\
+                               samples = 600000\nrounds = 3\npoints_per_round = 4\n\
+                               samples_per_point = 25000\ntolerance_um = 0.001\n";
+                vec![small_campaign(60, 1000) + section]
+            }
+            Self::Grown => {
+                let grown = |designs, samples| {
+                    let text = law(small_campaign(designs, samples), is_even);
+                    change(&text, "\nsamples = 100 ", "\nsamples = 60000 ")
+                };
+                vec![grown(30, 1500), grown(36, 2000)]
+            }
+            Self::External => vec![external(true)],
+            Self::Licence => vec![external(is_even)],
+        }
+    }
+}
+
+/// Either law of wear, and either way to share the load.
+fn law(shipped: String, is_shipped: bool) -> String {
+    if is_shipped {
+        return shipped;
+    }
+    let text = change(&shipped, "\"whole-face-beam\"", "\"hertz-beam\"");
+    let text = change(&text, "law = \"signed\"", "law = \"archard\"");
+    change(&text, "coefficient_per_mpa = 3.5e-7", "max_depth_um = 3.5")
+}
+
+/// The example of an external simulator, with or without a precision.
+fn external(is_precise: bool) -> String {
+    let shipped = root().join("campaigns/external/campaign.toml");
+    let text = std::fs::read_to_string(shipped).expect("the example is shipped");
+    let samples = if is_precise {
+        "samples_per_design = 120\nprecision_um = 0.005\nsamples_max = 360\n\
+         skip_violation = 5.0"
+    } else {
+        "samples_per_design = 200"
+    };
+    let changes = [
+        ("probe_designs = 3", "probe_designs = 0"),
+        ("designs = 60", "designs = 36"),
+        ("samples_per_design = 25", samples),
+        ("\nsamples = 100", "\nsamples = 6000"),
+    ];
+    let changed = |text: String, (from, to): &(&str, &str)| change(&text, from, to);
+    changes.iter().fold(text, changed)
+}
+
+fn change(text: &str, from: &str, to: &str) -> String {
+    assert!(text.contains(from), "the campaign has no {from:?}");
+    text.replacen(from, to, 1)
+}
+
+/// The undisturbed run of a campaign.
+#[derive(Debug)]
+pub(crate) struct Reference {
+    /// The campaign's files, in the order in which they are run.
+    pub(crate) files: Vec<PathBuf>,
+    /// What the run left in its store.
+    pub(crate) outcome: Outcome,
+    /// How long the run took.
+    pub(crate) span: Duration,
+    /// The table of a study of the campaign, where there is one.
+    pub(crate) study: Option<String>,
+}
+
+impl Reference {
+    /// Runs a campaign in `folder` without disturbing it.
+    pub(crate) fn run(
+        kind: Kind,
+        seed: u64,
+        folder: &Path,
+        programs: &Programs,
+    ) -> Result<Self, Violation> {
+        let db = format!("{}.db", kind.name());
+        let since = Instant::now();
+        let mut files = Vec::new();
+        for (number, text) in kind.texts(seed).into_iter().enumerate() {
+            let file = folder.join(format!("{}-{number}.toml", kind.name()));
+            std::fs::write(&file, text).map_err(|error| Violation(error.to_string()))?;
+            programs.run_alone(folder, &file, &db, kind.is_external())?;
+            files.push(file);
+        }
+        let span = since.elapsed().max(Duration::from_secs(2));
+        let outcome = Outcome::read(programs, folder, &db)?;
+        if outcome.status["finished"] != true {
+            let status = &outcome.status;
+            return Err(Violation(format!("not even undisturbed: {status}")));
+        }
+        let study = match kind {
+            Kind::Plain => Some(study::undisturbed(programs, folder, &files[0], &db)?),
+            _ => None,
+        };
+        Ok(Self {
+            files,
+            outcome,
+            span,
+            study,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_shipped_campaigns_have_what_is_changed() {
+        for kind in Kind::ALL {
+            for seed in 0..2 {
+                let count = if kind == Kind::Grown { 2 } else { 1 };
+                assert_eq!(kind.texts(seed).len(), count, "{kind:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,188 @@
+//! The programs under test, and the commands that start them: one function for each.
+
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use serde_json::Value;
+
+use super::{Violation, study};
+use crate::root;
+
+/// Where a coordinator keeps the samples of a round.
+pub(crate) const DB: &str = "c.db";
+/// The access file of a round's coordinator.
+pub(crate) const ACCESS: &str = "c.access";
+
+/// A coordinator to be started.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Serving<'a> {
+    /// The campaign file.
+    pub(crate) file: &'a Path,
+    /// The address to listen on.
+    pub(crate) listen: SocketAddr,
+    /// Whether the coordinator stays when the campaign is finished.
+    pub(crate) stays: bool,
+}
+
+/// The folder of the programs, and that of the external simulators.
+#[derive(Debug, Clone)]
+pub(crate) struct Programs {
+    folder: PathBuf,
+    simulators: PathBuf,
+}
+
+impl Programs {
+    /// Writes the external simulators to a folder within `soak`.
+    pub(crate) fn new(folder: &Path, soak: &Path) -> Result<Self, Violation> {
+        let simulators = soak.join("simulators");
+        let copied = std::fs::create_dir(&simulators).and_then(|()| {
+            let example = root().join("campaigns/external/simulator.py");
+            std::fs::copy(example, simulators.join("simulator.py"))?;
+            std::fs::write(
+                simulators.join("unreliable.py"),
+                include_str!("unreliable.py"),
+            )
+        });
+        copied.map_err(|error| Violation(format!("no external simulator: {error}")))?;
+        Ok(Self {
+            folder: folder.to_owned(),
+            simulators,
+        })
+    }
+
+    /// The command line of an external simulator.
+    pub(crate) fn simulator(&self, name: &str, arguments: &str) -> String {
+        let path = self.simulators.join(name);
+        format!("exec python3 -B {} {arguments}", path.display())
+    }
+
+    fn command(&self, program: &str, folder: &Path, log: &str) -> Command {
+        let mut command = Command::new(self.folder.join(program));
+        command.current_dir(folder).env("PITCHLINE_LOG", log);
+        command
+    }
+
+    /// A coordinator that serves workers.
+    pub(crate) fn coordinator(&self, folder: &Path, access: &str, serving: Serving<'_>) -> Command {
+        // Results that came too late are reported at this level.
+        let mut command = self.command("coordinator", folder, "info,coordinator=debug");
+        command.arg("serve").arg(serving.file);
+        command.args(["--db", DB, "--out", "report", "--lease", "3"]);
+        command.args(["--access", access, "--listen", &serving.listen.to_string()]);
+        if serving.stays {
+            command.arg("--keep-serving");
+        }
+        command
+    }
+
+    /// A worker of one slot, with the command line of its simulator.
+    pub(crate) fn worker(
+        &self,
+        folder: &Path,
+        address: SocketAddr,
+        simulator: Option<&str>,
+    ) -> Command {
+        let mut command = self.command("worker", folder, "info");
+        command.args(["--access", ACCESS, "--connect"]);
+        command.arg(format!("https://{address}"));
+        command.args(["--slots", "1", "--grace", "2"]);
+        if let Some(simulator) = simulator {
+            command.args(["--exec", simulator]);
+        }
+        command
+    }
+
+    /// A command that asks or steers a coordinator.
+    pub(crate) fn client(&self, folder: &Path, address: SocketAddr, words: &[&str]) -> Command {
+        let mut command = self.command("coordinator", folder, "off");
+        command.args(words);
+        command.args(["--access", ACCESS, "--connect"]);
+        command.arg(format!("https://{address}"));
+        command
+    }
+
+    /// Runs a campaign to its end on this machine alone.
+    pub(crate) fn run_alone(
+        &self,
+        folder: &Path,
+        file: &Path,
+        db: &str,
+        is_external: bool,
+    ) -> Result<(), Violation> {
+        let mut command = self.command("coordinator", folder, "off");
+        let report = format!("{db}-report");
+        command.arg("run").arg(file);
+        command.args(["--db", db, "--out", &report]);
+        if is_external {
+            command.args(["--exec", &self.simulator("simulator.py", "")]);
+        }
+        finish(command).map(drop)
+    }
+
+    /// A study of a finished campaign, for workers of other processes.
+    pub(crate) fn study(&self, folder: &Path, file: &Path, db: &str, out: &str) -> Command {
+        let mut command = self.command("coordinator", folder, "info");
+        command.arg("pareto").arg(file);
+        command.args(["--db", db, "--out", out, "--refine", "1"]);
+        command.args(["--workers", "0", "--admit", "--listen", "127.0.0.1:0"]);
+        command.args(["--access", study::ACCESS]);
+        command
+    }
+
+    /// A worker of one slot for a study.
+    pub(crate) fn study_worker(&self, folder: &Path) -> Command {
+        let mut command = self.command("worker", folder, "info");
+        command.args(["--access", study::ACCESS, "--slots", "1", "--grace", "2"]);
+        command
+    }
+
+    /// The same study to its end on this machine alone.
+    pub(crate) fn study_alone(
+        &self,
+        folder: &Path,
+        file: &Path,
+        db: &str,
+        out: &str,
+    ) -> Result<(), Violation> {
+        let mut command = self.command("coordinator", folder, "off");
+        command.arg("pareto").arg(file);
+        command.args(["--db", db, "--out", out, "--refine", "1"]);
+        finish(command).map(drop)
+    }
+
+    /// The campaign's status as its store has it.
+    pub(crate) fn status(&self, folder: &Path, db: &str) -> Result<Value, Violation> {
+        let mut command = self.command("coordinator", folder, "off");
+        command.args(["status", "--db", db, "--json"]);
+        let printed = finish(command)?;
+        serde_json::from_slice(&printed).map_err(|error| Violation(format!("no JSON: {error}")))
+    }
+
+    /// A table of a store as text.
+    pub(crate) fn export(&self, folder: &Path, db: &str, table: &str) -> Result<String, Violation> {
+        let out = folder.join(format!("{db}.{table}.csv"));
+        // Export refuses to overwrite.
+        let _ = std::fs::remove_file(&out);
+        let mut command = self.command("coordinator", folder, "off");
+        command.args(["export", "--db", db, "--table", table]);
+        command.arg("--out").arg(&out);
+        finish(command)?;
+        std::fs::read_to_string(&out).map_err(|error| Violation(error.to_string()))
+    }
+}
+
+/// Runs a command to its good end and returns what it printed.
+fn finish(mut command: Command) -> Result<Vec<u8>, Violation> {
+    let output = command
+        .output()
+        .map_err(|error| Violation(format!("{command:?} does not start: {error}")))?;
+    if !output.status.success() {
+        let said = String::from_utf8_lossy(&output.stderr);
+        let status = output.status;
+        return Err(Violation(format!(
+            "{command:?} ended with {status}: {said}"
+        )));
+    }
+    Ok(output.stdout)
+}

@@ -1,0 +1,43 @@
+//! Progress that never goes back.
+
+use serde_json::Value;
+
+use super::Violation;
+
+/// How far the campaign has been seen to be.
+#[derive(Debug, Default)]
+pub(crate) struct Progress {
+    /// Samples, designs, optimiser runs, samples at optima, points of infill.
+    pub(crate) last: Option<[u64; 5]>,
+}
+
+impl Progress {
+    /// Notes what a status says. Optimiser runs and whatever follows from them go back when optima
+    /// may be chosen anew.
+    pub(crate) fn advance(&mut self, status: &Value, takes_turn: bool) -> Result<(), Violation> {
+        let number = |value: &Value| value.as_u64().unwrap_or(0);
+        let verified = status["optima"].as_array().map_or(0, |optima| {
+            let done = optima.iter().map(|one| number(&one["verified"]["done"]));
+            done.sum()
+        });
+        let now = [
+            number(&status["samples"]["done"]),
+            number(&status["designs"]["done"]),
+            number(&status["optimiser_runs"]["done"]),
+            verified,
+            number(&status["enrichment"]["points"]),
+        ];
+        let lasting = if takes_turn { 2 } else { now.len() };
+        let pairs = |before: [u64; 5]| before.into_iter().zip(now).take(lasting);
+        if let Some(before) = self.last
+            && pairs(before).any(|(before, now)| now < before)
+        {
+            return Err(Violation(format!(
+                "progress went back from {before:?} to {now:?} (samples, designs, optimiser runs, \
+                 samples at optima, points of infill)"
+            )));
+        }
+        self.last = Some(now);
+        Ok(())
+    }
+}
