@@ -72,8 +72,10 @@ impl Memory {
                 let of_design = samples.filter(|(of, _)| *of == u64::from(design));
                 of_design.map(|(_, sample)| *sample as u32).collect()
             });
-            let missing = ledger::gaps(&held, SAMPLES);
-            inputs.wanted(StreamId::design(design), source(problem, design), missing)
+            let source = source(problem, design);
+            let mut wanted = inputs.wanted(StreamId::design(design), source, SAMPLES);
+            wanted.missing = ledger::gaps(&held, SAMPLES);
+            wanted
         });
         wanted.collect()
     }

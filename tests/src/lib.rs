@@ -8,6 +8,7 @@ use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
@@ -383,15 +384,25 @@ pub fn skipped(why: &str) {
     eprintln!("skipped: {why}");
 }
 
-/// An address on loopback that nobody listens on just now.
+/// An address on loopback that nobody listens on just now, and that nobody gets by chance: the system
+/// takes the ports of clients from 32768 on, and each call gives another port.
 ///
 /// # Panics
 ///
 /// When there is none.
 #[must_use]
 pub fn free_address() -> SocketAddr {
-    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).expect("a free port");
-    listener.local_addr().expect("its address")
+    const FIRST: u32 = 20_000;
+    const COUNT: u32 = 12_000;
+    static CALLS: AtomicU32 = AtomicU32::new(0);
+    // Processes of one moment have numbers next to each other.
+    let start = std::process::id().wrapping_mul(97);
+    let is_free = |address: &SocketAddr| TcpListener::bind(address).is_ok();
+    (0..COUNT)
+        .map(|_| start.wrapping_add(CALLS.fetch_add(1, Ordering::Relaxed)) % COUNT)
+        .map(|port| SocketAddr::from((Ipv4Addr::LOCALHOST, (FIRST + port) as u16)))
+        .find(is_free)
+        .expect("a free port")
 }
 
 /// What a program wrote to standard error.

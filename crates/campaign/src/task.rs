@@ -1,6 +1,5 @@
 //! What workers compute: what it takes, what comes out, and the pure function between them.
 
-use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
@@ -98,19 +97,15 @@ impl Inputs {
         Generation(u64::from_le_bytes(*first))
     }
 
-    /// Samples of a stream, as a ledger wants them.
+    /// A stream that is to have this many samples and has none yet, as a ledger wants it.
     #[must_use]
-    pub fn wanted(
-        &self,
-        stream: StreamId,
-        source: Source,
-        missing: Vec<Range<u32>>,
-    ) -> Wanted<Arc<Source>> {
+    pub fn wanted(&self, stream: StreamId, source: Source, samples: u32) -> Wanted<Arc<Source>> {
         Wanted {
             stream,
             generation: self.generation(stream, &source),
             source: Arc::new(source),
-            missing,
+            samples,
+            missing: std::iter::once(0..samples).collect(),
             history: History::default(),
         }
     }

@@ -130,9 +130,10 @@ impl Simulations for Workers {
         let numbers = first..first.checked_add(count).context("too many variants")?;
         let wanted = numbers.clone().zip(requests).map(|(number, request)| {
             let source = Source::Variant(Box::new(request.variant));
-            let samples = vec![request.samples.clone()];
-            self.inputs
-                .wanted(StreamId::design(number), source, samples)
+            let stream = StreamId::design(number);
+            let mut wanted = self.inputs.wanted(stream, source, request.samples.end);
+            wanted.missing = vec![request.samples.clone()];
+            wanted
         });
         self.board.want(wanted.collect());
         let brought = self.wait(|collected| {
@@ -167,8 +168,7 @@ impl Simulations for Workers {
             .collect();
         let wanted = runs.into_iter().map(|run| {
             let stream = run.stream();
-            let once = std::iter::once(0..1).collect();
-            self.inputs.wanted(stream, Source::Run(run), once)
+            self.inputs.wanted(stream, Source::Run(run), 1)
         });
         self.board.want(wanted.collect());
         let brought: Vec<String> = self.wait(|collected| {

@@ -32,9 +32,10 @@ impl<P: Clone> Ledger<P> {
             Some(_) => self.forget(|other| other == id),
             None => {}
         }
-        let Some(end) = missing.last().map(|range| range.end) else {
+        if missing.is_empty() {
             return false;
-        };
+        }
+        let end = wanted.samples;
         self.settled.remove(&id);
         if let Some(stream) = self.streams.get_mut(&id) {
             stream.missing.extend(missing.iter().cloned());

@@ -168,7 +168,9 @@ pub struct Wanted<P> {
     pub generation: Generation,
     /// What a worker needs to compute it.
     pub source: P,
-    /// The samples that are not stored: disjoint, ascending.
+    /// How many samples it is to have in all.
+    pub samples: u32,
+    /// Those of them that are not stored: disjoint, ascending.
     pub missing: Vec<Range<u32>>,
     /// What happened before a restart.
     pub history: History,

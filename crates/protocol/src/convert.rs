@@ -380,6 +380,7 @@ mod tests {
                 stream: *stream,
                 generation: inputs.generation(*stream, source),
                 source: Arc::new(source.clone()),
+                samples: 1,
                 missing: std::iter::once(0..1).collect(),
                 history: History::default(),
             });

@@ -194,6 +194,7 @@ mod tests {
         let open = |design| OpenDesign {
             design,
             x: [0.5; ROBUST_VARIABLES],
+            samples: 30,
             missing: std::iter::once(0..30).collect(),
         };
         State {

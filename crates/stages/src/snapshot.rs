@@ -40,6 +40,9 @@ pub async fn load(
         // A DoE has at most 100 000 designs, and the samples of each are counted in 32 bits.
         design: work.design.design as u32,
         x: work.design.point(),
+        samples: more
+            .get(&work.design.design)
+            .map_or(wanted, |more| wanted.max(*more)) as u32,
         missing: work
             .samples
             .iter()

@@ -37,7 +37,9 @@ pub struct OpenDesign {
     pub design: u32,
     /// Its six variables.
     pub x: [f64; ROBUST_VARIABLES],
-    /// The samples that are missing, disjoint and ascending.
+    /// How many samples it is to have.
+    pub samples: u32,
+    /// Those of them that are missing, disjoint and ascending.
     pub missing: Vec<Range<u32>>,
 }
 

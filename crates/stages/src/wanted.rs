@@ -24,23 +24,23 @@ pub struct Asked {
 pub fn asked(inputs: &Inputs, next: &Next, open: &[OpenDesign]) -> Asked {
     let mut asked = Asked::default();
     for run in &next.runs {
-        let missing = std::iter::once(0..1).collect();
-        let wanted = inputs.wanted(run.stream(), Source::Run(run.clone()), missing);
+        let wanted = inputs.wanted(run.stream(), Source::Run(run.clone()), 1);
         asked.named(names::run_name(run.approach, run.start), wanted);
     }
     if let Some(frozen) = &next.sampling {
         for design in open {
             let source = Source::Design(Variables::robust(&design.x, frozen));
             // Its criteria tell whether it needs samples, so there always are some to ask for.
-            let missing = design.missing.clone();
-            let wanted = inputs.wanted(StreamId::design(design.design), source, missing);
+            let stream = StreamId::design(design.design);
+            let mut wanted = inputs.wanted(stream, source, design.samples);
+            wanted.missing.clone_from(&design.missing);
             asked.streams.push(wanted);
         }
     }
     for point in &next.points {
-        let missing = ledger::gaps(&point.stored, point.wanted);
         let source = Source::Point(point.variables);
-        let wanted = inputs.wanted(StreamId::point(point.number), source, missing);
+        let mut wanted = inputs.wanted(StreamId::point(point.number), source, point.wanted);
+        wanted.missing = ledger::gaps(&point.stored, point.wanted);
         asked.named(point.name.clone(), wanted);
     }
     asked

@@ -244,11 +244,7 @@ async fn noop(jobs: usize) -> anyhow::Result<()> {
     let inputs = Inputs::new(&campaign, None);
     let wanted = (0..jobs as u32).map(|design| {
         let source = Source::Design(impossible);
-        inputs.wanted(
-            StreamId::design(design),
-            source,
-            std::iter::once(0..1).collect(),
-        )
+        inputs.wanted(StreamId::design(design), source, 1)
     });
     served.board.want(wanted.collect());
     let before = cpu();

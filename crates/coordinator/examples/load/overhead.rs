@@ -159,8 +159,8 @@ async fn over_grpc(
     let inputs = Inputs::new(campaign, None);
     let wanted = (0..).zip(points).map(|(design, x)| {
         let source = Source::Design(Variables::robust(x, &problem.printed_frozen()));
-        let missing = std::iter::once(0..campaign.sampling.samples_per_design);
-        inputs.wanted(StreamId::design(design), source, missing.collect())
+        let samples = campaign.sampling.samples_per_design;
+        inputs.wanted(StreamId::design(design), source, samples)
     });
     served.board.want(wanted.collect());
     served.board.open();

@@ -42,8 +42,8 @@ fn board(problem: &Problem, epoch: u64) -> Arc<Board> {
     let board = Board::new(options, epoch);
     let inputs = Inputs::new(problem.campaign(), None);
     let source = Source::Design(variables(problem));
-    let missing = std::iter::once(0..SAMPLES as u32).collect();
-    board.want(vec![inputs.wanted(StreamId::design(0), source, missing)]);
+    let samples = SAMPLES as u32;
+    board.want(vec![inputs.wanted(StreamId::design(0), source, samples)]);
     board.open();
     Arc::new(board)
 }
@@ -308,8 +308,7 @@ async fn samples_of_an_optimum_that_was_replaced_are_not_stored_for_the_new_one(
     let want = async |x_p: f64| {
         let mut variables = variables(&bench.problem);
         variables.profile_shift[0] = x_p;
-        let missing = std::iter::once(0..8).collect();
-        let wanted = inputs.wanted(stream, Source::Point(variables), missing);
+        let wanted = inputs.wanted(stream, Source::Point(variables), 8);
         let generation = [(name.to_owned(), wanted.generation.0)];
         bench.store.put_generations(&generation).await.unwrap();
         bench.board.name_point(stream.index, name);

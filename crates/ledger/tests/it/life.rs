@@ -320,6 +320,24 @@ fn what_is_held_from_before_a_restart_is_held_on_under_its_old_name() {
     assert!(!after.adopt(&worker("a"), lease, &stale, at(5.0)));
 }
 
+/// Its last samples came by another way: what is held still has those in front of them.
+#[test]
+fn what_is_held_from_before_a_restart_is_accepted_though_the_last_of_it_is_stored() {
+    let mut before = ledger(alone(), 1, 12, &["a"]);
+    let grant = before.lease(&worker("a"), at(0.0)).unwrap();
+    let mut after = Ledger::new(alone(), 2);
+    let mut rest = wanted(ONE, 7, 0..12);
+    rest.missing = std::iter::once(0..10).collect();
+    after.want(rest);
+    after.register(&worker("a"), "here", 1, at(1.0));
+    assert_eq!(after.accept(&units(&grant)[0]), Accepted::Yes);
+    after.deliver(&worker("a"), grant.lease, &all_of(&grant), at(2.0));
+    assert!(after.is_idle());
+    let mut more = units(&grant)[0].clone();
+    more.samples = 12..13;
+    assert_eq!(after.accept(&more), Accepted::Stale, "nobody wanted it");
+}
+
 #[test]
 fn a_design_that_cannot_be_simulated_is_settled_for_good() {
     let mut ledger = ledger(alone(), 1, 10, &["a"]);

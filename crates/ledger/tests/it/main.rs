@@ -27,6 +27,7 @@ pub(crate) fn wanted(stream: StreamId, generation: u64, missing: Range<u32>) -> 
         stream,
         generation: Generation(generation),
         source: (),
+        samples: missing.end,
         missing: std::iter::once(missing).collect(),
         history: History::default(),
     }
