@@ -1,9 +1,7 @@
 //! Fits a model to a CSV file and scores it on another: one JSON object on standard output.
 //!
 //! `cargo run --release -p kriging --example fit_csv -- --train F.csv --test G.csv [--kernel matern-5-2]
-//! [--method exact|vecchia] [--accuracy exact|fine|standard|coarse] [--seed 0] [--trend constant|linear] [--nugget true] [--calibrate true]`
-//!
-//! The method vecchia is the accuracy standard.
+//! [--method auto|exact|vecchia] [--seed 0] [--trend constant|linear] [--nugget true] [--calibrate true]`
 //!
 //! The first line of a file names its columns: `x1` … `xd`, `y` and `noise_var` in the training file,
 //! `x1` … `xd` and `f_true`, the noise-free truth, in the test file, in any order. Other columns are
@@ -20,9 +18,9 @@ use std::error::Error;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use kriging::{Accuracy, Data, FitOptions, Surrogate, Trend, fit_with_accuracy};
+use kriging::{Data, FitOptions, Method, Surrogate, Trend, fit_by};
 
-const USAGE: &str = "usage: fit_csv --train F.csv --test G.csv [--kernel NAME] [--method exact|vecchia] [--accuracy exact|fine|standard|coarse] \
+const USAGE: &str = "usage: fit_csv --train F.csv --test G.csv [--kernel NAME] [--method auto|exact|vecchia] \
                      [--seed N] \
                      [--trend constant|linear] [--nugget true|false] [--calibrate true|false]";
 
@@ -38,7 +36,7 @@ fn main() -> ExitCode {
 
 fn run() -> Result<(), Box<dyn Error>> {
     let (mut train, mut test, mut options) = (None, None, FitOptions::default());
-    let mut accuracy = Accuracy::Exact;
+    let mut method = Method::default();
     let mut arguments = std::env::args().skip(1);
     while let Some(flag) = arguments.next() {
         let value = arguments.next().ok_or(USAGE)?;
@@ -46,14 +44,7 @@ fn run() -> Result<(), Box<dyn Error>> {
             "--train" => train = Some(value),
             "--test" => test = Some(value),
             "--kernel" => options.kernel = value.parse()?,
-            "--method" => {
-                accuracy = match value.as_str() {
-                    "exact" => Accuracy::Exact,
-                    "vecchia" => Accuracy::Standard,
-                    _ => return Err(USAGE.into()),
-                }
-            }
-            "--accuracy" => accuracy = value.parse()?,
+            "--method" => method = value.parse()?,
             "--trend" => {
                 options.trend = match value.as_str() {
                     "constant" => Trend::Constant,
@@ -81,7 +72,7 @@ fn run() -> Result<(), Box<dyn Error>> {
     };
 
     let start = Instant::now();
-    let model = fit_with_accuracy(&data, &options, accuracy)?;
+    let model = fit_by(&data, &options, method)?;
     let fit_seconds = start.elapsed().as_secs_f64();
     let score = Score::new(&model, &y, &test)?;
     let parameters = model.parameters();
@@ -107,7 +98,7 @@ fn run() -> Result<(), Box<dyn Error>> {
         "slopes": parameters.slopes,
         "nugget": parameters.nugget,
         "calibration": model.calibration(),
-        "method": method(&model),
+        "method": described(&model),
         "warnings": warnings,
     });
     println!("{report}");
@@ -115,7 +106,7 @@ fn run() -> Result<(), Box<dyn Error>> {
 }
 
 /// What the model is, in words.
-fn method(model: &Surrogate) -> String {
+fn described(model: &Surrogate) -> String {
     match model {
         Surrogate::Exact(model) => format!(
             "exact: maximum likelihood, {:?} trend, {}",
@@ -128,7 +119,6 @@ fn method(model: &Surrogate) -> String {
             model.points(),
             model.kernel()
         ),
-        _ => String::new(),
     }
 }
 

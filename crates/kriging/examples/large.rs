@@ -25,10 +25,7 @@ const TESTS: usize = 2000;
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let n: usize = arguments.next().map_or(Ok(100_000), |text| text.parse())?;
-    let mut options = VecchiaOptions::default();
-    if let Some(dense) = arguments.next() {
-        options.dense = dense.parse()?;
-    }
+    let options = VecchiaOptions::default();
     let mut rng = stream(7, Purpose::Test, n as u64, 0);
     let sample = NoisyHart6::draw(n, &mut rng);
     let test: Vec<f64> = (0..TESTS * D).map(|_| rng.random()).collect();

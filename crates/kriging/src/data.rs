@@ -1,5 +1,8 @@
 //! Observations: checks, merging of repeated points.
 
+pub(crate) mod contradiction;
+pub(crate) mod scaled;
+
 use std::cmp::Ordering;
 
 use crate::{Error, Warning};

@@ -92,9 +92,9 @@ pub enum Error {
         /// The name given.
         name: String,
     },
-    /// No accuracy has this name.
-    #[error("no accuracy is called {name:?}, use exact, fine, standard or coarse")]
-    UnknownAccuracy {
+    /// No method has this name.
+    #[error("no method is called {name:?}, use auto, exact or vecchia")]
+    UnknownMethod {
         /// The name given.
         name: String,
     },

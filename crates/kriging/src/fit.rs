@@ -6,6 +6,7 @@
 //! half its coordinate's extent: likelihoods of deterministic functions have a spurious optimum
 //! where all ranges vanish and the model is white noise, and that start lies on the right side of it.
 
+pub(crate) mod newton;
 pub(crate) mod report;
 
 use std::borrow::Cow;
@@ -15,16 +16,15 @@ use rand::seq::SliceRandom as _;
 use rayon::prelude::*;
 use stats::streams::{Purpose, stream};
 
-use crate::bfgs::{Limits, Outcome, minimise};
-use crate::contradiction;
-use crate::covariance::JITTERS;
+use crate::data::contradiction;
+use crate::data::scaled::{SIGMA2_BOUNDS, Scaled};
 use crate::data::{Data, Points, keep, merge};
-use crate::gls::{Gls, Trend};
 use crate::kernel::Kernel;
-use crate::likelihood::{Form, Likelihood, Order};
+use crate::likelihood::gls::{Gls, Trend};
+use crate::likelihood::{Form, JITTERS, Likelihood, Order};
 use crate::model::{Model, Parameters};
-use crate::scaled::Scaled;
 use crate::{Error, Warning};
+use newton::{Limits, Outcome, minimise};
 
 /// Number of points on which starts are compared.
 const SCREENING: usize = 300;
@@ -36,8 +36,6 @@ const STAGED: usize = 450;
 /// found are followed further.
 const POLISHED: usize = 4;
 const FOLLOWED: usize = 2;
-/// Bounds of σ², relative to the variance of the observations.
-pub(crate) const SIGMA2_BOUNDS: (f64, f64) = (1e-8, 1e6);
 /// Bounds of the nugget, relative to the variance of the observations, and its value at the starts.
 const NUGGET_BOUNDS: (f64, f64) = (1e-12, 1e2);
 const NUGGET_START: f64 = 1e-2;
@@ -99,11 +97,10 @@ impl Default for FitOptions {
 ///
 /// The ranges, the process variance, the nugget and the trend are those of the highest likelihood found; the
 /// noise variances are taken as given. The result depends on the data and the options only, not on
-/// the order of the observations or the number of threads (rayon's, used over the starts).
+/// the order of the observations or the number of threads (rayon's).
 ///
-/// Cost: a Cholesky factor and an inverse per iteration, about n³ multiplications; memory 2 n²
-/// numbers. From 1000 points on the inverse, which only the gradient comes from, is in single precision where
-/// that is accurate enough.
+/// Cost: a Cholesky factor and an inverse per iteration, about n³/2 multiplications; memory 3 n²
+/// numbers.
 ///
 /// # Errors
 ///
@@ -209,15 +206,12 @@ pub(crate) fn constant_sigma2(scaled: &Scaled) -> f64 {
     (SIGMA2_BOUNDS.0 * noise).max(f64::MIN_POSITIVE)
 }
 
-/// Parameters to start an approximate search from: (ln θ₁ … ln θ_d, ln σ²), and its box.
+/// The parameters of a subset: (ln θ₁ … ln θ_d, ln σ²).
 pub(crate) struct Start {
     pub(crate) at: Vec<f64>,
-    pub(crate) lower: Vec<f64>,
-    pub(crate) upper: Vec<f64>,
     /// Number of ranges that were estimated: one where the subset is too small for more.
     pub(crate) ranges: usize,
-    /// Of the search, and of the ranges that the subset does not determine. What depends on the
-    /// parameters found in the end is not among them.
+    /// Of the search, of what ended at a bound of it, and of the ranges that the subset does not determine.
     pub(crate) warnings: Vec<Warning>,
 }
 
@@ -233,7 +227,8 @@ pub(crate) fn start_from_subset(
         search.tolerance = SUBSET_TOLERANCE;
     }
     let found = search.run()?;
-    let warnings = search.of_search(&found);
+    let mut warnings = search.at_bounds(&found);
+    warnings.extend(search.of_search(&found));
     let found = found.outcome.at;
     // A subset too small for a range per coordinate has one for all.
     let widen = |values: &[f64]| -> Vec<f64> {
@@ -245,8 +240,6 @@ pub(crate) fn start_from_subset(
     };
     Ok(Start {
         at: widen(&found),
-        lower: widen(&search.lower),
-        upper: widen(&search.upper),
         ranges: if search.tied { 1 } else { subset.columns.len() },
         warnings,
     })
@@ -479,9 +472,16 @@ impl<'a> Search<'a> {
         let mut best: Option<Found> = None;
         for jitter in JITTERS.into_iter().filter(|j| *j >= jitter) {
             likelihood.jitter = jitter;
-            likelihood.double = false;
             let from = best.as_ref().map_or(start, |found| &found.outcome.at);
-            let Some(outcome) = search_from(&mut likelihood, from, &limits) else {
+            let evaluate = |at: &[f64], curvature: bool| {
+                let order = if curvature {
+                    Order::Curvature
+                } else {
+                    Order::Gradient
+                };
+                likelihood.evaluate(at, order)
+            };
+            let Some(outcome) = minimise(evaluate, from, &limits) else {
                 continue;
             };
             let better = best
@@ -502,36 +502,6 @@ impl<'a> Search<'a> {
     fn subset(&self, size: usize) -> Scaled {
         self.data.subset(&self.order[..size])
     }
-}
-
-/// Searches from `start`, in double precision once single precision was too rough or led nowhere.
-fn search_from(
-    likelihood: &mut Likelihood<'_>,
-    start: &[f64],
-    limits: &Limits<'_>,
-) -> Option<Outcome> {
-    let mut outcome = minimise(
-        |at, curvature| {
-            let order = if curvature {
-                Order::Curvature
-            } else {
-                Order::Gradient
-            };
-            let evaluation = likelihood.evaluate(at, order)?;
-            likelihood.double |= evaluation.needed_double;
-            Some(evaluation)
-        },
-        start,
-        limits,
-    )?;
-    let stalled = !outcome.converged && outcome.iterations < limits.max_iterations;
-    if stalled && likelihood.tries_single() {
-        likelihood.double = true;
-        let met_failure = outcome.met_failure;
-        outcome = search_from(likelihood, &outcome.at, limits)?;
-        outcome.met_failure |= met_failure;
-    }
-    Some(outcome)
 }
 
 fn by_value(mut found: Vec<Found>) -> Vec<Found> {

@@ -19,48 +19,34 @@
 //! # Ok::<(), kriging::Error>(())
 //! ```
 //!
-//! For more points than a dense matrix can hold there is [`fit_vecchia`]; [`fit_with_accuracy`] chooses
-//! the method by the accuracy asked for.
+//! For more points than a dense matrix can hold there is [`fit_vecchia`]; [`fit_by`] chooses the
+//! method.
 //!
 //! The covariance parameters are those of the highest likelihood, see [`fit()`]; predictions and
 //! leave-one-out validation are methods of [`Model`].
 
 #![warn(missing_docs)]
 
-mod accuracy;
-mod append;
-mod bfgs;
-mod calibration;
-mod contradiction;
-mod coordinates;
-mod covariance;
 mod data;
 mod error;
-mod exponential;
 mod fit;
-mod gls;
-mod gradient;
 mod kernel;
 mod likelihood;
-mod loo;
+mod linalg;
 mod model;
-mod panels;
-mod probes;
-mod profile;
-mod scaled;
-mod stored;
+mod surrogate;
 mod vecchia;
 mod warning;
 
-pub use accuracy::{Accuracy, Plan, Surrogate, fit_with_accuracy};
 pub use data::Data;
 pub use error::Error;
 pub use fit::{FitOptions, fit};
-pub use gls::Trend;
-pub use gradient::Gradient;
 pub use kernel::Kernel;
-pub use loo::LeaveOneOut;
+pub use likelihood::gls::Trend;
+pub use likelihood::profile::{LikelihoodGradient, LogLikelihood};
+pub use model::gradient::Gradient;
+pub use model::loo::LeaveOneOut;
 pub use model::{Model, Parameters, Prediction};
-pub use profile::{LikelihoodGradient, LogLikelihood};
+pub use surrogate::{Method, Surrogate, fit_by};
 pub use vecchia::{Vecchia, VecchiaOptions, fit_vecchia};
 pub use warning::{Outlier, Warning};

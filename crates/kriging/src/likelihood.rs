@@ -1,7 +1,8 @@
 //! The negative log likelihood of kriging with known noise, and its derivatives.
 //!
 //! With z = y − Fμ, F the trend's basis (ones, for a constant), μ its generalised least squares
-//! coefficients, C as in [`crate::covariance`], β = C⁻¹z, v the noise (a nugget τ² included):
+//! coefficients, C = R + jitter·I + diag(v/σ²), v the noise (a nugget τ² included), so that the K_Δ of equations (19) and
+//! (20) is σ²C, and β = C⁻¹z:
 //!
 //! - value: n/2 ln(2πσ²) + ½ ln|C| + zᵀβ/(2σ²);
 //! - ∂/∂ ln θⱼ = ½ Σₐᵦ (C⁻¹ − ββᵀ/σ²)ₐᵦ ∂Rₐᵦ/∂ ln θⱼ;
@@ -11,23 +12,53 @@
 //!   matrix product, ½ uᵢᵀ P uⱼ/σ² with uⱼ = ∂C/∂ ln θⱼ β and P = C⁻¹ − C⁻¹F(FᵀC⁻¹F)⁻¹FᵀC⁻¹
 //!   (Gilmour, Thompson, Cullis, "Average information REML", Biometrics 51 (1995) 1440–1450).
 //!
-//! Of many points C⁻¹ is computed in single precision, in half the time: it is needed for the gradient
-//! only, which steers a search, and the value's accuracy is the factor's. How rough it is, the diagonal of
-//! C⁻¹C tells, whose elements are 1; where it is too rough, double precision takes its place.
-//!
 //! The trend μ is at its optimum for every θ and σ², so it adds nothing to the derivatives. With
 //! unequal noise σ² has no closed form, so it is a variable of the search like the ranges.
 
 mod derivatives;
+pub(crate) mod gls;
+pub(crate) mod profile;
 
 use std::borrow::Cow;
 
-use crate::covariance::{self, add_to_diagonal, fill_correlations, log_determinant};
-use crate::gls::{Gls, Trend};
+use crate::data::scaled::Scaled;
 use crate::kernel::Kernel;
-use crate::panels::{Lower, SingleInverse, Upper, factorise, solve};
-use crate::scaled::Scaled;
+use crate::linalg::{Lower, Spd, dot};
 use derivatives::At;
+use gls::{Gls, Trend};
+
+/// What may be added to the diagonal, relative to the process variance, in the order of trial.
+pub(crate) const JITTERS: [f64; 6] = [0.0, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4];
+
+/// noise/σ², also where both vanish. Limited so that no product of two overflows.
+pub(crate) fn noise_ratio(noise: f64, sigma2: f64) -> f64 {
+    if noise == 0.0 {
+        0.0
+    } else {
+        (noise / sigma2).min(1e100)
+    }
+}
+
+/// C of the n points whose scaled coordinates are `columns`: their correlations, and on the diagonal
+/// 1 + jitter + noise/σ², what `ratio` gives.
+pub(crate) fn covariance(
+    kernel: Kernel,
+    columns: &[Vec<f64>],
+    n: usize,
+    jitter: f64,
+    ratio: impl Fn(usize) -> f64 + Sync,
+) -> Lower {
+    Lower::from_columns(n, |k, column| {
+        let at = point(columns, k);
+        kernel.correlations(&at, |j| &columns[j][k..], column);
+        column[0] += jitter + ratio(k);
+    })
+}
+
+/// The coordinates of point k.
+pub(crate) fn point(columns: &[Vec<f64>], k: usize) -> Vec<f64> {
+    columns.iter().map(|column| column[k]).collect()
+}
 
 /// What an evaluation computes beyond the value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]
@@ -47,10 +78,6 @@ pub(crate) struct Evaluation {
     pub(crate) curvature: Vec<f64>,
     /// zᵀC⁻¹z/n: the process variance that would be best if the noise grew with it.
     pub(crate) next_sigma2: f64,
-    /// What rounding adds to the diagonal of C⁻¹C, as a norm; zero unless the gradient was asked for.
-    pub(crate) rounding: f64,
-    /// Whether single precision was too little for the gradient's inverse.
-    pub(crate) needed_double: bool,
 }
 
 /// Which model's likelihood it is.
@@ -65,8 +92,7 @@ pub(crate) struct Form {
 }
 
 /// The negative log likelihood as a function of (ln θ₁ … ln θ_d, ln σ²), or of (ln θ, ln σ²) when
-/// all ranges are tied; a nugget's ln τ² stands before ln σ². Holds its matrices, so that evaluations
-/// do not allocate them again.
+/// all ranges are tied; a nugget's ln τ² stands before ln σ².
 pub(crate) struct Likelihood<'a> {
     form: Form,
     data: Cow<'a, Scaled>,
@@ -76,19 +102,8 @@ pub(crate) struct Likelihood<'a> {
     noise: Vec<f64>,
     /// Added to the diagonal, relative to σ².
     pub(crate) jitter: f64,
-    /// How many random vectors stand for the inverse in the gradient, see
-    /// [`crate::probes`]; zero for the inverse itself.
-    pub(crate) probes: usize,
     /// `data.columns` divided by the ranges.
     columns: Vec<Vec<f64>>,
-    correlation: Lower,
-    factor: Lower,
-    /// L⁻ᵀ.
-    half_inverse: Upper,
-    inverse: Lower,
-    single: SingleInverse,
-    /// Whether the inverse is always to be in double precision.
-    pub(crate) double: bool,
 }
 
 impl<'a> Likelihood<'a> {
@@ -98,26 +113,9 @@ impl<'a> Likelihood<'a> {
             basis: form.trend.basis(&data.columns, data.len(), 0.5),
             noise: data.noise.clone(),
             jitter,
-            probes: 0,
             columns: data.columns.clone(),
             data,
-            correlation: Lower::default(),
-            factor: Lower::default(),
-            half_inverse: Upper::default(),
-            inverse: Lower::default(),
-            single: SingleInverse::default(),
-            double: false,
         }
-    }
-
-    /// Whether the gradient's inverse is tried in single precision.
-    pub(crate) fn tries_single(&self) -> bool {
-        !self.double && self.data.len() >= derivatives::SINGLE_FROM
-    }
-
-    /// The memory of one of the matrices, which the next evaluation would have to ask for again.
-    pub(crate) fn take_matrix(&mut self) -> Lower {
-        std::mem::take(&mut self.factor)
     }
 
     /// Evaluates at `parameters`; `None` if the covariance is not positive definite there.
@@ -137,19 +135,15 @@ impl<'a> Likelihood<'a> {
         };
 
         self.scale_columns(ln_ranges);
-        // Derivatives need the correlations again.
-        let copy = (order > Order::Value).then_some(&mut self.correlation);
-        let kernel = self.form.kernel;
-        fill_correlations(kernel, &self.columns, n, &mut self.factor, copy);
         let noise = &self.noise;
-        let ratio = |i: usize| covariance::noise_ratio(noise[i], sigma2);
-        add_to_diagonal(ratio, self.jitter, &mut self.factor);
-        factorise(&mut self.factor).ok()?;
+        let ratio = |i: usize| noise_ratio(noise[i], sigma2);
+        let covariance = covariance(self.form.kernel, &self.columns, n, self.jitter, ratio);
+        let factor = Spd::factor(covariance).ok()?;
 
         let p = self.basis.len() / n;
         let mut solved = self.basis.clone();
         solved.extend_from_slice(&self.data.y);
-        solve(&self.factor, &mut solved);
+        factor.solve(&mut solved);
         let mut beta = solved.split_off(p * n);
         let mut trend: Vec<f64> = self.basis.chunks(n).map(|f| dot(f, &beta)).collect();
         let gls = Gls::new(&self.basis, solved, n)?;
@@ -164,11 +158,10 @@ impl<'a> Likelihood<'a> {
         }
         let quadratic = dot(&z, &beta);
 
-        let log_determinant = log_determinant(&self.factor);
         let count = n as f64;
         let value = 0.5
             * (count * (std::f64::consts::TAU.ln() + ln_sigma2)
-                + log_determinant
+                + factor.log_det()
                 + quadratic / sigma2);
         if !value.is_finite() {
             return None;
@@ -180,6 +173,8 @@ impl<'a> Likelihood<'a> {
         };
         let at = At {
             count: parameters.len(),
+            factor: &factor,
+            gls: &gls,
             z: &z,
             beta: &beta,
             quadratic,
@@ -187,13 +182,10 @@ impl<'a> Likelihood<'a> {
             nugget,
         };
         if order >= Order::Gradient {
-            let gradient = self.best_gradient(&at);
-            evaluation.gradient = gradient.slopes;
-            evaluation.rounding = gradient.rounding;
-            evaluation.needed_double = gradient.needed_double;
+            evaluation.gradient = self.gradient(&at);
         }
         if order >= Order::Curvature {
-            evaluation.curvature = self.curvature(&at, &gls);
+            evaluation.curvature = self.curvature(&at);
         }
         Some(evaluation)
     }
@@ -208,10 +200,6 @@ impl<'a> Likelihood<'a> {
                 .for_each(|(s, c)| *s = c * factor);
         }
     }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// The smallest negative log likelihood of independent observations y ~ N(μ, σ² + vᵢ) over μ and
@@ -331,69 +319,6 @@ mod tests {
                         exact[i]
                     );
                 }
-            }
-        }
-    }
-
-    /// Gradients from single precision are accurate or not used.
-    #[test]
-    fn gradients_from_single_precision() {
-        for (kernel, noise, single) in [
-            (Kernel::Exponential, 0.05, true),
-            (Kernel::Matern52, 0.05, true),
-            (Kernel::RadialMatern52, 0.05, true),
-            (Kernel::SquaredExponential, 0.05, true),
-            (Kernel::Matern52, 1e-3, true),
-            (Kernel::Matern52, 1e-6, false),
-            (Kernel::SquaredExponential, 1e-9, false),
-        ] {
-            let data = sample(derivatives::SINGLE_FROM, 3, noise);
-            let form = Form {
-                kernel,
-                nugget: true,
-                ..Form::default()
-            };
-            let mut likelihood = Likelihood::new(form, Cow::Borrowed(&data), 1e-8);
-            let at = [-0.5, 0.1, -1.0, -20.0, 0.4];
-            let fast = likelihood.evaluate(&at, Order::Gradient).unwrap();
-            assert_eq!(fast.needed_double, !single, "{kernel} {noise}");
-            likelihood.double = true;
-            let exact = likelihood.evaluate(&at, Order::Gradient).unwrap();
-            assert_eq!(fast.gradient == exact.gradient, !single, "{kernel} {noise}");
-            for (slope, exact) in fast.gradient.iter().zip(&exact.gradient) {
-                let error = (slope - exact).abs();
-                assert!(
-                    error <= fast.rounding && error < 2e-3,
-                    "{kernel} {noise}: {error}"
-                );
-            }
-        }
-    }
-
-    /// In double precision the diagonal of C⁻¹C, from the sums that judge single precision, is 1.
-    #[test]
-    fn the_inverse_times_the_covariance_has_a_diagonal_of_ones() {
-        for kernel in Kernel::ALL {
-            for (tied, nugget, trend) in [
-                (false, false, Trend::Constant),
-                (true, false, Trend::Constant),
-                (false, true, Trend::Linear),
-            ] {
-                let data = sample(50, 3, 0.05);
-                let form = Form {
-                    kernel,
-                    trend,
-                    tied,
-                    nugget,
-                };
-                let mut at = vec![-0.5; if tied { 1 } else { 3 }];
-                if nugget {
-                    at.push(-2.0);
-                }
-                at.push(0.4);
-                let mut likelihood = Likelihood::new(form, Cow::Borrowed(&data), 1e-4);
-                let rounding = likelihood.evaluate(&at, Order::Gradient).unwrap().rounding;
-                assert!(rounding < 1e-9, "{form:?}: {rounding}");
             }
         }
     }

@@ -1,24 +1,29 @@
 //! The fitted model and its predictions.
 
+pub(crate) mod calibration;
+pub(crate) mod coordinates;
+pub(crate) mod gradient;
+pub(crate) mod loo;
+mod stored;
+mod update;
+
 use std::sync::OnceLock;
 
 use rayon::prelude::*;
 
-use crate::coordinates::{Coordinates, rows};
-use crate::covariance::{
-    JITTERS, add_to_diagonal, fill_correlations, log_determinant, noise_ratio,
-};
 use crate::data::Points;
-use crate::gls::{Gls, Trend};
 use crate::kernel::Kernel;
-use crate::panels::{Lower, ROWS, factorise, half_solve, solve};
+use crate::likelihood::gls::{Gls, Trend};
+use crate::likelihood::{JITTERS, covariance, noise_ratio};
+use crate::linalg::{Spd, dot};
 use crate::{Error, Warning};
+use coordinates::{Coordinates, rows};
 
 /// Points whose correlations are computed together: their intermediate results stay in the cache.
 const BLOCK: usize = 128;
 /// Points predicted together by [`Model::predict_many`]: many enough for the triangular solves to
 /// run at the speed of matrix products.
-const BATCH: usize = 10 * ROWS;
+const BATCH: usize = 256;
 
 /// The parameters of the process.
 #[derive(Debug, Clone, PartialEq)]
@@ -58,7 +63,7 @@ pub struct Model {
     pub(crate) jitter: f64,
     /// The factor of the predicted variances.
     pub(crate) calibration: f64,
-    /// C⁻¹(y − Fμ), see [`crate::covariance`].
+    /// C⁻¹(y − Fμ), see [`crate::likelihood`].
     pub(crate) weights: Vec<f64>,
     pub(crate) nll: f64,
     pub(crate) coordinates: Coordinates,
@@ -69,7 +74,7 @@ pub struct Model {
 /// The factor of C and what follows from it.
 #[derive(Debug, Clone)]
 pub(crate) struct Solved {
-    pub(crate) factor: Lower,
+    pub(crate) factor: Spd,
     /// C⁻¹F and FᵀC⁻¹F.
     pub(crate) gls: Gls,
 }
@@ -84,21 +89,8 @@ impl Model {
         parameters: Parameters,
         jitter: f64,
     ) -> Result<Self, Error> {
-        Self::new_in(kernel, trend, points, parameters, jitter, Lower::default())
-    }
-
-    /// [`Model::new`] whose factor takes the place of `room`, whatever is in it: the system's zeroing of
-    /// new memory costs as much as some of the arithmetic.
-    pub(crate) fn new_in(
-        kernel: Kernel,
-        trend: Trend,
-        points: Points,
-        parameters: Parameters,
-        jitter: f64,
-        room: Lower,
-    ) -> Result<Self, Error> {
         let mut model = Self::assemble(kernel, trend, points, parameters, jitter);
-        let (solved, used) = model.try_solve(room).ok_or(Error::NotPositiveDefinite {
+        let (solved, used) = model.try_solve().ok_or(Error::NotPositiveDefinite {
             jitter: JITTERS[JITTERS.len() - 1],
         })?;
         if used > jitter {
@@ -144,7 +136,7 @@ impl Model {
             }
         }
         let z = weights.clone();
-        solve(&solved.factor, &mut weights);
+        solved.factor.solve(&mut weights);
         let quadratic = dot(&z, &weights);
         self.nll = self.likelihood(&solved, quadratic) + self.points.within;
         self.parameters.mu = centre + coefficients[0];
@@ -168,7 +160,7 @@ impl Model {
         let n = self.points.len();
         let sigma2 = self.parameters.sigma2;
         0.5 * (n as f64 * (std::f64::consts::TAU.ln() + sigma2.ln())
-            + log_determinant(&solved.factor)
+            + solved.factor.log_det()
             + quadratic / sigma2)
     }
 
@@ -319,7 +311,7 @@ impl Model {
             shortfalls.push(self.shortfall(x, r));
             means.push(self.mean_from(x, r));
         }
-        half_solve(&solved.factor, &mut correlations);
+        solved.factor.half_solve(&mut correlations);
         means
             .into_iter()
             .zip(correlations.chunks_exact(n).zip(shortfalls))
@@ -414,23 +406,22 @@ impl Model {
             // The matrix could be factorised when the model was made. A factor to which rows were
             // appended differs from this one in the last bits, which a little more jitter absorbs.
             let (solved, _) = self
-                .try_solve(Lower::default())
+                .try_solve()
                 .expect("a correlation matrix with 1e-4 on its diagonal is positive definite");
             solved
         })
     }
 
     /// Factorises C with the model's jitter or the next that will do.
-    fn try_solve(&self, mut factor: Lower) -> Option<(Solved, f64)> {
+    fn try_solve(&self) -> Option<(Solved, f64)> {
         let n = self.points.len();
         let Parameters { sigma2, nugget, .. } = self.parameters;
         let levels = JITTERS.into_iter().filter(|j| *j > self.jitter);
         for jitter in std::iter::once(self.jitter).chain(levels) {
             let columns = &self.coordinates.columns;
-            fill_correlations(self.kernel, columns, n, &mut factor, None);
             let ratio = |i: usize| noise_ratio(self.points.noise[i] + nugget, sigma2);
-            add_to_diagonal(ratio, jitter, &mut factor);
-            if factorise(&mut factor).is_ok()
+            let matrix = covariance(self.kernel, columns, n, jitter, ratio);
+            if let Ok(factor) = Spd::factor(matrix)
                 && let Some(gls) = self.solve_trend(&factor)
             {
                 return Some((Solved { factor, gls }, jitter));
@@ -440,27 +431,11 @@ impl Model {
     }
 
     /// The trend's normal equations; `None` if they are singular.
-    pub(crate) fn solve_trend(&self, factor: &Lower) -> Option<Gls> {
+    pub(crate) fn solve_trend(&self, factor: &Spd) -> Option<Gls> {
         let n = self.points.len();
         let basis = self.basis();
         let mut solved = basis.clone();
-        solve(factor, &mut solved);
+        factor.solve(&mut solved);
         Gls::new(&basis, solved, n)
     }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    const LANES: usize = 8;
-    let (a_chunks, a_rest) = a.as_chunks::<LANES>();
-    let (b_chunks, b_rest) = b.as_chunks::<LANES>();
-    let mut sums = [0.0; LANES];
-    for (a, b) in a_chunks.iter().zip(b_chunks) {
-        for lane in 0..LANES {
-            sums[lane] += a[lane] * b[lane];
-        }
-    }
-    for (lane, (a, b)) in a_rest.iter().zip(b_rest).enumerate() {
-        sums[lane] += a * b;
-    }
-    sums.iter().sum()
 }

@@ -3,16 +3,14 @@
 //! The density of the observations is a product of conditional ones, each observation given all
 //! earlier ones. Given only its m nearest earlier neighbours, the cost falls from n³ to n m³, and
 //! with the points in max–min order (each as far as possible from those before it) the neighbours
-//! come from all distances. Distances are in units of the ranges. The ranges and the process
-//! variance start from an exact fit of a random subset and are refined on the leading points of the
-//! order, up to a number that the options limit.
+//! come from all distances. Distances are in units of the ranges. The mean μ and the likelihood come from
+//! that product.
 //!
-//! Up to `dense` points, Newton steps on the exact likelihood bring the parameters next to its
-//! optimum, and predictions and likelihood are exact for these parameters: a step and a dense
-//! factorisation cost little beside a search. Beyond, a prediction is simple kriging, with the mean
-//! of the whole data, from the nearest observations of all. That costs accuracy: with 200 of 2175
-//! points of a smooth function of six variables, a root mean square error a quarter above that of
-//! all, with 200 of 6000 a half. So `dense` is as large as memory allows, 10 000 by default.
+//! Ranges and process variance are those of an exact fit of a random subset: for smooth functions with
+//! little noise thirty neighbours bias them by more than the exact likelihood of a thousand points errs. A
+//! prediction is simple kriging from the nearest observations of all. That costs accuracy: with 200 of
+//! 2175 points of a smooth function of six variables, a root mean square error a quarter above that of
+//! the exact fit, with 200 of 6000 a half.
 //!
 //! Validation leaves out one observation after the other and predicts it from its nearest others.
 //!
@@ -25,37 +23,25 @@
 //! - M. Katzfuss, J. Guinness, E. Lawrence, "Scaled Vecchia approximation for fast computer-model
 //!   emulation", SIAM/ASA J. Uncertainty Quantification 10 (2022) 537–554.
 
-mod likelihood;
+mod conditional;
 mod loo;
 mod neighbours;
-
-use std::borrow::Cow;
 
 use rand::seq::SliceRandom as _;
 use rayon::prelude::*;
 use stats::streams::{Purpose, stream};
 
-use crate::bfgs::{Limits, Step, minimise, one_step};
-use crate::contradiction;
-use crate::coordinates::{Coordinates, rows};
-use crate::covariance::{JITTERS, noise_ratio};
-use crate::data::{Data, Points, merge};
-use crate::fit::report::{Bounds, few_points, no_structure};
+use crate::data::scaled::Scaled;
+use crate::data::{Data, Points, contradiction, merge};
+use crate::fit::report::{few_points, no_structure};
 use crate::fit::{Start, constant_sigma2, in_units_of_data, start_from_subset};
-use crate::gls::Trend;
 use crate::kernel::Kernel;
-use crate::likelihood::{Form, Likelihood, Order};
-use crate::model::{Model, Parameters, Prediction};
-use crate::panels::Lower;
-use crate::scaled::Scaled;
+use crate::likelihood::{noise_ratio, point};
+use crate::model::coordinates::{Coordinates, rows};
+use crate::model::{Parameters, Prediction};
 use crate::{Error, FitOptions, Warning};
-
-use likelihood::{Conditional, Conditionals, Local};
+use conditional::Conditional;
 use neighbours::{max_min_order, nearest, nearest_earlier};
-
-/// Random vectors that stand for the inverse in a Newton step's gradient: an eighth of the standard
-/// errors is added to the parameters' own.
-const PROBES: usize = 64;
 
 /// How to fit by nearest-neighbour conditioning.
 #[derive(Debug, Clone, PartialEq)]
@@ -66,25 +52,10 @@ pub struct VecchiaOptions {
     pub seed: u64,
     /// Neighbours m that each observation is conditioned on in the likelihood.
     pub neighbours: usize,
-    /// Observations that a prediction is made from, beyond `dense` points.
+    /// Observations that a prediction is made from.
     pub prediction_neighbours: usize,
-    /// Up to this many points the predictions are exact: 4 n² bytes, n³/3 multiplications. The fit
-    /// takes 8 n² bytes in passing, 0.8 GB at the default of 10 000. Just beyond, the error of a
-    /// smooth function is half as large again, and a mean takes some twenty times as long.
-    pub dense: usize,
-    /// Points of the subset whose exact fit starts the search; two fifths of them suffice where Newton
-    /// steps follow.
+    /// Points of the subset whose exact fit gives the ranges and the process variance.
     pub subset: usize,
-    /// Whether up to `dense` points, if that is more than the subset, a Newton step on the exact
-    /// likelihood of the subset and one on that of all points improve the parameters, in whose gradient
-    /// random vectors stand for the inverse: 2/3 n³ multiplications and additions.
-    pub newton_step: bool,
-    /// Leading points of the order on which the parameters are refined.
-    pub refinement: usize,
-    /// The most quasi-Newton iterations of the refinement by Vecchia's likelihood. None by default:
-    /// for smooth functions with little noise thirty neighbours bias it by more than the exact
-    /// likelihood of a thousand points errs.
-    pub max_iterations: usize,
 }
 
 impl Default for VecchiaOptions {
@@ -94,11 +65,7 @@ impl Default for VecchiaOptions {
             seed: 0,
             neighbours: 30,
             prediction_neighbours: 200,
-            dense: 10_000,
             subset: 1000,
-            newton_step: true,
-            refinement: 10_000,
-            max_iterations: 0,
         }
     }
 }
@@ -116,16 +83,14 @@ pub struct Vecchia {
     noise_ratio: Vec<f64>,
     /// Observations less the mean.
     centred: Vec<f64>,
-    /// The factor of the predicted variances; that of `exact` where there is one.
+    /// The factor of the predicted variances.
     pub(crate) calibration: f64,
-    /// All of it, where the points are few enough.
-    pub(crate) exact: Option<Box<Model>>,
 }
 
 /// Fits ordinary kriging to many points, up to 100 000 and more, in O(n) memory.
 ///
-/// The result depends on the data and the options only. Time: n²d for the neighbours and
-/// n m³ for each evaluation of the likelihood.
+/// The result depends on the data and the options only. Time: n²d for the neighbours and n m³ for the
+/// likelihood.
 ///
 /// # Errors
 ///
@@ -135,7 +100,6 @@ pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia,
     let counts = [
         ("neighbours", options.neighbours),
         ("prediction neighbours", options.prediction_neighbours),
-        ("refinement points", options.refinement),
     ];
     if let Some(&(what, _)) = counts.iter().find(|(_, count)| *count == 0) {
         return Err(Error::OutOfRange { what, value: 0.0 });
@@ -157,14 +121,8 @@ pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia,
     if scaled.y.iter().all(|y| *y == scaled.y[0]) {
         points.warnings.push(Warning::ConstantResponse);
         let at = vec![0.5_f64.ln(); scaled.active.len()];
-        return finish(
-            options,
-            points,
-            &scaled,
-            &at,
-            constant_sigma2(&scaled),
-            None,
-        );
+        let sigma2 = constant_sigma2(&scaled);
+        return Ok(finish(options, points, &scaled, order, &at, sigma2)?.0);
     }
 
     let exact = FitOptions {
@@ -172,209 +130,104 @@ pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia,
         seed: options.seed,
         ..FitOptions::default()
     };
-    let stepping = options.newton_step && options.subset < n && n <= options.dense;
-    let size = if stepping {
-        2 * options.subset / 5
-    } else {
-        options.subset
-    };
-    let subset = scaled.subset(&order[..size.clamp(2, n)]);
+    let subset = scaled.subset(&order[..options.subset.clamp(2, n)]);
     let Start {
-        mut at,
-        lower,
-        upper,
+        at,
         ranges,
         warnings,
     } = start_from_subset(&subset, n, &exact)?;
     // The ranges, σ² and μ.
     points.warnings.extend(few_points(n, ranges + 2));
-    let mut model = None;
-    if stepping {
-        let limits = Limits {
-            lower: &lower,
-            upper: &upper,
-            max_iterations: 1,
-            renewed: 0,
-            tolerance: 0.0,
-        };
-        let larger = scaled.subset(&order[..options.subset]);
-        let value = |function: &mut Likelihood<'_>, at: &[f64]| {
-            Some(function.evaluate(at, Order::Value)?.value)
-        };
-        let step = newton_step(options.kernel, &larger, &at, &limits, 1.0, value);
-        at = step.at;
-        // The model of all points at the end of the step has their likelihood, too. What was the best
-        // length for a part of the points is close to that for all.
-        let value = |function: &mut Likelihood<'_>, at: &[f64]| {
-            let room = function.take_matrix();
-            let trial = exact_model(options, &points, &scaled, at, room).ok()?;
-            let own = trial.nll - n as f64 * scaled.y_scale.ln() - points.within;
-            model = Some((at.to_vec(), trial));
-            Some(own)
-        };
-        at = newton_step(options.kernel, &scaled, &at, &limits, step.share, value).at;
-    }
-
-    if options.max_iterations > 0 {
-        let leading = max_min_order(
-            &metric(&scaled, options.kernel, &at),
-            order,
-            options.refinement,
-        );
-        let leading = scaled.subset(&leading);
-        let earlier = nearest_earlier(&metric(&leading, options.kernel, &at), options.neighbours);
-        let conditionals = Conditionals::new(options.kernel, &leading, &earlier);
-        let limits = Limits {
-            lower: &lower,
-            upper: &upper,
-            max_iterations: options.max_iterations,
-            renewed: 0,
-            // Relative to the likelihood of n points this is nothing.
-            tolerance: 0.05,
-        };
-        if let Some(outcome) = minimise(|p, _| conditionals.evaluate(p), &at, &limits) {
-            at = outcome.at;
-        }
-    }
     let (ln_sigma2, ln_ranges) = at.split_last().ok_or(Error::TooFewPoints { distinct: n })?;
-    let model = model.filter(|(of, _)| *of == at).map(|(_, model)| model);
-    let within = points.within;
-    let mut fitted = finish(options, points, &scaled, ln_ranges, ln_sigma2.exp(), model)?;
-    let value = fitted.nll - n as f64 * scaled.y_scale.ln() - within;
-    let bounds = Bounds {
-        lower: &lower,
-        upper: &upper,
-    };
-    let mut of_fit = Vec::from_iter(no_structure(&scaled, value, ranges));
-    of_fit.extend(bounds.warnings(&at, &scaled.active, false));
-    of_fit.extend(warnings);
-    of_fit.extend(fitted.warnings_of_residuals(options.neighbours));
-    fitted.warn(of_fit);
+    let sigma2 = ln_sigma2.exp();
+    let (mut fitted, value) = finish(options, points, &scaled, order, ln_ranges, sigma2)?;
+    let of_fit = no_structure(&scaled, value, ranges);
+    let of_residuals = fitted.warnings_of_residuals(options.neighbours);
+    let all = of_fit.into_iter().chain(warnings).chain(of_residuals);
+    fitted.points.warnings.extend(all);
     Ok(fitted)
 }
 
-/// A step with the average information on the likelihood of `data`, from `at`; `value` gives the value
-/// at `share` of it. Where the matrix needs jitter, no step is taken.
-fn newton_step<'a>(
-    kernel: Kernel,
-    data: &'a Scaled,
-    at: &[f64],
-    limits: &Limits<'_>,
-    share: f64,
-    value: impl FnOnce(&mut Likelihood<'a>, &[f64]) -> Option<f64>,
-) -> Step {
-    let form = Form {
-        kernel,
-        ..Form::default()
-    };
-    let mut function = Likelihood::new(form, Cow::Borrowed(data), 0.0);
-    function.probes = PROBES;
-    match function.evaluate(at, Order::Curvature) {
-        Some(evaluation) => {
-            let value = |p: &[f64]| value(&mut function, p);
-            one_step(&evaluation, value, at, limits, share)
-        }
-        None => Step {
-            at: at.to_vec(),
-            share,
-        },
-    }
-}
-
-/// The exact model at (ln θ₁ … ln θ_d, ln σ²) of the scaled data, in the place of `room`.
-fn exact_model(
-    options: &VecchiaOptions,
-    points: &Points,
-    scaled: &Scaled,
-    at: &[f64],
-    room: Lower,
-) -> Result<Model, Error> {
-    let sigma2 = at[at.len() - 1].exp();
-    let parameters = in_units_of_data(points, scaled, |k| at[k].exp(), sigma2);
-    Model::new_in(
-        options.kernel,
-        Trend::Constant,
-        points.clone(),
-        parameters,
-        0.0,
-        room,
-    )
-}
-
-/// The coordinates in units of the ranges, for distances.
-fn metric(scaled: &Scaled, kernel: Kernel, at: &[f64]) -> Vec<Vec<f64>> {
-    let factors = at
-        .iter()
-        .map(|ln_range| kernel.length_factor() * (-ln_range).exp());
-    let columns = scaled.columns.iter().zip(factors);
-    columns
-        .map(|(column, factor)| column.iter().map(|x| x * factor).collect())
-        .collect()
-}
-
-/// The model with given parameters, its mean and likelihood from all points; `model` if it is known.
+/// The model with given parameters, its mean and likelihood from all points, and that likelihood in units of
+/// the scaled data. `order` is random.
 fn finish(
     options: &VecchiaOptions,
-    mut points: Points,
+    points: Points,
     scaled: &Scaled,
+    order: Vec<usize>,
     ln_ranges: &[f64],
     sigma2: f64,
-    model: Option<Model>,
-) -> Result<Vecchia, Error> {
+) -> Result<(Vecchia, f64), Error> {
     let n = points.len();
     let mut parameters = in_units_of_data(&points, scaled, |k| ln_ranges[k].exp(), sigma2);
-    let (nll, exact) = if n <= options.dense {
-        let model = match model {
-            Some(model) => model,
-            None => Model::new(options.kernel, Trend::Constant, points, parameters, 0.0)?,
-        };
-        parameters = model.parameters.clone();
-        points = model.points.clone();
-        (model.nll, Some(Box::new(model)))
-    } else {
-        let (value, mu) = approximate(options, scaled, ln_ranges, sigma2)?;
-        // y = centre + y_scale · scaled y, with one centre for all points.
-        let pairs = points.y.iter().zip(&scaled.y);
-        let centres = pairs.map(|(y, s)| y - s * scaled.y_scale);
-        parameters.mu = centres.sum::<f64>() / n as f64 + mu * scaled.y_scale;
-        if !parameters.mu.is_finite() {
-            return Err(Error::Extent { what: "y" });
-        }
-        (value + n as f64 * scaled.y_scale.ln() + points.within, None)
-    };
+    let (value, mu) = likelihood(options, scaled, order, ln_ranges, sigma2);
+    // y = centre + y_scale · scaled y, with one centre for all points.
+    let pairs = points.y.iter().zip(&scaled.y);
+    let centres = pairs.map(|(y, s)| y - s * scaled.y_scale);
+    parameters.mu = centres.sum::<f64>() / n as f64 + mu * scaled.y_scale;
+    if !parameters.mu.is_finite() {
+        return Err(Error::Extent { what: "y" });
+    }
+    let nll = value + n as f64 * scaled.y_scale.ln() + points.within;
     let neighbours = options.prediction_neighbours.min(n);
-    Ok(Vecchia::assemble(
-        options.kernel,
-        points,
-        parameters,
-        nll,
-        neighbours,
-        exact,
-    ))
+    let model = Vecchia::assemble(options.kernel, points, parameters, nll, neighbours);
+    Ok((model, value))
 }
 
 /// Vecchia's likelihood of all points in units of the scaled data, and the mean in those.
-fn approximate(
+///
+/// For a point with the neighbours c the observation's relative variance is D = C_ii − C_icC_cc⁻¹C_ci, and
+/// what its neighbours leave of y and of the ones of the trend are r_y and r_1. With r = r_y − μ r_1 the point
+/// adds ½ [ln(2πσ²D) + r²/(σ²D)], and μ = Σ r_1 r_y/D / Σ r_1²/D.
+fn likelihood(
     options: &VecchiaOptions,
     scaled: &Scaled,
+    random: Vec<usize>,
     ln_ranges: &[f64],
     sigma2: f64,
-) -> Result<(f64, f64), Error> {
+) -> (f64, f64) {
     let n = scaled.len();
-    let mut random: Vec<usize> = (0..n).collect();
-    random.shuffle(&mut stream(options.seed, Purpose::Fit, 2, 0));
-    let order = max_min_order(&metric(scaled, options.kernel, ln_ranges), random, n);
+    let factors = ln_ranges
+        .iter()
+        .map(|ln_range| options.kernel.length_factor() * (-ln_range).exp());
+    let columns: Vec<Vec<f64>> = scaled
+        .columns
+        .iter()
+        .zip(factors)
+        .map(|(column, factor)| column.iter().map(|x| x * factor).collect())
+        .collect();
+    let order = max_min_order(&columns, random, n);
     let ordered = scaled.subset(&order);
-    let earlier = nearest_earlier(
-        &metric(&ordered, options.kernel, ln_ranges),
-        options.neighbours,
-    );
-    let at = [ln_ranges, &[sigma2.ln()]].concat();
-    Conditionals::new(options.kernel, &ordered, &earlier)
-        .value(&at)
-        .ok_or(Error::NotPositiveDefinite {
-            jitter: JITTERS[JITTERS.len() - 1],
-        })
+    let in_order = |column: &Vec<f64>| order.iter().map(|&i| column[i]).collect();
+    let columns: Vec<Vec<f64>> = columns.iter().map(in_order).collect();
+    let earlier = nearest_earlier(&columns, options.neighbours);
+    let ratio = |v: &f64| noise_ratio(*v, sigma2);
+    let all = conditional::Points {
+        kernel: options.kernel,
+        columns: &columns,
+        noise_ratio: &ordered.noise.iter().map(ratio).collect::<Vec<f64>>(),
+    };
+    let ones = vec![1.0; n];
+    // D, r_y and r_1 of a point.
+    let term = |i: usize| {
+        let given = all.given(&earlier[i], &point(&columns, i), [&ordered.y, &ones]);
+        let [of_y, of_ones] = given.means;
+        let variance = given.variance + given.jitter + all.noise_ratio[i];
+        [variance, ordered.y[i] - of_y, 1.0 - of_ones]
+    };
+    let terms: Vec<[f64; 3]> = (0..n)
+        .into_par_iter()
+        .with_min_len(64)
+        .map(term)
+        .collect();
+    let sum = |f: fn(&[f64; 3]) -> f64| terms.iter().map(f).sum::<f64>();
+    let mu = sum(|[d, y, one]| one * y / d) / sum(|[d, _, one]| one * one / d);
+    let constant = (std::f64::consts::TAU * sigma2).ln();
+    let of_term = |[d, y, one]: &[f64; 3]| {
+        let residual = y - mu * one;
+        constant + d.ln() + residual * residual / (sigma2 * d)
+    };
+    (0.5 * terms.iter().map(of_term).sum::<f64>(), mu)
 }
 
 impl Vecchia {
@@ -385,7 +238,6 @@ impl Vecchia {
         parameters: Parameters,
         nll: f64,
         neighbours: usize,
-        exact: Option<Box<Model>>,
     ) -> Self {
         let ratio = |v: &f64| noise_ratio(*v, parameters.sigma2);
         Self {
@@ -398,22 +250,11 @@ impl Vecchia {
             nll,
             neighbours,
             calibration: 1.0,
-            exact,
         }
     }
 
-    /// Adds to the warnings, those of a stored model, too.
-    fn warn(&mut self, warnings: Vec<Warning>) {
-        if let Some(model) = &mut self.exact {
-            model.points.warnings.extend(warnings.iter().cloned());
-        }
-        self.points.warnings.extend(warnings);
-    }
-
-    /// Mean and variance at `x` (d coordinates), those of [`Model::predict`] where the points are few
-    /// enough. Otherwise from its nearest observations: equations (19) and (20) for those, with the
-    /// mean μ of the whole data taken as known. Noise is not part of the
-    /// variance. Where even that small covariance matrix cannot be factorised, a jitter of up to
+    /// Mean and variance at `x` (d coordinates) from its nearest observations: equations (19) and (20) for
+    /// those, with the mean μ of the whole data taken as known. Noise is not part of the variance. Where even that small covariance matrix cannot be factorised, a jitter of up to
     /// 1e-4 of the process variance is added.
     ///
     /// # Panics
@@ -426,27 +267,24 @@ impl Vecchia {
             self.points.d,
             "a point must have the model's number of coordinates"
         );
-        if let Some(model) = &self.exact {
-            return model.predict(x);
-        }
         let at = self.coordinates.scaled(x);
         let columns = &self.coordinates.columns;
         let near = nearest(columns, &at, self.points.len(), self.neighbours);
-        let Conditional { mean, variance, .. } = self.given(&near, &at);
+        let given = self.given(&near, &at);
         Prediction {
-            mean: self.parameters.mu + mean,
-            variance: self.parameters.sigma2 * variance * self.calibration,
+            mean: self.parameters.mu + given.means[0],
+            variance: self.parameters.sigma2 * given.variance * self.calibration,
         }
     }
 
     /// The process at the scaled coordinates `at` from the observations `near`.
-    fn given(&self, near: &[u32], at: &[f64]) -> Conditional {
-        let columns = &self.coordinates.columns;
-        let mut local = Local::new(self.kernel, columns.len(), near.len() + 1);
-        local.gather(columns, near, at);
-        let noise: Vec<f64> = near.iter().map(|&i| self.noise_ratio[i as usize]).collect();
-        let observed: Vec<f64> = near.iter().map(|&i| self.centred[i as usize]).collect();
-        local.predict(&noise, &observed)
+    fn given(&self, near: &[u32], at: &[f64]) -> Conditional<1> {
+        let all = conditional::Points {
+            kernel: self.kernel,
+            columns: &self.coordinates.columns,
+            noise_ratio: &self.noise_ratio,
+        };
+        all.given(near, at, [&self.centred])
     }
 
     /// The mean at `x` alone.
@@ -456,10 +294,7 @@ impl Vecchia {
     /// If `x` has another length than [`Vecchia::dimensions`].
     #[must_use]
     pub fn mean(&self, x: &[f64]) -> f64 {
-        match &self.exact {
-            Some(model) => model.mean(x),
-            None => self.predict(x).mean,
-        }
+        self.predict(x).mean
     }
 
     /// [`Vecchia::predict`] at many points: row-major, any number of rows of d coordinates; the same
@@ -470,9 +305,6 @@ impl Vecchia {
     /// [`Error::Shape`] if `x` is not a whole number of rows.
     pub fn predict_many(&self, x: &[f64]) -> Result<Vec<Prediction>, Error> {
         let rows = rows(x, self.points.d)?;
-        if let Some(model) = &self.exact {
-            return model.predict_many(x);
-        }
         Ok(rows.into_par_iter().map(|x| self.predict(x)).collect())
     }
 
@@ -487,14 +319,10 @@ impl Vecchia {
         Ok(rows.into_par_iter().map(|x| self.mean(x)).collect())
     }
 
-    /// Number of observations a prediction is made from: all of them where the points are few enough.
+    /// Number of observations a prediction is made from.
     #[must_use]
     pub fn conditioning(&self) -> usize {
-        if self.exact.is_some() {
-            self.points.len()
-        } else {
-            self.neighbours
-        }
+        self.neighbours
     }
 
     /// The parameters of the process.
@@ -521,8 +349,7 @@ impl Vecchia {
         self.points.len()
     }
 
-    /// −ln L of all observations, with its n/2 ln 2π: Vecchia's approximation of it, beyond the number
-    /// of points whose predictions are exact.
+    /// Vecchia's approximation of −ln L of all observations, with its n/2 ln 2π.
     #[must_use]
     pub fn negative_log_likelihood(&self) -> f64 {
         self.nll

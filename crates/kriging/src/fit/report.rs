@@ -3,7 +3,7 @@
 use super::{Found, SCREENING, Search};
 use crate::Warning;
 use crate::likelihood::white_noise;
-use crate::scaled::Scaled;
+use crate::data::scaled::Scaled;
 
 /// A parameter whose logarithm is this close to a bound has ended there: more than the first step off a
 /// bound, far less than anything a prediction would show.
@@ -33,9 +33,9 @@ pub(crate) fn no_structure(data: &Scaled, value: f64, needed: usize) -> Option<W
 }
 
 /// A search's box, for what ended at its sides.
-pub(crate) struct Bounds<'a> {
-    pub(crate) lower: &'a [f64],
-    pub(crate) upper: &'a [f64],
+struct Bounds<'a> {
+    lower: &'a [f64],
+    upper: &'a [f64],
 }
 
 impl Bounds<'_> {
@@ -49,7 +49,7 @@ impl Bounds<'_> {
 
     /// The warnings of parameters (ln θ, or one of them for all coordinates, ln τ² if there is a
     /// nugget, ln σ²) that ended at a bound; `active` are the coordinates of the ranges.
-    pub(crate) fn warnings(&self, at: &[f64], active: &[usize], nugget: bool) -> Vec<Warning> {
+    fn warnings(&self, at: &[f64], active: &[usize], nugget: bool) -> Vec<Warning> {
         let mut warnings = Vec::new();
         let last = at.len() - 1;
         for upper in [false, true] {
@@ -97,15 +97,18 @@ impl Search<'_> {
                 relative: found.jitter,
             });
         }
+        warnings.extend(self.at_bounds(found));
+        warnings.extend(self.of_search(found));
+        warnings
+    }
+
+    /// The warnings of parameters that ended at a bound.
+    pub(super) fn at_bounds(&self, found: &Found) -> Vec<Warning> {
         let bounds = Bounds {
             lower: &self.lower,
             upper: &self.upper,
         };
-        let nugget = self.options.nugget;
-        let at_bounds = bounds.warnings(&found.outcome.at, &self.data.active, nugget);
-        warnings.extend(at_bounds);
-        warnings.extend(self.of_search(found));
-        warnings
+        bounds.warnings(&found.outcome.at, &self.data.active, self.options.nugget)
     }
 
     /// The warnings of how the search went and of what the data do not determine.

@@ -3,59 +3,42 @@
 use rayon::prelude::*;
 
 use super::Vecchia;
-use super::likelihood::Conditional;
 use super::neighbours::nearest;
 use crate::Warning;
-use crate::calibration::{Residual, factor};
-use crate::loo::LeaveOneOut;
-
-/// Points whose residuals one thread computes together.
-const CHUNK: usize = 64;
+use crate::likelihood::point;
+use crate::model::calibration::{Residual, factor};
+use crate::model::loo::LeaveOneOut;
 
 impl Vecchia {
-    /// Predicts each point without its own observation as the model predicts any other: that of
-    /// [`crate::Model::leave_one_out`] where the points are few enough for exact predictions,
-    /// otherwise from the nearest other observations, as many as [`Vecchia::conditioning`] says. The
-    /// mean μ is then kept, which one observation of thousands does not move.
-    ///
-    /// Costs an inverse, n³ multiplications, or else as much as n predictions.
+    /// Predicts each point without its own observation as the model predicts any other: from the nearest
+    /// other observations, as many as [`Vecchia::conditioning`] says. The mean μ is kept, which one
+    /// observation of thousands does not move. Costs as much as n predictions.
     #[must_use]
     pub fn leave_one_out(&self) -> LeaveOneOut {
-        match &self.exact {
-            Some(model) => model.leave_one_out(),
-            None => {
-                let (residuals, _) = self.residuals(self.neighbours);
-                LeaveOneOut::new(&self.points, &residuals, self.calibration)
-            }
-        }
+        let (residuals, _) = self.residuals(self.neighbours);
+        LeaveOneOut::new(&self.points, &residuals, self.calibration)
     }
 
     /// The model with its predicted variances multiplied by a factor from the residuals of
     /// [`Vecchia::leave_one_out`], as [`crate::Model::calibrated`] describes it.
     #[must_use]
     pub fn calibrated(mut self) -> Self {
-        match self.exact.take() {
-            Some(model) => self.exact = Some(Box::new(model.calibrated())),
-            None => self.calibration = factor(&self.residuals(self.neighbours).0),
-        }
+        self.calibration = factor(&self.residuals(self.neighbours).0);
         self
     }
 
     /// The factor of the predicted variances: 1 unless the model was [`Vecchia::calibrated`].
     #[must_use]
     pub fn calibration(&self) -> f64 {
-        match &self.exact {
-            Some(model) => model.calibration(),
-            None => self.calibration,
-        }
+        self.calibration
     }
 
-    /// The warnings that follow from the residuals given `neighbours` others: of outliers and, where
-    /// predictions are local, of the jitter they take.
+    /// The warnings that follow from the residuals given `neighbours` others: of outliers, and of the jitter
+    /// they take.
     pub(super) fn warnings_of_residuals(&self, neighbours: usize) -> Vec<Warning> {
         let (residuals, jitter) = self.residuals(neighbours);
         let mut warnings = Vec::new();
-        if self.exact.is_none() && jitter > 0.0 {
+        if jitter > 0.0 {
             warnings.push(Warning::Jitter { relative: jitter });
         }
         warnings.extend(LeaveOneOut::new(&self.points, &residuals, 1.0).warning(&self.points));
@@ -68,31 +51,24 @@ impl Vecchia {
         let n = self.points.len();
         let columns = &self.coordinates.columns;
         let of_point = |i: usize| {
-            let at: Vec<f64> = columns.iter().map(|c| c[i]).collect();
+            let at = point(columns, i);
             let mut near = nearest(columns, &at, n, neighbours + 1);
             near.retain(|&j| j as usize != i);
             // Only where so many points lie on top of this one that it is not among its nearest.
             near.truncate(neighbours);
-            let Conditional {
-                mean,
-                variance,
-                jitter,
-            } = self.given(&near, &at);
+            let given = self.given(&near, &at);
             let noise = self.points.noise[i];
             let residual = Residual {
-                residual: self.centred[i] - mean,
-                variance: self.parameters.sigma2 * (variance + jitter) + noise,
+                residual: self.centred[i] - given.means[0],
+                variance: self.parameters.sigma2 * (given.variance + given.jitter) + noise,
                 noise,
             };
-            (residual, jitter)
+            (residual, given.jitter)
         };
-        let starts: Vec<usize> = (0..n).step_by(CHUNK).collect();
-        let all: Vec<(Residual, f64)> = starts
+        let all: Vec<(Residual, f64)> = (0..n)
             .into_par_iter()
-            .flat_map_iter(|start| {
-                let chunk = start..(start + CHUNK).min(n);
-                chunk.map(of_point).collect::<Vec<_>>()
-            })
+            .with_min_len(64)
+            .map(of_point)
             .collect();
         let jitter = all.iter().map(|(_, jitter)| *jitter).fold(0.0, f64::max);
         (

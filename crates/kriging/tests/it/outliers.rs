@@ -50,7 +50,6 @@ fn gross_errors_are_named_the_worst_first() {
     sample.y[57] += 50.0;
     sample.y[3] -= 30.0;
     let sparse = VecchiaOptions {
-        dense: 0,
         ..VecchiaOptions::default()
     };
     let models = [

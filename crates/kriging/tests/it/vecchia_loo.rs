@@ -6,7 +6,6 @@ use crate::common::Sample;
 
 fn sparse(neighbours: usize) -> VecchiaOptions {
     VecchiaOptions {
-        dense: 0,
         prediction_neighbours: neighbours,
         ..VecchiaOptions::default()
     }

@@ -32,7 +32,6 @@ fn fewer_than_two_points_per_parameter_are_few() {
         let exact = fit(&sample.data(), &FitOptions::default()).unwrap();
         assert_eq!(few(exact.warnings()), expected, "{d} {n}");
         let sparse = VecchiaOptions {
-            dense: 0,
             ..VecchiaOptions::default()
         };
         for options in [VecchiaOptions::default(), sparse] {
@@ -85,7 +84,6 @@ fn variances_at_their_bounds_are_reported() {
 #[test]
 fn nearest_neighbours_warn_as_the_exact_model_does() {
     let sparse = VecchiaOptions {
-        dense: 0,
         ..VecchiaOptions::default()
     };
     let mut repeated: Vec<usize> = (0..80).collect();

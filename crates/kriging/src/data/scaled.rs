@@ -2,7 +2,9 @@
 
 use crate::Error;
 use crate::data::{Points, mean};
-use crate::fit::SIGMA2_BOUNDS;
+
+/// Bounds of σ², relative to the variance of the observations.
+pub(crate) const SIGMA2_BOUNDS: (f64, f64) = (1e-8, 1e6);
 
 /// The points in units of their own extent: what the likelihood search works on.
 #[derive(Debug, Clone)]

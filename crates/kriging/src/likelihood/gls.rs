@@ -1,10 +1,11 @@
 //! Generalised least squares: the trend's coefficients under a covariance C.
 //!
 //! With F the n × p matrix of basis functions (ones; for a linear trend the coordinates too) the
-//! coefficients are (FᵀC⁻¹F)⁻¹FᵀC⁻¹y, equation (18) for p = 1. The small matrix is factorised as
-//! LDLᵀ, which for p = 1 is the plain division by 1ᵀC⁻¹1.
+//! coefficients are (FᵀC⁻¹F)⁻¹FᵀC⁻¹y, equation (18) for p = 1.
 
 use serde::{Deserialize, Serialize};
+
+use crate::linalg::{Lower, Spd, dot};
 
 /// The deterministic part of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -46,54 +47,32 @@ impl Trend {
 /// apart.
 const INDEPENDENT: f64 = 1e-12;
 
-/// C⁻¹F, and FᵀC⁻¹F as LDLᵀ.
+/// C⁻¹F and the normal equations' matrix FᵀC⁻¹F.
 #[derive(Debug, Clone)]
 pub(crate) struct Gls {
-    p: usize,
     /// C⁻¹F, column by column.
     solved: Vec<f64>,
-    /// Unit lower triangle, row by row.
-    lower: Vec<f64>,
-    pivots: Vec<f64>,
+    normal: Spd,
 }
 
 impl Gls {
     /// From F and C⁻¹F, both n × p and column by column; `None` if the columns of F depend on each
     /// other.
     pub(crate) fn new(basis: &[f64], solved: Vec<f64>, n: usize) -> Option<Self> {
-        let p = basis.len() / n;
-        let (mut lower, mut pivots) = (vec![0.0; p * p], vec![0.0; p]);
-        for k in 0..p {
-            for i in k..p {
-                let inner: f64 = basis[i * n..(i + 1) * n]
-                    .iter()
-                    .zip(&solved[k * n..(k + 1) * n])
-                    .map(|(f, s)| f * s)
-                    .sum();
-                let mut value = inner;
-                for m in 0..k {
-                    value -= lower[i * p + m] * lower[k * p + m] * pivots[m];
-                }
-                if i > k {
-                    lower[i * p + k] = value / pivots[k];
-                    continue;
-                }
-                if p > 1 && (value.is_nan() || value <= INDEPENDENT * inner) {
-                    return None;
-                }
-                pivots[k] = value;
+        let matrix = Lower::from_columns(basis.len() / n, |k, column| {
+            for (f, value) in basis.chunks_exact(n).skip(k).zip(column) {
+                *value = dot(f, &solved[k * n..(k + 1) * n]);
             }
-        }
-        Some(Self {
-            p,
-            solved,
-            lower,
-            pivots,
-        })
+        });
+        let diagonal: Vec<f64> = matrix.diagonal().collect();
+        let normal = Spd::factor(matrix).ok()?;
+        let is_lost = |(pivot, whole): (f64, &f64)| pivot * pivot <= INDEPENDENT * whole;
+        let dependent = diagonal.len() > 1 && normal.pivots().zip(&diagonal).any(is_lost);
+        (!dependent).then_some(Self { solved, normal })
     }
 
     pub(crate) fn coefficients(&self) -> usize {
-        self.p
+        self.normal.len()
     }
 
     /// C⁻¹F, column by column.
@@ -103,30 +82,13 @@ impl Gls {
 
     /// Replaces b by (FᵀC⁻¹F)⁻¹b.
     pub(crate) fn solve(&self, b: &mut [f64]) {
-        self.half_solve(b);
-        for (b, pivot) in b.iter_mut().zip(&self.pivots) {
-            *b /= pivot;
-        }
-        for k in (0..self.p).rev() {
-            for i in k + 1..self.p {
-                b[k] -= self.lower[i * self.p + k] * b[i];
-            }
-        }
+        self.normal.solve(b);
     }
 
     /// uᵀ(FᵀC⁻¹F)⁻¹u; `u` is overwritten.
     pub(crate) fn quadratic(&self, u: &mut [f64]) -> f64 {
-        self.half_solve(u);
-        let squares = u.iter().zip(&self.pivots);
-        squares.map(|(u, pivot)| *u * *u / pivot).sum()
-    }
-
-    fn half_solve(&self, b: &mut [f64]) {
-        for k in 0..self.p {
-            for i in k + 1..self.p {
-                b[i] -= self.lower[i * self.p + k] * b[k];
-            }
-        }
+        self.normal.half_solve(u);
+        dot(u, u)
     }
 }
 

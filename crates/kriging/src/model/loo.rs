@@ -2,10 +2,9 @@
 
 use statrs::function::erf::erfc_inv;
 
-use crate::calibration::{Residual, Z_TWO_SIDED_90};
+use super::Model;
+use super::calibration::{Residual, Z_TWO_SIDED_90};
 use crate::data::Points;
-use crate::model::Model;
-use crate::panels::{Upper, invert_transposed};
 use crate::warning::{Outlier, Warning};
 
 /// How well each observation is predicted from all others, with the covariance parameters kept and
@@ -143,9 +142,7 @@ impl Model {
     pub(crate) fn residuals(&self) -> Vec<Residual> {
         let n = self.points.len();
         let solved = self.solved();
-        let mut half_inverse = Upper::default();
-        invert_transposed(&solved.factor, &mut half_inverse);
-        let diagonal = half_inverse.squares();
+        let diagonal = solved.factor.inverse_diagonal();
         let mut row = vec![0.0; solved.gls.coefficients()];
         (0..n)
             .map(|i| {

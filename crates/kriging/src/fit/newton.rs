@@ -7,6 +7,7 @@
 //! direction fails, one gradient step is tried before the search gives up. The value never rises.
 
 use crate::likelihood::Evaluation;
+use crate::linalg::{Lower, Spd, dot};
 
 /// The most one step may change any variable; the variables are logarithms.
 const LONGEST_STEP: f64 = 2.0;
@@ -22,10 +23,6 @@ const HIDDEN: f64 = 1e-3;
 /// evaluation can take seconds.
 const LENGTHS: usize = 20;
 const FEW_LENGTHS: usize = 4;
-
-/// What a single step may end above the least value of its parabola, for each variable: for a log
-/// likelihood a fraction of what its parameters are uncertain by, half a unit each.
-const UNIMPORTANT: f64 = 0.15;
 
 #[derive(Debug, Clone)]
 pub(crate) struct Outcome {
@@ -153,53 +150,6 @@ pub(crate) fn minimise(
     })
 }
 
-/// Where a single step ends.
-#[derive(Debug, Clone)]
-pub(crate) struct Step {
-    pub(crate) at: Vec<f64>,
-    /// Its length, as a share of what the curvature suggests.
-    pub(crate) share: f64,
-}
-
-/// One step of a search from `at`. `value` gives the value alone, at `share` of the step that the
-/// curvature suggests; the parabola through both values and the slope here says what the best share is.
-/// That is where the step ends, unless it promises less than [`UNIMPORTANT`] beyond the known value. May
-/// end above the start where the function is no parabola.
-pub(crate) fn one_step(
-    first: &Evaluation,
-    value: impl FnOnce(&[f64]) -> Option<f64>,
-    at: &[f64],
-    limits: &Limits<'_>,
-    share: f64,
-) -> Step {
-    let step = newton_direction(&first.curvature, &first.gradient, at, limits);
-    let length = first_length(&step);
-    let along = |share: f64| {
-        let moved = at.iter().zip(&step).map(|(a, s)| a + share * length * s);
-        Step {
-            at: clamp(&moved.collect::<Vec<f64>>(), limits),
-            share,
-        }
-    };
-    let trial = along(share);
-    let moved: Vec<f64> = trial.at.iter().zip(at).map(|(t, a)| t - a).collect();
-    let slope = dot(&moved, &first.gradient);
-    let Some(there) = value(&trial.at) else {
-        return along(0.25 * share);
-    };
-    // Both of the whole way to the trial.
-    let excess = there - first.value - slope;
-    if excess <= 0.0 || slope >= 0.0 {
-        return trial;
-    }
-    let best = (-0.5 * slope / excess).clamp(0.1, share.recip());
-    if excess * (1.0 - best).powi(2) < UNIMPORTANT * at.len() as f64 {
-        trial
-    } else {
-        along(best * share)
-    }
-}
-
 /// The quasi-Newton step on the variables that are not held at the box.
 fn newton_direction(
     curvature: &[f64],
@@ -264,16 +214,20 @@ fn newton_step(curvature: &[f64], gradient: &[f64], free: &[usize]) -> Vec<f64> 
     let mut ridge = 1e-10;
     // Each round makes the diagonal dominate more; ten suffice for any symmetric matrix of use here.
     for _ in 0..10 {
-        let mut matrix: Vec<f64> = free
-            .iter()
-            .flat_map(|&i| free.iter().map(move |&j| curvature[i * n + j]))
-            .collect();
-        for k in 0..free.len() {
-            let diagonal = &mut matrix[k * free.len() + k];
-            *diagonal = diagonal.abs().max(floor) * (1.0 + ridge);
-        }
-        let right: Vec<f64> = free.iter().map(|&i| -gradient[i]).collect();
-        if let Some(solution) = solve_positive(matrix, right) {
+        let of = |i: usize, j: usize| {
+            let value = curvature[i * n + j];
+            if i == j { value.abs().max(floor) * (1.0 + ridge) } else { value }
+        };
+        let matrix = Lower::from_columns(free.len(), |k, column| {
+            column.iter_mut().zip(&free[k..]).for_each(|(v, &i)| *v = of(i, free[k]));
+        });
+        let factor = Spd::factor(matrix).ok().filter(|factor| {
+            let mut pivots = factor.pivots().zip(free);
+            pivots.all(|(pivot, &i)| pivot * pivot > 1e-12 * of(i, i))
+        });
+        if let Some(factor) = factor {
+            let mut solution: Vec<f64> = free.iter().map(|&i| -gradient[i]).collect();
+            factor.solve(&mut solution);
             for (&i, s) in free.iter().zip(solution) {
                 step[i] = s;
             }
@@ -285,31 +239,6 @@ fn newton_step(curvature: &[f64], gradient: &[f64], free: &[usize]) -> Vec<f64> 
         step[i] = -gradient[i] / curvature[i * n + i].abs().max(floor);
     }
     step
-}
-
-/// Cholesky for a handful of unknowns.
-fn solve_positive(mut a: Vec<f64>, mut b: Vec<f64>) -> Option<Vec<f64>> {
-    let n = b.len();
-    for k in 0..n {
-        let scale = a[k * n + k];
-        let pivot = scale - (0..k).map(|m| a[k * n + m].powi(2)).sum::<f64>();
-        if pivot.is_nan() || pivot <= 1e-12 * scale {
-            return None;
-        }
-        let root = pivot.sqrt();
-        a[k * n + k] = root;
-        for i in k + 1..n {
-            let sum: f64 = (0..k).map(|m| a[i * n + m] * a[k * n + m]).sum();
-            a[i * n + k] = (a[i * n + k] - sum) / root;
-        }
-        let sum: f64 = (0..k).map(|m| a[k * n + m] * b[m]).sum();
-        b[k] = (b[k] - sum) / root;
-    }
-    for k in (0..n).rev() {
-        let sum: f64 = (k + 1..n).map(|i| a[i * n + k] * b[i]).sum();
-        b[k] = (b[k] - sum) / a[k * n + k];
-    }
-    Some(b)
 }
 
 /// The BFGS update with Powell's damping: the matrix stays positive definite.
@@ -339,10 +268,6 @@ fn update(curvature: &mut [f64], moved: &[f64], change: &[f64]) {
                 damped[i] * damped[j] / after - expected[i] * expected[j] / before;
         }
     }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 #[cfg(test)]
@@ -448,37 +373,5 @@ mod tests {
         };
         let (never, always) = (iterations(0), iterations(200));
         assert!(3 * always < 2 * never, "{always} {never}");
-    }
-
-    /// On (x − 1)², whose curvature is 2, from 0.
-    #[test]
-    fn one_step_learns_its_length() {
-        let (lower, upper) = ([-10.0], [10.0]);
-        let step = |curvature: f64, share: f64| {
-            let first = Evaluation {
-                value: 1.0,
-                gradient: vec![-2.0],
-                curvature: vec![curvature],
-                ..Evaluation::default()
-            };
-            let value = |at: &[f64]| Some((at[0] - 1.0).powi(2));
-            let Step { at, share } =
-                one_step(&first, value, &[0.0], &limits(&lower, &upper), share);
-            (at[0], share)
-        };
-        for (curvature, asked, at, share) in [
-            // Twice as long as it should be: the parabola says so.
-            (1.0, 1.0, 1.0, 0.5),
-            // When that is known, nothing is left to be mended.
-            (1.0, 0.5, 1.0, 0.5),
-            // An error of a third costs 1/9 at the end, which is not worth a step of its own.
-            (1.5, 1.0, 4.0 / 3.0, 1.0),
-            // Nor is a step lengthened beyond what the curvature suggests.
-            (4.0, 1.0, 0.5, 1.0),
-        ] {
-            let found = step(curvature, asked);
-            let error = (found.0 - at).abs().max((found.1 - share).abs());
-            assert!(error < 1e-9, "{curvature} {asked}: {found:?}");
-        }
     }
 }

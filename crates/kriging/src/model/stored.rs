@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use crate::data::Points;
-use crate::gls::Trend;
 use crate::kernel::Kernel;
+use crate::likelihood::gls::Trend;
 use crate::model::{Model, Parameters};
 use crate::{Error, Vecchia, Warning};
 
@@ -70,8 +70,6 @@ struct StoredVecchia {
     method: Method,
     /// Observations per prediction.
     neighbours: usize,
-    /// Whether predictions are those of the whole model, of which `model` then has the weights.
-    dense: bool,
     model: Stored,
 }
 
@@ -100,19 +98,15 @@ impl Vecchia {
     ///
     /// [`Error::Json`] if the writer fails.
     pub fn to_json(&self) -> Result<String, Error> {
-        let model = match &self.exact {
-            Some(model) => Stored::of(model),
-            None => Stored {
-                negative_log_likelihood: self.nll,
-                calibration: self.calibration,
-                ..Stored::new(self.kernel, &self.points, &self.parameters)
-            },
+        let model = Stored {
+            negative_log_likelihood: self.nll,
+            calibration: self.calibration,
+            ..Stored::new(self.kernel, &self.points, &self.parameters)
         };
         let stored = StoredVecchia {
             version: VERSION,
             method: Method::Vecchia,
             neighbours: self.neighbours,
-            dense: self.exact.is_some(),
             model,
         };
         serde_json::to_string(&stored).map_err(Error::Json)
@@ -135,19 +129,10 @@ impl Vecchia {
             });
         }
         let kernel = model.kernel;
-        let assemble = |points, parameters, nll, exact| {
-            Self::assemble(kernel, points, parameters, nll, neighbours, exact)
-        };
-        if stored.dense {
-            let exact = model.into_model()?;
-            let (points, parameters) = (exact.points.clone(), exact.parameters.clone());
-            let nll = exact.nll;
-            return Ok(assemble(points, parameters, nll, Some(Box::new(exact))));
-        }
         model.check(0)?;
         let (nll, calibration) = (model.negative_log_likelihood, model.calibration);
         let (points, parameters) = model.into_parts();
-        let mut read = assemble(points, parameters, nll, None);
+        let mut read = Self::assemble(kernel, points, parameters, nll, neighbours);
         read.calibration = calibration;
         if read.coordinates.are_finite() {
             Ok(read)

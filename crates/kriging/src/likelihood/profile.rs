@@ -4,11 +4,11 @@ use std::borrow::Cow;
 
 use crate::Error;
 use crate::data::{Data, Points, keep, merge};
-use crate::gls::Trend;
 use crate::kernel::Kernel;
+use crate::likelihood::gls::Trend;
 use crate::likelihood::{Form, Likelihood, Order};
 use crate::model::Parameters;
-use crate::scaled::Scaled;
+use crate::data::scaled::Scaled;
 
 /// The likelihood at one set of parameters, and its derivatives.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,20 +21,13 @@ pub struct LikelihoodGradient {
     pub ln_sigma2: f64,
     /// ∂(−ln L)/∂ ln τ² of the nugget; zero without one.
     pub ln_nugget: f64,
-    /// What rounding makes of the diagonal of C⁻¹C, √Σ((C⁻¹C)ᵢᵢ − 1)². The derivatives' errors are smaller as
-    /// a rule.
-    pub rounding: f64,
 }
 
 /// The negative log likelihood of data as a function of the parameters: what [`crate::fit()`]
-/// minimises, for profiles and for tests of an optimum. Holds its matrices, at most 2.5 n² numbers
-/// (of observations with repeated points twice that), so that evaluations do not allocate them again. As in the fit, observations of one point are merged unless
-/// there is a nugget, and of 1000 points or more the gradient comes from an inverse in single precision where
-/// that is accurate enough.
+/// minimises, for profiles and for tests of an optimum. As in the fit, observations of one point are merged
+/// unless there is a nugget.
 pub struct LogLikelihood {
     d: usize,
-    /// Whether the gradient's inverse is to be in double precision.
-    double: bool,
     /// Of the observations, those at one point merged.
     merged: Part,
     /// Of the observations one by one, for a nugget; none where no point is repeated.
@@ -86,7 +79,6 @@ impl LogLikelihood {
         let apart = keep(data)?;
         Ok(Self {
             d: data.d,
-            double: false,
             apart: if apart.len() > distinct {
                 Some(Part::new(&apart, kernel, trend)?)
             } else {
@@ -94,15 +86,6 @@ impl LogLikelihood {
             },
             merged: Part::new(&points, kernel, trend)?,
         })
-    }
-
-    /// The same with gradients in double precision throughout.
-    #[must_use]
-    pub fn in_double(self) -> Self {
-        Self {
-            double: true,
-            ..self
-        }
     }
 
     /// Value and gradient at given ranges, process variance and nugget; `mu` and `slopes` of the
@@ -148,7 +131,6 @@ impl LogLikelihood {
         // ln 0 is −∞, whose exponential is 0 again.
         at.push((nugget / unit).ln());
         at.push((sigma2 / unit).ln());
-        part.function.double = self.double;
         let evaluation = part
             .function
             .evaluate(&at, Order::Gradient)
@@ -162,7 +144,6 @@ impl LogLikelihood {
         Ok(LikelihoodGradient {
             negative_log_likelihood: value,
             ln_ranges,
-            rounding: evaluation.rounding,
             ln_nugget: evaluation.gradient[count - 2],
             ln_sigma2: evaluation.gradient[count - 1],
         })

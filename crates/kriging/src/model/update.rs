@@ -1,9 +1,9 @@
 //! More observations for a fitted model, with its covariance parameters kept.
 
-use crate::covariance::noise_ratio;
+use super::{Model, Solved};
 use crate::data::{Points, keep, merge};
-use crate::model::{Model, Solved};
-use crate::panels::{Lower, factorise, half_solve};
+use crate::likelihood::{noise_ratio, point};
+use crate::linalg::{Lower, Spd};
 use crate::{Data, Error, Warning};
 
 impl Model {
@@ -72,55 +72,26 @@ impl Model {
         }
     }
 
-    /// The factor of `longer`'s matrix, whose first points are those of this model: with L that of
-    /// the old matrix, B the correlations of the new points with the old ones and D the new
-    /// points' matrix, the new rows are M = (L⁻¹B)ᵀ and the factor of D − MMᵀ.
-    fn extended_factor(&self, longer: &Self) -> Option<Lower> {
+    /// The factor of `longer`'s matrix, whose first points are those of this model. `None` if the matrix
+    /// needs more jitter, which the full factorisation finds.
+    fn extended_factor(&self, longer: &Self) -> Option<Spd> {
         let (old, n) = (self.points(), longer.points());
-        let m = n - old;
-        let solved = self.solved();
-        let mut cross = vec![0.0; old * m];
-        let mut corner = vec![0.0; m * m];
-        let mut correlation = vec![0.0; n];
-        for k in 0..m {
-            let at: Vec<f64> = longer
-                .coordinates
-                .columns
-                .iter()
-                .map(|c| c[old + k])
-                .collect();
-            longer
-                .kernel
-                .correlations(&at, |j| &longer.coordinates.columns[j], &mut correlation);
-            cross[k * old..(k + 1) * old].copy_from_slice(&correlation[..old]);
-            corner[k * m..(k + 1) * m].copy_from_slice(&correlation[old..]);
+        let columns = &longer.coordinates.columns;
+        let correlations = |k: usize, from: usize, to: &mut [f64]| {
+            let run = from..from + to.len();
+            let at = point(columns, k);
+            longer.kernel.correlations(&at, |j| &columns[j][run.clone()], to);
+        };
+        let mut cross = vec![0.0; old * (n - old)];
+        for (k, column) in (old..).zip(cross.chunks_exact_mut(old)) {
+            correlations(k, 0, column);
+        }
+        let corner = Lower::from_columns(n - old, |k, column| {
+            correlations(old + k, old + k, column);
             let noise = longer.points.noise[old + k] + longer.parameters.nugget;
-            corner[k * m + k] = 1.0 + longer.jitter + noise_ratio(noise, longer.parameters.sigma2);
-        }
-        let diagonal: Vec<f64> = (0..m).map(|k| corner[k * m + k]).collect();
-        half_solve(&solved.factor, &mut cross);
-        let row = |k: usize| &cross[k * old..(k + 1) * old];
-        let mut corner = Lower::from_fn(m, |i, k| {
-            let products = row(k).iter().zip(row(i)).map(|(a, b)| a * b);
-            corner[k * m + i] - products.sum::<f64>()
+            column[0] += longer.jitter + noise_ratio(noise, longer.parameters.sigma2);
         });
-        factorise(&mut corner).ok()?;
-        // What is left of a new point's variance may be rounding only: then the matrix needs more
-        // jitter, which the full factorisation finds.
-        let rounding = n as f64 * f64::EPSILON;
-        let lost = |(l, c): (f64, &f64)| l * l <= rounding * c;
-        if corner.diagonal().zip(&diagonal).any(lost) {
-            return None;
-        }
-        Some(Lower::from_fn(n, |i, k| {
-            if i < old {
-                solved.factor.get(i, k)
-            } else if k < old {
-                row(i - old)[k]
-            } else {
-                corner.get(i - old, k - old)
-            }
-        }))
+        self.solved().factor.append_rows(cross, &corner)
     }
 
     /// The model of the old points, each with its merged observation, and the new ones.

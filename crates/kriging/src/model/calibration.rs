@@ -1,6 +1,6 @@
 //! Predicted variances that fit the leave-one-out residuals.
 
-use crate::model::Model;
+use super::Model;
 
 /// Half-width of a two-sided 90 % interval of the standard normal distribution.
 pub(crate) const Z_TWO_SIDED_90: f64 = 1.644_853_626_951_472_2;

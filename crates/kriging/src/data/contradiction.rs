@@ -2,7 +2,7 @@
 
 use crate::Error;
 use crate::data::Points;
-use crate::scaled::Scaled;
+use crate::data::scaled::Scaled;
 
 /// How far apart points may be in each coordinate, relative to its extent, to be nearly the same.
 /// A process whose shortest range is 1e-6 of the extent changes by a thousandth of its deviation

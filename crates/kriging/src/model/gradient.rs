@@ -1,7 +1,7 @@
 //! Derivatives of the prediction with respect to the point.
 
-use crate::model::{Model, Prediction};
-use crate::panels::solve;
+use super::coordinates::Coordinates;
+use super::{Model, Prediction};
 
 /// A prediction and its derivatives.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,7 +41,7 @@ impl Model {
         let solved = self.solved();
         let (correlation, factors) = self.correlations_and_factors(x);
         let mut weights = correlation.clone();
-        solve(&solved.factor, &mut weights);
+        solved.factor.solve(&mut weights);
 
         // variance/σ² = 1 − rᵀC⁻¹r + uᵀ(FᵀC⁻¹F)⁻¹u with u = f − FᵀC⁻¹r; its derivative is
         // −2 r'ᵀC⁻¹r + 2 u'ᵀ(FᵀC⁻¹F)⁻¹u with u' = f' − FᵀC⁻¹r'.
@@ -74,18 +74,13 @@ impl Model {
     /// The correlations of x with all points, without and with the factor common to a radial
     /// kernel's derivatives.
     fn correlations_and_factors(&self, x: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        let n = self.points();
         let at = self.scaled(x);
-        let (mut correlation, mut scratch) = (vec![0.0; n], vec![0.0; n]);
-        self.kernel
-            .correlations(&at, |j| &self.coordinates.columns[j], &mut correlation);
+        let column = |j: usize| &*self.coordinates.columns[j];
+        let mut correlation = vec![0.0; self.points()];
+        self.kernel.correlations(&at, column, &mut correlation);
         let mut factors = correlation.clone();
-        self.kernel.multiply_by_radial_factors(
-            &at,
-            |j| &self.coordinates.columns[j],
-            &mut scratch,
-            &mut factors,
-        );
+        self.kernel
+            .multiply_by_radial_factors(&at, column, &mut factors);
         (correlation, factors)
     }
 
@@ -106,12 +101,11 @@ impl Model {
     fn slopes_of_sum(&self, x: &[f64], pull: &[f64]) -> Vec<f64> {
         let mut slopes = vec![0.0; self.dimensions()];
         let at = self.scaled(x);
-        for (k, &j) in self.coordinates.active.iter().enumerate() {
-            slopes[j] = self.coordinates.scale[k]
-                * self
-                    .kernel
-                    .slope_dot(at[k], &self.coordinates.columns[k], pull);
-        }
+        let column = |k: usize| &*self.coordinates.columns[k];
+        let Coordinates { active, scale, .. } = &self.coordinates;
+        self.kernel.slope_dots(&at, column, pull, |k, dot| {
+            slopes[active[k]] = scale[k] * dot;
+        });
         slopes
     }
 }

@@ -1,0 +1,63 @@
+//! The process at one place, given its values at a few others.
+
+use crate::kernel::Kernel;
+use crate::likelihood::{JITTERS, covariance};
+use crate::linalg::{Spd, dot};
+
+/// Points of which some are conditioned on.
+pub(super) struct Points<'a> {
+    pub(super) kernel: Kernel,
+    /// In units of the kernel's ranges.
+    pub(super) columns: &'a [Vec<f64>],
+    /// Noise over process variance, of every point.
+    pub(super) noise_ratio: &'a [f64],
+}
+
+/// What a few points say of one more.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Conditional<const R: usize> {
+    /// cᵀC⁻¹v for each vector v of values, c the correlations of the one with the few.
+    pub(super) means: [f64; R],
+    /// 1 − cᵀC⁻¹c: the variance that is left, over the process variance.
+    pub(super) variance: f64,
+    /// What it took to factorise C.
+    pub(super) jitter: f64,
+}
+
+impl Points<'_> {
+    /// The process at the scaled coordinates `at` given the points `near`, for each of the `values` that all
+    /// points may have.
+    pub(super) fn given<const R: usize>(
+        &self,
+        near: &[u32],
+        at: &[f64],
+        values: [&[f64]; R],
+    ) -> Conditional<R> {
+        let m = near.len();
+        let of_near = |values: &[f64]| near.iter().map(|&i| values[i as usize]).collect();
+        let columns: Vec<Vec<f64>> = self.columns.iter().map(|c| of_near(c)).collect();
+        let factorised = JITTERS.into_iter().find_map(|jitter| {
+            let ratio = |i: usize| self.noise_ratio[near[i] as usize];
+            let matrix = covariance(self.kernel, &columns, m, jitter, ratio);
+            Some((Spd::factor(matrix).ok()?, jitter))
+        });
+        let Some((factor, jitter)) = factorised else {
+            // No such matrix is known; without neighbours the prior is what is left.
+            return Conditional {
+                means: [0.0; R],
+                variance: 1.0,
+                jitter: JITTERS[JITTERS.len() - 1],
+            };
+        };
+        let mut solved = vec![0.0; m];
+        self.kernel.correlations(at, |j| &columns[j], &mut solved);
+        values.iter().for_each(|v| solved.extend::<Vec<f64>>(of_near(v)));
+        factor.half_solve(&mut solved);
+        let (half, values) = solved.split_at(m);
+        Conditional {
+            means: std::array::from_fn(|r| dot(half, &values[r * m..(r + 1) * m])),
+            variance: (1.0 - dot(half, half)).max(0.0),
+            jitter,
+        }
+    }
+}
