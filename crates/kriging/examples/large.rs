@@ -1,10 +1,9 @@
 //! A model of many points: time, accuracy and memory.
 //!
-//! `cargo run --release -p kriging --example large -- [POINTS [DENSE]]` (100 000; with more than DENSE points,
-//! 10 000 by default, a prediction is made from the 200 nearest)
+//! `cargo run --release -p kriging --example large -- [POINTS]` (100 000)
 //!
 //! The six-dimensional Hartmann function on 2…40 with noise of a standard deviation of 0.10 to 0.16 at
-//! random points, by [`kriging::fit_vecchia`] with its default options otherwise. The error is the root mean
+//! random points, by [`kriging::fit_vecchia`] with its default options. The error is the root mean
 //! square one of the mean against the truth at 2000 other points.
 
 #![expect(clippy::print_stdout, reason = "an example's output is its purpose")]

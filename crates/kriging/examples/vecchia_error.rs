@@ -67,7 +67,6 @@ fn curve(n: usize) -> Result<Curve, Box<dyn Error>> {
     let mut excess = Vec::new();
     for m in NEIGHBOURS.into_iter().filter(|m| *m < n).chain([n]) {
         let options = VecchiaOptions {
-            dense: if m == n { n } else { 0 },
             subset: 1000,
             prediction_neighbours: m,
             ..VecchiaOptions::default()

@@ -17,7 +17,6 @@
 
 mod derivatives;
 pub(crate) mod gls;
-pub(crate) mod profile;
 
 use std::borrow::Cow;
 

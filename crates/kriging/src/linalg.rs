@@ -108,11 +108,8 @@ pub(crate) struct Spd {
 impl Spd {
     pub(crate) fn factor(mut matrix: Lower) -> Result<Self, NotPositiveDefinite> {
         let (n, par) = (matrix.n, threads(matrix.n));
-        let mut memory = MemBuffer::new(cholesky_in_place_scratch::<f64>(
-            n,
-            par,
-            Default::default(),
-        ));
+        let mut memory =
+            MemBuffer::new(cholesky_in_place_scratch::<f64>(n, par, Default::default()));
         let factorised = cholesky_in_place(
             matrix.view_mut(),
             Default::default(),

@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 use crate::data::Data;
 use crate::fit::{FitOptions, fit};
 use crate::kernel::Kernel;
-use crate::model::{Model, Parameters, Prediction};
+use crate::model::predict::Prediction;
+use crate::model::{Model, Parameters};
 use crate::vecchia::{Vecchia, VecchiaOptions, fit_vecchia};
 use crate::{Error, LeaveOneOut, Trend, Warning};
 

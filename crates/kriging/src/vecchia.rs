@@ -37,8 +37,9 @@ use crate::fit::report::{few_points, no_structure};
 use crate::fit::{Start, constant_sigma2, in_units_of_data, start_from_subset};
 use crate::kernel::Kernel;
 use crate::likelihood::{noise_ratio, point};
+use crate::model::Parameters;
 use crate::model::coordinates::{Coordinates, rows};
-use crate::model::{Parameters, Prediction};
+use crate::model::predict::Prediction;
 use crate::{Error, FitOptions, Warning};
 use conditional::Conditional;
 use neighbours::{max_min_order, nearest, nearest_earlier};
@@ -215,11 +216,7 @@ fn likelihood(
         let variance = given.variance + given.jitter + all.noise_ratio[i];
         [variance, ordered.y[i] - of_y, 1.0 - of_ones]
     };
-    let terms: Vec<[f64; 3]> = (0..n)
-        .into_par_iter()
-        .with_min_len(64)
-        .map(term)
-        .collect();
+    let terms: Vec<[f64; 3]> = (0..n).into_par_iter().with_min_len(64).map(term).collect();
     let sum = |f: fn(&[f64; 3]) -> f64| terms.iter().map(f).sum::<f64>();
     let mu = sum(|[d, y, one]| one * y / d) / sum(|[d, _, one]| one * one / d);
     let constant = (std::f64::consts::TAU * sigma2).ln();

@@ -216,10 +216,17 @@ fn newton_step(curvature: &[f64], gradient: &[f64], free: &[usize]) -> Vec<f64> 
     for _ in 0..10 {
         let of = |i: usize, j: usize| {
             let value = curvature[i * n + j];
-            if i == j { value.abs().max(floor) * (1.0 + ridge) } else { value }
+            if i == j {
+                value.abs().max(floor) * (1.0 + ridge)
+            } else {
+                value
+            }
         };
         let matrix = Lower::from_columns(free.len(), |k, column| {
-            column.iter_mut().zip(&free[k..]).for_each(|(v, &i)| *v = of(i, free[k]));
+            column
+                .iter_mut()
+                .zip(&free[k..])
+                .for_each(|(v, &i)| *v = of(i, free[k]));
         });
         let factor = Spd::factor(matrix).ok().filter(|factor| {
             let mut pivots = factor.pivots().zip(free);

@@ -1,9 +1,10 @@
 //! What a search has to report beside its parameters.
 
-use super::{Found, SCREENING, Search};
+use super::stages::{Found, SCREENING};
+use super::starts::Search;
 use crate::Warning;
-use crate::likelihood::white_noise;
 use crate::data::scaled::Scaled;
+use crate::likelihood::white_noise;
 
 /// A parameter whose logarithm is this close to a bound has ended there: more than the first step off a
 /// bound, far less than anything a prediction would show.

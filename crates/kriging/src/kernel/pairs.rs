@@ -86,9 +86,7 @@ impl Kernel {
                 for (j, at) in at.iter().enumerate() {
                     let run = (*at, column(j), weights);
                     let dot = match self {
-                        Self::Matern52 => {
-                            weigh(run, |a| a * a * (1.0 + a) / (3.0 + a * (3.0 + a)))
-                        }
+                        Self::Matern52 => weigh(run, |a| a * a * (1.0 + a) / (3.0 + a * (3.0 + a))),
                         Self::Matern32 => weigh(run, |a| a * a / (1.0 + a)),
                         Self::SquaredExponential => weigh(run, |a| 2.0 * a * a),
                         Self::Exponential => weigh(run, |a| a),
@@ -126,27 +124,6 @@ impl Kernel {
                 _ if a == 0.0 => 0.0,
                 _ => 1.0 / a,
             };
-        }
-    }
-
-    /// Gives `add` for each coordinate j its number and Σᵢ `weights`ᵢ ∂ ln(correlationᵢ)/∂ `at`ⱼ, in units of
-    /// the scaled coordinates. Where a kernel has a kink, at the point itself, the mean of both sides is
-    /// taken.
-    pub(crate) fn slope_dots<'a>(
-        self,
-        at: &[f64],
-        column: impl Fn(usize) -> &'a [f64],
-        weights: &[f64],
-        mut add: impl FnMut(usize, f64),
-    ) {
-        // a = |c − at| and ∂ ln r/∂ ln θ = −a d ln r/da, so that ∂ ln r/∂ at = (∂ ln r/∂ ln θ)/(c − at).
-        for (j, at) in at.iter().enumerate() {
-            let differences = column(j).iter().map(|c| c - at);
-            let shares: Vec<f64> = differences
-                .zip(weights)
-                .map(|(difference, w)| if difference == 0.0 { 0.0 } else { w / difference })
-                .collect();
-            self.log_derivative_dots(&[*at], |_| column(j), &shares, |_, dot| add(j, dot));
         }
     }
 }

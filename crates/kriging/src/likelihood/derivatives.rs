@@ -59,7 +59,9 @@ impl Likelihood<'_> {
         let trace = dot(&diagonal, noise);
         let squares: f64 = beta.iter().zip(noise).map(|(b, v)| v * b * b).sum();
         gradient[count - 1] = 0.5
-            * (self.data.len() as f64 - trace / sigma2 - (at.quadratic - squares / sigma2) / sigma2);
+            * (self.data.len() as f64
+                - trace / sigma2
+                - (at.quadratic - squares / sigma2) / sigma2);
         gradient
     }
 

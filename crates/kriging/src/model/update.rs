@@ -80,7 +80,9 @@ impl Model {
         let correlations = |k: usize, from: usize, to: &mut [f64]| {
             let run = from..from + to.len();
             let at = point(columns, k);
-            longer.kernel.correlations(&at, |j| &columns[j][run.clone()], to);
+            longer
+                .kernel
+                .correlations(&at, |j| &columns[j][run.clone()], to);
         };
         let mut cross = vec![0.0; old * (n - old)];
         for (k, column) in (old..).zip(cross.chunks_exact_mut(old)) {

@@ -51,7 +51,9 @@ impl Points<'_> {
         };
         let mut solved = vec![0.0; m];
         self.kernel.correlations(at, |j| &columns[j], &mut solved);
-        values.iter().for_each(|v| solved.extend::<Vec<f64>>(of_near(v)));
+        values
+            .iter()
+            .for_each(|v| solved.extend::<Vec<f64>>(of_near(v)));
         factor.half_solve(&mut solved);
         let (half, values) = solved.split_at(m);
         Conditional {

@@ -3,7 +3,6 @@
 mod common;
 mod contradictions;
 mod degenerate;
-mod derivatives;
 mod formulas;
 mod growing;
 mod hartmann;

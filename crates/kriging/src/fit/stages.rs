@@ -1,0 +1,157 @@
+//! From starts on a few points to the optimum on all of them.
+
+use std::borrow::Cow;
+
+use rayon::prelude::*;
+
+use super::newton::{Limits, Outcome, minimise};
+use super::starts::{Search, TOLERANCE};
+use crate::Error;
+use crate::data::scaled::Scaled;
+use crate::likelihood::{JITTERS, Likelihood, Order};
+
+/// Number of points on which starts are compared.
+pub(super) const SCREENING: usize = 300;
+/// Each stage of polishing has about this times the points of the one before.
+const GROWTH: f64 = 2.5;
+/// From more points than this, the search goes by stages.
+const STAGED: usize = 450;
+/// How many of the optima found on some points are followed further.
+const FOLLOWED: usize = 2;
+/// [`TOLERANCE`] where more points follow.
+pub(super) const SUBSET_TOLERANCE: f64 = 1e-2;
+/// Iterations that take the curvature from the likelihood: more where the search ends early, fewer
+/// where quasi-Newton steps are to converge.
+const RENEWED: usize = 3;
+const RENEWED_LAST: usize = 2;
+
+pub(super) struct Found {
+    pub(super) outcome: Outcome,
+    pub(super) jitter: f64,
+}
+
+impl Search<'_> {
+    /// The parameters of the highest likelihood that is found.
+    pub(super) fn run(&self) -> Result<Found, Error> {
+        let n = self.data.len();
+        let mut sizes = vec![n];
+        while let Some(&last) = sizes.last()
+            && last > STAGED
+        {
+            let next = (last as f64 / GROWTH) as usize;
+            sizes.push(next.max(SCREENING));
+        }
+        sizes.reverse();
+
+        let mut candidates = self.screen(&self.subset(sizes[0]))?;
+        for (stage, &size) in sizes.iter().enumerate() {
+            let last = size == n;
+            let subset = self.subset(size);
+            if last && stage > 0 {
+                candidates = self.best_of(&subset, candidates);
+            }
+            let polished: Vec<Found> = candidates
+                .par_iter()
+                .filter_map(|(start, jitter)| self.polish(&subset, start, *jitter, last))
+                .collect();
+            let mut distinct: Vec<Found> = Vec::new();
+            for found in by_value(polished) {
+                let same = |other: &Found| {
+                    (other.outcome.value - found.outcome.value).abs() < 0.1
+                        && distance(&other.outcome.at, &found.outcome.at) < 0.1
+                };
+                if !distinct.iter().any(same) {
+                    distinct.push(found);
+                }
+            }
+            if last {
+                if let Some(best) = distinct.into_iter().next() {
+                    return Ok(best);
+                }
+                break;
+            }
+            candidates = distinct
+                .into_iter()
+                .take(FOLLOWED)
+                .map(|found| (found.outcome.at, found.jitter))
+                .collect();
+        }
+        Err(Error::NotPositiveDefinite {
+            jitter: JITTERS[JITTERS.len() - 1],
+        })
+    }
+
+    /// The one of several candidates whose likelihood on `subset` is highest: a few hundred points may
+    /// have preferred another.
+    fn best_of(&self, subset: &Scaled, candidates: Vec<(Vec<f64>, f64)>) -> Vec<(Vec<f64>, f64)> {
+        if candidates.len() < 2 {
+            return candidates;
+        }
+        let value = |(at, jitter): &(Vec<f64>, f64)| {
+            let mut likelihood = Likelihood::new(self.form(), Cow::Borrowed(subset), *jitter);
+            let evaluation = likelihood.evaluate(at, Order::Value);
+            evaluation.map_or(f64::INFINITY, |evaluation| evaluation.value)
+        };
+        let values: Vec<f64> = candidates.par_iter().map(value).collect();
+        let by_value = candidates.into_iter().zip(values);
+        let best = by_value.min_by(|(_, a), (_, b)| a.total_cmp(b));
+        best.into_iter().map(|(candidate, _)| candidate).collect()
+    }
+
+    /// Searches from `start`. The jitter grows while the search keeps running into matrices that are
+    /// not positive definite and more jitter raises the likelihood.
+    fn polish(&self, subset: &Scaled, start: &[f64], jitter: f64, last: bool) -> Option<Found> {
+        let limits = Limits {
+            lower: &self.lower,
+            upper: &self.upper,
+            max_iterations: self.options.max_iterations,
+            renewed: if last { RENEWED_LAST } else { RENEWED },
+            tolerance: if last {
+                self.tolerance
+            } else {
+                SUBSET_TOLERANCE
+            },
+        };
+        let mut likelihood = Likelihood::new(self.form(), Cow::Borrowed(subset), jitter);
+        let mut best: Option<Found> = None;
+        for jitter in JITTERS.into_iter().filter(|j| *j >= jitter) {
+            likelihood.jitter = jitter;
+            let from = best.as_ref().map_or(start, |found| &found.outcome.at);
+            let evaluate = |at: &[f64], curvature: bool| {
+                let order = if curvature {
+                    Order::Curvature
+                } else {
+                    Order::Gradient
+                };
+                likelihood.evaluate(at, order)
+            };
+            let Some(outcome) = minimise(evaluate, from, &limits) else {
+                continue;
+            };
+            let better = best
+                .as_ref()
+                .is_none_or(|b| outcome.value < b.outcome.value - TOLERANCE);
+            if !better {
+                break;
+            }
+            let met_failure = outcome.met_failure;
+            best = Some(Found { outcome, jitter });
+            if !met_failure {
+                break;
+            }
+        }
+        best
+    }
+}
+
+fn by_value(mut found: Vec<Found>) -> Vec<Found> {
+    found.sort_by(|a, b| a.outcome.value.total_cmp(&b.outcome.value));
+    found
+}
+
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter()
+        .zip(b)
+        .map(|(a, b)| (a - b).abs())
+        .fold(0.0, f64::max)
+}
