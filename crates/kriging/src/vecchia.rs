@@ -213,7 +213,8 @@ fn likelihood(
     let term = |i: usize| {
         let given = all.given(&earlier[i], &point(&columns, i), [&ordered.y, &ones]);
         let [of_y, of_ones] = given.means;
-        let variance = given.variance + given.jitter + all.noise_ratio[i];
+        // Of a point on top of an exact one nothing may be left.
+        let variance = (given.variance + given.jitter + all.noise_ratio[i]).max(f64::EPSILON);
         [variance, ordered.y[i] - of_y, 1.0 - of_ones]
     };
     let terms: Vec<[f64; 3]> = (0..n).into_par_iter().with_min_len(64).map(term).collect();
