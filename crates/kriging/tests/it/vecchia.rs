@@ -181,7 +181,7 @@ fn the_method_is_chosen_by_its_name_and_by_the_number_of_points() {
 #[test]
 fn noise_has_no_structure_for_neighbours_either() {
     let mut sample = Sample::smooth(80, 2, 0.01);
-    let alternating = |i: usize| if i % 2 == 0 { 0.1 } else { -0.1 };
+    let alternating = |i: usize| if i.is_multiple_of(2) { 0.1 } else { -0.1 };
     sample.y = (0..80).map(alternating).collect();
     let refusing = FitOptions {
         refuse_no_structure: true,
