@@ -6,6 +6,7 @@
 mod campaign;
 mod corrections;
 mod enrichment;
+mod kriging;
 mod pair;
 mod sampling;
 mod sections;
@@ -13,10 +14,11 @@ mod validate;
 mod variant;
 
 pub use campaign::{
-    Bounds, Campaign, Constraints, Doe, FrozenFrom, FrozenSection, Kriging, Optimise, Pair, Report,
+    Bounds, Campaign, Constraints, Doe, FrozenFrom, FrozenSection, Optimise, Pair, Report,
     Verify,
 };
 pub use corrections::CorrectionsSection;
+pub use self::kriging::{Kriging, Nugget};
 pub use enrichment::Enrichment;
 pub(crate) use pair::gear_size;
 pub use pair::{PairFile, PairSection};

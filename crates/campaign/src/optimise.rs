@@ -66,7 +66,7 @@ struct Objective<'a> {
     problem: &'a Problem,
     approach: Approach,
     frozen: Frozen,
-    model: Option<kriging::Model>,
+    model: Option<kriging::Surrogate>,
     simulator_calls: u64,
     printed: Option<(f64, Found)>,
     best: Option<Found>,
@@ -97,7 +97,7 @@ pub fn run(
 ) -> Result<RunResult, String> {
     let model = match (approach, model) {
         (Approach::Kriging, Some(json)) => Some(
-            kriging::Model::from_json(json)
+            kriging::Surrogate::from_json(json)
                 .map_err(|error| format!("the kriging model cannot be read: {error}"))?,
         ),
         (Approach::Kriging, None) => return Err("the task brings no kriging model".to_owned()),

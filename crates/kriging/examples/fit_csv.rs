@@ -1,7 +1,8 @@
 //! Fits a model to a CSV file and scores it on another: one JSON object on standard output.
 //!
 //! `cargo run --release -p kriging --example fit_csv -- --train F.csv --test G.csv [--kernel matern-5-2]
-//! [--method auto|exact|vecchia] [--seed 0] [--trend constant|linear] [--nugget true] [--calibrate true]`
+//! [--method auto|exact|vecchia] [--estimator likelihood|posterior-mode] [--response plain|log] [--seed 0]
+//! [--trend constant|linear] [--nugget true] [--calibrate true]`
 //!
 //! The first line of a file names its columns: `x1` … `xd`, `y` and `noise_var` in the training file,
 //! `x1` … `xd` and `f_true`, the noise-free truth, in the test file, in any order. Other columns are
@@ -18,10 +19,11 @@ use std::error::Error;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use kriging::{Data, FitOptions, Method, Surrogate, Trend, fit_by};
+use kriging::{Data, Settings, Surrogate};
+use serde::de::DeserializeOwned;
 
 const USAGE: &str = "usage: fit_csv --train F.csv --test G.csv [--kernel NAME] [--method auto|exact|vecchia] \
-                     [--seed N] \
+                     [--estimator likelihood|posterior-mode] [--response plain|log] [--seed N] \
                      [--trend constant|linear] [--nugget true|false] [--calibrate true|false]";
 
 fn main() -> ExitCode {
@@ -35,8 +37,8 @@ fn main() -> ExitCode {
 }
 
 fn run() -> Result<(), Box<dyn Error>> {
-    let (mut train, mut test, mut options) = (None, None, FitOptions::default());
-    let mut method = Method::default();
+    let (mut train, mut test, mut settings) = (None, None, Settings::default());
+    let options = &mut settings.fit;
     let mut arguments = std::env::args().skip(1);
     while let Some(flag) = arguments.next() {
         let value = arguments.next().ok_or(USAGE)?;
@@ -44,14 +46,10 @@ fn run() -> Result<(), Box<dyn Error>> {
             "--train" => train = Some(value),
             "--test" => test = Some(value),
             "--kernel" => options.kernel = value.parse()?,
-            "--method" => method = value.parse()?,
-            "--trend" => {
-                options.trend = match value.as_str() {
-                    "constant" => Trend::Constant,
-                    "linear" => Trend::Linear,
-                    _ => return Err(USAGE.into()),
-                }
-            }
+            "--method" => settings.method = named(value)?,
+            "--response" => settings.response = named(value)?,
+            "--estimator" => options.estimator = named(value)?,
+            "--trend" => options.trend = named(value)?,
             "--nugget" => options.nugget = value.parse()?,
             "--calibrate" => options.calibrate = value.parse()?,
             "--seed" => options.seed = value.parse()?,
@@ -72,7 +70,7 @@ fn run() -> Result<(), Box<dyn Error>> {
     };
 
     let start = Instant::now();
-    let model = fit_by(&data, &options, method)?;
+    let model = Surrogate::fit(&data, &settings)?;
     let fit_seconds = start.elapsed().as_secs_f64();
     let score = Score::new(&model, &y, &test)?;
     let parameters = model.parameters();
@@ -105,19 +103,20 @@ fn run() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
+/// The choice of this name.
+fn named<T: DeserializeOwned>(name: String) -> Result<T, Box<dyn Error>> {
+    serde_json::from_value(name.into()).map_err(|error| format!("{error}\n{USAGE}").into())
+}
+
 /// What the model is, in words.
 fn described(model: &Surrogate) -> String {
-    match model {
-        Surrogate::Exact(model) => format!(
-            "exact: maximum likelihood, {:?} trend, {}",
-            model.trend(),
-            model.kernel()
-        ),
-        Surrogate::Vecchia(model) => format!(
-            "vecchia: predictions from {} of {} points, {}",
-            model.conditioning(),
-            model.points(),
-            model.kernel()
+    let kernel = model.kernel();
+    match model.vecchia() {
+        None => format!("exact, {kernel}"),
+        Some(near) => format!(
+            "vecchia: predictions from {} of {} points, {kernel}",
+            near.conditioning(),
+            near.points(),
         ),
     }
 }

@@ -31,10 +31,11 @@ pub(crate) struct Points {
     pub(crate) noise: Vec<f64>,
     /// Position of each point's first observation in the data given.
     pub(crate) first: Vec<usize>,
-    /// Negative log likelihood of the merged observations given their means: what the likelihood of
-    /// the points lacks to be that of all observations.
+    /// Number of observations, merged ones counted one by one.
+    pub(crate) observations: usize,
+    /// Negative log likelihood of the merged observations given their means: the difference between the
+    /// likelihood of all observations and that of the points.
     pub(crate) within: f64,
-    pub(crate) warnings: Vec<Warning>,
 }
 
 impl Points {
@@ -46,6 +47,21 @@ impl Points {
         &self.x[i * self.d..(i + 1) * self.d]
     }
 
+    /// The points in the order of their first observations.
+    pub(crate) fn by_first(&self) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..self.len()).collect();
+        order.sort_by_key(|&i| self.first[i]);
+        order
+    }
+
+    /// [`Warning::MergedDuplicates`] if there are fewer points than observations.
+    pub(crate) fn merged_duplicates(&self) -> Option<Warning> {
+        (self.observations > self.len()).then_some(Warning::MergedDuplicates {
+            observations: self.observations,
+            distinct: self.len(),
+        })
+    }
+
     /// Number of different rows of points as [`merge`] and [`keep`] return them: sorted.
     pub(crate) fn distinct(&self) -> usize {
         let new = |i: &usize| *i == 0 || self.row(*i) != self.row(*i - 1);
@@ -53,13 +69,14 @@ impl Points {
     }
 }
 
-/// Checks the data and merges observations at equal points.
+/// Checks the data and merges observations at equal points; what a user should know about the data is in
+/// the warnings.
 ///
-/// Noisy observations at one point are replaced by their precision-weighted mean, which is
-/// sufficient for everything the model learns from them. Where some are noise-free, those alone
-/// count. Where observations of a point contradict each other, see [`Contradiction`], the variance
-/// pooled over all such points is added to their noise.
-pub(crate) fn merge(data: &Data<'_>) -> Result<Points, Error> {
+/// Noisy observations at one point are replaced by their precision-weighted mean, a sufficient statistic
+/// for the model. A noise-free observation replaces the noisy ones that agree with it. Where observations
+/// of a point contradict each other, see [`Contradiction`], the variance pooled over all such points is
+/// added to the noise of each.
+pub(crate) fn merge(data: &Data<'_>) -> Result<(Points, Vec<Warning>), Error> {
     gather(data, |a, b, row| {
         compare_rows(row(a), row(b)) == Ordering::Equal
     })
@@ -69,7 +86,7 @@ pub(crate) fn merge(data: &Data<'_>) -> Result<Points, Error> {
 /// unknown nugget is, which no mean of them does. Only copies, noise-free observations of the same
 /// value, count once: as measurements they would say that there is no nugget, whatever the other
 /// observations say, and a row given twice says nothing.
-pub(crate) fn keep(data: &Data<'_>) -> Result<Points, Error> {
+pub(crate) fn keep(data: &Data<'_>) -> Result<(Points, Vec<Warning>), Error> {
     gather(data, |a, b, row| {
         let exact = data.noise_variance[a] == 0.0 && data.noise_variance[b] == 0.0;
         exact && data.y[a] == data.y[b] && compare_rows(row(a), row(b)) == Ordering::Equal
@@ -80,7 +97,7 @@ pub(crate) fn keep(data: &Data<'_>) -> Result<Points, Error> {
 fn gather<'a>(
     data: &Data<'a>,
     one: impl Fn(usize, usize, &dyn Fn(usize) -> &'a [f64]) -> bool,
-) -> Result<Points, Error> {
+) -> Result<(Points, Vec<Warning>), Error> {
     check(data)?;
     let d = data.d;
     let row = |i: usize| &data.x[i * d..(i + 1) * d];
@@ -104,8 +121,8 @@ fn gather<'a>(
         y: Vec::with_capacity(n),
         noise: Vec::with_capacity(n),
         first: Vec::with_capacity(n),
+        observations: data.y.len(),
         within: 0.0,
-        warnings: Vec::new(),
     };
     for group in &groups {
         let first = group.iter().copied().min().expect("chunks are not empty");
@@ -116,19 +133,13 @@ fn gather<'a>(
         points.first.push(first);
         points.within += within;
     }
-    if n < data.y.len() {
-        points.warnings.push(Warning::MergedDuplicates {
-            observations: data.y.len(),
-            distinct: n,
-        });
-    }
-    if contradiction.points > 0 {
-        points.warnings.push(Warning::ContradictoryDuplicates {
-            points: contradiction.points,
-            sd: contradiction.variance.sqrt(),
-        });
-    }
-    Ok(points)
+    let contradictory = (contradiction.points > 0).then(|| Warning::ContradictoryDuplicates {
+        points: contradiction.points,
+        sd: contradiction.variance.sqrt(),
+    });
+    let warnings = points.merged_duplicates().into_iter().chain(contradictory);
+    let warnings = warnings.collect();
+    Ok((points, warnings))
 }
 
 fn compare_rows(a: &[f64], b: &[f64]) -> Ordering {
@@ -141,11 +152,12 @@ fn compare_rows(a: &[f64], b: &[f64]) -> Ordering {
 /// exceeds √ν + t with a probability below exp(−t²/2), by the concentration of Gaussian measure).
 const EXCESS: f64 = 6.0;
 
-/// Scatter of observations of the same points that their noise does not permit: noise-free ones
-/// that differ, and noisy ones that differ by many standard deviations.
+/// Observations of the same points that differ by more than their noise permits: noise-free ones that
+/// differ at all, and noisy ones that lie many standard deviations from each other or from a
+/// noise-free one.
 struct Contradiction {
     points: usize,
-    /// Pooled over the points that are concerned.
+    /// The variance of their observations, pooled over the points concerned.
     variance: f64,
 }
 
@@ -153,7 +165,7 @@ impl Contradiction {
     fn among(groups: &[&[usize]], data: &Data<'_>) -> Self {
         let (mut points, mut squares, mut freedom) = (0, 0.0, 0);
         for group in groups.iter().filter(|group| contradicts(group, data)) {
-            let values: Vec<f64> = counting(group, data).map(|i| data.y[i]).collect();
+            let values: Vec<f64> = group.iter().map(|&i| data.y[i]).collect();
             let mean = mean(&values);
             points += 1;
             squares += values.iter().map(|y| (y - mean).powi(2)).sum::<f64>();
@@ -168,30 +180,19 @@ impl Contradiction {
     }
 }
 
-/// The observations of a group that count: the noise-free ones, or all if none is. In increasing
-/// order of y.
-fn counting<'a>(group: &'a [usize], data: &'a Data<'_>) -> impl Iterator<Item = usize> + 'a {
-    let exact = |i: &usize| data.noise_variance[*i] == 0.0;
-    let any = group.iter().any(exact);
-    group.iter().filter(move |i| !any || exact(i)).copied()
+/// The value of the first noise-free observation of a group.
+fn exact(group: &[usize], data: &Data<'_>) -> Option<f64> {
+    let mut exact = group.iter().filter(|&&i| data.noise_variance[i] == 0.0);
+    exact.next().map(|&i| data.y[i])
 }
 
 /// Whether a group's observations contradict each other.
 fn contradicts(group: &[usize], data: &Data<'_>) -> bool {
-    let counted: Vec<usize> = counting(group, data).collect();
-    let (first, last) = (counted[0], counted[counted.len() - 1]);
-    if data.y[first] == data.y[last] {
-        return false;
-    }
-    if data.noise_variance[first] == 0.0 {
-        return true;
-    }
-    let Mean { y, .. } = weighted_mean(group, data, 0.0);
-    let norm: f64 = group
-        .iter()
-        .map(|&i| (data.y[i] - y).powi(2) / data.noise_variance[i])
-        .sum::<f64>()
-        .sqrt();
+    let exact = exact(group, data);
+    let centre = exact.unwrap_or_else(|| weighted_mean(group, data, 0.0).y);
+    let differing = group.iter().filter(|&&i| data.y[i] != centre);
+    let squares = differing.map(|&i| (data.y[i] - centre).powi(2) / data.noise_variance[i]);
+    let norm = squares.sum::<f64>().sqrt();
     norm > ((group.len() - 1) as f64).sqrt() + EXCESS
 }
 
@@ -205,21 +206,16 @@ fn merge_group(group: &[usize], data: &Data<'_>, contradiction: &Contradiction) 
     if let [only] = group {
         return (data.y[*only], data.noise_variance[*only], 0.0);
     }
-    let contradicts = contradicts(group, data);
-    let counted: Vec<f64> = counting(group, data).map(|i| data.y[i]).collect();
-    if data.noise_variance[group[0]] == 0.0 || counted.len() < group.len() {
-        if !contradicts {
-            return (counted[0], 0.0, 0.0);
-        }
-        let noise = contradiction.variance / counted.len() as f64;
-        return (mean(&counted), noise, 0.0);
-    }
-    let extra = if contradicts {
-        contradiction.variance
-    } else {
-        0.0
+    let exact = exact(group, data);
+    let extra = match (contradicts(group, data), exact) {
+        (true, _) => contradiction.variance,
+        (false, Some(y)) => return (y, 0.0, 0.0),
+        (false, None) => 0.0,
     };
     let Mean { y, noise } = weighted_mean(group, data, extra);
+    if exact.is_some() {
+        return (y, noise, 0.0);
+    }
     let log_2pi = std::f64::consts::TAU.ln();
     let within: f64 = group
         .iter()

@@ -1,5 +1,7 @@
 use thiserror::Error;
 
+use crate::likelihood::JITTERS;
+
 /// Why a model could not be fitted, used or read. The text reads after "failed to …: ".
 #[derive(Debug, Error)]
 #[non_exhaustive]
@@ -92,11 +94,13 @@ pub enum Error {
         /// The name given.
         name: String,
     },
-    /// No method has this name.
-    #[error("no method is called {name:?}, use auto, exact or vecchia")]
-    UnknownMethod {
-        /// The name given.
-        name: String,
+    /// The logarithm of an observation is to be modelled, and it has none.
+    #[error("observation {index} is {value}: only positive observations have a logarithm")]
+    Logarithm {
+        /// Its number, from 0.
+        index: usize,
+        /// Its value.
+        value: f64,
     },
     /// The options ask an approximate fit for what only the exact one offers.
     #[error("the approximate fit does not offer {what}, choose the exact one")]
@@ -106,8 +110,14 @@ pub enum Error {
     },
     /// The covariance matrix could not be factorised anywhere the search looked, not even with the
     /// largest jitter.
-    #[error("no covariance matrix of the search is positive definite, even with jitter {jitter:e}")]
+    #[error(
+        "no covariance matrix of the search is positive definite, even with jitter {jitter:e}{}",
+        at_observation(.observation)
+    )]
     NotPositiveDefinite {
+        /// Number of the first observation, from 0, whose row depends on those before it in the last
+        /// factorisation; none if every factorisation succeeded but the trend's.
+        observation: Option<usize>,
         /// The largest jitter tried, relative to the process variance.
         jitter: f64,
     },
@@ -130,4 +140,20 @@ pub enum Error {
         /// The version this crate writes and reads.
         supported: u32,
     },
+}
+
+impl Error {
+    /// [`Error::NotPositiveDefinite`] with the largest jitter.
+    pub(crate) fn not_positive_definite(observation: Option<usize>) -> Self {
+        Self::NotPositiveDefinite {
+            observation,
+            jitter: JITTERS[JITTERS.len() - 1],
+        }
+    }
+}
+
+fn at_observation(observation: &Option<usize>) -> String {
+    observation.map_or_else(String::new, |number| {
+        format!(": observation {number} repeats others but for rounding")
+    })
 }

@@ -16,6 +16,7 @@ use crate::data::scaled::{SIGMA2_BOUNDS, Scaled};
 use crate::data::{Data, Points, keep, merge};
 use crate::kernel::Kernel;
 use crate::likelihood::gls::{Gls, Trend};
+use crate::likelihood::prior::Estimator;
 use crate::model::{Model, Parameters};
 use crate::{Error, Warning};
 use stages::SUBSET_TOLERANCE;
@@ -26,6 +27,8 @@ use starts::Search;
 pub struct FitOptions {
     /// The correlation function.
     pub kernel: Kernel,
+    /// What the parameters maximise.
+    pub estimator: Estimator,
     /// Seed of the random starts and subsets (stream purpose `Fit`).
     pub seed: u64,
     /// Number of starts; at least one is taken.
@@ -50,6 +53,7 @@ impl Default for FitOptions {
     fn default() -> Self {
         Self {
             kernel: Kernel::default(),
+            estimator: Estimator::default(),
             seed: 0,
             starts: 20,
             max_iterations: 100,
@@ -80,7 +84,7 @@ impl Default for FitOptions {
 /// [`Error::NotPositiveDefinite`] where no covariance of the search can be factorised. What a user
 /// ought to know of a fit that did succeed is in [`Model::warnings`].
 pub fn fit(data: &Data<'_>, options: &FitOptions) -> Result<Model, Error> {
-    let mut points = if options.nugget {
+    let (points, mut warnings) = if options.nugget {
         keep(data)?
     } else {
         merge(data)?
@@ -94,19 +98,19 @@ pub fn fit(data: &Data<'_>, options: &FitOptions) -> Result<Model, Error> {
         contradiction::check(&points, &scaled)?;
     }
     for coordinate in (0..data.d).filter(|j| !scaled.active.contains(j)) {
-        points
-            .warnings
-            .push(Warning::IgnoredCoordinate { coordinate });
+        warnings.push(Warning::IgnoredCoordinate { coordinate });
     }
     if scaled.y.iter().all(|y| *y == scaled.y[0]) {
-        points.warnings.push(Warning::ConstantResponse);
+        warnings.push(Warning::ConstantResponse);
         if options.refuse_no_structure {
             return Err(Error::NoStructure {
                 gain: 0.0,
                 needed: scaled.active.len() as f64,
             });
         }
-        return constant(options.kernel, points, &scaled);
+        let mut model = constant(options.kernel, points, &scaled)?;
+        model.warnings = warnings;
+        return Ok(model);
     }
     if !determines_trend(&scaled, options.trend) {
         return Err(Error::Trend {
@@ -116,18 +120,18 @@ pub fn fit(data: &Data<'_>, options: &FitOptions) -> Result<Model, Error> {
     }
 
     let search = Search::new(&scaled, options);
-    points.warnings.extend(search.few_points(distinct));
+    warnings.extend(search.few_points(distinct));
     let found = search.run()?;
-    let warnings = search.warnings(&found);
+    let of_search = search.warnings(&found);
     if options.refuse_no_structure
-        && let Some((gain, needed)) = warnings.iter().find_map(|warning| match warning {
+        && let Some((gain, needed)) = of_search.iter().find_map(|warning| match warning {
             Warning::NoStructure { gain, needed } => Some((*gain, *needed)),
             _ => None,
         })
     {
         return Err(Error::NoStructure { gain, needed });
     }
-    points.warnings.extend(warnings);
+    warnings.extend(of_search);
     let at = &found.outcome.at;
     let ranges = |k: usize| at[if search.tied { 0 } else { k }].exp();
     let sigma2 = at[at.len() - 1].exp();
@@ -142,8 +146,9 @@ pub fn fit(data: &Data<'_>, options: &FitOptions) -> Result<Model, Error> {
         parameters,
         found.jitter,
     )?;
-    let outliers = model.leave_one_out().warning(&model.points);
-    model.points.warnings.extend(outliers);
+    warnings.extend(model.jitter_warning());
+    warnings.extend(model.leave_one_out().warning());
+    model.warnings = warnings;
     Ok(if options.calibrate {
         model.calibrated()
     } else {

@@ -19,8 +19,8 @@
 //! # Ok::<(), kriging::Error>(())
 //! ```
 //!
-//! For more points than a dense matrix can hold there is [`fit_vecchia`]; [`fit_by`] chooses the
-//! method.
+//! For more points than a dense matrix can hold there is [`fit_vecchia`]. A [`Surrogate`] is a model by
+//! either method, of the response or of its logarithm.
 //!
 //! The covariance parameters are those of the highest likelihood, see [`fit()`]; predictions and
 //! leave-one-out validation are methods of [`Model`].
@@ -43,9 +43,10 @@ pub use error::Error;
 pub use fit::{FitOptions, fit};
 pub use kernel::Kernel;
 pub use likelihood::gls::Trend;
+pub use likelihood::prior::Estimator;
 pub use model::loo::LeaveOneOut;
 pub use model::predict::Prediction;
 pub use model::{Model, Parameters};
-pub use surrogate::{Method, Surrogate, fit_by};
+pub use surrogate::{Method, Response, Settings, Surrogate};
 pub use vecchia::{Vecchia, VecchiaOptions, fit_vecchia};
-pub use warning::{Outlier, Warning};
+pub use warning::{Names, Outlier, Warning};

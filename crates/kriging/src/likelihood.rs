@@ -1,4 +1,4 @@
-//! The negative log likelihood of kriging with known noise, and its derivatives.
+//! The negative log likelihood of kriging with known noise, or that of the posterior, and its derivatives.
 //!
 //! With z = y − Fμ, F the trend's basis (ones, for a constant), μ its generalised least squares
 //! coefficients, C = R + jitter·I + diag(v/σ²), v the noise (a nugget τ² included), so that the K_Δ of equations (19) and
@@ -17,6 +17,7 @@
 
 mod derivatives;
 pub(crate) mod gls;
+pub(crate) mod prior;
 
 use std::borrow::Cow;
 
@@ -25,6 +26,7 @@ use crate::kernel::Kernel;
 use crate::linalg::{Lower, Spd, dot};
 use derivatives::At;
 use gls::{Gls, Trend};
+use prior::{Estimator, Prior};
 
 /// What may be added to the diagonal, relative to the process variance, in the order of trial.
 pub(crate) const JITTERS: [f64; 6] = [0.0, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4];
@@ -83,6 +85,7 @@ pub(crate) struct Evaluation {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) struct Form {
     pub(crate) kernel: Kernel,
+    pub(crate) estimator: Estimator,
     pub(crate) trend: Trend,
     /// Whether all coordinates share one range.
     pub(crate) tied: bool,
@@ -165,8 +168,10 @@ impl<'a> Likelihood<'a> {
         if !value.is_finite() {
             return None;
         }
+        let prior = Prior::new(self.form.estimator, n, self.columns.len(), ln_ranges);
+        let of_prior = prior.as_ref().map_or(0.0, Prior::value);
         let mut evaluation = Evaluation {
-            value,
+            value: value + of_prior,
             next_sigma2: quadratic / count,
             ..Evaluation::default()
         };
@@ -185,6 +190,11 @@ impl<'a> Likelihood<'a> {
         }
         if order >= Order::Curvature {
             evaluation.curvature = self.curvature(&at);
+        }
+        if let Some(prior) = prior
+            && order >= Order::Gradient
+        {
+            prior.add_derivatives(&mut evaluation.gradient, &mut evaluation.curvature);
         }
         Some(evaluation)
     }
@@ -268,7 +278,7 @@ mod tests {
             y: &y,
             noise_variance: &noise_variance,
         };
-        Scaled::new(&merge(&data).unwrap()).unwrap()
+        Scaled::new(&merge(&data).unwrap().0).unwrap()
     }
 
     #[test]
@@ -278,6 +288,7 @@ mod tests {
                 (0.0, false, false, Trend::Constant),
                 (0.05, false, false, Trend::Constant),
                 (0.05, true, false, Trend::Constant),
+                (0.05, true, true, Trend::Constant),
                 (0.05, false, true, Trend::Constant),
                 (0.05, false, true, Trend::Linear),
             ] {
@@ -288,10 +299,16 @@ mod tests {
                     vec![-0.5, 0.1, -1.0, 0.4]
                 };
                 if nugget {
-                    at.insert(3, -4.0);
+                    at.insert(at.len() - 1, -4.0);
                 }
+                let estimator = if nugget {
+                    Estimator::PosteriorMode
+                } else {
+                    Estimator::Likelihood
+                };
                 let form = Form {
                     kernel,
+                    estimator,
                     trend,
                     tied,
                     nugget,

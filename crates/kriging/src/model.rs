@@ -13,7 +13,7 @@ use crate::data::Points;
 use crate::kernel::Kernel;
 use crate::likelihood::gls::{Gls, Trend};
 use crate::likelihood::{JITTERS, covariance, noise_ratio};
-use crate::linalg::{Spd, dot};
+use crate::linalg::{NotPositiveDefinite, Spd, dot};
 use crate::{Error, Warning};
 use coordinates::Coordinates;
 
@@ -42,6 +42,7 @@ pub struct Model {
     pub(crate) trend: Trend,
     pub(crate) points: Points,
     pub(crate) parameters: Parameters,
+    pub(crate) warnings: Vec<Warning>,
     pub(crate) jitter: f64,
     /// The factor of the predicted variances.
     pub(crate) calibration: f64,
@@ -72,18 +73,8 @@ impl Model {
         jitter: f64,
     ) -> Result<Self, Error> {
         let mut model = Self::assemble(kernel, trend, points, parameters, jitter);
-        let (solved, used) = model.try_solve().ok_or(Error::NotPositiveDefinite {
-            jitter: JITTERS[JITTERS.len() - 1],
-        })?;
+        let (solved, used) = model.try_solve()?;
         if used > jitter {
-            model
-                .points
-                .warnings
-                .retain(|w| !matches!(w, Warning::Jitter { .. }));
-            model
-                .points
-                .warnings
-                .push(Warning::Jitter { relative: used });
             model.jitter = used;
         }
 
@@ -211,6 +202,7 @@ impl Model {
             trend,
             points,
             parameters,
+            warnings: Vec::new(),
             jitter,
             calibration: 1.0,
             weights: Vec::new(),
@@ -258,10 +250,16 @@ impl Model {
         self.nll
     }
 
+    /// [`Warning::Jitter`] if the model has one.
+    pub(crate) fn jitter_warning(&self) -> Option<Warning> {
+        let relative = self.jitter;
+        (relative > 0.0).then_some(Warning::Jitter { relative })
+    }
+
     /// What a user of the model should know about the data and the fit.
     #[must_use]
     pub fn warnings(&self) -> &[Warning] {
-        &self.points.warnings
+        &self.warnings
     }
 
     pub(crate) fn scaled(&self, x: &[f64]) -> Vec<f64> {
@@ -284,22 +282,26 @@ impl Model {
         })
     }
 
-    /// Factorises C with the model's jitter or the next that will do.
-    fn try_solve(&self) -> Option<(Solved, f64)> {
+    /// Factorises C with the model's jitter or the next larger one that suffices.
+    fn try_solve(&self) -> Result<(Solved, f64), Error> {
         let n = self.points.len();
         let Parameters { sigma2, nugget, .. } = self.parameters;
         let levels = JITTERS.into_iter().filter(|j| *j > self.jitter);
+        let mut observation = None;
         for jitter in std::iter::once(self.jitter).chain(levels) {
             let columns = &self.coordinates.columns;
             let ratio = |i: usize| noise_ratio(self.points.noise[i] + nugget, sigma2);
             let matrix = covariance(self.kernel, columns, n, jitter, ratio);
-            if let Ok(factor) = Spd::factor(matrix)
-                && let Some(gls) = self.solve_trend(&factor)
-            {
-                return Some((Solved { factor, gls }, jitter));
+            match Spd::factor(matrix) {
+                Ok(factor) => {
+                    if let Some(gls) = self.solve_trend(&factor) {
+                        return Ok((Solved { factor, gls }, jitter));
+                    }
+                }
+                Err(NotPositiveDefinite { pivot }) => observation = Some(self.points.first[pivot]),
             }
         }
-        None
+        Err(Error::not_positive_definite(observation))
     }
 
     /// The trend's normal equations; `None` if they are singular.

@@ -1,7 +1,4 @@
-//! A model of either method, exact or approximate.
-
-use std::fmt;
-use std::str::FromStr;
+//! A model by any method, of the response or of its logarithm.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,158 +10,239 @@ use crate::model::{Model, Parameters};
 use crate::vecchia::{Vecchia, VecchiaOptions, fit_vecchia};
 use crate::{Error, LeaveOneOut, Trend, Warning};
 
-/// From more distinct points than this, [`Method::Auto`] approximates: an exact fit takes 24 n² bytes, 2.4 GB
-/// here, and minutes.
+/// [`Method::Auto`] approximates above this number of observations: the exact fit would take 24 n² bytes,
+/// 2.4 GB here, and minutes.
 const MANY: usize = 10_000;
 
-/// How to fit.
+/// Which observations a prediction uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
-    /// [`fit()`] up to 10 000 observations, [`fit_vecchia`] beyond.
+    /// [`Method::Exact`] up to 10 000 observations, [`Method::Vecchia`] above.
     #[default]
     Auto,
-    /// [`fit()`].
+    /// All observations: [`fit()`].
     Exact,
-    /// [`fit_vecchia`].
+    /// The nearest observations: [`fit_vecchia`].
     Vecchia,
 }
 
-impl Method {
-    /// Every method.
-    pub const ALL: [Self; 3] = [Self::Auto, Self::Exact, Self::Vecchia];
+/// The quantity that is modelled.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Response {
+    /// The response y.
+    #[default]
+    Plain,
+    /// ln y, for positive responses that vary by factors. Its noise variance is v/y², to first order.
+    Log,
+}
 
-    /// The name in files and on the command line.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Auto => "auto",
-            Self::Exact => "exact",
-            Self::Vecchia => "vecchia",
+impl Response {
+    pub(crate) fn is_plain(&self) -> bool {
+        *self == Self::Plain
+    }
+}
+
+/// How to fit a [`Surrogate`].
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Settings {
+    /// The search for the parameters.
+    pub fit: FitOptions,
+    /// The method of prediction.
+    pub method: Method,
+    /// The quantity that is modelled.
+    pub response: Response,
+}
+
+/// A kriging model by either method, of the response or of its logarithm.
+///
+/// A model of ln y predicts the median of y, exp(mean of ln y), and the variance of y to first order,
+/// exp(2 mean) times that of ln y.
+#[derive(Debug, Clone)]
+pub struct Surrogate {
+    pub(crate) model: Either,
+    pub(crate) response: Response,
+}
+
+#[derive(Debug, Clone)]
+pub(crate) enum Either {
+    Exact(Model),
+    Vecchia(Vecchia),
+}
+
+impl From<Model> for Surrogate {
+    fn from(model: Model) -> Self {
+        Self {
+            model: Either::Exact(model),
+            response: Response::Plain,
         }
     }
 }
 
-impl fmt::Display for Method {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.name())
+impl From<Vecchia> for Surrogate {
+    fn from(model: Vecchia) -> Self {
+        Self {
+            model: Either::Vecchia(model),
+            response: Response::Plain,
+        }
     }
-}
-
-impl FromStr for Method {
-    type Err = Error;
-
-    fn from_str(name: &str) -> Result<Self, Error> {
-        let found = Self::ALL.into_iter().find(|method| method.name() == name);
-        found.ok_or_else(|| Error::UnknownMethod {
-            name: name.to_owned(),
-        })
-    }
-}
-
-/// Fits by `method`.
-///
-/// # Errors
-///
-/// Those of [`fit()`] and [`fit_vecchia`]; [`Error::ExactOnly`] where the method is the
-/// approximate one and the options ask for what only the exact one offers: a linear trend, a nugget.
-pub fn fit_by(data: &Data<'_>, options: &FitOptions, method: Method) -> Result<Surrogate, Error> {
-    let is_exact = match method {
-        Method::Auto => data.y.len() <= MANY,
-        Method::Exact => true,
-        Method::Vecchia => false,
-    };
-    if is_exact {
-        return fit(data, options).map(Surrogate::Exact);
-    }
-    let exact_only = [
-        ("a linear trend", options.trend != Trend::Constant),
-        ("a nugget", options.nugget),
-    ];
-    if let Some((what, _)) = exact_only.into_iter().find(|(_, asked)| *asked) {
-        return Err(Error::ExactOnly { what });
-    }
-    let approximate = VecchiaOptions {
-        kernel: options.kernel,
-        seed: options.seed,
-        ..VecchiaOptions::default()
-    };
-    let model = fit_vecchia(data, &approximate)?;
-    let no_structure = model.warnings().iter().find_map(|warning| match warning {
-        Warning::NoStructure { gain, needed } => Some((*gain, *needed)),
-        _ => None,
-    });
-    if options.refuse_no_structure
-        && let Some((gain, needed)) = no_structure
-    {
-        return Err(Error::NoStructure { gain, needed });
-    }
-    Ok(Surrogate::Vecchia(if options.calibrate {
-        model.calibrated()
-    } else {
-        model
-    }))
-}
-
-/// A model of either method.
-#[derive(Debug, Clone)]
-pub enum Surrogate {
-    /// Of [`crate::fit()`].
-    Exact(Model),
-    /// Of [`crate::fit_vecchia`].
-    Vecchia(Vecchia),
 }
 
 /// Calls a method that both models have.
 macro_rules! either {
     ($surrogate:expr, $model:ident => $call:expr) => {
-        match $surrogate {
-            Surrogate::Exact($model) => $call,
-            Surrogate::Vecchia($model) => $call,
+        match &$surrogate.model {
+            Either::Exact($model) => $call,
+            Either::Vecchia($model) => $call,
         }
     };
 }
 
 impl Surrogate {
-    /// [`Model::mean`] or [`Vecchia::mean`].
+    /// Fits by the method of `settings`.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`fit()`] and [`fit_vecchia`]; [`Error::ExactOnly`] where the method is the approximate one
+    /// and the settings ask for a linear trend or a nugget; [`Error::Logarithm`] for the logarithm of an
+    /// observation that is not positive.
+    pub fn fit(data: &Data<'_>, settings: &Settings) -> Result<Self, Error> {
+        let Settings {
+            fit: options,
+            method,
+            response,
+        } = settings;
+        let logarithms = match response {
+            Response::Plain => None,
+            Response::Log => Some(logarithms(data)?),
+        };
+        let data = match &logarithms {
+            None => *data,
+            Some((y, noise_variance)) => Data {
+                y,
+                noise_variance,
+                ..*data
+            },
+        };
+        let is_exact = match method {
+            Method::Auto => data.y.len() <= MANY,
+            Method::Exact => true,
+            Method::Vecchia => false,
+        };
+        let model = if is_exact {
+            Either::Exact(fit(&data, options)?)
+        } else {
+            Either::Vecchia(approximate(&data, options)?)
+        };
+        Ok(Self {
+            model,
+            response: *response,
+        })
+    }
+
+    /// [`Model::mean`] or [`Vecchia::mean`], of ln y its exponential.
     ///
     /// # Panics
     ///
     /// If `x` has another length than [`Surrogate::dimensions`].
     #[must_use]
     pub fn mean(&self, x: &[f64]) -> f64 {
-        either!(self, model => model.mean(x))
+        self.in_units_of_y(either!(self, model => model.mean(x)))
     }
 
-    /// [`Model::means`] or [`Vecchia::means`].
+    /// [`Surrogate::mean`] at many points: row-major, any number of rows.
     ///
     /// # Errors
     ///
     /// [`Error::Shape`] if `x` is not a whole number of rows.
     pub fn means(&self, x: &[f64]) -> Result<Vec<f64>, Error> {
-        either!(self, model => model.means(x))
+        let means = either!(self, model => model.means(x))?;
+        Ok(means.into_iter().map(|m| self.in_units_of_y(m)).collect())
     }
 
-    /// [`Model::predict`] or [`Vecchia::predict`].
-    ///
-    /// # Panics
-    ///
-    /// If `x` has another length than [`Surrogate::dimensions`].
-    #[must_use]
-    pub fn predict(&self, x: &[f64]) -> Prediction {
-        either!(self, model => model.predict(x))
-    }
-
-    /// [`Model::predict_many`] or [`Vecchia::predict_many`].
+    /// [`Model::predict_many`] or [`Vecchia::predict_many`], of ln y in units of y.
     ///
     /// # Errors
     ///
     /// [`Error::Shape`] if `x` is not a whole number of rows.
     pub fn predict_many(&self, x: &[f64]) -> Result<Vec<Prediction>, Error> {
-        either!(self, model => model.predict_many(x))
+        let predictions = either!(self, model => model.predict_many(x))?;
+        let in_units = |Prediction { mean, variance }| {
+            let mean = self.in_units_of_y(mean);
+            let variance = match self.response {
+                Response::Plain => variance,
+                Response::Log => mean * mean * variance,
+            };
+            Prediction { mean, variance }
+        };
+        Ok(predictions.into_iter().map(in_units).collect())
     }
 
-    /// The parameters of the process.
+    fn in_units_of_y(&self, modelled: f64) -> f64 {
+        match self.response {
+            Response::Plain => modelled,
+            Response::Log => modelled.exp(),
+        }
+    }
+
+    /// [`Model::leave_one_out`] or [`Vecchia::leave_one_out`]. For a model of ln y, residuals and their
+    /// root mean square are in units of y, and the standardised residuals are those of ln y.
+    #[must_use]
+    pub fn leave_one_out(&self) -> LeaveOneOut {
+        let modelled = either!(self, model => model.leave_one_out());
+        match self.response {
+            Response::Plain => modelled,
+            Response::Log => modelled.exponentiated(&self.observations()),
+        }
+    }
+
+    /// The observations on the modelled scale in the order of [`LeaveOneOut::residuals`].
+    fn observations(&self) -> Vec<f64> {
+        let points = either!(self, model => &model.points);
+        points.by_first().into_iter().map(|i| points.y[i]).collect()
+    }
+
+    /// −ln L of the observations, or Vecchia's approximation of it; of y also where ln y is modelled, so
+    /// that both can be compared.
+    #[must_use]
+    pub fn negative_log_likelihood(&self) -> f64 {
+        let jacobian = match self.response {
+            Response::Plain => 0.0,
+            Response::Log => self.observations().iter().sum(),
+        };
+        self.modelled_likelihood() + jacobian
+    }
+
+    pub(crate) fn modelled_likelihood(&self) -> f64 {
+        either!(self, model => model.negative_log_likelihood())
+    }
+
+    /// The exact model, on the modelled scale.
+    #[must_use]
+    pub fn exact(&self) -> Option<&Model> {
+        match &self.model {
+            Either::Exact(model) => Some(model),
+            Either::Vecchia(_) => None,
+        }
+    }
+
+    /// The approximate model, on the modelled scale.
+    #[must_use]
+    pub fn vecchia(&self) -> Option<&Vecchia> {
+        match &self.model {
+            Either::Exact(_) => None,
+            Either::Vecchia(model) => Some(model),
+        }
+    }
+
+    /// The quantity that is modelled.
+    #[must_use]
+    pub fn response(&self) -> Response {
+        self.response
+    }
+
+    /// The parameters of the process, on the modelled scale.
     #[must_use]
     pub fn parameters(&self) -> &Parameters {
         either!(self, model => model.parameters())
@@ -188,18 +266,6 @@ impl Surrogate {
         either!(self, model => model.points())
     }
 
-    /// −ln L of the observations, or Vecchia's approximation of it.
-    #[must_use]
-    pub fn negative_log_likelihood(&self) -> f64 {
-        either!(self, model => model.negative_log_likelihood())
-    }
-
-    /// [`Model::leave_one_out`] or [`Vecchia::leave_one_out`].
-    #[must_use]
-    pub fn leave_one_out(&self) -> LeaveOneOut {
-        either!(self, model => model.leave_one_out())
-    }
-
     /// The factor of the predicted variances: 1 unless they were calibrated.
     #[must_use]
     pub fn calibration(&self) -> f64 {
@@ -210,5 +276,45 @@ impl Surrogate {
     #[must_use]
     pub fn warnings(&self) -> &[Warning] {
         either!(self, model => model.warnings())
+    }
+}
+
+/// ln y and its noise variances.
+fn logarithms(data: &Data<'_>) -> Result<(Vec<f64>, Vec<f64>), Error> {
+    if let Some(index) = data.y.iter().position(|y| *y <= 0.0) {
+        let value = data.y[index];
+        return Err(Error::Logarithm { index, value });
+    }
+    let pairs = data.y.iter().zip(data.noise_variance);
+    Ok(pairs.map(|(y, v)| (y.ln(), v / (y * y))).unzip())
+}
+
+fn approximate(data: &Data<'_>, options: &FitOptions) -> Result<Vecchia, Error> {
+    let exact_only = [
+        ("a linear trend", options.trend != Trend::Constant),
+        ("a nugget", options.nugget),
+    ];
+    if let Some((what, _)) = exact_only.into_iter().find(|(_, asked)| *asked) {
+        return Err(Error::ExactOnly { what });
+    }
+    let model = fit_vecchia(
+        data,
+        &VecchiaOptions {
+            kernel: options.kernel,
+            estimator: options.estimator,
+            seed: options.seed,
+            ..VecchiaOptions::default()
+        },
+    )?;
+    let no_structure = model.warnings().iter().find_map(|warning| match warning {
+        Warning::NoStructure { gain, needed } => Some((*gain, *needed)),
+        _ => None,
+    });
+    match no_structure {
+        Some((gain, needed)) if options.refuse_no_structure => {
+            Err(Error::NoStructure { gain, needed })
+        }
+        _ if options.calibrate => Ok(model.calibrated()),
+        _ => Ok(model),
     }
 }

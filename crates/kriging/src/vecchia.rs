@@ -40,7 +40,7 @@ use crate::likelihood::{noise_ratio, point};
 use crate::model::Parameters;
 use crate::model::coordinates::{Coordinates, rows};
 use crate::model::predict::Prediction;
-use crate::{Error, FitOptions, Warning};
+use crate::{Error, Estimator, FitOptions, Warning};
 use conditional::Conditional;
 use neighbours::{max_min_order, nearest, nearest_earlier};
 
@@ -49,6 +49,8 @@ use neighbours::{max_min_order, nearest, nearest_earlier};
 pub struct VecchiaOptions {
     /// The correlation function.
     pub kernel: Kernel,
+    /// How the subset's parameters are estimated.
+    pub estimator: Estimator,
     /// Seed of the subset, of its fit's starts and of the order's first point.
     pub seed: u64,
     /// Neighbours m that each observation is conditioned on in the likelihood.
@@ -63,6 +65,7 @@ impl Default for VecchiaOptions {
     fn default() -> Self {
         Self {
             kernel: Kernel::default(),
+            estimator: Estimator::default(),
             seed: 0,
             neighbours: 30,
             prediction_neighbours: 200,
@@ -77,6 +80,7 @@ pub struct Vecchia {
     pub(crate) kernel: Kernel,
     pub(crate) points: Points,
     pub(crate) parameters: Parameters,
+    pub(crate) warnings: Vec<Warning>,
     pub(crate) nll: f64,
     pub(crate) neighbours: usize,
     pub(crate) coordinates: Coordinates,
@@ -105,7 +109,7 @@ pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia,
     if let Some(&(what, _)) = counts.iter().find(|(_, count)| *count == 0) {
         return Err(Error::OutOfRange { what, value: 0.0 });
     }
-    let mut points = merge(data)?;
+    let (points, mut warnings) = merge(data)?;
     let n = points.len();
     if n < 2 {
         return Err(Error::TooFewPoints { distinct: n });
@@ -113,21 +117,21 @@ pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia,
     let scaled = Scaled::new(&points)?;
     contradiction::check(&points, &scaled)?;
     for coordinate in (0..data.d).filter(|j| !scaled.active.contains(j)) {
-        points
-            .warnings
-            .push(Warning::IgnoredCoordinate { coordinate });
+        warnings.push(Warning::IgnoredCoordinate { coordinate });
     }
     let mut order: Vec<usize> = (0..n).collect();
     order.shuffle(&mut stream(options.seed, Purpose::Fit, 2, 0));
     if scaled.y.iter().all(|y| *y == scaled.y[0]) {
-        points.warnings.push(Warning::ConstantResponse);
+        warnings.push(Warning::ConstantResponse);
         let at = vec![0.5_f64.ln(); scaled.active.len()];
         let sigma2 = constant_sigma2(&scaled);
-        return Ok(finish(options, points, &scaled, order, &at, sigma2)?.0);
+        let (model, _) = finish(options, points, &scaled, order, &at, sigma2)?;
+        return Ok(Vecchia { warnings, ..model });
     }
 
     let exact = FitOptions {
         kernel: options.kernel,
+        estimator: options.estimator,
         seed: options.seed,
         ..FitOptions::default()
     };
@@ -135,17 +139,17 @@ pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia,
     let Start {
         at,
         ranges,
-        warnings,
+        warnings: of_subset,
     } = start_from_subset(&subset, n, &exact)?;
     // The ranges, σ² and μ.
-    points.warnings.extend(few_points(n, ranges + 2));
+    warnings.extend(few_points(n, ranges + 2));
     let (ln_sigma2, ln_ranges) = at.split_last().ok_or(Error::TooFewPoints { distinct: n })?;
     let sigma2 = ln_sigma2.exp();
     let (mut fitted, value) = finish(options, points, &scaled, order, ln_ranges, sigma2)?;
-    let of_fit = no_structure(&scaled, value, ranges);
-    let of_residuals = fitted.warnings_of_residuals(options.neighbours);
-    let all = of_fit.into_iter().chain(warnings).chain(of_residuals);
-    fitted.points.warnings.extend(all);
+    warnings.extend(no_structure(&scaled, value, ranges));
+    warnings.extend(of_subset);
+    warnings.extend(fitted.warnings_of_residuals(options.neighbours));
+    fitted.warnings = warnings;
     Ok(fitted)
 }
 
@@ -245,6 +249,7 @@ impl Vecchia {
             centred: points.y.iter().map(|y| y - parameters.mu).collect(),
             points,
             parameters,
+            warnings: Vec::new(),
             nll,
             neighbours,
             calibration: 1.0,
@@ -358,6 +363,6 @@ impl Vecchia {
     /// from; outliers are judged from the nearest neighbours that the likelihood takes.
     #[must_use]
     pub fn warnings(&self) -> &[Warning] {
-        &self.points.warnings
+        &self.warnings
     }
 }

@@ -115,96 +115,98 @@ pub struct Outlier {
     pub standardised: f64,
 }
 
+/// What the coordinates and the observations of the data are called.
+pub struct Names<'a> {
+    /// A coordinate, from 0.
+    pub coordinate: &'a dyn Fn(usize) -> String,
+    /// An observation, from 0.
+    pub observation: &'a dyn Fn(usize) -> String,
+}
+
 impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text(&Names {
+            coordinate: &|j| format!("coordinate {j}"),
+            observation: &|i| format!("observation {i}"),
+        }))
+    }
+}
+
+impl Warning {
+    /// The warning in the names of the caller's data.
+    #[must_use]
+    pub fn text(&self, names: &Names<'_>) -> String {
+        let listed = |coordinates: &[usize]| {
+            let names = coordinates.iter().map(|&j| (names.coordinate)(j));
+            names.collect::<Vec<_>>().join(", ")
+        };
         match self {
-            Self::NoStructure { gain, needed } => write!(
-                f,
-                "the model's log likelihood exceeds that of a constant plus noise by {gain:.2}, \
-                 less than {needed}: no dependence on x was found"
+            Self::NoStructure { gain, needed } => format!(
+                "the model's log likelihood exceeds that of a constant plus noise by {gain:.2}, less than \
+                 {needed}: no dependence on x was found"
             ),
-            Self::ConstantResponse => write!(f, "all observations are equal"),
+            Self::ConstantResponse => "all observations are equal".to_owned(),
             Self::FewPoints {
                 distinct,
                 parameters,
-            } => write!(
-                f,
-                "{distinct} distinct points are few for {parameters} parameters, at least twice as \
-                 many points are advisable"
+            } => format!(
+                "{distinct} distinct points are few for {parameters} parameters: at least twice as many \
+                 points are advisable"
             ),
             Self::SharedRange {
                 distinct,
                 dimensions,
-            } => write!(
-                f,
-                "{distinct} distinct points are too few to fit {dimensions} ranges, all \
-                 coordinates share one"
+            } => format!(
+                "{distinct} distinct points are too few to fit {dimensions} ranges: all coordinates share one"
             ),
-            Self::IgnoredCoordinate { coordinate } => write!(
-                f,
-                "all points agree in coordinate {coordinate}, the model does not depend on it"
+            Self::IgnoredCoordinate { coordinate } => format!(
+                "all points agree in {}: the model does not depend on it",
+                (names.coordinate)(*coordinate)
             ),
             Self::MergedDuplicates {
                 observations,
                 distinct,
-            } => write!(
-                f,
-                "{observations} observations lie at {distinct} distinct points, those at equal \
-                 points were merged"
+            } => format!(
+                "{observations} observations lie at {distinct} distinct points: those at equal points were \
+                 merged"
             ),
-            Self::ContradictoryDuplicates { points, sd } => write!(
-                f,
-                "observations at {points} points differ among each other by more than their noise \
-                 permits, their standard deviation {sd:e} was taken as noise"
+            Self::ContradictoryDuplicates { points, sd } => format!(
+                "observations at {points} points differ by more than their noise permits: the standard \
+                 deviation of their scatter, {sd:.3e}, was taken as noise"
             ),
             Self::Outliers { count, worst } => {
-                write!(f, "the others do not predict {count} observations: ")?;
-                for (i, outlier) in worst.iter().enumerate() {
-                    let comma = if i == 0 { "" } else { ", " };
-                    let Outlier {
-                        observation,
-                        standardised,
-                    } = outlier;
-                    write!(
-                        f,
-                        "{comma}number {observation} is off by {standardised:.1} standard deviations"
-                    )?;
-                }
+                let each = |outlier: &Outlier| {
+                    let name = (names.observation)(outlier.observation);
+                    format!(
+                        "{name} lies {:.1} standard deviations from its leave-one-out prediction",
+                        outlier.standardised.abs()
+                    )
+                };
+                let mut text = worst.iter().map(each).collect::<Vec<_>>().join("; ");
                 if *count > worst.len() {
-                    write!(f, ", and others")?;
+                    text += &format!("; and {} more", count - worst.len());
                 }
-                write!(
-                    f,
-                    "; check them: a gross error that is taken for exact bends the model far around \
-                     it, so leave it out, give it its noise variance, or estimate a nugget"
-                )
+                text
             }
-            Self::Jitter { relative } => write!(
-                f,
-                "the covariance matrix is nearly singular, {relative:e} of the process variance \
-                 was added to its diagonal"
+            Self::Jitter { relative } => format!(
+                "the covariance matrix is nearly singular: {relative:e} of the process variance was added to \
+                 its diagonal"
             ),
-            Self::NotConverged { iterations } => {
-                write!(
-                    f,
-                    "the likelihood search had not converged after {iterations} iterations"
-                )
-            }
-            Self::FlatRanges { coordinates } => write!(
-                f,
-                "the ranges of coordinates {coordinates:?} may as well be half or twice as long: \
-                 the data do not determine them"
+            Self::NotConverged { iterations } => format!(
+                "the search for the parameters had not converged after {iterations} iterations"
+            ),
+            Self::FlatRanges { coordinates } => format!(
+                "the data do not determine the range in {}: half or twice of it is as likely",
+                listed(coordinates)
             ),
             Self::RangesAtBound { coordinates, upper } => {
                 let (bound, meaning) = if *upper {
-                    ("upper", "the response hardly depends on them, or linearly")
+                    ("upper", "the response hardly depends on it, or linearly")
                 } else {
                     ("lower", "neighbouring points are uncorrelated")
                 };
-                write!(
-                    f,
-                    "the ranges of coordinates {coordinates:?} are at their {bound} bound: {meaning}"
-                )
+                let listed = listed(coordinates);
+                format!("the range in {listed} is at its {bound} bound: {meaning}")
             }
             Self::ProcessVarianceAtBound { upper } => {
                 let (bound, meaning) = if *upper {
@@ -212,7 +214,7 @@ impl fmt::Display for Warning {
                 } else {
                     ("lower", "the noise explains the observations")
                 };
-                write!(f, "the process variance is at its {bound} bound: {meaning}")
+                format!("the process variance is at its {bound} bound: {meaning}")
             }
             Self::NuggetAtBound { upper } => {
                 let (bound, meaning) = if *upper {
@@ -220,7 +222,7 @@ impl fmt::Display for Warning {
                 } else {
                     ("lower", "no noise but the known one was found")
                 };
-                write!(f, "the nugget is at its {bound} bound: {meaning}")
+                format!("the nugget is at its {bound} bound: {meaning}")
             }
         }
     }

@@ -1,10 +1,12 @@
 //! Tables of a store as CSV: one header line, units in the names.
 
+use std::collections::BTreeMap;
 use std::io::Write;
 
 use campaign::formulation::VARIABLE_NAMES;
 use campaign::{Criteria, Variables};
 use clap::ValueEnum;
+use stages::fitting::{ModelSummary, P90_MODEL};
 use stages::optima::{self, optimum_variables};
 use stages::rounds::{Round, sentence};
 use store::Store;
@@ -18,6 +20,8 @@ pub enum Table {
     Samples,
     /// The percentile of every feasible design.
     Responses,
+    /// The kriging model's leave-one-out predictions.
+    Loo,
     /// What the approaches found.
     Optima,
     /// What every round of infill decided.
@@ -39,6 +43,7 @@ pub async fn write(store: &Store, table: Table, out: impl Write) -> anyhow::Resu
         Table::Designs => designs(store, &mut out).await?,
         Table::Samples => samples(store, &mut out).await?,
         Table::Responses => responses(store, &mut out).await?,
+        Table::Loo => leave_one_out(store, &mut out).await?,
         Table::Optima => optima(store, &mut out).await?,
         Table::Rounds => rounds(store, &mut out).await?,
         Table::Infill => infill(store, &mut out).await?,
@@ -144,6 +149,34 @@ async fn responses<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow:
             number(row.p90_um),
             number(row.p90_variance_um2),
             optional(row.lilliefors_p),
+        ])?;
+    }
+    Ok(())
+}
+
+async fn leave_one_out<W: Write>(
+    store: &Store,
+    out: &mut csv::Writer<W>,
+) -> anyhow::Result<()> {
+    out.write_record([
+        "design",
+        "observed_um",
+        "predicted_um",
+        "standardised_residual",
+    ])?;
+    let Some(row) = store.model(P90_MODEL).await? else {
+        return Ok(());
+    };
+    let summary: ModelSummary = serde_json::from_str(&row.summary_json)?;
+    let responses = store.responses().await?;
+    let observed: BTreeMap<u64, f64> = responses.iter().map(|r| (r.design, r.p90_um)).collect();
+    for (i, (design, residual)) in summary.residuals_um.iter().enumerate() {
+        let observed = observed.get(design).copied();
+        out.write_record([
+            design.to_string(),
+            optional(observed),
+            optional(observed.map(|observed| observed - residual)),
+            optional(summary.standardised.get(i).copied()),
         ])?;
     }
     Ok(())

@@ -1,8 +1,8 @@
 //! The kriging model of P90.
 
 use campaign::Campaign;
-use campaign::formulation::ROBUST_VARIABLES;
-use kriging::{Data, FitOptions, Model};
+use campaign::formulation::{ROBUST_VARIABLES, VARIABLE_NAMES};
+use kriging::{Data, Error, Names, Surrogate, Warning};
 use serde::{Deserialize, Serialize};
 use store::{DesignRow, ModelRow, ResponseRow};
 
@@ -32,13 +32,17 @@ pub struct ModelSummary {
     pub coverage90: f64,
     /// The leave-one-out residuals (observation minus prediction) by design, µm.
     pub residuals_um: Vec<(u64, f64)>,
+    /// Those residuals over their standard deviations, in the same order; empty in stores of earlier
+    /// versions.
+    #[serde(default)]
+    pub standardised: Vec<f64>,
     /// What a user ought to know.
     pub warnings: Vec<String>,
     /// CPU time of the fit, seconds.
     pub cpu_seconds: f64,
 }
 
-/// Fits the kriging model of P90; `cpu_seconds` is left zero.
+/// Fits the kriging model of P90 as the campaign's `[kriging]` says; `cpu_seconds` is left zero.
 ///
 /// # Errors
 ///
@@ -47,9 +51,14 @@ pub fn fit(
     campaign: &Campaign,
     designs: &[DesignRow],
     responses: &[ResponseRow],
-) -> anyhow::Result<(Model, ModelSummary)> {
+) -> anyhow::Result<(Surrogate, ModelSummary)> {
+    let is_left_out = |design: u64| {
+        let mut left_out = campaign.kriging.leave_out.iter();
+        left_out.any(|&number| u64::from(number) == design)
+    };
     let points: Vec<(&DesignRow, &ResponseRow)> = responses
         .iter()
+        .filter(|response| !is_left_out(response.design))
         .filter_map(|response| Some((designs.get(response.design as usize)?, response)))
         .collect();
     let x: Vec<f64> = points
@@ -67,16 +76,12 @@ pub fn fit(
         y: &y,
         noise_variance: &noise,
     };
-    let options = FitOptions {
-        kernel: campaign.kriging.kernel.parse()?,
-        seed: campaign.seed,
-        // The optimum of a model that is no better than noise would be a matter of luck.
-        refuse_no_structure: true,
-        ..FitOptions::default()
-    };
-    let model = kriging::fit(&data, &options)?;
+    let design = |observation: usize| points[observation].1.design;
+    let settings = campaign.kriging.settings(campaign.seed)?;
+    let model = Surrogate::fit(&data, &settings).map_err(|error| explained(error, design))?;
     let validation = model.leave_one_out();
     let parameters = model.parameters();
+    let residuals = validation.observations.iter().zip(&validation.residuals);
     let summary = ModelSummary {
         kernel: model.kernel().to_string(),
         points: model.points(),
@@ -91,15 +96,85 @@ pub fn fit(
         q2: validation.q2,
         rmse_um: validation.rmse,
         coverage90: validation.coverage90,
-        residuals_um: points
+        residuals_um: residuals.map(|(&i, r)| (design(i), *r)).collect(),
+        standardised: validation.standardised,
+        warnings: model
+            .warnings()
             .iter()
-            .map(|(_, response)| response.design)
-            .zip(validation.residuals.iter().copied())
+            .map(|warning| advised(warning, design))
             .collect(),
-        warnings: model.warnings().iter().map(ToString::to_string).collect(),
         cpu_seconds: 0.0,
     };
     Ok((model, summary))
+}
+
+/// A warning in the names of the campaign, with the keys of its file that help.
+fn advised(warning: &Warning, design: impl Fn(usize) -> u64) -> String {
+    let text = warning.text(&Names {
+        coordinate: &|j| VARIABLE_NAMES[j].to_owned(),
+        observation: &|i| format!("design {}", design(i)),
+    });
+    let advice = match warning {
+        Warning::Outliers { worst, .. } => {
+            let designs: Vec<u64> = worst.iter().map(|o| design(o.observation)).collect();
+            format!(
+                "look at them; kriging.leave_out = {designs:?} fits without them, kriging.nugget = \
+                 \"estimated\" takes them as noise"
+            )
+        }
+        Warning::ContradictoryDuplicates { .. } | Warning::NuggetAtBound { upper: true } => {
+            "more samples (sampling.samples_per_design) help".to_owned()
+        }
+        Warning::FewPoints { .. } | Warning::SharedRange { .. } => {
+            "more designs (doe.designs) help, or kriging.estimator = \"posterior-mode\"".to_owned()
+        }
+        Warning::FlatRanges { .. } => {
+            "kriging.estimator = \"posterior-mode\" settles it by a prior".to_owned()
+        }
+        Warning::NuggetAtBound { upper: false } => {
+            "kriging.nugget = \"known\" is as good".to_owned()
+        }
+        _ => return text,
+    };
+    format!("{text}; {advice}")
+}
+
+/// An error in the names of the campaign, with the keys of its file that help.
+fn explained(error: Error, design: impl Fn(usize) -> u64) -> anyhow::Error {
+    match error {
+        Error::Contradiction {
+            first,
+            second,
+            difference,
+            permitted,
+        } => {
+            let [first, second] = [first, second].map(design);
+            anyhow::anyhow!(
+                "designs {first} and {second} lie at the same place, and their percentiles differ by \
+                 {difference:.4} µm where their noise permits {permitted:.4}: leave one of them out \
+                 (kriging.leave_out = [{second}]), or let kriging.nugget = \"estimated\" explain it"
+            )
+        }
+        Error::NotPositiveDefinite {
+            observation: Some(observation),
+            jitter,
+        } => {
+            let design = design(observation);
+            anyhow::anyhow!(
+                "no covariance matrix is positive definite, even with {jitter:e} added to its diagonal: \
+                 design {design} repeats others but for rounding; leave it out (kriging.leave_out = \
+                 [{design}])"
+            )
+        }
+        Error::Logarithm { index, value } => {
+            let design = design(index);
+            anyhow::anyhow!(
+                "the percentile of design {design} is {value} µm, which has no logarithm: choose \
+                 kriging.response = \"plain\""
+            )
+        }
+        error => error.into(),
+    }
 }
 
 /// The row of a fitted model.
@@ -107,7 +182,7 @@ pub fn fit(
 /// # Errors
 ///
 /// The model cannot be written as JSON: one of its numbers is not finite.
-pub fn model_row(model: &Model, summary: &ModelSummary) -> anyhow::Result<ModelRow> {
+pub fn model_row(model: &Surrogate, summary: &ModelSummary) -> anyhow::Result<ModelRow> {
     Ok(ModelRow {
         name: P90_MODEL.to_owned(),
         json: model.to_json()?,
@@ -148,5 +223,39 @@ mod tests {
         assert!(refusal.contains("no dependence on x"), "{refusal}");
         let (_, summary) = fitted(20.0).unwrap();
         assert!(summary.q2 > 0.9, "{}", summary.q2);
+    }
+
+    /// An outlier is named by its design, and the key that the warning names removes it.
+    #[test]
+    fn an_outlier_is_left_out_by_its_key() {
+        let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
+        campaign.doe.designs = 80;
+        let rows = designs::make(&Problem::new(campaign.clone()), &[]).unwrap();
+        // Designs without a response make numbers of rows and of designs differ.
+        let responses: Vec<ResponseRow> = rows
+            .iter()
+            .filter(|row| row.design >= 10)
+            .map(|row| ResponseRow {
+                design: row.design,
+                mean_um: 1.0,
+                sd_um: 1.0,
+                p90_um: 5.0 + 20.0 * row.x_p + if row.design == 41 { 30.0 } else { 0.0 },
+                p90_variance_um2: 1e-4,
+                lilliefors_p: None,
+            })
+            .collect();
+        let (_, summary) = fit(&campaign, &rows, &responses).unwrap();
+        let named = |text: &&String| text.contains("design 41 lies");
+        let warning = summary.warnings.iter().find(named).unwrap();
+        assert!(
+            warning.contains("kriging.leave_out = [41]"),
+            "{warning}"
+        );
+        campaign.kriging.leave_out = vec![41];
+        let (_, summary) = fit(&campaign, &rows, &responses).unwrap();
+        assert_eq!(summary.points, 69);
+        assert!(summary.residuals_um.iter().all(|(design, _)| *design != 41));
+        assert!(!summary.warnings.iter().any(|text| text.contains("41")));
+        assert!(summary.rmse_um < 0.1, "{}", summary.rmse_um);
     }
 }

@@ -160,14 +160,6 @@ mod doe_method {
     }
 }
 
-/// `[kriging]`
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Kriging {
-    /// Covariance; see [`kriging::Kernel`].
-    pub kernel: String,
-}
-
 /// `[constraints]`; the limits of the stresses are the material's.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -278,11 +270,13 @@ impl Campaign {
         values.sampling.samples_per_design = 0;
         values.verify.samples = 0;
         values.enrichment = None;
+        values.kriging = self.kriging.without_choices();
         Sha256::digest(values.to_json().as_bytes()).into()
     }
 
     /// Whether this is `held` made larger: more designs, more samples per design or more fresh
-    /// samples, an enrichment or a larger budget for it, and everything else the same. What was
+    /// samples, an enrichment or a larger budget for it, another model of the same kernel, and everything
+    /// else the same. What was
     /// sampled for `held` is then part of it.
     #[must_use]
     pub fn extends(&self, held: &Self) -> bool {
@@ -303,6 +297,9 @@ impl Campaign {
         same.sampling.samples_per_design = held.sampling.samples_per_design;
         same.verify.samples = held.verify.samples;
         same.enrichment = held.enrichment;
+        if self.kriging.kernel == held.kriging.kernel {
+            same.kriging = held.kriging.clone();
+        }
         grows && enriches && same == *held
     }
 
@@ -420,7 +417,7 @@ impl Campaign {
         count("doe.designs", self.doe.designs, 2, most)?;
         self.sampling.validate(source, self.is_external())?;
         count("verify.samples", self.verify.samples, 4, 1_000_000)?;
-        parse_name::<kriging::Kernel>(source, "kriging.kernel", &self.kriging.kernel)?;
+        self.kriging.validate(source, self.doe.designs)?;
         source.positive(
             "constraints.contact_ratio_min",
             self.constraints.contact_ratio_min,

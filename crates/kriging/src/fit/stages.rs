@@ -76,9 +76,7 @@ impl Search<'_> {
                 .map(|found| (found.outcome.at, found.jitter))
                 .collect();
         }
-        Err(Error::NotPositiveDefinite {
-            jitter: JITTERS[JITTERS.len() - 1],
-        })
+        Err(Error::not_positive_definite(None))
     }
 
     /// The one of several candidates whose likelihood on `subset` is highest: a few hundred points may

@@ -88,9 +88,7 @@ impl<'a> Search<'a> {
             })
             .collect();
         if screened.is_empty() {
-            return Err(Error::NotPositiveDefinite {
-                jitter: JITTERS[JITTERS.len() - 1],
-            });
+            return Err(Error::not_positive_definite(None));
         }
         // The first start stays whatever its value: it is the one that keeps clear of white noise.
         screened[1..].sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -126,6 +124,7 @@ impl<'a> Search<'a> {
     pub(super) fn form(&self) -> Form {
         Form {
             kernel: self.options.kernel,
+            estimator: self.options.estimator,
             trend: self.options.trend,
             tied: self.tied,
             nugget: self.options.nugget,

@@ -11,8 +11,9 @@ use crate::warning::{Outlier, Warning};
 /// the trend estimated anew.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeaveOneOut {
-    /// Observation minus prediction, in units of y: one for each distinct point, in the order of
-    /// their first observations.
+    /// Numbers of the observations, from 0: the first one of each distinct point, in increasing order.
+    pub observations: Vec<usize>,
+    /// Observation minus prediction, in units of y, one for each of `observations`.
     pub residuals: Vec<f64>,
     /// Residuals over their standard deviations, the noise of the left-out observation included.
     /// Standard normal if the model is right. Zero where residual and deviation both vanish.
@@ -67,9 +68,7 @@ impl LeaveOneOut {
     /// From the residuals of `points`, in their order; `calibration` multiplies the variances but
     /// for the noise.
     pub(crate) fn new(points: &Points, all: &[Residual], calibration: f64) -> Self {
-        let n = points.len();
-        let mut by_first: Vec<usize> = (0..n).collect();
-        by_first.sort_by_key(|&i| points.first[i]);
+        let by_first = points.by_first();
         let (residuals, standardised): (Vec<f64>, Vec<f64>) = by_first
             .iter()
             .map(|&i| {
@@ -86,9 +85,20 @@ impl LeaveOneOut {
             })
             .unzip();
 
-        let count = n as f64;
-        let centre = points.y.iter().sum::<f64>() / count;
-        let total: f64 = points.y.iter().map(|y| (y - centre).powi(2)).sum();
+        let observed: Vec<f64> = by_first.iter().map(|&i| points.y[i]).collect();
+        let observations = by_first.iter().map(|&i| points.first[i]).collect();
+        Self::of(observations, &observed, residuals, standardised)
+    }
+
+    fn of(
+        observations: Vec<usize>,
+        observed: &[f64],
+        residuals: Vec<f64>,
+        standardised: Vec<f64>,
+    ) -> Self {
+        let count = observed.len() as f64;
+        let centre = observed.iter().sum::<f64>() / count;
+        let total: f64 = observed.iter().map(|y| (y - centre).powi(2)).sum();
         let left: f64 = residuals.iter().map(|r| r * r).sum();
         let covered = standardised
             .iter()
@@ -98,21 +108,28 @@ impl LeaveOneOut {
             q2: if total > 0.0 { 1.0 - left / total } else { 0.0 },
             rmse: (left / count).sqrt(),
             coverage90: covered as f64 / count,
+            observations,
             residuals,
             standardised,
         }
     }
 
-    /// The warning of the outliers among `points`, if there are any.
-    pub(crate) fn warning(&self, points: &Points) -> Option<Warning> {
-        let mut observations = points.first.clone();
-        observations.sort_unstable();
+    /// The residuals in units of y where those of ln y are given, `logarithms` the observations of it.
+    pub(crate) fn exponentiated(self, logarithms: &[f64]) -> Self {
+        let pairs = logarithms.iter().zip(&self.residuals);
+        let residuals = pairs.map(|(y, r)| y.exp() - (y - r).exp()).collect();
+        let observed: Vec<f64> = logarithms.iter().map(|y| y.exp()).collect();
+        Self::of(self.observations, &observed, residuals, self.standardised)
+    }
+
+    /// The warning of the outliers, if there are any.
+    pub(crate) fn warning(&self) -> Option<Warning> {
         let outliers = self.outliers();
         let count = outliers.len();
         let mut worst: Vec<Outlier> = outliers
             .into_iter()
             .map(|i| Outlier {
-                observation: observations[i],
+                observation: self.observations[i],
                 // JSON has no infinity.
                 standardised: self.standardised[i].clamp(-f64::MAX, f64::MAX),
             })

@@ -6,6 +6,7 @@ use crate::data::Points;
 use crate::kernel::Kernel;
 use crate::likelihood::gls::Trend;
 use crate::model::{Model, Parameters};
+use crate::surrogate::{Either, Response, Surrogate};
 use crate::{Error, Vecchia, Warning};
 
 /// Raised when a change of the format would make older programs misread it.
@@ -16,6 +17,8 @@ const VERSION: u32 = 1;
 struct Stored {
     version: u32,
     kernel: Kernel,
+    #[serde(default, skip_serializing_if = "Response::is_plain")]
+    response: Response,
     dimensions: usize,
     mu: f64,
     sigma2: f64,
@@ -56,18 +59,20 @@ fn one() -> f64 {
     1.0
 }
 
-/// Only the version, which must be readable whatever the rest looks like.
+/// The part that must be readable whatever the rest looks like.
 #[derive(Deserialize)]
-struct Version {
+struct Head {
     version: u32,
+    #[serde(default)]
+    method: Option<serde::de::IgnoredAny>,
 }
 
-/// A model of nearest neighbours. Its name in the file keeps it from being read as the other kind.
+/// A model of nearest neighbours. Its method in the file tells it from an exact one.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct StoredVecchia {
     version: u32,
-    method: Method,
+    method: Approximate,
     /// Observations per prediction.
     neighbours: usize,
     model: Stored,
@@ -75,65 +80,85 @@ struct StoredVecchia {
 
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-enum Method {
+enum Approximate {
     Vecchia,
 }
 
-/// Refuses text of another format version.
-fn check_version(text: &str) -> Result<(), Error> {
-    let Version { version } = serde_json::from_str(text).map_err(Error::Json)?;
-    if version != VERSION {
-        return Err(Error::Version {
-            found: version,
-            supported: VERSION,
-        });
-    }
-    Ok(())
-}
-
-impl Vecchia {
+impl Surrogate {
     /// The model as one JSON object. Numbers are written so that they are read back exactly.
     ///
     /// # Errors
     ///
     /// [`Error::Json`] if the writer fails.
     pub fn to_json(&self) -> Result<String, Error> {
-        let model = Stored {
-            negative_log_likelihood: self.nll,
-            calibration: self.calibration,
-            ..Stored::new(self.kernel, &self.points, &self.parameters)
-        };
-        let stored = StoredVecchia {
-            version: VERSION,
-            method: Method::Vecchia,
-            neighbours: self.neighbours,
-            model,
-        };
-        serde_json::to_string(&stored).map_err(Error::Json)
+        let response = self.response;
+        match &self.model {
+            Either::Exact(model) => serde_json::to_string(&Stored {
+                response,
+                jitter: model.jitter,
+                weights: model.weights.clone(),
+                trend: model.trend,
+                ..Stored::new(self, &model.points)
+            }),
+            Either::Vecchia(model) => serde_json::to_string(&StoredVecchia {
+                version: VERSION,
+                method: Approximate::Vecchia,
+                neighbours: model.neighbours,
+                model: Stored {
+                    response,
+                    ..Stored::new(self, &model.points)
+                },
+            }),
+        }
+        .map_err(Error::Json)
     }
 
-    /// Reads what [`Vecchia::to_json`] wrote. The means of the model read are bit for bit those of the
-    /// model written.
+    /// Reads what [`Surrogate::to_json`] wrote. The means of the model read are bit for bit those of the
+    /// model written. The covariance matrix is factorised when a variance is first asked for.
     ///
     /// # Errors
     ///
-    /// As [`Model::from_json`], and [`Error::OutOfRange`] for an impossible number of neighbours.
+    /// [`Error::Json`] and [`Error::Version`] for text that is not such a model, [`Error::Shape`],
+    /// [`Error::NonFinite`], [`Error::NegativeNoise`] and [`Error::OutOfRange`] for one whose numbers do
+    /// not fit together.
     pub fn from_json(text: &str) -> Result<Self, Error> {
-        check_version(text)?;
+        let Head { version, method } = serde_json::from_str(text).map_err(Error::Json)?;
+        if version != VERSION {
+            return Err(Error::Version {
+                found: version,
+                supported: VERSION,
+            });
+        }
+        if method.is_none() {
+            let stored: Stored = serde_json::from_str(text).map_err(Error::Json)?;
+            let response = stored.response;
+            let model = Either::Exact(stored.into_model()?);
+            return Ok(Self { model, response });
+        }
         let stored: StoredVecchia = serde_json::from_str(text).map_err(Error::Json)?;
-        let (model, neighbours) = (stored.model, stored.neighbours);
+        let response = stored.model.response;
+        let model = Either::Vecchia(stored.into_model()?);
+        Ok(Self { model, response })
+    }
+}
+
+impl StoredVecchia {
+    fn into_model(self) -> Result<Vecchia, Error> {
+        let (mut model, neighbours) = (self.model, self.neighbours);
         if neighbours == 0 || neighbours > model.y.len() {
             return Err(Error::OutOfRange {
                 what: "neighbours",
                 value: neighbours as f64,
             });
         }
-        let kernel = model.kernel;
         model.check(0)?;
-        let (nll, calibration) = (model.negative_log_likelihood, model.calibration);
+        let warnings = std::mem::take(&mut model.warnings);
+        let (kernel, nll) = (model.kernel, model.negative_log_likelihood);
+        let calibration = model.calibration;
         let (points, parameters) = model.into_parts();
-        let mut read = Self::assemble(kernel, points, parameters, nll, neighbours);
+        let mut read = Vecchia::assemble(kernel, points, parameters, nll, neighbours);
         read.calibration = calibration;
+        read.warnings = warnings;
         if read.coordinates.are_finite() {
             Ok(read)
         } else {
@@ -142,44 +167,22 @@ impl Vecchia {
     }
 }
 
-impl Model {
-    /// The model as one JSON object. Numbers are written so that they are read back exactly.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Json`] if the writer fails.
-    pub fn to_json(&self) -> Result<String, Error> {
-        serde_json::to_string(&Stored::of(self)).map_err(Error::Json)
-    }
-
-    /// Reads what [`Model::to_json`] wrote. The means of the model read are bit for bit those of the
-    /// model written; the covariance matrix is factorised when a variance is first asked for.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Json`] and [`Error::Version`] for text that is not such a model, [`Error::Shape`],
-    /// [`Error::NonFinite`] and [`Error::NegativeNoise`] for one whose numbers do not fit together.
-    pub fn from_json(text: &str) -> Result<Self, Error> {
-        check_version(text)?;
-        let stored: Stored = serde_json::from_str(text).map_err(Error::Json)?;
-        stored.into_model()
-    }
-}
-
 impl Stored {
-    /// What all models have; no weights, likelihood, jitter or trend.
-    fn new(kernel: Kernel, points: &Points, parameters: &Parameters) -> Self {
+    /// What both kinds of model have: no weights, jitter or trend.
+    fn new(model: &Surrogate, points: &Points) -> Self {
+        let parameters = model.parameters();
         let ranges = parameters.ranges.iter();
         Self {
             version: VERSION,
-            kernel,
+            kernel: model.kernel(),
+            response: Response::Plain,
             dimensions: points.d,
             mu: parameters.mu,
             sigma2: parameters.sigma2,
             ranges: ranges.map(|r| r.is_finite().then_some(*r)).collect(),
             jitter: 0.0,
-            negative_log_likelihood: 0.0,
-            warnings: points.warnings.clone(),
+            negative_log_likelihood: model.modelled_likelihood(),
+            warnings: model.warnings().to_vec(),
             x: points.x.clone(),
             y: points.y.clone(),
             noise_variance: points.noise.clone(),
@@ -188,30 +191,23 @@ impl Stored {
             trend: Trend::Constant,
             slopes: parameters.slopes.clone(),
             nugget: parameters.nugget,
-            calibration: 1.0,
-        }
-    }
-
-    fn of(model: &Model) -> Self {
-        Self {
-            jitter: model.jitter,
-            negative_log_likelihood: model.nll,
-            weights: model.weights.clone(),
-            trend: model.trend,
-            calibration: model.calibration,
-            ..Self::new(model.kernel, &model.points, &model.parameters)
+            calibration: model.calibration(),
         }
     }
 
     fn into_parts(self) -> (Points, Parameters) {
+        let merged = self.warnings.iter().find_map(|warning| match warning {
+            Warning::MergedDuplicates { observations, .. } => Some(*observations),
+            _ => None,
+        });
         let points = Points {
+            observations: merged.unwrap_or(self.y.len()),
             d: self.dimensions,
             x: self.x,
             y: self.y,
             noise: self.noise_variance,
             first: self.first_observation,
             within: 0.0,
-            warnings: self.warnings,
         };
         let ranges = self.ranges.iter();
         let parameters = Parameters {
@@ -229,9 +225,11 @@ impl Stored {
         let (kernel, trend, jitter) = (self.kernel, self.trend, self.jitter);
         let (nll, calibration) = (self.negative_log_likelihood, self.calibration);
         let weights = std::mem::take(&mut self.weights);
+        let warnings = std::mem::take(&mut self.warnings);
         let (points, parameters) = self.into_parts();
         let mut model = Model::assemble(kernel, trend, points, parameters, jitter);
         model.weights = weights;
+        model.warnings = warnings;
         model.nll = nll;
         model.calibration = calibration;
         if !model.coordinates.are_finite() {

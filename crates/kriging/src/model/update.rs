@@ -1,7 +1,8 @@
 //! More observations for a fitted model, with its covariance parameters kept.
 
 use super::{Model, Solved};
-use crate::data::{Points, keep, merge};
+use crate::data::scaled::Scaled;
+use crate::data::{Points, contradiction, keep, merge};
 use crate::likelihood::{noise_ratio, point};
 use crate::linalg::{Lower, Spd};
 use crate::{Data, Error, Warning};
@@ -33,9 +34,9 @@ impl Model {
             });
         }
         // The nugget belongs to every observation, so they are not merged.
-        let apart = self.parameters.nugget > 0.0;
-        let mut new = if apart { keep(data)? } else { merge(data)? };
-        let before = self.observations();
+        let apart = self.has_nugget();
+        let (mut new, warnings) = if apart { keep(data)? } else { merge(data)? };
+        let before = self.points.observations;
         let repeated = |i: usize| (0..self.points()).any(|k| self.points.row(k) == new.row(i));
         if !apart && (0..new.len()).any(repeated) {
             return self.refactorised(data, before);
@@ -48,14 +49,9 @@ impl Model {
         points.noise.append(&mut new.noise);
         points.first.extend(new.first.iter().map(|i| before + i));
         points.within += new.within;
-        points.warnings = joined(
-            &self.points.warnings,
-            &new,
-            before + data.y.len(),
-            points.len(),
-        );
+        points.observations += new.observations;
 
-        let mut model = self.with(points)?;
+        let mut model = self.with(points, warnings)?;
         // Coordinates are taken relative to their smallest value, which the new points may have
         // moved: the old factor stays right, since correlations depend on differences only.
         let extended = self.extended_factor(&model);
@@ -66,6 +62,7 @@ impl Model {
         match solved {
             Some(solved) => {
                 model.estimate_trend(solved);
+                model.warnings.extend(model.jitter_warning());
                 model.checked()
             }
             None => model.anew(),
@@ -96,13 +93,17 @@ impl Model {
         self.solved().factor.append_rows(cross, &corner)
     }
 
+    fn has_nugget(&self) -> bool {
+        self.parameters.nugget > 0.0
+    }
+
     /// The model of the old points, each with its merged observation, and the new ones.
     fn refactorised(&self, data: &Data<'_>, before: usize) -> Result<Self, Error> {
         let old = &self.points;
         let join = |a: &[f64], b: &[f64]| [a, b].concat();
         let (x, y) = (join(&old.x, data.x), join(&old.y, data.y));
         let noise_variance = join(&old.noise, data.noise_variance);
-        let mut points = merge(&Data {
+        let (mut points, warnings) = merge(&Data {
             x: &x,
             d: old.d,
             y: &y,
@@ -115,15 +116,20 @@ impl Model {
                 None => before + *first - old.len(),
             };
         }
-        points.warnings = joined(&old.warnings, &points, before + data.y.len(), points.len());
-        self.with(points)?.anew()
+        points.observations = before + data.y.len();
+        self.with(points, warnings)?.anew()
     }
 
-    /// This model's parameters on other points, still to be solved.
-    fn with(&self, points: Points) -> Result<Self, Error> {
+    /// This model's parameters on other points, whose further data have given `warnings`; still to be solved.
+    fn with(&self, points: Points, warnings: Vec<Warning>) -> Result<Self, Error> {
+        if !self.has_nugget() {
+            contradiction::check(&points, &Scaled::new(&points)?)?;
+        }
+        let warnings = joined(&self.warnings, &points, warnings);
         let parameters = self.parameters.clone();
         let mut model = Self::assemble(self.kernel, self.trend, points, parameters, self.jitter);
         model.calibration = self.calibration;
+        model.warnings = warnings;
         if model.coordinates.are_finite() {
             Ok(model)
         } else {
@@ -133,7 +139,7 @@ impl Model {
 
     /// Factorises the whole matrix.
     fn anew(self) -> Result<Self, Error> {
-        let calibration = self.calibration;
+        let (calibration, warnings) = (self.calibration, self.warnings);
         let mut model = Self::new(
             self.kernel,
             self.trend,
@@ -142,16 +148,22 @@ impl Model {
             self.jitter,
         )?;
         model.calibration = calibration;
+        model.warnings = warnings;
+        model.warnings.extend(model.jitter_warning());
         Ok(model)
     }
 
-    /// Number of observations, merged ones counted one by one.
-    fn observations(&self) -> usize {
-        let merged = self.points.warnings.iter().find_map(|w| match w {
-            Warning::MergedDuplicates { observations, .. } => Some(*observations),
-            _ => None,
-        });
-        merged.unwrap_or(self.points())
+    /// The model that interpolates its own means at its points: the same parameters, and observations
+    /// without noise. Its variances leave out how uncertain those means are.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::NotPositiveDefinite`] where the matrix cannot be factorised without the noise.
+    pub fn reinterpolated(&self) -> Result<Self, Error> {
+        let mut points = self.points.clone();
+        points.y = (0..points.len()).map(|i| self.mean(points.row(i))).collect();
+        points.noise.fill(0.0);
+        self.with(points, Vec::new())?.anew()
     }
 
     /// What the merged observations add to the likelihood: a stored model keeps only the total.
@@ -160,23 +172,17 @@ impl Model {
     }
 }
 
-/// The warnings of a model and of further data; the count of duplicates is brought up to date.
-fn joined(old: &[Warning], new: &Points, observations: usize, distinct: usize) -> Vec<Warning> {
-    let is_count = |w: &&Warning| matches!(w, Warning::MergedDuplicates { .. });
-    let mut warnings: Vec<Warning> = old.iter().filter(|w| !is_count(w)).cloned().collect();
-    for warning in new.warnings.iter().filter(|w| !is_count(w)) {
-        if !warnings.contains(warning) {
-            warnings.push(warning.clone());
-        }
-    }
-    if observations > distinct {
-        warnings.insert(
-            0,
-            Warning::MergedDuplicates {
-                observations,
-                distinct,
-            },
+/// The warnings of a model whose points are now `points`, and those of its further data.
+fn joined(old: &[Warning], points: &Points, new: Vec<Warning>) -> Vec<Warning> {
+    let mut warnings: Vec<Warning> = points.merged_duplicates().into_iter().collect();
+    for warning in old.iter().cloned().chain(new) {
+        let is_renewed = matches!(
+            warning,
+            Warning::MergedDuplicates { .. } | Warning::Jitter { .. }
         );
+        if !is_renewed && !warnings.contains(&warning) {
+            warnings.push(warning);
+        }
     }
     warnings
 }

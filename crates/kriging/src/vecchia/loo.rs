@@ -41,7 +41,7 @@ impl Vecchia {
         if jitter > 0.0 {
             warnings.push(Warning::Jitter { relative: jitter });
         }
-        warnings.extend(LeaveOneOut::new(&self.points, &residuals, 1.0).warning(&self.points));
+        warnings.extend(LeaveOneOut::new(&self.points, &residuals, 1.0).warning());
         warnings
     }
 

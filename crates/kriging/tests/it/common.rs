@@ -246,3 +246,14 @@ fn invert(mut a: Vec<Vec<f64>>) -> (Vec<Vec<f64>>, f64) {
         log_determinant,
     )
 }
+
+/// A model as JSON.
+pub(crate) fn written(model: impl Into<kriging::Surrogate>) -> String {
+    model.into().to_json().unwrap()
+}
+
+/// The exact model that [`written`] wrote.
+pub(crate) fn read(text: &str) -> Result<kriging::Model, kriging::Error> {
+    let stored = kriging::Surrogate::from_json(text)?;
+    Ok(stored.exact().unwrap().clone())
+}

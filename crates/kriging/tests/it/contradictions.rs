@@ -191,3 +191,38 @@ fn duplicates_whose_tiny_noise_cannot_explain_them_are_named() {
     let model = fit(&honest.data(), &FitOptions::default()).unwrap();
     assert_eq!(contradictory(&model), None);
 }
+
+/// A noise-free observation replaces the noisy ones of its point only if they agree with it.
+#[test]
+fn noisy_observations_may_contradict_an_exact_one() {
+    for (off, contradicts) in [(0.3, false), (3.0, true)] {
+        let mut sample = doubled(0.0, 0.0, off);
+        sample.noise[40] = 0.01;
+        let model = fit(&sample.data(), &FitOptions::default()).unwrap();
+        assert_eq!(contradictory(&model).is_some(), contradicts, "{off}");
+        let at = model.mean(sample.row(7)) - sample.y[7];
+        // Believed exactly, or between both.
+        assert_eq!(at.abs() < 1e-6, !contradicts, "{off}: {at}");
+    }
+}
+
+#[test]
+fn further_observations_may_contradict_the_model() {
+    let sample = Sample::smooth(40, 2, 0.0);
+    let model = fit(&sample.data(), &FitOptions::default()).unwrap();
+    let twin = |off: f64| {
+        let mut twin = sample.pick(&[7]);
+        twin.x[0] += 1e-11;
+        twin.y[0] += off;
+        model.with_points(&twin.data())
+    };
+    assert!(twin(0.0).is_ok());
+    assert!(matches!(
+        twin(1.5),
+        Err(Error::Contradiction {
+            first: 7,
+            second: 40,
+            ..
+        })
+    ));
+}

@@ -2,7 +2,7 @@
 
 use kriging::{Data, Error, FitOptions, Kernel, Model, Trend, fit};
 
-use crate::common::{Dense, Sample};
+use crate::common::{Dense, Sample, read, written};
 
 fn check(model: &Model, sample: &Sample) {
     let dense = match model.trend() {
@@ -39,7 +39,7 @@ fn an_updated_factor_is_that_of_all_points() {
             assert_eq!(longer.parameters().ranges, model.parameters().ranges);
             check(&longer, &all);
             // One by one, and after a detour through JSON.
-            let mut stepwise = Model::from_json(&model.to_json().unwrap()).unwrap();
+            let mut stepwise = read(&written(model.clone())).unwrap();
             for i in 0..15 {
                 stepwise = stepwise.with_points(&new.pick(&[i]).data()).unwrap();
             }
@@ -124,4 +124,18 @@ fn a_point_beside_another_needs_no_care() {
     let longer = model.with_points(&data).unwrap();
     // Interpolation error of the jitter that the twin needs, at most 1e-4 of a variance of 3.
     assert!((longer.mean(&[0.4, 0.6]) - model.mean(&[0.4, 0.6])).abs() < 1e-2);
+}
+
+#[test]
+fn a_reinterpolated_model_passes_through_its_means() {
+    let sample = Sample::smooth(40, 3, 0.05);
+    let model = fit(&sample.data(), &FitOptions::default()).unwrap();
+    let smooth = model.reinterpolated().unwrap();
+    for i in 0..40 {
+        let p = smooth.predict(sample.row(i));
+        assert!((p.mean - model.mean(sample.row(i))).abs() < 1e-6);
+        assert!(p.variance < 1e-6 * model.parameters().sigma2);
+    }
+    // Between the points both means are the same: C⁻¹ of the noisy model's means is its weights.
+    assert!((smooth.mean(&[0.3, 0.6, 0.2]) - model.mean(&[0.3, 0.6, 0.2])).abs() < 1e-6);
 }

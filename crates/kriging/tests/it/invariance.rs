@@ -1,7 +1,7 @@
 use kriging::{Data, FitOptions, Kernel, fit};
 use proptest::prelude::*;
 
-use crate::common::Sample;
+use crate::common::{Sample, written};
 
 #[test]
 fn the_order_of_observations_does_not_change_a_bit() {
@@ -33,10 +33,7 @@ fn the_number_of_threads_does_not_change_a_bit() {
             .build()
             .unwrap();
         pool.install(|| {
-            fit(&sample.data(), &FitOptions::default())
-                .unwrap()
-                .to_json()
-                .unwrap()
+            written(fit(&sample.data(), &FitOptions::default()).unwrap())
         })
     };
     assert_eq!(run(1), run(4));

@@ -4,7 +4,7 @@ use kriging::{Error, FitOptions, Model, Trend, fit};
 use rand::RngExt as _;
 use stats::streams::{Purpose, stream};
 
-use crate::common::{Dense, Sample};
+use crate::common::{Dense, Sample, read, written};
 
 fn linear() -> FitOptions {
     FitOptions {
@@ -39,7 +39,7 @@ fn universal_kriging_is_that_of_the_dense_formulas() {
             let (mean, _) = dense.predict(sample.row(i));
             assert!((loo.residuals[i] - (sample.y[i] - mean)).abs() < 1e-7);
         }
-        let again = Model::from_json(&model.to_json().unwrap()).unwrap();
+        let again = read(&written(model.clone())).unwrap();
         assert_eq!(again.mean(&[0.3, 0.4, 2.0]), model.mean(&[0.3, 0.4, 2.0]));
         assert_eq!(again.parameters(), model.parameters());
         assert!((again.predict(other.row(0)).variance - many[0].variance).abs() < 1e-12);
@@ -147,7 +147,7 @@ fn calibration_covers_what_maximum_likelihood_does_not() {
     assert!((after - 0.9).abs() < 0.06, "{before} {after}");
     let calibrated = model.leave_one_out().coverage90;
     assert!((calibrated - 0.9).abs() < 0.02, "{calibrated}");
-    let again = Model::from_json(&model.to_json().unwrap()).unwrap();
+    let again = read(&written(model.clone())).unwrap();
     assert_eq!(again.calibration(), model.calibration());
 }
 

@@ -4,7 +4,7 @@ use kriging::{FitOptions, Outlier, VecchiaOptions, Warning, fit, fit_vecchia};
 use rand::RngExt as _;
 use stats::streams::{Purpose, StreamRng, stream};
 
-use crate::common::Sample;
+use crate::common::{Sample, read, written};
 
 fn normal(rng: &mut StreamRng) -> f64 {
     let radius = (-2.0 * (1.0 - rng.random::<f64>()).ln()).sqrt();
@@ -100,6 +100,6 @@ fn no_more_than_ten_are_listed() {
     assert!(text.contains("and others"), "{text}");
     assert_eq!(model.leave_one_out().outliers().len(), 12);
     // The warning survives the model's way through a file.
-    let again = kriging::Model::from_json(&model.to_json().unwrap()).unwrap();
+    let again = read(&written(model.clone())).unwrap();
     assert_eq!(again.warnings(), model.warnings());
 }

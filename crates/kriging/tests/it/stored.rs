@@ -1,6 +1,6 @@
-use kriging::{Error, FitOptions, Kernel, Model, fit};
+use kriging::{Error, FitOptions, Kernel, fit};
 
-use crate::common::Sample;
+use crate::common::{self, Sample, written};
 
 #[test]
 fn a_model_read_back_predicts_the_same_bits() {
@@ -13,8 +13,8 @@ fn a_model_read_back_predicts_the_same_bits() {
             ..FitOptions::default()
         };
         let model = fit(&sample.data(), &options).unwrap();
-        let text = model.to_json().unwrap();
-        let read = Model::from_json(&text).unwrap();
+        let text = written(model.clone());
+        let read = common::read(&text).unwrap();
         for x in Sample::smooth(40, 3, 0.0).x.chunks(3) {
             assert_eq!(read.mean(x).to_bits(), model.mean(x).to_bits());
             assert_eq!(read.predict(x), model.predict(x));
@@ -26,18 +26,15 @@ fn a_model_read_back_predicts_the_same_bits() {
             read.negative_log_likelihood(),
             model.negative_log_likelihood()
         );
-        assert_eq!(read.to_json().unwrap(), text);
+        assert_eq!(written(read), text);
     }
 }
 
 #[test]
 fn damaged_models_are_refused() {
     let sample = Sample::smooth(5, 1, 0.01);
-    let text = fit(&sample.data(), &FitOptions::default())
-        .unwrap()
-        .to_json()
-        .unwrap();
-    let read = |text: &str| Model::from_json(text).unwrap_err();
+    let text = written(fit(&sample.data(), &FitOptions::default()).unwrap());
+    let read = |text: &str| common::read(text).unwrap_err();
     let edited = |change: &dyn Fn(&mut serde_json::Value)| {
         let mut value: serde_json::Value = serde_json::from_str(&text).unwrap();
         change(&mut value);
@@ -90,13 +87,10 @@ fn damaged_models_are_refused() {
 fn a_stored_model_without_a_factor_still_has_variances() {
     // Noise vastly above the process: the factor must not be refused for its scale.
     let sample = Sample::smooth(5, 1, 0.01);
-    let text = fit(&sample.data(), &FitOptions::default())
-        .unwrap()
-        .to_json()
-        .unwrap();
+    let text = written(fit(&sample.data(), &FitOptions::default()).unwrap());
     let mut value: serde_json::Value = serde_json::from_str(&text).unwrap();
     value["sigma2"] = 1e-320.into();
     value["noise_variance"] = vec![1.0, 0.0, 1.0, 0.0, 1.0].into();
-    let model = Model::from_json(&value.to_string()).unwrap();
+    let model = common::read(&value.to_string()).unwrap();
     assert!(model.predict(&[0.5]).variance.is_finite());
 }

@@ -1,11 +1,11 @@
 //! Kriging by nearest-neighbour conditioning against the exact one.
 
 use kriging::{
-    Error, FitOptions, Method, Model, Surrogate, Trend, Vecchia, VecchiaOptions, Warning, fit,
-    fit_by, fit_vecchia,
+    Error, FitOptions, Method, Response, Settings, Surrogate, Trend, VecchiaOptions, Warning, fit,
+    fit_vecchia,
 };
 
-use crate::common::Sample;
+use crate::common::{Sample, written};
 
 /// Predictions from neighbours only, parameters from half of the points.
 fn sparse() -> VecchiaOptions {
@@ -99,60 +99,55 @@ fn stored_models_predict_the_same_bits() {
     let sample = Sample::smooth(60, 2, 0.01);
     for options in [sparse(), VecchiaOptions::default()] {
         let model = fit_vecchia(&sample.data(), &options).unwrap();
-        let text = model.to_json().unwrap();
-        let read = Vecchia::from_json(&text).unwrap();
+        let text = written(model.clone());
+        let stored = Surrogate::from_json(&text).unwrap();
+        let read = stored.vecchia().unwrap();
         for x in [[0.3, 0.6], [1.2, -0.4]] {
             assert_eq!(read.mean(&x).to_bits(), model.mean(&x).to_bits());
             assert_eq!(read.predict(&x), model.predict(&x));
         }
-        assert_eq!(read.to_json().unwrap(), text);
+        assert_eq!(stored.to_json().unwrap(), text);
         assert_eq!(read.conditioning(), model.conditioning());
         assert_eq!(read.warnings(), model.warnings());
 
-        // One kind of model is not read as the other, nor another version, nor a broken one.
-        assert!(matches!(Model::from_json(&text), Err(Error::Json(_))));
-        let newer = text.replacen("\"version\":1", "\"version\":2", 1);
-        assert!(matches!(
-            Vecchia::from_json(&newer),
-            Err(Error::Version { found: 2, .. })
-        ));
-        let none = text.replacen("\"neighbours\":60", "\"neighbours\":0", 1);
-        assert!(none != text);
-        assert!(matches!(
-            Vecchia::from_json(&none),
-            Err(Error::OutOfRange {
-                what: "neighbours",
-                ..
-            })
-        ));
-        let short = text.replacen("\"y\":[", "\"y\":[1.0,", 1);
-        assert!(matches!(
-            Vecchia::from_json(&short),
-            Err(Error::Shape { .. })
-        ));
-        let bad = text.replacen("\"sigma2\":", "\"sigma2\":-", 1);
-        assert!(Vecchia::from_json(&bad).is_err());
+        // Another version and broken models are refused.
+        let refused = |from: &str, to: &str| {
+            let changed = text.replacen(from, to, 1);
+            assert!(changed != text);
+            Surrogate::from_json(&changed).unwrap_err()
+        };
+        let newer = refused("\"version\":1", "\"version\":2");
+        assert!(matches!(newer, Error::Version { found: 2, .. }));
+        let none = refused("\"neighbours\":60", "\"neighbours\":0");
+        let what = "neighbours";
+        assert!(matches!(none, Error::OutOfRange { what: w, .. } if w == what));
+        let short = refused("\"y\":[", "\"y\":[1.0,");
+        assert!(matches!(short, Error::Shape { .. }));
+        refused("\"sigma2\":", "\"sigma2\":-");
     }
-    let exact = fit(&sample.data(), &FitOptions::default()).unwrap();
-    let text = exact.to_json().unwrap();
-    assert!(matches!(Vecchia::from_json(&text), Err(Error::Json(_))));
+}
+
+fn with_method(method: Method, fit: FitOptions) -> Settings {
+    Settings {
+        fit,
+        method,
+        ..Settings::default()
+    }
 }
 
 #[test]
 fn the_method_is_chosen_by_its_name_and_by_the_number_of_points() {
-    for method in Method::ALL {
-        assert_eq!(method.to_string().parse::<Method>().unwrap(), method);
-    }
-    assert!("dense".parse::<Method>().is_err());
     let sample = Sample::smooth(80, 2, 0.01);
-    let options = FitOptions::default();
-    let of = |method| fit_by(&sample.data(), &options, method).unwrap();
+    let of = |method| {
+        let settings = with_method(method, FitOptions::default());
+        Surrogate::fit(&sample.data(), &settings).unwrap()
+    };
     let (auto, exact, near) = (of(Method::Auto), of(Method::Exact), of(Method::Vecchia));
-    assert!(matches!(auto, Surrogate::Exact(_)));
-    assert!(matches!(exact, Surrogate::Exact(_)));
-    assert!(matches!(near, Surrogate::Vecchia(_)));
+    assert!(auto.exact().is_some());
+    assert!(exact.exact().is_some());
+    assert!(near.vecchia().is_some());
     let x = [0.4, 0.7];
-    let p = exact.predict(&x);
+    let p = exact.exact().unwrap().predict(&x);
     assert!((p.mean - near.mean(&x)).abs() < 0.05 * p.variance.sqrt());
     assert_eq!(near.means(&x).unwrap(), [near.mean(&x)]);
     // One point and several may differ by rounding.
@@ -162,18 +157,61 @@ fn the_method_is_chosen_by_its_name_and_by_the_number_of_points() {
         calibrate: true,
         ..FitOptions::default()
     };
-    let model = fit_by(&sample.data(), &calibrated, Method::Vecchia).unwrap();
-    let ratio = model.predict(&x).variance / near.predict(&x).variance;
+    let settings = with_method(Method::Vecchia, calibrated);
+    let model = Surrogate::fit(&sample.data(), &settings).unwrap();
+    let variance = |model: &Surrogate| model.predict_many(&x).unwrap()[0].variance;
+    let ratio = variance(&model) / variance(&near);
     assert!((ratio / model.calibration() - 1.0).abs() < 1e-9);
     let linear = FitOptions {
         trend: Trend::Linear,
         ..FitOptions::default()
     };
     assert!(matches!(
-        fit_by(&sample.data(), &linear, Method::Vecchia),
+        Surrogate::fit(&sample.data(), &with_method(Method::Vecchia, linear)),
         Err(Error::ExactOnly {
             what: "a linear trend"
         })
+    ));
+}
+
+/// A model of ln y is that of the logarithms, told in units of y.
+#[test]
+fn the_logarithm_is_modelled() {
+    let mut sample = Sample::smooth(80, 2, 0.0);
+    for (y, v) in sample.y.iter_mut().zip(&mut sample.noise) {
+        *v = 1e-4 * (2.0 * *y).exp();
+        *y = y.exp();
+    }
+    let mut logarithms = Sample::smooth(80, 2, 0.0);
+    logarithms.noise.fill(1e-4);
+    let settings = Settings {
+        response: Response::Log,
+        ..Settings::default()
+    };
+    let model = Surrogate::fit(&sample.data(), &settings).unwrap();
+    let inner = fit(&logarithms.data(), &FitOptions::default()).unwrap();
+    let x = [0.4, 0.7];
+    assert!((model.mean(&x) / inner.mean(&x).exp() - 1.0).abs() < 1e-6);
+    let p = model.predict_many(&x).unwrap()[0];
+    let relative = p.variance / (p.mean * p.mean);
+    assert!((relative / inner.predict(&x).variance - 1.0).abs() < 1e-4);
+    // Residuals are those of y; the likelihood is that of y, too.
+    let (ours, theirs) = (model.leave_one_out(), inner.leave_one_out());
+    for (i, (r, ln_r)) in ours.residuals.iter().zip(&theirs.residuals).enumerate() {
+        let y = sample.y[i];
+        assert!((r - (y - y * (-ln_r).exp())).abs() < 1e-5 * y);
+    }
+    let jacobian: f64 = logarithms.y.iter().sum();
+    let nll = model.negative_log_likelihood() - inner.negative_log_likelihood();
+    assert!((nll - jacobian).abs() < 1e-4);
+    let text = model.to_json().unwrap();
+    let read = Surrogate::from_json(&text).unwrap();
+    assert_eq!(read.mean(&x).to_bits(), model.mean(&x).to_bits());
+    assert_eq!(read.leave_one_out(), ours);
+    sample.y[3] = -1.0;
+    assert!(matches!(
+        Surrogate::fit(&sample.data(), &settings),
+        Err(Error::Logarithm { index: 3, .. })
     ));
 }
 
@@ -188,10 +226,10 @@ fn noise_has_no_structure_for_neighbours_either() {
         ..FitOptions::default()
     };
     for method in [Method::Exact, Method::Vecchia] {
-        let refused = fit_by(&sample.data(), &refusing, method);
+        let refused = Surrogate::fit(&sample.data(), &with_method(method, refusing.clone()));
         assert!(
             matches!(refused, Err(Error::NoStructure { .. })),
-            "{method}"
+            "{method:?}"
         );
     }
 }

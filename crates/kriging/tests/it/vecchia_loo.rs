@@ -1,8 +1,8 @@
 //! Validation and calibration of nearest-neighbour models.
 
-use kriging::{FitOptions, Vecchia, VecchiaOptions, fit, fit_vecchia};
+use kriging::{FitOptions, Surrogate, Vecchia, VecchiaOptions, fit, fit_vecchia};
 
-use crate::common::Sample;
+use crate::common::{Sample, written};
 
 fn sparse(neighbours: usize) -> VecchiaOptions {
     VecchiaOptions {
@@ -16,7 +16,7 @@ fn residuals_are_those_of_predictions_without_the_point() {
     let sample = Sample::smooth(200, 2, 0.02);
     let model = fit_vecchia(&sample.data(), &sparse(60)).unwrap();
     let loo = model.leave_one_out();
-    let text = model.to_json().unwrap();
+    let text = written(model.clone());
     for i in [0, 17, 150] {
         // The same model without the point, by way of its file: the observation gets so much noise
         // that it tells nothing. It takes one of the 60 places.
@@ -25,8 +25,8 @@ fn residuals_are_those_of_predictions_without_the_point() {
         let place = firsts.iter().position(|f| *f == i).unwrap();
         value["model"]["noise_variance"][place] = 1e12.into();
         value["neighbours"] = 61.into();
-        let without = Vecchia::from_json(&value.to_string()).unwrap();
-        let p = without.predict(sample.row(i));
+        let without = Surrogate::from_json(&value.to_string()).unwrap();
+        let p = without.vecchia().unwrap().predict(sample.row(i));
         assert!((loo.residuals[i] - (sample.y[i] - p.mean)).abs() < 1e-7);
         let standardised = loo.residuals[i] / (p.variance + sample.noise[i]).sqrt();
         assert!((loo.standardised[i] - standardised).abs() < 1e-6);
@@ -78,8 +78,8 @@ fn calibration_widens_the_intervals_of_a_ridge() {
         // Binomial standard error 0.01, of the 150 residuals that calibrate 0.025.
         assert!((after - 0.9).abs() < 0.07, "{after} {}", coverage(&plain));
         assert!((model.leave_one_out().coverage90 - 0.9).abs() < 0.02);
-        let again = Vecchia::from_json(&model.to_json().unwrap()).unwrap();
+        let again = Surrogate::from_json(&written(model.clone())).unwrap();
         assert_eq!(again.calibration(), model.calibration());
-        assert_eq!(again.predict(&[0.4, 0.4]), model.predict(&[0.4, 0.4]));
+        assert_eq!(again.vecchia().unwrap().predict(&[0.4, 0.4]), model.predict(&[0.4, 0.4]));
     }
 }

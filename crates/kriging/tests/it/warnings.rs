@@ -1,10 +1,10 @@
 //! What a fit has to say of its parameters.
 
-use kriging::{FitOptions, Model, VecchiaOptions, Warning, fit, fit_vecchia};
+use kriging::{FitOptions, Model, Surrogate, VecchiaOptions, Warning, fit, fit_vecchia};
 use rand::RngExt as _;
 use stats::streams::{Purpose, stream};
 
-use crate::common::Sample;
+use crate::common::{Sample, written};
 
 fn few(warnings: &[Warning]) -> Option<(usize, usize)> {
     warnings.iter().find_map(|w| match w {
@@ -117,7 +117,7 @@ fn nearest_neighbours_warn_as_the_exact_model_does() {
                 model.warnings()
             );
         }
-        let again = kriging::Vecchia::from_json(&model.to_json().unwrap()).unwrap();
+        let again = Surrogate::from_json(&written(model.clone())).unwrap();
         assert_eq!(again.warnings(), model.warnings());
     }
 }

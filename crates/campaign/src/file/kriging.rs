@@ -1,0 +1,173 @@
+//! The section `[kriging]` of the campaign file.
+
+use kriging::{Estimator, FitOptions, Method, Response, Settings, Trend};
+use serde::{Deserialize, Serialize};
+
+use super::FileError;
+use super::sections::parse_name;
+use super::validate::Source;
+
+/// `[kriging]`. Every key but the first has a default and is left out of the digest when it has that value.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Kriging {
+    /// Covariance function; see [`kriging::Kernel`].
+    pub kernel: String,
+    /// Whether predictions use all designs or the nearest ones.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub method: Method,
+    /// What the parameters maximise.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub estimator: Estimator,
+    /// The trend around which the response varies.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub trend: Trend,
+    /// Whether a noise variance is estimated on top of the known ones.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub nugget: Nugget,
+    /// Whether predicted variances are scaled to the leave-one-out residuals.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub calibrate: bool,
+    /// Whether the response or its logarithm is modelled.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub response: Response,
+    /// Numbers of designs, from 0, that the model is not fitted to.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub leave_out: Vec<u32>,
+}
+
+/// The noise of the responses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Nugget {
+    /// The variance of the percentile's estimate, of each design its own.
+    #[default]
+    Known,
+    /// One more variance, the same for all designs, is estimated.
+    Estimated,
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
+impl Kriging {
+    pub(super) fn validate(&self, source: Source<'_>, designs: u32) -> Result<(), FileError> {
+        parse_name::<kriging::Kernel>(source, "kriging.kernel", &self.kernel)?;
+        if self.method == Method::Vecchia {
+            source.require(
+                self.trend == Trend::Constant,
+                "kriging.trend",
+                self.trend,
+                "\"constant\" beside kriging.method = \"vecchia\"",
+            )?;
+            source.require(
+                self.nugget == Nugget::Known,
+                "kriging.nugget",
+                self.nugget,
+                "\"known\" beside kriging.method = \"vecchia\"",
+            )?;
+        }
+        let beyond = self.leave_out.iter().find(|design| **design >= designs);
+        source.require(
+            beyond.is_none(),
+            "kriging.leave_out",
+            &self.leave_out,
+            &format!("numbers of designs, from 0 to {}", designs - 1),
+        )
+    }
+
+    /// The section with the keys that only the model depends on at their defaults: samples of one are samples
+    /// of the other.
+    pub(super) fn without_choices(&self) -> Self {
+        Self {
+            kernel: self.kernel.clone(),
+            method: Method::default(),
+            estimator: Estimator::default(),
+            trend: Trend::default(),
+            nugget: Nugget::default(),
+            calibrate: false,
+            response: Response::default(),
+            leave_out: Vec::new(),
+        }
+    }
+
+    /// How to fit the model.
+    ///
+    /// # Errors
+    ///
+    /// Never for a validated section: the kernel's name was read before.
+    pub fn settings(&self, seed: u64) -> Result<Settings, kriging::Error> {
+        Ok(Settings {
+            fit: FitOptions {
+                kernel: self.kernel.parse()?,
+                estimator: self.estimator,
+                seed,
+                trend: self.trend,
+                nugget: self.nugget == Nugget::Estimated,
+                calibrate: self.calibrate,
+                // The optimum of a model that is no better than noise would be a matter of luck.
+                refuse_no_structure: true,
+                ..FitOptions::default()
+            },
+            method: self.method,
+            response: self.response,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Campaign;
+
+    fn with(keys: &str) -> Result<Campaign, FileError> {
+        let text = Campaign::PAPER.replace("[kriging]\n", &format!("[kriging]\n{keys}\n"));
+        Campaign::parse("paper.toml", &text)
+    }
+
+    #[test]
+    fn every_key_reaches_the_fit() {
+        let campaign = with(
+            "method = \"exact\"\nestimator = \"posterior-mode\"\ntrend = \"linear\"\nnugget = \"estimated\"\n\
+             calibrate = true\nresponse = \"log\"\nleave_out = [7, 2999]",
+        )
+        .unwrap();
+        let Settings {
+            fit,
+            method,
+            response,
+        } = campaign.kriging.settings(5).unwrap();
+        assert_eq!((method, response), (Method::Exact, Response::Log));
+        assert_eq!(fit.estimator, Estimator::PosteriorMode);
+        assert_eq!((fit.trend, fit.nugget), (Trend::Linear, true));
+        assert_eq!((fit.calibrate, fit.seed), (true, 5));
+        assert_eq!(campaign.kriging.leave_out, [7, 2999]);
+    }
+
+    #[test]
+    fn another_choice_keeps_the_samples() {
+        let paper = with("").unwrap();
+        let logarithm = with("response = \"log\"\nleave_out = [3]").unwrap();
+        assert_eq!(logarithm.values_digest(), paper.values_digest());
+        assert!(logarithm.extends(&paper) && paper.extends(&logarithm));
+        assert_ne!(logarithm.digest(), paper.digest());
+        assert!(!paper.to_json().contains("method"), "old digests stay");
+    }
+
+    #[test]
+    fn impossible_choices_are_refused_by_their_line() {
+        for (keys, key) in [
+            ("method = \"vecchia\"\ntrend = \"linear\"", "kriging.trend"),
+            (
+                "method = \"vecchia\"\nnugget = \"estimated\"",
+                "kriging.nugget",
+            ),
+            ("leave_out = [3000]", "kriging.leave_out"),
+        ] {
+            let error = with(keys).unwrap_err().to_string();
+            assert!(error.contains(key) && error.contains("line"), "{error}");
+        }
+        assert!(with("method = \"dense\"").is_err());
+    }
+}
