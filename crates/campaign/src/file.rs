@@ -18,7 +18,7 @@ pub use campaign::{
     Verify,
 };
 pub use corrections::CorrectionsSection;
-pub use self::kriging::{Kriging, Nugget};
+pub use self::kriging::{Kriging, Noise, Nugget};
 pub use enrichment::Enrichment;
 pub(crate) use pair::gear_size;
 pub use pair::{PairFile, PairSection};

@@ -41,15 +41,16 @@ pub(crate) fn noise_ratio(noise: f64, sigma2: f64) -> f64 {
 }
 
 /// C of the n points whose scaled coordinates are `columns`: their correlations, and on the diagonal
-/// 1 + jitter + noise/σ², what `ratio` gives.
+/// 1 + jitter + noise/σ², what `ratio` gives. It takes the `memory` of an earlier matrix, or an empty one.
 pub(crate) fn covariance(
     kernel: Kernel,
     columns: &[Vec<f64>],
     n: usize,
     jitter: f64,
     ratio: impl Fn(usize) -> f64 + Sync,
+    memory: Vec<f64>,
 ) -> Lower {
-    Lower::from_columns(n, |k, column| {
+    Lower::in_memory(memory, n, |k, column| {
         let at = point(columns, k);
         kernel.correlations(&at, |j| &columns[j][k..], column);
         column[0] += jitter + ratio(k);
@@ -106,6 +107,8 @@ pub(crate) struct Likelihood<'a> {
     pub(crate) jitter: f64,
     /// `data.columns` divided by the ranges.
     columns: Vec<Vec<f64>>,
+    /// Memory for two matrices, kept from one evaluation to the next.
+    memory: [Vec<f64>; 2],
 }
 
 impl<'a> Likelihood<'a> {
@@ -116,6 +119,7 @@ impl<'a> Likelihood<'a> {
             noise: data.noise.clone(),
             jitter,
             columns: data.columns.clone(),
+            memory: [Vec::new(), Vec::new()],
             data,
         }
     }
@@ -139,7 +143,9 @@ impl<'a> Likelihood<'a> {
         self.scale_columns(ln_ranges);
         let noise = &self.noise;
         let ratio = |i: usize| noise_ratio(noise[i], sigma2);
-        let covariance = covariance(self.form.kernel, &self.columns, n, self.jitter, ratio);
+        let memory = std::mem::take(&mut self.memory[0]);
+        let (kernel, jitter) = (self.form.kernel, self.jitter);
+        let covariance = covariance(kernel, &self.columns, n, jitter, ratio, memory);
         let factor = Spd::factor(covariance).ok()?;
 
         let p = self.basis.len() / n;
@@ -177,7 +183,6 @@ impl<'a> Likelihood<'a> {
         };
         let at = At {
             count: parameters.len(),
-            factor: &factor,
             gls: &gls,
             z: &z,
             beta: &beta,
@@ -185,12 +190,16 @@ impl<'a> Likelihood<'a> {
             sigma2,
             nugget,
         };
-        if order >= Order::Gradient {
-            evaluation.gradient = self.gradient(&at);
-        }
         if order >= Order::Curvature {
-            evaluation.curvature = self.curvature(&at);
+            evaluation.curvature = self.curvature(&at, &factor);
         }
+        self.memory[0] = if order >= Order::Gradient {
+            let inverse = factor.into_inverse(&mut self.memory[1]);
+            evaluation.gradient = self.gradient(&at, &inverse);
+            inverse.into_memory()
+        } else {
+            factor.into_memory()
+        };
         if let Some(prior) = prior
             && order >= Order::Gradient
         {

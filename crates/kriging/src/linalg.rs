@@ -65,7 +65,17 @@ pub(crate) struct Lower {
 impl Lower {
     /// The matrix whose column k, from the diagonal down, `fill` writes.
     pub(crate) fn from_columns(n: usize, fill: impl Fn(usize, &mut [f64]) + Sync) -> Self {
-        let mut values = vec![0.0; n * n];
+        Self::in_memory(Vec::new(), n, fill)
+    }
+
+    /// [`Lower::from_columns`] in the memory of an earlier matrix: the system's work for new memory would take
+    /// a tenth of a fit.
+    pub(crate) fn in_memory(
+        mut values: Vec<f64>,
+        n: usize,
+        fill: impl Fn(usize, &mut [f64]) + Sync,
+    ) -> Self {
+        values.resize(n * n, 0.0);
         let each = |(k, column): (usize, &mut [f64])| fill(k, &mut column[k..]);
         if n < SHARED {
             values.chunks_exact_mut(n.max(1)).enumerate().for_each(each);
@@ -73,6 +83,11 @@ impl Lower {
             values.par_chunks_exact_mut(n).enumerate().for_each(each);
         }
         Self { n, values }
+    }
+
+    /// Its memory, for [`Lower::in_memory`].
+    pub(crate) fn into_memory(self) -> Vec<f64> {
+        self.values
     }
 
     /// Column k from the diagonal down.
@@ -164,13 +179,16 @@ impl Spd {
         (view, Par::Seq)
     }
 
-    /// A⁻¹.
-    pub(crate) fn inverse(&self) -> Lower {
-        let half = self.half_inverse();
-        let mut inverse = Lower {
-            n: self.len(),
-            values: vec![0.0; self.factor.values.len()],
-        };
+    /// The memory of L, for [`Lower::in_memory`].
+    pub(crate) fn into_memory(self) -> Vec<f64> {
+        self.factor.into_memory()
+    }
+
+    /// A⁻¹, in the memory of L. `memory` is used in between.
+    pub(crate) fn into_inverse(self, memory: &mut Vec<f64>) -> Lower {
+        let half = self.half_inverse(std::mem::take(memory));
+        let mut inverse = self.factor;
+        let n = inverse.n;
         triangular::matmul(
             inverse.view_mut(),
             BlockStructure::TriangularLower,
@@ -180,23 +198,25 @@ impl Spd {
             half.view(),
             BlockStructure::TriangularLower,
             1.0,
-            threads(self.len()),
+            threads(n),
         );
+        *memory = half.into_memory();
         inverse
     }
 
     /// The diagonal of A⁻¹.
     pub(crate) fn inverse_diagonal(&self) -> Vec<f64> {
-        let half = self.half_inverse();
+        let half = self.half_inverse(Vec::new());
         let square = |k: usize| dot(half.column(k), half.column(k));
         (0..self.len()).map(square).collect()
     }
 
     /// L⁻¹.
-    fn half_inverse(&self) -> Lower {
+    fn half_inverse(&self, mut values: Vec<f64>) -> Lower {
+        values.resize(self.factor.values.len(), 0.0);
         let mut half = Lower {
             n: self.len(),
-            values: vec![0.0; self.factor.values.len()],
+            values,
         };
         invert_lower_triangular(half.view_mut(), self.factor.view(), threads(self.len()));
         half
@@ -267,7 +287,7 @@ mod tests {
             b.extend(times(&matrix, &x[n..]));
             spd.solve(&mut b);
             assert!(b.iter().zip(&x).all(|(b, x)| (b - x).abs() < 1e-11), "{n}");
-            let inverse = spd.inverse();
+            let inverse = spd.clone().into_inverse(&mut Vec::new());
             let back = times(&inverse, &times(&matrix, &x[..n]));
             assert!(back.iter().zip(&x).all(|(b, x)| (b - x).abs() < 1e-11));
             let diagonal = spd.inverse_diagonal();
@@ -324,7 +344,7 @@ mod tests {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
             pool.build().unwrap().install(|| {
                 let spd = Spd::factor(matrix.clone()).unwrap();
-                (spd.log_det(), spd.inverse().column(n / 2).to_vec())
+                (spd.log_det(), spd.into_inverse(&mut Vec::new()).column(n / 2).to_vec())
             })
         };
         let one = with(1);

@@ -291,7 +291,7 @@ impl Model {
         for jitter in std::iter::once(self.jitter).chain(levels) {
             let columns = &self.coordinates.columns;
             let ratio = |i: usize| noise_ratio(self.points.noise[i] + nugget, sigma2);
-            let matrix = covariance(self.kernel, columns, n, jitter, ratio);
+            let matrix = covariance(self.kernel, columns, n, jitter, ratio, Vec::new());
             match Spd::factor(matrix) {
                 Ok(factor) => {
                     if let Some(gls) = self.solve_trend(&factor) {

@@ -186,6 +186,8 @@ pub struct KrigingFit {
     pub coverage_90: f64,
     /// The leave-one-out predictions.
     pub leave_one_out: Vec<LeaveOneOut>,
+    /// What a reader ought to know of the fit, in sentences.
+    pub warnings: Vec<String>,
 }
 
 /// One fitted parameter.
@@ -202,10 +204,14 @@ pub struct Parameter {
 /// One observation and what the model predicts for it from all the others.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeaveOneOut {
+    /// The design's number.
+    pub design: u64,
     /// The observation, µm.
     pub observed_um: f64,
     /// The prediction, µm.
     pub predicted_um: f64,
+    /// The residual over its standard deviation; none in stores of earlier versions.
+    pub standardised: Option<f64>,
 }
 
 /// The approaches that the paper compares (section IV.D), and one beyond it.

@@ -259,9 +259,12 @@ fn kriging(sources: &Sources) -> Vec<KrigingFit> {
     let leave_one_out = model
         .residuals_um
         .iter()
-        .filter_map(|(design, residual)| {
+        .enumerate()
+        .filter_map(|(i, (design, residual))| {
             let observed_um = *observed.get(design)?;
             Some(LeaveOneOut {
+                design: *design,
+                standardised: model.standardised.get(i).copied(),
                 observed_um,
                 predicted_um: observed_um - residual,
             })
@@ -274,6 +277,7 @@ fn kriging(sources: &Sources) -> Vec<KrigingFit> {
         q2: model.q2,
         rmse_um: model.rmse_um,
         coverage_90: model.coverage90,
+        warnings: model.warnings.clone(),
         leave_one_out,
     }]
 }

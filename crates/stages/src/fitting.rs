@@ -1,6 +1,7 @@
 //! The kriging model of P90.
 
 use campaign::Campaign;
+use campaign::file::Noise;
 use campaign::formulation::{ROBUST_VARIABLES, VARIABLE_NAMES};
 use kriging::{Data, Error, Names, Surrogate, Warning};
 use serde::{Deserialize, Serialize};
@@ -70,6 +71,13 @@ pub fn fit(
         .iter()
         .map(|(_, response)| response.p90_variance_um2)
         .collect();
+    let noise = match campaign.kriging.noise {
+        Noise::Own => noise,
+        Noise::Smoothed => {
+            let freedom = campaign.sampling.degrees_of_freedom();
+            kriging::smoothed_noise(&x, ROBUST_VARIABLES, &noise, freedom, campaign.seed)?
+        }
+    };
     let data = Data {
         x: &x,
         d: ROBUST_VARIABLES,

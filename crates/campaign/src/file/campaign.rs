@@ -417,7 +417,7 @@ impl Campaign {
         count("doe.designs", self.doe.designs, 2, most)?;
         self.sampling.validate(source, self.is_external())?;
         count("verify.samples", self.verify.samples, 4, 1_000_000)?;
-        self.kriging.validate(source, self.doe.designs)?;
+        self.kriging.validate(source, self.doe.designs, &self.sampling)?;
         source.positive(
             "constraints.contact_ratio_min",
             self.constraints.contact_ratio_min,

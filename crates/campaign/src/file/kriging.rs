@@ -3,7 +3,7 @@
 use kriging::{Estimator, FitOptions, Method, Response, Settings, Trend};
 use serde::{Deserialize, Serialize};
 
-use super::FileError;
+use super::{FileError, Sampling};
 use super::sections::parse_name;
 use super::validate::Source;
 
@@ -22,6 +22,9 @@ pub struct Kriging {
     /// The trend around which the response varies.
     #[serde(default, skip_serializing_if = "is_default")]
     pub trend: Trend,
+    /// Where the known noise variances come from.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub noise: Noise,
     /// Whether a noise variance is estimated on top of the known ones.
     #[serde(default, skip_serializing_if = "is_default")]
     pub nugget: Nugget,
@@ -36,7 +39,18 @@ pub struct Kriging {
     pub leave_out: Vec<u32>,
 }
 
-/// The noise of the responses.
+/// The noise variance of a response.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Noise {
+    /// That of the design's own samples, as in the paper.
+    #[default]
+    Own,
+    /// Smoothed over the designs: it then hardly depends on the error of the design's own response.
+    Smoothed,
+}
+
+/// The noise on top of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Nugget {
@@ -52,7 +66,18 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
 }
 
 impl Kriging {
-    pub(super) fn validate(&self, source: Source<'_>, designs: u32) -> Result<(), FileError> {
+    pub(super) fn validate(
+        &self,
+        source: Source<'_>,
+        designs: u32,
+        sampling: &Sampling,
+    ) -> Result<(), FileError> {
+        source.require(
+            self.noise == Noise::Own || sampling.precision_um.is_none(),
+            "kriging.noise",
+            self.noise,
+            "\"own\" beside sampling.precision_um, which gives designs different numbers of samples",
+        )?;
         parse_name::<kriging::Kernel>(source, "kriging.kernel", &self.kernel)?;
         if self.method == Method::Vecchia {
             source.require(
@@ -85,6 +110,7 @@ impl Kriging {
             method: Method::default(),
             estimator: Estimator::default(),
             trend: Trend::default(),
+            noise: Noise::default(),
             nugget: Nugget::default(),
             calibrate: false,
             response: Response::default(),
@@ -169,5 +195,11 @@ mod tests {
             assert!(error.contains(key) && error.contains("line"), "{error}");
         }
         assert!(with("method = \"dense\"").is_err());
+        let precise = Campaign::PAPER
+            .replace("# precision_um", "precision_um")
+            .replace("# samples_max", "samples_max")
+            .replace("[kriging]\n", "[kriging]\nnoise = \"smoothed\"\n");
+        let error = Campaign::parse("paper.toml", &precise).unwrap_err();
+        assert!(error.to_string().contains("kriging.noise"), "{error}");
     }
 }

@@ -134,6 +134,14 @@ impl Sampling {
     /// Samples in a quasi-random sequence, if the file does not say.
     const GROUP: u32 = 8;
 
+    /// Degrees of freedom of the variance of a response: independent samples or groups of samples, less
+    /// one for their mean.
+    #[must_use]
+    pub fn degrees_of_freedom(&self) -> f64 {
+        let groups = self.samples_per_design as usize / self.coefficients().group();
+        groups.saturating_sub(1).max(1) as f64
+    }
+
     /// How the coefficients of the wear of a design's samples are drawn.
     #[must_use]
     pub fn coefficients(&self) -> stats::Sampling {

@@ -8,13 +8,12 @@ use rayon::prelude::*;
 
 use super::gls::Gls;
 use super::{Likelihood, point};
-use crate::linalg::{Spd, dot};
+use crate::linalg::{Lower, Spd, dot};
 
 /// Where the derivatives are wanted.
 pub(super) struct At<'a> {
     /// Number of parameters.
     pub(super) count: usize,
-    pub(super) factor: &'a Spd,
     pub(super) gls: &'a Gls,
     pub(super) z: &'a [f64],
     pub(super) beta: &'a [f64],
@@ -30,14 +29,14 @@ impl Likelihood<'_> {
         if self.form.tied { 0 } else { j }
     }
 
-    pub(super) fn gradient(&self, at: &At<'_>) -> Vec<f64> {
+    /// `inverse` is C⁻¹.
+    pub(super) fn gradient(&self, at: &At<'_>, inverse: &Lower) -> Vec<f64> {
         let At {
             count,
             beta,
             sigma2,
             ..
         } = *at;
-        let inverse = at.factor.inverse();
         // Twice the half of the sum over the lower triangle.
         let of_ranges = self.dots(|k| {
             let weight = |(inverse, b): (&f64, &f64)| inverse - b * beta[k] / sigma2;
@@ -65,7 +64,8 @@ impl Likelihood<'_> {
         gradient
     }
 
-    pub(super) fn curvature(&self, at: &At<'_>) -> Vec<f64> {
+    /// `factor` is that of C.
+    pub(super) fn curvature(&self, at: &At<'_>, factor: &Spd) -> Vec<f64> {
         let At {
             count,
             z,
@@ -92,7 +92,7 @@ impl Likelihood<'_> {
         }
 
         let mut solved = directions.clone();
-        at.factor.solve(&mut solved);
+        factor.solve(&mut solved);
         let onto_trend = |u: &[f64]| -> Vec<f64> {
             let columns = at.gls.solved().chunks(n);
             columns.map(|s| dot(u, s)).collect()

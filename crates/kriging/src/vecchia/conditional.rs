@@ -38,7 +38,7 @@ impl Points<'_> {
         let columns: Vec<Vec<f64>> = self.columns.iter().map(|c| of_near(c)).collect();
         let factorised = JITTERS.into_iter().find_map(|jitter| {
             let ratio = |i: usize| self.noise_ratio[near[i] as usize];
-            let matrix = covariance(self.kernel, &columns, m, jitter, ratio);
+            let matrix = covariance(self.kernel, &columns, m, jitter, ratio, Vec::new());
             Some((Spd::factor(matrix).ok()?, jitter))
         });
         let Some((factor, jitter)) = factorised else {

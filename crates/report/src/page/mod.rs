@@ -66,6 +66,7 @@ struct KrigingView {
     title: String,
     kernel: String,
     quality: Vec<(String, String)>,
+    warnings: Vec<String>,
     parameters: Vec<(String, String, String)>,
     figure: Figure,
 }
@@ -263,10 +264,20 @@ fn tiles(header: &Header, compare: bool) -> Vec<(String, String)> {
 }
 
 fn kriging_view(fit: &KrigingFit) -> Result<KrigingView, Error> {
+    let standardised = fit.leave_one_out.iter();
+    let standardised = standardised.filter_map(|p| Some((p.design, p.standardised?)));
+    let largest = standardised.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+    let largest = largest.map(|(design, residual)| {
+        (
+            "Largest standardised residual".to_owned(),
+            format!("{} (design {design})", fixed(residual, 1)),
+        )
+    });
     Ok(KrigingView {
         title: fit.title.clone(),
         kernel: fit.kernel.clone(),
-        quality: vec![
+        warnings: fit.warnings.clone(),
+        quality: [
             ("Q²".to_owned(), fixed(fit.q2, 3)),
             (
                 "RMSE".to_owned(),
@@ -280,7 +291,10 @@ fn kriging_view(fit: &KrigingFit) -> Result<KrigingView, Error> {
                 "Observations".to_owned(),
                 count(fit.leave_one_out.len() as u64),
             ),
-        ],
+        ]
+        .into_iter()
+        .chain(largest)
+        .collect(),
         parameters: fit
             .parameters
             .iter()

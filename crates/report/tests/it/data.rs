@@ -47,6 +47,7 @@ pub(crate) fn plausible() -> ReportData {
             q2: 0.874,
             rmse_um: 0.61,
             coverage_90: 0.938,
+            warnings: vec!["design 59 lies 5.1 standard deviations from its leave-one-out prediction".to_owned()],
             leave_one_out,
         }],
         approaches: approaches(),
@@ -158,10 +159,16 @@ fn doe(n: usize) -> Vec<DoePoint> {
 
 fn leave_one_out(doe: &[DoePoint]) -> Vec<LeaveOneOut> {
     let mut noise = Noise(11);
-    doe.iter()
-        .map(|p| LeaveOneOut {
-            observed_um: p.p90_um,
-            predicted_um: 0.95 * p.p90_um + 0.3 + (0.2 + 0.06 * p.p90_um) * noise.normal(),
+    (0..)
+        .zip(doe)
+        .map(|(design, p)| {
+            let residual = noise.normal();
+            LeaveOneOut {
+                design,
+                observed_um: p.p90_um,
+                predicted_um: 0.95 * p.p90_um + 0.3 + (0.2 + 0.06 * p.p90_um) * residual,
+                standardised: Some(-residual),
+            }
         })
         .collect()
 }
