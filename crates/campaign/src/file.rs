@@ -13,12 +13,11 @@ mod sections;
 mod validate;
 mod variant;
 
+pub use self::kriging::{Kriging, Noise, Nugget};
 pub use campaign::{
-    Bounds, Campaign, Constraints, Doe, FrozenFrom, FrozenSection, Optimise, Pair, Report,
-    Verify,
+    Bounds, Campaign, Constraints, Doe, FrozenFrom, FrozenSection, Optimise, Pair, Report, Verify,
 };
 pub use corrections::CorrectionsSection;
-pub use self::kriging::{Kriging, Noise, Nugget};
 pub use enrichment::Enrichment;
 pub(crate) use pair::gear_size;
 pub use pair::{PairFile, PairSection};

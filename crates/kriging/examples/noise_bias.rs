@@ -34,7 +34,9 @@ fn normal(rng: &mut StreamRng) -> f64 {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let seeds: u64 = std::env::args().nth(1).map_or(Ok(10), |text| text.parse())?;
+    let seeds: u64 = std::env::args()
+        .nth(1)
+        .map_or(Ok(10), |text| text.parse())?;
     println!("  k  noise      bias/σ  rmse/σ  coverage");
     for k in [10, 30, 100] {
         let mut scores = [[0.0; 3]; 3];

@@ -174,7 +174,7 @@ impl<'a> Likelihood<'a> {
         if !value.is_finite() {
             return None;
         }
-        let prior = Prior::new(self.form.estimator, n, self.columns.len(), ln_ranges);
+        let prior = Prior::new(self.form.estimator, self.columns.len(), ln_ranges);
         let of_prior = prior.as_ref().map_or(0.0, Prior::value);
         let mut evaluation = Evaluation {
             value: value + of_prior,

@@ -344,7 +344,10 @@ mod tests {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
             pool.build().unwrap().install(|| {
                 let spd = Spd::factor(matrix.clone()).unwrap();
-                (spd.log_det(), spd.into_inverse(&mut Vec::new()).column(n / 2).to_vec())
+                (
+                    spd.log_det(),
+                    spd.into_inverse(&mut Vec::new()).column(n / 2).to_vec(),
+                )
             })
         };
         let one = with(1);

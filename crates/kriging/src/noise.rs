@@ -122,6 +122,11 @@ mod tests {
         let smooth = smoothed_noise(&x, 2, &variances, 9.0, 1).unwrap();
         assert_eq!(smooth[5], 0.0, "an exact observation stays exact");
         assert!((smooth[0] / truths[0]).ln().abs() < 0.15, "{}", smooth[0]);
-        assert!(smooth.iter().skip(6).all(|v| (v / smooth[0]).ln().abs() < 0.2));
+        assert!(
+            smooth
+                .iter()
+                .skip(6)
+                .all(|v| (v / smooth[0]).ln().abs() < 0.2)
+        );
     }
 }

@@ -154,10 +154,7 @@ async fn responses<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow:
     Ok(())
 }
 
-async fn leave_one_out<W: Write>(
-    store: &Store,
-    out: &mut csv::Writer<W>,
-) -> anyhow::Result<()> {
+async fn leave_one_out<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Result<()> {
     out.write_record([
         "design",
         "observed_um",

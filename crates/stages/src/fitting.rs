@@ -255,10 +255,7 @@ mod tests {
         let (_, summary) = fit(&campaign, &rows, &responses).unwrap();
         let named = |text: &&String| text.contains("design 41 lies");
         let warning = summary.warnings.iter().find(named).unwrap();
-        assert!(
-            warning.contains("kriging.leave_out = [41]"),
-            "{warning}"
-        );
+        assert!(warning.contains("kriging.leave_out = [41]"), "{warning}");
         campaign.kriging.leave_out = vec![41];
         let (_, summary) = fit(&campaign, &rows, &responses).unwrap();
         assert_eq!(summary.points, 69);

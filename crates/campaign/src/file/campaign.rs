@@ -7,7 +7,7 @@ use super::corrections::CorrectionsSection;
 use super::pair::size;
 use super::sections::{SimulatorKind, SimulatorSection, parse_name};
 use super::validate::Source;
-use super::{Enrichment, FileError, Load, Material, Sampling, Wear, WearCoefficients};
+use super::{Enrichment, FileError, Kriging, Load, Material, Sampling, Wear, WearCoefficients};
 
 /// A campaign file, validated: one problem, one DoE, one seed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -417,7 +417,8 @@ impl Campaign {
         count("doe.designs", self.doe.designs, 2, most)?;
         self.sampling.validate(source, self.is_external())?;
         count("verify.samples", self.verify.samples, 4, 1_000_000)?;
-        self.kriging.validate(source, self.doe.designs, &self.sampling)?;
+        self.kriging
+            .validate(source, self.doe.designs, &self.sampling)?;
         source.positive(
             "constraints.contact_ratio_min",
             self.constraints.contact_ratio_min,

@@ -3,9 +3,9 @@
 use kriging::{Estimator, FitOptions, Method, Response, Settings, Trend};
 use serde::{Deserialize, Serialize};
 
-use super::{FileError, Sampling};
 use super::sections::parse_name;
 use super::validate::Source;
+use super::{FileError, Sampling};
 
 /// `[kriging]`. Every key but the first has a default and is left out of the digest when it has that value.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]

@@ -92,9 +92,9 @@ impl Search<'_> {
         // Parameters beyond those of a constant plus noise.
         let slopes = self.options.trend.coefficients(self.data.active.len()) - 1;
         let needed = found.outcome.at.len() - 1 + slopes;
-        let (n, d) = (self.data.len(), self.data.active.len());
+        let d = self.data.active.len();
         let ln_ranges = &found.outcome.at[..if self.tied { 1 } else { d }];
-        let of_prior = self.options.estimator.of_prior(n, d, ln_ranges);
+        let of_prior = self.options.estimator.of_prior(d, ln_ranges);
         let value = found.outcome.value - of_prior;
         warnings.extend(no_structure(self.data, value, needed));
         warnings.extend(self.at_bounds(found));

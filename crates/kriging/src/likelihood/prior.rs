@@ -1,10 +1,10 @@
-//! The robust prior on the ranges.
+//! A weakly informative prior on the ranges.
 //!
-//! Where points are few for their dimension, the likelihood is often highest at ranges that vanish or grow
-//! beyond all bounds. The jointly robust prior of M. Gu (Bayesian Analysis 14 (2019) 857–885) keeps the mode
-//! away from both: with tⱼ = cⱼ/θⱼ, t = Σ tⱼ, its density is proportional to tᵃ exp(−b t). The constants
-//! are the paper's defaults a = 0.2, b = n^(−1/d) (a + d), cⱼ = n^(−1/d) times the coordinate's extent,
-//! which is 1 here.
+//! Where points are few for their dimension, the likelihood is often highest at ranges that no function of
+//! practice has. The prior is log-normal for every range in units of its coordinate's extent,
+//! ln θ ~ N(√2 + ½ ln d, 3): distances grow with √d, and so do the ranges that make sense (C. Hvarfner,
+//! E. O. Hellsten, L. Nardi, *Vanilla Bayesian optimization performs great in high dimensions*, ICML 2024).
+//! Its pull is weak, so that a few points per dimension more overrule it.
 
 use serde::{Deserialize, Serialize};
 
@@ -15,69 +15,55 @@ pub enum Estimator {
     /// The likelihood.
     #[default]
     Likelihood,
-    /// The likelihood times the jointly robust prior of M. Gu (2019) on the inverse ranges, which keeps the
-    /// ranges off zero and infinity where points are few for their dimension.
+    /// The likelihood times a log-normal prior on the ranges, for few points per dimension.
     PosteriorMode,
 }
 
 impl Estimator {
     /// −ln of the prior's density, up to a constant, where all `d` ranges are given or one stands for all.
-    pub(crate) fn of_prior(self, n: usize, d: usize, ln_ranges: &[f64]) -> f64 {
-        Prior::new(self, n, d, ln_ranges).map_or(0.0, |prior| prior.value())
+    pub(crate) fn of_prior(self, d: usize, ln_ranges: &[f64]) -> f64 {
+        Prior::new(self, d, ln_ranges).map_or(0.0, |prior| prior.value())
     }
 }
 
-const A: f64 = 0.2;
+/// Variance of ln θ.
+const VARIANCE: f64 = 3.0;
 
 /// −ln of the prior's density at one set of ranges, up to a constant, and its derivatives in ln θ.
 pub(super) struct Prior {
-    b: f64,
-    /// tⱼ of every range.
-    terms: Vec<f64>,
-    t: f64,
+    /// ln θ minus its mean.
+    deviations: Vec<f64>,
+    /// How many coordinates each range stands for.
+    repeated: f64,
 }
 
 impl Prior {
     /// None if the estimator has no prior.
-    pub(super) fn new(
-        estimator: Estimator,
-        n: usize,
-        d: usize,
-        ln_ranges: &[f64],
-    ) -> Option<Self> {
+    pub(super) fn new(estimator: Estimator, d: usize, ln_ranges: &[f64]) -> Option<Self> {
         if estimator == Estimator::Likelihood {
             return None;
         }
-        let c = (n as f64).powf(-1.0 / d as f64);
-        // A shared range stands for all coordinates.
-        let repeated = (d / ln_ranges.len().max(1)) as f64;
-        let of_range = |ln_range: &f64| repeated * c * (-ln_range).exp();
-        let terms: Vec<f64> = ln_ranges.iter().map(of_range).collect();
+        let mean = std::f64::consts::SQRT_2 + 0.5 * (d as f64).ln();
         Some(Self {
-            b: c * (A + d as f64),
-            t: terms.iter().sum(),
-            terms,
+            deviations: ln_ranges.iter().map(|ln_range| ln_range - mean).collect(),
+            repeated: (d / ln_ranges.len().max(1)) as f64,
         })
     }
 
     pub(super) fn value(&self) -> f64 {
-        self.b * self.t - A * self.t.ln()
+        let squares: f64 = self.deviations.iter().map(|z| z * z).sum();
+        0.5 * self.repeated * squares / VARIANCE
     }
 
-    /// Adds to the first elements of the gradient, and to those of the curvature, a matrix of as many rows,
-    /// if it is not empty: where the prior's is indefinite, a positive semidefinite part of it.
+    /// Adds to the first elements of the gradient and of the diagonal of the curvature, a matrix of as many
+    /// rows, unless it is empty.
     pub(super) fn add_derivatives(&self, gradient: &mut [f64], curvature: &mut [f64]) {
         let count = gradient.len();
-        let slope = self.b - A / self.t;
-        for (j, of_j) in self.terms.iter().enumerate() {
-            gradient[j] -= slope * of_j;
-            if curvature.is_empty() {
-                continue;
+        for (j, z) in self.deviations.iter().enumerate() {
+            gradient[j] += self.repeated * z / VARIANCE;
+            if let Some(element) = curvature.get_mut(j * count + j) {
+                *element += self.repeated / VARIANCE;
             }
-            for (k, of_k) in self.terms.iter().enumerate() {
-                curvature[j * count + k] += A * of_j * of_k / (self.t * self.t);
-            }
-            curvature[j * count + j] += slope.max(0.0) * of_j;
         }
     }
 }

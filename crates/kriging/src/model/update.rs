@@ -161,7 +161,9 @@ impl Model {
     /// [`Error::NotPositiveDefinite`] where the matrix cannot be factorised without the noise.
     pub fn reinterpolated(&self) -> Result<Self, Error> {
         let mut points = self.points.clone();
-        points.y = (0..points.len()).map(|i| self.mean(points.row(i))).collect();
+        points.y = (0..points.len())
+            .map(|i| self.mean(points.row(i)))
+            .collect();
         points.noise.fill(0.0);
         self.with(points, Vec::new())?.anew()
     }

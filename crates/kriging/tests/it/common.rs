@@ -39,6 +39,24 @@ impl Sample {
         }
     }
 
+    /// `n` random points of the unit cube of 20 dimensions and the six largest terms of the function of
+    /// W. J. Welch et al., Technometrics 34 (1992) 15–25.
+    pub(crate) fn welch(n: usize, seed: u64) -> Self {
+        let mut rng = stream(seed, Purpose::Test, n as u64, 20);
+        let x: Vec<f64> = (0..n * 20).map(|_| rng.random()).collect();
+        let value = |u: &[f64]| {
+            let x = |i: usize| u[i - 1] - 0.5;
+            let ratio = 5.0 * x(12) / (1.0 + x(1));
+            ratio + 5.0 * (x(4) - x(20)).powi(2) + x(5) + 40.0 * x(19).powi(3) - 5.0 * x(19)
+        };
+        Self {
+            y: x.chunks(20).map(value).collect(),
+            x,
+            d: 20,
+            noise: vec![0.0; n],
+        }
+    }
+
     pub(crate) fn data(&self) -> Data<'_> {
         Data {
             x: &self.x,

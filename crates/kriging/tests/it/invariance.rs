@@ -32,9 +32,7 @@ fn the_number_of_threads_does_not_change_a_bit() {
             .num_threads(threads)
             .build()
             .unwrap();
-        pool.install(|| {
-            written(fit(&sample.data(), &FitOptions::default()).unwrap())
-        })
+        pool.install(|| written(fit(&sample.data(), &FitOptions::default()).unwrap()))
     };
     assert_eq!(run(1), run(4));
 }

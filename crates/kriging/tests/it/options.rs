@@ -1,6 +1,6 @@
 //! The options of the fit beside ordinary kriging: linear trend, nugget, calibration, refusal.
 
-use kriging::{Error, FitOptions, Model, Trend, fit};
+use kriging::{Error, Estimator, FitOptions, Model, Trend, fit};
 use rand::RngExt as _;
 use stats::streams::{Purpose, stream};
 
@@ -192,4 +192,27 @@ fn a_model_without_structure_is_refused_on_demand() {
         Err(Error::NoStructure { .. })
     ));
     assert!(fit(&Sample::smooth(80, 3, 0.05).data(), &strict).is_ok());
+}
+
+/// 40 points in 20 dimensions.
+#[test]
+fn the_posterior_mode_is_better_for_few_points() {
+    let tests = Sample::welch(500, 1000);
+    let median_rmse = |estimator: Estimator| {
+        let of_seed = |seed| {
+            let options = FitOptions {
+                estimator,
+                ..FitOptions::default()
+            };
+            let model = fit(&Sample::welch(40, seed).data(), &options).unwrap();
+            let means = model.means(&tests.x).unwrap();
+            let squares = means.iter().zip(&tests.y).map(|(m, y)| (m - y).powi(2));
+            (squares.sum::<f64>() / 500.0).sqrt()
+        };
+        let mut all: Vec<f64> = (0..9).map(of_seed).collect();
+        all.sort_by(f64::total_cmp);
+        all[4]
+    };
+    let [likelihood, mode] = [Estimator::Likelihood, Estimator::PosteriorMode].map(median_rmse);
+    assert!(mode < 0.97 * likelihood, "{mode} {likelihood}");
 }

@@ -77,7 +77,7 @@ fn gross_errors_are_named_the_worst_first() {
             .unwrap()
             .to_string();
         assert!(
-            text.contains("number 57") && text.contains("number 3"),
+            text.contains("observation 57") && text.contains("observation 3"),
             "{text}"
         );
     }
@@ -97,7 +97,7 @@ fn no_more_than_ten_are_listed() {
         .iter()
         .map(ToString::to_string)
         .collect::<String>();
-    assert!(text.contains("and others"), "{text}");
+    assert!(text.contains("and 2 more"), "{text}");
     assert_eq!(model.leave_one_out().outliers().len(), 12);
     // The warning survives the model's way through a file.
     let again = read(&written(model.clone())).unwrap();

@@ -317,7 +317,7 @@ fn one_gross_outlier() {
         let outliers = model.leave_one_out().outliers();
         assert!(outliers.contains(&57), "{outliers:?}");
         assert!(outliers.len() <= if nugget { 1 } else { 2 }, "{outliers:?}");
-        // Whoever only fits hears of it, the worst first, and of what to do.
+        // The warning names it, the worst first.
         let warning = model
             .warnings()
             .iter()
@@ -327,7 +327,7 @@ fn one_gross_outlier() {
             })
             .unwrap();
         assert_eq!(warning.0, 57);
-        assert!(warning.1.to_string().contains("leave it out"));
+        assert!(warning.1.to_string().contains("observation 57 lies"));
         let (with, _) = score(&model, &truths(2));
         assert!(with < limit, "{nugget}: {with} {limit}");
     }

@@ -80,6 +80,9 @@ fn calibration_widens_the_intervals_of_a_ridge() {
         assert!((model.leave_one_out().coverage90 - 0.9).abs() < 0.02);
         let again = Surrogate::from_json(&written(model.clone())).unwrap();
         assert_eq!(again.calibration(), model.calibration());
-        assert_eq!(again.vecchia().unwrap().predict(&[0.4, 0.4]), model.predict(&[0.4, 0.4]));
+        assert_eq!(
+            again.vecchia().unwrap().predict(&[0.4, 0.4]),
+            model.predict(&[0.4, 0.4])
+        );
     }
 }

@@ -47,7 +47,10 @@ pub(crate) fn plausible() -> ReportData {
             q2: 0.874,
             rmse_um: 0.61,
             coverage_90: 0.938,
-            warnings: vec!["design 59 lies 5.1 standard deviations from its leave-one-out prediction".to_owned()],
+            warnings: vec![
+                "design 59 lies 5.1 standard deviations from its leave-one-out prediction"
+                    .to_owned(),
+            ],
             leave_one_out,
         }],
         approaches: approaches(),
