@@ -23,13 +23,22 @@
 
 #![warn(missing_docs)]
 
+mod batch;
+mod belief;
+mod confirm;
+mod context;
 mod criterion;
 mod decide;
 mod decision;
 mod error;
-mod infill;
+mod fill;
+mod models;
+mod offer;
 mod options;
+mod rotation;
+mod search;
 mod state;
+mod stop;
 mod surrogate;
 
 pub use decide::decide;

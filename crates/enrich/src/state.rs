@@ -121,6 +121,18 @@ impl Rows {
         }
         Ok(rows)
     }
+
+    /// The rows that are to be improved on: the feasible ones among the given, or all of them if none
+    /// is feasible.
+    pub(crate) fn incumbents(&self, among: &[usize]) -> Vec<usize> {
+        let feasible = |i: &&usize| self.sampled[**i].violation <= 0.0;
+        let some: Vec<usize> = among.iter().filter(feasible).copied().collect();
+        if some.is_empty() {
+            among.to_vec()
+        } else {
+            some
+        }
+    }
 }
 
 /// Joins two estimates of one response, weighted by their numbers of samples.

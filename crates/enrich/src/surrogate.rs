@@ -3,7 +3,7 @@
 use kriging::{Data, FitOptions, Model};
 
 use crate::Options;
-use crate::criterion::Belief;
+use crate::belief::Belief;
 use crate::state::Rows;
 
 /// What is modelled of a response.
@@ -61,6 +61,11 @@ impl Surrogate {
         } else {
             vec![above, alone]
         })
+    }
+
+    /// Whether the logarithm of the response is modelled.
+    pub(crate) fn is_logarithm(&self) -> bool {
+        self.scale == Scale::Logarithm
     }
 
     /// Whether both model the response on one scale.
@@ -138,7 +143,7 @@ impl Surrogate {
         Belief {
             mean: prediction.mean + self.shift(baseline),
             sd: prediction.variance.max(0.0).sqrt(),
-            logarithm: self.scale == Scale::Logarithm,
+            logarithm: self.is_logarithm(),
         }
     }
 
@@ -173,13 +178,13 @@ impl Surrogate {
         })
     }
 
-    /// The model as if `samples` samples at `x` had given what it predicts (kriging believer): the
-    /// means stay, the variance around x falls.
-    pub(crate) fn believing(&self, x: &[f64], samples: u32) -> Result<Self, kriging::Error> {
-        self.with(x, &[self.mean(x)], &[self.noise(samples)])
+    /// Kriging believer: the model as if `samples` samples at `x` had given what it predicts. The means
+    /// stay, the variance around `x` falls.
+    pub(crate) fn kriging_believer(&self, x: &[f64], samples: u32) -> Result<Self, kriging::Error> {
+        self.observed(x, self.mean(x), samples)
     }
 
-    /// How the means at `points` change if the observation at `x` from `samples` samples comes out
+    /// The changes of the means at `points` if the observation at `x` from `samples` samples comes out
     /// one standard deviation √(s² + τ²) above its prediction: cov(point, x)/√(s² + τ²).
     pub(crate) fn changes(
         &self,
@@ -187,12 +192,21 @@ impl Surrogate {
         samples: u32,
         points: &[&[f64]],
     ) -> Result<Vec<f64>, kriging::Error> {
-        let belief = self.belief(x, 0.0);
-        let noise = self.noise(samples);
-        let deviation = (belief.sd * belief.sd + noise).sqrt();
-        let after = self.with(x, &[belief.mean + deviation], &[noise])?;
+        let prediction = self.model.predict(x);
+        let deviation = (prediction.variance.max(0.0) + self.noise(samples)).sqrt();
+        let after = self.observed(x, prediction.mean + deviation, samples)?;
         let change = |p: &&[f64]| after.mean(p) - self.mean(p);
         Ok(points.iter().map(change).collect())
+    }
+
+    /// The model with an observation `y` at `x` from `samples` samples.
+    ///
+    /// A calibrated model predicts c times the variances that its covariance matrix implies. The
+    /// update has the right ratio of the prediction's variance c s² to the noise τ² if the matrix,
+    /// which knows s², is given the noise τ²/c.
+    pub(crate) fn observed(&self, x: &[f64], y: f64, samples: u32) -> Result<Self, kriging::Error> {
+        let noise = self.noise(samples) / self.model.calibration();
+        self.with(x, &[y], &[noise])
     }
 
     /// The model that interpolates this one's means at the points it was fitted to.
@@ -218,5 +232,55 @@ impl Surrogate {
             .map(|r| r * r)
             .collect();
         (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::state::{Sampled, State};
+
+    /// Smooth over most of its range and rough at its end, so that the model needs a calibration.
+    fn rough_at_the_end() -> (Rows, Options) {
+        let options = Options {
+            logarithm: false,
+            ..Options::new(cmaes::Bounds::unit(1).unwrap())
+        };
+        let sampled = (0..60).map(|i| {
+            let x = f64::from(i) / 59.0;
+            let rough = if x > 0.75 { (97.0 * x).sin() } else { 0.0 };
+            Sampled {
+                x: vec![x],
+                samples: 10,
+                response_um: 5.0 + x + rough,
+                variance_um2: 0.001,
+                violation: 0.0,
+                baseline_um: 0.0,
+            }
+        });
+        let state = State {
+            sampled: sampled.collect(),
+            ..State::default()
+        };
+        (Rows::new(&state, &options).unwrap(), options)
+    }
+
+    /// A normal belief with the variance s² is changed by s²/√(s² + τ²) by an observation, and has the
+    /// variance s²τ²/(s² + τ²) after it.
+    #[test]
+    fn a_calibrated_model_learns_by_its_calibrated_variance() {
+        let (rows, options) = rough_at_the_end();
+        let all: Vec<usize> = (0..rows.sampled.len()).collect();
+        let surrogate = Surrogate::fit(&rows, &all, &options).unwrap().remove(0);
+        let calibration = surrogate.model.calibration();
+        assert!(calibration > 1.05, "{calibration}");
+        let x = [0.507];
+        let (variance, noise) = (surrogate.belief(&x, 0.0).sd.powi(2), surrogate.noise(5));
+        let total = variance + noise;
+        let close = |a: f64, b: f64| assert!((a / b - 1.0).abs() < 1e-6, "{a} {b}");
+        let change = surrogate.changes(&x, 5, &[&x]).unwrap()[0];
+        close(change, variance / total.sqrt());
+        let after = surrogate.kriging_believer(&x, 5).unwrap().belief(&x, 0.0);
+        close(after.sd.powi(2), variance * noise / total);
     }
 }
