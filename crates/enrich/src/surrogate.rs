@@ -6,14 +6,14 @@ use crate::Options;
 use crate::belief::Belief;
 use crate::state::Rows;
 
-/// What is modelled of a response.
+/// The quantity that a model is fitted to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Scale {
     /// The response, µm.
     Plain,
     /// Its logarithm.
     Logarithm,
-    /// How far it lies above its baseline, µm.
+    /// The response minus its baseline, µm.
     AboveBaseline,
 }
 
@@ -22,19 +22,20 @@ enum Scale {
 pub(crate) struct Surrogate {
     model: Model,
     scale: Scale,
-    /// Variance of an estimate from one sample on the modelled scale; that of k samples is a k-th.
+    /// Variance of an estimate from one sample, on the modelled scale; k samples have a k-th of it.
     noise_per_sample: f64,
-    /// Which rows it was fitted to.
+    /// The rows that the model was fitted to.
     pub(crate) rows: Vec<usize>,
 }
 
 impl Surrogate {
-    /// Fits models to the `which` rows, that with the smaller leave-one-out residuals first: one, or
-    /// where there are baselines two, of the response above them and of the response by itself.
+    /// Fits one model to the `which` rows, or two if there are baselines: of the response minus its
+    /// baseline and of the response itself. The model with the smaller leave-one-out residuals comes
+    /// first.
     ///
-    /// A baseline takes much of the response with it, but it may have kinks that the response, a mean
-    /// over random wear, has not. What lies above it has them then, upside down: the two models are
-    /// wrong in different places.
+    /// A baseline explains much of the response, but it may have kinks that the response, a mean over
+    /// random wear, does not have. The difference then has the same kinks upside down, so the two models
+    /// err in different places.
     pub(crate) fn fit(
         rows: &Rows,
         which: &[usize],
@@ -106,8 +107,8 @@ impl Surrogate {
                 ..FitOptions::default()
             },
         )?;
-        // Residuals that are mostly noise say little of the model's own variance: a calibration may
-        // widen it, never narrow it.
+        // Residuals that are mostly noise say little about the model's own variance, so a calibration
+        // may widen it but never narrow it.
         let calibrated = model.clone().calibrated();
         let model = if calibrated.calibration() > 1.0 {
             calibrated
@@ -132,12 +133,12 @@ impl Surrogate {
         self.model.warnings()
     }
 
-    /// The variance to expect of an estimate from `samples` samples.
+    /// The expected variance of an estimate from `samples` samples, on the modelled scale.
     pub(crate) fn noise(&self, samples: u32) -> f64 {
         self.noise_per_sample / f64::from(samples.max(1))
     }
 
-    /// What the model believes of the response at `x`, whose baseline is given in µm.
+    /// The predicted distribution of the response at `x`, whose baseline is given in µm.
     pub(crate) fn belief(&self, x: &[f64], baseline: f64) -> Belief {
         let prediction = self.model.predict(x);
         Belief {
@@ -147,12 +148,12 @@ impl Surrogate {
         }
     }
 
-    /// The mean of that belief.
+    /// The mean of [`Surrogate::belief`].
     pub(crate) fn mean_above(&self, x: &[f64], baseline: f64) -> f64 {
         self.mean(x) + self.shift(baseline)
     }
 
-    /// What is added to the modelled mean.
+    /// The constant between the modelled mean and the response's.
     fn shift(&self, baseline: f64) -> f64 {
         match self.scale {
             Scale::AboveBaseline => baseline,
