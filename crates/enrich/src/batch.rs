@@ -42,7 +42,7 @@ impl Batch {
             let Some(region) = rotation.region(turn) else {
                 break;
             };
-            let offer = Offer::of(context, regions.get(region), turn)?;
+            let offer = Offer::find(context, regions.get(region), turn)?;
             outlook.record(region, offer.value_um());
             if self.take(context, &mut regions, region, offer) {
                 observations += 1;
@@ -56,7 +56,7 @@ impl Batch {
                 continue;
             }
             // The streams before these belong to the turns and to space filling.
-            let offer = Offer::of(context, regions.get(region), 3 * options.batch + region)?;
+            let offer = Offer::find(context, regions.get(region), 3 * options.batch + region)?;
             outlook.record(region, offer.value_um());
             if observations < options.batch && self.take(context, &mut regions, region, offer) {
                 observations += 1;

@@ -28,9 +28,9 @@ pub(crate) enum Winner {
 }
 
 impl Offer {
-    /// The offer of a region, whatever the budget: a region is exhausted by what is to be gained
-    /// there, not by what it would cost.
-    pub(crate) fn of(context: &Context<'_>, region: &Region, turn: usize) -> Result<Self, Error> {
+    /// Finds the offer of a region without regard to the budget: what a region has to gain does not
+    /// depend on whether the budget pays for it.
+    pub(crate) fn find(context: &Context<'_>, region: &Region, turn: usize) -> Result<Self, Error> {
         let (rows, options) = (&context.rows, context.options);
         let criterion = criterion::prepare(&region.model, rows, &region.incumbents, options)?;
         let mut rng = context.rng(turn);
@@ -50,10 +50,10 @@ impl Offer {
     /// if neither is worth the effort.
     pub(crate) fn winner(self, context: &Context<'_>, left: u32) -> Option<Winner> {
         let options = context.options;
-        let (of_new, of_more) = (options.samples_new, options.samples_more);
+        let (cost_new, cost_more) = (options.samples_new, options.samples_more);
         let affordable = Self {
-            new: self.new.filter(|_| of_new <= left),
-            more: self.more.filter(|_| of_more <= left),
+            new: self.new.filter(|_| cost_new <= left),
+            more: self.more.filter(|_| cost_more <= left),
         };
         if affordable.value_um() < WORTHWHILE * options.delta_um {
             return None;
@@ -61,7 +61,7 @@ impl Offer {
         let per_sample = |value: f64, samples: u32| value / f64::from(samples);
         match (affordable.new, affordable.more) {
             (Some(pick), Some((row, value_um)))
-                if per_sample(value_um, of_more) > per_sample(pick.value_um, of_new) =>
+                if per_sample(value_um, cost_more) > per_sample(pick.value_um, cost_new) =>
             {
                 Some(Winner::More { row, value_um })
             }
