@@ -14,7 +14,7 @@ use stages::cost::{self, Cost};
 use stages::deciding::Rows;
 use stages::fitting::{self, ModelSummary, P90_MODEL};
 use stages::linear::LinearResponse;
-use stages::rounds::{self, Round, sentence};
+use stages::rounds::{self, Round};
 use stages::statistics::{Collector, Computed};
 use stages::{choosing, designs, responses};
 use store::{InfillRow, OptimumRow, Store};
@@ -188,7 +188,7 @@ impl Steps {
         let (mut new, decision) = decided?;
         new.row.cpu_seconds = cpu_seconds;
         for note in &decision.notes {
-            debug!(round = new.row.round, ?note, "infill");
+            debug!(round = new.row.round, "{note}");
         }
         if !new.failed.is_empty() {
             warn!(
@@ -207,7 +207,7 @@ impl Steps {
             "infill decided"
         );
         if let Some(stop) = &decision.stop {
-            info!("{}", sentence(stop));
+            info!("{stop}");
         }
         self.store.put_round(&new).await?;
         Ok(())

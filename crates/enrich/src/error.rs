@@ -1,4 +1,4 @@
-//! What can be wrong with the rows and settings that a round is decided from.
+//! Errors in the rows and settings that a round is decided from.
 
 /// Why no round could be decided.
 #[derive(Debug, thiserror::Error)]
@@ -21,7 +21,7 @@ pub enum Error {
         /// Its variance.
         value: f64,
     },
-    /// A setting makes no round.
+    /// A setting is out of range.
     #[error("{name} is {value}: it must be {expected}")]
     Setting {
         /// The setting's name.

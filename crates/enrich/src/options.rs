@@ -6,7 +6,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::Error;
 
-/// How promising a new observation is.
+/// The infill criterion: the value of an observation, µm. A new design and more samples at an existing
+/// one are valued by the same quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Criterion {
@@ -18,11 +19,12 @@ pub enum Criterion {
     /// Expected improvement of the model that interpolates the noisy model's own predictions, so
     /// that it vanishes at the designs. A. Forrester, A. Keane, N. Bressloff, *Design and analysis
     /// of "noisy" computer experiments*, AIAA Journal 44(10), 2006; with the noisy model's process
-    /// variance kept.
+    /// variance kept. More samples at a design are worth the expected improvement of the mean that
+    /// is interpolated there, which they change.
     ReinterpolatedExpectedImprovement,
     /// Knowledge gradient: by how much the lowest mean among a set of candidates is expected to
     /// fall. P. Frazier, W. Powell, S. Dayanik, *The knowledge-gradient policy for correlated normal
-    /// beliefs*, INFORMS Journal on Computing 21(4), 2009. The candidates are the most promising
+    /// beliefs*, INFORMS Journal on Computing 21(4), 2009. The candidates are the 20 most promising
     /// designs and the new one itself.
     KnowledgeGradient,
 }
@@ -61,11 +63,11 @@ pub struct Options {
     /// that spans decades is much smoother so, and the noise stays known: its variance is divided by
     /// the square of the response.
     pub logarithm: bool,
-    /// Infill points of a round.
+    /// The most observations of a round.
     pub batch: usize,
     /// Samples of a new design.
     pub samples_new: u32,
-    /// Samples of each turn at an existing design.
+    /// Further samples at an existing design, each time it is chosen.
     pub samples_more: u32,
     /// The most samples that all rounds may still ask for.
     pub samples_left: u32,
@@ -76,10 +78,10 @@ pub struct Options {
     /// β of the quantiles by which designs are compared, as a standard normal deviate: 1.28 for
     /// 90 %.
     pub quantile_z: f64,
-    /// One infill point in this many is chosen with the model of all designs, over the whole box;
-    /// the others within the trust region. 1 is always the whole box.
+    /// One infill point in this many is sought in the whole box, with the model of all designs; the
+    /// others are sought in the trust regions. With 1, all are sought in the whole box.
     pub global_every: usize,
-    /// How many basins are followed: good designs that are far apart, each with its trust region.
+    /// The most basins: good designs that are far apart, each with a trust region.
     pub basins: usize,
     /// Designs nearest to a basin's best one that its model is fitted to.
     pub local_points: usize,
@@ -92,8 +94,8 @@ pub struct Options {
 }
 
 impl Options {
-    /// Expected quantile improvement, batches of 12, 30 samples for a new design and for a turn at
-    /// an old one, δ = 0.02 µm, 90 % quantiles, every fourth point global, three basins
+    /// Expected quantile improvement, batches of 12, 30 samples for a new design and for more samples
+    /// at an old one, δ = 0.02 µm, 90 % quantiles, every fourth point global, three basins
     /// with models of 25 d designs and regions of 5 d.
     #[must_use]
     pub fn new(bounds: Bounds) -> Self {
@@ -124,7 +126,7 @@ impl Options {
         let counts = [
             ("batch", self.batch),
             ("samples of a new design", self.samples_new as usize),
-            ("samples of a turn", self.samples_more as usize),
+            ("further samples", self.samples_more as usize),
             ("share of global points", self.global_every),
             ("basins", self.basins),
             ("local points", self.local_points),

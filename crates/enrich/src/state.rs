@@ -1,4 +1,4 @@
-//! What the rows of a campaign say: designs, their responses, earlier rounds.
+//! The input of a round: designs, their responses, earlier rounds.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,26 +10,26 @@ use crate::{Error, Options};
 pub struct Sampled {
     /// The d variables, in the caller's units.
     pub x: Vec<f64>,
-    /// How many samples the response rests on, at least 1.
+    /// The number of samples that the response was computed from, at least 1.
     pub samples: u32,
     /// The response to be minimised, µm: P90 of ΔSTE. NaN or infinite marks a failure.
     pub response_um: f64,
     /// The variance of the response's estimate, µm².
     pub variance_um2: f64,
-    /// How far the exact constraints are missed; 0 or less is feasible.
+    /// The violation of the exact constraints, in the caller's units; 0 or less is feasible.
     pub violation: f64,
     /// [`Known::baseline_um`] of the design.
     #[serde(default)]
     pub baseline_um: f64,
 }
 
-/// What is known of a design without sampling it.
+/// The exact constraints and the baseline of a design, which need no samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Known {
-    /// How far the exact constraints are missed; 0 or less is feasible.
+    /// The violation of the exact constraints, in the caller's units; 0 or less is feasible.
     pub violation: f64,
-    /// A cheap relative of the response, µm, whatever the scale on which they differ: one of two
-    /// models learns the difference alone (M. C. Kennedy, A. O'Hagan, *Predicting the output from a complex
+    /// A cheap approximation of the response, µm: one of two models is fitted to the difference from it
+    /// (M. C. Kennedy, A. O'Hagan, *Predicting the output from a complex
     /// computer code when fast approximations are available*, Biometrika 87 (2000) 1–13, with the
     /// factor 1). Zero everywhere if there is none.
     pub baseline_um: f64,
@@ -45,19 +45,19 @@ impl From<f64> for Known {
     }
 }
 
-/// What became of an earlier round.
+/// The outcome of an earlier round.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RoundRecord {
     /// [`Decision::expected_improvement_um`](crate::Decision::expected_improvement_um) of the round.
     pub expected_improvement_um: Option<f64>,
-    /// How many infill points it asked for.
+    /// The number of infill points it asked for.
     pub asked: u32,
-    /// How many of them could not be simulated or sampled.
+    /// The number of them that could not be simulated or sampled.
     pub failed: u32,
 }
 
-/// Everything a round is decided from. The order of the designs is that of the rows.
+/// Everything a round is decided from. The order of the designs is the caller's.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct State {
@@ -73,12 +73,12 @@ pub struct State {
 #[derive(Debug, Clone)]
 pub(crate) struct Rows {
     pub(crate) sampled: Vec<Sampled>,
-    /// For each row, which entry of the state it is (the first of those merged).
+    /// The index of each row in the state; of merged entries, that of the first.
     pub(crate) index: Vec<usize>,
     pub(crate) failed: Vec<Vec<f64>>,
-    /// How many entries were merged into others.
+    /// The number of entries merged into others.
     pub(crate) merged: usize,
-    /// How many responses were no numbers.
+    /// The number of responses that were not finite.
     pub(crate) not_numbers: usize,
 }
 
@@ -120,6 +120,18 @@ impl Rows {
             }
         }
         Ok(rows)
+    }
+
+    /// The rows that are to be improved on: the feasible ones among the given, or all of them if none
+    /// is feasible.
+    pub(crate) fn incumbents(&self, among: &[usize]) -> Vec<usize> {
+        let feasible = |i: &&usize| self.sampled[**i].violation <= 0.0;
+        let some: Vec<usize> = among.iter().filter(feasible).copied().collect();
+        if some.is_empty() {
+            among.to_vec()
+        } else {
+            some
+        }
     }
 }
 

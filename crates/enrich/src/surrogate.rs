@@ -3,17 +3,17 @@
 use kriging::{Data, FitOptions, Model};
 
 use crate::Options;
-use crate::criterion::Belief;
+use crate::belief::Belief;
 use crate::state::Rows;
 
-/// What is modelled of a response.
+/// The quantity that a model is fitted to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Scale {
     /// The response, µm.
     Plain,
     /// Its logarithm.
     Logarithm,
-    /// How far it lies above its baseline, µm.
+    /// The response minus its baseline, µm.
     AboveBaseline,
 }
 
@@ -22,19 +22,20 @@ enum Scale {
 pub(crate) struct Surrogate {
     model: Model,
     scale: Scale,
-    /// Variance of an estimate from one sample on the modelled scale; that of k samples is a k-th.
+    /// Variance of an estimate from one sample, on the modelled scale; k samples have a k-th of it.
     noise_per_sample: f64,
-    /// Which rows it was fitted to.
+    /// The rows that the model was fitted to.
     pub(crate) rows: Vec<usize>,
 }
 
 impl Surrogate {
-    /// Fits models to the `which` rows, that with the smaller leave-one-out residuals first: one, or
-    /// where there are baselines two, of the response above them and of the response by itself.
+    /// Fits one model to the `which` rows, or two if there are baselines: of the response minus its
+    /// baseline and of the response itself. The model with the smaller leave-one-out residuals comes
+    /// first.
     ///
-    /// A baseline takes much of the response with it, but it may have kinks that the response, a mean
-    /// over random wear, has not. What lies above it has them then, upside down: the two models are
-    /// wrong in different places.
+    /// A baseline explains much of the response, but it may have kinks that the response, a mean over
+    /// random wear, does not have. The difference then has the same kinks upside down, so the two models
+    /// err in different places.
     pub(crate) fn fit(
         rows: &Rows,
         which: &[usize],
@@ -61,6 +62,11 @@ impl Surrogate {
         } else {
             vec![above, alone]
         })
+    }
+
+    /// Whether the logarithm of the response is modelled.
+    pub(crate) fn is_logarithm(&self) -> bool {
+        self.scale == Scale::Logarithm
     }
 
     /// Whether both model the response on one scale.
@@ -101,8 +107,8 @@ impl Surrogate {
                 ..FitOptions::default()
             },
         )?;
-        // Residuals that are mostly noise say little of the model's own variance: a calibration may
-        // widen it, never narrow it.
+        // Residuals that are mostly noise say little about the model's own variance, so a calibration
+        // may widen it but never narrow it.
         let calibrated = model.clone().calibrated();
         let model = if calibrated.calibration() > 1.0 {
             calibrated
@@ -127,27 +133,27 @@ impl Surrogate {
         self.model.warnings()
     }
 
-    /// The variance to expect of an estimate from `samples` samples.
+    /// The expected variance of an estimate from `samples` samples, on the modelled scale.
     pub(crate) fn noise(&self, samples: u32) -> f64 {
         self.noise_per_sample / f64::from(samples.max(1))
     }
 
-    /// What the model believes of the response at `x`, whose baseline is given in µm.
+    /// The predicted distribution of the response at `x`, whose baseline is given in µm.
     pub(crate) fn belief(&self, x: &[f64], baseline: f64) -> Belief {
         let prediction = self.model.predict(x);
         Belief {
             mean: prediction.mean + self.shift(baseline),
             sd: prediction.variance.max(0.0).sqrt(),
-            logarithm: self.scale == Scale::Logarithm,
+            logarithm: self.is_logarithm(),
         }
     }
 
-    /// The mean of that belief.
+    /// The mean of [`Surrogate::belief`].
     pub(crate) fn mean_above(&self, x: &[f64], baseline: f64) -> f64 {
         self.mean(x) + self.shift(baseline)
     }
 
-    /// What is added to the modelled mean.
+    /// The constant between the modelled mean and the response's.
     fn shift(&self, baseline: f64) -> f64 {
         match self.scale {
             Scale::AboveBaseline => baseline,
@@ -173,13 +179,13 @@ impl Surrogate {
         })
     }
 
-    /// The model as if `samples` samples at `x` had given what it predicts (kriging believer): the
-    /// means stay, the variance around x falls.
-    pub(crate) fn believing(&self, x: &[f64], samples: u32) -> Result<Self, kriging::Error> {
-        self.with(x, &[self.mean(x)], &[self.noise(samples)])
+    /// Kriging believer: the model as if `samples` samples at `x` had given what it predicts. The means
+    /// stay, the variance around `x` falls.
+    pub(crate) fn kriging_believer(&self, x: &[f64], samples: u32) -> Result<Self, kriging::Error> {
+        self.observed(x, self.mean(x), samples)
     }
 
-    /// How the means at `points` change if the observation at `x` from `samples` samples comes out
+    /// The changes of the means at `points` if the observation at `x` from `samples` samples comes out
     /// one standard deviation √(s² + τ²) above its prediction: cov(point, x)/√(s² + τ²).
     pub(crate) fn changes(
         &self,
@@ -187,12 +193,21 @@ impl Surrogate {
         samples: u32,
         points: &[&[f64]],
     ) -> Result<Vec<f64>, kriging::Error> {
-        let belief = self.belief(x, 0.0);
-        let noise = self.noise(samples);
-        let deviation = (belief.sd * belief.sd + noise).sqrt();
-        let after = self.with(x, &[belief.mean + deviation], &[noise])?;
+        let prediction = self.model.predict(x);
+        let deviation = (prediction.variance.max(0.0) + self.noise(samples)).sqrt();
+        let after = self.observed(x, prediction.mean + deviation, samples)?;
         let change = |p: &&[f64]| after.mean(p) - self.mean(p);
         Ok(points.iter().map(change).collect())
+    }
+
+    /// The model with an observation `y` at `x` from `samples` samples.
+    ///
+    /// A calibrated model predicts c times the variances that its covariance matrix implies. The
+    /// update has the right ratio of the prediction's variance c s² to the noise τ² if the matrix,
+    /// which knows s², is given the noise τ²/c.
+    pub(crate) fn observed(&self, x: &[f64], y: f64, samples: u32) -> Result<Self, kriging::Error> {
+        let noise = self.noise(samples) / self.model.calibration();
+        self.with(x, &[y], &[noise])
     }
 
     /// The model that interpolates this one's means at the points it was fitted to.
@@ -218,5 +233,55 @@ impl Surrogate {
             .map(|r| r * r)
             .collect();
         (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::state::{Sampled, State};
+
+    /// Smooth over most of its range and rough at its end, so that the model needs a calibration.
+    fn rough_at_the_end() -> (Rows, Options) {
+        let options = Options {
+            logarithm: false,
+            ..Options::new(cmaes::Bounds::unit(1).unwrap())
+        };
+        let sampled = (0..60).map(|i| {
+            let x = f64::from(i) / 59.0;
+            let rough = if x > 0.75 { (97.0 * x).sin() } else { 0.0 };
+            Sampled {
+                x: vec![x],
+                samples: 10,
+                response_um: 5.0 + x + rough,
+                variance_um2: 0.001,
+                violation: 0.0,
+                baseline_um: 0.0,
+            }
+        });
+        let state = State {
+            sampled: sampled.collect(),
+            ..State::default()
+        };
+        (Rows::new(&state, &options).unwrap(), options)
+    }
+
+    /// A normal belief with the variance s² is changed by s²/√(s² + τ²) by an observation, and has the
+    /// variance s²τ²/(s² + τ²) after it.
+    #[test]
+    fn a_calibrated_model_learns_by_its_calibrated_variance() {
+        let (rows, options) = rough_at_the_end();
+        let all: Vec<usize> = (0..rows.sampled.len()).collect();
+        let surrogate = Surrogate::fit(&rows, &all, &options).unwrap().remove(0);
+        let calibration = surrogate.model.calibration();
+        assert!(calibration > 1.05, "{calibration}");
+        let x = [0.507];
+        let (variance, noise) = (surrogate.belief(&x, 0.0).sd.powi(2), surrogate.noise(5));
+        let total = variance + noise;
+        let close = |a: f64, b: f64| assert!((a / b - 1.0).abs() < 1e-6, "{a} {b}");
+        let change = surrogate.changes(&x, 5, &[&x]).unwrap()[0];
+        close(change, variance / total.sqrt());
+        let after = surrogate.kriging_believer(&x, 5).unwrap().belief(&x, 0.0);
+        close(after.sd.powi(2), variance * noise / total);
     }
 }

@@ -8,7 +8,7 @@ use campaign::{Criteria, Variables};
 use clap::ValueEnum;
 use stages::fitting::{ModelSummary, P90_MODEL};
 use stages::optima::{self, optimum_variables};
-use stages::rounds::{Round, sentence};
+use stages::rounds::Round;
 use store::Store;
 
 /// A table that can be exported.
@@ -210,7 +210,10 @@ async fn rounds<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Re
             optional(best.map(|best| best.interval_um.1)),
             row.simulator_calls.to_string(),
             number(row.cpu_seconds),
-            round.stop.as_ref().map_or_else(String::new, sentence),
+            round
+                .stop
+                .as_ref()
+                .map_or_else(String::new, ToString::to_string),
         ])?;
     }
     Ok(())

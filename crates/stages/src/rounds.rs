@@ -1,4 +1,4 @@
-//! Rounds of infill that were decided: in words, and what the last one recommends.
+//! Rounds of infill that were decided, and what the last one recommends.
 
 use anyhow::Context as _;
 use campaign::formulation::Problem;
@@ -39,33 +39,6 @@ impl Round {
     }
 }
 
-/// A stop in a sentence.
-#[must_use]
-pub fn sentence(stop: &Stop) -> String {
-    match stop {
-        Stop::Converged {
-            expected_improvement_um,
-            half_width_um,
-        } => format!(
-            "The enrichment has converged: in two rounds at most {expected_improvement_um:.4} µm were \
-             to be gained, and the prediction is known to ±{half_width_um:.4} µm."
-        ),
-        Stop::Budget { samples } => {
-            format!("The enrichment ended with its samples: {samples} are left.")
-        }
-        Stop::Rounds { rounds } => {
-            format!("The enrichment ended after {rounds} rounds, which is all that it may have.")
-        }
-        Stop::OnlyFailures => {
-            "The enrichment ended because every infill point of two rounds failed.".to_owned()
-        }
-        Stop::NothingFeasible => {
-            "The enrichment ended because it found no design that satisfies every constraint."
-                .to_owned()
-        }
-    }
-}
-
 /// The row of the design that the last round recommends.
 ///
 /// # Errors
@@ -79,7 +52,7 @@ pub fn recommended(
 ) -> anyhow::Result<OptimumRow> {
     let approach = Approach::EnrichedKriging;
     let Some(best) = &last.recommendation else {
-        let note = last.stop.as_ref().map_or_else(String::new, sentence);
+        let note = last.stop.as_ref().map_or_else(String::new, Stop::to_string);
         return optimum(approach, None, cost, note);
     };
     let x = best.x.as_slice().try_into();

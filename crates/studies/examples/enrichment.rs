@@ -1,9 +1,11 @@
 //! Does kriging with enrichment win? The whole comparison, in one process.
 //!
 //! `cargo run --release -p studies --example enrichment -- [--campaign campaigns/paper.toml] [--seeds 1..=10]
-//! [--without kriging,direct,…]`
+//! [--teeth 23,27] [--torque 300] [--tooth-model weber-banaschek] [--criterion NAME] [--without kriging,direct,…]
+//! [--trace]`
 //!
-//! For each seed, on the problem of the campaign file:
+//! For each seed, on the problem of the campaign file, whose numbers of teeth (pinion, mate), pinion torque in
+//! Nm and tooth model the command line may replace:
 //!
 //! - the paper's four approaches, from the campaign's own functions: 3000 designs × 30 samples, three
 //!   runs of 12 000 analyses each;
@@ -417,6 +419,29 @@ fn searched(problem: &Problem, seed: u64) -> Option<Row> {
     })
 }
 
+/// The campaign of the command line: that of a file with other teeth, torque and tooth model if so asked.
+fn campaign_of(file: &str, value: impl Fn(&str) -> Option<String>) -> Campaign {
+    let text = std::fs::read_to_string(file).expect("--campaign takes a campaign file");
+    let mut campaign = Campaign::parse(file, &text).expect("a campaign file");
+    let mut pinion = campaign.pair.pinion_teeth;
+    if let Some(teeth) = value("--teeth") {
+        let both = teeth.split_once(',').expect("--teeth takes PINION,MATE");
+        let number = |text: &str| text.parse::<u32>().expect("--teeth takes two numbers");
+        pinion = number(both.0);
+        campaign.pair.gear_teeth = Some(number(both.1));
+        campaign.pair.gear_ratio = None;
+    }
+    if let Some(torque) = value("--torque") {
+        campaign.load.pinion_torque_nm = torque.parse().expect("--torque takes a number");
+    }
+    if let Some(model) = value("--tooth-model") {
+        campaign.pair.tooth_model = model;
+    }
+    // This validates the other values, too.
+    let checked = campaign.with_pinion_teeth(file, pinion);
+    checked.expect("a proper campaign").0
+}
+
 fn main() {
     let arguments: Vec<String> = std::env::args().collect();
     let value = |name: &str| {
@@ -435,12 +460,12 @@ fn main() {
     let trace = arguments.iter().any(|a| a == "--trace");
 
     let file = value("--campaign").unwrap_or_else(|| "campaigns/paper.toml".to_owned());
-    let text = std::fs::read_to_string(&file).expect("--campaign takes a campaign file");
+    let campaign = campaign_of(&file, value);
 
     let mut rows = Vec::new();
     let mut printed = 0;
     for seed in number(first)..=number(last) {
-        let mut campaign = Campaign::parse(&file, &text).expect("a campaign file");
+        let mut campaign = campaign.clone();
         campaign.seed = seed;
         let problem = Problem::new(campaign);
         rows.extend(enriched(&problem, seed, criterion, trace));

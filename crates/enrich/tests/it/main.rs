@@ -2,6 +2,7 @@
 
 mod convergence;
 mod stability;
+mod stopping;
 
 use cmaes::Bounds;
 use enrich::{Decision, Infill, Options, RoundRecord, Sampled, State, decide};

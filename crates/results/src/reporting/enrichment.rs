@@ -2,7 +2,7 @@
 
 use campaign::Approach;
 use report::{Enrichment, EnrichmentRound};
-use stages::rounds::{Round, sentence};
+use stages::rounds::Round;
 use stages::snapshot::response_counts;
 use store::Store;
 
@@ -40,7 +40,10 @@ pub(super) async fn enrichment(
             low_um: best.map_or(f64::NAN, |best| best.interval_um.0),
             high_um: best.map_or(f64::NAN, |best| best.interval_um.1),
         });
-        stop = round.stop.as_ref().map_or_else(String::new, sentence);
+        stop = round
+            .stop
+            .as_ref()
+            .map_or_else(String::new, ToString::to_string);
         recommendation = round.recommendation;
     }
     let fresh = sources.fresh.get(Approach::EnrichedKriging.name());

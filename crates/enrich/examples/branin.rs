@@ -1,0 +1,173 @@
+//! Enrichment on a noisy test function whose optimum is known.
+//!
+//! `cargo run --release -p enrich --example branin -- [--seeds 1..=10] [--criterion NAME] [--batch 12]`
+//!
+//! The response is the 90 % percentile of Y = f(x) + s(x) Z with Z standard normal, estimated from 36
+//! samples a design. f is Branin's function, a standard of kriging-based optimisation under noise
+//! (V. Picheny, T. Wagner, D. Ginsbourger, *A benchmark of kriging-based infill criteria for noisy
+//! optimization*, Structural and Multidisciplinary Optimization 48 (2013) 607–626), whose three minima
+//! are equal, 0.397887. The noise distinguishes them: s rises from 0.5 at the minimum (π, 2.275) towards
+//! 2.5 far from it. So f and s are both least there, and the percentile is: its minimum is
+//! 0.397887 + 0.5 z with z = 1.281552, 1.038663, while the two other minima of f have 3.6.
+//!
+//! A row a seed goes to standard output: how far the recommended design lies above the optimum, the
+//! prediction with its 95 % interval, samples, rounds and the reason to stop.
+
+#![expect(clippy::print_stdout, reason = "an example's output is its purpose")]
+
+use std::f64::consts::PI;
+
+use cmaes::Bounds;
+use enrich::{Criterion, Decision, Infill, Options, RoundRecord, Sampled, State, Stop, decide};
+use rand::RngExt as _;
+use rand_distr::{Distribution as _, StandardNormal};
+use stats::streams::{Purpose, stream};
+
+/// Designs before the first round, samples of a design, and samples in all.
+const DESIGNS: usize = 20;
+const SAMPLES: u32 = 36;
+const BUDGET: u32 = 6000;
+/// Deviate of the 90 % percentile.
+const Z90: f64 = 1.281_551_565_544_600_4;
+/// The minimum at which the noise is least, and the value of f there.
+const OPTIMUM: [f64; 2] = [PI, 2.275];
+const LEAST: f64 = 0.397_887_357_729_739;
+
+fn branin(x: &[f64]) -> f64 {
+    let valley = x[1] - 5.1 / (4.0 * PI * PI) * x[0] * x[0] + 5.0 / PI * x[0] - 6.0;
+    valley * valley + 10.0 * (1.0 - 1.0 / (8.0 * PI)) * x[0].cos() + 10.0
+}
+
+/// Standard deviation of a sample.
+fn noise(x: &[f64]) -> f64 {
+    let squares = (x[0] - OPTIMUM[0]).powi(2) + (x[1] - OPTIMUM[1]).powi(2);
+    0.5 + 2.0 * (1.0 - (-squares / 8.0).exp())
+}
+
+fn truth(x: &[f64]) -> f64 {
+    branin(x) + Z90 * noise(x)
+}
+
+/// Percentile and variance from the first `samples` samples of design `number`.
+fn response(seed: u64, number: usize, x: &[f64], samples: u32) -> (f64, f64) {
+    let mut rng = stream(seed, Purpose::Test, number as u64, 1);
+    let values: Vec<f64> = (0..samples)
+        .map(|_| {
+            let z: f64 = StandardNormal.sample(&mut rng);
+            branin(x) + noise(x) * z
+        })
+        .collect();
+    let percentile = stats::percentile_p90(&values).expect("36 finite samples");
+    (percentile.p90, percentile.variance)
+}
+
+fn sample(seed: u64, state: &mut State, number: usize, samples: u32) {
+    let row = &mut state.sampled[number];
+    row.samples += samples;
+    (row.response_um, row.variance_um2) = response(seed, number, &row.x, row.samples);
+}
+
+fn add(seed: u64, state: &mut State, x: Vec<f64>) {
+    state.sampled.push(Sampled {
+        x,
+        samples: 0,
+        response_um: f64::NAN,
+        variance_um2: 0.0,
+        violation: 0.0,
+        baseline_um: 0.0,
+    });
+    sample(seed, state, state.sampled.len() - 1, SAMPLES);
+}
+
+/// Rounds until the enrichment stops, and the samples taken.
+fn enriched(seed: u64, criterion: Criterion, batch: usize) -> (Decision, u32) {
+    let bounds = Bounds::new(vec![(-5.0, 10.0), (0.0, 15.0)]).expect("a proper box");
+    let mut state = State::default();
+    let mut rng = stream(seed, Purpose::Test, 0, 0);
+    for _ in 0..DESIGNS {
+        let intervals = bounds.intervals().iter();
+        let x = intervals.map(|(low, high)| low + (high - low) * rng.random::<f64>());
+        add(seed, &mut state, x.collect());
+    }
+    loop {
+        let taken: u32 = state.sampled.iter().map(|row| row.samples).sum();
+        let options = Options {
+            seed,
+            criterion,
+            batch,
+            samples_new: SAMPLES,
+            samples_more: SAMPLES,
+            samples_left: BUDGET.saturating_sub(taken),
+            delta_um: 0.05,
+            ..Options::new(bounds.clone())
+        };
+        let decision = decide(&state, &options, &|_: &[f64]| Some(0.0)).expect("sound rows");
+        if decision.stop.is_some() {
+            return (decision, taken);
+        }
+        for infill in &decision.infill {
+            match infill {
+                Infill::New { x, .. } => add(seed, &mut state, x.clone()),
+                Infill::More {
+                    design, samples, ..
+                } => sample(seed, &mut state, *design, *samples),
+            }
+        }
+        state.rounds.push(RoundRecord {
+            expected_improvement_um: decision.expected_improvement_um,
+            asked: decision.infill.len() as u32,
+            failed: 0,
+        });
+    }
+}
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().collect();
+    let value = |name: &str| {
+        let at = arguments.iter().position(|a| a == name)?;
+        arguments.get(at + 1).cloned()
+    };
+    let seeds = value("--seeds").unwrap_or_else(|| "1..=10".to_owned());
+    let (first, last) = seeds.split_once("..=").unwrap_or((&seeds, &seeds));
+    let number = |text: &str| -> u64 { text.parse().expect("--seeds takes FIRST..=LAST") };
+    let criterion = value("--criterion").map_or(Criterion::ExpectedQuantileImprovement, |name| {
+        let mut all = Criterion::ALL.into_iter();
+        all.find(|c| c.name() == name)
+            .expect("--criterion takes the name of one")
+    });
+    let batch = value("--batch").map_or(12, |text| text.parse().expect("--batch takes a number"));
+
+    let optimum = LEAST + Z90 * noise(&OPTIMUM);
+    println!(
+        "| seed | above the optimum | predicted − true | 95 % half-width | samples | rounds | end |"
+    );
+    println!("|---:|---:|---:|---:|---:|---:|---|");
+    let mut above = Vec::new();
+    let mut covered = 0;
+    for seed in number(first)..=number(last) {
+        let (decision, samples) = enriched(seed, criterion, batch);
+        let best = decision.recommendation.expect("every design is feasible");
+        let (regret, error) = (truth(&best.x) - optimum, best.predicted_um - truth(&best.x));
+        let (low, high) = best.interval_um;
+        covered += usize::from((low..=high).contains(&truth(&best.x)));
+        above.push(regret);
+        let end = match decision.stop {
+            Some(Stop::Converged { .. }) => "converged",
+            _ => "budget",
+        };
+        println!(
+            "| {seed} | {regret:.4} | {error:+.4} | {:.4} | {samples} | {} | {end} |",
+            best.half_width_um(),
+            decision.round,
+        );
+    }
+    above.sort_by(f64::total_cmp);
+    println!(
+        "\n{}: {:.4} above the optimum in the median and {:.4} at most; the 95 % interval holds the true value \
+         with {covered} of {} seeds.",
+        criterion.name(),
+        above[above.len() / 2],
+        above[above.len() - 1],
+        above.len(),
+    );
+}

@@ -1,0 +1,60 @@
+//! What every step of a round shares: rows, settings, exact constraints and random streams.
+
+use std::cell::Cell;
+
+use stats::streams::{Purpose, StreamRng, stream};
+
+use crate::state::Rows;
+use crate::{Known, Options};
+
+/// Names the random streams of the enrichment among those of the optimisers.
+const STREAM: u64 = 5;
+/// Designs nearer to a failed one than this share of every range are not tried.
+const FAILURE_RADIUS: f64 = 0.01;
+/// Designs nearer to another one than this share of every range are the same.
+const SAME: f64 = 1e-6;
+
+/// What every step of a round shares.
+pub(crate) struct Context<'a> {
+    pub(crate) rows: Rows,
+    pub(crate) options: &'a Options,
+    /// How many rounds came before.
+    pub(crate) round: usize,
+    pub(crate) exact: &'a dyn Fn(&[f64]) -> Option<Known>,
+    /// How often `exact` was called.
+    pub(crate) evaluations: Cell<u64>,
+}
+
+impl Context<'_> {
+    /// What the exact constraints say of `x`. The violation is NaN if they cannot be evaluated.
+    pub(crate) fn known(&self, x: &[f64]) -> Known {
+        self.evaluations.set(self.evaluations.get() + 1);
+        (self.exact)(x).unwrap_or(Known::from(f64::NAN))
+    }
+
+    /// The largest difference of any variable, as a share of its range.
+    pub(crate) fn distance(&self, a: &[f64], b: &[f64]) -> f64 {
+        let intervals = self.options.bounds.intervals().iter();
+        intervals
+            .zip(a.iter().zip(b))
+            .map(|((low, high), (a, b))| (a - b).abs() / (high - low))
+            .fold(0.0, f64::max)
+    }
+
+    /// Whether two designs differ by rounding only.
+    pub(crate) fn is_same(&self, a: &[f64], b: &[f64]) -> bool {
+        self.distance(a, b) < SAME
+    }
+
+    /// Whether `x` is so near to a failed design that it would probably fail, too.
+    pub(crate) fn is_near_failure(&self, x: &[f64]) -> bool {
+        let mut failed = self.rows.failed.iter();
+        failed.any(|failed| self.distance(x, failed) < FAILURE_RADIUS)
+    }
+
+    /// The random stream of one search of this round.
+    pub(crate) fn rng(&self, turn: usize) -> StreamRng {
+        let sample = ((self.round as u64) << 16) | turn as u64;
+        stream(self.options.seed, Purpose::Optimise, STREAM, sample)
+    }
+}

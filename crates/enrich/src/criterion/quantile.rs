@@ -1,0 +1,81 @@
+//! Expected quantile improvement.
+
+use super::{InfillCriterion, least};
+use crate::Options;
+use crate::belief::Belief;
+use crate::state::Sampled;
+use crate::surrogate::Surrogate;
+
+/// [`Criterion::ExpectedQuantileImprovement`](crate::Criterion::ExpectedQuantileImprovement).
+pub(super) struct QuantileImprovement<'a> {
+    model: &'a Surrogate,
+    options: &'a Options,
+    /// The lowest quantile of the incumbents, on the modelled scale.
+    lowest: f64,
+}
+
+impl<'a> QuantileImprovement<'a> {
+    pub(super) fn new(model: &'a Surrogate, incumbents: &[&Sampled], options: &'a Options) -> Self {
+        let quantile = |row: &&Sampled| {
+            let belief = model.belief(&row.x, row.baseline_um);
+            belief.quantile(options.quantile_z)
+        };
+        Self {
+            model,
+            options,
+            lowest: least(incumbents.iter().map(quantile)),
+        }
+    }
+
+    fn value_um(&self, x: &[f64], baseline_um: f64, samples: u32) -> f64 {
+        let noise = self.model.noise(samples);
+        let belief = self.model.belief(x, baseline_um);
+        improvement_um(&belief, self.lowest, noise, self.options.quantile_z)
+    }
+}
+
+impl InfillCriterion for QuantileImprovement<'_> {
+    fn new_design(&self, x: &[f64], baseline_um: f64) -> f64 {
+        self.value_um(x, baseline_um, self.options.samples_new)
+    }
+
+    fn more_samples(&self, row: &Sampled) -> f64 {
+        self.value_um(&row.x, row.baseline_um, self.options.samples_more)
+    }
+}
+
+/// The expected fall of the quantile with deviate `z` below `lowest`, µm, by an observation with the
+/// variance `noise`. The quantile after the observation is normal with the mean
+/// m + z √(τ²s²/(τ² + s²)) and the variance s⁴/(τ² + s²).
+fn improvement_um(belief: &Belief, lowest: f64, noise: f64, z: f64) -> f64 {
+    let variance = belief.sd * belief.sd;
+    belief.next_mean(noise).map_or(0.0, |next| {
+        let sd_after = (noise * variance / (variance + noise)).sqrt();
+        Belief {
+            mean: next.mean + z * sd_after,
+            ..next
+        }
+        .expected_below(lowest)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Without noise the quantile after the observation is the observation itself.
+    #[test]
+    fn quantile_improvement_without_noise_is_expected_improvement() {
+        let belief = Belief {
+            mean: 0.4,
+            sd: 0.3,
+            logarithm: false,
+        };
+        let without = improvement_um(&belief, 0.5, 0.0, 1.28);
+        assert!((without - belief.expected_below(0.5)).abs() < 1e-15);
+        // An observation that is all noise teaches nothing.
+        assert!(improvement_um(&belief, 0.3, 1e12, 1.28) < 1e-6);
+        let certain = Belief { sd: 0.0, ..belief };
+        assert_eq!(improvement_um(&certain, 0.5, 0.0, 1.28), 0.0);
+    }
+}

@@ -1,0 +1,53 @@
+//! Expected improvement of the reinterpolating model.
+
+use super::{InfillCriterion, least};
+use crate::state::{Rows, Sampled};
+use crate::surrogate::Surrogate;
+use crate::{Error, Options};
+
+/// [`Criterion::ReinterpolatedExpectedImprovement`](crate::Criterion::ReinterpolatedExpectedImprovement).
+///
+/// Its value vanishes at the designs, so more samples are valued by what they change: the mean that
+/// is interpolated there. It will be normal around the present mean, and its expected fall below the
+/// lowest mean of the incumbents is the expected improvement again.
+pub(super) struct ReinterpolatedImprovement<'a> {
+    model: &'a Surrogate,
+    options: &'a Options,
+    /// The model that interpolates the means of `model` at the designs.
+    interpolating: Surrogate,
+    /// The lowest mean of the incumbents, on the modelled scale.
+    lowest: f64,
+}
+
+impl<'a> ReinterpolatedImprovement<'a> {
+    pub(super) fn new(
+        model: &'a Surrogate,
+        rows: &Rows,
+        incumbents: &[&Sampled],
+        options: &'a Options,
+    ) -> Result<Self, Error> {
+        let interpolating = model.reinterpolated(rows)?;
+        let mean = |row: &&Sampled| interpolating.mean_above(&row.x, row.baseline_um);
+        Ok(Self {
+            lowest: least(incumbents.iter().map(mean)),
+            model,
+            options,
+            interpolating,
+        })
+    }
+}
+
+impl InfillCriterion for ReinterpolatedImprovement<'_> {
+    fn new_design(&self, x: &[f64], baseline_um: f64) -> f64 {
+        let belief = self.interpolating.belief(x, baseline_um);
+        belief.expected_below(self.lowest)
+    }
+
+    fn more_samples(&self, row: &Sampled) -> f64 {
+        let noise = self.model.noise(self.options.samples_more);
+        let belief = self.model.belief(&row.x, row.baseline_um);
+        belief
+            .next_mean(noise)
+            .map_or(0.0, |next| next.expected_below(self.lowest))
+    }
+}

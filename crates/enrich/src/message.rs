@@ -1,0 +1,180 @@
+//! What a round tells its user: reasons to stop, and notes.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+/// Why the enrichment ends. Displayed as a sentence.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", tag = "stop", deny_unknown_fields)]
+pub enum Stop {
+    /// Less than δ was expected of any observation in this round and the one before, in every basin and
+    /// in the whole box, and the half-width of the recommendation's interval is below δ.
+    Converged {
+        /// The larger of the two expected improvements, µm.
+        expected_improvement_um: f64,
+        /// The half-width of the recommendation's 95 % interval, µm.
+        half_width_um: f64,
+    },
+    /// The samples left pay for no observation, or for none of those that are expected to gain δ.
+    Budget {
+        /// How many samples are left.
+        samples: u32,
+    },
+    /// The enrichment had as many rounds as the options allow.
+    Rounds {
+        /// How many.
+        rounds: usize,
+    },
+    /// Every infill point of two rounds in a row failed.
+    OnlyFailures,
+    /// No feasible design was found to observe.
+    NothingFeasible,
+}
+
+impl fmt::Display for Stop {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Converged {
+                expected_improvement_um,
+                half_width_um,
+            } => write!(
+                f,
+                "The enrichment has converged: two rounds in a row expected an improvement of at most \
+                 {expected_improvement_um:.4} µm, and the half-width of the prediction's 95 % interval \
+                 is {half_width_um:.4} µm."
+            ),
+            Self::Budget { samples } => write!(
+                f,
+                "The enrichment ended because no further observation worth making fits its budget: \
+                 {samples} samples are left."
+            ),
+            Self::Rounds { rounds } => write!(
+                f,
+                "The enrichment ended after {rounds} rounds, the most that the campaign allows."
+            ),
+            Self::OnlyFailures => {
+                f.write_str("The enrichment ended because every infill point of two rounds failed.")
+            }
+            Self::NothingFeasible => f.write_str(
+                "The enrichment ended because it found no design that satisfies every constraint.",
+            ),
+        }
+    }
+}
+
+/// Something about a round that its user should know. Displayed as a sentence.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", tag = "note", deny_unknown_fields)]
+pub enum Note {
+    /// Several entries of the state have the same variables and were merged.
+    Merged {
+        /// How many entries were merged into others.
+        entries: usize,
+    },
+    /// Responses that are not finite numbers were counted as failures.
+    NotNumbers {
+        /// How many.
+        entries: usize,
+    },
+    /// All responses are equal, so no model can be fitted.
+    Plateau,
+    /// The likelihood of the model is hardly higher than that of a constant plus noise.
+    NoStructure,
+    /// No model could be fitted.
+    NoModel {
+        /// Why.
+        reason: String,
+    },
+    /// No sampled design is feasible yet.
+    NoFeasibleDesign,
+    /// A model of the nearest designs replaced the model of all designs in a basin, because its
+    /// leave-one-out residuals are smaller there.
+    LocalRefit {
+        /// The index in [`State::sampled`](crate::State::sampled) of the design at the basin's centre.
+        design: usize,
+        /// Root mean square of the leave-one-out residuals of the model of all designs at the nearest
+        /// designs, µm.
+        global_rmse: f64,
+        /// The same of the local model, µm.
+        local_rmse: f64,
+    },
+    /// The search chose a new design that is an existing one, which gets more samples instead.
+    Repeated {
+        /// Its index in [`State::sampled`](crate::State::sampled).
+        design: usize,
+    },
+    /// Every infill point of the last round failed.
+    RoundFailed,
+}
+
+impl fmt::Display for Note {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Merged { entries } => write!(
+                f,
+                "{entries} entries repeat the variables of another design and were merged with it."
+            ),
+            Self::NotNumbers { entries } => write!(
+                f,
+                "{entries} responses are not finite numbers and count as failures."
+            ),
+            Self::Plateau => {
+                f.write_str("All responses are equal, so the round fills space instead.")
+            }
+            Self::NoStructure => f.write_str(
+                "The noise hides the signal: the model is hardly better than a constant.",
+            ),
+            Self::NoModel { reason } => {
+                write!(
+                    f,
+                    "No model could be fitted ({reason}), so the round fills space instead."
+                )
+            }
+            Self::NoFeasibleDesign => f.write_str("No sampled design is feasible yet."),
+            Self::LocalRefit {
+                design,
+                global_rmse,
+                local_rmse,
+            } => write!(
+                f,
+                "Around design {design} the model was fitted to the nearest designs only: its \
+                 leave-one-out error there is {local_rmse:.4} µm, that of the model of all designs \
+                 {global_rmse:.4} µm."
+            ),
+            Self::Repeated { design } => write!(
+                f,
+                "The search chose design {design} again, which gets more samples."
+            ),
+            Self::RoundFailed => f.write_str("Every infill point of the last round failed."),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stops_and_notes_are_sentences() {
+        let converged = Stop::Converged {
+            expected_improvement_um: 0.0123,
+            half_width_um: 0.004,
+        };
+        assert_eq!(
+            converged.to_string(),
+            "The enrichment has converged: two rounds in a row expected an improvement of at most \
+             0.0123 µm, and the half-width of the prediction's 95 % interval is 0.0040 µm."
+        );
+        let refit = Note::LocalRefit {
+            design: 7,
+            global_rmse: 0.5,
+            local_rmse: 0.25,
+        };
+        assert_eq!(
+            refit.to_string(),
+            "Around design 7 the model was fitted to the nearest designs only: its leave-one-out \
+             error there is 0.2500 µm, that of the model of all designs 0.5000 µm."
+        );
+    }
+}

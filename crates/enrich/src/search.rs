@@ -1,0 +1,130 @@
+//! The search for the new design of highest value within one region.
+
+use cmaes::{Bounds, Evaluation, Restarts, RunOptions};
+use rand::{Rng, RngExt as _};
+use rand_distr::StandardNormal;
+
+use crate::context::Context;
+use crate::criterion::InfillCriterion;
+use crate::models::Region;
+use crate::{Error, Known};
+
+/// Below this, µm, no improvement is expected; designs are then compared by their lower quantile.
+const NOTHING: f64 = 1e-9;
+/// Added to a lower quantile, µm, so that it ranks behind every expected improvement.
+const LIFT: f64 = 1e9;
+
+/// A new design and what observing it is worth, µm.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Pick {
+    pub(crate) x: Vec<f64>,
+    pub(crate) value_um: f64,
+}
+
+/// Searches a region for the feasible design of highest value: the best of random candidates, half
+/// of them near the region's best design, is improved by CMA-ES with feasibility-first ranking. None
+/// if no feasible design was found.
+pub(crate) fn search<R>(
+    context: &Context<'_>,
+    region: &Region,
+    criterion: &dyn InfillCriterion,
+    rng: &mut R,
+) -> Result<Option<Pick>, Error>
+where
+    R: Rng + ?Sized,
+{
+    let options = context.options;
+    let within = Bounds::new(region.bounds.clone())?;
+    let mut evaluate = |x: &[f64]| -> Evaluation {
+        let known = if context.is_near_failure(x) {
+            Known::from(f64::NAN)
+        } else {
+            context.known(x)
+        };
+        let violation = known.violation;
+        if violation.is_nan() || violation > 0.0 {
+            return Evaluation {
+                value: 0.0,
+                violation,
+            };
+        }
+        let value = criterion.new_design(x, known.baseline_um);
+        // The lower quantile guides the search where the criterion is flat.
+        let value = if value > NOTHING {
+            -value
+        } else {
+            let belief = region.model.belief(x, known.baseline_um);
+            LIFT + belief.quantile_um(-options.quantile_z)
+        };
+        Evaluation {
+            value,
+            violation: 0.0,
+        }
+    };
+
+    let centre = &context.rows.sampled[region.best].x;
+    let tries = (options.search_evaluations / 4).max(1);
+    let mut candidates = candidates(region, centre, tries, rng);
+    candidates.push(centre.clone());
+    let mut start: Option<(Vec<f64>, Evaluation)> = None;
+    for x in candidates {
+        let evaluation = evaluate(&x);
+        let better = |(_, best): &(_, Evaluation)| evaluation.is_better_than(best);
+        if within.contains(&x) && start.as_ref().is_none_or(better) {
+            start = Some((x, evaluation));
+        }
+    }
+    let Some((start, first)) = start else {
+        return Ok(None);
+    };
+    let run = RunOptions {
+        search: cmaes::Options {
+            step: 0.15,
+            ..cmaes::Options::new(within)
+        },
+        evaluations: (options.search_evaluations - options.search_evaluations / 4).max(1),
+        restarts: Restarts::FromBest { planned: 0 },
+    };
+    let found = match cmaes::minimise_run(&start, run, rng, &mut evaluate) {
+        Ok(outcome) => {
+            let evaluation = Evaluation {
+                value: outcome.value,
+                violation: outcome.violation,
+            };
+            if evaluation.is_better_than(&first) {
+                (outcome.x, evaluation)
+            } else {
+                (start, first)
+            }
+        }
+        Err(cmaes::Error::NothingUsable { .. }) => (start, first),
+        Err(error) => return Err(error.into()),
+    };
+    let (x, evaluation) = found;
+    if !evaluation.is_feasible() {
+        return Ok(None);
+    }
+    let value_um = criterion.new_design(&x, context.known(&x).baseline_um);
+    Ok(Some(Pick { x, value_um }))
+}
+
+/// Random designs of a region, in turn uniform over it and normal around its centre.
+fn candidates<R>(region: &Region, centre: &[f64], tries: usize, rng: &mut R) -> Vec<Vec<f64>>
+where
+    R: Rng + ?Sized,
+{
+    let mut candidates = Vec::with_capacity(tries + 1);
+    for k in 0..tries {
+        let sides = region.bounds.iter().zip(centre);
+        let x = sides.map(|(&(low, high), c)| {
+            if k % 2 == 0 {
+                low + (high - low) * rng.random::<f64>()
+            } else {
+                let z: f64 = rng.sample(StandardNormal);
+                (c + 0.125 * (high - low) * z).clamp(low, high)
+            }
+        });
+        candidates.push(x.collect());
+    }
+    candidates
+}
