@@ -35,7 +35,7 @@ pub(crate) fn prepare<'a>(
             options,
         )),
         Criterion::ReinterpolatedExpectedImprovement => Box::new(
-            reinterpolated::ReinterpolatedImprovement::new(model, rows, &incumbents, options)?,
+            reinterpolated::ReinterpolatedImprovement::new(model, &incumbents, options)?,
         ),
         Criterion::KnowledgeGradient => Box::new(knowledge::KnowledgeGradient::new(
             model,

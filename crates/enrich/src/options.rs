@@ -59,6 +59,9 @@ pub struct Options {
     pub criterion: Criterion,
     /// The correlation function of the models.
     pub kernel: Kernel,
+    /// Whether the noise variances are smoothed over the designs, [`kriging::smoothed_noise`]: the error of a
+    /// variance then hardly goes with that of its response.
+    pub smooth_noise: bool,
     /// Whether to model the logarithm of the response where all responses are positive. A response
     /// that spans decades is much smoother so, and the noise stays known: its variance is divided by
     /// the square of the response.
@@ -105,6 +108,7 @@ impl Options {
             seed: 0,
             criterion: Criterion::ExpectedQuantileImprovement,
             kernel: Kernel::default(),
+            smooth_noise: false,
             logarithm: true,
             batch: 12,
             samples_new: 30,

@@ -119,6 +119,9 @@ impl Rows {
                 }
             }
         }
+        if options.smooth_noise {
+            smooth_noise(&mut rows.sampled, options);
+        }
         Ok(rows)
     }
 
@@ -135,6 +138,27 @@ impl Rows {
     }
 }
 
+/// Replaces the variance of each response by what a model of the variances of single samples says of it.
+/// Variances that cannot be modelled stay.
+fn smooth_noise(rows: &mut [Sampled], options: &Options) {
+    let samples = |row: &Sampled| f64::from(row.samples.max(2));
+    let x: Vec<f64> = rows.iter().flat_map(|row| row.x.iter().copied()).collect();
+    let of_one = rows.iter().map(|row| row.variance_um2 * samples(row));
+    let of_one: Vec<f64> = of_one.collect();
+    let mut counts: Vec<f64> = rows.iter().map(samples).collect();
+    counts.sort_by(f64::total_cmp);
+    // Most designs have the samples of one turn.
+    let freedom = counts
+        .get(counts.len() / 2)
+        .map_or(1.0, |count| count - 1.0);
+    let d = options.bounds.dimension();
+    if let Ok(smooth) = kriging::smoothed_noise(&x, d, &of_one, freedom, options.seed) {
+        for (row, of_one) in rows.iter_mut().zip(smooth) {
+            row.variance_um2 = of_one / samples(row);
+        }
+    }
+}
+
 /// Joins two estimates of one response, weighted by their numbers of samples.
 fn merge(row: &mut Sampled, other: &Sampled) {
     let (a, b) = (
@@ -146,4 +170,44 @@ fn merge(row: &mut Sampled, other: &Sampled) {
     row.variance_um2 =
         (1.0 - share).powi(2) * row.variance_um2 + share.powi(2) * other.variance_um2;
     row.samples = row.samples.saturating_add(other.samples);
+}
+
+#[cfg(test)]
+mod tests {
+    use cmaes::Bounds;
+
+    use super::*;
+
+    /// Variances that scatter by a factor around 0.36/samples.
+    #[test]
+    fn smoothed_variances_are_those_of_the_samples_taken() {
+        let sampled = (0..80).map(|i| {
+            let place = f64::from(i);
+            let samples = if i % 7 == 0 { 72 } else { 36 };
+            Sampled {
+                x: vec![(0.37 * place).fract(), (0.71 * place).fract()],
+                samples,
+                response_um: 1.0,
+                variance_um2: 0.36 * (0.5 * (3.1 * place).sin()).exp() / f64::from(samples),
+                violation: 0.0,
+                baseline_um: 0.0,
+            }
+        });
+        let state = State {
+            sampled: sampled.collect(),
+            ..State::default()
+        };
+        let bounds = Bounds::new([(0.0, 1.0), (0.0, 1.0)]).unwrap();
+        let worst = |smooth_noise: bool| {
+            let options = Options {
+                smooth_noise,
+                ..Options::new(bounds.clone())
+            };
+            let rows = Rows::new(&state, &options).unwrap();
+            let factor = |row: &Sampled| row.variance_um2 * f64::from(row.samples) / 0.36;
+            let factors = rows.sampled.iter().map(|row| factor(row).ln().abs());
+            factors.fold(0.0, f64::max)
+        };
+        assert!(worst(false) > 0.45 && worst(true) < 0.25, "{}", worst(true));
+    }
 }

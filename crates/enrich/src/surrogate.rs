@@ -211,12 +211,11 @@ impl Surrogate {
     }
 
     /// The model that interpolates this one's means at the points it was fitted to.
-    pub(crate) fn reinterpolated(&self, rows: &Rows) -> Result<Self, kriging::Error> {
-        let points = self.rows.iter().map(|&i| &rows.sampled[i].x);
-        let y: Vec<f64> = points.clone().map(|x| self.mean(x)).collect();
-        let x: Vec<f64> = points.flatten().copied().collect();
-        // Noise-free observations replace the noisy ones of the same points.
-        self.with(&x, &y, &vec![0.0; y.len()])
+    pub(crate) fn reinterpolated(&self) -> Result<Self, kriging::Error> {
+        Ok(Self {
+            model: self.model.reinterpolated()?,
+            ..self.clone()
+        })
     }
 
     /// Root mean square of the leave-one-out residuals at the given rows, µm.

@@ -3,7 +3,7 @@
 //!
 //! The decisions themselves are [`enrich::decide`]'s.
 
-use campaign::file::Enrichment;
+use campaign::file::{Enrichment, Noise};
 use campaign::formulation::{Criteria, Problem, ROBUST_VARIABLES, Variables};
 use cmaes::Bounds;
 use enrich::{Known, Options};
@@ -128,6 +128,7 @@ pub fn options(
     Ok(Options {
         seed: problem.campaign().seed,
         criterion: section.criterion,
+        smooth_noise: problem.campaign().kriging.noise == Noise::Smoothed,
         batch: section.points_per_round as usize,
         samples_new: section.samples_per_point,
         samples_more: section.samples_per_point,

@@ -1,7 +1,7 @@
 //! Does kriging with enrichment win? The whole comparison, in one process.
 //!
 //! `cargo run --release -p studies --example enrichment -- [--campaign campaigns/paper.toml] [--seeds 1..=10]
-//! [--teeth 23,27] [--torque 300] [--tooth-model weber-banaschek] [--criterion NAME] [--without kriging,direct,…]
+//! [--teeth 23,27] [--torque 300] [--tooth-model weber-banaschek] [--noise own|smoothed] [--criterion NAME] [--without kriging,direct,…]
 //! [--trace]`
 //!
 //! For each seed, on the problem of the campaign file, whose numbers of teeth (pinion, mate), pinion torque in
@@ -28,11 +28,12 @@
 use std::cell::Cell;
 
 use campaign::Campaign;
+use campaign::file::Noise;
 use campaign::formulation::{Approach, Frozen, Problem, ROBUST_VARIABLES, Variables};
 use campaign::optimise;
 use cmaes::Bounds;
 use enrich::{Criterion, Decision, Infill, Known, Options, RoundRecord, Sampled, State, decide};
-use kriging::{Data, FitOptions};
+use kriging::{Data, Surrogate, smoothed_noise};
 use rustix::time::{ClockId, clock_gettime};
 use stats::streams::{Purpose, stream};
 use studies::direct::{self, Search, Space};
@@ -187,18 +188,23 @@ fn paper(problem: &Problem, seed: u64, without: &str, rows: &mut Vec<Row>) {
         let model = (approach == Approach::Kriging).then(|| {
             let x: Vec<f64> = points.iter().flat_map(|p| p.0).collect();
             let y: Vec<f64> = points.iter().map(|p| p.1).collect();
-            let noise_variance: Vec<f64> = points.iter().map(|p| p.2).collect();
+            let own: Vec<f64> = points.iter().map(|p| p.2).collect();
+            let noise_variance = match campaign.kriging.noise {
+                Noise::Own => own,
+                Noise::Smoothed => {
+                    let freedom = campaign.sampling.degrees_of_freedom();
+                    let smooth = smoothed_noise(&x, ROBUST_VARIABLES, &own, freedom, seed);
+                    smooth.expect("some two thousand designs")
+                }
+            };
             let data = Data {
                 x: &x,
                 d: ROBUST_VARIABLES,
                 y: &y,
                 noise_variance: &noise_variance,
             };
-            let options = FitOptions {
-                seed,
-                ..FitOptions::default()
-            };
-            kriging::fit(&data, &options).expect("some two thousand designs")
+            let settings = campaign.kriging.settings(seed).expect("a valid section");
+            Surrogate::fit(&data, &settings).expect("some two thousand designs")
         });
         let json = model
             .as_ref()
@@ -220,7 +226,7 @@ fn paper(problem: &Problem, seed: u64, without: &str, rows: &mut Vec<Row>) {
         let Some((_, variables)) = best else { continue };
         let x = variables.robust_part();
         let predicted = model.map(|model| {
-            let p = model.predict(&x);
+            let p = model.predict_many(&x).expect("one point")[0];
             let half = 1.96 * p.variance.sqrt();
             (p.mean, p.mean - half, p.mean + half)
         });
@@ -292,6 +298,7 @@ fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> 
     let options = |left: u32| Options {
         seed,
         criterion,
+        smooth_noise: problem.campaign().kriging.noise == Noise::Smoothed,
         batch: 24,
         delta_um: 0.003,
         basins: 3,
@@ -436,6 +443,12 @@ fn campaign_of(file: &str, value: impl Fn(&str) -> Option<String>) -> Campaign {
     }
     if let Some(model) = value("--tooth-model") {
         campaign.pair.tooth_model = model;
+    }
+    match value("--noise").as_deref() {
+        None => {}
+        Some("own") => campaign.kriging.noise = Noise::Own,
+        Some("smoothed") => campaign.kriging.noise = Noise::Smoothed,
+        Some(_) => panic!("--noise takes own or smoothed"),
     }
     // This validates the other values, too.
     let checked = campaign.with_pinion_teeth(file, pinion);

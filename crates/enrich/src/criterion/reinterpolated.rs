@@ -1,7 +1,7 @@
 //! Expected improvement of the reinterpolating model.
 
 use super::{InfillCriterion, least};
-use crate::state::{Rows, Sampled};
+use crate::state::Sampled;
 use crate::surrogate::Surrogate;
 use crate::{Error, Options};
 
@@ -22,11 +22,10 @@ pub(super) struct ReinterpolatedImprovement<'a> {
 impl<'a> ReinterpolatedImprovement<'a> {
     pub(super) fn new(
         model: &'a Surrogate,
-        rows: &Rows,
         incumbents: &[&Sampled],
         options: &'a Options,
     ) -> Result<Self, Error> {
-        let interpolating = model.reinterpolated(rows)?;
+        let interpolating = model.reinterpolated()?;
         let mean = |row: &&Sampled| interpolating.mean_above(&row.x, row.baseline_um);
         Ok(Self {
             lowest: least(incumbents.iter().map(mean)),
