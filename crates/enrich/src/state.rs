@@ -197,7 +197,7 @@ mod tests {
             sampled: sampled.collect(),
             ..State::default()
         };
-        let bounds = Bounds::new([(0.0, 1.0), (0.0, 1.0)]).unwrap();
+        let bounds = Bounds::new(vec![(0.0, 1.0), (0.0, 1.0)]).unwrap();
         let worst = |smooth_noise: bool| {
             let options = Options {
                 smooth_noise,
