@@ -282,6 +282,9 @@ pub struct Optimum {
     pub criterion_um: f64,
     /// P90 verified with fresh samples.
     pub p90: Percentile,
+    /// P90 on the converged grid less P90 on the campaign's grid, from the same wear, µm; none where an
+    /// external program simulates.
+    pub converged_difference_um: Option<f64>,
     /// The constraint values.
     pub constraints: Constraints,
     /// Whether every constraint holds.

@@ -1,6 +1,7 @@
 //! From the store to the report.
 
 mod choice;
+mod converged;
 mod enrichment;
 mod facts;
 mod notes;

@@ -319,8 +319,13 @@ fn optimum_view(index: usize, result: &ApproachResult) -> Result<OptimumView, Er
             view.summary = format!("This approach has no design: {reason}");
         }
         Ok(optimum) => {
+            let converged = optimum
+                .converged_difference_um
+                .map_or_else(String::new, |value| {
+                    format!(" ({} µm on the converged grid)", rows::difference(value))
+                });
             view.summary = format!(
-                "{} {} µm, verified P90 {} µm; {}.",
+                "{} {} µm, verified P90 {} µm{converged}; {}.",
                 number::capitalised(approach.criterion()),
                 significant(optimum.criterion_um, 3),
                 significant(optimum.p90.value_um, 3),

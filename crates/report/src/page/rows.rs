@@ -166,6 +166,8 @@ pub(super) struct DesignCells {
     pub(super) criterion: String,
     pub(super) p90: String,
     pub(super) interval: String,
+    /// By how much P90 changes on the converged grid.
+    pub(super) converged: Option<String>,
     /// r_c, g_s, σ_vm, F, interference margin.
     pub(super) constraints: Vec<Value>,
     pub(super) feasible: Value,
@@ -202,6 +204,12 @@ pub(super) fn approaches(data: &ReportData) -> Vec<ApproachRow> {
     .collect()
 }
 
+/// A difference of P90 in µm with its sign.
+pub(super) fn difference(value: f64) -> String {
+    let sign = if value < 0.0 { "−" } else { "+" };
+    format!("{sign}{}", fixed(value.abs(), 4))
+}
+
 fn design_cells(optimum: &Optimum, limits: &Limits) -> DesignCells {
     // Rounding in the last bits is no violation.
     const SLACK: f64 = 1e-9;
@@ -216,6 +224,7 @@ fn design_cells(optimum: &Optimum, limits: &Limits) -> DesignCells {
         criterion: fixed(optimum.criterion_um, 2),
         p90: fixed(optimum.p90.value_um, 2),
         interval: interval(&optimum.p90),
+        converged: optimum.converged_difference_um.map(difference),
         constraints: vec![
             Value {
                 text: fixed(values.contact_ratio, 3),

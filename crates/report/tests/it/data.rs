@@ -251,6 +251,7 @@ fn approaches() -> Vec<ApproachResult> {
                     variables: design.variables,
                     criterion_um: row.criterion_um * 0.95,
                     p90: percentile(row.p90_um * 1.04),
+                    converged_difference_um: Some(-0.0006),
                     constraints: Constraints {
                         contact_ratio: design.contact_ratio,
                         specific_slip: if i == 1 {

@@ -10,6 +10,7 @@ use report::{
 use stages::optima::{approach_of, optimum_variables};
 use store::OptimumRow;
 
+use super::converged;
 use super::sources::Sources;
 use crate::percentile::percentile;
 
@@ -100,6 +101,10 @@ fn optimum(
         variables: variables.values(),
         criterion_um: row.criterion_um,
         p90: percentile(samples),
+        converged_difference_um: pair
+            .is_some()
+            .then(|| converged::difference_um(&sources.problem, variables))
+            .flatten(),
         constraints: Constraints {
             contact_ratio: criteria.contact_ratio,
             specific_slip: criteria.specific_sliding,
