@@ -14,6 +14,7 @@ mod variant;
 
 pub use campaign::{
     Bounds, Campaign, Constraints, Doe, FrozenFrom, FrozenSection, Kriging, Optimise, Pair, Report,
+    Restarts,
     Verify,
 };
 pub use corrections::CorrectionsSection;

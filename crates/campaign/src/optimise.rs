@@ -6,7 +6,7 @@
 //! a run whose printed winner is infeasible *continues* with feasibility-first ranking, which needs
 //! no weight, until it ends on a feasible design, and the result keeps both.
 
-use cmaes::{Bounds, Evaluation, Schedule, minimise};
+use cmaes::{Bounds, Evaluation, Restarts, RunOptions, minimise_run};
 use rand::RngExt as _;
 use serde::{Deserialize, Serialize};
 use stats::streams::{Purpose, stream};
@@ -129,17 +129,10 @@ pub fn run(
         failed: None,
     };
 
-    let schedule = Schedule {
-        evaluations: settings.evaluations as usize,
-        restart_at: settings.restart_at as usize,
-        step: settings.step,
-        population: settings.population as usize,
-        parents: settings.parents as usize,
-    };
-    let outcome = minimise(
+    let planned = settings.run(bounds);
+    let outcome = minimise_run(
         &origin,
-        &bounds,
-        &schedule,
+        planned.clone(),
         &mut rng,
         &mut |unit: &[f64]| objective.penalised(unit),
     )
@@ -154,7 +147,7 @@ pub fn run(
         .iter()
         .filter_map(|restart| match restart.cause {
             cmaes::Cause::Planned => None,
-            cmaes::Cause::Stopped(stop) => Some((restart.evaluations as u64, stop.to_string())),
+            cause => Some((restart.evaluations as u64, cause.to_string())),
         })
         .collect();
     let mut evaluations = outcome.evaluations as u64;
@@ -163,20 +156,20 @@ pub fn run(
     // The printed winner is feasible exactly when nothing is left to do.
     let mut continuations = 0;
     if objective.failed.is_none() && printed.is_some_and(|found| !found.feasible) {
-        let schedule = Schedule {
-            evaluations: settings.restart_at.max(settings.evaluations / 2) as usize,
-            restart_at: 0,
-            // The constrained optimum lies near the penalised one: look there first.
-            step: settings.step / 3.0,
-            ..schedule
+        let least = settings.evaluations / 2;
+        let mut options = RunOptions {
+            evaluations: settings.restart_at.unwrap_or(least).max(least) as usize,
+            restarts: Restarts::FromBest { planned: 0 },
+            ..planned
         };
+        // The constrained optimum lies near the penalised one: look there first.
+        options.search.step /= 3.0;
         let mut origin = outcome.x;
         while continuations < CONTINUATIONS && (continuations == 0 || objective.best.is_none()) {
             continuations += 1;
-            let outcome = minimise(
+            let outcome = minimise_run(
                 &origin,
-                &bounds,
-                &schedule,
+                options.clone(),
                 &mut rng,
                 &mut |unit: &[f64]| objective.feasibility_first(unit),
             )
@@ -317,11 +310,12 @@ impl Objective<'_> {
 mod tests {
     use super::*;
     use crate::Campaign;
+    use crate::file::Restarts;
 
     fn problem(change: impl FnOnce(&mut Campaign)) -> Problem {
         let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
         campaign.optimise.evaluations = 400;
-        campaign.optimise.restart_at = 200;
+        campaign.optimise.restart_at = Some(200);
         change(&mut campaign);
         Problem::new(campaign)
     }
@@ -356,6 +350,29 @@ mod tests {
     }
 
     #[test]
+    fn the_kinds_of_restarts_give_different_runs_that_are_reproducible() {
+        let of = |restarts, restart_at| {
+            let problem = problem(|campaign| {
+                // A search for one minimum needs some 1000 evaluations.
+                campaign.optimise.evaluations = 4000;
+                campaign.optimise.restarts = restarts;
+                campaign.optimise.restart_at = restart_at;
+            });
+            let run = archard(&problem);
+            assert_eq!(run, archard(&problem), "{restarts:?}");
+            assert!(!run.restarts.is_empty(), "{restarts:?}");
+            run
+        };
+        let kinds = [
+            of(Restarts::FromBest, Some(2000)),
+            of(Restarts::Ipop, None),
+            of(Restarts::Bipop, None),
+        ];
+        let [from_best, ipop, bipop] = kinds.map(|run| run.restarts);
+        assert!(from_best != ipop && ipop != bipop && bipop != from_best);
+    }
+
+    #[test]
     fn a_weight_that_is_too_small_is_said_and_made_up_for() {
         let problem = problem(|campaign| campaign.optimise.penalty = 1e-3);
         let result = archard(&problem);
@@ -375,7 +392,7 @@ mod tests {
         let problem = problem(|campaign| {
             campaign.constraints.contact_ratio_min = 50.0;
             campaign.optimise.evaluations = 60;
-            campaign.optimise.restart_at = 30;
+            campaign.optimise.restart_at = Some(30);
         });
         let result = archard(&problem);
         assert_eq!(result.best, None);

@@ -77,7 +77,7 @@ impl Simulator for Made {
 fn run(formula: Formula, evaluations: u32, start: u32) -> RunResult {
     let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
     campaign.optimise.evaluations = evaluations;
-    campaign.optimise.restart_at = evaluations / 2;
+    campaign.optimise.restart_at = Some(evaluations / 2);
     let made = Made {
         problem: Problem::new(campaign),
         formula,
