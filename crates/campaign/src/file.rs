@@ -14,8 +14,7 @@ mod variant;
 
 pub use campaign::{
     Bounds, Campaign, Constraints, Doe, FrozenFrom, FrozenSection, Kriging, Optimise, Pair, Report,
-    Restarts,
-    Verify,
+    Restarts, Verify,
 };
 pub use corrections::CorrectionsSection;
 pub use enrichment::Enrichment;

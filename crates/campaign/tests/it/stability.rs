@@ -82,8 +82,13 @@ fn run(formula: Formula, evaluations: u32, start: u32) -> RunResult {
         problem: Problem::new(campaign),
         formula,
     };
-    let frozen = made.problem.printed_frozen();
-    optimise::run(&made, Approach::Archard, start, &frozen, None).unwrap()
+    let run = campaign::task::Run {
+        approach: Approach::Archard,
+        start,
+        frozen: made.problem.printed_frozen(),
+        model: None,
+    };
+    optimise::run(&made, &run).unwrap()
 }
 
 fn unit(result: &RunResult) -> [f64; 6] {

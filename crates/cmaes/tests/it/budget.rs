@@ -103,7 +103,10 @@ fn failures_everywhere_are_an_error() {
         minimise_run(&[0.5; 3], options, &mut rng(1), &mut |_: &[f64]| value)
     };
     let evaluations = 1000;
-    assert_eq!(run(1000, f64::NAN), Err(Error::NothingUsable { evaluations }));
+    assert_eq!(
+        run(1000, f64::NAN),
+        Err(Error::NothingUsable { evaluations })
+    );
     assert_eq!(run(0, 1.0), Err(Error::NoBudget));
 }
 
