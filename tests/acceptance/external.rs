@@ -14,7 +14,7 @@ fn example(name: &str) -> String {
 }
 
 /// The example's campaign with `changes`, in the sandbox.
-fn campaign(sandbox: &Sandbox, changes: &[(&str, &str)]) -> String {
+pub(crate) fn campaign(sandbox: &Sandbox, changes: &[(&str, &str)]) -> String {
     let mut text = example("campaign.toml");
     for (from, to) in changes {
         assert!(text.contains(from), "the example has no {from:?}");
@@ -24,7 +24,7 @@ fn campaign(sandbox: &Sandbox, changes: &[(&str, &str)]) -> String {
 }
 
 /// The command that runs the example's program with `changes`, from the sandbox.
-fn program(sandbox: &Sandbox, name: &str, changes: &[(&str, &str)]) -> String {
+pub(crate) fn program(sandbox: &Sandbox, name: &str, changes: &[(&str, &str)]) -> String {
     let mut text = example("simulator.py");
     for (from, to) in changes {
         assert!(text.contains(from), "the example has no {from:?}");
@@ -33,7 +33,7 @@ fn program(sandbox: &Sandbox, name: &str, changes: &[(&str, &str)]) -> String {
     format!("exec python3 -B {}", path(&sandbox.write(name, &text)))
 }
 
-fn path(path: &std::path::Path) -> String {
+pub(crate) fn path(path: &std::path::Path) -> String {
     path.to_str().expect("a path in UTF-8").to_owned()
 }
 

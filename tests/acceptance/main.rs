@@ -16,6 +16,7 @@ mod operations;
 mod paper;
 mod place;
 mod precision;
+mod resuming;
 mod security;
 mod shipped;
 mod stopping;

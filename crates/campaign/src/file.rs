@@ -15,7 +15,8 @@ mod variant;
 
 pub use self::kriging::{Kriging, Noise, Nugget};
 pub use campaign::{
-    Bounds, Campaign, Constraints, Doe, FrozenFrom, FrozenSection, Optimise, Pair, Report, Verify,
+    Bounds, Campaign, Constraints, Doe, FrozenFrom, FrozenSection, Optimise, Pair, Report,
+    Restarts, Verify,
 };
 pub use corrections::CorrectionsSection;
 pub use enrichment::Enrichment;

@@ -5,21 +5,32 @@
 //! printed weight can be too small to be exact: then the penalised winner breaks a constraint. So
 //! a run whose printed winner is infeasible *continues* with feasibility-first ranking, which needs
 //! no weight, until it ends on a feasible design, and the result keeps both.
+//!
+//! A run may take hours. Before each generation its state can be saved as a [`Checkpoint`], from which
+//! it goes on, on any worker, to the same result.
 
-use cmaes::{Bounds, Evaluation, Schedule, minimise};
+mod checkpoint;
+mod objective;
+#[cfg(test)]
+mod tests;
+
+use cmaes::{Bounds, Restarts, RunOptions};
+use ledger::Unit;
 use rand::RngExt as _;
 use serde::{Deserialize, Serialize};
-use stats::streams::{Purpose, stream};
+use stats::streams::{Purpose, StreamRng, stream};
 
-use crate::formulation::{Approach, Criteria, Frozen, Problem, Variables};
-use crate::simulator::{NoAnswer, Simulator};
+use crate::file::Optimise;
+use crate::formulation::{Approach, Criteria, Variables};
+use crate::simulator::Simulator;
+use crate::task::{KeepGoing, Output, Run};
+
+use checkpoint::State;
+pub use checkpoint::{Checkpoint, MAX_STATE_BYTES, Saved};
+use objective::{Objective, Seen};
 
 /// How often a run whose printed winner is infeasible continues before it gives up.
 const CONTINUATIONS: u32 = 10;
-
-/// The violation of a design that cannot be simulated, when ranked feasibility first: more than
-/// any real design's, whose violations are of order one.
-const FAILURE_VIOLATION: f64 = 1e6;
 
 /// A design that a run found.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -60,352 +71,165 @@ pub struct RunResult {
     pub restarts: Vec<(u64, String)>,
 }
 
-/// The criterion of one formulation, with the bookkeeping of a run.
-struct Objective<'a> {
-    simulator: &'a dyn Simulator,
-    problem: &'a Problem,
-    approach: Approach,
-    frozen: Frozen,
-    model: Option<kriging::Surrogate>,
-    simulator_calls: u64,
-    printed: Option<(f64, Found)>,
-    best: Option<Found>,
-    /// Why the simulator failed; from then on it is not asked again.
-    failed: Option<String>,
-}
-
-/// An evaluated design, before it is known whether it is an improvement.
-struct Candidate {
-    found: Found,
-    violation: f64,
-}
-
-/// Runs the optimiser from start number `start` of `approach`.
-///
-/// `model` is the kriging model as JSON, for [`Approach::Kriging`].
+/// Runs the optimiser to the end.
 ///
 /// # Errors
 ///
 /// A sentence: the model is missing or cannot be read, or the simulator failed. A run in which no
 /// design could be simulated is a result.
-pub fn run(
-    simulator: &dyn Simulator,
-    approach: Approach,
-    start: u32,
-    frozen: &Frozen,
-    model: Option<&str>,
-) -> Result<RunResult, String> {
-    let model = match (approach, model) {
-        (Approach::Kriging, Some(json)) => Some(
-            kriging::Surrogate::from_json(json)
-                .map_err(|error| format!("the kriging model cannot be read: {error}"))?,
-        ),
-        (Approach::Kriging, None) => return Err("the task brings no kriging model".to_owned()),
-        (Approach::BestOfDoe | Approach::EnrichedKriging, _) => {
-            return Err(format!("{} is chosen, not optimised", approach.name()));
-        }
-        _ => None,
-    };
-    let problem = simulator.problem();
-    let settings = problem.campaign().optimise;
-    let dimension = approach.variables();
-    let bounds = Bounds::unit(dimension).map_err(|error| error.to_string())?;
-    let mut rng = stream(
-        problem.campaign().seed,
-        Purpose::Optimise,
-        approach.number(),
-        u64::from(start),
-    );
-    let origin: Vec<f64> = (0..dimension).map(|_| rng.random()).collect();
-    let mut objective = Objective {
-        simulator,
-        problem,
-        approach,
-        frozen: *frozen,
-        model,
-        simulator_calls: 0,
-        printed: None,
-        best: None,
-        failed: None,
-    };
-
-    let schedule = Schedule {
-        evaluations: settings.evaluations as usize,
-        restart_at: settings.restart_at as usize,
-        step: settings.step,
-        population: settings.population as usize,
-        parents: settings.parents as usize,
-    };
-    let outcome = minimise(
-        &origin,
-        &bounds,
-        &schedule,
-        &mut rng,
-        &mut |unit: &[f64]| objective.penalised(unit),
-    )
-    .map_err(|error| error.to_string())?;
-    let history = outcome
-        .history
-        .iter()
-        .map(|(evaluation, result)| (*evaluation as u64, result.value))
-        .collect();
-    let restarts = outcome
-        .restarts
-        .iter()
-        .filter_map(|restart| match restart.cause {
-            cmaes::Cause::Planned => None,
-            cmaes::Cause::Stopped(stop) => Some((restart.evaluations as u64, stop.to_string())),
-        })
-        .collect();
-    let mut evaluations = outcome.evaluations as u64;
-    let printed = objective.printed.map(|(_, found)| found);
-
-    // The printed winner is feasible exactly when nothing is left to do.
-    let mut continuations = 0;
-    if objective.failed.is_none() && printed.is_some_and(|found| !found.feasible) {
-        let schedule = Schedule {
-            evaluations: settings.restart_at.max(settings.evaluations / 2) as usize,
-            restart_at: 0,
-            // The constrained optimum lies near the penalised one: look there first.
-            step: settings.step / 3.0,
-            ..schedule
-        };
-        let mut origin = outcome.x;
-        while continuations < CONTINUATIONS && (continuations == 0 || objective.best.is_none()) {
-            continuations += 1;
-            let outcome = minimise(
-                &origin,
-                &bounds,
-                &schedule,
-                &mut rng,
-                &mut |unit: &[f64]| objective.feasibility_first(unit),
-            )
-            .map_err(|error| error.to_string())?;
-            evaluations += outcome.evaluations as u64;
-            origin = outcome.x;
-        }
-    }
-
-    if let Some(error) = objective.failed {
-        return Err(error);
-    }
-    Ok(RunResult {
-        approach,
-        start,
-        printed,
-        best: objective.best,
-        continuations,
-        evaluations,
-        simulator_calls: objective.simulator_calls,
-        history,
-        restarts,
-    })
+pub fn run(simulator: &dyn Simulator, run: &Run) -> Result<RunResult, String> {
+    let mut search = Search::new(simulator, run, None)?;
+    while search.step()? {}
+    Ok(search.state.result(run))
 }
 
-impl Objective<'_> {
-    /// The penalised objective (5); designs that cannot be simulated get the failure value.
-    fn penalised(&mut self, unit: &[f64]) -> f64 {
-        let failure = self.problem.campaign().optimise.failure_value;
-        let Some(candidate) = self.evaluate(unit) else {
-            return failure;
-        };
-        let value = self
-            .problem
-            .penalised(candidate.found.criterion_um, candidate.violation);
-        if !value.is_finite() {
-            return failure;
+/// Runs the optimiser, from `saved` if given, for as long as `keep_going` says, which is asked before
+/// every generation. The output is the result or, of a run that was stopped, its checkpoint; none if
+/// nothing was evaluated, or if the state is larger than [`MAX_STATE_BYTES`].
+///
+/// # Errors
+///
+/// As [`run`].
+pub(crate) fn run_until(
+    simulator: &dyn Simulator,
+    unit: &Unit,
+    run: &Run,
+    saved: Option<Saved>,
+    keep_going: &KeepGoing<'_>,
+) -> Result<Option<Output>, String> {
+    let mut search = Search::new(simulator, run, saved)?;
+    loop {
+        let so_far = || search.state.checkpoint(unit).map(Output::Unfinished);
+        if !keep_going(&so_far) {
+            return Ok(so_far());
         }
-        if self.printed.is_none_or(|(best, _)| value < best) {
-            self.printed = Some((value, candidate.found));
+        if !search.step()? {
+            let result = search.state.result(run);
+            return Ok(Some(Output::Run(Box::new(result))));
         }
-        value
     }
+}
 
-    /// The criterion and the violation, to be ranked feasibility first.
-    fn feasibility_first(&mut self, unit: &[f64]) -> Evaluation {
-        match self.evaluate(unit) {
-            Some(Candidate { found, violation }) => {
-                // On the edge itself the violation is zero, but the inequalities are strict.
-                let violation = if found.feasible {
-                    0.0
-                } else {
-                    violation.max(f64::MIN_POSITIVE)
-                };
-                Evaluation {
-                    value: found.criterion_um,
-                    violation,
+/// A run in progress.
+struct Search<'a> {
+    objective: Objective<'a>,
+    settings: Optimise,
+    rng: StreamRng,
+    state: State,
+}
+
+impl<'a> Search<'a> {
+    fn new(simulator: &'a dyn Simulator, run: &Run, saved: Option<Saved>) -> Result<Self, String> {
+        let objective = Objective::new(simulator, run)?;
+        let campaign = simulator.problem().campaign();
+        let settings = campaign.optimise;
+        let dimension = run.approach.variables();
+        let bounds = Bounds::unit(dimension).map_err(|error| error.to_string())?;
+        let mut rng = stream(
+            campaign.seed,
+            Purpose::Optimise,
+            run.approach.number(),
+            u64::from(run.start),
+        );
+        let state = match saved {
+            Some(saved) => {
+                rng.set_word_pos(saved.0.word);
+                saved.0
+            }
+            None => {
+                let origin: Vec<f64> = (0..dimension).map(|_| rng.random()).collect();
+                let search = cmaes::Run::new(&origin, settings.run(bounds));
+                State {
+                    search: search.map_err(|error| error.to_string())?,
+                    word: rng.get_word_pos(),
+                    seen: Seen::default(),
+                    continuations: 0,
+                    evaluations: 0,
+                    history: Vec::new(),
+                    restarts: Vec::new(),
                 }
             }
-            None => Evaluation {
-                value: 0.0,
-                violation: FAILURE_VIOLATION,
-            },
-        }
+        };
+        Ok(Self {
+            objective,
+            settings,
+            rng,
+            state,
+        })
     }
 
-    /// Simulates a design and keeps it if it is the best feasible one so far; none when it cannot
-    /// be simulated.
-    fn evaluate(&mut self, unit: &[f64]) -> Option<Candidate> {
-        if self.failed.is_some() {
-            return None;
+    /// Evaluates one generation; false at the end of the run.
+    fn step(&mut self) -> Result<bool, String> {
+        let state = &mut self.state;
+        let candidates = state.search.ask(&mut self.rng);
+        let mut told = Vec::with_capacity(candidates.len());
+        for unit in &candidates {
+            told.push(if state.continuations == 0 {
+                self.objective.penalised(&mut state.seen, unit)?.into()
+            } else {
+                self.objective.feasibility_first(&mut state.seen, unit)?
+            });
         }
-        match self.try_evaluate(unit) {
-            Ok(candidate) => candidate,
-            Err(NoAnswer::Refused(_)) => None,
-            Err(NoAnswer::Failed(error)) => {
-                self.failed = Some(format!("simulator call {}: {error}", self.simulator_calls));
-                None
-            }
-        }
-    }
-
-    fn try_evaluate(&mut self, unit: &[f64]) -> Result<Option<Candidate>, NoAnswer> {
-        let problem = self.problem;
-        let variables = match self.approach {
-            Approach::NoWear => match problem.full_point(unit) {
-                Ok(variables) => variables,
-                Err(_) => return Ok(None),
-            },
-            _ => Variables::robust(&problem.robust_point(unit), &self.frozen),
-        };
-        self.simulator_calls += 1;
-        let mut design = self.simulator.prepare(&variables)?;
-        let (criterion_um, pressure) = match self.approach {
-            Approach::Archard => {
-                self.simulator_calls += 1;
-                let analysis = design.archard()?;
-                (analysis.delta_ste_um, analysis.hertz_pressure_mpa)
-            }
-            _ => {
-                let analysis = design.unworn()?;
-                let criterion_um = self.model.as_ref().map_or(analysis.delta_ste_um, |model| {
-                    model.mean(&variables.robust_part())
-                });
-                (criterion_um, analysis.hertz_pressure_mpa)
-            }
-        };
-        let mut criteria = design.criteria(pressure);
-        let violation = problem.violation(&criteria);
-        if !(criterion_um.is_finite() && violation.is_finite()) {
-            return Ok(None);
-        }
-        let mut feasible = problem.is_feasible(&criteria);
-        let improves = self
-            .best
-            .is_none_or(|best| criterion_um < best.criterion_um);
-        if feasible && improves && self.approach == Approach::Kriging {
-            // The search takes the pressure of the unworn pair, one call as in the paper. What is
-            // kept as an optimum must satisfy its limit worn, too; that costs a call now and then.
-            self.simulator_calls += 1;
-            criteria.hertz_pressure_mpa = design.archard()?.hertz_pressure_mpa;
-            feasible = problem.is_feasible(&criteria);
-        }
-        let found = Found {
-            variables,
-            criterion_um,
-            criteria,
-            feasible,
-        };
-        if feasible && improves {
-            self.best = Some(found);
-        }
-        Ok(Some(Candidate { found, violation }))
+        state
+            .search
+            .tell(&told, &mut self.rng)
+            .map_err(|error| error.to_string())?;
+        let goes_on = !state.search.is_finished() || state.continue_search(&self.settings)?;
+        state.word = self.rng.get_word_pos();
+        Ok(goes_on)
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::Campaign;
-
-    fn problem(change: impl FnOnce(&mut Campaign)) -> Problem {
-        let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
-        campaign.optimise.evaluations = 400;
-        campaign.optimise.restart_at = 200;
-        change(&mut campaign);
-        Problem::new(campaign)
+impl State {
+    /// Ends a search whose budget is spent, and begins the one that continues the run; false at the
+    /// end of the run.
+    fn continue_search(&mut self, settings: &Optimise) -> Result<bool, String> {
+        let finished = self.search.clone().outcome();
+        let outcome = finished.map_err(|error| error.to_string())?;
+        self.evaluations += outcome.evaluations as u64;
+        if self.continuations == 0 {
+            let improved = outcome.history.iter();
+            self.history = improved.map(|(at, e)| (*at as u64, e.value)).collect();
+            let restarts = outcome.restarts.iter();
+            let unplanned = restarts.filter(|restart| restart.cause != cmaes::Cause::Planned);
+            self.restarts = unplanned
+                .map(|restart| (restart.evaluations as u64, restart.cause.to_string()))
+                .collect();
+        }
+        // The printed winner is feasible exactly when nothing is left to do.
+        let is_printed_infeasible = self.seen.printed.is_some_and(|(_, found)| !found.feasible);
+        let is_open = self.continuations == 0
+            || self.seen.best.is_none() && self.continuations < CONTINUATIONS;
+        if !(is_printed_infeasible && is_open) {
+            return Ok(false);
+        }
+        self.continuations += 1;
+        let bounds = Bounds::unit(outcome.x.len()).map_err(|error| error.to_string())?;
+        let least = settings.evaluations / 2;
+        let mut options = RunOptions {
+            evaluations: settings.restart_at.unwrap_or(least).max(least) as usize,
+            restarts: Restarts::FromBest { planned: 0 },
+            ..settings.run(bounds)
+        };
+        // The constrained optimum lies near the penalised one: look there first.
+        options.search.step /= 3.0;
+        let search = cmaes::Run::new(&outcome.x, options);
+        self.search = search.map_err(|error| error.to_string())?;
+        Ok(true)
     }
 
-    fn archard(problem: &Problem) -> RunResult {
-        run(
-            problem,
-            Approach::Archard,
-            0,
-            &problem.printed_frozen(),
-            None,
-        )
-        .unwrap()
-    }
-
-    #[test]
-    fn a_run_is_a_function_of_campaign_approach_and_start() {
-        let problem = problem(|_| {});
-        let first = archard(&problem);
-        assert_eq!(first, archard(&problem));
-        let other = run(
-            &problem,
-            Approach::Archard,
-            1,
-            &problem.printed_frozen(),
-            None,
-        )
-        .unwrap();
-        assert_ne!(first.best, other.best);
-        let json = serde_json::to_string(&first).unwrap();
-        assert_eq!(serde_json::from_str::<RunResult>(&json).unwrap(), first);
-    }
-
-    #[test]
-    fn a_weight_that_is_too_small_is_said_and_made_up_for() {
-        let problem = problem(|campaign| campaign.optimise.penalty = 1e-3);
-        let result = archard(&problem);
-        let printed = result.printed.unwrap();
-        assert!(!printed.feasible, "the weight was meant to be too small");
-        assert!(result.continuations > 0);
-        assert!(result.evaluations > 400);
-        let best = result
-            .best
-            .expect("the run goes on until it finds a feasible design");
-        assert!(best.feasible && problem.is_feasible(&best.criteria));
-        assert_eq!(problem.violation(&best.criteria), 0.0);
-    }
-
-    #[test]
-    fn constraints_that_nothing_satisfies_end_without_an_optimum() {
-        let problem = problem(|campaign| {
-            campaign.constraints.contact_ratio_min = 50.0;
-            campaign.optimise.evaluations = 60;
-            campaign.optimise.restart_at = 30;
-        });
-        let result = archard(&problem);
-        assert_eq!(result.best, None);
-        assert_eq!(result.continuations, CONTINUATIONS);
-        assert!(result.printed.is_some_and(|found| !found.feasible));
-    }
-
-    #[test]
-    fn calls_are_counted_as_the_paper_does() {
-        let problem = problem(|_| {});
-        let frozen = problem.printed_frozen();
-        let unworn = run(&problem, Approach::NoWear, 0, &frozen, None).unwrap();
-        assert!(
-            unworn.simulator_calls <= unworn.evaluations,
-            "one call per analysis at most"
-        );
-        let worn = archard(&problem);
-        assert!(
-            worn.simulator_calls > worn.evaluations,
-            "two calls per analysis"
-        );
-        assert!(worn.simulator_calls <= 2 * worn.evaluations);
-    }
-
-    #[test]
-    fn a_kriging_run_needs_a_model_that_can_be_read() {
-        let problem = problem(|_| {});
-        let frozen = problem.printed_frozen();
-        assert!(run(&problem, Approach::Kriging, 0, &frozen, None).is_err());
-        let error = run(&problem, Approach::Kriging, 0, &frozen, Some("{}")).unwrap_err();
-        assert!(error.contains("cannot be read"), "{error}");
+    /// The result of a run that has ended.
+    fn result(self, run: &Run) -> RunResult {
+        RunResult {
+            approach: run.approach,
+            start: run.start,
+            printed: self.seen.printed.map(|(_, found)| found),
+            best: self.seen.best,
+            continuations: self.continuations,
+            evaluations: self.evaluations,
+            simulator_calls: self.seen.simulator_calls,
+            history: self.history,
+            restarts: self.restarts,
+        }
     }
 }

@@ -10,7 +10,7 @@ use stats::streams::{Purpose, stream};
 
 use crate::Campaign;
 use crate::formulation::{Approach, Criteria, Frozen, Problem, Variables};
-use crate::optimise::{self, RunResult};
+use crate::optimise::{self, Checkpoint, RunResult, Saved};
 use crate::simulator::{NoAnswer, Prepared, Simulator};
 use crate::variant::Variant;
 
@@ -131,6 +131,8 @@ pub enum Output {
     Samples(Vec<f64>),
     /// Of a run.
     Run(Box<RunResult>),
+    /// Of a run that was stopped: where it is.
+    Unfinished(Checkpoint),
 }
 
 /// A design without random wear.
@@ -171,7 +173,7 @@ pub fn check_delta_ste(delta_ste_um: f64) -> Result<(), String> {
     ))
 }
 
-/// Asked before every sample whether to go on; the argument gives what is finished by then, as an
+/// Asked before every sample, and before every generation of a run, whether to go on; the argument gives what is finished by then, as an
 /// output that could be handed in.
 pub type KeepGoing<'a> = dyn Fn(&dyn Fn() -> Option<Output>) -> bool + 'a;
 
@@ -182,13 +184,13 @@ pub type KeepGoing<'a> = dyn Fn(&dyn Fn() -> Option<Output>) -> bool + 'a;
 /// A sentence for the failure's record: the simulator failed, or refused a point, or the kriging model
 /// cannot be read. A design of the DoE that cannot be simulated is an output, not an error.
 pub fn compute(simulator: &dyn Simulator, unit: &Unit, source: &Source) -> Result<Output, String> {
-    let output = compute_until(simulator, unit, source, &|_| true)?;
+    let output = compute_until(simulator, unit, source, None, &|_| true)?;
     output.ok_or_else(|| "nothing was asked for".to_owned())
 }
 
 /// Computes a unit for as long as `keep_going` says, which is asked before every sample. What is
-/// finished by then is given, from the first sample on; nothing before the first is. A run has no
-/// useful part and goes on to its end.
+/// finished by then is given, from the first sample on; nothing before the first is. A run goes on from
+/// `saved` if given, to the same result; it is asked before every generation, and gives its checkpoint.
 ///
 /// Whether a design is refused does not depend on how its samples are cut: it is decided by its
 /// analyses, which are the same for every unit. A sample for which the simulator panics or gives no
@@ -201,6 +203,7 @@ pub fn compute_until(
     simulator: &dyn Simulator,
     unit: &Unit,
     source: &Source,
+    saved: Option<Saved>,
     keep_going: &KeepGoing<'_>,
 ) -> Result<Option<Output>, String> {
     let stream = unit.stream;
@@ -254,11 +257,7 @@ pub fn compute_until(
             let samples_um = draw(design.as_mut(), names, unit, &keep_going)?;
             Ok(output(&samples_um))
         }
-        Source::Run(run) => {
-            let model = run.model.as_deref();
-            let result = optimise::run(simulator, run.approach, run.start, &run.frozen, model)?;
-            Ok(Some(Output::Run(Box::new(result))))
-        }
+        Source::Run(run) => optimise::run_until(simulator, unit, run, saved, keep_going),
     }
 }
 

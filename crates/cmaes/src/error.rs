@@ -86,16 +86,6 @@ pub enum Error {
         /// How many designs were tried.
         evaluations: usize,
     },
-    /// More candidates were evaluated again than there are, or none.
-    #[error(
-        "{got} second evaluations told for {expected} candidates asked: 1 to {expected} are possible"
-    )]
-    Reevaluations {
-        /// The population.
-        expected: usize,
-        /// The number of second evaluations passed in.
-        got: usize,
-    },
     /// A stored search does not fit together.
     #[error("stored search is damaged: {what}")]
     State {

@@ -30,27 +30,6 @@ impl From<f64> for Evaluation {
 }
 
 impl Evaluation {
-    /// The static penalty of the gear paper's (5): the objective is `value` + `weight` × the sum of
-    /// the excesses, each counted where it is positive. An `excess` says how far one constraint
-    /// g ≤ 0 is missed, usually relative to its limit.
-    ///
-    /// Whether the minimum is feasible depends on the weight: it must exceed the constraints'
-    /// Lagrange multipliers there. [`Evaluation::constrained`] needs no weight.
-    #[must_use]
-    pub fn penalised(value: f64, excesses: &[f64], weight: f64) -> Self {
-        Self::from(value + weight * total(excesses))
-    }
-
-    /// The objective with the sum of the positive `excesses` as violation, to be ranked feasibility
-    /// first. A NaN among them marks a failed evaluation.
-    #[must_use]
-    pub fn constrained(value: f64, excesses: &[f64]) -> Self {
-        Self {
-            value,
-            violation: total(excesses),
-        }
-    }
-
     /// Whether the evaluation can be ranked at all: neither field is NaN or +∞.
     #[must_use]
     pub fn is_usable(&self) -> bool {
@@ -105,14 +84,6 @@ impl Evaluation {
     }
 }
 
-/// The sum of what is positive; NaN if anything is.
-fn total(excesses: &[f64]) -> f64 {
-    excesses
-        .iter()
-        .map(|e| if *e <= 0.0 { 0.0 } else { *e })
-        .sum()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -163,23 +134,5 @@ mod tests {
             evaluation(0.0, 0.0).rank(&evaluation(-0.0, -0.0)),
             Ordering::Equal
         );
-    }
-
-    /// (2/1.5 − 1)⁺ + (0.5 − 1)⁺ with the paper's weight of 10.
-    #[test]
-    fn penalties_add_up_what_is_missed() {
-        let excesses = [2.0 / 1.5 - 1.0, 0.5 - 1.0];
-        let penalised = Evaluation::penalised(3.0, &excesses, 10.0);
-        assert!((penalised.value - (3.0 + 10.0 / 3.0)).abs() < 1e-12); // rounding
-        assert!(penalised.is_feasible());
-        let constrained = Evaluation::constrained(3.0, &excesses);
-        assert_eq!(constrained.value, 3.0);
-        assert!((constrained.violation - 1.0 / 3.0).abs() < 1e-12);
-        for failed in [
-            Evaluation::penalised(3.0, &[f64::NAN], 10.0),
-            Evaluation::constrained(3.0, &[-1.0, f64::NAN]),
-        ] {
-            assert!(!failed.is_usable());
-        }
     }
 }

@@ -10,16 +10,13 @@
 //! - [`Run`] strings searches together until a budget is spent, with [`Restarts`] from the best
 //!   design so far (as in the gear paper), with growing populations (IPOP) or with two regimes
 //!   (BIPOP). Both are saved and resumed with serde, to the bit.
-//! - [`minimise`] drives a run through a [`Schedule`]: a fixed number of evaluations and one planned
-//!   restart, as in the gear paper; [`minimise_run`] takes every setting.
-//! - [`UncertaintyHandling`] is for objectives that are themselves random.
+//! - [`minimise_run`] drives a run whose objective is a function of the caller's.
 //!
 //! Variables are scaled by their range: inside, the search works in the unit box, so a step of 0.3
 //! is 0.3 of each variable's range. Candidates never leave the bounds.
 //!
 //! Constraints need no penalty weight: an [`Evaluation`] may carry a violation, and feasible
-//! candidates, by value, rank before infeasible ones, by violation. The paper's static penalty is
-//! [`Evaluation::penalised`].
+//! candidates, by value, rank before infeasible ones, by violation.
 //!
 //! The search is a function of its inputs and of the random stream passed in. No product of
 //! matrices goes through a kernel chosen at run time from the processor's features, so two machines
@@ -37,7 +34,6 @@ mod bounds;
 mod error;
 mod evaluation;
 mod minimise;
-mod noise;
 mod options;
 mod parameters;
 mod run;
@@ -48,8 +44,7 @@ mod strategy;
 pub use bounds::Bounds;
 pub use error::Error;
 pub use evaluation::Evaluation;
-pub use minimise::{Schedule, minimise, minimise_run};
-pub use noise::UncertaintyHandling;
+pub use minimise::minimise_run;
 pub use options::Options;
 pub use run::{Cause, Outcome, Restart, Restarts, Run, RunOptions};
 pub use stop::Stop;

@@ -1,5 +1,7 @@
 //! A whole run as a state: searches, restarts and the best so far, within a budget.
 
+use std::fmt;
+
 use rand::{Rng, RngExt as _};
 use serde::{Deserialize, Serialize};
 
@@ -20,8 +22,9 @@ pub enum Restarts {
     /// CMA evolution strategy with increasing population size*, CEC 2005).
     Ipop,
     /// In turns that share the budget evenly: as with [`Restarts::Ipop`], and with a small
-    /// population λ₀(½ λ/λ₀)^(U²) and step σ₀ 10^(−2U), U uniform in 0…1 each (N. Hansen,
-    /// *Benchmarking a BI-population CMA-ES on the BBOB-2009 function testbed*, GECCO 2009).
+    /// population λ₀(½ λ/λ₀)^(U²) and step σ₀ 10^(−2U), U uniform in 0…1 each, for at most half the
+    /// evaluations of the last large search (N. Hansen, *Benchmarking a BI-population CMA-ES on the
+    /// BBOB-2009 function testbed*, GECCO 2009).
     Bipop,
 }
 
@@ -41,10 +44,22 @@ pub struct RunOptions {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Cause {
-    /// The schedule said so.
+    /// The options said so.
     Planned,
+    /// A small search of [`Restarts::Bipop`] used up its share of the budget.
+    Share,
     /// The search had nothing more to gain.
     Stopped(Stop),
+}
+
+impl fmt::Display for Cause {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Planned => f.write_str("the restart was planned"),
+            Self::Share => f.write_str("a small search used up its share"),
+            Self::Stopped(stop) => stop.fmt(f),
+        }
+    }
 }
 
 /// One restart of a run.
@@ -105,8 +120,10 @@ struct Turns {
     begun_at: usize,
     /// The population of the last search in the sequence of growing ones.
     large: usize,
-    /// What those cost after the first, and what the small ones did.
+    /// The evaluations of all large searches after the first, and of the last of them.
     large_cost: usize,
+    last_large_cost: usize,
+    /// The evaluations of all small searches.
     small_cost: usize,
     /// The evaluations that the current search may use, if it is a small one.
     small_budget: Option<usize>,
@@ -138,6 +155,7 @@ impl Run {
                 begun_at: 0,
                 large: options.search.population,
                 large_cost: 0,
+                last_large_cost: 0,
                 small_cost: 0,
                 small_budget: None,
                 is_first: true,
@@ -198,7 +216,8 @@ impl Run {
             .small_budget
             .is_some_and(|budget| spent >= budget);
         let cause = match self.search.stop() {
-            _ if due || used_up => Some(Cause::Planned),
+            _ if due => Some(Cause::Planned),
+            _ if used_up => Some(Cause::Share),
             stop => stop.map(Cause::Stopped),
         };
         if let Some(cause) = cause {
@@ -246,7 +265,10 @@ impl Run {
         let spent = self.evaluations - turns.begun_at;
         match turns.small_budget {
             Some(_) => turns.small_cost += spent,
-            None if !turns.is_first => turns.large_cost += spent,
+            None if !turns.is_first => {
+                turns.large_cost += spent;
+                turns.last_large_cost = spent;
+            }
             None => {}
         }
         let was_first = std::mem::take(&mut turns.is_first);
@@ -255,8 +277,7 @@ impl Run {
             && !was_first
             && turns.small_cost < turns.large_cost;
         if small {
-            // At most half of what the last large search had.
-            turns.small_budget = Some(turns.large_cost.max(2) / 2);
+            turns.small_budget = Some(turns.last_large_cost.max(2) / 2);
             let ratio = 0.5 * turns.large as f64 / population as f64;
             let exponent = rng.random::<f64>().powi(2);
             let smaller = (population as f64 * ratio.powf(exponent)).floor() as usize;
@@ -288,12 +309,10 @@ impl Run {
         self.evaluations
     }
 
-    /// The best design told so far and its evaluation; none if all failed.
+    /// Every restart so far.
     #[must_use]
-    pub fn best(&self) -> Option<(&[f64], Evaluation)> {
-        self.best
-            .as_ref()
-            .map(|(x, evaluation)| (x.as_slice(), *evaluation))
+    pub fn restarts(&self) -> &[Restart] {
+        &self.restarts
     }
 
     /// What the run has found.

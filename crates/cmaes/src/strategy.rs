@@ -5,7 +5,6 @@ use rand::{Rng, RngExt as _};
 use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
 
-use crate::noise::UncertaintyHandling;
 use crate::parameters::Parameters;
 use crate::state::Stored;
 use crate::stop::Window;
@@ -161,58 +160,16 @@ impl CmaEs {
     /// [`Error::NothingAsked`] without candidates, [`Error::Count`] when `evaluations` is not one
     /// per candidate; the candidates then keep waiting.
     pub fn tell<E: Into<Evaluation> + Copy>(&mut self, evaluations: &[E]) -> Result<(), Error> {
-        self.check_told(evaluations.len())?;
-        let evaluations: Vec<Evaluation> = evaluations.iter().map(|&e| e.into()).collect();
-        let mut order: Vec<usize> = (0..evaluations.len()).collect();
-        order.sort_by(|&a, &b| evaluations[a].rank(&evaluations[b])); // stable
-        self.learn(&evaluations, &order);
-        Ok(())
-    }
-
-    /// Learns from an objective that is itself random: the first `again.len()` candidates, at least
-    /// [`UncertaintyHandling::reevaluations`] of them, were evaluated twice, independently. From how
-    /// much that changes their ranks, `handling` measures the noise, and asks for more samples per
-    /// evaluation or lengthens the step. Candidates are ranked by both their evaluations.
-    ///
-    /// The best told ([`CmaEs::best`]) is then the luckiest; recommend [`CmaEs::mean`].
-    ///
-    /// # Errors
-    ///
-    /// Those of [`CmaEs::tell`], and [`Error::Reevaluations`] when `again` is empty or longer than
-    /// `evaluations`.
-    pub fn tell_twice<E: Into<Evaluation> + Copy>(
-        &mut self,
-        evaluations: &[E],
-        again: &[E],
-        handling: &mut UncertaintyHandling,
-    ) -> Result<(), Error> {
-        self.check_told(evaluations.len())?;
-        if again.is_empty() || again.len() > evaluations.len() {
-            let (expected, got) = (evaluations.len(), again.len());
-            return Err(Error::Reevaluations { expected, got });
-        }
-        let first: Vec<Evaluation> = evaluations.iter().map(|&e| e.into()).collect();
-        let again: Vec<Evaluation> = again.iter().map(|&e| e.into()).collect();
-        let order = handling.judge(&first, &again);
-        self.learn(&first, &order);
-        self.evaluations += again.len();
-        self.sigma *= handling.step_factor(self.mean.len());
-        Ok(())
-    }
-
-    fn check_told(&self, got: usize) -> Result<(), Error> {
-        let expected = self.asked.len();
+        let (expected, got) = (self.asked.len(), evaluations.len());
         if expected == 0 {
             return Err(Error::NothingAsked);
         }
         if expected != got {
             return Err(Error::Count { expected, got });
         }
-        Ok(())
-    }
-
-    /// Learns from evaluations whose ranking is `order`, best first.
-    fn learn(&mut self, evaluations: &[Evaluation], order: &[usize]) {
+        let evaluations: Vec<Evaluation> = evaluations.iter().map(|&e| e.into()).collect();
+        let mut order: Vec<usize> = (0..evaluations.len()).collect();
+        order.sort_by(|&a, &b| evaluations[a].rank(&evaluations[b])); // stable
         let mut asked = std::mem::take(&mut self.asked);
         self.generation += 1;
         self.evaluations += evaluations.len();
@@ -229,6 +186,7 @@ impl CmaEs {
         let flat = self.window.record(&sorted, self.options.value_tolerance);
         // A degenerate matrix, found by the update above, stays the reason.
         self.stop = self.stop.or(flat).or_else(|| self.step_stop());
+        Ok(())
     }
 
     /// Why the search should end, if it should. A stopped search can still be asked and told, but
@@ -273,12 +231,6 @@ impl CmaEs {
     /// The candidates that wait for their evaluations.
     pub(crate) fn waiting(&self) -> impl Iterator<Item = &[f64]> {
         self.asked.iter().map(|candidate| candidate.x.as_slice())
-    }
-
-    /// The settings the search runs with.
-    #[must_use]
-    pub fn options(&self) -> &Options {
-        &self.options
     }
 
     /// λ standard normal vectors, orthogonal in groups of up to d.

@@ -3,8 +3,8 @@
 use campaign::task::{Output, check_delta_ste};
 use ledger::{StreamId, Unit};
 use protocol::v2::UnitResult;
-use stages::names::{run_name, stream_name, time_key};
-use store::{Batch, CriteriaRow, JobTimeRow, OptimiserRunRow, SampleRow, VerifyRow};
+use stages::names::{run_name, run_stream_name, stream_name, time_key};
+use store::{Batch, CriteriaRow, JobTimeRow, OptimiserRunRow, RunStateRow, SampleRow, VerifyRow};
 
 /// What a worker says of one unit, read and checked.
 #[derive(Debug, Clone, PartialEq)]
@@ -149,6 +149,20 @@ fn rows(
                 cpu_seconds,
             });
         }
+        Output::Unfinished(checkpoint) => {
+            let name = run_stream_name(stream).ok_or("is of a run that there is not")?;
+            batch.only_for = Some((name.clone(), unit.generation.0));
+            batch.states.push(RunStateRow {
+                stream: name,
+                generation: unit.generation.0,
+                build: identity::BUILD.to_owned(),
+                evaluations: checkpoint.evaluations,
+                cpu_seconds,
+                state: checkpoint.state,
+            });
+            // What it cost is counted when it is finished.
+            return Ok(batch);
+        }
     }
     batch.times.push(JobTimeRow {
         job: time_key(unit),
@@ -187,6 +201,20 @@ mod tests {
         assert_eq!(batch.criteria[0].reason.as_deref(), Some("contact-gap: no"));
         assert_eq!(batch.times[0].cpu_seconds, 0.0);
         assert_eq!(timed(batch.times[0].job), Some((Kind::Design, 7)));
+    }
+
+    #[test]
+    fn the_state_of_a_run_is_stored_for_its_generation_and_costs_nothing_yet() {
+        let run = unit(StreamId::run(2, 1), 0..1);
+        let checkpoint = campaign::optimise::Checkpoint {
+            evaluations: 230,
+            state: vec![1, 2],
+        };
+        let batch = of(&run, Ok(Output::Unfinished(checkpoint))).rows.unwrap();
+        let name = "run archard 1".to_owned();
+        assert_eq!(batch.only_for, Some((name.clone(), 0xabcd_0000_1234)));
+        assert_eq!((batch.len(), &batch.states[0].stream), (1, &name));
+        assert_eq!(batch.states[0].evaluations, 230);
     }
 
     #[test]

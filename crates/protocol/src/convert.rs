@@ -7,6 +7,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use campaign::formulation::{ALL_VARIABLES, ROBUST_VARIABLES};
+use campaign::optimise::{Checkpoint, MAX_STATE_BYTES};
 use campaign::task::{Analysed, Output, Run, Source};
 use campaign::{Approach, Criteria, Frozen, Variables};
 use ledger::{Generation, Grant, Kind, LeaseId, StreamId, Unit};
@@ -218,6 +219,13 @@ pub fn result(
             }
             Err(error) => result.error = Some(format!("the run cannot be written: {error}")),
         },
+        Ok(Some(Output::Unfinished(checkpoint))) => {
+            result.run_state = Some(v2::RunState {
+                evaluations: checkpoint.evaluations,
+                cpu_seconds,
+                state: checkpoint.state.clone(),
+            });
+        }
         Ok(None) => {}
         Err(error) => result.error = Some(error.clone()),
     }
@@ -247,14 +255,27 @@ pub fn output(result: &v2::UnitResult) -> Result<(Unit, Result<Output, String>),
     let unit = Unit::try_from(unit)?;
     let said = [&result.refused, &result.run_json, &result.error];
     let said = said.iter().filter(|text| text.is_some()).count();
+    let said = said + usize::from(result.run_state.is_some());
     let has_samples = !result.analysed.is_empty() || !result.samples_um.is_empty();
     if said + usize::from(has_samples) != 1 {
-        return malformed("must be either samples or one of a refusal, a run and an error");
+        return malformed(
+            "must be either samples or one of a refusal, a run, the state of a run and an error",
+        );
     }
     if let Some(error) = &result.error {
         return Ok((unit, Err(error.clone())));
     }
     let output = match (unit.stream.kind, &result.run_json, &result.refused) {
+        (Kind::Run, None, None) => match &result.run_state {
+            Some(run) if (1..=MAX_STATE_BYTES).contains(&run.state.len()) => {
+                Output::Unfinished(Checkpoint {
+                    evaluations: run.evaluations,
+                    state: run.state.clone(),
+                })
+            }
+            Some(_) => return malformed("has a state of a run that is empty or too large"),
+            None => return malformed("is not what its unit asks for"),
+        },
         (Kind::Run, Some(json), None) => match serde_json::from_str(json) {
             Ok(run) => Output::Run(run),
             Err(error) => return malformed(&format!("has a run that cannot be read: {error}")),
@@ -272,7 +293,7 @@ pub fn output(result: &v2::UnitResult) -> Result<(Unit, Result<Output, String>),
     };
     let count = match &output {
         Output::Design { samples_um, .. } | Output::Samples(samples_um) => samples_um.len(),
-        Output::Refused(_) => 0,
+        Output::Refused(_) | Output::Unfinished(_) => 0,
         Output::Run(_) => 1,
     };
     if count != unit.samples.len() {
@@ -410,13 +431,42 @@ mod tests {
                         samples_um.len()
                     }
                     Ok(Output::Run(_)) => 1,
-                    Ok(Output::Refused(_)) | Err(_) => 0,
+                    Ok(Output::Refused(_) | Output::Unfinished(_)) | Err(_) => 0,
                 };
                 assert_eq!(covered.samples.len(), count);
                 seen += 1;
             }
         }
         assert_eq!(seen, sources.len());
+    }
+
+    #[test]
+    fn the_state_of_a_run_survives_and_has_a_limit() {
+        let unit = Unit {
+            stream: StreamId::run(3, 1),
+            generation: Generation(7),
+            samples: 0..1,
+        };
+        let of = |bytes| {
+            let checkpoint = Checkpoint {
+                evaluations: 230,
+                state: vec![5; bytes],
+            };
+            let outcome = Ok(Some(Output::Unfinished(checkpoint)));
+            (outcome.clone(), result(&unit, &outcome, 0.5))
+        };
+        let (sent, message) = of(MAX_STATE_BYTES);
+        let (covered, read) = output(&message).unwrap();
+        assert_eq!(read.map(Some), sent);
+        assert_eq!((covered.stream, covered.samples), (unit.stream, 0..0));
+        assert_eq!(message.run_state.unwrap().cpu_seconds, 0.5);
+        for bytes in [0, MAX_STATE_BYTES + 1] {
+            let refused = output(&of(bytes).1).unwrap_err().to_string();
+            assert!(refused.contains("empty or too large"), "{refused}");
+        }
+        let mut both = message.clone();
+        both.error = Some("no licence".to_owned());
+        assert!(output(&both).is_err());
     }
 
     #[test]

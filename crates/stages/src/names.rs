@@ -11,6 +11,16 @@ pub fn run_name(approach: Approach, start: u32) -> String {
     format!("run {} {start}", approach.name())
 }
 
+/// What a stream is called in the store where generations are, if it is a run.
+#[must_use]
+pub fn run_stream_name(stream: StreamId) -> Option<String> {
+    let (number, start) = stream.run_parts();
+    let approach = Approach::ALL
+        .into_iter()
+        .find(|approach| approach.number() == u64::from(number))?;
+    (stream.kind == Kind::Run).then(|| run_name(approach, start))
+}
+
 /// A stream as people see it.
 #[must_use]
 pub fn stream_name(stream: StreamId) -> String {

@@ -14,6 +14,8 @@
 //! - A file that is not this campaign's sound store, or that holds less than was acknowledged, is
 //!   refused before anything is written to it. So is one with several names, and one that went away
 //!   while it was open takes no more rows.
+//! - A state of an unfinished run is no result: it is replaced by a later one, removed with the run's
+//!   result, and checked by whoever goes on from it.
 //! - What was stored is what is read: rows carry a digest of their columns, samples have digests over
 //!   all of them, too, and a difference is an error that names table and row. These digests tell accidents:
 //!   a bit that flipped, a file that was edited. Whoever edits the store to deceive can make them fit.
@@ -67,7 +69,7 @@ pub use rounds::{InfillRow, NewRound, RoundRow};
 pub use rows::{
     Batch, CampaignRow, CriteriaRow, DesignRow, FailureGroup, FailureKind, FailureRow, JobHistory,
     JobTimeRow, MissingWork, ModelRow, OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow,
-    SampleRow, VerifyRow,
+    RunStateRow, SampleRow, VerifyRow,
 };
 pub use store::Store;
 pub use writer::Writer;

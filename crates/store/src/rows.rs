@@ -268,6 +268,23 @@ pub struct JobTimeRow {
     pub cpu_seconds: f64,
 }
 
+/// Where an optimiser run is that is not finished.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RunStateRow {
+    /// What the run is called where generations are.
+    pub stream: String,
+    /// The digest of its inputs.
+    pub generation: u64,
+    /// The build of the program that wrote the state.
+    pub build: String,
+    /// Evaluations so far.
+    pub evaluations: u64,
+    /// Processor time so far, in seconds. Measured.
+    pub cpu_seconds: f64,
+    /// What the run goes on from, 1 MiB at most.
+    pub state: Vec<u8>,
+}
+
 /// Rows that are stored together or not at all.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Batch {
@@ -279,6 +296,8 @@ pub struct Batch {
     pub verify: Vec<VerifyRow>,
     /// Optimiser runs.
     pub runs: Vec<OptimiserRunRow>,
+    /// States of unfinished runs. The one with most evaluations is kept, until its run is stored.
+    pub states: Vec<RunStateRow>,
     /// What jobs cost.
     pub times: Vec<JobTimeRow>,
     /// Failures; appended, but for those that are known by their worker's number.
@@ -296,6 +315,7 @@ impl Batch {
         self.samples.append(&mut other.samples);
         self.verify.append(&mut other.verify);
         self.runs.append(&mut other.runs);
+        self.states.append(&mut other.states);
         self.times.append(&mut other.times);
         self.failures.append(&mut other.failures);
         self.only_for = self.only_for.take().or(other.only_for);
@@ -307,6 +327,7 @@ impl Batch {
             + self.samples.len()
             + self.verify.len()
             + self.runs.len()
+            + self.states.len()
             + self.times.len()
             + self.failures.len()
     }

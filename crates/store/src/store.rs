@@ -14,8 +14,8 @@ use crate::query;
 use crate::rounds::{InfillRow, NewRound, RoundRow};
 use crate::rows::{
     CampaignRow, CriteriaRow, DesignRow, FailureGroup, FailureRow, JobHistory, JobTimeRow,
-    MissingWork, ModelRow, OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow, SampleRow,
-    VerifyRow,
+    MissingWork, ModelRow, OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow,
+    RunStateRow, SampleRow, VerifyRow,
 };
 use crate::samples;
 use crate::tally;
@@ -242,6 +242,12 @@ impl Store {
     /// All optimiser runs, by approach and then by start.
     pub async fn optimiser_runs(&self) -> Result<Vec<OptimiserRunRow>, Error> {
         keyed::all(&mut self.reader().await?).await
+    }
+
+    /// The state of an unfinished run, by what it is called where generations are. Whether it is of
+    /// the right generation and build is the caller's to see.
+    pub async fn run_state(&self, stream: &str) -> Result<Option<RunStateRow>, Error> {
+        query::run_state(&mut self.reader().await?, stream).await
     }
 
     /// All optima.

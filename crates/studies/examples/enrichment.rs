@@ -212,8 +212,13 @@ fn paper(problem: &Problem, seed: u64, without: &str, rows: &mut Vec<Row>) {
         let mut plain = 0;
         let mut best: Option<(f64, Variables)> = None;
         for start in 0..campaign.optimise.starts {
-            let run = optimise::run(problem, approach, start, &frozen, json.as_deref())
-                .expect("a start that can be simulated");
+            let run = campaign::task::Run {
+                approach,
+                start,
+                frozen,
+                model: json.as_deref().map(Into::into),
+            };
+            let run = optimise::run(problem, &run).expect("a start that can be simulated");
             plain += run.simulator_calls;
             if let Some(found) = run.best
                 && best.is_none_or(|(value, _)| found.criterion_um < value)

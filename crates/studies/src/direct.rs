@@ -14,7 +14,7 @@
 use campaign::Variant;
 use campaign::file::CorrectionsSection;
 use campaign::formulation::{Criteria, Frozen, Problem, ROBUST_VARIABLES, Variables};
-use cmaes::{Bounds, Evaluation, Run, Schedule};
+use cmaes::{Bounds, Evaluation, Run};
 use gear::{Corrections, Member, TipRelief};
 use rand::RngExt as _;
 use stats::streams::{Purpose, stream};
@@ -190,7 +190,6 @@ pub fn search(
     from: Option<&[f64]>,
 ) -> anyhow::Result<Search> {
     let campaign = problem.campaign();
-    let settings = &campaign.optimise;
     let dimension = space.dimension();
     let bounds = Bounds::unit(dimension)?;
     let mut rng = stream(
@@ -212,14 +211,11 @@ pub fn search(
         plain_calls: 0,
         worn_calls: 0,
     };
-    let schedule = Schedule {
-        evaluations: settings.evaluations as usize,
-        restart_at: settings.restart_at as usize,
-        step: settings.step / if from.is_some() { 3.0 } else { 1.0 },
-        population: settings.population as usize,
-        parents: settings.parents as usize,
-    };
-    let mut run = Run::new(&origin, schedule.options(&bounds))?;
+    let mut options = campaign.optimise.run(bounds);
+    if from.is_some() {
+        options.search.step /= 3.0;
+    }
+    let mut run = Run::new(&origin, options)?;
     while !run.is_finished() {
         let designs: Vec<Corrected> = run
             .ask(&mut rng)
@@ -302,7 +298,7 @@ mod tests {
     fn problem(change: impl FnOnce(&mut Campaign)) -> Problem {
         let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
         campaign.optimise.evaluations = 600;
-        campaign.optimise.restart_at = 300;
+        campaign.optimise.restart_at = Some(300);
         campaign.sampling.samples_per_design = 10;
         change(&mut campaign);
         Problem::new(campaign)
@@ -375,7 +371,7 @@ mod tests {
         let problem = problem(|campaign| {
             campaign.material.hertz_limit_mpa = 1080.0;
             campaign.optimise.evaluations = 3000;
-            campaign.optimise.restart_at = 1500;
+            campaign.optimise.restart_at = Some(1500);
         });
         let frozen = problem.printed_frozen();
         let here = &InProcess(&problem);

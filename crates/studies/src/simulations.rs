@@ -135,11 +135,7 @@ impl Simulations for InProcess<'_> {
     }
 
     fn optimise(&self, runs: Vec<Run>) -> anyhow::Result<Vec<RunResult>> {
-        let run = |run: Run| {
-            let model = run.model.as_deref();
-            campaign::optimise::run(self.0, run.approach, run.start, &run.frozen, model)
-                .map_err(anyhow::Error::msg)
-        };
-        runs.into_iter().map(run).collect()
+        let run = |run: &Run| campaign::optimise::run(self.0, run).map_err(anyhow::Error::msg);
+        runs.iter().map(run).collect()
     }
 }

@@ -182,8 +182,14 @@ pub struct Optimise {
     pub step: f64,
     /// Evaluations per start.
     pub evaluations: u32,
-    /// After how many of them the search restarts from its best point.
-    pub restart_at: u32,
+    /// How a search that has stopped starts again. From its best point if absent, and then left out
+    /// of the digest, as in files of before it.
+    #[serde(default, skip_serializing_if = "Restarts::is_default")]
+    pub restarts: Restarts,
+    /// After how many evaluations the search restarts from its best point whatever its state; given
+    /// with [`Restarts::FromBest`] only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub restart_at: Option<u32>,
     /// Independent runs.
     pub starts: u32,
     /// Weight p of a constraint's relative violation.
@@ -192,6 +198,48 @@ pub struct Optimise {
     pub reference_um: f64,
     /// Value of a design that cannot be simulated.
     pub failure_value: f64,
+}
+
+/// How the optimiser starts again when a search has stopped; see [`cmaes::Restarts`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Restarts {
+    /// From the best point so far, with the same population, as in the paper.
+    #[default]
+    FromBest,
+    /// From a random point with twice the population.
+    Ipop,
+    /// In turns with twice the population, and with a small population and a short step.
+    Bipop,
+}
+
+impl Restarts {
+    fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+impl Optimise {
+    /// The settings of a run of CMA-ES within `bounds`.
+    #[must_use]
+    pub fn run(&self, bounds: cmaes::Bounds) -> cmaes::RunOptions {
+        cmaes::RunOptions {
+            search: cmaes::Options {
+                population: self.population as usize,
+                parents: self.parents as usize,
+                step: self.step,
+                ..cmaes::Options::new(bounds)
+            },
+            evaluations: self.evaluations as usize,
+            restarts: match self.restarts {
+                Restarts::FromBest => cmaes::Restarts::FromBest {
+                    planned: self.restart_at.unwrap_or(0) as usize,
+                },
+                Restarts::Ipop => cmaes::Restarts::Ipop,
+                Restarts::Bipop => cmaes::Restarts::Bipop,
+            },
+        }
+    }
 }
 
 /// `[verify]`
@@ -437,12 +485,26 @@ impl Campaign {
             optimise.population,
             100_000_000,
         )?;
-        count(
-            "optimise.restart_at",
-            optimise.restart_at,
-            1,
-            optimise.evaluations,
-        )?;
+        let key = "optimise.restart_at";
+        match (optimise.restarts, optimise.restart_at) {
+            (Restarts::FromBest, Some(at)) => count(key, at, 1, optimise.evaluations)?,
+            (Restarts::FromBest, None) => {
+                return Err(source.refuse(
+                    key,
+                    "missing",
+                    "given, unless restarts is \"ipop\" or \"bipop\"",
+                ));
+            }
+            (_, Some(at)) => {
+                return Err(source.refuse(
+                    key,
+                    at,
+                    "absent when restarts is \"ipop\" or \"bipop\", which restart when a search \
+                     has stopped",
+                ));
+            }
+            (_, None) => {}
+        }
         count("optimise.starts", optimise.starts, 1, 1000)?;
         source.positive("optimise.penalty", optimise.penalty)?;
         source.positive("optimise.reference_um", optimise.reference_um)?;

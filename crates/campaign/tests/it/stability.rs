@@ -77,13 +77,18 @@ impl Simulator for Made {
 fn run(formula: Formula, evaluations: u32, start: u32) -> RunResult {
     let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
     campaign.optimise.evaluations = evaluations;
-    campaign.optimise.restart_at = evaluations / 2;
+    campaign.optimise.restart_at = Some(evaluations / 2);
     let made = Made {
         problem: Problem::new(campaign),
         formula,
     };
-    let frozen = made.problem.printed_frozen();
-    optimise::run(&made, Approach::Archard, start, &frozen, None).unwrap()
+    let run = campaign::task::Run {
+        approach: Approach::Archard,
+        start,
+        frozen: made.problem.printed_frozen(),
+        model: None,
+    };
+    optimise::run(&made, &run).unwrap()
 }
 
 fn unit(result: &RunResult) -> [f64; 6] {

@@ -1,39 +1,27 @@
 //! Whole runs: the budget, the restarts, and what is reported.
 
-use super::{cube, rng};
-use cmaes::{Cause, Error, Evaluation, Outcome, Schedule, Stop, minimise};
+use super::{cube, planned, rng};
+use cmaes::{Cause, Error, Evaluation, Outcome, Stop, minimise_run};
 
 fn sphere(x: &[f64]) -> f64 {
     x.iter().map(|v| v * v).sum()
 }
 
 /// A run on the sphere in [−5, 5]⁶ from (3, …, 3), with the number of calls.
-fn sphere_run(schedule: &Schedule, seed: u64) -> (Outcome, usize) {
+fn sphere_run(evaluations: usize, restart_at: usize, seed: u64) -> (Outcome, usize) {
     let mut calls = 0;
     let mut objective = |x: &[f64]| {
         calls += 1;
         sphere(x)
     };
-    let bounds = cube(-5.0, 5.0, 6);
-    let outcome = minimise(&[3.0; 6], &bounds, schedule, &mut rng(seed), &mut objective).unwrap();
+    let run = planned(cube(-5.0, 5.0, 6), evaluations, restart_at);
+    let outcome = minimise_run(&[3.0; 6], run, &mut rng(seed), &mut objective).unwrap();
     (outcome, calls)
 }
 
 #[test]
-fn the_default_is_the_papers() {
-    let expected = Schedule {
-        evaluations: 12_000,
-        restart_at: 6000,
-        step: 0.3,
-        population: 10,
-        parents: 5,
-    };
-    assert_eq!(Schedule::default(), expected);
-}
-
-#[test]
 fn the_whole_budget_is_used_and_the_planned_restart_comes() {
-    let (outcome, calls) = sphere_run(&Schedule::default(), 1);
+    let (outcome, calls) = sphere_run(12_000, 6000, 1);
     assert_eq!((outcome.evaluations, calls), (12_000, 12_000));
     assert!(outcome.value < 1e-12 && outcome.violation == 0.0);
     let planned: Vec<usize> = outcome
@@ -59,7 +47,7 @@ fn the_whole_budget_is_used_and_the_planned_restart_comes() {
 
 #[test]
 fn the_history_improves_up_to_the_outcome() {
-    let (outcome, _) = sphere_run(&Schedule::default(), 1);
+    let (outcome, _) = sphere_run(12_000, 6000, 1);
     for pair in outcome.history.windows(2) {
         assert!(pair[0].0 < pair[1].0 && pair[1].1.is_better_than(&pair[0].1));
     }
@@ -80,13 +68,9 @@ fn the_history_improves_up_to_the_outcome() {
 
 #[test]
 fn a_run_is_reproducible_to_the_bit() {
-    let schedule = Schedule {
-        evaluations: 3000,
-        restart_at: 1500,
-        ..Schedule::default()
-    };
-    assert_eq!(sphere_run(&schedule, 7), sphere_run(&schedule, 7));
-    assert_ne!(sphere_run(&schedule, 7).0.x, sphere_run(&schedule, 8).0.x);
+    let run = |seed| sphere_run(3000, 1500, seed);
+    assert_eq!(run(7), run(7));
+    assert_ne!(run(7).0.x, run(8).0.x);
 }
 
 /// A budget that is no multiple of the population, down to a single evaluation.
@@ -94,12 +78,7 @@ fn a_run_is_reproducible_to_the_bit() {
 fn odd_budgets_are_kept() {
     for evaluations in [1, 9, 10, 11, 1234] {
         for restart_at in [0, 5, 600, 5000] {
-            let schedule = Schedule {
-                evaluations,
-                restart_at,
-                ..Schedule::default()
-            };
-            let (outcome, calls) = sphere_run(&schedule, 1);
+            let (outcome, calls) = sphere_run(evaluations, restart_at, 1);
             assert_eq!((outcome.evaluations, calls), (evaluations, evaluations));
             let planned = outcome
                 .restarts
@@ -119,31 +98,16 @@ fn odd_budgets_are_kept() {
 
 #[test]
 fn failures_everywhere_are_an_error() {
-    let schedule = Schedule {
-        evaluations: 1000,
-        ..Schedule::default()
+    let run = |evaluations, value: f64| {
+        let options = planned(cube(0.0, 1.0, 3), evaluations, 0);
+        minimise_run(&[0.5; 3], options, &mut rng(1), &mut |_: &[f64]| value)
     };
-    let bounds = cube(0.0, 1.0, 3);
-    let result = minimise(
-        &[0.5; 3],
-        &bounds,
-        &schedule,
-        &mut rng(1),
-        &mut |_: &[f64]| f64::NAN,
+    let evaluations = 1000;
+    assert_eq!(
+        run(1000, f64::NAN),
+        Err(Error::NothingUsable { evaluations })
     );
-    assert_eq!(result, Err(Error::NothingUsable { evaluations: 1000 }));
-    let schedule = Schedule {
-        evaluations: 0,
-        ..Schedule::default()
-    };
-    let result = minimise(
-        &[0.5; 3],
-        &bounds,
-        &schedule,
-        &mut rng(1),
-        &mut |_: &[f64]| 1.0,
-    );
-    assert_eq!(result, Err(Error::NoBudget));
+    assert_eq!(run(0, 1.0), Err(Error::NoBudget));
 }
 
 /// The start lies where nothing can be evaluated; restarts from random points find the rest.
@@ -154,15 +118,8 @@ fn a_run_gets_out_of_a_region_of_failures() {
         let distance = (x[0] - 0.95).hypot(x[1] - 0.95);
         if distance < 0.04 { distance } else { f64::NAN }
     };
-    let start = [0.0; 2];
-    let outcome = minimise(
-        &start,
-        &bounds,
-        &Schedule::default(),
-        &mut rng(1),
-        &mut island,
-    )
-    .unwrap();
+    let run = planned(bounds, 12_000, 6000);
+    let outcome = minimise_run(&[0.0; 2], run, &mut rng(1), &mut island).unwrap();
     assert!(outcome.value < 1e-6, "{}", outcome.value);
     let first = outcome.restarts[0];
     assert!(matches!(first.cause, Cause::Stopped(Stop::AllFailed { .. })) && first.best.is_none());
@@ -176,14 +133,8 @@ fn a_run_ends_on_a_feasible_design() {
         value: x.iter().sum::<f64>(),
         violation: x.iter().map(|v| (0.9 - v).max(0.0)).sum(),
     };
-    let outcome = minimise(
-        &[0.1; 11],
-        &bounds,
-        &Schedule::default(),
-        &mut rng(1),
-        &mut objective,
-    )
-    .unwrap();
+    let run = planned(bounds, 12_000, 6000);
+    let outcome = minimise_run(&[0.1; 11], run, &mut rng(1), &mut objective).unwrap();
     assert_eq!(outcome.violation, 0.0);
     assert!((outcome.value - 9.9).abs() < 1e-3, "{}", outcome.value);
 }

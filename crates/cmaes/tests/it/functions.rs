@@ -1,6 +1,6 @@
 //! Convergence on standard functions, within budgets that a sound CMA-ES keeps.
 
-use super::{cube, options, rng, run};
+use super::{cube, options, planned, rng, run};
 use cmaes::{CmaEs, Evaluation};
 use rand::RngExt as _;
 
@@ -108,14 +108,9 @@ fn many_minima_are_worked_through() {
             .sum()
     };
     let bounds = cube(-5.0, 5.0, 6);
-    let outcome = cmaes::minimise(
-        &[3.3; 6],
-        &bounds,
-        &cmaes::Schedule::default(),
-        &mut rng(1),
-        &mut |x: &[f64]| rastrigin(x),
-    )
-    .unwrap();
+    let run = planned(bounds, 12_000, 6000);
+    let mut objective = |x: &[f64]| rastrigin(x);
+    let outcome = cmaes::minimise_run(&[3.3; 6], run, &mut rng(1), &mut objective).unwrap();
     assert!(outcome.value < 12.0, "{}", outcome.value);
 }
 

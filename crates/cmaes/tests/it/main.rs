@@ -3,12 +3,11 @@
 
 mod budget;
 mod functions;
-mod noise;
 mod restarts;
 mod robustness;
 mod saving;
 
-use cmaes::{Bounds, CmaEs, Evaluation, Options, Stop};
+use cmaes::{Bounds, CmaEs, Evaluation, Options, Restarts, RunOptions, Stop};
 use stats::streams::{Purpose, StreamRng, stream};
 
 fn rng(seed: u64) -> StreamRng {
@@ -21,6 +20,15 @@ fn options(bounds: Bounds) -> Options {
         population: 10,
         parents: 5,
         ..Options::new(bounds)
+    }
+}
+
+/// A run of so many evaluations as the gear paper has it, with a restart at `planned`.
+fn planned(bounds: Bounds, evaluations: usize, planned: usize) -> RunOptions {
+    RunOptions {
+        search: options(bounds),
+        evaluations,
+        restarts: Restarts::FromBest { planned },
     }
 }
 

@@ -1,7 +1,7 @@
 //! Restarts with growing populations.
 
 use super::{cube, options, rng};
-use cmaes::{Restarts, RunOptions, minimise_run};
+use cmaes::{Restarts, Run, RunOptions, minimise_run};
 
 fn rastrigin(x: &[f64]) -> f64 {
     x.iter()
@@ -38,7 +38,7 @@ fn growing_populations_find_the_global_minimum_where_restarts_from_the_best_do_n
 #[test]
 fn ipop_doubles_and_bipop_alternates() {
     let populations = |restarts| {
-        let mut run = cmaes::Run::new(
+        let mut run = Run::new(
             &[3.3; 6],
             RunOptions {
                 search: options(cube(-5.0, 5.0, 6)),
@@ -70,4 +70,55 @@ fn ipop_doubles_and_bipop_alternates() {
         alternating.windows(2).any(|pair| pair[1] < pair[0]),
         "{alternating:?}"
     );
+}
+
+/// A small search gets half the evaluations of the last large one, not of all large ones together.
+/// Here large searches end on a plateau, and small ones improve until their share is used up.
+#[test]
+fn a_small_search_of_bipop_has_at_most_half_of_the_last_large_one() {
+    let run_options = RunOptions {
+        search: options(cube(-5.0, 5.0, 2)),
+        evaluations: 20_000,
+        restarts: Restarts::Bipop,
+    };
+    let mut run = Run::new(&[3.3; 2], run_options).unwrap();
+    let mut rng = rng(3);
+    // Population and evaluations of each search; a search of a larger population than all before is
+    // a large one.
+    let mut searches = vec![(10, 0)];
+    let mut largest = 0;
+    while run.evaluations() < 19_000 {
+        let population = run.ask(&mut rng).len();
+        let restarts = run.restarts().len();
+        if restarts == searches.len() {
+            largest = largest.max(searches[restarts - 1].0);
+            searches.push((population, 0));
+        }
+        searches[restarts].1 += population;
+        let is_large = population > largest;
+        let value = |i| {
+            if is_large {
+                0.0
+            } else {
+                -((run.evaluations() + i) as f64)
+            }
+        };
+        let values: Vec<f64> = (0..population).map(value).collect();
+        run.tell(&values, &mut rng).unwrap();
+    }
+    searches.pop();
+    let (mut last_large, mut largest, mut small) = (0, 10, 0);
+    for &(population, spent) in &searches[1..] {
+        if population > largest {
+            (largest, last_large) = (population, spent);
+            continue;
+        }
+        small += 1;
+        // The share is looked at after each generation.
+        assert!(
+            spent < last_large / 2 + population,
+            "{spent} of {last_large} in {searches:?}"
+        );
+    }
+    assert!(small > 4 && largest > 40, "{searches:?}");
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use campaign::formulation::Problem;
-use campaign::task::{Inputs, Source, compute};
+use campaign::task::{Inputs, Run, Source, compute};
 use campaign::{Approach, Campaign, Variables, probe};
 use coordinator::board::Board;
 use coordinator::recorder::StoreRecorder;
@@ -16,10 +16,11 @@ use protocol::v2::campaign_server::Campaign as _;
 use protocol::v2::{
     Directive, DrainRequest, ExplainRequest, HeartbeatRequest, HeldLease, Lease, LeaseRequest,
     LeaseResult, LeaseState, RegisterRequest, ReleaseRequest, ReportRequest, RetryRequest,
-    UnitResult, WatchRequest,
+    RunState, Unit, UnitResult, WatchRequest,
 };
 use results::status::Status;
-use store::{CampaignRow, DesignRow, FailureKind, Store};
+use stages::names;
+use store::{Batch, CampaignRow, DesignRow, FailureKind, Store};
 use tempfile::TempDir;
 use tonic::Request;
 
@@ -187,6 +188,7 @@ async fn strangers_are_asked_to_register_and_store_nothing() {
     let request = HeartbeatRequest {
         worker_id: "stranger".to_owned(),
         held: Vec::new(),
+        unfinished: Vec::new(),
     };
     let heartbeat = bench
         .service
@@ -295,6 +297,80 @@ async fn what_a_partial_result_leaves_undone_is_leased_again() {
     let (leases, _) = bench.lease("next").await;
     let units = leases[0].units().unwrap();
     assert_eq!(units[0].0.samples, 4..10);
+}
+
+/// A worker is killed in the middle of a run; the next one goes on there, but not with a state of
+/// another build.
+#[tokio::test]
+async fn a_run_goes_on_where_its_worker_was() {
+    let bench = bench().await;
+    let run = Run {
+        approach: Approach::Archard,
+        start: 1,
+        frozen: bench.problem.printed_frozen(),
+        model: None,
+    };
+    let name = names::run_name(run.approach, run.start);
+    let inputs = Inputs::new(bench.problem.campaign(), None);
+    let stream = run.stream();
+    let wanted = inputs.wanted(stream, Source::Run(run), 1);
+    let generation = [(name.clone(), wanted.generation.0)];
+    bench.store.put_generations(&generation).await.unwrap();
+    bench.board.want(vec![wanted]);
+    let lease = async |worker: &str| {
+        bench.register(bench.introduction(worker)).await.unwrap();
+        let (leases, _) = bench.lease(worker).await;
+        assert_eq!(leases[0].units().unwrap()[0].0.stream, stream);
+        leases[0].clone()
+    };
+    let first = lease("first").await;
+    assert_eq!(first.run_state, None);
+    let of = |evaluations| UnitResult {
+        unit: first.units.first().map(|unit| Unit { count: 0, ..*unit }),
+        run_state: Some(RunState {
+            evaluations,
+            cpu_seconds: 2.5,
+            state: vec![1, 2, 3],
+        }),
+        ..UnitResult::default()
+    };
+    let heartbeat = HeartbeatRequest {
+        worker_id: "first".to_owned(),
+        held: Vec::new(),
+        unfinished: vec![of(230), UnitResult::default()],
+    };
+    bench
+        .service
+        .heartbeat(Request::new(heartbeat))
+        .await
+        .unwrap();
+    // Stopped by its worker, which leaves: it is free again, without blame, and no result.
+    let stopped = LeaseResult {
+        id: first.id,
+        results: vec![of(250)],
+        wall_seconds: 3.0,
+    };
+    bench.report("first", stopped).await;
+    assert!(bench.store.failures().await.unwrap().is_empty());
+    assert!(bench.store.optimiser_runs().await.unwrap().is_empty());
+    assert!(bench.store.job_times().await.unwrap().is_empty());
+    let second = lease("second").await;
+    assert_eq!(second.run_state, of(250).run_state);
+
+    let mut row = bench.store.run_state(&name).await.unwrap().unwrap();
+    row.build = "another".to_owned();
+    let batch = Batch {
+        states: vec![row],
+        ..Batch::default()
+    };
+    bench.store.writer().unwrap().submit(batch).await.unwrap();
+    let release = ReleaseRequest {
+        worker_id: "second".to_owned(),
+        leases: second.id.into_iter().collect(),
+        leaving: true,
+    };
+    bench.service.release(Request::new(release)).await.unwrap();
+    assert_eq!(lease("third").await.run_state, None);
 }
 
 /// A worker is cut off while the optimum that it samples is chosen anew: with the samples of the old

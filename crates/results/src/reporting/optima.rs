@@ -62,7 +62,7 @@ pub(super) fn approaches(sources: &Sources) -> anyhow::Result<Vec<ApproachResult
 }
 
 fn runs(sources: &Sources, approach: Approach) -> anyhow::Result<Vec<OptimiserRun>> {
-    let restart_at = u64::from(sources.problem.campaign().optimise.restart_at);
+    let planned = sources.problem.campaign().optimise.restart_at;
     sources
         .runs
         .iter()
@@ -70,7 +70,7 @@ fn runs(sources: &Sources, approach: Approach) -> anyhow::Result<Vec<OptimiserRu
         .map(|row| {
             let run: RunResult = serde_json::from_str(&row.result_json)?;
             let mut restarts: Vec<u64> = run.restarts.iter().map(|(at, _)| *at).collect();
-            restarts.push(restart_at);
+            restarts.extend(planned.map(u64::from));
             restarts.sort_unstable();
             Ok(OptimiserRun {
                 start: row.start as usize + 1,

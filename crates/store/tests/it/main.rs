@@ -9,6 +9,7 @@ mod ranges;
 mod reading;
 mod refusal;
 mod rounds;
+mod run_states;
 mod schemas;
 mod writing;
 

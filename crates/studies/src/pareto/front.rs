@@ -408,7 +408,7 @@ mod tests {
     fn searches_under_a_limit_stay_below_it() {
         let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
         campaign.optimise.evaluations = 400;
-        campaign.optimise.restart_at = 200;
+        campaign.optimise.restart_at = Some(200);
         campaign.sampling.samples_per_design = 8;
         campaign.verify.samples = 50;
         let problem = Problem::new(campaign);

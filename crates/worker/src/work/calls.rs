@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use campaign::optimise::Saved;
 use campaign::task::{Output, Source, compute_until};
 use gateway::link::cause;
 use ledger::{LeaseId, Unit};
@@ -27,6 +28,10 @@ const LEASE_WAIT: Duration = Duration::from_secs(5);
 const KEEP_EVERY: Duration = Duration::from_secs(1);
 /// The most samples between two looks at the clock.
 const MAX_STRIDE: u32 = 64;
+
+/// A heartbeat in so many tells the states of runs: every 30 s where a lease lasts as long. What is
+/// computed since is lost with the worker.
+const STATES_EVERY: u32 = 6;
 
 /// How long a lease waits until the coordinator knows that it begins.
 const ANNOUNCE_TIMEOUT: Duration = Duration::from_secs(5);
@@ -126,6 +131,7 @@ pub(super) async fn lease(shared: Arc<Shared>, pool: rayon::ThreadPool) -> Resul
                 units,
                 seconds: lease.seconds,
                 announce: lease.announce,
+                run_state: lease.run_state,
             });
             if shared.held.take(&lease) {
                 let shared = Arc::clone(&shared);
@@ -144,13 +150,16 @@ fn thread_seconds() -> f64 {
 /// What a compute thread knows of the unit at hand.
 struct Computing<'a> {
     shared: &'a Shared,
-    lease: LeaseId,
+    lease: &'a Lease,
     unit: &'a Unit,
     cancelled: &'a AtomicBool,
     /// When the lease began.
     began: Instant,
-    /// Processor time of the thread when the unit began.
+    /// When the unit began, and the processor time of the thread then.
+    unit_began: Instant,
     before: f64,
+    /// Whether a program simulates: all time is taken to be its own then.
+    is_external: bool,
     /// When a part was last kept.
     kept: Cell<Instant>,
     /// How many samples there are between two looks at the clock, and how many are left of them.
@@ -180,14 +189,41 @@ impl Computing<'_> {
             if since >= KEEP_EVERY {
                 self.kept.set(Instant::now());
                 if let Some(output) = so_far() {
-                    let cpu_seconds = thread_seconds() - self.before;
+                    let spent = if self.is_external {
+                        self.unit_began.elapsed().as_secs_f64()
+                    } else {
+                        thread_seconds() - self.before
+                    };
+                    let cpu_seconds = self.seconds_before() + spent;
                     let part = protocol::result(self.unit, &Ok(Some(output)), cpu_seconds);
                     let seconds = self.began.elapsed().as_secs_f64();
-                    self.shared.held.keep(self.lease, part, seconds);
+                    self.shared.held.keep(self.lease.id, part, seconds);
                 }
             }
         }
         true
+    }
+
+    /// Where a run goes on, if another worker began it and left a state that can be used.
+    fn saved(&self) -> Option<Saved> {
+        let state = &self.lease.run_state.as_ref()?.state;
+        let stream = self.unit.stream;
+        match Saved::read(state, self.unit) {
+            Ok(saved) => {
+                info!(%stream, evaluations = saved.evaluations(), "a run goes on where it was");
+                Some(saved)
+            }
+            Err(reason) => {
+                warn!(%stream, "the saved state of a run {reason}; the run begins anew");
+                None
+            }
+        }
+    }
+
+    /// Processor time that other workers have spent on a run, in seconds.
+    fn seconds_before(&self) -> f64 {
+        let run_state = self.lease.run_state.as_ref();
+        run_state.map_or(0.0, |run_state| run_state.cpu_seconds)
     }
 }
 
@@ -212,11 +248,13 @@ fn compute(shared: &Shared, lease: &Lease) {
             }
             let computing = Computing {
                 shared,
-                lease: lease.id,
+                lease,
                 unit,
                 cancelled: &cancelled,
                 began,
+                unit_began: Instant::now(),
                 before: thread_seconds(),
+                is_external: registered.backend.is_external(),
                 kept: Cell::new(Instant::now()),
                 stride: Cell::new(1),
                 left: Cell::new(1),
@@ -240,9 +278,10 @@ fn attempt(
     let Computing { shared, unit, .. } = computing;
     let go_on = |so_far: &dyn Fn() -> Option<Output>| computing.go_on(so_far);
     let backend = &registered.backend;
+    let saved = computing.saved();
     let guarded = std::panic::AssertUnwindSafe(|| {
         backend.with(&registered.problem, |simulator| {
-            compute_until(simulator, unit, source, &go_on)
+            compute_until(simulator, unit, source, saved, &go_on)
         })
     });
     let (outcome, program_seconds) = std::panic::catch_unwind(guarded).unwrap_or_else(|_| {
@@ -253,13 +292,14 @@ fn attempt(
         (Err(error), 0.0)
     });
     // What an external program takes is somebody else's time on the processor.
-    let cpu_seconds = thread_seconds() - computing.before + program_seconds;
+    let own_seconds = thread_seconds() - computing.before + program_seconds;
+    let cpu_seconds = computing.seconds_before() + own_seconds;
     if let Err(error) = &outcome {
         if backend.is_external() && shared.leaves_within(AFTERTHOUGHT) {
             // Whoever asked this worker to leave has ended the program as well.
             return None;
         }
-        warn!(stream = %unit.stream, lease = %computing.lease, %error, "a failure");
+        warn!(stream = %unit.stream, lease = %computing.lease.id, %error, "a failure");
     }
     match &outcome {
         Ok(None) => None,
@@ -384,6 +424,7 @@ pub(super) async fn heartbeat(
         let request = HeartbeatRequest {
             worker_id: shared.worker_id.clone(),
             held: shared.held.states(),
+            unfinished: shared.held.unfinished(STATES_EVERY * period),
         };
         // One that hangs must not keep the next one from being in time.
         let call = tokio::time::timeout(2 * period, client.heartbeat(request)).await;

@@ -56,6 +56,40 @@ fn the_kind_of_design_is_named_and_its_default_changes_no_digest() {
 }
 
 #[test]
+fn the_kind_of_restarts_is_named_and_its_default_changes_no_digest() {
+    const KEY: &str = "restart_at = 6000 ";
+    let paper = Campaign::parse("c.toml", Campaign::PAPER).unwrap();
+    let json = serde_json::to_string(&paper.optimise).unwrap();
+    assert!(
+        json.contains(r#""evaluations":12000,"restart_at":6000,"starts":3"#),
+        "as in stores of before restarts had a name: {json}"
+    );
+    let with = |lines: &str| {
+        let text = Campaign::PAPER.replacen(KEY, &format!("{lines} "), 1);
+        Campaign::parse("c.toml", &text).map_err(|error| error.to_string())
+    };
+    let named = with("restarts = \"from-best\"\nrestart_at = 6000").unwrap();
+    assert_eq!(named.digest(), paper.digest());
+    for name in ["ipop", "bipop"] {
+        let other = with(&format!("restarts = {name:?}")).unwrap();
+        assert_ne!(other.digest(), paper.digest());
+        assert_eq!(Campaign::from_json(&other.to_json()).unwrap(), other);
+        assert!(!other.extends(&paper) && !paper.extends(&other));
+        let error = with(&format!("restarts = {name:?}\nrestart_at = 6000")).unwrap_err();
+        let says = "c.toml, line 84: optimise.restart_at is 6000, but must be absent";
+        assert!(error.contains(says), "{error}");
+    }
+    for (lines, says) in [
+        ("", "optimise.restart_at is \"missing\""),
+        ("restart_at = 12001", "a whole number from 1 to 12000"),
+        ("restarts = \"best\"", "unknown variant `best`"),
+    ] {
+        let error = with(lines).unwrap_err();
+        assert!(error.contains(says), "{error}");
+    }
+}
+
+#[test]
 fn the_shipped_files_are_valid() {
     let paper = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
     assert_eq!(paper.teeth(), [20, 22]);

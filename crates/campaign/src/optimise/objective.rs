@@ -1,0 +1,184 @@
+//! The criterion of a run, and what it remembers of the designs that it has evaluated.
+
+use cmaes::Evaluation;
+use serde::{Deserialize, Serialize};
+
+use super::Found;
+use crate::formulation::{Approach, Frozen, Problem, Variables};
+use crate::simulator::{NoAnswer, Simulator};
+use crate::task::Run;
+
+/// The violation of a design that cannot be simulated, when ranked feasibility first: more than
+/// any real design's, whose violations are of order one.
+const FAILURE_VIOLATION: f64 = 1e6;
+
+/// The criterion of one formulation.
+pub(super) struct Objective<'a> {
+    simulator: &'a dyn Simulator,
+    problem: &'a Problem,
+    approach: Approach,
+    frozen: Frozen,
+    model: Option<kriging::Surrogate>,
+}
+
+/// What a run remembers of the designs that it has evaluated.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Seen {
+    pub(super) simulator_calls: u64,
+    /// The best design by the penalised objective, with its value.
+    pub(super) printed: Option<(f64, Found)>,
+    /// The best feasible design.
+    pub(super) best: Option<Found>,
+}
+
+/// An evaluated design, before it is known whether it is an improvement.
+struct Candidate {
+    found: Found,
+    violation: f64,
+}
+
+impl<'a> Objective<'a> {
+    /// The objective of a run.
+    ///
+    /// # Errors
+    ///
+    /// A sentence: the model is missing or cannot be read, or the approach has no runs.
+    pub(super) fn new(simulator: &'a dyn Simulator, run: &Run) -> Result<Self, String> {
+        let model = match (run.approach, run.model.as_deref()) {
+            (Approach::Kriging, Some(json)) => Some(
+                kriging::Surrogate::from_json(json)
+                    .map_err(|error| format!("the kriging model cannot be read: {error}"))?,
+            ),
+            (Approach::Kriging, None) => return Err("the task brings no kriging model".to_owned()),
+            (Approach::BestOfDoe | Approach::EnrichedKriging, _) => {
+                return Err(format!("{} is chosen, not optimised", run.approach.name()));
+            }
+            _ => None,
+        };
+        Ok(Self {
+            simulator,
+            problem: simulator.problem(),
+            approach: run.approach,
+            frozen: run.frozen,
+            model,
+        })
+    }
+
+    /// The penalised objective (5); designs that cannot be simulated get the failure value.
+    ///
+    /// # Errors
+    ///
+    /// The simulator failed.
+    pub(super) fn penalised(&self, seen: &mut Seen, unit: &[f64]) -> Result<f64, String> {
+        let failure = self.problem.campaign().optimise.failure_value;
+        let Some(candidate) = self.evaluate(seen, unit)? else {
+            return Ok(failure);
+        };
+        let value = self
+            .problem
+            .penalised(candidate.found.criterion_um, candidate.violation);
+        if !value.is_finite() {
+            return Ok(failure);
+        }
+        if seen.printed.is_none_or(|(best, _)| value < best) {
+            seen.printed = Some((value, candidate.found));
+        }
+        Ok(value)
+    }
+
+    /// The criterion and the violation, to be ranked feasibility first.
+    ///
+    /// # Errors
+    ///
+    /// The simulator failed.
+    pub(super) fn feasibility_first(
+        &self,
+        seen: &mut Seen,
+        unit: &[f64],
+    ) -> Result<Evaluation, String> {
+        Ok(match self.evaluate(seen, unit)? {
+            Some(Candidate { found, violation }) => {
+                // On the edge itself the violation is zero, but the inequalities are strict.
+                let violation = if found.feasible {
+                    0.0
+                } else {
+                    violation.max(f64::MIN_POSITIVE)
+                };
+                Evaluation {
+                    value: found.criterion_um,
+                    violation,
+                }
+            }
+            None => Evaluation {
+                value: 0.0,
+                violation: FAILURE_VIOLATION,
+            },
+        })
+    }
+
+    /// Simulates a design and keeps it if it is the best feasible one so far; none when it cannot
+    /// be simulated.
+    fn evaluate(&self, seen: &mut Seen, unit: &[f64]) -> Result<Option<Candidate>, String> {
+        match self.try_evaluate(seen, unit) {
+            Ok(candidate) => Ok(candidate),
+            Err(NoAnswer::Refused(_)) => Ok(None),
+            Err(NoAnswer::Failed(error)) => {
+                Err(format!("simulator call {}: {error}", seen.simulator_calls))
+            }
+        }
+    }
+
+    fn try_evaluate(&self, seen: &mut Seen, unit: &[f64]) -> Result<Option<Candidate>, NoAnswer> {
+        let problem = self.problem;
+        let variables = match self.approach {
+            Approach::NoWear => match problem.full_point(unit) {
+                Ok(variables) => variables,
+                Err(_) => return Ok(None),
+            },
+            _ => Variables::robust(&problem.robust_point(unit), &self.frozen),
+        };
+        seen.simulator_calls += 1;
+        let mut design = self.simulator.prepare(&variables)?;
+        let (criterion_um, pressure) = match self.approach {
+            Approach::Archard => {
+                seen.simulator_calls += 1;
+                let analysis = design.archard()?;
+                (analysis.delta_ste_um, analysis.hertz_pressure_mpa)
+            }
+            _ => {
+                let analysis = design.unworn()?;
+                let criterion_um = self.model.as_ref().map_or(analysis.delta_ste_um, |model| {
+                    model.mean(&variables.robust_part())
+                });
+                (criterion_um, analysis.hertz_pressure_mpa)
+            }
+        };
+        let mut criteria = design.criteria(pressure);
+        let violation = problem.violation(&criteria);
+        if !(criterion_um.is_finite() && violation.is_finite()) {
+            return Ok(None);
+        }
+        let mut feasible = problem.is_feasible(&criteria);
+        let improves = seen
+            .best
+            .is_none_or(|best| criterion_um < best.criterion_um);
+        if feasible && improves && self.approach == Approach::Kriging {
+            // The search takes the pressure of the unworn pair, one call as in the paper. What is
+            // kept as an optimum must satisfy its limit worn, too; that costs a call now and then.
+            seen.simulator_calls += 1;
+            criteria.hertz_pressure_mpa = design.archard()?.hertz_pressure_mpa;
+            feasible = problem.is_feasible(&criteria);
+        }
+        let found = Found {
+            variables,
+            criterion_um,
+            criteria,
+            feasible,
+        };
+        if feasible && improves {
+            seen.best = Some(found);
+        }
+        Ok(Some(Candidate { found, violation }))
+    }
+}
