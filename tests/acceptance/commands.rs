@@ -53,11 +53,29 @@ fn simulate_prints_figure_7() {
         "/specific_sliding/gear_tip",
         "/clearance_mm/1",
         "/root_stress_mpa/1",
+        "/iso_6336/root_safety/1",
+        "/iso_6336/flank_safety/1",
         "/pair_stiffness_n_per_mm_um",
         "/ste_um/phase/0",
         "/ste_um/value/0",
     ] {
         assert!(number(&unworn, path).is_finite());
+    }
+    // The safeties are the material's limits over the nominal stresses.
+    for (safety, stress, limit) in [
+        (
+            "/iso_6336/root_safety/0",
+            "/iso_6336/root_stress_mpa/0",
+            980.0,
+        ),
+        (
+            "/iso_6336/flank_safety/0",
+            "/iso_6336/contact_stress_mpa/0",
+            1550.0,
+        ),
+    ] {
+        let product = number(&unworn, safety) * number(&unworn, stress);
+        assert!((product / limit - 1.0).abs() < 1e-12);
     }
     // With the module that followed from the centre distance, the centre distance follows from it.
     let module = number(&unworn, "/normal_module_mm");

@@ -128,6 +128,13 @@ pub fn options(
     Ok(Options {
         seed: problem.campaign().seed,
         criterion: section.criterion,
+        // A validated campaign names a kernel.
+        kernel: problem
+            .campaign()
+            .kriging
+            .kernel
+            .parse()
+            .unwrap_or_default(),
         smooth_noise: problem.campaign().kriging.noise == Noise::Smoothed,
         batch: section.points_per_round as usize,
         samples_new: section.samples_per_point,

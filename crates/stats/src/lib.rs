@@ -7,7 +7,7 @@
 //!   sample, and the variance of that estimate, (8), (9), (14). Kriging takes the variance as the
 //!   known noise of the observation.
 //! - [`normal_p90`]: the same with the exact quantile, the exact variance or without bias.
-//! - [`harrell_davis_p90`], [`order_statistic_p90`], [`choose_p90`]: where samples are not normal;
+//! - [`harrell_davis_p90`], [`choose_p90`]: where samples are not normal;
 //!   [`exact_bootstrap_variance`] of any weighted sum of order statistics.
 //! - [`control_variate_p90`], [`normal_coefficients`] and [`grouped_p90`]: the same percentile from fewer
 //!   samples, by a control variate, antithetic or quasi-random coefficients.
@@ -47,8 +47,8 @@ pub use percentile::{
     PAPER_Z90, PERCENTILE_MIN_SAMPLES, Percentile, p90_interval, p90_variance, percentile_p90,
 };
 pub use quantile::{
-    Choice, ChoiceRule, HarrellDavisVariance, Method, ORDER_STATISTIC_MIN_SAMPLES, Quantile,
-    choose_p90, harrell_davis_p90, harrell_davis_p90_with, order_statistic_p90,
+    Choice, ChoiceRule, HARRELL_DAVIS_MIN_SAMPLES, HarrellDavisVariance, Method, Quantile,
+    choose_p90, harrell_davis_p90, harrell_davis_p90_with,
 };
 pub use rank::spearman;
 pub use sensitivity::{Index, SENSITIVITY_INPUTS, SENSITIVITY_ROWS, Sensitivity, SensitivityPlan};

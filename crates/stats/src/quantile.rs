@@ -2,13 +2,9 @@
 //!
 //! With X₍₁₎ ≤ … ≤ X₍ₙ₎ the sorted sample:
 //!
-//! - [`order_statistic_p90`] takes X₍ᵣ₎, r = ⌈0.9 n⌉, and the exact bootstrap variance: resampling n
-//!   values gives X₍ⱼ₎ in place r with the probability Iⱼ⸝ₙ(r, n − r + 1) − I₍ⱼ₋₁₎⸝ₙ(r, n − r + 1), I
-//!   the regularised incomplete beta function, so no resampling is needed (A. D. Hutson,
-//!   M. D. Ernst, "The exact bootstrap mean and variance of an L-estimator", J. R. Statist. Soc. B
-//!   62 (2000) 89–94).
-//! - [`harrell_davis_p90`] is the bootstrap mean of X₍(n+1) 0.9₎: all order statistics, weighted in
-//!   the same way with the parameters 0.9 (n + 1) and 0.1 (n + 1), and their jackknife variance
+//! - [`harrell_davis_p90`] is the bootstrap mean of X₍(n+1) 0.9₎: all order statistics, X₍ⱼ₎ with
+//!   the weight Iⱼ⸝ₙ − I₍ⱼ₋₁₎⸝ₙ, I the regularised incomplete beta function with the parameters
+//!   0.9 (n + 1) and 0.1 (n + 1), and their jackknife variance
 //!   (F. E. Harrell, C. E. Davis, "A new distribution-free quantile estimator", Biometrika 69
 //!   (1982) 635–640), or by [`HarrellDavisVariance`] their exact bootstrap variance.
 //! - [`choose_p90`] decides between the latter and the normal percentile.
@@ -19,7 +15,7 @@ use crate::moments::check_finite;
 use crate::{Error, NormalOptions, Percentile, bootstrap, lilliefors, normal_p90};
 
 /// The fewest samples: with fewer than 10, the 90 % percentile is beyond the largest.
-pub const ORDER_STATISTIC_MIN_SAMPLES: usize = 10;
+pub const HARRELL_DAVIS_MIN_SAMPLES: usize = 10;
 const LEVEL: f64 = 0.9;
 
 /// Which estimator a percentile comes from.
@@ -27,9 +23,7 @@ const LEVEL: f64 = 0.9;
 pub enum Method {
     /// m + z s: [`normal_p90`].
     Normal,
-    /// One order statistic: [`order_statistic_p90`].
-    OrderStatistic,
-    /// All of them: [`harrell_davis_p90`].
+    /// All order statistics: [`harrell_davis_p90`].
     HarrellDavis,
 }
 
@@ -46,32 +40,6 @@ pub struct Quantile {
     pub variance: f64,
 }
 
-/// The order statistic of rank ⌈0.9 n⌉ with its exact bootstrap variance.
-///
-/// # Errors
-///
-/// [`Error::TooFewSamples`] below [`ORDER_STATISTIC_MIN_SAMPLES`], [`Error::NonFinite`],
-/// [`Error::Overflow`].
-pub fn order_statistic_p90(samples: &[f64]) -> Result<Quantile, Error> {
-    let sorted = sorted(samples, "a percentile from order statistics")?;
-    let n = sorted.len();
-    // Whole tenths: 0.9 n would round to above an integer.
-    let rank = (9 * n).div_ceil(10);
-    let weights = beta_weights(n, rank as f64, (n - rank + 1) as f64);
-    let centre = sorted[rank - 1];
-    let moment = |power: i32| -> f64 {
-        let terms = weights.iter().zip(&sorted);
-        terms.map(|(w, x)| w * (x - centre).powi(power)).sum()
-    };
-    let variance = (moment(2) - moment(1).powi(2)).max(0.0);
-    finite(Quantile {
-        method: Method::OrderStatistic,
-        n,
-        p90: centre,
-        variance,
-    })
-}
-
 /// Which variance of Harrell and Davis's estimator to use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum HarrellDavisVariance {
@@ -86,7 +54,8 @@ pub enum HarrellDavisVariance {
 ///
 /// # Errors
 ///
-/// As [`order_statistic_p90`].
+/// [`Error::TooFewSamples`] below [`HARRELL_DAVIS_MIN_SAMPLES`], [`Error::NonFinite`],
+/// [`Error::Overflow`].
 pub fn harrell_davis_p90(samples: &[f64]) -> Result<Quantile, Error> {
     harrell_davis_p90_with(samples, HarrellDavisVariance::Jackknife)
 }
@@ -95,7 +64,7 @@ pub fn harrell_davis_p90(samples: &[f64]) -> Result<Quantile, Error> {
 ///
 /// # Errors
 ///
-/// As [`order_statistic_p90`].
+/// As [`harrell_davis_p90`].
 pub fn harrell_davis_p90_with(
     samples: &[f64],
     variance: HarrellDavisVariance,
@@ -170,7 +139,7 @@ pub struct Choice {
 }
 
 /// The percentile of one design by the rule: m + z s unless normality is rejected, then Harrell and
-/// Davis's estimator. Fewer than [`ORDER_STATISTIC_MIN_SAMPLES`] samples are always taken for
+/// Davis's estimator. Fewer than [`HARRELL_DAVIS_MIN_SAMPLES`] samples are always taken for
 /// normal, since order statistics cannot serve there.
 ///
 /// Among designs with normal samples the rule takes the longer way for a share of `significance`.
@@ -190,7 +159,7 @@ pub fn choose_p90(samples: &[f64], rule: &ChoiceRule) -> Result<Choice, Error> {
     let normal = normal_p90(samples, &rule.normal)?;
     let p_value = lilliefors(samples).ok().map(|test| test.p_value);
     let rejected = p_value.is_some_and(|p| p < significance);
-    let chosen = if rejected && samples.len() >= ORDER_STATISTIC_MIN_SAMPLES {
+    let chosen = if rejected && samples.len() >= HARRELL_DAVIS_MIN_SAMPLES {
         harrell_davis_p90_with(samples, rule.harrell_davis)?
     } else {
         Quantile {
@@ -224,10 +193,10 @@ fn beta_weights(n: usize, a: f64, b: f64) -> Vec<f64> {
 }
 
 fn sorted(samples: &[f64], statistic: &'static str) -> Result<Vec<f64>, Error> {
-    if samples.len() < ORDER_STATISTIC_MIN_SAMPLES {
+    if samples.len() < HARRELL_DAVIS_MIN_SAMPLES {
         return Err(Error::TooFewSamples {
             statistic,
-            needed: ORDER_STATISTIC_MIN_SAMPLES,
+            needed: HARRELL_DAVIS_MIN_SAMPLES,
             got: samples.len(),
         });
     }

@@ -1,6 +1,7 @@
 //! `coordinator simulate`: one pair, everything the simulator says of it.
 
 use campaign::PairFile;
+use campaign::file::Material;
 use clap::ValueEnum;
 use gear::{Discretisation, Geometry, Pair, Sliding};
 use serde::Serialize;
@@ -64,6 +65,7 @@ pub struct Figures {
     hertz_pressure_mpa: f64,
     root_stress_mpa: [f64; 2],
     notch_parameter_in_range: [bool; 2],
+    iso_6336: Nominal,
     pair_stiffness_n_per_mm_um: f64,
     ste_um: Curve,
     delta_ste_um: f64,
@@ -75,6 +77,37 @@ pub struct Figures {
     sd_um: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     p90_um: Option<f64>,
+}
+
+/// Nominal stresses by ISO 6336, method B with all application, dynamic and distribution factors 1, and the
+/// limits of the material over them; see [`gear::rating`].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+struct Nominal {
+    /// Whether the transverse contact ratio is from 1 to 2, for which the formulas are meant.
+    in_range: bool,
+    /// σ_F0.
+    root_stress_mpa: [f64; 2],
+    /// σ_H0 with the single pair tooth contact factor.
+    contact_stress_mpa: [f64; 2],
+    /// S_F, the material's yield stress over σ_F0.
+    root_safety: [f64; 2],
+    /// S_H, the material's permissible pressure over the contact stress.
+    flank_safety: [f64; 2],
+}
+
+impl Nominal {
+    fn of(pair: &Pair, material: &Material) -> Self {
+        let rating = gear::rating::rate(pair, 1.0);
+        let root_stress_mpa = rating.root.map(|root| root.stress_mpa);
+        let contact_stress_mpa = rating.z_single.map(|z| z * rating.contact_stress_mpa);
+        Self {
+            in_range: rating.in_range,
+            root_safety: root_stress_mpa.map(|stress| material.yield_mpa / stress),
+            flank_safety: contact_stress_mpa.map(|stress| material.hertz_limit_mpa / stress),
+            root_stress_mpa,
+            contact_stress_mpa,
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -183,6 +216,7 @@ pub fn run(file: &PairFile, request: Request) -> anyhow::Result<Simulation> {
             hertz_pressure_mpa: analysis.hertz_pressure_mpa,
             root_stress_mpa: [roots[0].stress_mpa, roots[1].stress_mpa],
             notch_parameter_in_range: [roots[0].in_range, roots[1].in_range],
+            iso_6336: Nominal::of(&pair, &file.material),
             pair_stiffness_n_per_mm_um: pair.pitch_stiffness(),
             ste_um: Curve {
                 phase: analysis.phases,
@@ -286,6 +320,20 @@ pub fn describe(simulation: &Simulation) -> String {
     line(
         "root stresses",
         format!("{} MPa", pair(figures.root_stress_mpa)),
+    );
+    let nominal = &figures.iso_6336;
+    let remark = if nominal.in_range {
+        ""
+    } else {
+        " (contact ratio outside the formulas' range)"
+    };
+    line(
+        "ISO 6336, nominal: S_F",
+        format!("{}{remark}", pair(nominal.root_safety)),
+    );
+    line(
+        "ISO 6336, nominal: S_H",
+        format!("{}{remark}", pair(nominal.flank_safety)),
     );
     let stiffness = figures.pair_stiffness_n_per_mm_um;
     line(

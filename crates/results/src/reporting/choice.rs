@@ -65,7 +65,7 @@ fn moved(
         Sampled::Enough(count) => count,
         Sampled::Wants { at_least, .. } => at_least,
     };
-    if count < stats::ORDER_STATISTIC_MIN_SAMPLES {
+    if count < stats::HARRELL_DAVIS_MIN_SAMPLES {
         return Ok(None);
     }
     let normal = stats::normal_p90(&samples[..count], &sampling.percentile.normal())?;
