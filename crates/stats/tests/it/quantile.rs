@@ -1,5 +1,6 @@
 use rand::RngExt as _;
 use rand_distr::{Distribution, Exp1, StandardNormal};
+use statrs::function::beta::beta_reg;
 use stats::streams::{Purpose, stream};
 use stats::{
     ChoiceRule, Error, HarrellDavisVariance, Method, choose_p90, exact_bootstrap_variance,
@@ -104,7 +105,19 @@ fn one_order_statistic_has_the_same_bootstrap_variance_both_ways() {
             .collect();
         let mut weights = vec![0.0; n];
         weights[(9 * n).div_ceil(10) - 1] = 1.0;
-        let expected = order_statistic_p90(&sample).unwrap().variance;
+        // Resampling puts X₍ⱼ₎ in place r with the probability I(j/n) − I((j − 1)/n), I that of a beta
+        // distribution with the parameters r and n − r + 1.
+        let (rank, count) = ((9 * n).div_ceil(10) as f64, n as f64);
+        let below = |j: usize| beta_reg(rank, count - rank + 1.0, j as f64 / count);
+        let mut sorted = sample.clone();
+        sorted.sort_by(f64::total_cmp);
+        let moment = |power: i32| -> f64 {
+            let values = sorted.iter().enumerate();
+            values
+                .map(|(j, x)| (below(j + 1) - below(j)) * x.powi(power))
+                .sum()
+        };
+        let expected = moment(2) - moment(1).powi(2);
         let found = exact_bootstrap_variance(&sample, &weights).unwrap();
         // The incomplete beta function is good to some 1e-12.
         assert!(
