@@ -59,7 +59,7 @@ impl Kind {
     fn texts(self, seed: u64) -> Vec<String> {
         let is_even = seed.is_multiple_of(2);
         match self {
-            Self::Plain => vec![law(small_campaign(40, 6000), is_even)],
+            Self::Plain => vec![model(law(small_campaign(40, 6000), is_even), is_even)],
             Self::Precise => {
                 let precision = "precision_um = 0.005\nsamples_max = 8000\nskip_violation = 2.0\n\
                                  percentile = \"chosen\"\nsamples_per_design = 1500 ";
@@ -80,7 +80,8 @@ impl Kind {
                     let text = law(small_campaign(designs, samples), is_even);
                     change(&text, "\nsamples = 100 ", "\nsamples = 60000 ")
                 };
-                vec![grown(30, 1500), grown(36, 2000)]
+                // The larger campaign has another model of the same samples, too.
+                vec![grown(30, 1500), model(grown(36, 2000), is_even)]
             }
             Self::External => vec![external(true)],
             Self::Licence => vec![external(is_even)],
@@ -96,6 +97,18 @@ fn law(shipped: String, is_shipped: bool) -> String {
     let text = change(&shipped, "\"whole-face-beam\"", "\"hertz-beam\"");
     let text = change(&text, "law = \"signed\"", "law = \"archard\"");
     change(&text, "coefficient_per_mpa = 3.5e-7", "max_depth_um = 3.5")
+}
+
+/// Either the shipped model and restarts, or others.
+fn model(shipped: String, is_shipped: bool) -> String {
+    if is_shipped {
+        return shipped;
+    }
+    change(
+        &shipped,
+        "[kriging]\n",
+        "[kriging]\nnoise = \"smoothed\"\nestimator = \"posterior-mode\"\nresponse = \"log\"\n",
+    )
 }
 
 /// The example of an external simulator, with or without a precision.
