@@ -39,7 +39,7 @@ fn analysed(log: &PathBuf) -> Vec<String> {
 fn held(sandbox: &Sandbox, db: &str) -> (Option<String>, Option<RunStateRow>) {
     let runtime = tokio::runtime::Runtime::new().unwrap();
     runtime.block_on(async {
-        let store = Store::open_read_only(sandbox.path(db)).await.unwrap();
+        let store = Store::open_read_only(&sandbox.path(db)).await.unwrap();
         let runs = store.optimiser_runs().await.unwrap();
         let result = runs.into_iter().find(|run| run.approach == "no-wear");
         let state = store.run_state(RUN).await.unwrap();
@@ -91,6 +91,7 @@ fn goes_on(lease: &str, end: impl Fn(&Sandbox, &PathBuf, Running)) {
 
     let place = Place::of_file(&sandbox, &file);
     let coordinator = place.serve_for(lease);
+    sandbox.wait_for(DB, "a store", |_| true);
     let (exec, begun) = noting(&sandbox, "begun", 0.01);
     let worker = place.worker(&["--slots", "1", "--grace", "2", "--exec", &exec]);
     end(&sandbox, &begun, worker);

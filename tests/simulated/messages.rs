@@ -14,7 +14,7 @@ use protocol::v2::campaign_server::Campaign as _;
 use protocol::v2::{
     self, Directive, DrainRequest, ExplainRequest, HeartbeatRequest, HeldLease, LeaseRequest,
     LeaseResult, LeaseState, RegisterRequest, ReleaseRequest, ReportRequest, RetryRequest,
-    StatusRequest, UnitResult, WatchRequest,
+    RunState, StatusRequest, UnitResult, WatchRequest,
 };
 use tonic::Request;
 
@@ -127,7 +127,7 @@ fn a_unit() -> impl Strategy<Value = v2::Unit> {
     )
 }
 
-fn a_result() -> impl Strategy<Value = LeaseResult> {
+fn a_unit_result() -> impl Strategy<Value = UnitResult> {
     let numbers = || prop::collection::vec(any::<f64>(), 0..12);
     let text = || prop::option::of("\\PC{0,40}");
     let unit = (
@@ -137,13 +137,25 @@ fn a_result() -> impl Strategy<Value = LeaseResult> {
         text(),
         text(),
     );
-    let unit = (unit, text(), text(), any::<u64>(), any::<f64>()).prop_map(
+    let state = (
+        any::<u64>(),
+        any::<f64>(),
+        prop::collection::vec(any::<u8>(), 0..9),
+    );
+    let state = state.prop_map(|(evaluations, cpu_seconds, state)| RunState {
+        evaluations,
+        cpu_seconds,
+        state,
+    });
+    let state = prop::option::of(state);
+    (unit, text(), text(), any::<u64>(), any::<f64>(), state).prop_map(
         |(
             (unit, analysed, samples_um, ruled_out, refused),
             run_json,
             error,
             serial,
             cpu_seconds,
+            run_state,
         )| {
             UnitResult {
                 unit,
@@ -155,10 +167,14 @@ fn a_result() -> impl Strategy<Value = LeaseResult> {
                 error,
                 serial,
                 cpu_seconds,
+                run_state,
             }
         },
-    );
-    let units = prop::collection::vec(unit, 0..4);
+    )
+}
+
+fn a_result() -> impl Strategy<Value = LeaseResult> {
+    let units = prop::collection::vec(a_unit_result(), 0..4);
     (a_lease(), units, any::<f64>()).prop_map(|(id, results, wall_seconds)| LeaseResult {
         id: Some(id),
         results,
@@ -203,9 +219,19 @@ fn nonsense() -> impl Strategy<Value = Vec<u8>> {
         }
         .encode_to_vec()
     });
-    let heartbeat = (a_worker(), prop::collection::vec(state, 0..5));
-    let heartbeat = heartbeat
-        .prop_map(|(worker_id, held)| HeartbeatRequest { worker_id, held }.encode_to_vec());
+    let heartbeat = (
+        a_worker(),
+        prop::collection::vec(state, 0..5),
+        prop::collection::vec(a_unit_result(), 0..5),
+    );
+    let heartbeat = heartbeat.prop_map(|(worker_id, held, unfinished)| {
+        HeartbeatRequest {
+            worker_id,
+            held,
+            unfinished,
+        }
+        .encode_to_vec()
+    });
     let report = (a_worker(), prop::collection::vec(a_result(), 0..5));
     let report = report
         .prop_map(|(worker_id, results)| ReportRequest { worker_id, results }.encode_to_vec());
@@ -308,6 +334,7 @@ fn a_heartbeat_says_whether_jobs_are_leased_at_all() {
             let request = HeartbeatRequest {
                 worker_id: "known".to_owned(),
                 held: Vec::new(),
+                unfinished: Vec::new(),
             };
             let answer = service.heartbeat(Request::new(request)).await;
             answer.expect("it is known").into_inner().directive()

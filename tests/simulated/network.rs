@@ -412,6 +412,7 @@ async fn stutter(problem: Arc<Problem>) -> turmoil::Result {
         let heartbeat = HeartbeatRequest {
             worker_id: worker_id.clone(),
             held: held.collect(),
+            unfinished: Vec::new(),
         };
         twice!(heartbeat, heartbeat.clone());
         let mut results = Vec::new();
@@ -493,6 +494,7 @@ fn a_thousand_workers_that_register_at_once_are_all_served() {
                 let heartbeat = HeartbeatRequest {
                     worker_id,
                     held: Vec::new(),
+                    unfinished: Vec::new(),
                 };
                 let answer = link.client().heartbeat(heartbeat).await?.into_inner();
                 assert_eq!(answer.directive(), Directive::Continue);

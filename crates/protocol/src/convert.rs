@@ -459,7 +459,7 @@ mod tests {
         let (covered, read) = output(&message).unwrap();
         assert_eq!(read.map(Some), sent);
         assert_eq!((covered.stream, covered.samples), (unit.stream, 0..0));
-        assert_eq!(message.run_state.unwrap().cpu_seconds, 0.5);
+        assert_eq!(message.run_state.as_ref().unwrap().cpu_seconds, 0.5);
         for bytes in [0, MAX_STATE_BYTES + 1] {
             let refused = output(&of(bytes).1).unwrap_err().to_string();
             assert!(refused.contains("empty or too large"), "{refused}");

@@ -579,6 +579,7 @@ async fn what_is_given_back_goes_to_the_next_worker_without_blame() {
             id: leases[0].id,
             started: true,
         }],
+        unfinished: Vec::new(),
     };
     let heartbeat = bench
         .service
