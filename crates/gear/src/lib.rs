@@ -106,6 +106,7 @@ mod column;
 mod converged;
 mod corrections;
 mod crowned;
+mod eigen;
 mod error;
 mod field;
 mod geometry;
