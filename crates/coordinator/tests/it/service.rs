@@ -327,6 +327,7 @@ async fn a_run_goes_on_where_its_worker_was() {
     assert_eq!(first.run_state, None);
     let of = |evaluations| UnitResult {
         unit: first.units.first().map(|unit| Unit { count: 0, ..*unit }),
+        cpu_seconds: 2.5,
         run_state: Some(RunState {
             evaluations,
             cpu_seconds: 2.5,
