@@ -198,5 +198,5 @@ fn the_rule_follows_normality() {
             ..
         })
     ));
-    assert!(order_statistic_p90(&[f64::NAN; 12]).is_err());
+    assert!(harrell_davis_p90(&[f64::NAN; 12]).is_err());
 }
