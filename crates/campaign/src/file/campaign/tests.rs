@@ -76,8 +76,11 @@ fn the_kind_of_restarts_is_named_and_its_default_changes_no_digest() {
         assert_eq!(Campaign::from_json(&other.to_json()).unwrap(), other);
         assert!(!other.extends(&paper) && !paper.extends(&other));
         let error = with(&format!("restarts = {name:?}\nrestart_at = 6000")).unwrap_err();
-        let says = "c.toml, line 84: optimise.restart_at is 6000, but must be absent";
-        assert!(error.contains(says), "{error}");
+        let says = "optimise.restart_at is 6000, but must be absent";
+        assert!(
+            error.contains("c.toml, line ") && error.contains(says),
+            "{error}"
+        );
     }
     for (lines, says) in [
         ("", "optimise.restart_at is \"missing\""),
