@@ -175,20 +175,24 @@ fn merge(row: &mut Sampled, other: &Sampled) {
 #[cfg(test)]
 mod tests {
     use cmaes::Bounds;
+    use rand::RngExt as _;
+    use stats::streams::{Purpose, stream};
 
     use super::*;
 
     /// Variances that scatter by a factor around 0.36/samples.
     #[test]
     fn smoothed_variances_are_those_of_the_samples_taken() {
+        let mut rng = stream(5, Purpose::Test, 0, 0);
         let sampled = (0..80).map(|i| {
             let place = f64::from(i);
+            let scatter = rng.random::<f64>() - 0.5;
             let samples = if i % 7 == 0 { 72 } else { 36 };
             Sampled {
                 x: vec![(0.37 * place).fract(), (0.71 * place).fract()],
                 samples,
                 response_um: 1.0,
-                variance_um2: 0.36 * (0.5 * (3.1 * place).sin()).exp() / f64::from(samples),
+                variance_um2: 0.36 * scatter.exp() / f64::from(samples),
                 violation: 0.0,
                 baseline_um: 0.0,
             }

@@ -112,10 +112,11 @@ impl Store {
             schema::check_rows(&mut connection, found).await?;
         }
         let (held, commits) = schema::read(&mut connection, found).await?;
+        // Before any refusal: whoever is refused may put another file here.
+        connection.close().await?;
         if let Some(commits) = commits {
             lock.compare(commits)?;
         }
-        connection.close().await?;
         if held.digest != campaign.digest && !may_extend(&held) {
             return Err(Error::OtherCampaign {
                 path: path.to_path_buf(),
