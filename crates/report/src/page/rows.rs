@@ -206,8 +206,14 @@ pub(super) fn approaches(data: &ReportData) -> Vec<ApproachRow> {
 
 /// A difference of P90 in µm with its sign.
 pub(super) fn difference(value: f64) -> String {
-    let sign = if value < 0.0 { "−" } else { "+" };
-    format!("{sign}{}", fixed(value.abs(), 4))
+    let digits = fixed(value.abs(), 4);
+    let is_zero = digits.bytes().all(|digit| matches!(digit, b'0' | b'.'));
+    let sign = match (is_zero, value < 0.0) {
+        (true, _) => "±",
+        (false, true) => "−",
+        (false, false) => "+",
+    };
+    format!("{sign}{digits}")
 }
 
 fn design_cells(optimum: &Optimum, limits: &Limits) -> DesignCells {
