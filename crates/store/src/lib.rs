@@ -15,7 +15,7 @@
 //!   refused before anything is written to it. So is one with several names, and one that went away
 //!   while it was open takes no more rows.
 //! - A state of an unfinished run is no result: it is replaced by a later one, removed with the run's
-//!   result, and checked by whoever goes on from it.
+//!   result, and checked by the worker that continues the run.
 //! - What was stored is what is read: rows carry a digest of their columns, samples have digests over
 //!   all of them, too, and a difference is an error that names table and row. These digests tell accidents:
 //!   a bit that flipped, a file that was edited. Whoever edits the store to deceive can make them fit.

@@ -112,7 +112,7 @@ impl Store {
             schema::check_rows(&mut connection, found).await?;
         }
         let (held, commits) = schema::read(&mut connection, found).await?;
-        // Before any refusal: whoever is refused may put another file here.
+        // The connection is closed before a refusal: the caller may replace the file after one.
         connection.close().await?;
         if let Some(commits) = commits {
             lock.compare(commits)?;

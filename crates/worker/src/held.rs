@@ -491,7 +491,7 @@ mod tests {
         let every = Duration::from_millis(30);
         assert_eq!(held.unfinished(every), [state(STATE_BYTES)]);
         assert_eq!(held.unfinished(every), [state(STATE_BYTES - 1)]);
-        assert_eq!(held.give_up_all(), [], "all have something to hand in");
+        assert_eq!(held.give_up_all(), [], "every lease has a result to report");
     }
 
     #[test]

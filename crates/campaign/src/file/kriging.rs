@@ -8,6 +8,7 @@ use super::validate::Source;
 use super::{FileError, Sampling};
 
 /// `[kriging]`. Every key but the first has a default and is left out of the digest when it has that value.
+/// An enrichment takes `kernel` and `noise` for its own models, and none of the other keys.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Kriging {
