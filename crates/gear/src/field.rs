@@ -34,7 +34,8 @@
 //! Appl. 22 (2015), for step 2; M. Pazouki, R. Schaback, *Bases for kernel-based spaces*,
 //! J. Comput. Appl. Math. 236 (2011).
 
-use crate::eigen;
+use nalgebra::{DMatrix, SymmetricEigen};
+
 use crate::input::{Kernel, Wear};
 
 /// Share of the variance that may be left out by dropping modes.
@@ -75,19 +76,26 @@ impl Field {
         if rank == 0 {
             return field;
         }
-        let mut gram = vec![0.0; rank * rank];
+        let mut gram = DMatrix::zeros(rank, rank);
         let count = newton.at_candidates[0].len();
         for (i, a) in newton.at_candidates.iter().enumerate() {
             for (j, b) in newton.at_candidates[..=i].iter().enumerate() {
                 let inner: f64 = a.iter().zip(b).map(|(a, b)| a * b).sum();
                 let ends = a[0] * b[0] + a[count - 1] * b[count - 1];
                 let mean = (inner - 0.5 * ends) / (count - 1) as f64;
-                gram[i * rank + j] = mean;
-                gram[j * rank + i] = mean;
+                gram[(i, j)] = mean;
+                gram[(j, i)] = mean;
             }
         }
+        let eigen = SymmetricEigen::new(gram);
+        let pairs = eigen
+            .eigenvalues
+            .iter()
+            .zip(eigen.eigenvectors.column_iter());
+        let mut pairs: Vec<_> = pairs.collect();
+        pairs.sort_by(|(a, _), (b, _)| b.total_cmp(a));
         let mut left = wear.variance;
-        for (value, vector) in eigen::symmetric(gram, rank) {
+        for (value, vector) in pairs {
             if left <= TRUNCATION * wear.variance {
                 break;
             }

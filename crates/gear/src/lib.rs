@@ -106,7 +106,6 @@ mod column;
 mod converged;
 mod corrections;
 mod crowned;
-mod eigen;
 mod error;
 mod field;
 mod geometry;
