@@ -83,7 +83,8 @@ fn tables_are_complete(designs: &[Vec<String>]) {
     assert_eq!(
         designs[0].join(","),
         "design,x_p,x_r,ha0_p,ha0_r,hf0_p,hf0_r,feasible,reason,contact_ratio,specific_sliding,\
-         hertz_pressure_mpa,root_stress_mpa,delta_ste_um,delta_ste_archard_um"
+         hertz_pressure_mpa,hertz_pressure_worn_mpa,root_stress_mpa,clearance_p_mm,clearance_r_mm,\
+         flank_margin_p_mm,flank_margin_r_mm,delta_ste_um,delta_ste_archard_um"
     );
     assert_eq!(designs.len(), 151);
     let feasible = designs[1..].iter().filter(|row| row[7] == "1").count();
@@ -97,7 +98,7 @@ fn tables_are_complete(designs: &[Vec<String>]) {
             .filter(|field| field.parse::<f64>().is_ok())
             .count();
         // A refused design says why and gets no figures and no samples.
-        assert_eq!(numbers, if row[7] == "1" { 6 } else { 0 }, "{row:?}");
+        assert_eq!(numbers, if row[7] == "1" { 11 } else { 0 }, "{row:?}");
         assert_eq!(row[8].is_empty(), row[7] == "1", "{row:?}");
     }
 }

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use campaign::formulation::Problem;
 use campaign::task::{Inputs, Output, Source, compute};
-use campaign::{Campaign, Variables, probe};
+use campaign::{Campaign, Design, probe};
 use coordinator::board::Board;
 use coordinator::recorder::Recorder;
 use coordinator::service::Service;
@@ -132,7 +132,7 @@ impl Recorder for Memory {
 pub(crate) fn source(problem: &Problem, design: u32) -> Source {
     let shift = f64::from(design) * 0.01;
     let x = [0.25 + shift, 1.37, 1.37, 0.85, 1.31, 0.80];
-    Source::Design(Variables::robust(&x, &problem.printed_frozen()))
+    Source::Design(problem.design(&x, problem.base()))
 }
 
 /// The shipped quick campaign.
@@ -157,7 +157,7 @@ pub(crate) fn service(problem: &Problem, memory: &Memory, epoch: u64) -> Service
     Service {
         board: board(problem, memory, epoch),
         recorder: memory.clone(),
-        campaign_json: problem.campaign().to_json(),
+        problem: Arc::new(problem.clone()),
         model_digest: Some(digest().to_owned()),
     }
 }

@@ -273,7 +273,7 @@ fn no_bytes_break_the_reading_of_results() {
         let Ok(result) = UnitResult::decode(&*payload) else {
             return Ok(());
         };
-        let Ok(read) = ingest::read(&result, |_| Some("archard".to_owned())) else {
+        let Ok(read) = ingest::read(&problem, &result, |_| Some("archard".to_owned())) else {
             return Ok(());
         };
         if let Ok(batch) = read.rows {

@@ -18,5 +18,5 @@ pub mod task;
 pub mod variant;
 
 pub use file::{Campaign, FileError, PairFile};
-pub use formulation::{Approach, Criteria, Frozen, Variables};
+pub use formulation::{Approach, Criteria, Design, GearCriteria, GearVariables};
 pub use variant::{Variant, WearFactors};

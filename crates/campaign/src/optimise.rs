@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 use stats::streams::{Purpose, StreamRng, stream};
 
 use crate::file::Optimise;
-use crate::formulation::{Approach, Criteria, Variables};
+use crate::formulation::{Approach, Criteria, Design};
 use crate::simulator::Simulator;
 use crate::task::{KeepGoing, Output, Run};
 
@@ -33,11 +33,12 @@ use objective::{Objective, Seen};
 const CONTINUATIONS: u32 = 10;
 
 /// A design that a run found.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Found {
-    /// The design.
-    pub variables: Variables,
+    /// The design; `variables` in JSON of earlier versions.
+    #[serde(alias = "variables")]
+    pub design: Design,
     /// The criterion that the run minimised, µm.
     pub criterion_um: f64,
     /// Its criteria.
@@ -123,7 +124,7 @@ impl<'a> Search<'a> {
         let objective = Objective::new(simulator, run)?;
         let campaign = simulator.problem().campaign();
         let settings = campaign.optimise;
-        let dimension = run.approach.variables();
+        let dimension = simulator.problem().dimension_of(run.approach);
         let bounds = Bounds::unit(dimension).map_err(|error| error.to_string())?;
         let mut rng = stream(
             campaign.seed,
@@ -197,7 +198,11 @@ impl State {
                 .collect();
         }
         // The printed winner is feasible exactly when nothing is left to do.
-        let is_printed_infeasible = self.seen.printed.is_some_and(|(_, found)| !found.feasible);
+        let is_printed_infeasible = self
+            .seen
+            .printed
+            .as_ref()
+            .is_some_and(|(_, found)| !found.feasible);
         let is_open = self.continuations == 0
             || self.seen.best.is_none() && self.continuations < CONTINUATIONS;
         if !(is_printed_infeasible && is_open) {

@@ -9,8 +9,8 @@ use rand::RngExt as _;
 use sha2::{Digest, Sha256};
 use stats::streams::{Purpose, stream};
 
-use crate::formulation::{Problem, ROBUST_VARIABLES, Variables};
-use crate::simulator::{NoAnswer, Simulator};
+use crate::formulation::Problem;
+use crate::simulator::{NoAnswer, Simulator, State};
 
 /// How many designs are simulated; about two in three can be.
 pub const DESIGNS: u32 = 12;
@@ -37,21 +37,23 @@ pub fn digest_of(simulator: &dyn Simulator, designs: u32) -> Result<String, Stri
         hash.update(version.as_bytes());
     }
     let problem = simulator.problem();
-    let frozen = problem.printed_frozen();
     for design in 0..u64::from(designs) {
         let mut rng = stream(0, Purpose::Test, design, 0);
-        let unit: [f64; ROBUST_VARIABLES] = std::array::from_fn(|_| rng.random());
-        let variables = Variables::robust(&problem.robust_point(&unit), &frozen);
+        let unit: Vec<f64> = (0..problem.dimension()).map(|_| rng.random()).collect();
+        let asked = problem.design(&problem.free_point(&unit), problem.base());
         let mut absorb = |value: f64| hash.update(value.to_bits().to_le_bytes());
         let mut answer = || -> Result<(), NoAnswer> {
-            let mut design = simulator.prepare(&variables)?;
-            let unworn = design.unworn()?;
-            absorb(unworn.delta_ste_um);
-            let criteria = design.criteria(unworn.hertz_pressure_mpa);
-            absorb(criteria.hertz_pressure_mpa);
-            absorb(criteria.root_stress_mpa);
-            absorb(criteria.specific_sliding);
-            absorb(design.archard()?.delta_ste_um);
+            let mut design = simulator.prepare(&asked)?;
+            for state in [State::Nominal, State::Baseline] {
+                let analysis = design.analyse(state)?;
+                absorb(analysis.value_um);
+                analysis
+                    .criteria
+                    .values()
+                    .iter()
+                    .copied()
+                    .for_each(&mut absorb);
+            }
             for _ in 0..2 {
                 absorb(design.sample(&mut rng).map_err(NoAnswer::Failed)?);
             }

@@ -6,7 +6,7 @@
 
 use stats::streams::{Purpose, StreamRng};
 
-use crate::formulation::{Criteria, Problem, Variables};
+use crate::formulation::{Criteria, Design, Problem};
 use crate::variant::Variant;
 
 /// Why a simulator gave no number.
@@ -21,13 +21,22 @@ pub enum NoAnswer {
     Failed(String),
 }
 
-/// What a quasi-static analysis over a mesh period gives.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// The state in which a design is analysed without random effects.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum State {
+    /// As made: of a gear pair, with unworn flanks.
+    Nominal,
+    /// As the random samples scatter around: of a gear pair, with Archard's wear.
+    Baseline,
+}
+
+/// A deterministic analysis of a design in one state.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Analysis {
-    /// ΔSTE, µm.
-    pub delta_ste_um: f64,
-    /// The largest contact pressure, MPa.
-    pub hertz_pressure_mpa: f64,
+    /// The response that is sampled, without random effects: of a gear pair ΔSTE, µm.
+    pub value_um: f64,
+    /// What constraints are set on.
+    pub criteria: Criteria,
 }
 
 /// A simulator of the designs of one campaign.
@@ -45,7 +54,7 @@ pub trait Simulator {
     /// # Errors
     ///
     /// The design cannot be simulated, or the simulator failed.
-    fn prepare<'a>(&'a self, variables: &Variables) -> Result<Box<dyn Prepared + 'a>, NoAnswer>;
+    fn prepare<'a>(&'a self, design: &Design) -> Result<Box<dyn Prepared + 'a>, NoAnswer>;
 
     /// Prepares a variant of a design. Only the built-in model takes one that is not plain.
     ///
@@ -57,7 +66,7 @@ pub trait Simulator {
         variant: &Variant,
     ) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
         if variant.is_plain() {
-            self.prepare(&variant.variables)
+            self.prepare(&variant.design)
         } else {
             Err(NoAnswer::Failed(
                 "an external simulator takes neither corrections nor another module or wear"
@@ -69,22 +78,12 @@ pub trait Simulator {
 
 /// A design, ready to be analysed.
 pub trait Prepared {
-    /// The criteria, with the contact pressure of the analysis that matters, in MPa.
-    fn criteria(&self, hertz_pressure_mpa: f64) -> Criteria;
-
-    /// The pair as made.
+    /// The design without random effects.
     ///
     /// # Errors
     ///
     /// The design cannot be simulated, or the simulator failed.
-    fn unworn(&mut self) -> Result<Analysis, NoAnswer>;
-
-    /// The pair with Archard's wear.
-    ///
-    /// # Errors
-    ///
-    /// The design cannot be simulated, or the simulator failed.
-    fn archard(&mut self) -> Result<Analysis, NoAnswer>;
+    fn analyse(&mut self, state: State) -> Result<Analysis, NoAnswer>;
 
     /// ΔSTE in µm with random wear, drawn from `rng` alone.
     ///
@@ -119,9 +118,9 @@ impl Simulator for Problem {
         self
     }
 
-    fn prepare<'a>(&'a self, variables: &Variables) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
+    fn prepare<'a>(&'a self, design: &Design) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
         // The stream is named by whoever draws samples.
-        self.prepare_variant(&Variant::new(*variables, (Purpose::Wear, 0)))
+        self.prepare_variant(&Variant::new(design.clone(), (Purpose::Wear, 0)))
     }
 
     fn prepare_variant<'a>(
@@ -154,17 +153,16 @@ struct BuiltIn<'a> {
 }
 
 impl Prepared for BuiltIn<'_> {
-    fn criteria(&self, hertz_pressure_mpa: f64) -> Criteria {
-        self.problem.criteria(&self.pair, hertz_pressure_mpa)
-    }
-
-    fn unworn(&mut self) -> Result<Analysis, NoAnswer> {
-        Ok(Analysis::of(&self.pair.unworn()))
-    }
-
-    fn archard(&mut self) -> Result<Analysis, NoAnswer> {
-        let worn = self.pair.archard(&self.wear);
-        Ok(Analysis::of(&worn.analysis))
+    fn analyse(&mut self, state: State) -> Result<Analysis, NoAnswer> {
+        let analysis = match state {
+            State::Nominal => self.pair.unworn(),
+            State::Baseline => self.pair.archard(&self.wear).analysis,
+        };
+        let pressure = analysis.hertz_pressure_mpa;
+        Ok(Analysis {
+            value_um: analysis.delta_ste_um,
+            criteria: self.problem.pair_criteria(&self.pair, pressure).into(),
+        })
     }
 
     fn sample(&mut self, rng: &mut StreamRng) -> Result<f64, String> {
@@ -184,14 +182,5 @@ impl BuiltIn<'_> {
     fn sampler(&mut self) -> &mut gear::Sampler {
         self.sampler
             .get_or_insert_with(|| self.pair.sampler(&self.wear))
-    }
-}
-
-impl Analysis {
-    const fn of(analysis: &gear::Analysis) -> Self {
-        Self {
-            delta_ste_um: analysis.delta_ste_um,
-            hertz_pressure_mpa: analysis.hertz_pressure_mpa,
-        }
     }
 }

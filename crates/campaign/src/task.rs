@@ -4,23 +4,22 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 use ledger::{Generation, History, StreamId, Unit, Wanted};
-use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 use stats::streams::{Purpose, stream};
 
 use crate::Campaign;
-use crate::formulation::{Approach, Criteria, Frozen, Problem, Variables};
+use crate::formulation::{Approach, Criteria, Design, Problem};
 use crate::optimise::{self, Checkpoint, RunResult, Saved};
-use crate::simulator::{NoAnswer, Prepared, Simulator};
+use crate::simulator::{NoAnswer, Prepared, Simulator, State};
 use crate::variant::Variant;
 
 /// What a worker needs to compute a stream.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Source {
     /// A design of the DoE, of which criteria and samples are wanted.
-    Design(Variables),
+    Design(Design),
     /// A point, of which samples are wanted.
-    Point(Variables),
+    Point(Design),
     /// A variant of a design, of which criteria and samples are wanted.
     Variant(Box<Variant>),
     /// A run of an optimiser.
@@ -32,8 +31,8 @@ impl Source {
     #[must_use]
     pub fn bytes(&self) -> usize {
         match self {
-            Self::Design(_) | Self::Point(_) => size_of::<Variables>(),
-            Self::Variant(_) => size_of::<Variant>(),
+            Self::Design(design) | Self::Point(design) => size_of_val(design.values()),
+            Self::Variant(variant) => size_of::<Variant>() + size_of_val(variant.design.values()),
             Self::Run(run) => run.model.as_deref().map_or(0, str::len),
         }
     }
@@ -46,8 +45,8 @@ pub struct Run {
     pub approach: Approach,
     /// Which of its starts, from 0.
     pub start: u32,
-    /// The variables that a problem with wear leaves alone; ignored by the one without.
-    pub frozen: Frozen,
+    /// The values of the variables that the DoE leaves alone; ignored where all are moved.
+    pub base: Design,
     /// The kriging model as JSON, for [`Approach::Kriging`].
     pub model: Option<Arc<str>>,
 }
@@ -83,12 +82,12 @@ impl Inputs {
         hash.update(stream.to_string());
         let mut number = |number: f64| hash.update(number.to_bits().to_le_bytes());
         match source {
-            Source::Design(variables) | Source::Point(variables) => {
-                variables.values().into_iter().for_each(number);
+            Source::Design(design) | Source::Point(design) => {
+                design.values().iter().copied().for_each(number);
             }
             Source::Variant(variant) => variant.numbers().for_each(number),
             Source::Run(run) => {
-                run.frozen.values().into_iter().for_each(&mut number);
+                run.base.values().iter().copied().for_each(&mut number);
                 hash.update(run.model.as_deref().unwrap_or_default());
             }
         }
@@ -116,8 +115,8 @@ impl Inputs {
 pub enum Output {
     /// Of a design that can be simulated.
     Design {
-        /// What it is without random wear.
-        analysed: Analysed,
+        /// What it is without random effects, in the order of [`Problem::responses`].
+        responses: Vec<f64>,
         /// Why it gets no samples, although it can be simulated: its constraints rule it out, as in
         /// `ruled-out: …`.
         ruled_out: Option<String>,
@@ -133,19 +132,6 @@ pub enum Output {
     Run(Box<RunResult>),
     /// Of a run that was stopped: where it is.
     Unfinished(Checkpoint),
-}
-
-/// A design without random wear.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Analysed {
-    /// Its criteria, with the contact pressure of the unworn pair.
-    pub criteria: Criteria,
-    /// The contact pressure with Archard's wear, MPa.
-    pub hertz_pressure_worn_mpa: f64,
-    /// ΔSTE without wear, µm.
-    pub delta_ste_um: f64,
-    /// ΔSTE with Archard's wear, µm.
-    pub delta_ste_archard_um: f64,
 }
 
 /// The name under which a panic of the simulator is recorded against a design.
@@ -208,7 +194,7 @@ pub fn compute_until(
 ) -> Result<Option<Output>, String> {
     let stream = unit.stream;
     match source {
-        Source::Design(variables) => {
+        Source::Design(wanted) => {
             let campaign = simulator.problem().campaign();
             let sampling = Sampling {
                 names: Names {
@@ -219,7 +205,7 @@ pub fn compute_until(
                 },
                 skip_violation: campaign.sampling.skip_violation(),
             };
-            let prepare = || simulator.prepare(variables);
+            let prepare = || simulator.prepare(wanted);
             design(simulator.problem(), &prepare, unit, sampling, keep_going)
         }
         Source::Variant(variant) => {
@@ -236,8 +222,8 @@ pub fn compute_until(
             let prepare = || simulator.prepare_variant(variant);
             design(simulator.problem(), &prepare, unit, sampling, keep_going)
         }
-        Source::Point(variables) => {
-            let prepared = guarded(|| simulator.prepare(variables));
+        Source::Point(wanted) => {
+            let prepared = guarded(|| simulator.prepare(wanted));
             let mut design = match prepared {
                 Ok(Ok(design)) => design,
                 Ok(Err(error)) => return Err(format!("{stream}: {error}")),
@@ -292,7 +278,7 @@ fn design<'a>(
         return Ok(None);
     }
     let analysed = guarded(|| analyse(problem, prepare()?, sampling.skip_violation));
-    let (mut design, analysed, ruled_out) = match analysed {
+    let (mut design, responses, ruled_out) = match analysed {
         Ok(Ok(analysed)) => analysed,
         Ok(Err(NoAnswer::Refused(reason))) => return Ok(Some(Output::Refused(reason))),
         Ok(Err(NoAnswer::Failed(error))) => return Err(format!("{}: {error}", unit.stream)),
@@ -305,7 +291,7 @@ fn design<'a>(
     // Criteria alone are no answer to a request for samples.
     let output = |samples_um: &[f64]| {
         (!gets_samples || !samples_um.is_empty()).then(|| Output::Design {
-            analysed,
+            responses: responses.clone(),
             ruled_out: ruled_out.clone(),
             samples_um: samples_um.to_vec(),
         })
@@ -318,72 +304,30 @@ fn design<'a>(
     Ok(output(&samples_um))
 }
 
-type Analysis<'a> = (Box<dyn Prepared + 'a>, Analysed, Option<String>);
+type Analysed<'a> = (Box<dyn Prepared + 'a>, Vec<f64>, Option<String>);
 
 /// A design, ready to be sampled, with what its analyses say, and why it gets no samples.
 fn analyse<'a>(
     problem: &Problem,
     mut design: Box<dyn Prepared + 'a>,
     skip_violation: Option<f64>,
-) -> Result<Analysis<'a>, NoAnswer> {
-    let unworn = design.unworn()?;
-    let worn = design.archard()?;
-    let criteria = design.criteria(unworn.hertz_pressure_mpa);
-    let analysed = Analysed {
-        criteria,
-        hertz_pressure_worn_mpa: worn.hertz_pressure_mpa,
-        delta_ste_um: unworn.delta_ste_um,
-        delta_ste_archard_um: worn.delta_ste_um,
-    };
-    if !analysed.is_finite() {
+) -> Result<Analysed<'a>, NoAnswer> {
+    let nominal = design.analyse(State::Nominal)?;
+    let baseline = design.analyse(State::Baseline)?;
+    let responses = problem.responses_of(&nominal, &baseline);
+    if !responses.iter().all(|response| response.is_finite()) {
         return Err(NoAnswer::Refused(format!(
             "{NOT_A_NUMBER}: the simulator gave a result that is no number"
         )));
     }
-    for (name, analysis) in [("unworn", unworn), ("with Archard's wear", worn)] {
-        check_delta_ste(analysis.delta_ste_um)
-            .map_err(|why| NoAnswer::Failed(format!("ΔSTE {name} {why}")))?;
-    }
-    let of_worn = design.criteria(worn.hertz_pressure_mpa);
-    let ruled_out = skip_violation.and_then(|limit| ruled_out(problem, &of_worn, limit));
-    Ok((design, analysed, ruled_out))
+    problem
+        .check_responses(&responses)
+        .map_err(NoAnswer::Failed)?;
+    let ruled_out = skip_violation.and_then(|limit| ruled_out(problem, &baseline.criteria, limit));
+    Ok((design, responses, ruled_out))
 }
 
-impl Analysed {
-    /// All numbers in one order: what goes over the wire, but for the normal module, which follows
-    /// from the variables.
-    #[must_use]
-    pub const fn numbers(&self) -> [f64; 11] {
-        let Criteria {
-            contact_ratio,
-            specific_sliding,
-            hertz_pressure_mpa,
-            root_stress_mpa,
-            clearance_mm,
-            flank_margin_mm,
-            ..
-        } = self.criteria;
-        [
-            contact_ratio,
-            specific_sliding,
-            hertz_pressure_mpa,
-            self.hertz_pressure_worn_mpa,
-            root_stress_mpa,
-            clearance_mm[0],
-            clearance_mm[1],
-            flank_margin_mm[0],
-            flank_margin_mm[1],
-            self.delta_ste_um,
-            self.delta_ste_archard_um,
-        ]
-    }
-
-    fn is_finite(&self) -> bool {
-        self.numbers().iter().all(|number| number.is_finite())
-    }
-}
-
-/// Why a design with these criteria (with the contact pressure of worn flanks) gets no samples.
+/// Why a design with these criteria in its baseline state gets no samples.
 fn ruled_out(problem: &Problem, criteria: &Criteria, limit: f64) -> Option<String> {
     let violation = problem.violation(criteria);
     // On the edge itself the violation is zero, but the inequalities are strict. A violation that is

@@ -3,14 +3,14 @@
 use gear::Corrections;
 use stats::streams::Purpose;
 
-use crate::formulation::{Problem, Variables};
+use crate::formulation::{Design, Problem};
 
 /// A design that may have profile corrections, another module or other wear than its campaign, with
 /// the name of its random streams.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Variant {
     /// The design.
-    pub variables: Variables,
+    pub design: Design,
     /// Tip relief and crowning.
     pub corrections: Corrections,
     /// The normal module in mm; by default it follows from the campaign's centre distance.
@@ -47,9 +47,9 @@ impl WearFactors {
 impl Variant {
     /// The design as its campaign has it.
     #[must_use]
-    pub fn new(variables: Variables, stream: (Purpose, u64)) -> Self {
+    pub fn new(design: Design, stream: (Purpose, u64)) -> Self {
         Self {
-            variables,
+            design,
             corrections: Corrections::default(),
             normal_module_mm: None,
             wear: WearFactors::NONE,
@@ -67,7 +67,7 @@ impl Variant {
     }
 
     /// All numbers on which the variant's values depend.
-    pub(crate) fn numbers(&self) -> impl Iterator<Item = f64> + use<> {
+    pub(crate) fn numbers(&self) -> impl Iterator<Item = f64> {
         let relief = self.corrections.tip_relief.map(|relief| {
             relief.map_or([f64::NAN; 3], |relief| {
                 let is_parabolic = relief.shape == gear::ReliefShape::Parabolic;
@@ -87,7 +87,7 @@ impl Variant {
             self.wear.variance,
             self.wear.range,
         ];
-        let variables = self.variables.values().into_iter();
+        let variables = self.design.values().iter().copied();
         variables
             .chain(relief.into_iter().flatten())
             .chain(others)
@@ -102,7 +102,7 @@ impl Problem {
     ///
     /// Why the variant cannot be simulated.
     pub fn variant(&self, variant: &Variant) -> Result<(gear::Pair, gear::Wear), gear::Error> {
-        let mut input = self.pair_input(&variant.variables);
+        let mut input = self.pair_input(&variant.design);
         if let Some(module) = variant.normal_module_mm {
             input.size = gear::Size::NormalModule(module);
         }
@@ -116,7 +116,7 @@ impl Problem {
         wear.variance *= variance;
         wear.range *= range;
         let pair =
-            gear::Pair::with_corrections(&input, &variant.corrections, &self.discretisation)?;
+            gear::Pair::with_corrections(&input, &variant.corrections, &self.gears.discretisation)?;
         Ok((pair, wear))
     }
 }

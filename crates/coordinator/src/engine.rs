@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhow::Context as _;
 use campaign::formulation::Problem;
 use campaign::task::Inputs;
-use campaign::{Campaign, Frozen};
+use campaign::{Campaign, Design};
 use stages::derived::{DERIVED_APPROACHES, is_derived};
 use stages::plan::{self, LocalStep, Next};
 use stages::state::{OpenDesign, VerifyPoint};
@@ -71,25 +71,28 @@ impl Engine {
             }
             // Before the state is read: what is settled in between must not be slept through.
             let settled = self.board.watch();
-            let mut state = snapshot::load(&self.store, self.campaign(), references, more).await?;
+            let mut state = snapshot::load(&self.store, &self.problem, references, more).await?;
             state.given_up = self.board.given_up();
             state.fit_failed = fit_failed.is_some();
-            let printed = self.problem.printed_frozen();
-            let frozen = plan::frozen(self.campaign(), printed, &state);
+            let base = plan::base(&self.problem, &state);
             if state.has_outdated_responses {
-                if !self.steps.responses_stay(frozen, &state.given_up).await? {
+                if !self
+                    .steps
+                    .responses_stay(base.as_ref(), &state.given_up)
+                    .await?
+                {
                     self.forget_derived().await?;
                 }
                 continue;
             }
-            if let (Some(frozen), Some(_)) = (&frozen, &self.campaign().enrichment) {
-                state.enrichment = snapshot::enrichment(&self.store, frozen).await?;
+            if let (Some(base), Some(_)) = (&base, &self.campaign().enrichment) {
+                state.enrichment = snapshot::enrichment(&self.store, &self.problem, base).await?;
             }
-            let next = plan::next(self.campaign(), printed, &state);
+            let next = plan::next(&self.problem, &state);
             self.post(&next, &state.open).await?;
             self.board.open();
             if let Some(step) = next.local {
-                let step = self.do_step(step, frozen, fit_failed, more);
+                let step = self.do_step(step, base.as_ref(), fit_failed, more);
                 tokio::select! {
                     done = step => done?,
                     // What it computes is lost; nothing of it is stored before it is whole.
@@ -120,7 +123,7 @@ impl Engine {
         let Asked {
             streams,
             mut generations,
-        } = wanted::asked(&self.inputs, next, open);
+        } = wanted::asked(&self.problem, &self.inputs, next, open);
         for point in &next.points {
             self.board.name_point(point.number, &point.name);
         }
@@ -139,7 +142,7 @@ impl Engine {
     async fn do_step(
         &self,
         step: LocalStep,
-        frozen: Option<Frozen>,
+        base: Option<&Design>,
         fit_failed: &mut Option<String>,
         more: &mut BTreeMap<u64, u64>,
     ) -> anyhow::Result<()> {
@@ -147,7 +150,7 @@ impl Engine {
         match step {
             LocalStep::Doe => steps.make_doe().await.context("making the DoE"),
             LocalStep::Statistics => {
-                let wanting = self.compute_responses(frozen).await;
+                let wanting = self.compute_responses(base).await;
                 if let Some(wanting) = wanting.context("computing responses")? {
                     *more = wanting;
                 }
@@ -162,12 +165,12 @@ impl Engine {
                 Ok(())
             }
             LocalStep::Enrich => {
-                let frozen = frozen.context("the frozen variables are not known")?;
-                let decided = steps.decide_round(frozen).await;
+                let base = base.context("the base variables are not known")?;
+                let decided = steps.decide_round(base.clone()).await;
                 decided.context("deciding the next infill points")
             }
             LocalStep::Choose(approach) => steps
-                .choose(approach, frozen, fit_failed.as_deref())
+                .choose(approach, base, fit_failed.as_deref())
                 .await
                 .with_context(|| format!("choosing the optimum of {}", approach.name())),
         }
@@ -184,7 +187,7 @@ impl Engine {
     /// more.
     async fn compute_responses(
         &self,
-        frozen: Option<Frozen>,
+        base: Option<&Design>,
     ) -> anyhow::Result<Option<BTreeMap<u64, u64>>> {
         if !self.store.responses().await?.is_empty() {
             // Samples came after the model was fitted, as of jobs that got another chance: what
@@ -192,7 +195,7 @@ impl Engine {
             self.forget_derived().await?;
         }
         self.steps
-            .compute_responses(frozen, &self.board.given_up())
+            .compute_responses(base, &self.board.given_up())
             .await
     }
 }

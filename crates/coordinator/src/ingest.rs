@@ -1,5 +1,6 @@
 //! From what workers hand in to rows of the store.
 
+use campaign::formulation::Problem;
 use campaign::task::{Output, check_delta_ste};
 use ledger::{StreamId, Unit};
 use protocol::v2::UnitResult;
@@ -26,6 +27,7 @@ pub struct Read {
 ///
 /// A sentence without subject: the message does not even say what it is about.
 pub fn read(
+    problem: &Problem,
     result: &UnitResult,
     point: impl Fn(StreamId) -> Option<String>,
 ) -> Result<Read, protocol::Malformed> {
@@ -56,7 +58,7 @@ pub fn read(
     let is_time = result.cpu_seconds.is_finite() && result.cpu_seconds >= 0.0;
     let cpu_seconds = if is_time { result.cpu_seconds } else { 0.0 };
     let rows = output.and_then(|output| {
-        let rows = rows(&unit, output, cpu_seconds, &point);
+        let rows = rows(problem, &unit, output, cpu_seconds, &point);
         rows.map_err(|why| named(unit.stream, &why))
     });
     Ok(Read {
@@ -68,6 +70,7 @@ pub fn read(
 }
 
 fn rows(
+    problem: &Problem,
     unit: &Unit,
     output: Output,
     cpu_seconds: f64,
@@ -93,29 +96,16 @@ fn rows(
             ..CriteriaRow::default()
         }),
         Output::Design {
-            analysed,
+            responses,
             ruled_out,
             samples_um,
         } => {
-            for delta_ste_um in [analysed.delta_ste_um, analysed.delta_ste_archard_um] {
-                check_delta_ste(delta_ste_um).map_err(|why| format!("ΔSTE {why}"))?;
-            }
-            let criteria = analysed.criteria;
+            problem.check_responses(&responses)?;
             batch.criteria.push(CriteriaRow {
                 design: stream.index,
                 feasible: true,
                 reason: ruled_out,
-                contact_ratio: Some(criteria.contact_ratio),
-                specific_sliding: Some(criteria.specific_sliding),
-                hertz_pressure_mpa: Some(criteria.hertz_pressure_mpa),
-                hertz_pressure_worn_mpa: Some(analysed.hertz_pressure_worn_mpa),
-                root_stress_mpa: Some(criteria.root_stress_mpa),
-                clearance_p_mm: Some(criteria.clearance_mm[0]),
-                clearance_r_mm: Some(criteria.clearance_mm[1]),
-                flank_margin_p_mm: Some(criteria.flank_margin_mm[0]),
-                flank_margin_r_mm: Some(criteria.flank_margin_mm[1]),
-                delta_ste_um: Some(analysed.delta_ste_um),
-                delta_ste_archard_um: Some(analysed.delta_ste_archard_um),
+                responses: Some(responses),
             });
             let row = |(sample, delta_ste_um)| SampleRow {
                 design: stream.index,
@@ -173,10 +163,15 @@ fn rows(
 
 #[cfg(test)]
 mod tests {
+    use campaign::Campaign;
     use ledger::{Generation, Kind};
     use stages::names::timed;
 
     use super::*;
+
+    fn problem() -> Problem {
+        Problem::new(Campaign::parse("paper.toml", Campaign::PAPER).unwrap())
+    }
 
     fn unit(stream: StreamId, samples: std::ops::Range<u32>) -> Unit {
         Unit {
@@ -188,7 +183,7 @@ mod tests {
 
     fn of(unit: &Unit, outcome: Result<Output, String>) -> Read {
         let sent = protocol::result(unit, &outcome.map(Some), f64::NAN);
-        read(&sent, |_| Some("kriging".to_owned())).unwrap()
+        read(&problem(), &sent, |_| Some("kriging".to_owned())).unwrap()
     }
 
     #[test]
@@ -242,9 +237,12 @@ mod tests {
             assert!(error.starts_with(&expected), "{error}");
         }
         let mut nonsense = protocol::result(&point, &Ok(None), 0.0);
-        let error = read(&nonsense, |_| None).unwrap().rows.unwrap_err();
+        let error = read(&problem(), &nonsense, |_| None)
+            .unwrap()
+            .rows
+            .unwrap_err();
         assert!(error.contains("the worker's result must be"), "{error}");
         nonsense.unit = None;
-        assert!(read(&nonsense, |_| None).is_err());
+        assert!(read(&problem(), &nonsense, |_| None).is_err());
     }
 }

@@ -1,5 +1,6 @@
 //! What workers hand in: accepted by the board, stored, and told to the board.
 
+use campaign::formulation::Problem;
 use futures_util::future::join_all;
 use ledger::{Accepted, Delivery, Failure, Generation, LeaseId, StreamId, Unit, WorkerId};
 use protocol::v2::{LeaseResult, UnitResult};
@@ -17,6 +18,8 @@ const ERROR_BYTES: usize = 16 << 10;
 
 /// Takes the results of workers.
 pub(crate) struct Receiving<'a, R> {
+    /// What is designed.
+    pub(crate) problem: &'a Problem,
     /// What is wanted.
     pub(crate) board: &'a Board,
     /// Where results go.
@@ -108,7 +111,8 @@ impl<R: Recorder> Receiving<'_, R> {
 
     /// Sorts out what came of a unit.
     fn take(&self, worker: &WorkerId, result: &UnitResult, brought: &mut Brought) {
-        let read = match ingest::read(result, |stream| self.board.point_name(stream)) {
+        let read = match ingest::read(self.problem, result, |stream| self.board.point_name(stream))
+        {
             Ok(read) => read,
             Err(why) => {
                 warn!(%worker, "a result {why}; it is dropped");

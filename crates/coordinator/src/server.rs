@@ -166,7 +166,7 @@ async fn run_open(
     let service = Service {
         board: Arc::clone(&board),
         recorder: recorder.clone(),
-        campaign_json: plan.campaign.to_json(),
+        problem: Arc::clone(problem),
         model_digest: model_digest.clone(),
     };
     let mut serving = Serving::start(service, ports.opened, &plan.workers)?;

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use campaign::formulation::Problem;
 use ledger::{LeaseId, Unit, WorkerId};
 use protocol::Refusal;
 use protocol::v2::{
@@ -36,8 +37,8 @@ pub struct Service<R> {
     pub board: Arc<Board>,
     /// Where results go.
     pub recorder: R,
-    /// The campaign as JSON, for workers.
-    pub campaign_json: String,
+    /// What is designed.
+    pub problem: Arc<Problem>,
     /// What a worker's simulator must answer like; none for an external simulator, which only
     /// workers can ask.
     pub model_digest: Option<String>,
@@ -93,7 +94,7 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
         }
         let lease = self.board.lease_time();
         Ok(Response::new(RegisterResponse {
-            campaign_json: self.campaign_json.clone(),
+            campaign_json: self.problem.campaign().to_json(),
             epoch: self.board.epoch(),
             lease_ms: lease.as_millis() as u32,
             heartbeat_ms: (lease / HEARTBEATS_PER_LEASE).as_millis() as u32,
@@ -154,6 +155,7 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
         // A caller that goes away must not leave results stored but their leases open.
         let taken = tokio::spawn(async move {
             let receiving = Receiving {
+                problem: &service.problem,
                 board: &service.board,
                 recorder: &service.recorder,
             };
@@ -187,6 +189,7 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
             .collect();
         let cancelled = self.board.heartbeat(&worker, &held);
         let receiving = Receiving {
+            problem: &self.problem,
             board: &self.board,
             recorder: &self.recorder,
         };

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use anyhow::Context as _;
 use campaign::file::ControlVariate;
 use campaign::formulation::Problem;
-use campaign::{Approach, Frozen};
+use campaign::{Approach, Design};
 use enrich::Recommendation;
 use ledger::StreamId;
 use stages::cost::{self, Cost};
@@ -63,10 +63,10 @@ impl Steps {
     /// which want more. Those that were given up get none.
     async fn responses(
         &self,
-        frozen: Option<Frozen>,
+        base: Option<&Design>,
         given_up: &BTreeSet<StreamId>,
     ) -> anyhow::Result<(Computed, u64)> {
-        let linear = self.linear_responses(frozen).await?;
+        let linear = self.linear_responses(base).await?;
         let mut collector = Collector::new(&self.problem, &linear, given_up);
         let mut samples = 0;
         let push = |row| {
@@ -81,10 +81,10 @@ impl Steps {
     /// more. Those that were given up get none.
     pub(crate) async fn compute_responses(
         &self,
-        frozen: Option<Frozen>,
+        base: Option<&Design>,
         given_up: &BTreeSet<StreamId>,
     ) -> anyhow::Result<Option<BTreeMap<u64, u64>>> {
-        let (computed, samples) = self.responses(frozen, given_up).await?;
+        let (computed, samples) = self.responses(base, given_up).await?;
         match computed {
             Computed::Wants(wanting) => {
                 info!(
@@ -104,10 +104,10 @@ impl Steps {
     /// Whether the samples that have come since leave the stored responses as they are.
     pub(crate) async fn responses_stay(
         &self,
-        frozen: Option<Frozen>,
+        base: Option<&Design>,
         given_up: &BTreeSet<StreamId>,
     ) -> anyhow::Result<bool> {
-        let (computed, samples) = self.responses(frozen, given_up).await?;
+        let (computed, samples) = self.responses(base, given_up).await?;
         let held = self.store.responses().await?;
         if computed != Computed::Responses(held.clone()) {
             return Ok(false);
@@ -120,7 +120,7 @@ impl Steps {
     /// variates.
     async fn linear_responses(
         &self,
-        frozen: Option<Frozen>,
+        base: Option<&Design>,
     ) -> anyhow::Result<MutexGuard<'_, BTreeMap<u64, LinearResponse>>> {
         let mut linear = self.linear.lock().await;
         if self.problem.campaign().sampling.control == ControlVariate::None {
@@ -133,13 +133,12 @@ impl Steps {
             .map(|(design, _)| design)
             .collect();
         if !new.is_empty() {
-            let frozen =
-                frozen.context("the DoE was sampled before its frozen variables were known")?;
+            let base = base.context("the DoE was sampled before its base variables were known")?;
             let mut designs = self.store.designs().await?;
             designs.retain(|row| new.contains(&row.design));
             info!(designs = designs.len(), "linearising ΔSTE");
-            let problem = Arc::clone(&self.problem);
-            let made = blocking(move || responses::linearise(&problem, &frozen, &designs)).await?;
+            let (problem, base) = (Arc::clone(&self.problem), base.clone());
+            let made = blocking(move || responses::linearise(&problem, &base, &designs)).await?;
             linear.extend(made.0);
         }
         Ok(linear)
@@ -149,10 +148,10 @@ impl Steps {
     pub(crate) async fn fit(&self) -> anyhow::Result<Result<(), String>> {
         let designs = self.store.designs().await?;
         let responses = self.store.responses().await?;
-        let campaign = self.problem.campaign().clone();
+        let problem = Arc::clone(&self.problem);
         info!(points = responses.len(), "fitting the kriging model");
         let (fitted, cpu_seconds) =
-            blocking(move || fitting::fit(&campaign, &designs, &responses)).await?;
+            blocking(move || fitting::fit(&problem, &designs, &responses)).await?;
         let (model, summary) = match fitted {
             Ok((model, summary)) => (
                 model,
@@ -179,11 +178,11 @@ impl Steps {
     }
 
     /// Decides the next round and stores it; its points are posted after that.
-    pub(crate) async fn decide_round(&self, frozen: Frozen) -> anyhow::Result<()> {
+    pub(crate) async fn decide_round(&self, base: Design) -> anyhow::Result<()> {
         let sampling = self.problem.campaign().sampling;
         let rows = Rows::read(&self.store, &sampling).await?;
         let problem = Arc::clone(&self.problem);
-        let decide = move || rows.decide(&problem, &frozen);
+        let decide = move || rows.decide(&problem, &base);
         let (decided, cpu_seconds) = blocking(decide).await?;
         let (mut new, decision) = decided?;
         new.row.cpu_seconds = cpu_seconds;
@@ -217,37 +216,32 @@ impl Steps {
     pub(crate) async fn choose(
         &self,
         approach: Approach,
-        frozen: Option<Frozen>,
+        base: Option<&Design>,
         fit_failed: Option<&str>,
     ) -> anyhow::Result<()> {
         let row = match (approach, fit_failed) {
-            (Approach::Kriging, Some(reason)) => {
-                choosing::left_out(approach, format!("There is no kriging model: {reason}."))?
-            }
+            (Approach::Kriging, Some(reason)) => choosing::left_out(
+                &self.problem,
+                approach,
+                format!("There is no kriging model: {reason}."),
+            )?,
             (Approach::BestOfDoe, _) => {
-                let cost = self.sampling_cost(frozen).await?;
-                let frozen =
-                    frozen.context("the DoE was sampled before its frozen variables were known")?;
+                let cost = self.sampling_cost(base).await?;
+                let base =
+                    base.context("the DoE was sampled before its base variables were known")?;
                 let designs = self.store.designs().await?;
                 let criteria = self.store.criteria().await?;
                 let responses = self.store.responses().await?;
-                choosing::choose_of_doe(
-                    &self.problem,
-                    &frozen,
-                    &designs,
-                    &criteria,
-                    &responses,
-                    cost,
-                )?
+                choosing::choose_of_doe(&self.problem, base, &designs, &criteria, &responses, cost)?
             }
             (Approach::EnrichedKriging, _) => {
-                let frozen = frozen.context("the frozen variables are not known")?;
-                self.recommended(&frozen).await?
+                let base = base.context("the base variables are not known")?;
+                self.recommended(base).await?
             }
             _ => {
                 let runs = self.store.optimiser_runs().await?;
                 let extra = if approach == Approach::Kriging {
-                    let sampling = self.sampling_cost(frozen).await?;
+                    let sampling = self.sampling_cost(base).await?;
                     let fit = self.store.model(P90_MODEL).await?.map_or(0.0, |row| {
                         serde_json::from_str::<ModelSummary>(&row.summary_json)
                             .map_or(0.0, |summary| summary.cpu_seconds)
@@ -266,24 +260,24 @@ impl Steps {
     }
 
     /// The row of the design that the last round recommends.
-    async fn recommended(&self, frozen: &Frozen) -> anyhow::Result<OptimumRow> {
+    async fn recommended(&self, base: &Design) -> anyhow::Result<OptimumRow> {
         let rounds = self.store.rounds().await?;
         let infill = self.store.infill().await?;
-        let sampling = self.sampling_cost(Some(*frozen)).await?;
-        let control = self.control_analyses(*frozen, &infill).await?;
+        let sampling = self.sampling_cost(Some(base)).await?;
+        let control = self.control_analyses(base.clone(), &infill).await?;
         let times = self.store.job_times().await?;
         let cost = cost::enrichment(sampling, &rounds, &infill, control, &times);
         let last = rounds.into_iter().last().context("there is no round")?;
-        rounds::recommended(&self.problem, frozen, &Round::read(last)?, cost)
+        rounds::recommended(&self.problem, base, &Round::read(last)?, cost)
     }
 
     /// The analyses that the control variates of infill points took.
-    async fn control_analyses(&self, frozen: Frozen, infill: &[InfillRow]) -> anyhow::Result<u64> {
+    async fn control_analyses(&self, base: Design, infill: &[InfillRow]) -> anyhow::Result<u64> {
         if self.problem.campaign().sampling.control == ControlVariate::None {
             return Ok(0);
         }
         let (problem, infill) = (Arc::clone(&self.problem), infill.to_vec());
-        let count = move || cost::control_analyses(&problem, &frozen, &infill);
+        let count = move || cost::control_analyses(&problem, &base, &infill);
         Ok(blocking(count).await?.0)
     }
 
@@ -305,10 +299,10 @@ impl Steps {
         Ok(())
     }
 
-    async fn sampling_cost(&self, frozen: Option<Frozen>) -> anyhow::Result<Cost> {
+    async fn sampling_cost(&self, base: Option<&Design>) -> anyhow::Result<Cost> {
         let criteria = self.store.criteria().await?;
         let samples = self.store.progress().await?.samples;
-        let linear = self.linear_responses(frozen).await?;
+        let linear = self.linear_responses(base).await?;
         let control = linear.values().map(LinearResponse::analyses).sum();
         let times = self.store.job_times().await?;
         Ok(cost::sampling(&criteria, samples, control, &times))

@@ -11,11 +11,11 @@ use std::time::Duration;
 use anyhow::Context as _;
 use campaign::formulation::Problem;
 use campaign::optimise::RunResult;
+use campaign::simulator::State;
 use campaign::task::{Inputs, Run, Source};
 use campaign::{Campaign, probe};
 use ledger::{Kind, StreamId};
 use results::status::Status;
-use stages::designs::worn_criteria;
 use store::{Batch, CriteriaRow, FailureKind, Receipt, RunStateRow};
 use studies::simulations::{Answer, Request, Simulations};
 use tokio::runtime::Handle;
@@ -54,7 +54,7 @@ pub async fn run<T: Send + 'static>(
     study: impl FnOnce(&dyn Simulations) -> anyhow::Result<T> + Send + 'static,
     shutdown: CancellationToken,
 ) -> Result<Option<T>, Error> {
-    let problem = Problem::new(plan.campaign.clone());
+    let problem = Arc::new(Problem::new(plan.campaign.clone()));
     // An external simulator is asked by workers alone: the first of them decides.
     let model_digest = (!plan.campaign.is_external()).then(|| probe::model_digest(&problem));
     let opened = match &plan.port {
@@ -71,7 +71,7 @@ pub async fn run<T: Send + 'static>(
     let service = Service {
         board: Arc::clone(&board),
         recorder: answers.clone(),
-        campaign_json: plan.campaign.to_json(),
+        problem: Arc::clone(&problem),
         model_digest: model_digest.clone(),
     };
     board.open();
@@ -113,7 +113,7 @@ pub async fn run<T: Send + 'static>(
 
 /// The workers, as a study sees them.
 struct Workers {
-    problem: Problem,
+    problem: Arc<Problem>,
     inputs: Inputs,
     board: Arc<Board>,
     answers: Answers,
@@ -129,7 +129,7 @@ impl Simulations for Workers {
         let first = self.next.fetch_add(count, Ordering::Relaxed);
         let numbers = first..first.checked_add(count).context("too many variants")?;
         let wanted = numbers.clone().zip(requests).map(|(number, request)| {
-            let source = Source::Variant(Box::new(request.variant));
+            let source = Source::Variant(Box::new(request.variant.clone()));
             let stream = StreamId::design(number);
             let mut wanted = self.inputs.wanted(stream, source, request.samples.end);
             wanted.missing = vec![request.samples.clone()];
@@ -247,8 +247,11 @@ impl Brought {
             return Ok(Answer::Refused(row.reason.unwrap_or_default()));
         }
         let variant = &request.variant;
-        let mut criteria = worn_criteria(problem, &variant.variables, &row)
-            .context("a worker has sent no criteria")?;
+        let analysis = row
+            .responses
+            .and_then(|responses| problem.analysis(&variant.design, &responses, State::Baseline))
+            .context("a worker has sent no responses")?;
+        let mut criteria = analysis.criteria.gears();
         if let Some(module) = variant.normal_module_mm {
             criteria.normal_module_mm = module;
         }

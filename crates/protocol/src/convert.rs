@@ -6,10 +6,9 @@
 use std::fmt;
 use std::sync::Arc;
 
-use campaign::formulation::{ALL_VARIABLES, ROBUST_VARIABLES};
 use campaign::optimise::{Checkpoint, MAX_STATE_BYTES};
-use campaign::task::{Analysed, Output, Run, Source};
-use campaign::{Approach, Criteria, Frozen, Variables};
+use campaign::task::{Output, Run, Source};
+use campaign::{Approach, Design};
 use ledger::{Generation, Grant, Kind, LeaseId, StreamId, Unit};
 
 use crate::v2;
@@ -89,6 +88,13 @@ impl TryFrom<&v2::Unit> for Unit {
     }
 }
 
+/// A design as it travels.
+fn design_message(design: &Design) -> v2::Design {
+    v2::Design {
+        values: design.values().to_vec(),
+    }
+}
+
 /// A lease as it travels.
 #[must_use]
 pub fn lease(grant: &Grant<Arc<Source>>) -> v2::Lease {
@@ -101,13 +107,12 @@ pub fn lease(grant: &Grant<Arc<Source>>) -> v2::Lease {
     for (unit, source) in &grant.units {
         lease.units.push(unit.into());
         match &**source {
-            Source::Design(variables) | Source::Point(variables) => {
-                lease.x.extend(variables.robust_part());
-                lease.frozen = variables.frozen_part().values().to_vec();
+            Source::Design(design) | Source::Point(design) => {
+                lease.designs.push(design_message(design));
             }
             Source::Variant(variant) => lease.variants.push(variant::message(variant)),
             Source::Run(run) => {
-                lease.frozen = run.frozen.values().to_vec();
+                lease.base = Some(design_message(&run.base));
                 lease.model_json = run.model.as_deref().map(str::to_owned);
             }
         }
@@ -131,34 +136,30 @@ impl v2::Lease {
         if !self.variants.is_empty() {
             return self.variants();
         }
-        let frozen = self.frozen.as_slice().try_into();
-        let frozen: [f64; ALL_VARIABLES - ROBUST_VARIABLES] =
-            frozen.map_err(|_| Malformed("has not five frozen variables".to_owned()))?;
-        let frozen = Frozen::of_values(&frozen);
-        let (points, []) = self.x.as_chunks::<ROBUST_VARIABLES>() else {
-            return malformed("has not six variables for each point");
-        };
-        let mut points = points.iter();
+        let mut designs = self.designs.iter();
         let model: Option<Arc<str>> = self.model_json.as_deref().map(Into::into);
         let source = |unit: &v2::Unit| {
             let unit = Unit::try_from(unit)?;
-            let mut variables = || match points.next() {
-                Some(x) => Ok(Variables::robust(x, &frozen)),
-                None => malformed("has not six variables for each point"),
+            let mut design = || match designs.next() {
+                Some(design) => Ok(Design::new(design.values.clone())),
+                None => malformed("has not a design for each of its units"),
             };
             let source = match unit.stream.kind {
-                Kind::Design => Source::Design(variables()?),
-                Kind::Point => Source::Point(variables()?),
+                Kind::Design => Source::Design(design()?),
+                Kind::Point => Source::Point(design()?),
                 Kind::Run => {
                     let (approach, start) = unit.stream.run_parts();
                     let numbered = |known: &Approach| known.number() == u64::from(approach);
                     let Some(approach) = Approach::ALL.into_iter().find(numbered) else {
                         return malformed("names an approach that there is not");
                     };
+                    let Some(base) = &self.base else {
+                        return malformed("has no base of its run");
+                    };
                     Source::Run(Run {
                         approach,
                         start,
-                        frozen,
+                        base: Design::new(base.values.clone()),
                         model: model.clone(),
                     })
                 }
@@ -202,11 +203,11 @@ pub fn result(
     };
     match outcome {
         Ok(Some(Output::Design {
-            analysed,
+            responses,
             ruled_out,
             samples_um,
         })) => {
-            result.analysed = analysed.numbers().to_vec();
+            result.responses.clone_from(responses);
             result.ruled_out.clone_from(ruled_out);
             result.samples_um.clone_from(samples_um);
         }
@@ -256,7 +257,7 @@ pub fn output(result: &v2::UnitResult) -> Result<(Unit, Result<Output, String>),
     let said = [&result.refused, &result.run_json, &result.error];
     let said = said.iter().filter(|text| text.is_some()).count();
     let said = said + usize::from(result.run_state.is_some());
-    let has_samples = !result.analysed.is_empty() || !result.samples_um.is_empty();
+    let has_samples = !result.responses.is_empty() || !result.samples_um.is_empty();
     if said + usize::from(has_samples) != 1 {
         return malformed(
             "must be either samples or one of a refusal, a run, the state of a run and an error",
@@ -282,11 +283,11 @@ pub fn output(result: &v2::UnitResult) -> Result<(Unit, Result<Output, String>),
         },
         (Kind::Design, None, Some(reason)) => Output::Refused(reason.clone()),
         (Kind::Design, None, None) => Output::Design {
-            analysed: analysed(&result.analysed)?,
+            responses: finite(&result.responses)?,
             ruled_out: result.ruled_out.clone(),
             samples_um: result.samples_um.clone(),
         },
-        (Kind::Point, None, None) if result.analysed.is_empty() => {
+        (Kind::Point, None, None) if result.responses.is_empty() => {
             Output::Samples(result.samples_um.clone())
         }
         _ => return malformed("is not what its unit asks for"),
@@ -302,41 +303,12 @@ pub fn output(result: &v2::UnitResult) -> Result<(Unit, Result<Output, String>),
     Ok((unit, Ok(output)))
 }
 
-/// The analysis of a design; the normal module is not among the numbers and is nought.
-fn analysed(numbers: &[f64]) -> Result<Analysed, Malformed> {
-    let [
-        contact_ratio,
-        specific_sliding,
-        hertz_pressure_mpa,
-        hertz_pressure_worn_mpa,
-        root_stress_mpa,
-        clearance_p,
-        clearance_r,
-        margin_p,
-        margin_r,
-        delta_ste_um,
-        delta_ste_archard_um,
-    ] = *numbers
-    else {
-        return malformed("has not the eleven numbers of an analysis");
-    };
-    if !numbers.iter().all(|number| number.is_finite()) {
-        return malformed("has an analysis with something that is no number");
+/// The responses of a design.
+fn finite(responses: &[f64]) -> Result<Vec<f64>, Malformed> {
+    if responses.iter().all(|response| response.is_finite()) {
+        return Ok(responses.to_vec());
     }
-    Ok(Analysed {
-        criteria: Criteria {
-            contact_ratio,
-            specific_sliding,
-            hertz_pressure_mpa,
-            root_stress_mpa,
-            clearance_mm: [clearance_p, clearance_r],
-            flank_margin_mm: [margin_p, margin_r],
-            normal_module_mm: 0.0,
-        },
-        hertz_pressure_worn_mpa,
-        delta_ste_um,
-        delta_ste_archard_um,
-    })
+    malformed("has a response that is no number")
 }
 
 #[cfg(test)]
@@ -356,17 +328,17 @@ mod tests {
         let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
         campaign.optimise.starts = 1;
         let problem = Problem::new(campaign);
-        let frozen = problem.printed_frozen();
+        let base = problem.base().clone();
         let inputs = Inputs::new(problem.campaign(), None);
-        let good = Variables::robust(&[0.25, 1.37, 1.37, 0.85, 1.31, 0.80], &frozen);
-        let bad = Variables::robust(&[-1.0, -1.0, 1.0, 1.0, 1.0, 1.0], &frozen);
+        let good = problem.design(&[0.25, 1.37, 1.37, 0.85, 1.31, 0.80], &base);
+        let bad = Design::robust(&[-1.0, -1.0, 1.0, 1.0, 1.0, 1.0], &base);
         let run = Run {
             approach: Approach::Kriging,
             start: 3,
-            frozen,
+            base,
             model: Some("{}".into()),
         };
-        let mut variant = Variant::new(good, (Purpose::Verify, 1 << 40));
+        let mut variant = Variant::new(good.clone(), (Purpose::Verify, 1 << 40));
         let relief = TipRelief {
             amount: 0.01,
             length: 1.5,
@@ -377,8 +349,8 @@ mod tests {
         variant.wear.variance = 0.5;
         variant.feasible_only = true;
         let designs = vec![
-            (StreamId::design(0), Source::Design(good)),
-            (StreamId::design(1), Source::Design(bad)),
+            (StreamId::design(0), Source::Design(good.clone())),
+            (StreamId::design(1), Source::Design(bad.clone())),
             (StreamId::point(2), Source::Point(good)),
             (run.stream(), Source::Run(run)),
         ];
@@ -416,14 +388,7 @@ mod tests {
                 assert_eq!((unit, source), (sent, &**sent_source));
                 let computed = compute(problem, unit, source);
                 let result = result(unit, &computed.clone().map(Some), 0.5);
-                let (covered, mut read) = output(&result).unwrap();
-                if let (
-                    Ok(Output::Design { analysed, .. }),
-                    Ok(Output::Design { analysed: a, .. }),
-                ) = (&mut read, &computed)
-                {
-                    analysed.criteria.normal_module_mm = a.criteria.normal_module_mm;
-                }
+                let (covered, read) = output(&result).unwrap();
                 assert_eq!(read, computed);
                 // A design that is refused or ruled out has no samples.
                 let count = match &computed {
@@ -478,13 +443,13 @@ mod tests {
         };
         let good = v2::UnitResult {
             unit: Some(unit),
-            analysed: vec![1.0; 11],
+            responses: vec![1.0; 11],
             samples_um: vec![1.0; 2],
             ..v2::UnitResult::default()
         };
         assert!(output(&good).is_ok());
         type Change = fn(&mut v2::UnitResult);
-        let changes: [(Change, &str); 8] = [
+        let changes: [(Change, &str); 7] = [
             (|result| result.unit = None, "names no unit"),
             (|result| result.unit.as_mut().unwrap().kind = 9, "no kind"),
             (
@@ -492,8 +457,7 @@ mod tests {
                 "beyond",
             ),
             (|result| result.samples_um.push(1.0), "as many samples"),
-            (|result| result.analysed.truncate(10), "eleven"),
-            (|result| result.analysed[3] = f64::NAN, "no number"),
+            (|result| result.responses[3] = f64::NAN, "no number"),
             (|result| result.error = Some(String::new()), "either"),
             (
                 |result| result.unit.as_mut().unwrap().kind = v2::Kind::Point.into(),

@@ -6,7 +6,7 @@ use gear::paper::printed::Place;
 use gear::paper::readings::{Reading, Score, readings};
 use rayon::prelude::*;
 use report::Comparison;
-use stages::references::variables;
+use stages::references::design;
 use store::Store;
 
 use crate::reporting;
@@ -34,7 +34,7 @@ pub async fn page(store: &Store) -> anyhow::Result<String> {
         .map(|reading| reading.fitted(seed).score(&doe, seed))
         .collect();
     let problem = Problem::new(campaign);
-    let input = problem.pair_input(&variables(Place::Figure(7)));
+    let input = problem.pair_input(&design(Place::Figure(7)));
     let own = Reading {
         law: problem.wear().law,
         tooth_model: input.tooth_model,

@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 use std::io::Write;
 
-use campaign::formulation::VARIABLE_NAMES;
-use campaign::{Criteria, Variables};
+use campaign::Campaign;
+use campaign::formulation::{Criteria, Problem};
 use clap::ValueEnum;
 use stages::fitting::{ModelSummary, P90_MODEL};
-use stages::optima::{self, optimum_variables};
+use stages::optima::{self, optimum_design};
 use stages::rounds::Round;
 use store::Store;
 
@@ -38,15 +38,18 @@ pub enum Table {
 ///
 /// The store cannot be read or the output cannot be written.
 pub async fn write(store: &Store, table: Table, out: impl Write) -> anyhow::Result<()> {
+    let file = store.campaign().await?.file_text;
+    let campaign = Campaign::parse("the store's campaign file", &file)?;
+    let problem = &Problem::new(campaign);
     let mut out = csv::Writer::from_writer(out);
     match table {
-        Table::Designs => designs(store, &mut out).await?,
+        Table::Designs => designs(store, problem, &mut out).await?,
         Table::Samples => samples(store, &mut out).await?,
         Table::Responses => responses(store, &mut out).await?,
         Table::Loo => leave_one_out(store, &mut out).await?,
-        Table::Optima => optima(store, &mut out).await?,
+        Table::Optima => optima(store, problem, &mut out).await?,
         Table::Rounds => rounds(store, &mut out).await?,
-        Table::Infill => infill(store, &mut out).await?,
+        Table::Infill => infill(store, problem, &mut out).await?,
         Table::Failures => failures(store, &mut out).await?,
     }
     out.flush()?;
@@ -72,21 +75,18 @@ async fn failures<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::
     Ok(())
 }
 
-async fn designs<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Result<()> {
+async fn designs<W: Write>(
+    store: &Store,
+    problem: &Problem,
+    out: &mut csv::Writer<W>,
+) -> anyhow::Result<()> {
+    let responses = problem.responses();
     let mut header = vec!["design"];
-    header.extend(&VARIABLE_NAMES[..6]);
-    header.extend([
-        "feasible",
-        "reason",
-        "contact_ratio",
-        "specific_sliding",
-        "hertz_pressure_mpa",
-        "root_stress_mpa",
-        "delta_ste_um",
-        "delta_ste_archard_um",
-    ]);
+    header.extend(problem.free_names());
+    header.extend(["feasible", "reason"]);
+    header.extend(responses.iter().map(|response| &*response.name));
     out.write_record(&header)?;
-    let criteria: std::collections::BTreeMap<u64, store::CriteriaRow> = store
+    let criteria: BTreeMap<u64, store::CriteriaRow> = store
         .criteria()
         .await?
         .into_iter()
@@ -94,24 +94,13 @@ async fn designs<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::R
         .collect();
     for row in store.designs().await? {
         let mut record = vec![row.design.to_string()];
-        record.extend(row.point().map(number));
-        match criteria.get(&row.design) {
-            Some(criteria) => {
-                record.push(u8::from(criteria.feasible).to_string());
-                record.push(criteria.reason.clone().unwrap_or_default());
-                record.extend(
-                    [
-                        criteria.contact_ratio,
-                        criteria.specific_sliding,
-                        criteria.hertz_pressure_mpa,
-                        criteria.root_stress_mpa,
-                        criteria.delta_ste_um,
-                        criteria.delta_ste_archard_um,
-                    ]
-                    .map(optional),
-                );
-            }
-            None => record.extend(std::iter::repeat_n(String::new(), 8)),
+        record.extend(row.x.iter().copied().map(number));
+        let known = criteria.get(&row.design);
+        record.push(known.map_or_else(String::new, |row| u8::from(row.feasible).to_string()));
+        record.push(known.and_then(|row| row.reason.clone()).unwrap_or_default());
+        match known.and_then(|row| row.responses.as_deref()) {
+            Some(values) => record.extend(values.iter().copied().map(number)),
+            None => record.extend(std::iter::repeat_n(String::new(), responses.len())),
         }
         out.write_record(&record)?;
     }
@@ -219,9 +208,13 @@ async fn rounds<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Re
     Ok(())
 }
 
-async fn infill<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Result<()> {
+async fn infill<W: Write>(
+    store: &Store,
+    problem: &Problem,
+    out: &mut csv::Writer<W>,
+) -> anyhow::Result<()> {
     let mut header = vec!["point", "round", "reason"];
-    header.extend(&VARIABLE_NAMES[..6]);
+    header.extend(problem.free_names());
     header.extend([
         "violation",
         "samples",
@@ -236,7 +229,7 @@ async fn infill<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Re
         let is_whole = samples.len() as u64 == row.samples && !row.failed;
         let percentile = stats::percentile_p90(&samples).ok().filter(|_| is_whole);
         let mut record = vec![row.name, (row.round + 1).to_string(), row.reason];
-        record.extend(row.x.map(number));
+        record.extend(row.x.iter().copied().map(number));
         record.push(number(row.violation));
         record.push(row.samples.to_string());
         record.push(u8::from(row.failed).to_string());
@@ -247,26 +240,22 @@ async fn infill<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Re
     Ok(())
 }
 
-async fn optima<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Result<()> {
+async fn optima<W: Write>(
+    store: &Store,
+    problem: &Problem,
+    out: &mut csv::Writer<W>,
+) -> anyhow::Result<()> {
+    let variables = problem.variables();
+    let criteria = problem.criteria();
     let mut header = vec!["approach"];
-    header.extend(VARIABLE_NAMES);
-    header.extend([
-        "criterion_um",
-        "p90_um",
-        "p90_low_um",
-        "p90_high_um",
-        "contact_ratio",
-        "specific_sliding",
-        "hertz_pressure_mpa",
-        "root_stress_mpa",
-        "feasible",
-        "simulator_calls",
-        "cpu_seconds",
-    ]);
+    header.extend(variables.iter().map(|variable| &*variable.name));
+    header.extend(["criterion_um", "p90_um", "p90_low_um", "p90_high_um"]);
+    header.extend(criteria.iter().map(|criterion| &*criterion.name));
+    header.extend(["feasible", "simulator_calls", "cpu_seconds"]);
     out.write_record(&header)?;
     for row in optima::stored(store).await? {
-        let variables = optimum_variables(&row);
-        let criteria: Option<Criteria> = serde_json::from_str(&row.criteria_json)?;
+        let design = optimum_design(problem, &row);
+        let found: Option<Criteria> = serde_json::from_str(&row.criteria_json)?;
         let samples: Vec<f64> = store
             .verify_samples(&row.approach)
             .await?
@@ -278,20 +267,19 @@ async fn optima<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Re
             .as_ref()
             .and_then(|percentile| stats::p90_interval(percentile, 0.95).ok());
         let mut record = vec![row.approach.clone()];
-        match variables.as_ref().map(Variables::values) {
-            Some(values) => record.extend(values.map(number)),
-            None => record.extend(std::iter::repeat_n(String::new(), VARIABLE_NAMES.len())),
+        let blanks = |count| std::iter::repeat_n(String::new(), count);
+        match &design {
+            Some(design) => record.extend(design.values().iter().copied().map(number)),
+            None => record.extend(blanks(variables.len())),
         }
-        record.push(optional(variables.map(|_| row.criterion_um)));
+        record.push(optional(design.map(|_| row.criterion_um)));
         record.push(optional(percentile.map(|percentile| percentile.p90)));
         record.push(optional(interval.map(|(low, _)| low)));
         record.push(optional(interval.map(|(_, high)| high)));
-        record.push(optional(criteria.map(|criteria| criteria.contact_ratio)));
-        record.push(optional(criteria.map(|criteria| criteria.specific_sliding)));
-        record.push(optional(
-            criteria.map(|criteria| criteria.hertz_pressure_mpa),
-        ));
-        record.push(optional(criteria.map(|criteria| criteria.root_stress_mpa)));
+        match found {
+            Some(found) => record.extend(found.values().iter().copied().map(number)),
+            None => record.extend(blanks(criteria.len())),
+        }
         record.push(u8::from(row.feasible).to_string());
         record.push(row.simulator_calls.to_string());
         record.push(number(row.cpu_seconds));

@@ -20,7 +20,7 @@ use report::{
 };
 use stages::cost::{infill_seconds, sampling_calls};
 use stages::names;
-use stages::optima::optimum_variables;
+use stages::optima::optimum_design;
 use stats::streams::{Purpose, stream};
 use store::Store;
 
@@ -205,7 +205,7 @@ fn wear(sources: &Sources) -> Option<WearProfiles> {
                 .optima
                 .iter()
                 .find(|row| row.approach == approach.name())?;
-            Some((approach.name(), optimum_variables(row)?))
+            Some((approach.name(), optimum_design(&sources.problem, row)?))
         })?;
     let pair = sources.problem.pair(&variables).ok()?;
     let wear = sources.problem.wear();

@@ -2,12 +2,12 @@
 
 use campaign::formulation::Problem;
 use campaign::optimise::{Found, RunResult};
-use campaign::{Approach, Frozen, Variables};
+use campaign::simulator::State;
+use campaign::{Approach, Design};
 use store::{CriteriaRow, DesignRow, OptimiserRunRow, OptimumRow, ResponseRow};
 
 use crate::cost::Cost;
-use crate::designs::worn_criteria;
-use crate::optima::variables_to_json;
+use crate::optima::design_to_json;
 
 /// Chooses the best design that the runs of an approach found.
 ///
@@ -43,7 +43,7 @@ pub fn choose_run(
         .min_by(better);
     let note = continuation_note(problem, &runs);
     if let Some(found) = best {
-        return optimum(approach, Some(found), cost, note);
+        return optimum(problem, approach, Some(found), cost, note);
     }
     let printed = runs
         .iter()
@@ -57,7 +57,7 @@ pub fn choose_run(
         ),
         None => "No run found a design that can be simulated.".to_owned(),
     };
-    optimum(approach, None, cost, note)
+    optimum(problem, approach, None, cost, note)
 }
 
 /// Chooses the best design of the DoE that satisfies every constraint, with its worn pressure.
@@ -67,7 +67,7 @@ pub fn choose_run(
 /// The row cannot be written.
 pub fn choose_of_doe(
     problem: &Problem,
-    frozen: &Frozen,
+    base: &Design,
     designs: &[DesignRow],
     criteria: &[CriteriaRow],
     responses: &[ResponseRow],
@@ -78,20 +78,20 @@ pub fn choose_of_doe(
         let better = best
             .as_ref()
             .is_none_or(|found| response.p90_um < found.criterion_um);
-        let (Some(design), true) = (designs.get(response.design as usize), better) else {
+        let (Some(row), true) = (designs.get(response.design as usize), better) else {
             continue;
         };
-        let variables = Variables::robust(&design.point(), frozen);
-        let criteria = criteria
+        let design = problem.design(&row.x, base);
+        let analysis = criteria
             .iter()
             .find(|row| row.design == response.design)
-            .and_then(|row| worn_criteria(problem, &variables, row));
-        let Some(criteria) = criteria else { continue };
-        if problem.is_feasible(&criteria) {
+            .and_then(|row| problem.analysis(&design, row.responses.as_ref()?, State::Baseline));
+        let Some(analysis) = analysis else { continue };
+        if problem.is_feasible(&analysis.criteria) {
             best = Some(Found {
-                variables,
+                design,
                 criterion_um: response.p90_um,
-                criteria,
+                criteria: analysis.criteria,
                 feasible: true,
             });
         }
@@ -101,7 +101,7 @@ pub fn choose_of_doe(
     } else {
         "No design of the DoE satisfies every constraint.".to_owned()
     };
-    optimum(Approach::BestOfDoe, best.as_ref(), cost, note)
+    optimum(problem, Approach::BestOfDoe, best.as_ref(), cost, note)
 }
 
 /// The row of an approach for which nothing could be done.
@@ -109,8 +109,8 @@ pub fn choose_of_doe(
 /// # Errors
 ///
 /// The row cannot be written.
-pub fn left_out(approach: Approach, note: String) -> anyhow::Result<OptimumRow> {
-    optimum(approach, None, Cost::default(), note)
+pub fn left_out(problem: &Problem, approach: Approach, note: String) -> anyhow::Result<OptimumRow> {
+    optimum(problem, approach, None, Cost::default(), note)
 }
 
 /// The row of what an approach found.
@@ -119,6 +119,7 @@ pub fn left_out(approach: Approach, note: String) -> anyhow::Result<OptimumRow> 
 ///
 /// The row cannot be written.
 pub fn optimum(
+    problem: &Problem,
     approach: Approach,
     found: Option<&Found>,
     cost: Cost,
@@ -126,11 +127,11 @@ pub fn optimum(
 ) -> anyhow::Result<OptimumRow> {
     Ok(OptimumRow {
         approach: approach.name().to_owned(),
-        x_json: variables_to_json(found.map(|found| &found.variables)),
+        x_json: design_to_json(problem, found.map(|found| &found.design)),
         // The paper values what cannot be simulated at 100; there is no design to value here.
         criterion_um: found.map_or(0.0, |found| found.criterion_um),
         feasible: found.is_some_and(|found| found.feasible),
-        criteria_json: serde_json::to_string(&found.map(|found| found.criteria))?,
+        criteria_json: serde_json::to_string(&found.map(|found| &found.criteria))?,
         simulator_calls: cost.simulator_calls,
         cpu_seconds: cost.cpu_seconds,
         note,

@@ -2,13 +2,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use campaign::formulation::Problem;
-use campaign::{Frozen, Variables};
+use campaign::formulation::{Design, Problem};
 use ledger::Kind;
 use rayon::prelude::*;
 use store::{CriteriaRow, InfillRow, JobTimeRow, RoundRow};
 
-use crate::infill::{Point, bits};
+use crate::infill::bits;
 use crate::linear::LinearResponse;
 use crate::names;
 
@@ -72,9 +71,9 @@ pub fn enrichment(
 
 /// The analyses that the control variates of infill points took.
 #[must_use]
-pub fn control_analyses(problem: &Problem, frozen: &Frozen, infill: &[InfillRow]) -> u64 {
-    let places: BTreeMap<_, Point> = infill.iter().map(|row| (bits(&row.x), row.x)).collect();
-    let linear = |x: &Point| LinearResponse::of(problem, &Variables::robust(x, frozen)).ok();
+pub fn control_analyses(problem: &Problem, base: &Design, infill: &[InfillRow]) -> u64 {
+    let places: BTreeMap<_, &[f64]> = infill.iter().map(|row| (bits(&row.x), &*row.x)).collect();
+    let linear = |x: &[f64]| LinearResponse::of(problem, &problem.design(x, base)).ok();
     let linear = places.par_iter().filter_map(|(_, x)| linear(x));
     linear.map(|linear| linear.analyses()).sum()
 }

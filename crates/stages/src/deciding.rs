@@ -8,15 +8,14 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::Context as _;
 use campaign::file::{ControlVariate, Sampling};
-use campaign::formulation::{Problem, ROBUST_VARIABLES};
-use campaign::{Frozen, Variables};
+use campaign::formulation::{Design, Problem};
+use campaign::simulator;
 use enrich::{Decision, Infill, Known, Reason, RoundRecord, Sampled, State};
 use rayon::prelude::*;
 use stats::streams::Purpose;
 use store::{CriteriaRow, DesignRow, InfillRow, NewRound, ResponseRow, RoundRow, Store};
 
-use crate::designs;
-use crate::infill::{self, Point, REACH, bits, options, point_name, point_number};
+use crate::infill::{self, REACH, bits, options, point_name, point_number};
 use crate::linear::LinearResponse;
 use crate::responses::{self, Samples};
 use crate::snapshot::{infill_samples, response_counts};
@@ -60,10 +59,9 @@ impl Rows {
                     .insert(row.infill, held.into_values().collect());
             }
         }
-        let sampled: BTreeSet<[u64; ROBUST_VARIABLES]> =
-            rows.infill.iter().map(|row| bits(&row.x)).collect();
+        let sampled: BTreeSet<Vec<u64>> = rows.infill.iter().map(|row| bits(&row.x)).collect();
         for design in &rows.designs {
-            if sampled.contains(&bits(&design.point())) {
+            if sampled.contains(&bits(&design.x)) {
                 let count = rows.counts.get(&design.design).copied().unwrap_or(0);
                 let held = store.samples_of(design.design).await?;
                 let held = held
@@ -101,27 +99,30 @@ impl Rows {
     }
 
     /// All that is known of responses: one entry per place, the designs of the DoE first.
-    fn state(&self, problem: &Problem, frozen: &Frozen) -> State {
+    fn state(&self, problem: &Problem, base: &Design) -> State {
         let criteria: BTreeMap<u64, &CriteriaRow> =
             self.criteria.iter().map(|row| (row.design, row)).collect();
         let mut sampled: Vec<Sampled> = Vec::new();
         // The samples of places that rest on more than a design's response, with the names of their
         // random streams.
         let mut pooled: BTreeMap<usize, Vec<Stream<'_>>> = BTreeMap::new();
-        let mut places: BTreeMap<[u64; ROBUST_VARIABLES], usize> = BTreeMap::new();
+        let mut places: BTreeMap<Vec<u64>, usize> = BTreeMap::new();
         for response in &self.responses {
             let Some(design) = self.designs.get(response.design as usize) else {
                 continue;
             };
-            let x = design.point();
+            let x = &design.x;
             let Some(row) = criteria.get(&response.design) else {
                 continue;
             };
-            let worn = designs::worn_criteria(problem, &Variables::robust(&x, frozen), row);
-            let violation = worn.map(|worn| infill::violation(problem, &worn));
-            let (Some(violation), Some(baseline_um)) = (violation, row.delta_ste_archard_um) else {
+            let worn = row.responses.as_ref().and_then(|responses| {
+                let design = problem.design(x, base);
+                problem.analysis(&design, responses, simulator::State::Baseline)
+            });
+            let Some(worn) = worn else {
                 continue;
             };
+            let violation = infill::violation(problem, &worn.criteria.gears());
             if violation > REACH {
                 continue;
             }
@@ -129,15 +130,15 @@ impl Rows {
                 let stream = (Purpose::Wear, response.design, held.as_slice());
                 pooled.insert(sampled.len(), vec![stream]);
             }
-            places.insert(bits(&x), sampled.len());
+            places.insert(bits(x), sampled.len());
             let samples = self.counts.get(&response.design).copied().unwrap_or(0);
             sampled.push(Sampled {
-                x: x.to_vec(),
+                x: x.clone(),
                 samples: u32::try_from(samples).unwrap_or(u32::MAX),
                 response_um: response.p90_um,
                 variance_um2: response.p90_variance_um2,
                 violation,
-                baseline_um,
+                baseline_um: worn.value_um,
             });
         }
         for row in self.infill.iter().filter(|row| !self.has_failed(row)) {
@@ -161,8 +162,8 @@ impl Rows {
             .par_iter()
             .map(|(&place, streams)| {
                 let x = &sampled[place].x;
-                let (count, row) = pool(problem, frozen, x, streams);
-                (place, count, row, baseline(problem, frozen, x))
+                let (count, row) = pool(problem, base, x, streams);
+                (place, count, row, baseline(problem, base, x))
             })
             .collect();
         for (place, count, row, baseline) in responses {
@@ -181,7 +182,7 @@ impl Rows {
             sampled,
             failed: failed
                 .filter(|row| !places.contains_key(&bits(&row.x)))
-                .map(|row| row.x.to_vec())
+                .map(|row| row.x.clone())
                 .collect(),
             rounds: self.rounds.iter().map(|round| self.record(round)).collect(),
         }
@@ -201,21 +202,16 @@ impl Rows {
     /// # Errors
     ///
     /// The campaign has no enrichment, or the model cannot be fitted.
-    pub fn decide(
-        &self,
-        problem: &Problem,
-        frozen: &Frozen,
-    ) -> anyhow::Result<(NewRound, Decision)> {
+    pub fn decide(&self, problem: &Problem, base: &Design) -> anyhow::Result<(NewRound, Decision)> {
         let section = problem.campaign().enrichment.as_ref();
         let section = section.context("the campaign has no enrichment")?;
         let left = u64::from(section.samples).saturating_sub(self.asked());
         // At most what the budget says, which has 32 bits.
         let options = options(problem, section, left as u32)?;
-        let state = self.state(problem, frozen);
+        let state = self.state(problem, base);
         let calls = Cell::new(0);
         let exact = |x: &[f64]| -> Option<Known> {
-            let x: Point = x.try_into().ok()?;
-            let (known, took) = infill::known(problem, &Variables::robust(&x, frozen))?;
+            let (known, took) = infill::known(problem, &problem.design(x, base))?;
             calls.set(calls.get() + took);
             Some(known)
         };
@@ -239,9 +235,7 @@ impl Rows {
                     (&entry.x, Some(entry.violation), *samples, "more")
                 }
             };
-            let x = x.as_slice().try_into();
-            let x: Point = x.context("an infill point of another problem")?;
-            let number = point_number(index, &x, &taken);
+            let number = point_number(index, x, &taken);
             taken.push(number);
             infill.push(InfillRow {
                 infill: index,
@@ -249,7 +243,7 @@ impl Rows {
                 name: point_name(index, number),
                 number,
                 reason: reason.to_owned(),
-                x,
+                x: x.clone(),
                 violation: violation.context("an infill point that cannot be simulated")?,
                 samples: u64::from(samples),
                 failed: false,
@@ -288,16 +282,15 @@ impl Rows {
 type Stream<'a> = (Purpose, u64, &'a [f64]);
 
 /// ΔSTE with Archard's wear at a place that can be simulated.
-fn baseline(problem: &Problem, frozen: &Frozen, x: &[f64]) -> Option<f64> {
-    let x: Point = x.try_into().ok()?;
-    let pair = problem.pair(&Variables::robust(&x, frozen)).ok()?;
+fn baseline(problem: &Problem, base: &Design, x: &[f64]) -> Option<f64> {
+    let pair = problem.pair(&problem.design(x, base)).ok()?;
     Some(pair.archard(problem.wear()).analysis.delta_ste_um)
 }
 
 /// How many samples there are at a place, and the response that they make together.
 fn pool(
     problem: &Problem,
-    frozen: &Frozen,
+    base: &Design,
     x: &[f64],
     streams: &[Stream<'_>],
 ) -> (usize, Option<ResponseRow>) {
@@ -308,10 +301,7 @@ fn pool(
         .copied()
         .collect();
     let linear = (sampling.control == ControlVariate::Linearised)
-        .then(|| {
-            let x: Point = x.try_into().ok()?;
-            LinearResponse::of(problem, &Variables::robust(&x, frozen)).ok()
-        })
+        .then(|| LinearResponse::of(problem, &problem.design(x, base)).ok())
         .flatten();
     let control = linear.map(|linear| {
         let of_stream = |(purpose, number, held): &Stream<'_>| {

@@ -1,9 +1,8 @@
 //! The designs of the DoE: made, enlarged, and read.
 
 use anyhow::Context as _;
-use campaign::formulation::{Problem, ROBUST_VARIABLES};
-use campaign::{Criteria, Variables};
-use store::{CriteriaRow, DesignRow};
+use campaign::formulation::Problem;
+use store::DesignRow;
 
 /// Makes the DoE, or what is missing of it beside the `existing` designs, which stay as they are.
 ///
@@ -18,7 +17,8 @@ pub fn make(problem: &Problem, existing: &[DesignRow]) -> anyhow::Result<Vec<Des
     };
     let n = campaign.doe.designs as usize;
     let design = if existing.is_empty() {
-        campaign.doe.method.design(n, ROBUST_VARIABLES, &options)?
+        let d = problem.dimension();
+        campaign.doe.method.design(n, d, &options)?
     } else {
         campaign
             .doe
@@ -26,7 +26,10 @@ pub fn make(problem: &Problem, existing: &[DesignRow]) -> anyhow::Result<Vec<Des
             .enlarge(&held(problem, existing), n, &options)?
     };
     Ok((existing.len()..n)
-        .map(|index| DesignRow::new(index as u64, problem.robust_point(design.point(index))))
+        .map(|index| DesignRow {
+            design: index as u64,
+            x: problem.free_point(design.point(index)),
+        })
         .collect())
 }
 
@@ -59,10 +62,10 @@ pub fn check_growth(problem: &Problem, existing: &[DesignRow]) -> anyhow::Result
 pub fn held(problem: &Problem, existing: &[DesignRow]) -> doe::Design {
     doe::Design {
         n: existing.len(),
-        d: ROBUST_VARIABLES,
+        d: problem.dimension(),
         points: existing
             .iter()
-            .flat_map(|row| problem.unit_point(&row.point()))
+            .flat_map(|row| problem.unit_point(&row.x))
             .collect(),
     }
 }
@@ -83,24 +86,6 @@ pub fn evenness(problem: &Problem, existing: &[DesignRow]) -> Option<String> {
         text += &format!(", centred discrepancy {:.5}", design.centred_discrepancy());
     }
     Some(text)
-}
-
-/// The criteria that the simulator gave for a design, with the contact pressure of worn flanks.
-#[must_use]
-pub fn worn_criteria(
-    problem: &Problem,
-    variables: &Variables,
-    row: &CriteriaRow,
-) -> Option<Criteria> {
-    Some(Criteria {
-        contact_ratio: row.contact_ratio?,
-        specific_sliding: row.specific_sliding?,
-        hertz_pressure_mpa: row.hertz_pressure_worn_mpa?,
-        root_stress_mpa: row.root_stress_mpa?,
-        clearance_mm: [row.clearance_p_mm?, row.clearance_r_mm?],
-        flank_margin_mm: [row.flank_margin_p_mm?, row.flank_margin_r_mm?],
-        normal_module_mm: problem.normal_module(variables).ok()?,
-    })
 }
 
 #[cfg(test)]
@@ -154,7 +139,7 @@ mod tests {
         };
         // A file that somebody edited: beyond the bounds.
         let mut outside = rows.clone();
-        outside[4].x_r = 7.0;
+        outside[4].x[1] = 7.0;
         let said = refused(&larger, &outside);
         assert!(
             said.contains("doe.designs is 30") && said.contains("point 4"),

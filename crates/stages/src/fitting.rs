@@ -1,8 +1,7 @@
 //! The kriging model of P90.
 
-use campaign::Campaign;
 use campaign::file::Noise;
-use campaign::formulation::{ROBUST_VARIABLES, VARIABLE_NAMES};
+use campaign::formulation::Problem;
 use kriging::{Data, Error, Names, Surrogate, Warning};
 use serde::{Deserialize, Serialize};
 use store::{DesignRow, ModelRow, ResponseRow};
@@ -49,10 +48,12 @@ pub struct ModelSummary {
 ///
 /// The data cannot be fitted: too few feasible designs, for example.
 pub fn fit(
-    campaign: &Campaign,
+    problem: &Problem,
     designs: &[DesignRow],
     responses: &[ResponseRow],
 ) -> anyhow::Result<(Surrogate, ModelSummary)> {
+    let campaign = problem.campaign();
+    let d = problem.dimension();
     let is_left_out = |design: u64| {
         let mut left_out = campaign.kriging.leave_out.iter();
         left_out.any(|&number| u64::from(number) == design)
@@ -64,7 +65,7 @@ pub fn fit(
         .collect();
     let x: Vec<f64> = points
         .iter()
-        .flat_map(|(design, _)| design.point())
+        .flat_map(|(design, _)| design.x.iter().copied())
         .collect();
     let y: Vec<f64> = points.iter().map(|(_, response)| response.p90_um).collect();
     let noise: Vec<f64> = points
@@ -75,12 +76,12 @@ pub fn fit(
         Noise::Own => noise,
         Noise::Smoothed => {
             let freedom = campaign.sampling.degrees_of_freedom();
-            kriging::smoothed_noise(&x, ROBUST_VARIABLES, &noise, freedom, campaign.seed)?
+            kriging::smoothed_noise(&x, d, &noise, freedom, campaign.seed)?
         }
     };
     let data = Data {
         x: &x,
-        d: ROBUST_VARIABLES,
+        d,
         y: &y,
         noise_variance: &noise,
     };
@@ -109,7 +110,7 @@ pub fn fit(
         warnings: model
             .warnings()
             .iter()
-            .map(|warning| advised(warning, design))
+            .map(|warning| advised(problem, warning, design))
             .collect(),
         cpu_seconds: 0.0,
     };
@@ -117,9 +118,10 @@ pub fn fit(
 }
 
 /// A warning in the names of the campaign, with the keys of its file that help.
-fn advised(warning: &Warning, design: impl Fn(usize) -> u64) -> String {
+fn advised(problem: &Problem, warning: &Warning, design: impl Fn(usize) -> u64) -> String {
+    let names: Vec<&str> = problem.free_names().collect();
     let text = warning.text(&Names {
-        coordinate: &|j| VARIABLE_NAMES[j].to_owned(),
+        coordinate: &|j| names[j].to_owned(),
         observation: &|i| format!("design {}", design(i)),
     });
     let advice = match warning {
@@ -200,7 +202,7 @@ pub fn model_row(model: &Surrogate, summary: &ModelSummary) -> anyhow::Result<Mo
 
 #[cfg(test)]
 mod tests {
-    use campaign::formulation::Problem;
+    use campaign::Campaign;
 
     use super::*;
     use crate::designs;
@@ -219,13 +221,13 @@ mod tests {
                     design: row.design,
                     mean_um: 1.0,
                     sd_um: 1.0,
-                    p90_um: 5.0 + 0.6 * scatter + slope * row.x_p,
+                    p90_um: 5.0 + 0.6 * scatter + slope * row.x[0],
                     p90_variance_um2: 0.36,
                     lilliefors_p: None,
                 }
             };
             let responses: Vec<ResponseRow> = rows.iter().map(response).collect();
-            fit(problem.campaign(), &rows, &responses)
+            fit(&problem, &rows, &responses)
         };
         let refusal = fitted(0.0).unwrap_err().to_string();
         assert!(refusal.contains("no dependence on x"), "{refusal}");
@@ -238,7 +240,8 @@ mod tests {
     fn an_outlier_is_left_out_by_its_key() {
         let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
         campaign.doe.designs = 80;
-        let rows = designs::make(&Problem::new(campaign.clone()), &[]).unwrap();
+        let problem = Problem::new(campaign.clone());
+        let rows = designs::make(&problem, &[]).unwrap();
         // Designs without a response make numbers of rows and of designs differ.
         let responses: Vec<ResponseRow> = rows
             .iter()
@@ -247,17 +250,18 @@ mod tests {
                 design: row.design,
                 mean_um: 1.0,
                 sd_um: 1.0,
-                p90_um: 5.0 + 20.0 * row.x_p + if row.design == 41 { 30.0 } else { 0.0 },
+                p90_um: 5.0 + 20.0 * row.x[0] + if row.design == 41 { 30.0 } else { 0.0 },
                 p90_variance_um2: 1e-4,
                 lilliefors_p: None,
             })
             .collect();
-        let (_, summary) = fit(&campaign, &rows, &responses).unwrap();
+        let (_, summary) = fit(&problem, &rows, &responses).unwrap();
         let named = |text: &&String| text.contains("design 41 lies");
         let warning = summary.warnings.iter().find(named).unwrap();
         assert!(warning.contains("kriging.leave_out = [41]"), "{warning}");
         campaign.kriging.leave_out = vec![41];
-        let (_, summary) = fit(&campaign, &rows, &responses).unwrap();
+        let problem = Problem::new(campaign);
+        let (_, summary) = fit(&problem, &rows, &responses).unwrap();
         assert_eq!(summary.points, 69);
         assert!(summary.residuals_um.iter().all(|(design, _)| *design != 41));
         assert!(!summary.warnings.iter().any(|text| text.contains("41")));

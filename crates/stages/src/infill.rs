@@ -4,13 +4,10 @@
 //! The decisions themselves are [`enrich::decide`]'s.
 
 use campaign::file::{Enrichment, Noise};
-use campaign::formulation::{Criteria, Problem, ROBUST_VARIABLES, Variables};
+use campaign::formulation::{Design, GearCriteria, Problem};
 use cmaes::Bounds;
 use enrich::{Known, Options};
 use sha2::{Digest as _, Sha256};
-
-/// A point in the units of the variables that the DoE varies.
-pub type Point = [f64; ROBUST_VARIABLES];
 
 /// The numbers of infill points begin here, above those of all other points.
 pub(crate) const FIRST: u64 = 1 << 27;
@@ -19,10 +16,11 @@ pub(crate) const FIRST: u64 = 1 << 27;
 /// that far out says little of the response within them.
 pub const REACH: f64 = 1.0;
 
-/// A design's variables as a key; zeros have lost their sign in the store.
+/// A design's variables as a key.
 #[must_use]
-pub(crate) fn bits(x: &Point) -> [u64; ROBUST_VARIABLES] {
-    x.map(f64::to_bits)
+pub(crate) fn bits(x: &[f64]) -> Vec<u64> {
+    // 0 and −0 are one place.
+    x.iter().map(|x| (x + 0.0).to_bits()).collect()
 }
 
 /// Whether a point is one of the enrichment.
@@ -38,7 +36,7 @@ pub const fn is_infill(number: u64) -> bool {
 /// been given more samples has another number: what is brought late for the old one cannot be taken
 /// for it. `taken` holds the numbers of the points before it.
 #[must_use]
-pub fn point_number(index: u64, x: &[f64; ROBUST_VARIABLES], taken: &[u64]) -> u64 {
+pub fn point_number(index: u64, x: &[f64], taken: &[u64]) -> u64 {
     let mut hash = Sha256::new();
     hash.update(index.to_le_bytes());
     for value in x {
@@ -69,11 +67,12 @@ pub fn mark(number: u64) -> String {
 /// How far a design misses the constraints, from its criteria with the pressure under Archard's
 /// wear: 0 if it is feasible. One whose geometry is out already is not asked for its pressure.
 #[must_use]
-pub fn violation(problem: &Problem, criteria: &Criteria) -> f64 {
+pub fn violation(problem: &Problem, criteria: &GearCriteria) -> f64 {
     let geometry = geometric_violation(problem, criteria);
     if geometry > 0.0 {
         return geometry;
     }
+    let criteria = &(*criteria).into();
     if problem.is_feasible(criteria) {
         0.0
     } else {
@@ -82,26 +81,27 @@ pub fn violation(problem: &Problem, criteria: &Criteria) -> f64 {
     }
 }
 
-fn geometric_violation(problem: &Problem, criteria: &Criteria) -> f64 {
-    problem.violation(&Criteria {
+fn geometric_violation(problem: &Problem, criteria: &GearCriteria) -> f64 {
+    let unloaded = GearCriteria {
         hertz_pressure_mpa: 0.0,
         ..*criteria
-    })
+    };
+    problem.violation(&unloaded.into())
 }
 
 /// What the built-in simulator knows of a design without sampling it, and how many analyses that
 /// took; none if it cannot be simulated. The baseline is ΔSTE with Archard's wear, which the random
 /// wear scatters around; a design whose geometry is out already is not asked for it.
 #[must_use]
-pub fn known(problem: &Problem, variables: &Variables) -> Option<(Known, u64)> {
-    let pair = problem.pair(variables).ok()?;
-    let unloaded = problem.criteria(&pair, 0.0);
+pub fn known(problem: &Problem, design: &Design) -> Option<(Known, u64)> {
+    let pair = problem.pair(design).ok()?;
+    let unloaded = problem.pair_criteria(&pair, 0.0);
     let geometry = geometric_violation(problem, &unloaded);
     if geometry > 0.0 {
         return Some((Known::from(geometry), 0));
     }
     let worn = pair.archard(problem.wear()).analysis;
-    let criteria = Criteria {
+    let criteria = GearCriteria {
         hertz_pressure_mpa: worn.hertz_pressure_mpa,
         ..unloaded
     };
@@ -123,8 +123,8 @@ pub fn options(
     section: &Enrichment,
     samples_left: u32,
 ) -> Result<Options, cmaes::Error> {
-    let [low, high] = [0.0, 1.0].map(|unit| problem.robust_point(&[unit; ROBUST_VARIABLES]));
-    let bounds = Bounds::new(low.into_iter().zip(high).collect::<Vec<_>>())?;
+    let ranges = problem.free_ranges().map(|[low, high]| (low, high));
+    let bounds = Bounds::new(ranges.collect::<Vec<_>>())?;
     Ok(Options {
         seed: problem.campaign().seed,
         criterion: section.criterion,
@@ -146,7 +146,7 @@ pub fn options(
         quantile_z: 0.84,
         global_every: 6,
         basins: 3,
-        local_points: 15 * ROBUST_VARIABLES,
+        local_points: 15 * problem.dimension(),
         search_evaluations: 400,
         ..Options::new(bounds)
     })
@@ -178,14 +178,14 @@ mod tests {
     #[test]
     fn violations_from_stored_criteria_are_those_of_the_simulator() {
         let problem = Problem::new(Campaign::parse("paper.toml", Campaign::PAPER).unwrap());
-        let frozen = problem.printed_frozen();
+        let base = problem.base().clone();
         let (mut feasible, mut pressed, mut geometric) = (0, 0, 0);
         for i in 0..400_u32 {
             // A sequence that fills the cube evenly enough.
             let unit: [f64; 6] = std::array::from_fn(|j| {
                 (f64::from(i + 1) * [2.0_f64, 3.0, 5.0, 7.0, 11.0, 13.0][j].sqrt()).fract()
             });
-            let variables = Variables::robust(&problem.robust_point(&unit), &frozen);
+            let variables = problem.design(&problem.free_point(&unit), &base);
             let Some((found, calls)) = known(&problem, &variables) else {
                 assert!(problem.pair(&variables).is_err());
                 continue;
@@ -195,7 +195,7 @@ mod tests {
             let exact = found.violation;
             let expected = if calls > 0 { worn.delta_ste_um } else { 0.0 };
             assert_eq!(found.baseline_um, expected);
-            let criteria = problem.criteria(&pair, worn.hertz_pressure_mpa);
+            let criteria = problem.pair_criteria(&pair, worn.hertz_pressure_mpa);
             assert_eq!(violation(&problem, &criteria), exact);
             assert_eq!(problem.is_feasible(&criteria), exact == 0.0);
             match (exact == 0.0, calls) {

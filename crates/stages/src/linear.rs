@@ -1,7 +1,7 @@
 //! The linear part of ΔSTE as a control variate of its samples: ΔSTE is all but linear in the wear of
 //! most designs, and the distribution of a sum of normal coefficients is known.
 
-use campaign::formulation::{Problem, Variables};
+use campaign::formulation::{Design, Problem};
 use stats::streams::StreamRng;
 
 /// What the linear part of a design's ΔSTE is, sample by sample: a control variate.
@@ -16,8 +16,8 @@ impl LinearResponse {
     /// # Errors
     ///
     /// Why the design cannot be simulated.
-    pub fn of(problem: &Problem, variables: &Variables) -> Result<Self, gear::Error> {
-        let slopes = problem.pair(variables)?.sampler(problem.wear()).slopes();
+    pub fn of(problem: &Problem, design: &Design) -> Result<Self, gear::Error> {
+        let slopes = problem.pair(design)?.sampler(problem.wear()).slopes();
         Ok(Self { slopes })
     }
 

@@ -1,7 +1,7 @@
 //! The chosen optima as the store keeps them.
 
 use campaign::Approach;
-use campaign::formulation::{VARIABLE_NAMES, Variables};
+use campaign::formulation::{Design, Problem, Variable};
 use serde_json::{Map, Value};
 use store::{OptimumRow, Store};
 
@@ -15,32 +15,24 @@ pub fn approach_of(name: &str) -> Option<Approach> {
 
 /// All variables by name, as the store keeps them; `null` for an approach that found nothing.
 #[must_use]
-pub fn variables_to_json(variables: Option<&Variables>) -> String {
-    let Some(variables) = variables else {
+pub fn design_to_json(problem: &Problem, design: Option<&Design>) -> String {
+    let Some(design) = design else {
         return Value::Null.to_string();
     };
-    let object: Map<String, Value> = VARIABLE_NAMES
-        .iter()
-        .zip(variables.values())
-        .map(|(name, value)| ((*name).to_owned(), Value::from(value)))
+    let values = problem.variables().iter().zip(design.values());
+    let object: Map<String, Value> = values
+        .map(|(variable, value)| (variable.name.to_string(), Value::from(*value)))
         .collect();
     Value::Object(object).to_string()
 }
 
-/// Reads what [`variables_to_json`] wrote.
+/// Reads what [`design_to_json`] wrote.
 #[must_use]
-pub fn variables_from_json(json: &str) -> Option<Variables> {
+pub fn design_from_json(problem: &Problem, json: &str) -> Option<Design> {
     let object: Map<String, Value> = serde_json::from_str(json).ok()?;
-    let value = |index: usize| object.get(VARIABLE_NAMES[index]).and_then(Value::as_f64);
-    let pair = |index: usize| Some([value(index)?, value(index + 1)?]);
-    Some(Variables {
-        profile_shift: pair(0)?,
-        tool_addendum: pair(2)?,
-        tool_dedendum: pair(4)?,
-        tip_radius_mm: pair(6)?,
-        root_radius_mm: pair(8)?,
-        helix_angle_deg: value(10)?,
-    })
+    let value = |variable: &Variable| object.get(&*variable.name)?.as_f64();
+    let values: Option<Vec<f64>> = problem.variables().iter().map(value).collect();
+    values.map(Design::new)
 }
 
 /// The optima in the order of the paper's Table 5.
@@ -56,6 +48,6 @@ pub async fn stored(store: &Store) -> Result<Vec<OptimumRow>, store::Error> {
 
 /// The design of an optimum's row; none when the approach found no feasible one.
 #[must_use]
-pub fn optimum_variables(row: &OptimumRow) -> Option<Variables> {
-    variables_from_json(&row.x_json)
+pub fn optimum_design(problem: &Problem, row: &OptimumRow) -> Option<Design> {
+    design_from_json(problem, &row.x_json)
 }

@@ -6,14 +6,14 @@
 //!
 //! ```text
 //! doe ─────────────┐
-//! runs without wear ┤► frozen ─► sample ─► statistics ─► fit ─► runs on kriging ─► choose ─► verify
+//! runs without wear ┤► base ─► sample ─► statistics ─► fit ─► runs on kriging ─► choose ─► verify
 //!                   │         └► runs with Archard's wear ───────────────────────►   ┘         └► report
 //!                                                         └► round ⇄ its points ─►   ┘
 //! ```
 
 use campaign::Campaign;
 use campaign::file::FrozenFrom;
-use campaign::formulation::{Approach, Frozen};
+use campaign::formulation::{Approach, Design, Problem};
 use campaign::task::Run;
 use ledger::StreamId;
 
@@ -40,7 +40,7 @@ pub struct Next {
     /// Runs of optimisers whose inputs exist and whose results are missing.
     pub runs: Vec<Run>,
     /// The variables that all designs share, when designs lack samples.
-    pub sampling: Option<Frozen>,
+    pub sampling: Option<Design>,
     /// The points that lack samples.
     pub points: Vec<VerifyPoint>,
     /// A step of the coordinator's own.
@@ -58,35 +58,38 @@ impl Next {
     }
 }
 
-/// The frozen variables, once they are known.
+/// The values of the variables that the DoE leaves alone, once they are known.
 ///
 /// An approach 1 that found no feasible design leaves nothing to freeze, so the printed values serve.
 #[must_use]
-pub fn frozen(campaign: &Campaign, printed: Frozen, state: &State) -> Option<Frozen> {
-    match campaign.frozen.from {
-        FrozenFrom::Printed => Some(printed),
-        FrozenFrom::Deterministic => state
-            .optima
-            .get(&Approach::NoWear)
-            .map(|optimum| optimum.map_or(printed, |variables| variables.frozen_part())),
+pub fn base(problem: &Problem, state: &State) -> Option<Design> {
+    let printed = || problem.base().clone();
+    match problem.campaign().frozen.from {
+        FrozenFrom::Printed => Some(printed()),
+        FrozenFrom::Deterministic => {
+            let optimum = state.optima.get(&Approach::NoWear)?.as_ref();
+            Some(optimum.map_or_else(printed, |design| problem.base_of(design)))
+        }
     }
 }
 
 /// Decides what comes next.
 #[must_use]
-pub fn next(campaign: &Campaign, printed: Frozen, state: &State) -> Next {
+pub fn next(problem: &Problem, state: &State) -> Next {
+    let campaign = problem.campaign();
     let mut runs = Vec::new();
-    let frozen = frozen(campaign, printed, state);
+    let base = base(problem, state);
 
     for approach in Approach::OPTIMISED {
         let inputs = match approach {
-            Approach::NoWear => Some((printed, None)),
-            Approach::Archard => frozen.map(|frozen| (frozen, None)),
-            _ => frozen
+            Approach::NoWear => Some((problem.base().clone(), None)),
+            Approach::Archard => base.clone().map(|base| (base, None)),
+            _ => base
+                .clone()
                 .zip(state.model.clone())
-                .map(|(frozen, model)| (frozen, Some(model))),
+                .map(|(base, model)| (base, Some(model))),
         };
-        let Some((frozen, model)) = inputs else {
+        let Some((base, model)) = inputs else {
             continue;
         };
         for start in 0..campaign.optimise.starts {
@@ -94,7 +97,7 @@ pub fn next(campaign: &Campaign, printed: Frozen, state: &State) -> Next {
                 runs.push(Run {
                     approach,
                     start,
-                    frozen,
+                    base: base.clone(),
                     model: model.clone(),
                 });
             }
@@ -108,7 +111,7 @@ pub fn next(campaign: &Campaign, printed: Frozen, state: &State) -> Next {
     });
     Next {
         runs,
-        sampling: frozen.filter(|_| lacks_samples),
+        sampling: base.filter(|_| lacks_samples),
         points,
         local: local_step(campaign, state),
     }
@@ -117,11 +120,11 @@ pub fn next(campaign: &Campaign, printed: Frozen, state: &State) -> Next {
 /// Every point that gets fresh samples, those of the known optima included.
 #[must_use]
 pub fn verify_points(campaign: &Campaign, state: &State) -> Vec<VerifyPoint> {
-    let optima = state.optima.iter().filter_map(|(approach, variables)| {
+    let optima = state.optima.iter().filter_map(|(approach, design)| {
         Some(VerifyPoint {
             name: approach.name().to_owned(),
             number: approach.number(),
-            variables: (*variables)?,
+            design: design.clone()?,
             wanted: campaign.verify.samples,
             stored: state.verified.get(approach).cloned().unwrap_or_default(),
         })
@@ -172,8 +175,6 @@ fn local_step(campaign: &Campaign, state: &State) -> Option<LocalStep> {
 mod tests {
     use std::collections::BTreeMap;
 
-    use campaign::formulation::{Problem, ROBUST_VARIABLES, Variables};
-
     use super::*;
     use crate::infill::{FIRST, point_name};
     use crate::state::{OpenDesign, Progress};
@@ -185,15 +186,25 @@ mod tests {
         campaign
     }
 
-    fn printed(campaign: &Campaign) -> Frozen {
-        Problem::new(campaign.clone()).printed_frozen()
+    fn next(campaign: &Campaign, state: &State) -> Next {
+        super::next(&Problem::new(campaign.clone()), state)
+    }
+
+    /// The design in the middle of the tools' range.
+    fn middle(campaign: &Campaign) -> Design {
+        let problem = Problem::new(campaign.clone());
+        problem.design(&[0.5; 6], problem.base())
+    }
+
+    fn printed(campaign: &Campaign) -> Design {
+        Problem::new(campaign.clone()).base().clone()
     }
 
     /// The state of a campaign with all designs, the first `done` of which have their samples.
     fn sampled(done: u32) -> State {
         let open = |design| OpenDesign {
             design,
-            x: [0.5; ROBUST_VARIABLES],
+            x: vec![0.5; 6],
             samples: 30,
             missing: std::iter::once(0..30).collect(),
         };
@@ -207,7 +218,7 @@ mod tests {
     #[test]
     fn an_empty_store_makes_the_doe_while_runs_without_samples_start() {
         let campaign = campaign();
-        let next = next(&campaign, printed(&campaign), &State::default());
+        let next = next(&campaign, &State::default());
         assert_eq!(next.local, Some(LocalStep::Doe));
         assert_eq!(next.runs.len(), 6);
     }
@@ -217,13 +228,13 @@ mod tests {
         let mut campaign = campaign();
         campaign.frozen.from = FrozenFrom::Deterministic;
         let state = State { ..sampled(0) };
-        let first = next(&campaign, printed(&campaign), &state);
+        let first = next(&campaign, &state);
         assert_eq!((first.runs.len(), first.sampling), (3, None));
         let state = State {
             optima: BTreeMap::from([(Approach::NoWear, None)]),
             ..state
         };
-        let then = next(&campaign, printed(&campaign), &state);
+        let then = next(&campaign, &state);
         assert_eq!(then.sampling, Some(printed(&campaign)));
     }
 
@@ -237,10 +248,10 @@ mod tests {
                 state.runs.insert((approach, start));
             }
         }
-        let design = Variables::robust(&[0.5; 6], &printed);
+        let design = middle(&campaign);
         let mut steps = Vec::new();
         for _ in 0..20 {
-            let next = next(&campaign, printed, &state);
+            let next = next(&campaign, &state);
             let runs = next.runs.iter().map(|run| (run.approach, run.start));
             state.runs.extend(runs);
             assert_eq!(next.sampling, None, "all samples are stored");
@@ -263,7 +274,7 @@ mod tests {
                         LocalStep::Fit => state.model = Some("model".into()),
                         LocalStep::Enrich => panic!("the campaign has no enrichment"),
                         LocalStep::Choose(approach) => {
-                            state.optima.insert(approach, Some(design));
+                            state.optima.insert(approach, Some(design.clone()));
                         }
                     }
                 }
@@ -281,7 +292,7 @@ mod tests {
                 Choose(Approach::Kriging),
             ]
         );
-        assert!(next(&campaign, printed, &state).is_finished());
+        assert!(next(&campaign, &state).is_finished());
         assert_eq!(state.verified.len(), 4);
     }
 
@@ -290,10 +301,10 @@ mod tests {
         let campaign = campaign();
         let printed = printed(&campaign);
         let mut state = State { ..sampled(50) };
-        let waiting = next(&campaign, printed, &state);
+        let waiting = next(&campaign, &state);
         assert_eq!((waiting.local, waiting.sampling), (None, Some(printed)));
         state.given_up.extend((50..60).map(StreamId::design));
-        let going_on = next(&campaign, printed, &state);
+        let going_on = next(&campaign, &state);
         assert_eq!(going_on.local, Some(LocalStep::Statistics));
         assert_eq!(going_on.sampling, None);
     }
@@ -307,7 +318,7 @@ mod tests {
             optima: BTreeMap::from([(Approach::BestOfDoe, None)]),
             ..sampled(60)
         };
-        let next = next(&campaign, printed(&campaign), &state);
+        let next = next(&campaign, &state);
         assert_eq!(next.local, Some(LocalStep::Choose(Approach::Kriging)));
     }
 
@@ -316,11 +327,11 @@ mod tests {
         Campaign::parse("enriched.toml", text).unwrap()
     }
 
-    fn point(number: u64, stored: u32, frozen: &Frozen) -> VerifyPoint {
+    fn point(number: u64, stored: u32, design: &Design) -> VerifyPoint {
         VerifyPoint {
             name: point_name(0, number),
             number,
-            variables: Variables::robust(&[0.5; 6], frozen),
+            design: design.clone(),
             wanted: 30,
             stored: (0..stored).collect(),
         }
@@ -351,8 +362,8 @@ mod tests {
     #[test]
     fn a_round_is_decided_once_the_one_before_is_settled() {
         let campaign = enriched();
-        let frozen = Problem::new(campaign.clone()).printed_frozen();
-        let step = |state: &State| super::next(&campaign, frozen, state).local;
+        let middle = middle(&campaign);
+        let step = |state: &State| next(&campaign, state).local;
         let mut state = fitted(&campaign);
         assert_eq!(step(&state), Some(LocalStep::Enrich));
         // It does not wait for the runs on the model, nor for a model.
@@ -367,20 +378,20 @@ mod tests {
         state.enrichment = Progress {
             rounds: 1,
             points: vec![
-                point(numbers[0], 30, &frozen),
-                point(numbers[1], 12, &frozen),
-                point(numbers[2], 0, &frozen),
+                point(numbers[0], 30, &middle),
+                point(numbers[1], 12, &middle),
+                point(numbers[2], 0, &middle),
             ],
             is_stopped: false,
         };
-        let next = super::next(&campaign, frozen, &state);
+        let next = next(&campaign, &state);
         let open: Vec<u64> = next.points.iter().map(|point| point.number).collect();
         assert_eq!((open.as_slice(), next.local), (&numbers[1..], None));
         // One gets its samples, one fails: both are settled.
-        state.enrichment.points[2] = point(numbers[2], 30, &frozen);
+        state.enrichment.points[2] = point(numbers[2], 30, &middle);
         assert_eq!(step(&state), None);
         state.given_up.insert(StreamId::point(numbers[1]));
-        let next = super::next(&campaign, frozen, &state);
+        let next = next(&campaign, &state);
         assert_eq!(next.local, Some(LocalStep::Enrich));
         assert_eq!(next.points, []);
     }
@@ -388,7 +399,7 @@ mod tests {
     #[test]
     fn the_round_that_stops_is_followed_by_its_recommendation_and_that_by_fresh_samples() {
         let campaign = enriched();
-        let frozen = Problem::new(campaign.clone()).printed_frozen();
+        let middle = middle(&campaign);
         let approach = Approach::EnrichedKriging;
         let mut state = fitted(&campaign);
         state.enrichment = Progress {
@@ -396,24 +407,23 @@ mod tests {
             points: Vec::new(),
             is_stopped: true,
         };
-        let next = super::next(&campaign, frozen, &state);
+        let next = next(&campaign, &state);
         assert_eq!(next.local, Some(LocalStep::Choose(approach)));
-        let variables = Variables::robust(&[0.5; 6], &frozen);
-        state.optima.insert(approach, Some(variables));
-        let next = super::next(&campaign, frozen, &state);
+        state.optima.insert(approach, Some(middle));
+        let next = next(&campaign, &state);
         assert_eq!(next.local, None);
         let open: Vec<_> = next.points.iter().map(|p| (p.number, p.wanted)).collect();
         assert_eq!(open, [(5, campaign.verify.samples)]);
         let stored = (0..campaign.verify.samples).collect();
         state.verified.insert(approach, stored);
-        assert!(super::next(&campaign, frozen, &state).is_finished());
+        assert!(next(&campaign, &state).is_finished());
     }
 
     #[test]
     fn without_the_section_nothing_is_enriched() {
         let campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
-        let frozen = Problem::new(campaign.clone()).printed_frozen();
-        assert!(super::next(&campaign, frozen, &fitted(&campaign)).is_finished());
+        let middle = middle(&campaign);
+        assert!(next(&campaign, &fitted(&campaign)).is_finished());
         assert_eq!(Approach::of(&campaign).count(), 4);
         assert_eq!(Approach::of(&enriched()).count(), 5);
     }

@@ -1,7 +1,6 @@
 //! The designs that the paper prints, as points to be sampled beside the campaign's own optima.
 
-use campaign::Variables;
-use campaign::formulation::Problem;
+use campaign::formulation::{Design, Problem};
 use gear::paper::printed::Place;
 
 use crate::state::VerifyPoint;
@@ -18,28 +17,8 @@ pub fn name(place: Place) -> String {
 
 /// The printed design.
 #[must_use]
-pub fn variables(place: Place) -> Variables {
-    let [
-        x_p,
-        x_r,
-        ha_p,
-        ha_r,
-        hf_p,
-        hf_r,
-        tip_p,
-        tip_r,
-        root_p,
-        root_r,
-        beta,
-    ] = place.variables();
-    Variables {
-        profile_shift: [x_p, x_r],
-        tool_addendum: [ha_p, ha_r],
-        tool_dedendum: [hf_p, hf_r],
-        tip_radius_mm: [tip_p, tip_r],
-        root_radius_mm: [root_p, root_r],
-        helix_angle_deg: beta,
-    }
+pub fn design(place: Place) -> Design {
+    Design::new(place.variables().to_vec())
 }
 
 /// The points to be sampled for `problem`: none unless the campaign compares itself with the
@@ -55,10 +34,10 @@ pub fn points(problem: &Problem) -> Vec<VerifyPoint> {
         .map(|place| VerifyPoint {
             name: name(place),
             number: place.number(),
-            variables: variables(place),
+            design: design(place),
             wanted: problem.campaign().verify.samples,
             stored: std::collections::BTreeSet::new(),
         })
-        .filter(|point| problem.pair(&point.variables).is_ok())
+        .filter(|point| problem.pair(&point.design).is_ok())
         .collect()
 }

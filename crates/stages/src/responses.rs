@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use campaign::file::{PercentileRule, Sampling};
-use campaign::formulation::{Frozen, Problem, Variables};
+use campaign::formulation::{Design, Problem};
 use rayon::prelude::*;
 use stats::VarianceFormula;
 use stats::streams::{Purpose, stream};
@@ -171,14 +171,14 @@ impl<'a> Samples<'a> {
 #[must_use]
 pub fn linearise(
     problem: &Problem,
-    frozen: &Frozen,
+    base: &Design,
     designs: &[DesignRow],
 ) -> BTreeMap<u64, LinearResponse> {
     designs
         .par_iter()
         .filter_map(|row| {
-            let variables = Variables::robust(&row.point(), frozen);
-            Some((row.design, LinearResponse::of(problem, &variables).ok()?))
+            let design = problem.design(&row.x, base);
+            Some((row.design, LinearResponse::of(problem, &design).ok()?))
         })
         .collect()
 }
@@ -316,7 +316,7 @@ mod tests {
             let problem = Problem::new(campaign.clone());
             // The paper's Figure 7.
             let x = [0.49, 0.49, 1.20, 1.11, 1.00, 1.09];
-            let source = Source::Design(Variables::robust(&x, &problem.printed_frozen()));
+            let source = Source::Design(problem.design(&x, problem.base()));
             let rows: Vec<ResponseRow> = (0..replications)
                 .map(|design| {
                     let unit = Unit {
@@ -356,12 +356,15 @@ mod tests {
     fn the_linear_response_makes_few_samples_as_good_as_thousands() {
         let campaign = campaign::Campaign::parse("paper.toml", campaign::Campaign::PAPER).unwrap();
         let problem = Problem::new(campaign);
-        let frozen = problem.printed_frozen();
+        let base = problem.base().clone();
         // The paper's Figure 7.
-        let design = DesignRow::new(7, [0.49, 0.49, 1.20, 1.11, 1.00, 1.09]);
-        let linear = &linearise(&problem, &frozen, &[design])[&7];
+        let design = DesignRow {
+            design: 7,
+            x: vec![0.49, 0.49, 1.20, 1.11, 1.00, 1.09],
+        };
+        let linear = &linearise(&problem, &base, std::slice::from_ref(&design))[&7];
         let mut sampler = problem
-            .pair(&Variables::robust(&design.point(), &frozen))
+            .pair(&problem.design(&design.x, &base))
             .unwrap()
             .sampler(problem.wear());
         let seed = problem.campaign().seed;

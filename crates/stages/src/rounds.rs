@@ -1,15 +1,14 @@
 //! Rounds of infill that were decided, and what the last one recommends.
 
-use anyhow::Context as _;
 use campaign::formulation::Problem;
 use campaign::optimise::Found;
-use campaign::{Approach, Frozen, Variables};
+use campaign::simulator::{Simulator as _, State};
+use campaign::{Approach, Design};
 use enrich::{Recommendation, Stop};
 use store::{OptimumRow, RoundRow};
 
 use crate::choosing::optimum;
 use crate::cost::Cost;
-use crate::infill::Point;
 
 /// A round as the store keeps it, read.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,26 +45,26 @@ impl Round {
 /// The round was decided for another problem.
 pub fn recommended(
     problem: &Problem,
-    frozen: &Frozen,
+    base: &Design,
     last: &Round,
     cost: Cost,
 ) -> anyhow::Result<OptimumRow> {
     let approach = Approach::EnrichedKriging;
     let Some(best) = &last.recommendation else {
         let note = last.stop.as_ref().map_or_else(String::new, Stop::to_string);
-        return optimum(approach, None, cost, note);
+        return optimum(problem, approach, None, cost, note);
     };
-    let x = best.x.as_slice().try_into();
-    let x: Point = x.context("a recommendation of another problem")?;
-    let variables = Variables::robust(&x, frozen);
-    let pair = problem.pair(&variables)?;
-    let worn = pair.archard(problem.wear()).analysis;
-    let criteria = problem.criteria(&pair, worn.hertz_pressure_mpa);
+    anyhow::ensure!(
+        best.x.len() == problem.dimension(),
+        "a recommendation of another problem"
+    );
+    let design = problem.design(&best.x, base);
+    let analysis = problem.prepare(&design)?.analyse(State::Baseline)?;
     let found = Found {
-        variables,
+        design,
         criterion_um: best.predicted_um,
-        criteria,
-        feasible: problem.is_feasible(&criteria),
+        feasible: problem.is_feasible(&analysis.criteria),
+        criteria: analysis.criteria,
     };
-    optimum(approach, Some(&found), cost, String::new())
+    optimum(problem, approach, Some(&found), cost, String::new())
 }

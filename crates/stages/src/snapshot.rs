@@ -3,11 +3,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use campaign::file::Sampling;
-use campaign::{Campaign, Frozen, Variables};
+use campaign::formulation::{Design, Problem};
 use store::{InfillRow, Store};
 
 use crate::fitting::P90_MODEL;
-use crate::optima::{approach_of, optimum_variables};
+use crate::optima::{approach_of, optimum_design};
 use crate::responses::{self, Sampled};
 use crate::state::{OpenDesign, Progress, State, VerifyPoint};
 
@@ -20,10 +20,11 @@ use crate::state::{OpenDesign, Progress, State, VerifyPoint};
 /// The store cannot be read.
 pub async fn load(
     store: &Store,
-    campaign: &Campaign,
+    problem: &Problem,
     references: &[VerifyPoint],
     more: &BTreeMap<u64, u64>,
 ) -> Result<State, store::Error> {
+    let campaign = problem.campaign();
     let progress = store.progress().await?;
     let wanted = u64::from(campaign.sampling.samples_per_design);
     let missing = store.missing_work(wanted, more).await?;
@@ -39,7 +40,7 @@ pub async fn load(
     let open = missing.iter().map(|work| OpenDesign {
         // A DoE has at most 100 000 designs, and the samples of each are counted in 32 bits.
         design: work.design.design as u32,
-        x: work.design.point(),
+        x: work.design.x.clone(),
         samples: more
             .get(&work.design.design)
             .map_or(wanted, |more| wanted.max(*more)) as u32,
@@ -73,7 +74,8 @@ pub async fn load(
         };
         let stored = stored_samples(store, approach.name()).await?;
         state.verified.insert(approach, stored);
-        state.optima.insert(approach, optimum_variables(&optimum));
+        let design = optimum_design(problem, &optimum);
+        state.optima.insert(approach, design);
     }
     for point in references {
         let stored = stored_samples(store, &point.name).await?;
@@ -98,7 +100,11 @@ async fn stored_samples(store: &Store, point: &str) -> Result<BTreeSet<u32>, sto
 /// # Errors
 ///
 /// The store cannot be read.
-pub async fn enrichment(store: &Store, frozen: &Frozen) -> Result<Progress, store::Error> {
+pub async fn enrichment(
+    store: &Store,
+    problem: &Problem,
+    base: &Design,
+) -> Result<Progress, store::Error> {
     let rounds = store.rounds().await?;
     let Some(last) = rounds.last() else {
         return Ok(Progress::default());
@@ -110,7 +116,7 @@ pub async fn enrichment(store: &Store, frozen: &Frozen) -> Result<Progress, stor
                 stored: infill_samples(store, &row).await?.keys().copied().collect(),
                 name: row.name,
                 number: row.number,
-                variables: Variables::robust(&row.x, frozen),
+                design: problem.design(&row.x, base),
                 wanted: u32::try_from(row.samples).unwrap_or(u32::MAX),
             });
         }

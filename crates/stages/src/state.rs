@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::sync::Arc;
 
-use campaign::formulation::{Approach, ROBUST_VARIABLES, Variables};
+use campaign::formulation::{Approach, Design};
 use ledger::StreamId;
 
 /// A point that gets fresh samples.
@@ -15,7 +15,7 @@ pub struct VerifyPoint {
     /// The number that names its random streams.
     pub number: u64,
     /// The design.
-    pub variables: Variables,
+    pub design: Design,
     /// How many samples it gets.
     pub wanted: u32,
     /// Which of its samples are stored.
@@ -35,8 +35,8 @@ impl VerifyPoint {
 pub struct OpenDesign {
     /// Its index in the DoE.
     pub design: u32,
-    /// Its six variables.
-    pub x: [f64; ROBUST_VARIABLES],
+    /// The variables that the DoE moves.
+    pub x: Vec<f64>,
     /// How many samples it is to have.
     pub samples: u32,
     /// Those of them that are missing, disjoint and ascending.
@@ -61,7 +61,7 @@ pub struct State {
     /// Finished optimiser runs.
     pub runs: BTreeSet<(Approach, u32)>,
     /// The chosen designs; `None` for an approach that found no feasible one.
-    pub optima: BTreeMap<Approach, Option<Variables>>,
+    pub optima: BTreeMap<Approach, Option<Design>>,
     /// Points that get fresh samples, without those of the optima.
     pub reference_points: Vec<VerifyPoint>,
     /// Stored fresh samples of the optima.

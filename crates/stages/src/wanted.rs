@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use campaign::Variables;
+use campaign::formulation::Problem;
 use campaign::task::{Inputs, Source};
 use ledger::{StreamId, Wanted};
 
@@ -21,15 +21,15 @@ pub struct Asked {
 
 /// What `next` asks workers for; `open` are the designs that lack samples.
 #[must_use]
-pub fn asked(inputs: &Inputs, next: &Next, open: &[OpenDesign]) -> Asked {
+pub fn asked(problem: &Problem, inputs: &Inputs, next: &Next, open: &[OpenDesign]) -> Asked {
     let mut asked = Asked::default();
     for run in &next.runs {
         let wanted = inputs.wanted(run.stream(), Source::Run(run.clone()), 1);
         asked.named(names::run_name(run.approach, run.start), wanted);
     }
-    if let Some(frozen) = &next.sampling {
+    if let Some(base) = &next.sampling {
         for design in open {
-            let source = Source::Design(Variables::robust(&design.x, frozen));
+            let source = Source::Design(problem.design(&design.x, base));
             // Its criteria tell whether it needs samples, so there always are some to ask for.
             let stream = StreamId::design(design.design);
             let mut wanted = inputs.wanted(stream, source, design.samples);
@@ -38,7 +38,7 @@ pub fn asked(inputs: &Inputs, next: &Next, open: &[OpenDesign]) -> Asked {
         }
     }
     for point in &next.points {
-        let source = Source::Point(point.variables);
+        let source = Source::Point(point.design.clone());
         let mut wanted = inputs.wanted(StreamId::point(point.number), source, point.wanted);
         wanted.missing = ledger::gaps(&point.stored, point.wanted);
         asked.named(point.name.clone(), wanted);

@@ -200,9 +200,7 @@ fn criteria(design: u64) -> CriteriaRow {
     CriteriaRow {
         design,
         feasible: true,
-        contact_ratio: Some(2.25),
-        specific_sliding: Some(1.5),
-        hertz_pressure_mpa: Some(1100.0),
+        responses: Some(vec![2.25, 1.5, 1100.0]),
         ..CriteriaRow::default()
     }
 }

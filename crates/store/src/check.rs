@@ -166,22 +166,27 @@ async fn check(reading: &Reading, part: Part) -> Result<(), Error> {
 /// on when samples were stored. A bit that flipped within a number leaves its page as sound as
 /// before.
 pub(crate) async fn rows(connection: &mut Connection<'_>) -> Result<(), Error> {
-    samples::visit(connection, |_| Ok::<(), Error>(())).await?;
-    other_rows(connection).await
-}
-
-/// As [`rows`], without the samples of the DoE.
-pub(crate) async fn other_rows(connection: &mut Connection<'_>) -> Result<(), Error> {
-    tally::check_verify_samples(connection).await?;
-    sealed::<CampaignRow>(connection).await?;
+    samples(connection).await?;
+    lasting_rows(connection).await?;
     sealed::<DesignRow>(connection).await?;
     sealed::<CriteriaRow>(connection).await?;
+    sealed::<InfillRow>(connection).await
+}
+
+/// Compares the samples of the DoE with their digests.
+pub(crate) async fn samples(connection: &mut Connection<'_>) -> Result<(), Error> {
+    samples::visit(connection, |_| Ok::<(), Error>(())).await
+}
+
+/// As [`rows`], for the tables whose columns are the same since they have seals.
+pub(crate) async fn lasting_rows(connection: &mut Connection<'_>) -> Result<(), Error> {
+    tally::check_verify_samples(connection).await?;
+    sealed::<CampaignRow>(connection).await?;
     sealed::<OptimiserRunRow>(connection).await?;
     sealed::<ResponseRow>(connection).await?;
     sealed::<ModelRow>(connection).await?;
     sealed::<OptimumRow>(connection).await?;
-    sealed::<RoundRow>(connection).await?;
-    sealed::<InfillRow>(connection).await
+    sealed::<RoundRow>(connection).await
 }
 
 async fn sealed<T: Table>(connection: &mut Connection<'_>) -> Result<(), Error> {
@@ -191,14 +196,11 @@ async fn sealed<T: Table>(connection: &mut Connection<'_>) -> Result<(), Error> 
 /// Seals all rows, for the migration that brought the seals.
 pub(crate) async fn seal(connection: &mut Connection<'_>) -> Result<(), Error> {
     keyed::seal::<CampaignRow>(connection).await?;
-    keyed::seal::<DesignRow>(connection).await?;
-    keyed::seal::<CriteriaRow>(connection).await?;
     keyed::seal::<OptimiserRunRow>(connection).await?;
     keyed::seal::<ResponseRow>(connection).await?;
     keyed::seal::<ModelRow>(connection).await?;
     keyed::seal::<OptimumRow>(connection).await?;
     keyed::seal::<RoundRow>(connection).await?;
-    keyed::seal::<InfillRow>(connection).await?;
     tally::fill_points(connection).await
 }
 

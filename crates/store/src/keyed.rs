@@ -37,6 +37,8 @@ pub(crate) enum Value<'v> {
     Number(f64),
     Text(&'v str),
     Bytes(&'v [u8]),
+    /// Written as their bytes, little-endian.
+    Numbers(&'v [f64]),
 }
 
 /// A type that is one column.
@@ -106,6 +108,37 @@ impl Column for Vec<u8> {
     }
 }
 
+impl Column for Vec<f64> {
+    fn value(&self) -> Value<'_> {
+        Value::Numbers(self)
+    }
+
+    fn read(row: &SqliteRow, place: usize) -> Result<Self, SqlxError> {
+        numbers(row.try_get(place)?)
+    }
+}
+
+impl Column for Option<Vec<f64>> {
+    fn value(&self) -> Value<'_> {
+        self.as_deref().map_or(Value::Null, Value::Numbers)
+    }
+
+    fn read(row: &SqliteRow, place: usize) -> Result<Self, SqlxError> {
+        let bytes: Option<&[u8]> = row.try_get(place)?;
+        bytes.map(numbers).transpose()
+    }
+}
+
+/// The numbers in a column's bytes.
+pub(crate) fn numbers(bytes: &[u8]) -> Result<Vec<f64>, SqlxError> {
+    let (numbers, rest) = bytes.as_chunks();
+    if !rest.is_empty() {
+        let found = format!("{} bytes, which are no list of numbers", bytes.len());
+        return Err(SqlxError::Decode(found.into()));
+    }
+    Ok(numbers.iter().copied().map(f64::from_le_bytes).collect())
+}
+
 impl Column for Option<String> {
     fn value(&self) -> Value<'_> {
         self.as_deref().map_or(Value::Null, Value::Text)
@@ -139,7 +172,7 @@ pub(crate) trait Table: Sized + Send + Sync + Unpin {
         self.each(|value| {
             if let Some(column) = Self::COLUMNS.get(parts.len()) {
                 parts.push(match value {
-                    Value::Null | Value::Bytes(_) => (*column).to_owned(),
+                    Value::Null | Value::Bytes(_) | Value::Numbers(_) => (*column).to_owned(),
                     Value::Count(value) | Value::Bits(value) => format!("{column} {value}"),
                     Value::Number(value) => format!("{column} {value}"),
                     Value::Text(value) => format!("{column} {value:?}"),
@@ -164,16 +197,26 @@ pub(crate) trait Table: Sized + Send + Sync + Unpin {
                     result = Err(Error::TooLarge { column, value });
                 }
                 Value::Number(value) if !value.is_finite() => {
-                    result = Err(Error::NotFinite {
-                        column: column(),
-                        key: self.name(),
-                        value,
-                    });
+                    result = Err(self.not_finite(column(), value));
+                }
+                Value::Numbers(values) => {
+                    if let Some(value) = values.iter().find(|value| !value.is_finite()) {
+                        result = Err(self.not_finite(column(), *value));
+                    }
                 }
                 _ => {}
             }
         });
         result
+    }
+
+    /// The refusal of a number that SQLite would not give back.
+    fn not_finite(&self, column: String, value: f64) -> Error {
+        Error::NotFinite {
+            column,
+            key: self.name(),
+            value,
+        }
     }
 
     /// The first 64 bits of the SHA-256 of the table's name and of all columns.
@@ -200,6 +243,12 @@ pub(crate) trait Table: Sized + Send + Sync + Unpin {
                 hash.update([4]);
                 hash.update((value.len() as u64).to_le_bytes());
                 hash.update(value);
+            }
+            Value::Numbers(values) => {
+                hash.update([5]);
+                hash.update((values.len() as u64).to_le_bytes());
+                let each = values.iter().map(|value| value.to_bits().to_le_bytes());
+                each.for_each(|bytes| hash.update(bytes));
             }
         });
         let hash = hash.finalize();
@@ -472,6 +521,10 @@ fn add(value: Value<'_>, arguments: &mut SqliteArguments) -> Result<(), SqlxErro
         Value::Number(value) => arguments.add(value),
         Value::Text(value) => arguments.add(value),
         Value::Bytes(value) => arguments.add(value),
+        Value::Numbers(values) => {
+            let bytes = values.iter().flat_map(|value| value.to_le_bytes());
+            arguments.add(bytes.collect::<Vec<u8>>())
+        }
     }
     .map_err(SqlxError::Encode)
 }

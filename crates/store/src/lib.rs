@@ -43,6 +43,7 @@
 
 mod cause;
 mod check;
+mod columns;
 mod connection;
 mod digest;
 mod error;

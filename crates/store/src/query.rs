@@ -6,11 +6,14 @@ use std::ops::Range;
 use crate::Error;
 use crate::cause::first_line;
 use crate::connection::Connection;
-use crate::keyed;
+use crate::keyed::{self, numbers};
 use crate::rows::{
     CampaignRow, DesignRow, FailureGroup, FailureKind, FailureRow, JobHistory, MissingWork,
     Progress, RunStateRow,
 };
+
+/// What fails when missing work cannot be found.
+const LOOKING: &str = "look for missing work";
 
 /// The migrations that made the schema: version and checksum, the oldest first.
 pub(crate) async fn migrations(
@@ -68,10 +71,10 @@ pub(crate) async fn missing_work(
     // Designs with every sample up to their last one, and enough of them, stay in the database.
     let rows = connection
         .all(
-            "look for missing work",
+            LOOKING,
             sqlx::query!(
                 r#"SELECT design.design AS "design!: i64",
-                  design.x_p, design.x_r, design.ha0_p, design.ha0_r, design.hf0_p, design.hf0_r,
+                  design.x AS "x!: Vec<u8>",
                   criteria.design IS NULL AS "without_criteria!: bool",
                   coalesce(design_tally.samples, 0) AS "held!: i64",
                   coalesce(design_tally.last_sample, -1) AS "last!: i64"
@@ -96,9 +99,12 @@ pub(crate) async fn missing_work(
             missing_samples(connection, row.design, limit).await?
         };
         if row.without_criteria || !samples.is_empty() {
-            let x = [row.x_p, row.x_r, row.ha0_p, row.ha0_r, row.hf0_p, row.hf0_r];
+            let x = numbers(&row.x).map_err(|e| connection.failed(LOOKING, e))?;
             let work = MissingWork {
-                design: DesignRow::new(index(row.design), x),
+                design: DesignRow {
+                    design: index(row.design),
+                    x,
+                },
                 criteria: row.without_criteria,
                 samples,
             };
@@ -130,13 +136,16 @@ async fn design_row(connection: &mut Connection<'_>, design: i64) -> Result<Desi
         .one(
             "read a design",
             sqlx::query!(
-                "SELECT x_p, x_r, ha0_p, ha0_r, hf0_p, hf0_r FROM design WHERE design = ?",
+                r#"SELECT x AS "x!: Vec<u8>" FROM design WHERE design = ?"#,
                 design
             ),
         )
         .await?;
-    let x = [row.x_p, row.x_r, row.ha0_p, row.ha0_r, row.hf0_p, row.hf0_r];
-    Ok(DesignRow::new(index(design), x))
+    let x = numbers(&row.x).map_err(|e| connection.failed(LOOKING, e))?;
+    Ok(DesignRow {
+        design: index(design),
+        x,
+    })
 }
 
 /// What is missing of the samples `0..limit` of one design.
@@ -147,7 +156,7 @@ async fn missing_samples(
 ) -> Result<Vec<Range<u64>>, Error> {
     let held = connection
         .all(
-            "look for missing work",
+            LOOKING,
             sqlx::query!(
                 r#"SELECT first_sample, length(delta_ste_um) / 8 AS "samples!: i64"
                    FROM sample_range WHERE design = ? AND first_sample < ? ORDER BY first_sample"#,

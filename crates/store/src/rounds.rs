@@ -38,8 +38,8 @@ pub struct InfillRow {
     pub number: u64,
     /// Why it was chosen.
     pub reason: String,
-    /// Its variables, in the order of [`DesignRow::point`](crate::DesignRow::point).
-    pub x: [f64; 6],
+    /// Its variables, in the order of [`DesignRow::x`](crate::DesignRow::x).
+    pub x: Vec<f64>,
     /// How far the exact constraints are missed.
     pub violation: f64,
     /// How many samples it gets.

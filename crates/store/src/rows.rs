@@ -20,77 +20,37 @@ pub struct CampaignRow {
     pub model_digest: Option<String>,
 }
 
-/// One point of the design of experiments: profile shift, addendum and dedendum coefficients of
-/// pinion (`_p`) and wheel (`_r`), in modules.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[expect(missing_docs, reason = "the struct's sentence names each of the six")]
+/// One point of the design of experiments.
+#[derive(Debug, Clone, PartialEq)]
 pub struct DesignRow {
     /// Index in the design of experiments.
     pub design: u64,
-    pub x_p: f64,
-    pub x_r: f64,
-    pub ha0_p: f64,
-    pub ha0_r: f64,
-    pub hf0_p: f64,
-    pub hf0_r: f64,
+    /// The variables that the design of experiments moves, in their problem's order.
+    pub x: Vec<f64>,
 }
 
 impl DesignRow {
-    /// The design at a point of the variables, in the order of the fields.
+    /// The design at a point.
     #[must_use]
-    pub const fn new(design: u64, x: [f64; 6]) -> Self {
-        let [x_p, x_r, ha0_p, ha0_r, hf0_p, hf0_r] = x;
+    pub fn new(design: u64, x: impl Into<Vec<f64>>) -> Self {
         Self {
             design,
-            x_p,
-            x_r,
-            ha0_p,
-            ha0_r,
-            hf0_p,
-            hf0_r,
+            x: x.into(),
         }
-    }
-
-    /// Its variables, in the order of the fields.
-    #[must_use]
-    pub const fn point(&self) -> [f64; 6] {
-        [
-            self.x_p, self.x_r, self.ha0_p, self.ha0_r, self.hf0_p, self.hf0_r,
-        ]
     }
 }
 
-/// The nominal criteria of a design. Those that could not be computed are `None`.
+/// What is known of a design without sampling it.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct CriteriaRow {
     /// Index of the design.
     pub design: u64,
-    /// Whether the design can be made and run.
+    /// Whether the simulator gives numbers for the design.
     pub feasible: bool,
-    /// Why it is infeasible, or gets no samples although it is feasible: a code and a sentence.
+    /// Why it gives none, or why the design gets no samples although it does: a code and a sentence.
     pub reason: Option<String>,
-    /// Contact ratio r_c.
-    pub contact_ratio: Option<f64>,
-    /// Largest specific sliding g_s.
-    pub specific_sliding: Option<f64>,
-    /// Hertz pressure F, unworn, in MPa.
-    pub hertz_pressure_mpa: Option<f64>,
-    /// Hertz pressure F with Archard wear, in MPa.
-    pub hertz_pressure_worn_mpa: Option<f64>,
-    /// Von Mises stress σ_vm at the tooth root, in MPa.
-    pub root_stress_mpa: Option<f64>,
-    /// Tip clearance at the pinion, in mm.
-    pub clearance_p_mm: Option<f64>,
-    /// Tip clearance at the wheel, in mm.
-    pub clearance_r_mm: Option<f64>,
-    /// Margin of the active flank at the pinion, in mm.
-    pub flank_margin_p_mm: Option<f64>,
-    /// Margin of the active flank at the wheel, in mm.
-    pub flank_margin_r_mm: Option<f64>,
-    /// Peak-to-peak static transmission error ΔSTE, unworn, in µm.
-    pub delta_ste_um: Option<f64>,
-    /// ΔSTE with Archard wear, in µm.
-    pub delta_ste_archard_um: Option<f64>,
+    /// The deterministic responses in their problem's order; `None` where the simulator gives none.
+    pub responses: Option<Vec<f64>>,
 }
 
 /// One sample ΔSTE(x, θ_i).

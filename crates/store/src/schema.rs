@@ -9,7 +9,7 @@ use sqlx::migrate::{MigrateError, Migrator};
 use crate::check::{self, Reading};
 use crate::connection::Connection;
 use crate::rows::CampaignRow;
-use crate::{Error, failpoints, query, samples, tally};
+use crate::{Error, columns, failpoints, query, samples, tally};
 
 static MIGRATOR: Migrator = sqlx::migrate!("../../migrations");
 
@@ -27,6 +27,10 @@ const FIRST_WITH_SEALS: i64 = 6;
 
 /// The schema that packs the samples of the DoE, which its migration leaves to the program.
 const FIRST_WITH_RANGES: i64 = 7;
+
+/// The schema that has lists of numbers where there were columns, which its migration leaves to the
+/// program.
+const FIRST_WITH_LISTS: i64 = 9;
 
 pub(crate) fn check_header(path: &Path) -> Result<(), Error> {
     let mut file = File::open(path).map_err(|e| Error::io("open", path, e))?;
@@ -121,14 +125,17 @@ pub(crate) async fn read(
 
 /// Compares the rows of a store of a known schema with their digests, if they have any.
 pub(crate) async fn check_rows(connection: &mut Connection<'_>, found: i64) -> Result<(), Error> {
-    if found >= FIRST_WITH_RANGES {
+    if found >= FIRST_WITH_LISTS {
         return check::rows(connection).await;
     }
-    if found >= FIRST_WITH_TALLIES {
+    if found >= FIRST_WITH_RANGES {
+        check::samples(connection).await?;
+    } else if found >= FIRST_WITH_TALLIES {
         samples::check_unpacked(connection).await?;
     }
     if found >= FIRST_WITH_SEALS {
-        check::other_rows(connection).await?;
+        check::lasting_rows(connection).await?;
+        columns::check(connection).await?;
     }
     Ok(())
 }
@@ -158,6 +165,10 @@ pub(crate) async fn migrate(connection: &mut Connection<'_>, found: i64) -> Resu
     }
     if found < FIRST_WITH_SEALS {
         check::seal(&mut transaction).await?;
+        columns::seal(&mut transaction).await?;
+    }
+    if found < FIRST_WITH_LISTS {
+        columns::convert(&mut transaction).await?;
     }
     failpoints::at("store::migration");
     transaction.commit().await

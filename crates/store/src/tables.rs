@@ -4,6 +4,7 @@ use sqlx::sqlite::SqliteRow;
 use sqlx::{Error as SqlxError, Row as _};
 
 use crate::Error;
+use crate::columns::{OldCriteria, OldDesign, OldInfill};
 use crate::keyed::{Column, Keyed, Table, Value};
 use crate::rounds::{InfillRow, RoundRow};
 use crate::rows::{
@@ -37,11 +38,19 @@ macro_rules! table {
 }
 
 table!(DesignRow: "design", "read designs", 1 keys, sealed true,
-    design x_p x_r ha0_p ha0_r hf0_p hf0_r);
+    design x);
 table!(CriteriaRow: "criteria", "read criteria", 1 keys, sealed true,
+    design feasible reason responses);
+table!(InfillRow: "infill", "read infill points", 1 keys, sealed true,
+    infill round name number reason x violation samples failed);
+table!(OldDesign: "design", "read designs", 1 keys, sealed true,
+    design x_p x_r ha0_p ha0_r hf0_p hf0_r);
+table!(OldCriteria: "criteria", "read criteria", 1 keys, sealed true,
     design feasible reason contact_ratio specific_sliding hertz_pressure_mpa
     hertz_pressure_worn_mpa root_stress_mpa clearance_p_mm clearance_r_mm flank_margin_p_mm
     flank_margin_r_mm delta_ste_um delta_ste_archard_um);
+table!(OldInfill: "infill", "read infill points", 1 keys, sealed true,
+    infill round name number reason x_p x_r ha0_p ha0_r hf0_p hf0_r violation samples failed);
 table!(SampleRange: "sample_range", "read samples", 2 keys, sealed true,
     design first_sample delta_ste_um);
 table!(VerifyRow: "verify_sample", "read verification samples", 2 keys, sealed false,
@@ -112,59 +121,6 @@ impl Table for JobTimeRow {
         Ok(Self {
             job: row.try_get::<i64, _>(0)?.cast_unsigned(),
             cpu_seconds: row.try_get(1)?,
-        })
-    }
-}
-
-impl Table for InfillRow {
-    const NAME: &'static str = "infill";
-    const COLUMNS: &'static [&'static str] = &[
-        "infill",
-        "round",
-        "name",
-        "number",
-        "reason",
-        "x_p",
-        "x_r",
-        "ha0_p",
-        "ha0_r",
-        "hf0_p",
-        "hf0_r",
-        "violation",
-        "samples",
-        "failed",
-    ];
-    const KEYS: usize = 1;
-    const SEALED: bool = true;
-    const READING: &'static str = "read infill points";
-
-    fn each(&self, mut visit: impl FnMut(Value<'_>)) {
-        visit(self.infill.value());
-        visit(self.round.value());
-        visit(self.name.value());
-        visit(self.number.value());
-        visit(self.reason.value());
-        self.x.iter().for_each(|x| visit(x.value()));
-        visit(self.violation.value());
-        visit(self.samples.value());
-        visit(self.failed.value());
-    }
-
-    fn read(row: &SqliteRow) -> Result<Self, SqlxError> {
-        let mut x = [0.0; 6];
-        for (place, x) in (5..).zip(&mut x) {
-            *x = row.try_get(place)?;
-        }
-        Ok(Self {
-            infill: Column::read(row, 0)?,
-            round: Column::read(row, 1)?,
-            name: Column::read(row, 2)?,
-            number: Column::read(row, 3)?,
-            reason: Column::read(row, 4)?,
-            x,
-            violation: Column::read(row, 11)?,
-            samples: Column::read(row, 12)?,
-            failed: Column::read(row, 13)?,
         })
     }
 }

@@ -29,7 +29,7 @@ use std::cell::Cell;
 
 use campaign::Campaign;
 use campaign::file::Noise;
-use campaign::formulation::{Approach, Frozen, Problem, ROBUST_VARIABLES, Variables};
+use campaign::formulation::{Approach, Design, Problem};
 use campaign::optimise;
 use cmaes::Bounds;
 use enrich::{Criterion, Decision, Infill, Known, Options, RoundRecord, Sampled, State, decide};
@@ -54,7 +54,7 @@ const PAPER_SECONDS: f64 = 2.0;
 struct Row {
     seed: u64,
     method: &'static str,
-    x: [f64; ROBUST_VARIABLES],
+    x: Vec<f64>,
     p90: f64,
     interval: (f64, f64),
     /// The model's prediction and its 95 % interval.
@@ -84,8 +84,8 @@ fn draw(
         .collect()
 }
 
-fn verify(problem: &Problem, variables: &Variables, number: u64) -> (f64, (f64, f64)) {
-    let pair = problem.pair(variables).expect("a winner can be simulated");
+fn verify(problem: &Problem, design: &Design, number: u64) -> (f64, (f64, f64)) {
+    let pair = problem.pair(design).expect("a winner can be simulated");
     let samples = draw(problem, &pair, Purpose::Verify, number, VERIFY);
     let percentile = stats::percentile_p90(&samples).expect("500 finite samples");
     let interval = stats::p90_interval(&percentile, 0.95).expect("a proper percentile");
@@ -93,20 +93,19 @@ fn verify(problem: &Problem, variables: &Variables, number: u64) -> (f64, (f64, 
 }
 
 /// What the exact analyses say of a design, counting those of wear in `plain`.
-fn exact(problem: &Problem, frozen: &Frozen, x: &[f64], plain: &Cell<u64>) -> Option<Known> {
-    let x: [f64; ROBUST_VARIABLES] = x.try_into().ok()?;
-    let (known, took) = stages::infill::known(problem, &Variables::robust(&x, frozen))?;
+fn exact(problem: &Problem, base: &Design, x: &[f64], plain: &Cell<u64>) -> Option<Known> {
+    let (known, took) = stages::infill::known(problem, &problem.design(x, base))?;
     plain.set(plain.get() + took);
     Some(known)
 }
 
 /// The same with Archard's analysis even where the geometry alone rules a design out.
-fn sampled(problem: &Problem, frozen: &Frozen, x: &[f64], plain: &Cell<u64>) -> Option<Known> {
-    let found = exact(problem, frozen, x, plain)?;
+fn sampled(problem: &Problem, base: &Design, x: &[f64], plain: &Cell<u64>) -> Option<Known> {
+    let found = exact(problem, base, x, plain)?;
     if found.baseline_um > 0.0 {
         return Some(found);
     }
-    let pair = problem.pair(&Variables::robust(&six(x), frozen)).ok()?;
+    let pair = problem.pair(&problem.design(x, base)).ok()?;
     plain.set(plain.get() + 2);
     let baseline_um = pair.archard(problem.wear()).analysis.delta_ste_um;
     Some(Known {
@@ -118,25 +117,20 @@ fn sampled(problem: &Problem, frozen: &Frozen, x: &[f64], plain: &Cell<u64>) -> 
 /// Response and variance of the first `count` samples of the design with stream number `number`.
 fn response(
     problem: &Problem,
-    frozen: &Frozen,
+    base: &Design,
     x: &[f64],
     number: u64,
     count: u32,
 ) -> Option<(f64, f64)> {
-    let x: [f64; ROBUST_VARIABLES] = x.try_into().ok()?;
-    let pair = problem.pair(&Variables::robust(&x, frozen)).ok()?;
+    let pair = problem.pair(&problem.design(x, base)).ok()?;
     let samples = draw(problem, &pair, Purpose::Wear, number, count);
     let percentile = stats::percentile_p90(&samples).ok()?;
     Some((percentile.p90, percentile.variance))
 }
 
-fn six(x: &[f64]) -> [f64; ROBUST_VARIABLES] {
-    x.try_into().expect("designs have six variables")
-}
-
 /// The four approaches of the paper.
 fn paper(problem: &Problem, seed: u64, without: &str, rows: &mut Vec<Row>) {
-    let frozen = problem.printed_frozen();
+    let base = problem.base().clone();
     let campaign = problem.campaign();
     let begun = cpu_seconds();
     let n = campaign.doe.designs as usize;
@@ -145,16 +139,16 @@ fn paper(problem: &Problem, seed: u64, without: &str, rows: &mut Vec<Row>) {
         ..doe::Options::default()
     };
     let with_doe = !without.contains("kriging") || !without.contains("best-of-doe");
-    let mut points: Vec<([f64; ROBUST_VARIABLES], f64, f64, f64)> = Vec::new();
+    let mut points: Vec<(Vec<f64>, f64, f64, f64)> = Vec::new();
     let mut worn = 0;
     if with_doe {
-        let design = doe::maximin(n, ROBUST_VARIABLES, &options).expect("a proper size");
+        let design = doe::maximin(n, problem.dimension(), &options).expect("a proper size");
         for i in 0..n {
-            let x = problem.robust_point(design.point(i));
+            let x = problem.free_point(design.point(i));
             let count = campaign.sampling.samples_per_design;
-            if let Some((p90, variance)) = response(problem, &frozen, &x, i as u64, count) {
+            if let Some((p90, variance)) = response(problem, &base, &x, i as u64, count) {
                 worn += u64::from(count);
-                let known = exact(problem, &frozen, &x, &Cell::new(0));
+                let known = exact(problem, &base, &x, &Cell::new(0));
                 let violation = known.map_or(f64::INFINITY, |known| known.violation);
                 points.push((x, p90, variance, violation));
             }
@@ -167,11 +161,11 @@ fn paper(problem: &Problem, seed: u64, without: &str, rows: &mut Vec<Row>) {
         .filter(|p| p.3 <= 0.0)
         .min_by(|a, b| a.1.total_cmp(&b.1));
     if let Some(best) = best {
-        let (p90, interval) = verify(problem, &Variables::robust(&best.0, &frozen), 4);
+        let (p90, interval) = verify(problem, &problem.design(&best.0, &base), 4);
         rows.push(Row {
             seed,
             method: "best-of-doe",
-            x: best.0,
+            x: best.0.clone(),
             p90,
             interval,
             predicted: None,
@@ -186,20 +180,20 @@ fn paper(problem: &Problem, seed: u64, without: &str, rows: &mut Vec<Row>) {
         }
         let begun = cpu_seconds();
         let model = (approach == Approach::Kriging).then(|| {
-            let x: Vec<f64> = points.iter().flat_map(|p| p.0).collect();
+            let x: Vec<f64> = points.iter().flat_map(|p| p.0.iter().copied()).collect();
             let y: Vec<f64> = points.iter().map(|p| p.1).collect();
             let own: Vec<f64> = points.iter().map(|p| p.2).collect();
             let noise_variance = match campaign.kriging.noise {
                 Noise::Own => own,
                 Noise::Smoothed => {
                     let freedom = campaign.sampling.degrees_of_freedom();
-                    let smooth = smoothed_noise(&x, ROBUST_VARIABLES, &own, freedom, seed);
+                    let smooth = smoothed_noise(&x, problem.dimension(), &own, freedom, seed);
                     smooth.expect("some two thousand designs")
                 }
             };
             let data = Data {
                 x: &x,
-                d: ROBUST_VARIABLES,
+                d: problem.dimension(),
                 y: &y,
                 noise_variance: &noise_variance,
             };
@@ -210,32 +204,34 @@ fn paper(problem: &Problem, seed: u64, without: &str, rows: &mut Vec<Row>) {
             .as_ref()
             .map(|model| model.to_json().expect("a finite model"));
         let mut plain = 0;
-        let mut best: Option<(f64, Variables)> = None;
+        let mut best: Option<(f64, Design)> = None;
         for start in 0..campaign.optimise.starts {
             let run = campaign::task::Run {
                 approach,
                 start,
-                frozen,
+                base: base.clone(),
                 model: json.as_deref().map(Into::into),
             };
             let run = optimise::run(problem, &run).expect("a start that can be simulated");
             plain += run.simulator_calls;
             if let Some(found) = run.best
-                && best.is_none_or(|(value, _)| found.criterion_um < value)
+                && best
+                    .as_ref()
+                    .is_none_or(|(value, _)| found.criterion_um < *value)
             {
-                best = Some((found.criterion_um, found.variables));
+                best = Some((found.criterion_um, found.design));
             }
         }
         let is_kriging = approach == Approach::Kriging;
         let cpu = cpu_seconds() - begun + if is_kriging { doe_cpu } else { 0.0 };
-        let Some((_, variables)) = best else { continue };
-        let x = variables.robust_part();
+        let Some((_, design)) = best else { continue };
+        let x = problem.free_values(&design);
         let predicted = model.map(|model| {
             let p = model.predict_many(&x).expect("one point")[0];
             let half = 1.96 * p.variance.sqrt();
             (p.mean, p.mean - half, p.mean + half)
         });
-        let (p90, interval) = verify(problem, &variables, approach.number());
+        let (p90, interval) = verify(problem, &design, approach.number());
         rows.push(Row {
             seed,
             method: approach.name(),
@@ -252,20 +248,13 @@ fn paper(problem: &Problem, seed: u64, without: &str, rows: &mut Vec<Row>) {
 
 /// Kriging with enrichment.
 fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> Option<Row> {
-    let frozen = problem.printed_frozen();
+    let base = problem.base().clone();
     let begun = cpu_seconds();
-    let bounds = Bounds::new(
-        (0..ROBUST_VARIABLES)
-            .map(|j| {
-                let corner = |u: f64| problem.robust_point(&[u; ROBUST_VARIABLES])[j];
-                (corner(0.0), corner(1.0))
-            })
-            .collect::<Vec<_>>(),
-    )
-    .expect("the campaign's bounds are proper");
+    let ranges = problem.free_ranges().map(|[low, high]| (low, high));
+    let bounds = Bounds::new(ranges.collect::<Vec<_>>()).expect("the campaign's bounds are proper");
     let design = doe::maximin(
         DESIGNS,
-        ROBUST_VARIABLES,
+        problem.dimension(),
         &doe::Options {
             seed,
             ..doe::Options::default()
@@ -279,20 +268,20 @@ fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> 
     let mut worn = 0_u32;
     let plain = Cell::new(0_u64);
     for i in 0..DESIGNS {
-        let x = problem.robust_point(design.point(i));
-        let Some(known) = sampled(problem, &frozen, &x, &plain) else {
+        let x = problem.free_point(design.point(i));
+        let Some(known) = sampled(problem, &base, &x, &plain) else {
             continue;
         };
         if known.violation > REACH {
             continue;
         }
         let number = i as u64;
-        let found = response(problem, &frozen, &x, number, SAMPLES);
+        let found = response(problem, &base, &x, number, SAMPLES);
         let (p90, variance) = found.expect("it was simulated a moment ago");
         worn += SAMPLES;
         numbers.push(number);
         state.sampled.push(Sampled {
-            x: x.to_vec(),
+            x,
             samples: SAMPLES,
             response_um: p90,
             variance_um2: variance,
@@ -316,7 +305,7 @@ fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> 
         samples_more: SAMPLES,
         ..Options::new(bounds.clone())
     };
-    let known = |x: &[f64]| exact(problem, &frozen, x, &plain);
+    let known = |x: &[f64]| exact(problem, &base, x, &plain);
     let decision: Decision = loop {
         let decision = decide(&state, &options(BUDGET - worn), &known).expect("sound rows");
         if trace {
@@ -363,7 +352,7 @@ fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> 
             let count = state.sampled[index].samples + samples;
             worn += samples;
             let x = state.sampled[index].x.clone();
-            match response(problem, &frozen, &x, numbers[index], count) {
+            match response(problem, &base, &x, numbers[index], count) {
                 Some((p90, variance)) => {
                     let row = &mut state.sampled[index];
                     row.samples = count;
@@ -381,8 +370,8 @@ fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> 
     };
     let cpu = cpu_seconds() - begun;
     let best = decision.recommendation?;
-    let x = six(&best.x);
-    let (p90, interval) = verify(problem, &Variables::robust(&x, &frozen), 10);
+    let x = best.x.clone();
+    let (p90, interval) = verify(problem, &problem.design(&x, &base), 10);
     Some(Row {
         seed,
         method: criterion.name(),
@@ -398,14 +387,14 @@ fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> 
 
 /// CMA-ES on P90 from 30 samples, the same random numbers at every design.
 fn searched(problem: &Problem, seed: u64) -> Option<Row> {
-    let frozen = problem.printed_frozen();
+    let base = problem.base().clone();
     let begun = cpu_seconds();
     let runs: Vec<Search> = (0..problem.campaign().optimise.starts)
         .map(|start| {
             let run = direct::search(
                 &InProcess(problem),
                 problem,
-                &frozen,
+                &base,
                 &Space::plain(),
                 0,
                 start,
@@ -417,11 +406,12 @@ fn searched(problem: &Problem, seed: u64) -> Option<Row> {
     let cpu = cpu_seconds() - begun;
     let found = runs.iter().filter_map(|run| run.found);
     let best = found.min_by(|a, b| a.p90_um.total_cmp(&b.p90_um))?;
-    let (p90, interval) = verify(problem, &best.design.variables, 11);
+    let design = Design::from(best.design.variables);
+    let (p90, interval) = verify(problem, &design, 11);
     Some(Row {
         seed,
         method: "direct",
-        x: best.design.variables.robust_part(),
+        x: problem.free_values(&design),
         p90,
         interval,
         predicted: None,

@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use anyhow::Context as _;
-use campaign::formulation::{Problem, VARIABLE_NAMES};
-use campaign::{Campaign, Frozen};
+use campaign::formulation::Problem;
+use campaign::formulation::gears::VARIABLE_NAMES;
+use campaign::{Campaign, Design};
 use report::Percentile;
 use results::percentile::percentile;
 
@@ -57,17 +58,17 @@ pub fn spaces(campaign: &Campaign) -> anyhow::Result<Vec<Space>> {
 pub fn run(
     simulations: &dyn Simulations,
     problem: &Problem,
-    frozen: &Frozen,
+    base: &Design,
     space: &Space,
     number: u64,
     without: Option<&Row>,
 ) -> anyhow::Result<Row> {
     let known = without
         .and_then(|row| row.best.as_ref())
-        .map(|(found, _)| problem.unit_point(&found.design.variables.robust_part()));
+        .map(|(found, _)| problem.unit_point(&problem.free_values(&found.design.variables.into())));
     let runs: Vec<Search> = at_once(0..problem.campaign().optimise.starts, |start| {
         let from = known.as_ref().filter(|_| start == 0).map(|unit| &unit[..]);
-        direct::search(simulations, problem, frozen, space, number, start, from)
+        direct::search(simulations, problem, base, space, number, start, from)
     })?;
     let sum = |of: fn(&Search) -> u64| runs.iter().map(of).sum();
     let best = runs
@@ -244,13 +245,13 @@ mod tests {
         let spaces = spaces(&campaign).unwrap();
         assert_eq!(spaces.len(), 2, "no crowning was asked for");
         let problem = Problem::new(campaign);
-        let frozen = problem.printed_frozen();
+        let base = problem.base().clone();
         let here = &InProcess(&problem);
-        let without = run(here, &problem, &frozen, &spaces[0], 0, None).unwrap();
-        let with = run(here, &problem, &frozen, &spaces[1], 1, Some(&without)).unwrap();
+        let without = run(here, &problem, &base, &spaces[0], 0, None).unwrap();
+        let with = run(here, &problem, &base, &spaces[1], 1, Some(&without)).unwrap();
         assert_eq!(
             with,
-            run(here, &problem, &frozen, &spaces[1], 1, Some(&without)).unwrap()
+            run(here, &problem, &base, &spaces[1], 1, Some(&without)).unwrap()
         );
         assert_eq!([without.evaluations, with.evaluations], [1000, 1000]);
         let bare = without.best.as_ref().expect("the searches end feasible");
@@ -262,7 +263,7 @@ mod tests {
             assert!((0.5..=4.0).contains(&relief.length));
         }
         for (found, p90) in [bare, corrected] {
-            assert!(problem.is_feasible(&found.criteria));
+            assert!(problem.is_feasible(&found.criteria.into()));
             assert_eq!(p90.samples, 60);
             assert!(p90.low_um < p90.value_um && p90.value_um < p90.high_um);
         }

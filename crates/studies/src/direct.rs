@@ -13,7 +13,7 @@
 
 use campaign::Variant;
 use campaign::file::CorrectionsSection;
-use campaign::formulation::{Criteria, Frozen, Problem, ROBUST_VARIABLES, Variables};
+use campaign::formulation::{Criteria, Design, GearCriteria, GearVariables, Problem};
 use cmaes::{Bounds, Evaluation, Run};
 use gear::{Corrections, Member, TipRelief};
 use rand::RngExt as _;
@@ -81,21 +81,21 @@ impl Space {
 
     /// The number of variables of a search.
     #[must_use]
-    pub fn dimension(&self) -> usize {
+    pub fn dimension(&self, problem: &Problem) -> usize {
         let section = self.section.as_ref();
         let relief = section.is_some_and(|section| section.tip_relief_um.is_some());
         let crowning = section.is_some_and(|section| section.crowning_um.is_some());
-        ROBUST_VARIABLES + 4 * usize::from(relief) + usize::from(crowning)
+        problem.dimension() + 4 * usize::from(relief) + usize::from(crowning)
     }
 
-    /// The corrections at the end of a point of the unit cube of all variables: amount and length
-    /// of the relief of pinion and mate, then the crowning.
+    /// The corrections at a point of their unit cube: amount and length of the relief of pinion and
+    /// mate, then the crowning.
     #[must_use]
     pub fn corrections(&self, unit: &[f64]) -> Corrections {
         let Some(section) = &self.section else {
             return Corrections::default();
         };
-        let mut rest = unit.iter().skip(ROBUST_VARIABLES).copied();
+        let mut rest = unit.iter().copied();
         let mut next = |[low, high]: [f64; 2]| low + (high - low) * rest.next().unwrap_or(0.0);
         let mut corrections = Corrections::default();
         if let (Some(amount), Some(length)) = (section.tip_relief_um, section.tip_relief_length_mm)
@@ -120,7 +120,7 @@ impl Space {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Corrected {
     /// The design.
-    pub variables: Variables,
+    pub variables: GearVariables,
     /// Tip relief and crowning.
     pub corrections: Corrections,
 }
@@ -133,7 +133,7 @@ pub struct Found {
     /// Its P90 with the search's own random numbers, µm.
     pub p90_um: f64,
     /// Its criteria, with the pressure under Archard's wear.
-    pub criteria: Criteria,
+    pub criteria: GearCriteria,
 }
 
 /// One search's result.
@@ -156,7 +156,7 @@ impl Corrected {
     pub fn variant(&self, stream: (Purpose, u64)) -> Variant {
         Variant {
             corrections: self.corrections,
-            ..Variant::new(self.variables, stream)
+            ..Variant::new(self.variables.into(), stream)
         }
     }
 }
@@ -183,14 +183,14 @@ pub fn verification(problem: &Problem, design: &Corrected, number: u64) -> Reque
 pub fn search(
     simulations: &dyn Simulations,
     problem: &Problem,
-    frozen: &Frozen,
+    base: &Design,
     space: &Space,
     number: u64,
     start: u32,
     from: Option<&[f64]>,
 ) -> anyhow::Result<Search> {
     let campaign = problem.campaign();
-    let dimension = space.dimension();
+    let dimension = space.dimension(problem);
     let bounds = Bounds::unit(dimension)?;
     let mut rng = stream(
         campaign.seed,
@@ -221,8 +221,8 @@ pub fn search(
             .ask(&mut rng)
             .iter()
             .map(|unit| Corrected {
-                variables: Variables::robust(&problem.robust_point(unit), frozen),
-                corrections: space.corrections(unit),
+                variables: problem.design(&problem.free_point(unit), base).gears(),
+                corrections: space.corrections(&unit[problem.dimension()..]),
             })
             .collect();
         let request = |design: &Corrected| Request {
@@ -259,11 +259,12 @@ impl Search {
         self.worn_calls += samples_um.len() as u64;
         // The pressure counts for designs that break another constraint, too: were it left out, the
         // search would be drawn to the side of that constraint where nothing asks for the pressure.
-        if !problem.is_feasible(&criteria) {
+        let limited = Criteria::from(criteria);
+        if !problem.is_feasible(&limited) {
             return Evaluation {
                 value: 0.0,
                 // On the edge itself the violation is zero, but the inequalities are strict.
-                violation: problem.violation(&criteria).max(f64::MIN_POSITIVE),
+                violation: problem.violation(&limited).max(f64::MIN_POSITIVE),
             };
         }
         let Ok(percentile) = stats::percentile_p90(&samples_um) else {
@@ -306,19 +307,18 @@ mod tests {
 
     #[test]
     fn the_cube_of_corrections_covers_their_bounds() {
+        let problem = problem(|_| {});
         let relieved = Space::relieved(&SECTION).unwrap();
         let crowned = Space::crowned(&SECTION).unwrap();
         assert_eq!(
-            [Space::plain(), relieved.clone(), crowned.clone()].map(|space| space.dimension()),
+            [Space::plain(), relieved.clone(), crowned.clone()]
+                .map(|space| space.dimension(&problem)),
             [6, 10, 11]
         );
         assert_eq!(crowned.name(), "tip relief and crowning");
-        assert_eq!(relieved.corrections(&[1.0; 10]).crowning, 0.0);
-        assert_eq!(
-            Space::plain().corrections(&[1.0; 6]),
-            Corrections::default()
-        );
-        let unit = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 1.0, 1.0, 0.25];
+        assert_eq!(relieved.corrections(&[1.0; 4]).crowning, 0.0);
+        assert_eq!(Space::plain().corrections(&[]), Corrections::default());
+        let unit = [0.5, 0.0, 1.0, 1.0, 0.25];
         let corrections = crowned.corrections(&unit);
         let [pinion, mate] = corrections.tip_relief.map(|relief| relief.unwrap());
         assert!((pinion.amount - 0.010).abs() < 1e-15 && pinion.length == 0.5);
@@ -330,22 +330,22 @@ mod tests {
             ..SECTION
         };
         assert_eq!(Space::relieved(&only), None);
-        assert_eq!(Space::crowned(&only).unwrap().dimension(), 7);
+        assert_eq!(Space::crowned(&only).unwrap().dimension(&problem), 7);
     }
 
     #[test]
     fn a_search_ends_feasible_and_is_a_function_of_campaign_number_and_start() {
         let problem = problem(|_| {});
-        let frozen = problem.printed_frozen();
+        let base = problem.base().clone();
         let here = &InProcess(&problem);
         let search =
-            |start| search(here, &problem, &frozen, &Space::plain(), 0, start, None).unwrap();
+            |start| search(here, &problem, &base, &Space::plain(), 0, start, None).unwrap();
         let first = search(0);
         assert_eq!(first, search(0));
         let other = search(1);
         assert_ne!(first.found, other.found);
         let found = first.found.expect("600 designs reach the feasible region");
-        assert!(problem.is_feasible(&found.criteria));
+        assert!(problem.is_feasible(&found.criteria.into()));
         assert_eq!(first.evaluations, 600);
         assert!(first.worn_calls.is_multiple_of(10) && first.worn_calls <= 6000);
         // The winner's own percentile again, from the same random numbers.
@@ -373,20 +373,20 @@ mod tests {
             campaign.optimise.evaluations = 3000;
             campaign.optimise.restart_at = Some(1500);
         });
-        let frozen = problem.printed_frozen();
+        let base = problem.base().clone();
         let here = &InProcess(&problem);
-        let search = search(here, &problem, &frozen, &Space::plain(), 0, 0, None).unwrap();
+        let search = search(here, &problem, &base, &Space::plain(), 0, 0, None).unwrap();
         let found = search.found.expect("there are such designs");
         assert!(found.criteria.hertz_pressure_mpa < 1080.0);
-        assert!(problem.is_feasible(&found.criteria));
+        assert!(problem.is_feasible(&found.criteria.into()));
     }
 
     #[test]
     fn limits_that_nothing_satisfies_end_without_a_design_and_without_a_sample() {
         let problem = problem(|campaign| campaign.constraints.contact_ratio_min = 50.0);
-        let frozen = problem.printed_frozen();
+        let base = problem.base().clone();
         let here = &InProcess(&problem);
-        let search = search(here, &problem, &frozen, &Space::plain(), 0, 0, None).unwrap();
+        let search = search(here, &problem, &base, &Space::plain(), 0, 0, None).unwrap();
         assert_eq!((search.found, search.worn_calls), (None, 0));
     }
 
@@ -394,9 +394,9 @@ mod tests {
     fn designs_that_cannot_be_simulated_anywhere_end_without_a_design() {
         // Shifts this negative leave the involute equation without a solution.
         let problem = problem(|campaign| campaign.bounds.profile_shift = [-9.0, -8.0]);
-        let frozen = problem.printed_frozen();
+        let base = problem.base().clone();
         let here = &InProcess(&problem);
-        let search = search(here, &problem, &frozen, &Space::plain(), 0, 0, None).unwrap();
+        let search = search(here, &problem, &base, &Space::plain(), 0, 0, None).unwrap();
         assert_eq!((search.found, search.plain_calls), (None, 0));
     }
 }

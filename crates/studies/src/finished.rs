@@ -3,9 +3,9 @@
 use campaign::file::FrozenFrom;
 use campaign::formulation::Problem;
 use campaign::task::Run;
-use campaign::{Approach, Campaign, Criteria, Frozen, Variables};
+use campaign::{Approach, Campaign, Criteria, Design, GearCriteria, GearVariables};
 use results::status;
-use stages::optima::{self, approach_of, optimum_variables};
+use stages::optima::{self, approach_of, optimum_design};
 use stages::plan;
 use stages::state::State;
 use store::Store;
@@ -19,9 +19,9 @@ pub struct Optimum {
     /// The approach.
     pub approach: Approach,
     /// The design.
-    pub variables: Variables,
+    pub variables: GearVariables,
     /// Its criteria.
-    pub criteria: Criteria,
+    pub criteria: GearCriteria,
     /// Fresh samples of ΔSTE, µm.
     pub fresh: Vec<f64>,
 }
@@ -59,13 +59,13 @@ pub async fn problem(store: &Store, campaign: &Campaign) -> anyhow::Result<Probl
 /// # Errors
 ///
 /// The store cannot be read.
-pub async fn optima(store: &Store) -> anyhow::Result<Vec<Optimum>> {
+pub async fn optima(store: &Store, problem: &Problem) -> anyhow::Result<Vec<Optimum>> {
     let mut optima = Vec::new();
     for row in optima::stored(store).await? {
         let criteria: Option<Criteria> = serde_json::from_str(&row.criteria_json)?;
-        let (Some(approach), Some(variables), Some(criteria), true) = (
+        let (Some(approach), Some(design), Some(criteria), true) = (
             approach_of(&row.approach),
-            optimum_variables(&row),
+            optimum_design(problem, &row),
             criteria,
             row.feasible,
         ) else {
@@ -74,8 +74,8 @@ pub async fn optima(store: &Store) -> anyhow::Result<Vec<Optimum>> {
         let fresh = store.verify_samples(&row.approach).await?;
         optima.push(Optimum {
             approach,
-            variables,
-            criteria,
+            variables: design.gears(),
+            criteria: criteria.gears(),
             fresh: fresh.iter().map(|row| row.delta_ste_um).collect(),
         });
     }
@@ -84,21 +84,20 @@ pub async fn optima(store: &Store) -> anyhow::Result<Vec<Optimum>> {
 
 /// The five variables that all designs of the campaign's DoE share.
 #[must_use]
-pub fn frozen(problem: &Problem, optima: &[Optimum]) -> Frozen {
-    let printed = problem.printed_frozen();
+pub fn base(problem: &Problem, optima: &[Optimum]) -> Design {
     let without_wear = optima
         .iter()
         .find(|optimum| optimum.approach == Approach::NoWear);
     let state = State {
         optima: [(
             Approach::NoWear,
-            without_wear.map(|optimum| optimum.variables),
+            without_wear.map(|optimum| optimum.variables.into()),
         )]
         .into(),
         ..State::default()
     };
     // A finished campaign knows them.
-    plan::frozen(problem.campaign(), printed, &state).unwrap_or(printed)
+    plan::base(problem, &state).unwrap_or_else(|| problem.base().clone())
 }
 
 /// The same for a campaign without a store: where they come from the optimum without wear, workers
@@ -107,22 +106,22 @@ pub fn frozen(problem: &Problem, optima: &[Optimum]) -> Frozen {
 /// # Errors
 ///
 /// Those of the simulations.
-pub fn frozen_anew(simulations: &dyn Simulations, problem: &Problem) -> anyhow::Result<Frozen> {
+pub fn base_anew(simulations: &dyn Simulations, problem: &Problem) -> anyhow::Result<Design> {
     let campaign = problem.campaign();
-    let printed = problem.printed_frozen();
+    let printed = problem.base().clone();
     if campaign.frozen.from == FrozenFrom::Printed {
         return Ok(printed);
     }
     let run = |start| Run {
         approach: Approach::NoWear,
         start,
-        frozen: printed,
+        base: printed.clone(),
         model: None,
     };
     let runs = simulations.optimise((0..campaign.optimise.starts).map(run).collect())?;
     let best = runs
         .iter()
-        .filter_map(|run| run.best)
+        .filter_map(|run| run.best.as_ref())
         .min_by(|a, b| a.criterion_um.total_cmp(&b.criterion_um));
-    Ok(best.map_or(printed, |found| found.variables.frozen_part()))
+    Ok(best.map_or(printed, |found| problem.base_of(&found.design)))
 }

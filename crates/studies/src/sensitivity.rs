@@ -11,8 +11,8 @@
 use std::path::Path;
 
 use anyhow::Context as _;
-use campaign::formulation::{Problem, ROBUST_VARIABLES, VARIABLE_NAMES};
-use campaign::{Variables, Variant, WearFactors};
+use campaign::formulation::Problem;
+use campaign::{Design, Variant, WearFactors};
 use report::Percentile;
 use results::percentile::percentile;
 use stats::streams::{Purpose, stream};
@@ -104,7 +104,7 @@ pub fn scenarios(
     let scenarios: Vec<_> = one.into_iter().chain(varied).collect();
     let request = |(parameter, factor): &(&str, f64)| {
         let stream = (Purpose::Verify, optimum.approach.number());
-        let mut variant = Variant::new(optimum.variables, stream);
+        let mut variant = Variant::new(optimum.variables.into(), stream);
         match *parameter {
             "wear variance" => variant.wear.variance = *factor,
             "wear range" => variant.wear.range = *factor,
@@ -142,12 +142,13 @@ pub fn indices(
     optimum: &Optimum,
     tolerances: &Tolerances,
 ) -> anyhow::Result<Vec<Indices>> {
-    let mut inputs = VARIABLE_NAMES[..ROBUST_VARIABLES].to_vec();
+    let mut inputs: Vec<&str> = problem.free_names().collect();
     inputs.extend(SCENARIO);
-    let module = problem.normal_module(&optimum.variables)?;
+    let nominal = Design::from(optimum.variables);
+    let module = problem.normal_module(&nominal)?;
     let at = |point: &[f64], stream| Variant {
         normal_module_mm: Some(module),
-        ..deviated(&optimum.variables, tolerances, point, stream)
+        ..deviated(problem, &nominal, tolerances, point, stream)
     };
     let samples_per_design = problem.campaign().sampling.samples_per_design;
     let of_p90 = |point: &[f64]| Request {
@@ -183,25 +184,25 @@ pub fn indices(
 
 /// The design and the wear at a point of the unit cube.
 fn deviated(
-    nominal: &Variables,
+    problem: &Problem,
+    nominal: &Design,
     tolerances: &Tolerances,
     point: &[f64],
     stream: (Purpose, u64),
 ) -> Variant {
     let deviation = |input: usize, size: f64| size * (2.0 * point[input] - 1.0);
-    let mut x = nominal.robust_part();
+    let mut x = problem.free_values(nominal);
     for (input, value) in x.iter_mut().enumerate() {
         *value += deviation(input, tolerances.modules);
     }
-    let factor = |number: usize| 1.0 + deviation(ROBUST_VARIABLES + number, tolerances.scenario);
-    let variables = Variables::robust(&x, &nominal.frozen_part());
+    let factor = |number: usize| 1.0 + deviation(x.len() + number, tolerances.scenario);
     Variant {
         wear: WearFactors {
             depth: factor(0),
             variance: factor(1),
             range: factor(2),
         },
-        ..Variant::new(variables, stream)
+        ..Variant::new(problem.design(&x, nominal), stream)
     }
 }
 
@@ -346,9 +347,12 @@ mod tests {
         campaign.sampling.samples_per_design = 10;
         campaign.verify.samples = 200;
         let problem = Problem::new(campaign);
-        let variables = stages::references::variables(gear::paper::printed::Place::Figure(9));
-        let pair = problem.pair(&variables).unwrap();
-        let variant = Variant::new(variables, (Purpose::Verify, Approach::Archard.number()));
+        let design = stages::references::design(gear::paper::printed::Place::Figure(9));
+        let pair = problem.pair(&design).unwrap();
+        let variant = Variant::new(
+            design.clone(),
+            (Purpose::Verify, Approach::Archard.number()),
+        );
         let request = Request {
             variant,
             samples: 0..200,
@@ -356,8 +360,8 @@ mod tests {
         let answer = InProcess(&problem).simulate(&[request]).unwrap().remove(0);
         let optimum = Optimum {
             approach: Approach::Archard,
-            variables,
-            criteria: problem.criteria(&pair, 1000.0),
+            variables: design.gears(),
+            criteria: problem.pair_criteria(&pair, 1000.0),
             fresh: answer.samples_of("Figure 9").unwrap(),
         };
         (problem, optimum)

@@ -4,10 +4,12 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread::ScopedJoinHandle;
 
-use campaign::Variant;
-use campaign::formulation::{Criteria, Problem};
+use anyhow::Context as _;
+use campaign::formulation::Problem;
 use campaign::optimise::RunResult;
+use campaign::simulator::State;
 use campaign::task::{Output, Run, Source, compute};
+use campaign::{GearCriteria, Variant};
 use ledger::{Generation, StreamId, Unit};
 
 /// Samples of a variant that a study asks for.
@@ -27,7 +29,7 @@ pub enum Answer {
     /// The variant was simulated.
     Simulated {
         /// Its criteria, with the contact pressure under Archard's wear.
-        criteria: Criteria,
+        criteria: GearCriteria,
         /// ΔSTE of the samples asked for, µm; none of a variant that breaks a constraint and is to be
         /// sampled only if it does not.
         samples_um: Vec<f64>,
@@ -114,20 +116,25 @@ impl Simulations for InProcess<'_> {
                 generation: Generation(0),
                 samples: request.samples.clone(),
             };
-            let source = Source::Variant(Box::new(request.variant));
+            let source = Source::Variant(Box::new(request.variant.clone()));
             match compute(self.0, &unit, &source).map_err(anyhow::Error::msg)? {
                 Output::Refused(why) => Ok(Answer::Refused(why)),
                 Output::Design {
-                    analysed,
+                    responses,
                     samples_um,
                     ..
-                } => Ok(Answer::Simulated {
-                    criteria: Criteria {
-                        hertz_pressure_mpa: analysed.hertz_pressure_worn_mpa,
-                        ..analysed.criteria
-                    },
-                    samples_um,
-                }),
+                } => {
+                    let design = &request.variant.design;
+                    let analysis = self.0.analysis(design, &responses, State::Baseline);
+                    let mut criteria = analysis.context("no responses of a pair")?.criteria.gears();
+                    if let Some(module) = request.variant.normal_module_mm {
+                        criteria.normal_module_mm = module;
+                    }
+                    Ok(Answer::Simulated {
+                        criteria,
+                        samples_um,
+                    })
+                }
                 other => anyhow::bail!("a variant cannot give {other:?}"),
             }
         };

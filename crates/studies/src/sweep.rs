@@ -5,12 +5,13 @@
 
 use std::path::{Path, PathBuf};
 
-use campaign::formulation::VARIABLE_NAMES;
-use campaign::{Approach, Campaign, Criteria, FileError, Variables};
+use campaign::formulation::Problem;
+use campaign::formulation::gears::VARIABLE_NAMES;
+use campaign::{Approach, Campaign, Criteria, FileError, GearCriteria, GearVariables};
 use report::{Percentile, PercentileSeries};
 use results::percentile::percentile;
 use results::status;
-use stages::optima::{self, approach_of, optimum_variables};
+use stages::optima::{self, approach_of, optimum_design};
 use store::Store;
 
 use crate::table::{NOTHING, Table, exact, maybe_exact, with_interval, write};
@@ -128,7 +129,7 @@ pub struct Row {
     pub simulator_calls: u64,
     /// The design with its criterion (µm), criteria and verified percentile; a remark where there
     /// is none.
-    pub found: Result<(Variables, f64, Criteria, Percentile), String>,
+    pub found: Result<(GearVariables, f64, GearCriteria, Percentile), String>,
 }
 
 /// What the store of a finished campaign says, one row per approach.
@@ -138,18 +139,19 @@ pub struct Row {
 /// The store cannot be read.
 pub async fn rows(member: &Member) -> anyhow::Result<Vec<Row>> {
     let store = Store::open_read_only(&member.db).await?;
+    let problem = Problem::new(member.campaign.clone());
     let mut rows = Vec::new();
     for optimum in optima::stored(&store).await? {
         let Some(approach) = approach_of(&optimum.approach) else {
             continue;
         };
         let criteria: Option<Criteria> = serde_json::from_str(&optimum.criteria_json)?;
-        let found = match (optimum_variables(&optimum), criteria) {
-            (Some(variables), Some(criteria)) => {
+        let found = match (optimum_design(&problem, &optimum), criteria) {
+            (Some(design), Some(criteria)) => {
                 let fresh = store.verify_samples(&optimum.approach).await?;
                 let samples: Vec<f64> = fresh.iter().map(|row| row.delta_ste_um).collect();
                 let p90 = percentile(&samples);
-                Ok((variables, optimum.criterion_um, criteria, p90))
+                Ok((design.gears(), optimum.criterion_um, criteria.gears(), p90))
             }
             _ => Err(optimum.note),
         };
@@ -334,9 +336,10 @@ mod tests {
     #[test]
     fn a_number_without_a_feasible_design_is_a_line_of_the_table() {
         let campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
-        let variables = stages::references::variables(gear::paper::printed::Place::Figure(7));
-        let problem = campaign::formulation::Problem::new(campaign);
-        let criteria = problem.criteria(&problem.pair(&variables).unwrap(), 1000.0);
+        let design = stages::references::design(gear::paper::printed::Place::Figure(7));
+        let problem = Problem::new(campaign);
+        let criteria = problem.pair_criteria(&problem.pair(&design).unwrap(), 1000.0);
+        let variables = design.gears();
         let p90 = percentile(&[1.0, 1.1, 0.9, 1.0, 1.2]);
         let row = |teeth, approach, found| Row {
             teeth,

@@ -15,10 +15,10 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use campaign::file::SimulatorKind;
-use campaign::formulation::{Problem, Variables};
-use campaign::simulator::{Analysis, NoAnswer, Prepared, Simulator};
+use campaign::formulation::{Design, GearCriteria, Problem};
+use campaign::probe;
+use campaign::simulator::{Analysis, NoAnswer, Prepared, Simulator, State};
 use campaign::task::check_delta_ste;
-use campaign::{Criteria, probe};
 use rand::Rng as _;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
@@ -328,20 +328,17 @@ impl Simulator for Session<'_> {
         self.programs.version.get().cloned()
     }
 
-    fn prepare<'a>(&'a self, variables: &Variables) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
+    fn prepare<'a>(&'a self, design: &Design) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
         // The module follows from the campaign's centre distance, whoever simulates.
-        let module = self
-            .problem
-            .normal_module(variables)
-            .map_err(|infeasible| {
-                NoAnswer::Refused(format!("{}: {infeasible}", infeasible.code()))
-            })?;
-        let design = messages::design(variables, module);
+        let module = self.problem.normal_module(design).map_err(|infeasible| {
+            NoAnswer::Refused(format!("{}: {infeasible}", infeasible.code()))
+        })?;
+        let design = messages::design(self.problem, design, module);
         let answer: CriteriaAnswer = self.ask("criteria", &design, None)?;
-        Ok(Box::new(Design {
+        Ok(Box::new(Asked {
             session: self,
             design,
-            criteria: Criteria {
+            criteria: GearCriteria {
                 contact_ratio: answer.contact_ratio,
                 specific_sliding: answer.specific_sliding,
                 hertz_pressure_mpa: 0.0,
@@ -355,40 +352,31 @@ impl Simulator for Session<'_> {
 }
 
 /// A design whose criteria a program has given.
-struct Design<'a> {
+struct Asked<'a> {
     session: &'a Session<'a>,
     design: Value,
     /// Without the pressure, which is an analysis's.
-    criteria: Criteria,
+    criteria: GearCriteria,
 }
 
-impl Design<'_> {
-    fn analyse(&self, name: &str) -> Result<Analysis, NoAnswer> {
+impl Prepared for Asked<'_> {
+    fn analyse(&mut self, state: State) -> Result<Analysis, NoAnswer> {
+        let name = match state {
+            State::Nominal => "unworn",
+            State::Baseline => "archard",
+        };
         let answer: AnalysisAnswer = self.session.ask(name, &self.design, None)?;
         // An optimiser would take a ΔSTE below nought for a find.
         check_delta_ste(answer.delta_ste_um)
             .map_err(|why| NoAnswer::Failed(format!("the simulator's ΔSTE {why}")))?;
-        Ok(Analysis {
-            delta_ste_um: answer.delta_ste_um,
+        let criteria = GearCriteria {
             hertz_pressure_mpa: answer.hertz_pressure_mpa,
-        })
-    }
-}
-
-impl Prepared for Design<'_> {
-    fn criteria(&self, hertz_pressure_mpa: f64) -> Criteria {
-        Criteria {
-            hertz_pressure_mpa,
             ..self.criteria
-        }
-    }
-
-    fn unworn(&mut self) -> Result<Analysis, NoAnswer> {
-        self.analyse("unworn")
-    }
-
-    fn archard(&mut self) -> Result<Analysis, NoAnswer> {
-        self.analyse("archard")
+        };
+        Ok(Analysis {
+            value_um: answer.delta_ste_um,
+            criteria: criteria.into(),
+        })
     }
 
     fn sample(&mut self, rng: &mut StreamRng) -> Result<f64, String> {

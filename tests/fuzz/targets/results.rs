@@ -2,16 +2,29 @@
 
 #![no_main]
 
+use std::sync::LazyLock;
+
+use campaign::Campaign;
+use campaign::formulation::Problem;
 use coordinator::ingest;
 use libfuzzer_sys::fuzz_target;
 use prost::Message as _;
 use protocol::v2::UnitResult;
 
+/// What workers are asked about.
+fn problem() -> &'static Problem {
+    static PROBLEM: LazyLock<Problem> = LazyLock::new(|| {
+        let campaign = Campaign::parse("paper.toml", Campaign::PAPER);
+        Problem::new(campaign.expect("it is shipped"))
+    });
+    &PROBLEM
+}
+
 fuzz_target!(|bytes: &[u8]| {
     let Ok(result) = UnitResult::decode(bytes) else {
         return;
     };
-    let Ok(read) = ingest::read(&result, |_| Some("archard".to_owned())) else {
+    let Ok(read) = ingest::read(problem(), &result, |_| Some("archard".to_owned())) else {
         return;
     };
     let Ok(batch) = read.rows else {

@@ -4,8 +4,8 @@ use cmaes::Evaluation;
 use serde::{Deserialize, Serialize};
 
 use super::Found;
-use crate::formulation::{Approach, Frozen, Problem, Variables};
-use crate::simulator::{NoAnswer, Simulator};
+use crate::formulation::{Approach, Design, Problem};
+use crate::simulator::{NoAnswer, Simulator, State};
 use crate::task::Run;
 
 /// The violation of a design that cannot be simulated, when ranked feasibility first: more than
@@ -17,7 +17,7 @@ pub(super) struct Objective<'a> {
     simulator: &'a dyn Simulator,
     problem: &'a Problem,
     approach: Approach,
-    frozen: Frozen,
+    base: Design,
     model: Option<kriging::Surrogate>,
 }
 
@@ -60,7 +60,7 @@ impl<'a> Objective<'a> {
             simulator,
             problem: simulator.problem(),
             approach: run.approach,
-            frozen: run.frozen,
+            base: run.base.clone(),
             model,
         })
     }
@@ -81,7 +81,7 @@ impl<'a> Objective<'a> {
         if !value.is_finite() {
             return Ok(failure);
         }
-        if seen.printed.is_none_or(|(best, _)| value < best) {
+        if seen.printed.as_ref().is_none_or(|(best, _)| value < *best) {
             seen.printed = Some((value, candidate.found));
         }
         Ok(value)
@@ -131,53 +131,46 @@ impl<'a> Objective<'a> {
 
     fn try_evaluate(&self, seen: &mut Seen, unit: &[f64]) -> Result<Option<Candidate>, NoAnswer> {
         let problem = self.problem;
-        let variables = match self.approach {
-            Approach::NoWear => match problem.full_point(unit) {
-                Ok(variables) => variables,
-                Err(_) => return Ok(None),
-            },
-            _ => Variables::robust(&problem.robust_point(unit), &self.frozen),
+        let Some(design) = problem.point(self.approach, unit, &self.base) else {
+            return Ok(None);
         };
         seen.simulator_calls += 1;
-        let mut design = self.simulator.prepare(&variables)?;
-        let (criterion_um, pressure) = match self.approach {
+        let mut prepared = self.simulator.prepare(&design)?;
+        let state = match self.approach {
             Approach::Archard => {
+                // Archard's wear rests on the unworn analysis.
                 seen.simulator_calls += 1;
-                let analysis = design.archard()?;
-                (analysis.delta_ste_um, analysis.hertz_pressure_mpa)
+                State::Baseline
             }
-            _ => {
-                let analysis = design.unworn()?;
-                let criterion_um = self.model.as_ref().map_or(analysis.delta_ste_um, |model| {
-                    model.mean(&variables.robust_part())
-                });
-                (criterion_um, analysis.hertz_pressure_mpa)
-            }
+            _ => State::Nominal,
         };
-        let mut criteria = design.criteria(pressure);
-        let violation = problem.violation(&criteria);
+        let mut analysis = prepared.analyse(state)?;
+        let criterion_um = match &self.model {
+            Some(model) => model.mean(&problem.free_values(&design)),
+            None => analysis.value_um,
+        };
+        let violation = problem.violation(&analysis.criteria);
         if !(criterion_um.is_finite() && violation.is_finite()) {
             return Ok(None);
         }
-        let mut feasible = problem.is_feasible(&criteria);
-        let improves = seen
-            .best
-            .is_none_or(|best| criterion_um < best.criterion_um);
+        let mut feasible = problem.is_feasible(&analysis.criteria);
+        let best = seen.best.as_ref();
+        let improves = best.is_none_or(|best| criterion_um < best.criterion_um);
         if feasible && improves && self.approach == Approach::Kriging {
             // The search takes the pressure of the unworn pair, one call as in the paper. What is
             // kept as an optimum must satisfy its limit worn, too; that costs a call now and then.
             seen.simulator_calls += 1;
-            criteria.hertz_pressure_mpa = design.archard()?.hertz_pressure_mpa;
-            feasible = problem.is_feasible(&criteria);
+            analysis = prepared.analyse(State::Baseline)?;
+            feasible = problem.is_feasible(&analysis.criteria);
         }
         let found = Found {
-            variables,
+            design,
             criterion_um,
-            criteria,
+            criteria: analysis.criteria,
             feasible,
         };
         if feasible && improves {
-            seen.best = Some(found);
+            seen.best = Some(found.clone());
         }
         Ok(Some(Candidate { found, violation }))
     }

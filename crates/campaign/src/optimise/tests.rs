@@ -19,7 +19,7 @@ fn of(problem: &Problem, approach: Approach, start: u32, model: Option<&str>) ->
     Run {
         approach,
         start,
-        frozen: problem.printed_frozen(),
+        base: problem.base().clone(),
         model: model.map(Into::into),
     }
 }

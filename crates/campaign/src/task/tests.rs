@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 use ledger::Kind;
 
 use super::*;
-use crate::simulator::Simulator;
-use crate::{Campaign, simulator};
+use crate::Campaign;
+use crate::simulator::{Analysis, Simulator};
 
 const X: [f64; 6] = [0.25, 1.37, 1.37, 0.85, 1.31, 0.80];
 
@@ -13,8 +13,9 @@ fn problem() -> Problem {
     Problem::new(Campaign::parse("paper.toml", Campaign::PAPER).unwrap())
 }
 
-fn variables() -> Variables {
-    Variables::robust(&X, &problem().printed_frozen())
+fn asked() -> Design {
+    let problem = problem();
+    problem.design(&X, problem.base())
 }
 
 fn unit(stream: StreamId, samples: std::ops::Range<u32>) -> Unit {
@@ -36,12 +37,20 @@ fn drawn(output: Option<Output>) -> Vec<f64> {
     }
 }
 
+fn analysis(problem: &Problem, pair: &gear::Pair, analysis: &gear::Analysis) -> Analysis {
+    let pressure = analysis.hertz_pressure_mpa;
+    Analysis {
+        value_um: analysis.delta_ste_um,
+        criteria: problem.pair_criteria(pair, pressure).into(),
+    }
+}
+
 /// What workers compute is what the gear model computes, to the last bit.
 #[test]
 fn units_ask_the_built_in_model_and_nothing_else() {
     let problem = problem();
-    let variables = variables();
-    let pair = problem.pair(&variables).unwrap();
+    let asked = asked();
+    let pair = problem.pair(&asked).unwrap();
     let unworn = pair.unworn();
     let worn = pair.archard(problem.wear()).analysis;
     let mut sampler = pair.sampler(problem.wear());
@@ -49,27 +58,25 @@ fn units_ask_the_built_in_model_and_nothing_else() {
     let samples_um = (2..7)
         .map(|index| sampler.draw(&mut stream(seed, Purpose::Wear, 3, index)))
         .collect();
-    let source = Source::Design(variables);
+    let source = Source::Design(asked.clone());
     assert_eq!(
         compute(&problem, &design(2..7), &source).unwrap(),
         Output::Design {
-            analysed: Analysed {
-                criteria: problem.criteria(&pair, unworn.hertz_pressure_mpa),
-                hertz_pressure_worn_mpa: worn.hertz_pressure_mpa,
-                delta_ste_um: unworn.delta_ste_um,
-                delta_ste_archard_um: worn.delta_ste_um,
-            },
+            responses: problem.responses_of(
+                &analysis(&problem, &pair, &unworn),
+                &analysis(&problem, &pair, &worn)
+            ),
             ruled_out: None,
             samples_um,
         }
     );
     assert_eq!(
-        problem.normal_module(&variables).unwrap(),
+        problem.normal_module(&asked).unwrap(),
         pair.geometry().normal_module
     );
     // x_p + x_r = −2 leaves the involute equation without a solution.
     let refused = [-1.0, -1.0, 1.0, 1.0, 1.0, 1.0];
-    let refused = Variables::robust(&refused, &problem.printed_frozen());
+    let refused = problem.design(&refused, problem.base());
     let output = compute(&problem, &design(0..3), &Source::Design(refused)).unwrap();
     assert!(
         matches!(&output, Output::Refused(reason) if reason.starts_with("no-involute-solution: ")),
@@ -83,17 +90,15 @@ fn a_design_that_its_constraints_rule_out_gets_no_samples() {
         let mut campaign = problem().campaign().clone();
         campaign.sampling.skip_violation = skip_violation;
         let problem = Problem::new(campaign);
-        match compute(&problem, &design(0..5), &Source::Design(variables())) {
+        match compute(&problem, &design(0..5), &Source::Design(asked())) {
             Ok(Output::Design {
-                analysed,
+                responses,
                 ruled_out,
                 samples_um,
             }) => {
-                let worn = Criteria {
-                    hertz_pressure_mpa: analysed.hertz_pressure_worn_mpa,
-                    ..analysed.criteria
-                };
-                (problem.violation(&worn), samples_um.len(), ruled_out)
+                let worn = problem.analysis(&asked(), &responses, State::Baseline);
+                let violation = problem.violation(&worn.unwrap().criteria);
+                (violation, samples_um.len(), ruled_out)
             }
             other => panic!("{other:?}"),
         }
@@ -113,7 +118,7 @@ fn a_design_that_its_constraints_rule_out_gets_no_samples() {
 #[test]
 fn a_sample_does_not_depend_on_who_draws_its_neighbours() {
     let problem = problem();
-    for source in [Source::Design(variables()), Source::Point(variables())] {
+    for source in [Source::Design(asked()), Source::Point(asked())] {
         let stream = match source {
             Source::Point(_) => StreamId::point(2),
             _ => StreamId::design(3),
@@ -128,12 +133,8 @@ fn what_is_stopped_gives_what_is_done() {
     let problem = problem();
     for (source, whole, asked_before) in [
         // Before its analyses and before each sample.
-        (Source::Design(variables()), design(4..8), 1),
-        (
-            Source::Point(variables()),
-            unit(StreamId::point(2), 4..8),
-            0,
-        ),
+        (Source::Design(asked()), design(4..8), 1),
+        (Source::Point(asked()), unit(StreamId::point(2), 4..8), 0),
     ] {
         let all = drawn(compute(&problem, &whole, &source).ok());
         for answers in 0..=6_u32 {
@@ -174,29 +175,21 @@ impl Simulator for Fake {
         &self.problem
     }
 
-    fn prepare<'a>(&'a self, variables: &Variables) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
-        assert!(variables.profile_shift[0] < 0.9, "no such tooth");
-        Ok(Box::new(Design(self)))
+    fn prepare<'a>(&'a self, design: &Design) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
+        assert!(design.values()[0] < 0.9, "no such tooth");
+        Ok(Box::new(Ready(self)))
     }
 }
 
-struct Design<'a>(&'a Fake);
+struct Ready<'a>(&'a Fake);
 
-impl Prepared for Design<'_> {
-    fn criteria(&self, hertz_pressure_mpa: f64) -> Criteria {
-        let pair = self.0.problem.pair(&variables()).unwrap();
-        self.0.problem.criteria(&pair, hertz_pressure_mpa)
-    }
-
-    fn unworn(&mut self) -> Result<simulator::Analysis, NoAnswer> {
-        Ok(simulator::Analysis {
-            delta_ste_um: self.0.analysed_um,
-            hertz_pressure_mpa: 900.0,
+impl Prepared for Ready<'_> {
+    fn analyse(&mut self, _: State) -> Result<Analysis, NoAnswer> {
+        let pair = self.0.problem.pair(&asked()).unwrap();
+        Ok(Analysis {
+            value_um: self.0.analysed_um,
+            criteria: self.0.problem.pair_criteria(&pair, 900.0).into(),
         })
-    }
-
-    fn archard(&mut self) -> Result<simulator::Analysis, NoAnswer> {
-        self.unworn()
     }
 
     fn sample(&mut self, _: &mut stats::streams::StreamRng) -> Result<f64, String> {
@@ -213,9 +206,9 @@ fn analyses_refuse_a_design_and_samples_fail() {
             analysed_um,
             sample,
         };
-        let mut variables = variables();
-        variables.profile_shift[0] = x_p;
-        compute(&fake, &design(4..6), &Source::Design(variables))
+        let x = [x_p, X[1], X[2], X[3], X[4], X[5]];
+        let wanted = problem().design(&x, problem().base());
+        compute(&fake, &design(4..6), &Source::Design(wanted))
     };
     let good: Sampled = || Ok(1.0);
     assert!(matches!(of(1.0, good, 0.2), Ok(Output::Design { .. })));
@@ -256,7 +249,7 @@ fn analyses_refuse_a_design_and_samples_fail() {
 fn a_generation_is_the_digest_of_what_values_depend_on() {
     let campaign = problem().campaign().clone();
     let inputs = Inputs::new(&campaign, Some("abc"));
-    let source = Source::Point(variables());
+    let source = Source::Point(asked());
     let stream = StreamId::point(2);
     let mut larger = campaign.clone();
     larger.doe.designs += 1;
@@ -265,12 +258,13 @@ fn a_generation_is_the_digest_of_what_values_depend_on() {
     assert_eq!(Inputs::new(&larger, Some("abc")), inputs);
     let mut seeded = campaign.clone();
     seeded.seed += 1;
-    let mut moved = variables();
-    moved.root_radius_mm[1] += 1e-9;
+    let mut moved = asked().values().to_vec();
+    moved[9] += 1e-9;
+    let moved = Design::new(moved);
     let run = |start, model: &str| Run {
         approach: Approach::Kriging,
         start,
-        frozen: problem().printed_frozen(),
+        base: problem().base().clone(),
         model: Some(model.into()),
     };
     let of_run = |run: Run| inputs.generation(run.stream(), &Source::Run(run));
@@ -289,12 +283,4 @@ fn a_generation_is_the_digest_of_what_values_depend_on() {
     assert_eq!(distinct.len(), generations.len());
     assert_eq!(run(7, "a").stream().kind, Kind::Run);
     assert_eq!(run(7, "a").stream().run_parts(), (3, 7));
-}
-
-#[test]
-fn variables_survive_as_numbers() {
-    let variables = variables();
-    assert_eq!(Variables::of_values(&variables.values()), variables);
-    let frozen = variables.frozen_part();
-    assert_eq!(Frozen::of_values(&frozen.values()), frozen);
 }

@@ -29,7 +29,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, bail, ensure};
 use campaign::formulation::Problem;
 use campaign::task::{Inputs, Source};
-use campaign::{Campaign, Variables, probe};
+use campaign::{Campaign, Design, probe};
 use coordinator::board::{Board, Course};
 use coordinator::local::LocalWorkers;
 use coordinator::recorder::{Recorder, StoreRecorder};
@@ -175,7 +175,7 @@ async fn served(
     let service = Service {
         board: Arc::clone(&board),
         recorder: StoreRecorder::new(&store)?,
-        campaign_json: campaign.to_json(),
+        problem: Arc::new(Problem::new(campaign.clone())),
         model_digest: digest,
     };
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).await?;
@@ -236,14 +236,14 @@ async fn noop(jobs: usize) -> anyhow::Result<()> {
     let served = served(&campaign, Some(probe::model_digest(&problem)), false).await?;
     let access = &served.access;
     // Designs that no pair can be made of: the simulator sees that at once.
-    let impossible = Variables::robust(&[-1.0; 6], &problem.printed_frozen());
+    let impossible = problem.design(&[-1.0; 6], problem.base());
     let rows: Vec<DesignRow> = (0..jobs as u64)
         .map(|design| DesignRow::new(design, [-1.0; 6]))
         .collect();
     served.store.put_designs(&rows).await?;
     let inputs = Inputs::new(&campaign, None);
     let wanted = (0..jobs as u32).map(|design| {
-        let source = Source::Design(impossible);
+        let source = Source::Design(impossible.clone());
         inputs.wanted(StreamId::design(design), source, 1)
     });
     served.board.want(wanted.collect());

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use campaign::formulation::Problem;
 use campaign::task::{Inputs, Source, compute};
-use campaign::{Campaign, Variables, probe};
+use campaign::{Campaign, Design, probe};
 use coordinator::board::Course;
 use ledger::{Generation, Grant, LeaseId, StreamId, Unit};
 use prost::Message as _;
@@ -20,15 +20,15 @@ const ROUNDS: usize = 7;
 const PER_DESIGN: usize = 30;
 
 /// Designs spread over the paper's box; those that cannot be simulated are left out.
-fn designs(problem: &Problem, count: usize) -> Vec<[f64; 6]> {
+fn designs(problem: &Problem, count: usize) -> Vec<Vec<f64>> {
     use rand::RngExt as _;
     use stats::streams::{Purpose, stream};
     let mut rng = stream(1, Purpose::Test, 0, 0);
     let mut designs = Vec::new();
     while designs.len() < count {
         let unit: [f64; 6] = std::array::from_fn(|_| rng.random());
-        let x = problem.robust_point(&unit);
-        let variables = Variables::robust(&x, &problem.printed_frozen());
+        let x = problem.free_point(&unit);
+        let variables = problem.design(&x, problem.base());
         if problem.pair(&variables).is_ok() {
             designs.push(x);
         }
@@ -88,7 +88,7 @@ pub(super) async fn measure(samples: usize) -> anyhow::Result<()> {
 }
 
 /// The samples of all points in this process, on two threads, as the workers have two processors.
-fn alone(problem: &Problem, points: &[[f64; 6]]) {
+fn alone(problem: &Problem, points: &[Vec<f64>]) {
     std::thread::scope(|scope| {
         for half in points.chunks(points.len().div_ceil(2)) {
             scope.spawn(move || {
@@ -98,7 +98,7 @@ fn alone(problem: &Problem, points: &[[f64; 6]]) {
                         generation: Generation::default(),
                         samples: 0..PER_DESIGN as u32,
                     };
-                    let variables = Variables::robust(x, &problem.printed_frozen());
+                    let variables = problem.design(x, problem.base());
                     let source = Source::Design(variables);
                     let _ = std::hint::black_box(compute(problem, &unit, &source));
                 }
@@ -108,10 +108,10 @@ fn alone(problem: &Problem, points: &[[f64; 6]]) {
 }
 
 /// How many bytes the leases and the results of all points have as messages.
-fn bytes(problem: &Problem, points: &[[f64; 6]]) -> usize {
+fn bytes(problem: &Problem, points: &[Vec<f64>]) -> usize {
     let inputs = Inputs::new(problem.campaign(), None);
-    let unit = |(design, x): (u32, &[f64; 6])| {
-        let source = Source::Design(Variables::robust(x, &problem.printed_frozen()));
+    let unit = |(design, x): (u32, &Vec<f64>)| {
+        let source = Source::Design(problem.design(x, problem.base()));
         let stream = StreamId::design(design);
         let unit = Unit {
             stream,
@@ -144,7 +144,7 @@ fn bytes(problem: &Problem, points: &[[f64; 6]]) -> usize {
 /// CPU time of a campaign's samples with two workers, their and the coordinator's start included.
 async fn over_grpc(
     campaign: &Campaign,
-    points: &[[f64; 6]],
+    points: &[Vec<f64>],
     digest: Option<String>,
     exec: Option<&str>,
 ) -> anyhow::Result<[f64; 2]> {
@@ -152,13 +152,13 @@ async fn over_grpc(
     let served = served(campaign, digest, true).await?;
     let rows: Vec<DesignRow> = (0..)
         .zip(points)
-        .map(|(design, x)| DesignRow::new(design, *x))
+        .map(|(design, x)| DesignRow::new(design, x.clone()))
         .collect();
     served.store.put_designs(&rows).await?;
     let problem = Problem::new(campaign.clone());
     let inputs = Inputs::new(campaign, None);
     let wanted = (0..).zip(points).map(|(design, x)| {
-        let source = Source::Design(Variables::robust(x, &problem.printed_frozen()));
+        let source = Source::Design(problem.design(x, problem.base()));
         let samples = campaign.sampling.samples_per_design;
         inputs.wanted(StreamId::design(design), source, samples)
     });

@@ -3,9 +3,9 @@
 use std::time::Instant;
 
 use anyhow::Context as _;
-use campaign::formulation::{Problem, ROBUST_VARIABLES};
+use campaign::formulation::Problem;
 use campaign::task::{self, Output, Source};
-use campaign::{Approach, Campaign, Variables};
+use campaign::{Approach, Campaign, Design};
 use ledger::{Generation, StreamId, Unit};
 use protocol::exit;
 use rand::RngExt as _;
@@ -146,20 +146,19 @@ fn measure(problem: &Problem) -> anyhow::Result<Measured> {
     let mut seconds = [0.0; 2];
     let mut feasible = 0.0;
     let samples = [4, 104];
-    let frozen = problem.printed_frozen();
     for (pass, count) in samples.into_iter().enumerate() {
         feasible = 0.0;
         let before = Instant::now();
-        for design in 0..DESIGNS {
-            let mut rng = stream(problem.campaign().seed, Purpose::Test, u64::from(design), 1);
-            let point: [f64; ROBUST_VARIABLES] = std::array::from_fn(|_| rng.random());
+        for number in 0..DESIGNS {
+            let mut rng = stream(problem.campaign().seed, Purpose::Test, u64::from(number), 1);
+            let unit: Vec<f64> = (0..problem.dimension()).map(|_| rng.random()).collect();
             let unit = Unit {
-                stream: StreamId::design(design),
+                stream: StreamId::design(number),
                 generation: Generation::default(),
                 samples: 0..count,
             };
-            let variables = Variables::robust(&problem.robust_point(&point), &frozen);
-            let output = task::compute(problem, &unit, &Source::Design(variables))
+            let design = problem.design(&problem.free_point(&unit), problem.base());
+            let output = task::compute(problem, &unit, &Source::Design(design))
                 .map_err(anyhow::Error::msg)
                 .context("a trial run")?;
             feasible += f64::from(u8::from(matches!(output, Output::Design { .. })));

@@ -88,12 +88,11 @@ pub(super) async fn corrections(arguments: arguments::Corrections) -> anyhow::Re
     let plan = plan(&campaign, arguments.workers, "corrections")?;
     let rows = move |simulations: &dyn Simulations| {
         let problem = Problem::new(campaign);
-        let frozen = finished::frozen_anew(simulations, &problem)?;
+        let base = finished::base_anew(simulations, &problem)?;
         let mut rows: Vec<corrections::Row> = Vec::new();
         for (number, space) in (0..).zip(&spaces) {
             let begun = Instant::now();
-            let row =
-                corrections::run(simulations, &problem, &frozen, space, number, rows.first())?;
+            let row = corrections::run(simulations, &problem, &base, space, number, rows.first())?;
             info!(
                 corrections = space.name(),
                 designs = row.evaluations,
@@ -112,7 +111,7 @@ pub(super) async fn corrections(arguments: arguments::Corrections) -> anyhow::Re
 pub(super) async fn sensitivity(arguments: arguments::Sensitivity) -> anyhow::Result<u8> {
     let (store, problem) = finished_campaign(&arguments.finished).await?;
     require_built_in(problem.campaign()).map_err(usage)?;
-    let optima = finished::optima(&store).await?;
+    let optima = finished::optima(&store, &problem).await?;
     store.close().await?;
     let optimum = sensitivity::choose(&optima, arguments.approach.as_deref())?.clone();
     let tolerances = sensitivity::Tolerances {
@@ -140,9 +139,9 @@ pub(super) async fn pareto(arguments: arguments::Pareto) -> anyhow::Result<u8> {
     let workers = arguments.workers;
     let has_workers =
         !problem.campaign().is_external() || workers.admit || workers.simulator.exec().is_some();
-    let optima = finished::optima(&store).await?;
-    let frozen = finished::frozen(&problem, &optima);
-    let all = pareto::of_doe(&store, &problem, &frozen, against).await?;
+    let optima = finished::optima(&store, &problem).await?;
+    let base = finished::base(&problem, &optima);
+    let all = pareto::of_doe(&store, &problem, &base, against).await?;
     store.close().await?;
     let out = folder(arguments.out, problem.campaign(), "pareto");
     let campaign = problem.campaign().clone();
@@ -150,7 +149,7 @@ pub(super) async fn pareto(arguments: arguments::Pareto) -> anyhow::Result<u8> {
         let mut points = pareto::front_of_doe(simulations, &problem, &all, against)?;
         points.extend(pareto::of_optima(&optima));
         if let Some(simulations) = simulations {
-            let refined = pareto::refine(simulations, &problem, &frozen, &points, against, refine)?;
+            let refined = pareto::refine(simulations, &problem, &base, &points, against, refine)?;
             points.extend(refined);
         }
         pareto::mark(&mut points, against);

@@ -54,7 +54,7 @@ impl Coordinator {
         let service = Service {
             board: Arc::clone(&board),
             recorder: StoreRecorder::new(&store).unwrap(),
-            campaign_json: campaign.to_json(),
+            problem: Arc::clone(&problem),
             model_digest: Some(probe::model_digest(&problem)),
         };
         let engine = Engine::new(

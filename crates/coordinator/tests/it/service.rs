@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use campaign::formulation::Problem;
 use campaign::task::{Inputs, Run, Source, compute};
-use campaign::{Approach, Campaign, Variables, probe};
+use campaign::{Approach, Campaign, Design, probe};
 use coordinator::board::Board;
 use coordinator::recorder::StoreRecorder;
 use coordinator::service::Service;
@@ -30,8 +30,8 @@ const SAMPLES: usize = 10;
 /// The only design.
 const X: [f64; 6] = [0.25, 1.37, 1.37, 0.85, 1.31, 0.80];
 
-fn variables(problem: &Problem) -> Variables {
-    Variables::robust(&X, &problem.printed_frozen())
+fn design(problem: &Problem) -> Design {
+    problem.design(&X, problem.base())
 }
 
 /// A board with one design that lacks its samples.
@@ -42,7 +42,7 @@ fn board(problem: &Problem, epoch: u64) -> Arc<Board> {
     };
     let board = Board::new(options, epoch);
     let inputs = Inputs::new(problem.campaign(), None);
-    let source = Source::Design(variables(problem));
+    let source = Source::Design(design(problem));
     let samples = SAMPLES as u32;
     board.want(vec![inputs.wanted(StreamId::design(0), source, samples)]);
     board.open();
@@ -51,7 +51,7 @@ fn board(problem: &Problem, epoch: u64) -> Arc<Board> {
 
 struct Bench {
     _folder: TempDir,
-    problem: Problem,
+    problem: Arc<Problem>,
     service: Service<StoreRecorder>,
     board: Arc<Board>,
     store: Store,
@@ -72,12 +72,12 @@ async fn bench() -> Bench {
         .await
         .unwrap();
     store.put_designs(&[DesignRow::new(0, X)]).await.unwrap();
-    let problem = Problem::new(campaign.clone());
+    let problem = Arc::new(Problem::new(campaign.clone()));
     let board = board(&problem, 7);
     let service = Service {
         board: Arc::clone(&board),
         recorder: StoreRecorder::new(&store).unwrap(),
-        campaign_json: campaign.to_json(),
+        problem: Arc::clone(&problem),
         model_digest: Some(probe::model_digest(&problem)),
     };
     Bench {
@@ -307,7 +307,7 @@ async fn a_run_goes_on_where_its_worker_was() {
     let run = Run {
         approach: Approach::Archard,
         start: 1,
-        frozen: bench.problem.printed_frozen(),
+        base: bench.problem.base().clone(),
         model: None,
     };
     let name = names::run_name(run.approach, run.start);
@@ -383,9 +383,10 @@ async fn samples_of_an_optimum_that_was_replaced_are_not_stored_for_the_new_one(
     let name = Approach::Kriging.name();
     let stream = StreamId::point(Approach::Kriging.number());
     let want = async |x_p: f64| {
-        let mut variables = variables(&bench.problem);
-        variables.profile_shift[0] = x_p;
-        let wanted = inputs.wanted(stream, Source::Point(variables), 8);
+        let mut x = X;
+        x[0] = x_p;
+        let design = bench.problem.design(&x, bench.problem.base());
+        let wanted = inputs.wanted(stream, Source::Point(design), 8);
         let generation = [(name.to_owned(), wanted.generation.0)];
         bench.store.put_generations(&generation).await.unwrap();
         bench.board.name_point(stream.index, name);

@@ -1,6 +1,6 @@
 //! Variants of designs on their way to a worker.
 
-use campaign::{Variables, Variant, WearFactors};
+use campaign::{Design, Variant, WearFactors};
 use gear::{Corrections, ReliefShape, TipRelief};
 use stats::streams::Purpose;
 
@@ -30,7 +30,7 @@ pub(super) fn message(variant: &Variant) -> v2::Variant {
         _ => v2::Purpose::Unspecified,
     };
     v2::Variant {
-        variables: variant.variables.values().to_vec(),
+        design: Some(super::design_message(&variant.design)),
         pinion_relief: pinion.map(relief),
         mate_relief: mate.map(relief),
         crowning_mm: crowning,
@@ -48,8 +48,8 @@ pub(super) fn message(variant: &Variant) -> v2::Variant {
 ///
 /// The message makes no sense.
 pub(super) fn read(message: &v2::Variant) -> Result<Variant, Malformed> {
-    let Ok(values) = message.variables.as_slice().try_into() else {
-        return malformed("has not eleven variables for each variant");
+    let Some(design) = &message.design else {
+        return malformed("has a variant of no design");
     };
     let [depth, variance, range] = *message.wear_factors else {
         return malformed("has not three factors on the wear for each variant");
@@ -69,7 +69,7 @@ pub(super) fn read(message: &v2::Variant) -> Result<Variant, Malformed> {
         },
     };
     Ok(Variant {
-        variables: Variables::of_values(values),
+        design: Design::new(design.values.clone()),
         corrections: Corrections {
             tip_relief: [&message.pinion_relief, &message.mate_relief]
                 .map(|given| given.as_ref().map(relief)),

@@ -1,6 +1,6 @@
 //! Whether an optimum is one of the grid: its percentile on the converged grid.
 
-use campaign::Variables;
+use campaign::Design;
 use campaign::formulation::Problem;
 use gear::Pair;
 use stats::streams::{Purpose, stream};
@@ -11,10 +11,10 @@ const SAMPLES: u64 = 100;
 const TOLERANCE: f64 = 1e-5;
 
 /// P90 on the converged grid less P90 on the campaign's grid, µm. None if the design cannot be simulated.
-pub(super) fn difference_um(problem: &Problem, variables: &Variables) -> Option<f64> {
+pub(super) fn difference_um(problem: &Problem, design: &Design) -> Option<f64> {
     let wear = problem.wear();
-    let coarse = problem.pair(variables).ok()?;
-    let fine = Pair::converged(&problem.pair_input(variables), wear, TOLERANCE).ok()?;
+    let coarse = problem.pair(design).ok()?;
+    let fine = Pair::converged(&problem.pair_input(design), wear, TOLERANCE).ok()?;
     let p90 = |pair: &Pair| {
         let mut sampler = pair.sampler(wear);
         let seed = problem.campaign().seed;
@@ -39,9 +39,9 @@ mod tests {
     fn the_campaigns_grid_is_close_to_the_converged_one() {
         let campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
         let problem = Problem::new(campaign);
-        let x = problem.robust_point(&[0.5; 6]);
-        let variables = Variables::robust(&x, &problem.printed_frozen());
-        let difference = difference_um(&problem, &variables).unwrap().abs();
+        let x = problem.free_point(&[0.5; 6]);
+        let design = problem.design(&x, problem.base());
+        let difference = difference_um(&problem, &design).unwrap().abs();
         assert!(difference > 0.0 && difference < 0.01, "{difference}");
     }
 }

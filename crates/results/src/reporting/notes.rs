@@ -1,6 +1,6 @@
 //! Remarks and warnings, and what the model leaves out.
 
-use stages::optima::optimum_variables;
+use stages::optima::optimum_design;
 
 use super::sources::Sources;
 
@@ -74,8 +74,8 @@ pub(super) fn notes(sources: &Sources, failures: &[store::FailureRow]) -> Vec<St
 fn pointed_tips(sources: &Sources) -> Vec<String> {
     let mut notes = Vec::new();
     for row in &sources.optima {
-        let Some(pair) =
-            optimum_variables(row).and_then(|variables| sources.problem.pair(&variables).ok())
+        let Some(pair) = optimum_design(&sources.problem, row)
+            .and_then(|design| sources.problem.pair(&design).ok())
         else {
             continue;
         };

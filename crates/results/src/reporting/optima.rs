@@ -2,12 +2,12 @@
 
 use anyhow::Context as _;
 use campaign::optimise::RunResult;
-use campaign::{Approach, Criteria, Variables};
+use campaign::{Approach, Criteria, Design, GearCriteria};
 use gear::Member;
 use report::{
     ApproachResult, Constraints, GearDrawing, GearOutline, OptimiserRun, Optimum, SteCurves,
 };
-use stages::optima::{approach_of, optimum_variables};
+use stages::optima::{approach_of, optimum_design};
 use store::OptimumRow;
 
 use super::converged;
@@ -39,9 +39,9 @@ pub(super) fn approaches(sources: &Sources) -> anyhow::Result<Vec<ApproachResult
         .map(|row| {
             let approach = approach_of(&row.approach).context("an unknown approach")?;
             let criteria: Option<Criteria> = serde_json::from_str(&row.criteria_json)?;
-            let outcome = match (optimum_variables(row), criteria) {
-                (Some(variables), Some(criteria)) => {
-                    Ok(optimum(sources, row, &variables, &criteria))
+            let outcome = match (optimum_design(&sources.problem, row), criteria) {
+                (Some(design), Some(criteria)) => {
+                    Ok(optimum(sources, row, &design, &criteria.gears()))
                 }
                 _ => Err(row.note.clone()),
             };
@@ -84,8 +84,8 @@ fn runs(sources: &Sources, approach: Approach) -> anyhow::Result<Vec<OptimiserRu
 fn optimum(
     sources: &Sources,
     row: &OptimumRow,
-    variables: &Variables,
-    criteria: &Criteria,
+    design: &Design,
+    criteria: &GearCriteria,
 ) -> Optimum {
     let samples = sources
         .fresh
@@ -95,15 +95,15 @@ fn optimum(
     let pair = if sources.problem.campaign().is_external() {
         None
     } else {
-        sources.problem.pair(variables).ok()
+        sources.problem.pair(design).ok()
     };
     Optimum {
-        variables: variables.values(),
+        variables: design.gears().values(),
         criterion_um: row.criterion_um,
         p90: percentile(samples),
         converged_difference_um: pair
             .is_some()
-            .then(|| converged::difference_um(&sources.problem, variables))
+            .then(|| converged::difference_um(&sources.problem, design))
             .flatten(),
         constraints: Constraints {
             contact_ratio: criteria.contact_ratio,

@@ -3,7 +3,7 @@
 use campaign::file::PercentileRule;
 use gear::paper::printed::{self as paper, Place};
 use report::{PreliminaryDesign, PrintedDesign, PrintedFigures, SimilarDesign};
-use stages::references::{name, variables};
+use stages::references::{design, name};
 use stages::responses::{self, Samples};
 
 use super::sources::Sources;
@@ -60,13 +60,14 @@ pub(super) fn printed_designs(sources: &Sources) -> Vec<PrintedDesign> {
 fn printed_figures(sources: &Sources, figure: u8) -> Result<PrintedFigures, String> {
     let pair = sources
         .problem
-        .pair(&variables(Place::Figure(figure)))
+        .pair(&design(Place::Figure(figure)))
         .map_err(|error| error.to_string())?;
     let unworn = pair.unworn();
     let worn = pair.archard(sources.problem.wear()).analysis;
     // Figures 6 and 7 are designs of the problem without wear, the others of problems with it.
     let analysis = if figure <= 7 { &unworn } else { &worn };
-    let criteria = sources.problem.criteria(&pair, analysis.hertz_pressure_mpa);
+    let pressure = analysis.hertz_pressure_mpa;
+    let criteria = sources.problem.pair_criteria(&pair, pressure);
     let samples = match figure {
         6 => &[][..],
         _ => sources

@@ -353,12 +353,12 @@ async fn an_edited_row_of_any_table_is_named() {
         (
             "design",
             "design 1",
-            "UPDATE design SET x_r = x_r + 1e-9 WHERE design = 1",
+            "UPDATE design SET x = x || zeroblob(8) WHERE design = 1",
         ),
         (
             "criteria",
             "design 0",
-            "UPDATE criteria SET contact_ratio = 2.5 WHERE design = 0",
+            "UPDATE criteria SET responses = zeroblob(88) WHERE design = 0",
         ),
         (
             "criteria",

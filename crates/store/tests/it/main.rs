@@ -75,17 +75,10 @@ fn feasible(design: u64) -> CriteriaRow {
         design,
         feasible: true,
         reason: None,
-        contact_ratio: Some(2.25),
-        specific_sliding: Some(1.5),
-        hertz_pressure_mpa: Some(1100.0),
-        hertz_pressure_worn_mpa: Some(1050.0),
-        root_stress_mpa: Some(250.0),
-        clearance_p_mm: Some(0.5),
-        clearance_r_mm: Some(0.6),
-        flank_margin_p_mm: Some(0.01),
-        flank_margin_r_mm: Some(0.02),
-        delta_ste_um: Some(1.7),
-        delta_ste_archard_um: Some(2.9),
+        // As a gear pair's in the columns of the schemas before 9.
+        responses: Some(vec![
+            2.25, 1.5, 1100.0, 1050.0, 250.0, 0.5, 0.6, 0.01, 0.02, 1.7, 2.9,
+        ]),
     }
 }
 

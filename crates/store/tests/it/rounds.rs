@@ -11,7 +11,7 @@ fn point(infill: u64, round: u64) -> InfillRow {
         name: format!("infill-{infill:04}"),
         number: (1 << 27) + 7 * infill,
         reason: "local".into(),
-        x: [infill as f64, -0.1, 1.1, 1.2, 1.0 / 3.0, 1.4],
+        x: vec![infill as f64, -0.1, 1.1, 1.2, 1.0 / 3.0, 1.4],
         violation: 0.0,
         samples: 30,
         failed: false,

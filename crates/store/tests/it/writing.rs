@@ -178,14 +178,14 @@ async fn another_value_for_anything_computed_is_refused() {
     };
     assert_eq!(writer.submit(runs(slower)).await.unwrap().duplicate_rows, 1);
     let mut other = feasible(0);
-    other.delta_ste_archard_um = None;
+    other.responses = None;
     let error = writer.submit(criteria(other)).await.unwrap_err();
     assert!(
         matches!(error, Error::CriteriaConflict { design: 0, .. }),
         "{error}"
     );
     let mut other = design(0);
-    other.hf0_r = 1.5;
+    other.x[5] = 1.5;
     let error = store.put_designs(&[design(1), other]).await.unwrap_err();
     assert!(
         matches!(error, Error::DesignConflict { design: 0 }),
@@ -244,7 +244,7 @@ async fn what_cannot_be_stored_is_refused() {
         "{error}"
     );
     let mut criteria = feasible(0);
-    criteria.root_stress_mpa = Some(f64::NAN);
+    criteria.responses = Some(vec![1.0, f64::NAN]);
     let batch = Batch {
         criteria: vec![criteria],
         ..Batch::default()

@@ -1,10 +1,10 @@
 //! The designs that are compared, and the front of those that no other is better than.
 
 use campaign::formulation::Problem;
-use campaign::{Criteria, Frozen, Variables};
+use campaign::simulator::State;
+use campaign::{Design, GearCriteria, GearVariables};
 use report::Percentile;
 use results::percentile::percentile;
-use stages::designs::worn_criteria;
 use store::{CriteriaRow, Store};
 
 use crate::direct::{self, Corrected, Space};
@@ -43,7 +43,7 @@ impl Against {
         }
     }
 
-    pub(super) const fn of(self, criteria: &Criteria) -> f64 {
+    pub(super) const fn of(self, criteria: &GearCriteria) -> f64 {
         match self {
             Self::Pressure => criteria.hertz_pressure_mpa,
             Self::RootStress => criteria.root_stress_mpa,
@@ -97,9 +97,9 @@ pub struct Point {
     /// Where it comes from.
     pub source: Source,
     /// The design.
-    pub variables: Variables,
+    pub variables: GearVariables,
     /// Its criteria.
-    pub criteria: Criteria,
+    pub criteria: GearCriteria,
     /// P90 from the samples of the campaign, or of the search that found it.
     pub p90: Percentile,
     /// P90 from fresh samples; none where there are none.
@@ -124,7 +124,7 @@ impl Point {
 pub async fn of_doe(
     store: &Store,
     problem: &Problem,
-    frozen: &Frozen,
+    base: &Design,
     against: Against,
 ) -> anyhow::Result<Vec<Point>> {
     let designs = store.designs().await?;
@@ -142,10 +142,12 @@ pub async fn of_doe(
         let Some(design) = designs.get(response.design as usize) else {
             continue;
         };
-        let variables = Variables::robust(&design.point(), frozen);
-        let found = row_of(response.design).and_then(|row| worn_criteria(problem, &variables, row));
-        let Some(criteria) = found else { continue };
-        let constraints = problem.constraints(&criteria);
+        let design = problem.design(&design.x, base);
+        let found = row_of(response.design).and_then(|row| row.responses.as_ref());
+        let found = found.and_then(|row| problem.analysis(&design, row, State::Baseline));
+        let Some(analysis) = found else { continue };
+        let criteria = analysis.criteria.gears();
+        let constraints = problem.constraints(&analysis.criteria);
         let mut others = constraints
             .iter()
             .filter(|constraint| constraint.name != against.constraint());
@@ -164,7 +166,7 @@ pub async fn of_doe(
             stats::p90_interval(&estimate, 0.95).unwrap_or((f64::NAN, f64::NAN));
         points.push(Point {
             source: Source::Doe(response.design),
-            variables,
+            variables: design.gears(),
             criteria,
             p90: Percentile {
                 value_um: response.p90_um,
@@ -278,7 +280,7 @@ fn verify(
 pub fn refine(
     simulations: &dyn Simulations,
     problem: &Problem,
-    frozen: &Frozen,
+    base: &Design,
     known: &[Point],
     against: Against,
     count: u32,
@@ -286,7 +288,7 @@ pub fn refine(
     // The optimum without wear has a helix angle and radii of its own, out of these searches' reach.
     let known: Vec<Point> = known
         .iter()
-        .filter(|point| point.variables.frozen_part() == *frozen)
+        .filter(|point| problem.base_of(&point.variables.into()) == *base)
         .cloned()
         .collect();
     let front = front_of(&known, against, Point::judged_um);
@@ -303,13 +305,13 @@ pub fn refine(
             .iter()
             .rev()
             .find(|&&i| against.of(&known[i].criteria) < limit)
-            .map(|&i| problem.unit_point(&known[i].variables.robust_part()));
+            .map(|&i| problem.unit_point(&problem.free_values(&known[i].variables.into())));
         // The workers' own limit is the campaign's: a search sorts out what they sample needlessly.
         let limited = against.limited(problem, limit);
         let number = REFINED + u64::from(number);
         let origin = within.as_ref().map(|unit| &unit[..]);
         let space = &Space::plain();
-        let search = direct::search(simulations, &limited, frozen, space, number, 0, origin)?;
+        let search = direct::search(simulations, &limited, base, space, number, 0, origin)?;
         let point = search.found.map(|found| Point {
             source: Source::Refined,
             variables: found.design.variables,
@@ -350,7 +352,7 @@ mod tests {
 
     fn point(source: Source, pressure: f64, p90_um: f64, fresh_um: Option<f64>) -> Point {
         let problem = Problem::new(Campaign::parse("paper.toml", Campaign::PAPER).unwrap());
-        let variables = stages::references::variables(gear::paper::printed::Place::Figure(9));
+        let design = stages::references::design(gear::paper::printed::Place::Figure(9));
         let percentile = |value_um: f64| Percentile {
             value_um,
             low_um: value_um - 0.1,
@@ -359,8 +361,8 @@ mod tests {
         };
         Point {
             source,
-            variables,
-            criteria: problem.criteria(&problem.pair(&variables).unwrap(), pressure),
+            variables: design.gears(),
+            criteria: problem.pair_criteria(&problem.pair(&design).unwrap(), pressure),
             p90: percentile(p90_um),
             fresh: fresh_um.map(percentile),
             on_front: false,
@@ -417,9 +419,9 @@ mod tests {
             point(Source::Doe(1), 1500.0, 3.0, None),
         ];
         let refine = || {
-            let frozen = problem.printed_frozen();
+            let base = problem.base().clone();
             let here = &InProcess(&problem);
-            refine(here, &problem, &frozen, &known, Against::Pressure, 2).unwrap()
+            refine(here, &problem, &base, &known, Against::Pressure, 2).unwrap()
         };
         let found = refine();
         // By their text: what an interval is not known of is no number, and no number equals itself.
@@ -428,7 +430,7 @@ mod tests {
         // The campaign's own limit, then half of 15 % below the best known design's 1500 MPa.
         for (point, limit) in found.iter().zip([1550.0, 1387.5]) {
             assert!(point.criteria.hertz_pressure_mpa < limit);
-            assert!(problem.is_feasible(&point.criteria));
+            assert!(problem.is_feasible(&point.criteria.into()));
             assert_eq!(point.fresh.unwrap().samples, 50);
         }
     }

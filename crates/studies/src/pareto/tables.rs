@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use campaign::formulation::{Problem, VARIABLE_NAMES};
+use campaign::formulation::Problem;
+use campaign::formulation::gears::VARIABLE_NAMES;
 use report::PercentileSeries;
 
 use super::front::{Against, Point, Source};
@@ -175,12 +176,12 @@ mod tests {
     #[test]
     fn the_tables_are_whole_and_the_chart_shows_what_there_is() {
         let problem = Problem::new(Campaign::parse("paper.toml", Campaign::PAPER).unwrap());
-        let variables = stages::references::variables(Place::Figure(9));
-        let pair = problem.pair(&variables).unwrap();
+        let design = stages::references::design(Place::Figure(9));
+        let pair = problem.pair(&design).unwrap();
         let point = |source, pressure| Point {
             source,
-            variables,
-            criteria: problem.criteria(&pair, pressure),
+            variables: design.gears(),
+            criteria: problem.pair_criteria(&pair, pressure),
             p90: Percentile {
                 value_um: 2.0,
                 low_um: 1.9,

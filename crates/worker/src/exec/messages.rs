@@ -1,7 +1,7 @@
 //! What is said to an external simulator and what it answers: one JSON object per line.
 
 use campaign::Campaign;
-use campaign::formulation::{VARIABLE_NAMES, Variables};
+use campaign::formulation::{Design, Problem};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value, json};
@@ -22,7 +22,7 @@ pub(super) struct Started {
     pub(super) version: String,
 }
 
-/// The answer to `criteria`; see [`campaign::Criteria`].
+/// The answer to `criteria`; see [`campaign::GearCriteria`].
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct CriteriaAnswer {
@@ -72,11 +72,10 @@ pub(super) fn start(campaign: &Campaign) -> Result<Map<String, Value>, String> {
 }
 
 /// A design as the requests name it.
-pub(super) fn design(variables: &Variables, normal_module_mm: f64) -> Value {
-    let mut design: Map<String, Value> = VARIABLE_NAMES
-        .iter()
-        .zip(variables.values())
-        .map(|(name, value)| ((*name).to_owned(), Value::from(value)))
+pub(super) fn design(problem: &Problem, design: &Design, normal_module_mm: f64) -> Value {
+    let values = problem.variables().iter().zip(design.values());
+    let mut design: Map<String, Value> = values
+        .map(|(variable, value)| (variable.name.to_string(), Value::from(*value)))
         .collect();
     design.insert("normal_module_mm".to_owned(), Value::from(normal_module_mm));
     Value::Object(design)
