@@ -10,6 +10,10 @@ use serde::{Deserialize, Serialize};
 use crate::Campaign;
 use crate::file::gear_size;
 
+mod constraint;
+
+pub use constraint::{Bound, Constraint};
+
 /// The number of variables of the problems with wear, and of the DoE.
 pub const ROBUST_VARIABLES: usize = 6;
 /// The number of variables of the problem without wear.
@@ -251,62 +255,6 @@ pub struct Criteria {
     pub normal_module_mm: f64,
 }
 
-/// One constraint at one design.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Constraint {
-    /// The constrained quantity.
-    pub name: &'static str,
-    /// Its unit with a space before it, or nothing.
-    pub unit: &'static str,
-    /// Its value.
-    pub value: f64,
-    /// Its limit.
-    pub limit: f64,
-    /// How far the value lies beyond the limit, in its unit; negative on the good side.
-    pub excess: f64,
-    /// What the paper's (5) divides the excess by: the limit, or the module for a length.
-    pub scale: f64,
-    /// Whether the limit itself is not allowed.
-    pub strict: bool,
-}
-
-impl Constraint {
-    /// Whether the design satisfies the constraint; false for a value that is no number.
-    #[must_use]
-    pub fn holds(&self) -> bool {
-        if self.strict {
-            self.excess < 0.0
-        } else {
-            self.excess <= 0.0
-        }
-    }
-}
-
-impl std::fmt::Display for Constraint {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self {
-            name,
-            unit,
-            value,
-            limit,
-            excess,
-            ..
-        } = self;
-        // An optimum sits on a constraint: by how little it misses is what matters.
-        if excess.abs() < 1e-3 {
-            write!(
-                f,
-                "{name} {excess:.0e}{unit} beyond its limit of {limit}{unit}"
-            )
-        } else {
-            write!(
-                f,
-                "{name} = {value:.4}{unit} beyond its limit of {limit}{unit}"
-            )
-        }
-    }
-}
-
 /// A design of a campaign, ready to be simulated.
 #[derive(Debug, Clone)]
 pub struct Problem {
@@ -445,42 +393,20 @@ impl Problem {
     pub fn constraints(&self, criteria: &Criteria) -> [Constraint; 8] {
         let limits = &self.campaign.constraints;
         let material = &self.campaign.material;
-        let below = |name, unit, value: f64, limit: f64| Constraint {
-            name,
-            unit,
-            value,
-            limit,
-            excess: value - limit,
-            scale: limit,
-            strict: true,
-        };
-        let room = |name, value: f64| Constraint {
-            name,
-            unit: " mm",
-            value,
-            limit: 0.0,
-            excess: -value,
+        let room = |name, value| Constraint {
             scale: criteria.normal_module_mm,
-            strict: false,
+            ..Constraint::at_least(name, " mm", value, 0.0)
         };
         [
-            Constraint {
-                name: "r_c",
-                unit: "",
-                value: criteria.contact_ratio,
-                limit: limits.contact_ratio_min,
-                excess: limits.contact_ratio_min - criteria.contact_ratio,
-                scale: limits.contact_ratio_min,
-                strict: true,
-            },
-            below(
+            Constraint::above("r_c", "", criteria.contact_ratio, limits.contact_ratio_min),
+            Constraint::below(
                 "g_s",
                 "",
                 criteria.specific_sliding,
                 limits.specific_sliding_max,
             ),
-            below("σ_vm", " MPa", criteria.root_stress_mpa, material.yield_mpa),
-            below(
+            Constraint::below("σ_vm", " MPa", criteria.root_stress_mpa, material.yield_mpa),
+            Constraint::below(
                 "F",
                 " MPa",
                 criteria.hertz_pressure_mpa,
