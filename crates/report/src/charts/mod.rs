@@ -3,18 +3,21 @@
 
 mod gears;
 mod intervals;
+mod pressure;
 mod rounds;
 mod runs;
 mod scatter;
 
 use crate::data::{
-    ApproachResult, DoePoint, Enrichment, GearDrawing, KrigingFit, SteCurves, WearProfiles,
+    ApproachResult, DoePoint, Enrichment, GearDrawing, KrigingFit, PressureCurves, SteCurves,
+    WearProfiles,
 };
 use crate::error::Error;
 use crate::svg::{Axis, Chart, Mark, Picture, Scale, Series};
 
 pub(crate) use gears::gears;
 pub use intervals::{PercentileSeries, chart_front, chart_teeth};
+pub(crate) use pressure::pressure;
 pub(crate) use rounds::{expected_improvement, prediction};
 pub(crate) use runs::{convergence, ste};
 pub use scatter::{Extent, Response};
@@ -81,6 +84,15 @@ pub fn chart_gears(drawing: &GearDrawing) -> Result<String, Error> {
 /// empty is not as long as the phases.
 pub fn chart_ste(curves: &SteCurves) -> Result<String, Error> {
     ste(curves).map(|picture| picture.standalone())
+}
+
+/// Contact pressure in MPa along the path of contact in mm, as an SVG file.
+///
+/// # Errors
+/// [`Error::NothingToDraw`] without a finite value, [`Error::LengthMismatch`] if a curve that is not
+/// empty is not as long as the places.
+pub fn chart_pressure(curves: &PressureCurves) -> Result<String, Error> {
+    pressure(curves).map(|picture| picture.standalone())
 }
 
 /// The predicted P90 of the recommended design in µm against the rounds of the enrichment, as an SVG
