@@ -122,7 +122,9 @@ impl<'a> Page<'a> {
                     .sum(),
             ),
             wear: match &data.wear {
-                Some(profiles) => figure(charts::wear(profiles))?.with_sentence(&profiles.subject),
+                Some(profiles) => {
+                    figure(charts::wear(profiles, charts::FULL))?.with_sentence(&profiles.subject)
+                }
                 None => Figure::missing("No wear profile was recorded."),
             },
             preliminary: rows::preliminary(data),

@@ -6,7 +6,7 @@ use super::{Figure, figure};
 use crate::charts;
 use crate::data::PairPage;
 use crate::error::Error;
-use crate::number::fixed;
+use crate::number::significant;
 use crate::svg;
 
 /// One gear pair as one HTML page that loads nothing and runs nothing.
@@ -38,7 +38,8 @@ pub fn render_pair(data: &PairPage) -> Result<String, Error> {
         pressure: figure(charts::pressure(&data.pressure))?,
         wear: match &data.wear {
             Some(profiles) => {
-                Some(figure(charts::wear(profiles))?.with_sentence(&profiles.subject))
+                let chart = figure(charts::wear(profiles, charts::HALF))?;
+                Some(chart.with_sentence(&profiles.subject))
             }
             None => None,
         },
@@ -67,5 +68,7 @@ struct Row<'a> {
 }
 
 fn with_unit(value: f64, unit: &str) -> String {
-    format!("{} {unit}", fixed(value, 4)).trim_end().to_owned()
+    format!("{} {unit}", significant(value, 5))
+        .trim_end()
+        .to_owned()
 }

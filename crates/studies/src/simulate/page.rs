@@ -117,7 +117,8 @@ impl Curves {
         }
     }
 
-    fn from_pitch(&self) -> Vec<f64> {
+    /// Distances of the places from the pitch point, mm; negative before it.
+    fn pitch_distances(&self) -> Vec<f64> {
         self.place.iter().map(|s| s - self.pitch).collect()
     }
 
@@ -137,7 +138,7 @@ impl Curves {
     fn pressure_table(&self) -> Table {
         let [unworn, worn] = &self.pressure;
         columns(&[
-            ("from_pitch_point_mm", &self.from_pitch()),
+            ("from_pitch_point_mm", &self.pitch_distances()),
             ("unworn_mpa", unworn),
             ("worn_mpa", worn),
         ])
@@ -145,7 +146,7 @@ impl Curves {
 
     fn wear_table(&self) -> Table {
         let [pinion, mate] = &self.roll;
-        let from_pitch = self.from_pitch();
+        let from_pitch = self.pitch_distances();
         let mut all: Vec<(&str, &[f64])> = vec![
             ("from_pitch_point_mm", &from_pitch),
             ("pinion_roll_angle_rad", pinion),
@@ -191,7 +192,10 @@ fn page(
     PairPage {
         title: subject.title.to_owned(),
         program_version: subject.program_version.to_owned(),
-        verdict: verdict.lines().next().unwrap_or_default().to_owned(),
+        verdict: format!(
+            "The pair is {}.",
+            verdict.lines().next().unwrap_or_default()
+        ),
         constraints: simulation.constraints.iter().map(constraint).collect(),
         figures: text::rows(figures)
             .into_iter()
@@ -200,7 +204,7 @@ fn page(
         drawing: reporting::drawing(pair),
         ste: curves.ste.clone(),
         pressure: PressureCurves {
-            place_mm: curves.from_pitch(),
+            place_mm: curves.pitch_distances(),
             unworn_mpa,
             worn_mpa,
         },
