@@ -33,7 +33,7 @@ fn a_bad_campaign_file_is_refused_by_file_line_and_key() {
         ),
         (
             ("poisson_ratio = 0.29", "poisson_ratio = 0.6"),
-            ["material.poisson_ratio", "0.5"],
+            ["material.poisson_ratio", "0.499"],
         ),
         (
             ("variance = 0.01", "variance = inf"),
@@ -78,6 +78,11 @@ fn a_bad_pair_file_is_refused_by_file_line_and_key() {
             "pinion_torque_nm = nan",
             "load.pinion_torque_nm",
         ),
+        (
+            "pressure_angle_deg = 18.0",
+            "pressure_angle_deg = 0.5",
+            "pair.pressure_angle_deg is 0.5, but must be a number from 1 to 45 degrees",
+        ),
     ] {
         let text = good.replacen(from, to, 1);
         assert_ne!(text, good);
@@ -87,6 +92,28 @@ fn a_bad_pair_file_is_refused_by_file_line_and_key() {
             &["simulate", "--pair", "pair.toml"],
             3,
             &["pair.toml, line", part],
+        );
+    }
+}
+
+#[test]
+fn options_of_random_wear_are_refused_without_it() {
+    let sandbox = Sandbox::new();
+    sandbox.write("pair.toml", acceptance::FIGURE_7);
+    for (option, wear) in [("--samples", "none"), ("--seed", "archard")] {
+        refusal(
+            &sandbox,
+            &[
+                "simulate",
+                "--pair",
+                "pair.toml",
+                "--wear",
+                wear,
+                option,
+                "40",
+            ],
+            2,
+            &[option, "40", "--wear random"],
         );
     }
 }

@@ -1,6 +1,6 @@
 //! The commands that only look: `simulate`, `check`, `init`, `status`.
 
-use acceptance::{FIGURE_7, Sandbox, assert_code, printed};
+use acceptance::{FIGURE_7, Sandbox, assert_code, errors, printed, small_campaign};
 use serde_json::Value;
 
 fn simulate(sandbox: &Sandbox, more: &[&str]) -> Value {
@@ -22,8 +22,8 @@ fn simulate_prints_figure_7() {
     let sandbox = Sandbox::new();
     sandbox.write("pair.toml", FIGURE_7);
     let unworn = simulate(&sandbox, &[]);
-    assert_eq!(unworn["schema_version"], 1);
-    assert_eq!(unworn["feasible"], true);
+    assert_eq!(unworn["schema_version"], 2);
+    assert_eq!(unworn["simulable"], true);
     assert_eq!(unworn["reason"], Value::Null);
     // The paper prints r_c = 1.66, g_s = 1.47, ΔSTE = 0.38 and F = 938 (the model: within 20 %).
     assert_eq!(
@@ -52,6 +52,9 @@ fn simulate_prints_figure_7() {
         "/specific_sliding/gear_root",
         "/specific_sliding/gear_tip",
         "/clearance_mm/1",
+        "/tip_land_mm/1",
+        "/constraints/0/value",
+        "/constraints/0/limit",
         "/root_stress_mpa/1",
         "/iso_6336/root_safety/1",
         "/iso_6336/flank_safety/1",
@@ -123,15 +126,152 @@ fn simulate_says_why_a_pair_cannot_be() {
         "profile_shift = [-1.0, -1.0]",
     );
     sandbox.write("pair.toml", &impossible);
-    let refused = simulate(&sandbox, &[]);
+    let output = sandbox.coordinator(&["simulate", "--pair", "pair.toml", "--json"]);
+    assert_code(&output, 15);
+    let refused: Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
+    assert_eq!(refused["simulable"], false);
     assert_eq!(refused["feasible"], false);
-    assert!(
-        refused["reason"]
-            .as_str()
-            .unwrap()
-            .starts_with("no-involute-solution: ")
-    );
+    let reason = refused["reason"].as_str().unwrap();
+    assert!(reason.starts_with("no-involute-solution: "));
     assert_eq!(refused.get("delta_ste_um"), None);
+
+    let output = sandbox.coordinator(&["simulate", "--pair", "pair.toml", "--out", "none"]);
+    assert_code(&output, 15);
+    let sentence = format!("the pair cannot be simulated: {reason}\n");
+    assert_eq!(printed(&output), sentence);
+    assert!(!sandbox.path("none").exists());
+}
+
+/// A pair whose tips are pressed into the mate's root can be simulated, but does not look fine.
+#[test]
+fn simulate_names_every_broken_constraint() {
+    let sandbox = Sandbox::new();
+    let pressed = FIGURE_7
+        .replace(
+            "tool_dedendum = [1.00, 1.09]",
+            "tool_dedendum = [1.60, 1.09]",
+        )
+        .replace("hertz_limit_mpa = 1550.0", "hertz_limit_mpa = 500.0");
+    sandbox.write("pair.toml", &pressed);
+    let output = sandbox.coordinator(&["simulate", "--pair", "pair.toml"]);
+    assert_code(&output, 0);
+    let text = printed(&output);
+    let (_, verdict) = text.split_once("\ninfeasible: ").expect("a verdict");
+    for part in [
+        "contact pressure = ",
+        " MPa beyond its limit of 500 MPa",
+        "pinion tip clearance = -",
+    ] {
+        assert!(verdict.contains(part), "no {part:?} in\n{verdict}");
+    }
+    let object = simulate(&sandbox, &[]);
+    assert_eq!(object["feasible"], false);
+    let broken = object["constraints"].as_array().unwrap().iter();
+    let broken = broken.filter(|row| row["holds"] == false).count();
+    assert_eq!(verdict.lines().skip(1).count(), broken);
+}
+
+#[test]
+fn simulate_warns_of_a_doubtful_unit_and_writes_a_page_into_an_empty_folder_only() {
+    let sandbox = Sandbox::new();
+    let doubtful = FIGURE_7.replace(
+        "youngs_modulus_gpa = 200.0",
+        "youngs_modulus_gpa = 206000.0",
+    );
+    sandbox.write("pair.toml", &doubtful);
+    let page = [
+        "simulate",
+        "--pair",
+        "pair.toml",
+        "--wear",
+        "archard",
+        "--out",
+        "page",
+    ];
+    let output = sandbox.coordinator(&page);
+    assert_code(&output, 0);
+    assert!(errors(&output).contains("206000 GPa: did you mean 206?"));
+    for file in [
+        "pair.html",
+        "section.svg",
+        "ste.svg",
+        "ste.csv",
+        "pressure.svg",
+        "pressure.csv",
+        "wear.svg",
+        "wear.csv",
+    ] {
+        assert!(sandbox.path("page").join(file).exists(), "{file}");
+    }
+    let output = sandbox.coordinator(&page);
+    assert_code(&output, 4);
+    assert!(
+        errors(&output).contains("the folder is not empty"),
+        "{}",
+        errors(&output)
+    );
+}
+
+#[test]
+fn an_exported_optimum_simulates_to_the_figure_of_its_campaign() {
+    let sandbox = Sandbox::new();
+    let file = sandbox.write("tiny.toml", &small_campaign(12, 10));
+    let file = file.to_str().unwrap();
+    assert_code(&sandbox.coordinator(&["run", file, "--db", "tiny.db"]), 0);
+    let table = [
+        "export",
+        "--db",
+        "tiny.db",
+        "--table",
+        "optima",
+        "--out",
+        "optima.csv",
+    ];
+    assert_code(&sandbox.coordinator(&table), 0);
+    let optima = std::fs::read_to_string(sandbox.path("optima.csv")).unwrap();
+    let fields = |line: &str| line.split(',').map(str::to_owned).collect::<Vec<_>>();
+    let header = fields(optima.lines().next().unwrap());
+    let column = header
+        .iter()
+        .position(|name| name == "criterion_um")
+        .unwrap();
+    for (approach, wear) in [("no-wear", "none"), ("archard", "archard")] {
+        let row = optima.lines().map(fields).find(|row| row[0] == approach);
+        let criterion: f64 = row.unwrap()[column].parse().unwrap();
+        let pair = format!("{approach}.toml");
+        let export = [
+            "export",
+            "--db",
+            "tiny.db",
+            "--pair",
+            &pair,
+            "--approach",
+            approach,
+        ];
+        assert_code(&sandbox.coordinator(&export), 0);
+        assert_code(&sandbox.coordinator(&export), 4);
+        let output = sandbox.coordinator(&["simulate", "--pair", &pair, "--wear", wear, "--json"]);
+        assert_code(&output, 0);
+        let object: Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
+        let simulated = number(&object, "/delta_ste_um");
+        assert!(
+            (simulated / criterion - 1.0).abs() < 1e-9,
+            "{simulated} against {criterion}"
+        );
+    }
+    let none = [
+        "export",
+        "--db",
+        "tiny.db",
+        "--pair",
+        "x.toml",
+        "--approach",
+        "best-of-doe",
+    ];
+    let output = sandbox.coordinator(&none);
+    assert_code(&output, 1);
+    assert!(errors(&output).contains("approach best-of-doe found no design"));
+    assert!(!sandbox.path("x.toml").exists());
 }
 
 #[test]

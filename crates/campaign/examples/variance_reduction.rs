@@ -16,7 +16,7 @@
 #![expect(clippy::print_stdout, reason = "an example's output is its purpose")]
 
 use campaign::Campaign;
-use campaign::formulation::{Problem, Variables};
+use campaign::formulation::Problem;
 use rand::RngExt as _;
 use stats::streams::{Purpose, stream};
 use stats::{Control, EXACT_Z90, NormalOptions, Sampling, VarianceFormula, Z90};
@@ -70,12 +70,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut design = 0;
     while design < designs as u64 {
         let unit: [f64; 6] = std::array::from_fn(|_| rng.random());
-        let x = problem.robust_point(&unit);
-        let variables = Variables::robust(&x, &problem.printed_frozen());
-        let Ok(pair) = problem.pair(&variables) else {
+        let x = problem.free_point(&unit);
+        let Ok(pair) = problem.pair(&problem.design(&x, problem.base())) else {
             continue;
         };
-        if problem.violation(&problem.criteria(&pair, 0.0)) > 0.5 {
+        if problem.violation(&problem.pair_criteria(&pair, 0.0).into()) > 0.5 {
             continue;
         }
         design += 1;

@@ -3,10 +3,12 @@
 //! Both are TOML with units in their keys. A file is parsed strictly (unknown and missing keys are
 //! errors) and validated once, here: whoever holds a [`Campaign`] holds a sensible one.
 
+mod advice;
 mod campaign;
 mod corrections;
 mod enrichment;
 mod kriging;
+mod material;
 mod pair;
 mod sampling;
 mod sections;
@@ -18,12 +20,13 @@ pub use campaign::{
     Bounds, Campaign, Constraints, Doe, FrozenFrom, FrozenSection, Optimise, Pair, Report,
     Restarts, Verify,
 };
-pub use corrections::CorrectionsSection;
+pub use corrections::{CorrectionsSection, PairCorrections};
 pub use enrichment::Enrichment;
+pub use material::{Grade, Material};
 pub(crate) use pair::gear_size;
-pub use pair::{PairFile, PairSection};
+pub use pair::{PairConstraints, PairFile, PairSection};
 pub use sampling::{ControlVariate, PercentileRule, Sampling, WearCoefficients};
-pub use sections::{Load, Material, SimulatorKind, SimulatorSection, Wear, WearLaw};
+pub use sections::{Load, SimulatorKind, SimulatorSection, Wear, WearLaw};
 
 /// Why a campaign or pair file was refused.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

@@ -19,7 +19,7 @@ mod design;
 pub mod gears;
 
 pub use approach::Approach;
-pub use constraint::Constraint;
+pub use constraint::{Bound, Constraint};
 pub use design::{Criteria, Design};
 pub use gears::{GearCriteria, GearVariables};
 

@@ -4,12 +4,14 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use ::studies::simulate::WearChoice;
+use campaign::Approach;
 use clap::{Args, Parser, Subcommand};
 use console::LogFormat;
 use coordinator::server;
 use gateway::client::Reach;
 use gateway::guard::GuardFiles;
 use results::export::Table;
+use stages::optima::approach_of;
 use worker::SimulatorArguments;
 
 mod studies;
@@ -53,7 +55,7 @@ pub(crate) enum Command {
     Pareto(Pareto),
     /// Write the report of a campaign, also while it runs
     Report(Report),
-    /// Write a table of a campaign as CSV
+    /// Write a table of a campaign as CSV, or an optimum as a pair file
     Export(Export),
     /// Print the paper's figures beside a campaign's, as Markdown
     Compare(Compare),
@@ -199,12 +201,39 @@ pub(crate) struct Export {
     /// The store
     #[arg(long, value_name = "FILE")]
     pub(crate) db: PathBuf,
+    #[command(flatten)]
+    pub(crate) what: Exported,
+    /// The table's file; one that exists is refused
+    #[arg(
+        long,
+        value_name = "FILE.csv",
+        required_unless_present = "pair",
+        conflicts_with = "pair"
+    )]
+    pub(crate) out: Option<PathBuf>,
+    /// Whose optimum --pair writes
+    #[arg(long, value_name = "APPROACH", value_parser = approach_of_name, requires = "pair",
+        required_unless_present = "table")]
+    pub(crate) approach: Option<Approach>,
+}
+
+/// What to export.
+#[derive(Debug, Args)]
+#[group(required = true, multiple = false)]
+pub(crate) struct Exported {
     /// Which table
     #[arg(long, value_enum)]
-    pub(crate) table: Table,
-    /// The file; one that exists is refused
-    #[arg(long, value_name = "FILE.csv")]
-    pub(crate) out: PathBuf,
+    pub(crate) table: Option<Table>,
+    /// Write the optimum of an approach as a pair file for `simulate`; one that exists is refused
+    #[arg(long, value_name = "OUT.toml")]
+    pub(crate) pair: Option<PathBuf>,
+}
+
+fn approach_of_name(name: &str) -> Result<Approach, String> {
+    approach_of(name).ok_or_else(|| {
+        let known = Approach::ALL.map(Approach::name).join(", ");
+        format!("the approaches are: {known}")
+    })
 }
 
 #[derive(Debug, Args)]
@@ -222,13 +251,15 @@ pub(crate) struct Simulate {
     /// Which wear
     #[arg(long, value_enum, default_value_t = WearChoice::None)]
     pub(crate) wear: WearChoice,
-    /// The seed of random wear
-    #[arg(long, value_name = "S", default_value_t = 1)]
-    pub(crate) seed: u64,
-    /// How many samples of random wear, at least 4
-    #[arg(long, value_name = "K", default_value_t = 30,
-        value_parser = clap::value_parser!(u32).range(4..=10_000_000))]
-    pub(crate) samples: u32,
+    /// The seed of random wear; only with --wear random [default: 1]
+    #[arg(long, value_name = "S")]
+    pub(crate) seed: Option<u64>,
+    /// How many samples of random wear, at least 4; only with --wear random [default: 30]
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(4..=10_000_000))]
+    pub(crate) samples: Option<u32>,
+    /// Write an HTML page with charts (SVG) and their points (CSV) into this folder, new or empty
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,

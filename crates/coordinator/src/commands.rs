@@ -6,9 +6,8 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
-use ::studies::simulate;
 use campaign::formulation::Problem;
-use campaign::{Campaign, FileError, PairFile};
+use campaign::{Campaign, FileError};
 use coordinator::local::LocalWorkers;
 use coordinator::server::{self, Outcome, Plan};
 use coordinator::serving::{self, Port, Security};
@@ -17,7 +16,7 @@ use gateway::guard::{Guard, GuardError};
 use gateway::keygen::{self, KeygenError};
 use protocol::exit;
 use results::describing::describe;
-use results::{comparing, export, reporting, status};
+use results::{comparing, export, pair_file, reporting, status};
 use stages::designs;
 use store::Store;
 use tokio_util::sync::CancellationToken;
@@ -27,6 +26,7 @@ use crate::arguments::{self, Command};
 use crate::progress::Progress;
 
 mod checking;
+mod simulating;
 mod steering;
 mod studies;
 
@@ -58,9 +58,9 @@ pub(crate) async fn execute(command: Command) -> anyhow::Result<u8> {
         Command::Sensitivity(arguments) => studies::sensitivity(arguments).await,
         Command::Pareto(arguments) => studies::pareto(arguments).await,
         Command::Report(arguments) => write_report(arguments).await,
-        Command::Export(arguments) => export_table(arguments).await,
+        Command::Export(arguments) => export(arguments).await,
         Command::Compare(arguments) => compare(arguments).await,
-        Command::Simulate(arguments) => simulate_pair(&arguments),
+        Command::Simulate(arguments) => simulating::simulate(&arguments),
         Command::Check(arguments) => checking::check(&arguments),
         Command::Init(arguments) => init(&arguments),
         Command::Keygen(arguments) => make_keys(&arguments),
@@ -354,33 +354,29 @@ async fn write_report(arguments: arguments::Report) -> anyhow::Result<u8> {
     Ok(exit::OK)
 }
 
-async fn export_table(arguments: arguments::Export) -> anyhow::Result<u8> {
+async fn export(arguments: arguments::Export) -> anyhow::Result<u8> {
     let store = Store::open_read_only(&arguments.db).await?;
-    let file = create_new(&arguments.out)?;
-    export::write(&store, arguments.table, std::io::BufWriter::new(file)).await?;
+    let what = &arguments.what;
+    if let (Some(table), Some(out)) = (what.table, &arguments.out) {
+        let file = create_new(out)?;
+        export::write(&store, table, std::io::BufWriter::new(file)).await?;
+    }
+    if let (Some(out), Some(approach)) = (&what.pair, arguments.approach) {
+        let pair = pair_file::of_optimum(&store, approach).await?;
+        let mut file = create_new(out)?;
+        let written = file.write_all(pair.to_toml().as_bytes());
+        written.map_err(|source| FileAccess {
+            doing: "write",
+            path: out.clone(),
+            source,
+        })?;
+    }
     Ok(exit::OK)
 }
 
 async fn compare(arguments: arguments::Compare) -> anyhow::Result<u8> {
     let store = Store::open_read_only(&arguments.db).await?;
     print(&comparing::page(&store).await?)?;
-    Ok(exit::OK)
-}
-
-fn simulate_pair(arguments: &arguments::Simulate) -> anyhow::Result<u8> {
-    let text = read(&arguments.pair)?;
-    let file = PairFile::parse(&arguments.pair.display().to_string(), &text)?;
-    let request = simulate::Request {
-        wear: arguments.wear,
-        seed: arguments.seed,
-        samples: arguments.samples,
-    };
-    let simulation = simulate::run(&file, request)?;
-    if arguments.json {
-        print(&(simulate::to_json(&simulation)? + "\n"))?;
-    } else {
-        print(&simulate::describe(&simulation))?;
-    }
     Ok(exit::OK)
 }
 

@@ -74,6 +74,8 @@ pub struct Worn {
     /// Depth of wear W(s) on each flank, mm normal to it; negative where [`WearLaw::Signed`] adds
     /// material.
     pub depth: Vec<f64>,
+    /// Greatest Hertz pressure over the mesh period at those places, MPa.
+    pub pressure: Vec<f64>,
 }
 
 /// Highest bending stress at the root of one gear, for the whole load on one tooth's tip.
@@ -380,6 +382,20 @@ impl Pair {
         tooth.compliance(&tooth.load_at_radius(r))
     }
 
+    /// Places on the path of contact, mm from the pinion's base tangent point, for which
+    /// [`pressure`](Self::pressure) is known.
+    #[must_use]
+    pub fn path(&self) -> &[f64] {
+        &self.mesh.frame.path.s
+    }
+
+    /// Greatest Hertz pressure over the mesh period of the unworn pair at each place of the
+    /// [`path`](Self::path), MPa.
+    #[must_use]
+    pub fn pressure(&self) -> &[f64] {
+        &self.pressure
+    }
+
     /// The analysis of the unworn pair.
     #[must_use]
     pub fn unworn(&self) -> Analysis {
@@ -420,8 +436,9 @@ impl Pair {
                 lowest,
                 &pressure,
             ),
-            s: self.mesh.frame.path.s.clone(),
+            s: self.path().to_vec(),
             depth,
+            pressure,
         }
     }
 

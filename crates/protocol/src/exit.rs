@@ -33,9 +33,12 @@ pub const REFUSED: u8 = 12;
 pub const INCOMPLETE: u8 = 13;
 /// Stopped by a signal; starting the same command again continues.
 pub const INTERRUPTED: u8 = 14;
+/// The gear pair of `coordinator simulate` is not simulable: no such pair exists, or its teeth lose
+/// contact.
+pub const NOT_SIMULABLE: u8 = 15;
 
 /// Every code with its meaning, for `--help` and the README.
-pub const TABLE: [(u8, &str); 15] = [
+pub const TABLE: [(u8, &str); 16] = [
     (OK, "everything went well"),
     (FAILURE, "something that has no code of its own"),
     (USAGE, "the command line makes no sense"),
@@ -72,4 +75,5 @@ pub const TABLE: [(u8, &str); 15] = [
         INTERRUPTED,
         "stopped by a signal; the same command continues",
     ),
+    (NOT_SIMULABLE, "the gear pair cannot be simulated"),
 ];

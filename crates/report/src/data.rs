@@ -356,6 +356,58 @@ pub struct SteCurves {
     pub worn_um: Vec<f64>,
 }
 
+/// Contact pressure along the path of contact.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PressureCurves {
+    /// Places on the path of contact, mm from the pitch point; negative where the pinion's root is
+    /// in contact.
+    pub place_mm: Vec<f64>,
+    /// Largest pressure over the mesh period at each place on unworn flanks, MPa; may be empty.
+    pub unworn_mpa: Vec<f64>,
+    /// The same with Archard's wear, MPa; may be empty.
+    pub worn_mpa: Vec<f64>,
+}
+
+/// Everything that the page of one gear pair shows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PairPage {
+    /// What the pair is called, for example by its file.
+    pub title: String,
+    /// Version of the program that simulated.
+    pub program_version: String,
+    /// Whether the pair is feasible, in a sentence.
+    pub verdict: String,
+    /// The constraints with the pair's values.
+    pub constraints: Vec<PairConstraint>,
+    /// Further (label, value with unit) pairs, shown as they are.
+    pub figures: Vec<(String, String)>,
+    /// The gears in mesh.
+    pub drawing: GearDrawing,
+    /// Static transmission error over the mesh.
+    pub ste: SteCurves,
+    /// Contact pressure along the path of contact.
+    pub pressure: PressureCurves,
+    /// Wear depths of the pinion's flank; absent without wear.
+    pub wear: Option<WearProfiles>,
+}
+
+/// One constraint of a gear pair.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PairConstraint {
+    /// The constrained quantity.
+    pub name: String,
+    /// Its value.
+    pub value: f64,
+    /// The unit of value and limit; empty for a ratio.
+    pub unit: String,
+    /// How the value must stand to its limit, for example "<".
+    pub relation: &'static str,
+    /// The limit.
+    pub limit: f64,
+    /// Whether the constraint holds.
+    pub holds: bool,
+}
+
 /// Rounds of infill points near the optimum, on top of the DoE.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Enrichment {

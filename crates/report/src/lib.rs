@@ -2,6 +2,7 @@
 //!
 //! [`render`] turns [`ReportData`] into one self-contained HTML page: style and charts are inline,
 //! nothing is loaded and nothing runs, so the page can be mailed, archived and printed. The
+//! [`render_pair`] does the same for one gear pair. The
 //! `chart_*` functions return the same charts as files of their own. Everything is a pure function
 //! of its input: equal data give equal bytes.
 //!
@@ -24,15 +25,16 @@ mod svg;
 
 pub use charts::{
     Extent, PercentileSeries, Response, chart_convergence, chart_expected_improvement, chart_front,
-    chart_gears, chart_leave_one_out, chart_prediction, chart_responses, chart_ste, chart_teeth,
-    chart_wear,
+    chart_gears, chart_leave_one_out, chart_prediction, chart_pressure, chart_responses, chart_ste,
+    chart_teeth, chart_wear,
 };
 pub use comparison::{Comparison, comparison_markdown, comparisons};
 pub use data::{
     Approach, ApproachResult, Constraints, DoePoint, Enrichment, EnrichmentRound, GearDrawing,
     GearOutline, Header, InfeasibleReason, KrigingFit, LeaveOneOut, Limits, ModelFigure,
-    OptimiserRun, Optimum, Parameter, Percentile, PreliminaryDesign, PrintedDesign, PrintedFigures,
-    ReportData, SimilarDesign, StageCost, SteCurves, WearProfiles,
+    OptimiserRun, Optimum, PairConstraint, PairPage, Parameter, Percentile, PreliminaryDesign,
+    PressureCurves, PrintedDesign, PrintedFigures, ReportData, SimilarDesign, StageCost, SteCurves,
+    WearProfiles,
 };
 pub use error::Error;
-pub use page::render;
+pub use page::{render, render_pair};

@@ -24,6 +24,7 @@ use stages::optima::optimum_design;
 use stats::streams::{Purpose, stream};
 use store::Store;
 
+pub use self::optima::{drawing, ste};
 use self::sources::Sources;
 
 /// Random wear profiles in Figure 2.

@@ -2,10 +2,21 @@
 
 use campaign::PairFile;
 use campaign::file::Material;
+use campaign::formulation::Constraint;
 use clap::ValueEnum;
-use gear::{Discretisation, Geometry, Pair, Sliding};
+use gear::{Discretisation, Geometry, Member, Pair, Sliding, rating};
 use serde::Serialize;
 use stats::streams::{Purpose, stream};
+
+mod constraints;
+mod page;
+mod text;
+
+pub use page::{Subject, write_page};
+pub use text::describe;
+
+/// The version of the JSON object.
+const SCHEMA_VERSION: u32 = 2;
 
 /// The wear of a simulated pair.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
@@ -35,13 +46,19 @@ pub struct Request {
 pub struct Simulation {
     /// The version of this object.
     pub schema_version: u32,
-    /// Whether the pair can be simulated.
+    /// Whether the simulator gives numbers.
+    pub simulable: bool,
+    /// Whether the pair is simulable and all constraints hold.
     pub feasible: bool,
-    /// Why not: a code and a sentence.
+    /// Why the pair is not simulable: a code and a sentence.
     pub reason: Option<String>,
     /// The wear that `ste_um`, `delta_ste_um` and `hertz_pressure_mpa` are for; with random wear
     /// they are for its mean, Archard's wear.
     pub wear: WearChoice,
+    /// The pair's constraints, those of the file and the defaults; none for a pair that is not
+    /// simulable.
+    #[serde(serialize_with = "constraints::serialize")]
+    pub constraints: Vec<Constraint>,
     /// All the rest, when the pair can be simulated.
     #[serde(skip)]
     pub figures: Option<Figures>,
@@ -61,6 +78,8 @@ pub struct Figures {
     contact_ratio: ContactRatio,
     specific_sliding: SpecificSliding,
     clearance_mm: [f64; 2],
+    /// Thickness at the tip circle in the normal section, as if the tip were not rounded.
+    tip_land_mm: [f64; 2],
     flank_margin_mm: [f64; 2],
     hertz_pressure_mpa: f64,
     root_stress_mpa: [f64; 2],
@@ -97,7 +116,7 @@ struct Nominal {
 
 impl Nominal {
     fn of(pair: &Pair, material: &Material) -> Self {
-        let rating = gear::rating::rate(pair, 1.0);
+        let rating = rating::rate(pair, 1.0);
         let root_stress_mpa = rating.root.map(|root| root.stress_mpa);
         let contact_stress_mpa = rating.z_single.map(|z| z * rating.contact_stress_mpa);
         Self {
@@ -138,19 +157,45 @@ struct Curve {
 ///
 /// An input that the simulator does not accept, or a percentile of too few samples.
 pub fn run(file: &PairFile, request: Request) -> anyhow::Result<Simulation> {
-    let pair = match Pair::new(&file.to_gear(), &Discretisation::default()) {
+    let pair = match pair(file) {
         Ok(pair) => pair,
         Err(gear::Error::Infeasible(infeasible)) => {
             return Ok(Simulation {
-                schema_version: 1,
+                schema_version: SCHEMA_VERSION,
+                simulable: false,
                 feasible: false,
                 reason: Some(format!("{}: {infeasible}", infeasible.code())),
                 wear: request.wear,
+                constraints: Vec::new(),
                 figures: None,
             });
         }
         Err(error) => return Err(error.into()),
     };
+    let figures = figures(&pair, file, request)?;
+    let constraints = constraints::of(file, &figures);
+    Ok(Simulation {
+        schema_version: SCHEMA_VERSION,
+        simulable: true,
+        feasible: constraints.iter().all(Constraint::holds),
+        reason: None,
+        wear: request.wear,
+        constraints,
+        figures: Some(figures),
+    })
+}
+
+/// The pair of a file, with its corrections.
+fn pair(file: &PairFile) -> Result<Pair, gear::Error> {
+    Pair::with_corrections(
+        &file.to_gear(),
+        &file.corrections(),
+        &Discretisation::default(),
+    )
+}
+
+/// Everything that the simulator says of a pair with the wear that was asked for.
+fn figures(pair: &Pair, file: &PairFile, request: Request) -> anyhow::Result<Figures> {
     let wear = file.wear.to_gear();
     let analysis = match request.wear {
         WearChoice::None => pair.unworn(),
@@ -184,50 +229,50 @@ pub fn run(file: &PairFile, request: Request) -> anyhow::Result<Simulation> {
     } = pair.sliding();
     let interference = pair.interference();
     let roots = pair.root_stress();
+    let tip_land_mm = Member::BOTH.map(|member| {
+        let tip = rating::flank(geometry, member, geometry.r_a[member.index()]);
+        // A pointed tooth has none, up to rounding.
+        tip.normal_thickness.max(0.0)
+    });
     let diameter = |radius: [f64; 2]| radius.map(|radius| 2.0 * radius);
-    Ok(Simulation {
-        schema_version: 1,
-        feasible: true,
-        reason: None,
-        wear: request.wear,
-        figures: Some(Figures {
-            normal_module_mm: geometry.normal_module,
-            centre_distance_mm: geometry.centre_distance,
-            transverse_pressure_angle_deg: geometry.alpha_t.to_degrees(),
-            working_pressure_angle_deg: geometry.alpha_wt.to_degrees(),
-            reference_diameter_mm: diameter(geometry.r),
-            base_diameter_mm: diameter(geometry.r_b),
-            tip_diameter_mm: diameter(geometry.r_a),
-            root_diameter_mm: diameter(geometry.r_f),
-            contact_ratio: ContactRatio {
-                transverse: geometry.eps_alpha,
-                overlap: geometry.eps_beta,
-                total: geometry.contact_ratio,
-            },
-            specific_sliding: SpecificSliding {
-                pinion_root,
-                pinion_tip,
-                gear_root,
-                gear_tip,
-                max,
-            },
-            clearance_mm: interference.clearance,
-            flank_margin_mm: interference.flank_margin,
-            hertz_pressure_mpa: analysis.hertz_pressure_mpa,
-            root_stress_mpa: [roots[0].stress_mpa, roots[1].stress_mpa],
-            notch_parameter_in_range: [roots[0].in_range, roots[1].in_range],
-            iso_6336: Nominal::of(&pair, &file.material),
-            pair_stiffness_n_per_mm_um: pair.pitch_stiffness(),
-            ste_um: Curve {
-                phase: analysis.phases,
-                value: analysis.ste_um,
-            },
-            delta_ste_um: analysis.delta_ste_um,
-            samples_um,
-            mean_um: percentile.map(|percentile| percentile.mean),
-            sd_um: percentile.map(|percentile| percentile.sd),
-            p90_um: percentile.map(|percentile| percentile.p90),
-        }),
+    Ok(Figures {
+        normal_module_mm: geometry.normal_module,
+        centre_distance_mm: geometry.centre_distance,
+        transverse_pressure_angle_deg: geometry.alpha_t.to_degrees(),
+        working_pressure_angle_deg: geometry.alpha_wt.to_degrees(),
+        reference_diameter_mm: diameter(geometry.r),
+        base_diameter_mm: diameter(geometry.r_b),
+        tip_diameter_mm: diameter(geometry.r_a),
+        root_diameter_mm: diameter(geometry.r_f),
+        contact_ratio: ContactRatio {
+            transverse: geometry.eps_alpha,
+            overlap: geometry.eps_beta,
+            total: geometry.contact_ratio,
+        },
+        specific_sliding: SpecificSliding {
+            pinion_root,
+            pinion_tip,
+            gear_root,
+            gear_tip,
+            max,
+        },
+        clearance_mm: interference.clearance,
+        tip_land_mm,
+        flank_margin_mm: interference.flank_margin,
+        hertz_pressure_mpa: analysis.hertz_pressure_mpa,
+        root_stress_mpa: [roots[0].stress_mpa, roots[1].stress_mpa],
+        notch_parameter_in_range: [roots[0].in_range, roots[1].in_range],
+        iso_6336: Nominal::of(pair, &file.material),
+        pair_stiffness_n_per_mm_um: pair.pitch_stiffness(),
+        ste_um: Curve {
+            phase: analysis.phases,
+            value: analysis.ste_um,
+        },
+        delta_ste_um: analysis.delta_ste_um,
+        samples_um,
+        mean_um: percentile.map(|percentile| percentile.mean),
+        sd_um: percentile.map(|percentile| percentile.sd),
+        p90_um: percentile.map(|percentile| percentile.p90),
     })
 }
 
@@ -246,106 +291,5 @@ pub fn to_json(simulation: &Simulation) -> anyhow::Result<String> {
     Ok(serde_json::to_string(&object)?)
 }
 
-/// The simulation for people.
-#[must_use]
-pub fn describe(simulation: &Simulation) -> String {
-    use std::fmt::Write as _;
-    let Some(figures) = &simulation.figures else {
-        let reason = simulation.reason.as_deref().unwrap_or_default();
-        return format!("the pair cannot be simulated: {reason}\n");
-    };
-    let mut text = String::new();
-    let pair = |values: [f64; 2]| format!("{:.4}, {:.4}", values[0], values[1]);
-    let mut line = |name: &str, value: String| {
-        // Writing to a string does not fail.
-        let _ = writeln!(text, "{name:<28}{value}");
-    };
-    line(
-        "normal module",
-        format!("{:.5} mm", figures.normal_module_mm),
-    );
-    line(
-        "centre distance",
-        format!("{:.4} mm", figures.centre_distance_mm),
-    );
-    line(
-        "transverse pressure angle",
-        format!("{:.4}°", figures.transverse_pressure_angle_deg),
-    );
-    line(
-        "working pressure angle",
-        format!("{:.4}°", figures.working_pressure_angle_deg),
-    );
-    line(
-        "reference diameters",
-        format!("{} mm", pair(figures.reference_diameter_mm)),
-    );
-    line(
-        "base diameters",
-        format!("{} mm", pair(figures.base_diameter_mm)),
-    );
-    line(
-        "tip diameters",
-        format!("{} mm", pair(figures.tip_diameter_mm)),
-    );
-    line(
-        "root diameters",
-        format!("{} mm", pair(figures.root_diameter_mm)),
-    );
-    let ContactRatio {
-        transverse,
-        overlap,
-        total,
-    } = figures.contact_ratio;
-    line(
-        "contact ratio",
-        format!("{total:.4} (transverse {transverse:.4}, overlap {overlap:.4})"),
-    );
-    line(
-        "largest specific sliding",
-        format!("{:.4}", figures.specific_sliding.max),
-    );
-    line(
-        "tip clearances",
-        format!("{} mm", pair(figures.clearance_mm)),
-    );
-    line(
-        "flank margins",
-        format!("{} mm", pair(figures.flank_margin_mm)),
-    );
-    line(
-        "contact pressure",
-        format!("{:.1} MPa", figures.hertz_pressure_mpa),
-    );
-    line(
-        "root stresses",
-        format!("{} MPa", pair(figures.root_stress_mpa)),
-    );
-    let nominal = &figures.iso_6336;
-    let remark = if nominal.in_range {
-        ""
-    } else {
-        " (contact ratio outside the formulas' range)"
-    };
-    line(
-        "ISO 6336, nominal: S_F",
-        format!("{}{remark}", pair(nominal.root_safety)),
-    );
-    line(
-        "ISO 6336, nominal: S_H",
-        format!("{}{remark}", pair(nominal.flank_safety)),
-    );
-    let stiffness = figures.pair_stiffness_n_per_mm_um;
-    line(
-        "pair stiffness at pitch",
-        format!("{stiffness:.3} N/(mm µm)"),
-    );
-    line("ΔSTE", format!("{:.4} µm", figures.delta_ste_um));
-    if let (Some(mean), Some(sd), Some(p90)) = (figures.mean_um, figures.sd_um, figures.p90_um) {
-        line(
-            "ΔSTE with random wear",
-            format!("mean {mean:.4}, SD {sd:.4}, P90 {p90:.4} µm"),
-        );
-    }
-    text
-}
+#[cfg(test)]
+mod tests;

@@ -3,11 +3,13 @@
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::corrections::CorrectionsSection;
+use super::corrections::{CorrectionsSection, WITHOUT_CROWNING};
 use super::pair::size;
 use super::sections::{SimulatorKind, SimulatorSection, parse_name};
 use super::validate::Source;
-use super::{Enrichment, FileError, Kriging, Load, Material, Sampling, Wear, WearCoefficients};
+use super::{
+    Enrichment, FileError, Kriging, Load, Material, Sampling, Wear, WearCoefficients, advice,
+};
 
 /// A campaign file, validated: one problem, one DoE, one seed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -391,6 +393,12 @@ impl Campaign {
                 ));
             }
         }
+        warnings.extend(advice::of_sections(
+            &self.material,
+            &self.wear,
+            self.pair.face_width_mm,
+        ));
+        warnings.extend(advice::of_frozen(self));
         warnings
     }
 
@@ -429,9 +437,8 @@ impl Campaign {
             source.require(
                 !whole_face || corrections.crowning_um.is_none(),
                 "corrections.crowning_um",
-                corrections.crowning_um,
-                "absent when pair.tooth_model is \"whole-face-beam\", which has one gap for the whole \
-                 face",
+                corrections.crowning_um.unwrap_or_default(),
+                WITHOUT_CROWNING,
             )?;
         }
         source.require(
@@ -553,13 +560,8 @@ impl Pair {
             }
         }
         size(source, self.centre_distance_mm, self.normal_module_mm)?;
-        source.between(
-            "pair.pressure_angle_deg",
-            self.pressure_angle_deg,
-            0.0,
-            45.0,
-        )?;
-        source.positive("pair.face_width_mm", self.face_width_mm)?;
+        source.pressure_angle("pair.pressure_angle_deg", self.pressure_angle_deg)?;
+        source.length("pair.face_width_mm", self.face_width_mm)?;
         parse_name::<gear::ToothModel>(source, "pair.tooth_model", &self.tooth_model)?;
         parse_name::<gear::TipRule>(source, "pair.tip_rule", &self.tip_rule)?;
         Ok(())
@@ -590,10 +592,10 @@ impl Bounds {
 impl FrozenSection {
     fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
         for gear in 0..2 {
-            source.not_negative("frozen.tip_radius_mm", self.tip_radius_mm[gear])?;
-            source.positive("frozen.root_radius_mm", self.root_radius_mm[gear])?;
+            source.tip_radius("frozen.tip_radius_mm", self.tip_radius_mm[gear])?;
+            source.root_radius("frozen.root_radius_mm", self.root_radius_mm[gear])?;
         }
-        source.between("frozen.helix_angle_deg", self.helix_angle_deg, -60.0, 60.0)
+        source.helix_angle("frozen.helix_angle_deg", self.helix_angle_deg)
     }
 }
 

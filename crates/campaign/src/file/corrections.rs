@@ -1,4 +1,4 @@
-//! `[corrections]` of a campaign: profile corrections as design variables.
+//! `[corrections]`: profile corrections, as design variables of a campaign or as those of a pair.
 
 use serde::{Deserialize, Serialize};
 
@@ -26,14 +26,9 @@ pub struct CorrectionsSection {
 }
 
 impl CorrectionsSection {
-    /// Amounts beyond this are no corrections any more, µm.
-    const MOST_UM: f64 = 1000.0;
-
     pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
         let amount = |key: &str, range: Option<[f64; 2]>| {
-            range.map_or(Ok(()), |range| {
-                source.ordered(key, range, 0.0, Self::MOST_UM)
-            })
+            range.map_or(Ok(()), |range| source.ordered(key, range, 0.0, MOST_UM))
         };
         amount("corrections.tip_relief_um", self.tip_relief_um)?;
         amount("corrections.crowning_um", self.crowning_um)?;
@@ -43,36 +38,16 @@ impl CorrectionsSection {
             "empty",
             "a section with tip_relief_um, crowning_um or both",
         )?;
-        match (self.tip_relief_um, self.tip_relief_length_mm) {
-            (Some(_), Some(length)) => {
-                source.ordered("corrections.tip_relief_length_mm", length, 1e-3, 1000.0)?;
-            }
-            (Some(_), None) => {
-                return Err(source.refuse(
-                    "corrections.tip_relief_length_mm",
-                    "missing",
-                    "given when tip_relief_um is",
-                ));
-            }
-            (None, Some(length)) => {
-                return Err(source.refuse(
-                    "corrections.tip_relief_length_mm",
-                    length,
-                    "absent without tip_relief_um",
-                ));
-            }
-            (None, None) => {}
-        }
-        if let Some(shape) = &self.tip_relief_shape {
-            source.require(
-                self.tip_relief_um.is_some(),
-                "corrections.tip_relief_shape",
-                shape,
-                "absent without tip_relief_um",
-            )?;
-            parse_name::<gear::ReliefShape>(source, "corrections.tip_relief_shape", shape)?;
-        }
-        Ok(())
+        relief_keys(
+            source,
+            self.tip_relief_um.is_some(),
+            self.tip_relief_length_mm,
+            self.tip_relief_shape.as_deref(),
+        )?;
+        self.tip_relief_length_mm.map_or(Ok(()), |range| {
+            let [low, high] = RELIEF_LENGTH_MM;
+            source.ordered("corrections.tip_relief_length_mm", range, low, high)
+        })
     }
 
     /// The shape of the relief.
@@ -82,12 +57,116 @@ impl CorrectionsSection {
     /// Never for a validated section: the name was parsed before.
     #[must_use]
     pub fn shape(&self) -> gear::ReliefShape {
-        self.tip_relief_shape
-            .as_ref()
-            .map_or(gear::ReliefShape::Linear, |name| {
-                name.parse().expect("validation has parsed this name")
-            })
+        relief_shape(self.tip_relief_shape.as_deref())
     }
+}
+
+/// `[corrections]` of a pair file. Two-element arrays are pinion, mate.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PairCorrections {
+    /// Amounts of tip relief, µm normal to the flank at the end of contact; zero is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tip_relief_um: Option<[f64; 2]>,
+    /// Lengths of the relieved parts, mm along the path of contact.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tip_relief_length_mm: Option<[f64; 2]>,
+    /// How the relief grows on both gears; see [`gear::ReliefShape`]. Linear if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tip_relief_shape: Option<String>,
+    /// Lengthwise crowning of both flanks together, µm at the ends of the face.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub crowning_um: Option<f64>,
+}
+
+impl PairCorrections {
+    pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
+        let amount = |key: &str, value| source.within(key, value, 0.0, MOST_UM, "µm");
+        relief_keys(
+            source,
+            self.tip_relief_um.is_some(),
+            self.tip_relief_length_mm,
+            self.tip_relief_shape.as_deref(),
+        )?;
+        let amounts = self.tip_relief_um.unwrap_or_default();
+        let lengths = self.tip_relief_length_mm.unwrap_or_default();
+        for (relief, length) in amounts.into_iter().zip(lengths) {
+            amount("corrections.tip_relief_um", relief)?;
+            // A gear without relief has no length of it.
+            if relief > 0.0 {
+                let [low, high] = RELIEF_LENGTH_MM;
+                source.within("corrections.tip_relief_length_mm", length, low, high, "mm")?;
+            }
+        }
+        self.crowning_um
+            .map_or(Ok(()), |um| amount("corrections.crowning_um", um))
+    }
+
+    /// The simulator's corrections, in mm.
+    ///
+    /// # Panics
+    ///
+    /// Never for a validated section: the name of the shape was parsed before.
+    #[must_use]
+    pub fn to_gear(&self) -> gear::Corrections {
+        let amounts = self.tip_relief_um.unwrap_or_default();
+        let lengths = self.tip_relief_length_mm.unwrap_or_default();
+        let shape = relief_shape(self.tip_relief_shape.as_deref());
+        let crowning = self.crowning_um.unwrap_or_default() * 1e-3;
+        let none = gear::Corrections::default().with_crowning(crowning);
+        gear::Member::BOTH.into_iter().fold(none, |all, member| {
+            let index = member.index();
+            let relief = gear::TipRelief {
+                amount: amounts[index] * 1e-3,
+                length: lengths[index],
+                shape,
+            };
+            if relief.amount > 0.0 {
+                all.with_tip_relief(member, relief)
+            } else {
+                all
+            }
+        })
+    }
+}
+
+/// Amounts beyond this are no corrections any more, µm.
+const MOST_UM: f64 = 1000.0;
+/// Shortest and longest relieved part, mm along the path of contact.
+const RELIEF_LENGTH_MM: [f64; 2] = [1e-3, 1000.0];
+
+/// What `corrections.crowning_um` must be with a tooth model that has one gap for the whole face.
+pub(super) const WITHOUT_CROWNING: &str = "absent when pair.tooth_model is \"whole-face-beam\", which \
+                                           has one gap for the whole face";
+
+/// Requires a length beside amounts of tip relief, and neither length nor shape without them.
+fn relief_keys(
+    source: Source<'_>,
+    relieved: bool,
+    length: Option<[f64; 2]>,
+    shape: Option<&str>,
+) -> Result<(), FileError> {
+    let key = "corrections.tip_relief_length_mm";
+    match (relieved, length) {
+        (true, None) => {
+            return Err(source.refuse(key, "missing", "given when tip_relief_um is"));
+        }
+        (false, Some(length)) => {
+            return Err(source.refuse(key, length, "absent without tip_relief_um"));
+        }
+        _ => {}
+    }
+    let Some(shape) = shape else { return Ok(()) };
+    let key = "corrections.tip_relief_shape";
+    source.require(relieved, key, shape, "absent without tip_relief_um")?;
+    parse_name::<gear::ReliefShape>(source, key, shape).map(drop)
+}
+
+/// The shape of this name, which validation has parsed; linear without a name.
+fn relief_shape(name: Option<&str>) -> gear::ReliefShape {
+    name.map_or(gear::ReliefShape::Linear, |name| {
+        name.parse().expect("validation has parsed this name")
+    })
 }
 
 #[cfg(test)]

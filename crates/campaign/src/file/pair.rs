@@ -3,9 +3,17 @@
 use gear::{PairInput, Size};
 use serde::{Deserialize, Serialize};
 
+use super::corrections::{PairCorrections, WITHOUT_CROWNING};
 use super::sections::parse_name;
 use super::validate::Source;
-use super::{FileError, Load, Material, Wear};
+use super::{Campaign, FileError, Load, Material, Wear, advice};
+use crate::formulation::GearVariables;
+
+mod constraints;
+#[cfg(test)]
+mod tests;
+
+pub use constraints::PairConstraints;
 
 /// A pair file, validated.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -20,6 +28,12 @@ pub struct PairFile {
     /// `[wear]`, optional.
     #[serde(default)]
     pub wear: Wear,
+    /// `[corrections]`, optional: flanks as the tools leave them if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub corrections: Option<PairCorrections>,
+    /// `[constraints]`, optional: the material's limits and no interference if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub constraints: Option<PairConstraints>,
 }
 
 /// `[pair]` of a pair file. Two-element arrays are pinion, mate.
@@ -53,11 +67,16 @@ pub struct PairSection {
     /// Tip diameters that override those of the tools, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tip_diameter_mm: Option<[f64; 2]>,
-    /// Compliance model; see [`gear::ToothModel`].
+    /// Compliance model; see [`gear::ToothModel`]. `weber-banaschek` if absent.
+    #[serde(default = "default_tooth_model")]
     pub tooth_model: String,
     /// What happens to a tip that reaches the mate's root; see [`gear::TipRule`].
     #[serde(default = "default_tip_rule")]
     pub tip_rule: String,
+}
+
+fn default_tooth_model() -> String {
+    gear::ToothModel::WeberBanaschek.to_string()
 }
 
 fn default_tip_rule() -> String {
@@ -77,6 +96,49 @@ impl PairFile {
         Ok(this)
     }
 
+    /// The pair file of one design of a campaign, with the campaign's load, material, wear and limits.
+    #[must_use]
+    pub fn of_design(campaign: &Campaign, design: &GearVariables) -> Self {
+        let pair = &campaign.pair;
+        Self {
+            pair: PairSection {
+                teeth: campaign.teeth(),
+                centre_distance_mm: pair.centre_distance_mm,
+                normal_module_mm: pair.normal_module_mm,
+                pressure_angle_deg: pair.pressure_angle_deg,
+                helix_angle_deg: design.helix_angle_deg,
+                face_width_mm: pair.face_width_mm,
+                profile_shift: design.profile_shift,
+                tool_addendum: design.tool_addendum,
+                tool_dedendum: design.tool_dedendum,
+                tip_radius_mm: design.tip_radius_mm,
+                root_radius_mm: design.root_radius_mm,
+                tip_diameter_mm: None,
+                tooth_model: pair.tooth_model.clone(),
+                tip_rule: pair.tip_rule.clone(),
+            },
+            load: campaign.load,
+            material: campaign.material,
+            wear: campaign.wear.clone(),
+            corrections: None,
+            constraints: Some(PairConstraints {
+                contact_ratio_min: Some(campaign.constraints.contact_ratio_min),
+                specific_sliding_max: Some(campaign.constraints.specific_sliding_max),
+                ..PairConstraints::default()
+            }),
+        }
+    }
+
+    /// The file as TOML, which parses to it.
+    ///
+    /// # Panics
+    ///
+    /// Never: a pair file is plain numbers and names, which TOML can hold.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("plain numbers and names serialise")
+    }
+
     fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
         let pair = &self.pair;
         source.require(
@@ -86,29 +148,76 @@ impl PairFile {
             "two numbers of teeth from 4 to 2000",
         )?;
         size(source, pair.centre_distance_mm, pair.normal_module_mm)?;
-        source.between(
-            "pair.pressure_angle_deg",
-            pair.pressure_angle_deg,
-            0.0,
-            45.0,
-        )?;
-        source.between("pair.helix_angle_deg", pair.helix_angle_deg, -60.0, 60.0)?;
-        source.positive("pair.face_width_mm", pair.face_width_mm)?;
+        source.pressure_angle("pair.pressure_angle_deg", pair.pressure_angle_deg)?;
+        source.helix_angle("pair.helix_angle_deg", pair.helix_angle_deg)?;
+        source.length("pair.face_width_mm", pair.face_width_mm)?;
+        let modules = |key, value, low| source.within(key, value, low, 10.0, "modules");
         for gear in 0..2 {
-            source.between("pair.profile_shift", pair.profile_shift[gear], -10.0, 10.0)?;
-            source.between("pair.tool_addendum", pair.tool_addendum[gear], 0.0, 10.0)?;
-            source.between("pair.tool_dedendum", pair.tool_dedendum[gear], 0.0, 10.0)?;
-            source.not_negative("pair.tip_radius_mm", pair.tip_radius_mm[gear])?;
-            source.positive("pair.root_radius_mm", pair.root_radius_mm[gear])?;
+            modules("pair.profile_shift", pair.profile_shift[gear], -10.0)?;
+            modules("pair.tool_addendum", pair.tool_addendum[gear], 0.0)?;
+            modules("pair.tool_dedendum", pair.tool_dedendum[gear], 0.0)?;
+            source.tip_radius("pair.tip_radius_mm", pair.tip_radius_mm[gear])?;
+            source.root_radius("pair.root_radius_mm", pair.root_radius_mm[gear])?;
             if let Some(diameters) = pair.tip_diameter_mm {
-                source.positive("pair.tip_diameter_mm", diameters[gear])?;
+                source.length("pair.tip_diameter_mm", diameters[gear])?;
             }
         }
         parse_name::<gear::ToothModel>(source, "pair.tooth_model", &pair.tooth_model)?;
         parse_name::<gear::TipRule>(source, "pair.tip_rule", &pair.tip_rule)?;
         self.load.validate(source)?;
         self.material.validate(source)?;
-        self.wear.validate(source)
+        self.wear.validate(source)?;
+        if let Some(constraints) = &self.constraints {
+            constraints.validate(source)?;
+        }
+        if let Some(corrections) = &self.corrections {
+            corrections.validate(source)?;
+            self.crowning(source)?;
+        }
+        Ok(())
+    }
+
+    /// Refuses a crowning that the simulator cannot integrate.
+    fn crowning(&self, source: Source<'_>) -> Result<(), FileError> {
+        /// More pairs of teeth in contact at a time than this are refused with a crowning.
+        const MOST_PAIRS: f64 = 100.0;
+        let sections = self.corrections.as_ref();
+        let crowning_um = sections.and_then(|c| c.crowning_um).unwrap_or_default();
+        let crowned = crowning_um > 0.0;
+        let whole_face = self.pair.tooth_model == gear::ToothModel::WholeFaceBeam.name();
+        source.require(
+            !(crowned && whole_face),
+            "corrections.crowning_um",
+            crowning_um,
+            WITHOUT_CROWNING,
+        )?;
+        let contact_ratio = || gear::Geometry::new(&self.to_gear()).map(|g| g.contact_ratio);
+        source.require(
+            !(crowned && contact_ratio().is_ok_and(|ratio| ratio > MOST_PAIRS)),
+            "corrections.crowning_um",
+            crowning_um,
+            "absent or 0 for a pair whose contact ratio exceeds 100",
+        )
+    }
+
+    /// The simulator's tip relief and crowning, in mm; none without a `[corrections]`.
+    #[must_use]
+    pub fn corrections(&self) -> gear::Corrections {
+        self.corrections
+            .as_ref()
+            .map_or_else(gear::Corrections::default, PairCorrections::to_gear)
+    }
+
+    /// The limits that the file gives; none are given without a `[constraints]`.
+    #[must_use]
+    pub fn limits(&self) -> PairConstraints {
+        self.constraints.unwrap_or_default()
+    }
+
+    /// Advice about values that are legal but doubtful, one sentence each.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<String> {
+        advice::of_sections(&self.material, &self.wear, self.pair.face_width_mm)
     }
 
     /// The simulator's input.
@@ -154,8 +263,8 @@ pub(super) fn size(
     normal_module_mm: Option<f64>,
 ) -> Result<(), FileError> {
     match (centre_distance_mm, normal_module_mm) {
-        (Some(distance), None) => source.positive("pair.centre_distance_mm", distance),
-        (None, Some(module)) => source.positive("pair.normal_module_mm", module),
+        (Some(distance), None) => source.length("pair.centre_distance_mm", distance),
+        (None, Some(module)) => source.length("pair.normal_module_mm", module),
         (Some(_), Some(module)) => Err(source.refuse(
             "pair.normal_module_mm",
             module,

@@ -13,20 +13,6 @@ pub struct Load {
     pub pinion_torque_nm: f64,
 }
 
-/// `[material]`, the same for both gears.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Material {
-    /// Young's modulus, GPa.
-    pub youngs_modulus_gpa: f64,
-    /// Poisson's ratio.
-    pub poisson_ratio: f64,
-    /// Yield stress, MPa: the limit of the root stress.
-    pub yield_mpa: f64,
-    /// Permissible contact pressure, MPa.
-    pub hertz_limit_mpa: f64,
-}
-
 /// `[wear]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -81,27 +67,7 @@ impl Default for Wear {
 
 impl Load {
     pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
-        source.positive("load.pinion_torque_nm", self.pinion_torque_nm)
-    }
-}
-
-impl Material {
-    pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
-        source.positive("material.youngs_modulus_gpa", self.youngs_modulus_gpa)?;
-        source.between("material.poisson_ratio", self.poisson_ratio, 0.0, 0.5)?;
-        source.positive("material.yield_mpa", self.yield_mpa)?;
-        source.positive("material.hertz_limit_mpa", self.hertz_limit_mpa)
-    }
-
-    /// The simulator's material, in MPa.
-    #[must_use]
-    pub fn to_gear(&self) -> gear::Material {
-        gear::Material {
-            youngs_modulus_mpa: self.youngs_modulus_gpa * 1e3,
-            poisson_ratio: self.poisson_ratio,
-            yield_mpa: self.yield_mpa,
-            hertz_limit_mpa: self.hertz_limit_mpa,
-        }
+        source.between("load.pinion_torque_nm", self.pinion_torque_nm, 0.0, 1e12)
     }
 }
 
@@ -109,8 +75,8 @@ impl Wear {
     pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
         self.law(source)?;
         parse_name::<gear::Kernel>(source, "wear.kernel", &self.kernel)?;
-        source.positive("wear.range_rad", self.range_rad)?;
-        source.not_negative("wear.variance", self.variance)
+        source.within("wear.range_rad", self.range_rad, 1e-6, 1e6, "rad")?;
+        source.within("wear.variance", self.variance, 0.0, 1e3, "")
     }
 
     /// The simulator's law; each law has a number of its own, and refuses the other's.
@@ -129,13 +95,12 @@ impl Wear {
         };
         Ok(match self.law {
             WearLaw::Archard => {
-                source.not_negative(own.0, value)?;
+                source.within(own.0, value, 0.0, 1e6, "µm")?;
                 let max_depth = value * 1e-3;
                 gear::WearLaw::Archard { max_depth }
             }
             WearLaw::Signed => {
-                let sensible = (0.0..=1.0).contains(&value);
-                source.require(sensible, own.0, value, "from 0 to 1, in 1/MPa")?;
+                source.within(own.0, value, 0.0, 1.0, "1/MPa")?;
                 gear::WearLaw::Signed { coefficient: value }
             }
         })

@@ -97,6 +97,49 @@ impl Source<'_> {
         )
     }
 
+    /// Requires a number from `low` to `high`, both allowed; `unit` is a word such as `mm`, or empty.
+    pub(super) fn within(
+        self,
+        key: &str,
+        value: f64,
+        low: f64,
+        high: f64,
+        unit: &str,
+    ) -> Result<(), FileError> {
+        let expected = format!("a number from {low} to {high} {unit}");
+        self.require(
+            (low..=high).contains(&value),
+            key,
+            value,
+            expected.trim_end(),
+        )
+    }
+
+    /// Requires a length that the simulator accepts, mm.
+    pub(super) fn length(self, key: &str, value: f64) -> Result<(), FileError> {
+        self.within(key, value, 1e-4, 1e6, "mm")
+    }
+
+    /// Requires a tip rounding radius that the simulator accepts, mm; zero is a sharp edge.
+    pub(super) fn tip_radius(self, key: &str, value: f64) -> Result<(), FileError> {
+        self.within(key, value, 0.0, 1e6, "mm")
+    }
+
+    /// Requires a root fillet radius that the simulator accepts, mm.
+    pub(super) fn root_radius(self, key: &str, value: f64) -> Result<(), FileError> {
+        self.within(key, value, 1e-6, 1e6, "mm")
+    }
+
+    /// Requires a pressure angle that the simulator accepts, degrees.
+    pub(super) fn pressure_angle(self, key: &str, value: f64) -> Result<(), FileError> {
+        self.within(key, value, 1.0, 45.0, "degrees")
+    }
+
+    /// Requires a helix angle that the simulator accepts, degrees.
+    pub(super) fn helix_angle(self, key: &str, value: f64) -> Result<(), FileError> {
+        self.within(key, value, -60.0, 60.0, "degrees")
+    }
+
     /// Requires a whole number within `low..=high`.
     pub(super) fn count(self, key: &str, value: u32, low: u32, high: u32) -> Result<(), FileError> {
         self.require(

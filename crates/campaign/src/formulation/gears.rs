@@ -333,44 +333,21 @@ impl Problem {
 pub(super) fn constraints(campaign: &Campaign, criteria: &GearCriteria) -> Vec<Constraint> {
     let limits = &campaign.constraints;
     let material = &campaign.material;
-    let below = |name: &'static str, unit: &'static str, value: f64, limit: f64| Constraint {
-        name: name.into(),
-        unit: unit.into(),
-        value,
-        limit,
-        excess: value - limit,
-        scale: limit,
-        strict: true,
-    };
-    let positive = |name: &'static str, value: f64| Constraint {
-        name: name.into(),
-        unit: " mm".into(),
-        value,
-        limit: 0.0,
-        excess: -value,
+    let not_negative = |name, value| Constraint {
         scale: criteria.normal_module_mm,
-        strict: false,
-    };
-    let contact_ratio = Constraint {
-        name: "r_c".into(),
-        unit: "".into(),
-        value: criteria.contact_ratio,
-        limit: limits.contact_ratio_min,
-        excess: limits.contact_ratio_min - criteria.contact_ratio,
-        scale: limits.contact_ratio_min,
-        strict: true,
+        ..Constraint::at_least(name, " mm", value, 0.0)
     };
     let (sliding, root) = (criteria.specific_sliding, criteria.root_stress_mpa);
     let pressure = criteria.hertz_pressure_mpa;
     vec![
-        contact_ratio,
-        below("g_s", "", sliding, limits.specific_sliding_max),
-        below("σ_vm", " MPa", root, material.yield_mpa),
-        below("F", " MPa", pressure, material.hertz_limit_mpa),
-        positive("pinion tip clearance", criteria.clearance_mm[0]),
-        positive("mate tip clearance", criteria.clearance_mm[1]),
-        positive("pinion flank margin", criteria.flank_margin_mm[0]),
-        positive("mate flank margin", criteria.flank_margin_mm[1]),
+        Constraint::above("r_c", "", criteria.contact_ratio, limits.contact_ratio_min),
+        Constraint::below("g_s", "", sliding, limits.specific_sliding_max),
+        Constraint::below("σ_vm", " MPa", root, material.yield_mpa),
+        Constraint::below("F", " MPa", pressure, material.hertz_limit_mpa),
+        not_negative("pinion tip clearance", criteria.clearance_mm[0]),
+        not_negative("mate tip clearance", criteria.clearance_mm[1]),
+        not_negative("pinion flank margin", criteria.flank_margin_mm[0]),
+        not_negative("mate flank margin", criteria.flank_margin_mm[1]),
     ]
 }
 

@@ -4,9 +4,9 @@
 //!
 //! The simulator is made of formulas of the six robust variables, scaled to [0, 1].
 
-use campaign::formulation::{Criteria, Problem, Variables};
+use campaign::formulation::{Design, GearCriteria, Problem};
 use campaign::optimise::{self, RunResult};
-use campaign::simulator::{Analysis, NoAnswer, Prepared, Simulator};
+use campaign::simulator::{Analysis, NoAnswer, Prepared, Simulator, State};
 use campaign::{Approach, Campaign};
 use stats::streams::StreamRng;
 
@@ -27,30 +27,23 @@ struct Made {
     formula: Formula,
 }
 
-struct Design(Answer);
+struct Ready(Answer);
 
-impl Prepared for Design {
-    fn criteria(&self, hertz_pressure_mpa: f64) -> Criteria {
-        Criteria {
+impl Prepared for Ready {
+    fn analyse(&mut self, _: State) -> Result<Analysis, NoAnswer> {
+        let criteria = GearCriteria {
             contact_ratio: 1.5,
             specific_sliding: self.0.sliding,
-            hertz_pressure_mpa,
+            hertz_pressure_mpa: 1000.0,
             root_stress_mpa: 500.0,
             clearance_mm: [0.5; 2],
             flank_margin_mm: [0.1; 2],
             normal_module_mm: 4.0,
-        }
-    }
-
-    fn unworn(&mut self) -> Result<Analysis, NoAnswer> {
+        };
         Ok(Analysis {
-            delta_ste_um: self.0.delta_ste_um,
-            hertz_pressure_mpa: 1000.0,
+            value_um: self.0.delta_ste_um,
+            criteria: criteria.into(),
         })
-    }
-
-    fn archard(&mut self) -> Result<Analysis, NoAnswer> {
-        self.unworn()
     }
 
     fn sample(&mut self, _rng: &mut StreamRng) -> Result<f64, String> {
@@ -63,10 +56,10 @@ impl Simulator for Made {
         &self.problem
     }
 
-    fn prepare<'a>(&'a self, variables: &Variables) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
-        let unit = self.problem.unit_point(&variables.robust_part());
+    fn prepare<'a>(&'a self, design: &Design) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
+        let unit = six(&self.problem, design);
         match (self.formula)(&unit) {
-            Some(answer) => Ok(Box::new(Design(answer))),
+            Some(answer) => Ok(Box::new(Ready(answer))),
             None => Err(NoAnswer::Refused(
                 "made: there is no such design".to_owned(),
             )),
@@ -85,7 +78,7 @@ fn run(formula: Formula, evaluations: u32, start: u32) -> RunResult {
     let run = campaign::task::Run {
         approach: Approach::Archard,
         start,
-        frozen: made.problem.printed_frozen(),
+        base: made.problem.base().clone(),
         model: None,
     };
     optimise::run(&made, &run).unwrap()
@@ -93,8 +86,14 @@ fn run(formula: Formula, evaluations: u32, start: u32) -> RunResult {
 
 fn unit(result: &RunResult) -> [f64; 6] {
     let campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
-    let best = result.best.expect("a feasible design");
-    Problem::new(campaign).unit_point(&best.variables.robust_part())
+    let best = result.best.as_ref().expect("a feasible design");
+    six(&Problem::new(campaign), &best.design)
+}
+
+/// A design in the unit cube.
+fn six(problem: &Problem, design: &Design) -> [f64; 6] {
+    let unit = problem.unit_point(&problem.free_values(design));
+    unit.try_into().expect("six variables are free")
 }
 
 fn squares(u: &[f64; 6], at: f64) -> f64 {
@@ -117,7 +116,7 @@ fn a_feasible_region_of_a_thousandth_of_the_box_is_found() {
     for start in 0..3 {
         let result = run(formula, 6000, start);
         let best = result.best.expect("the ball is found");
-        assert!(best.feasible && best.criteria.specific_sliding < 2.0);
+        assert!(best.feasible && best.criteria.gears().specific_sliding < 2.0);
         // Its lowest point lies on its surface, where all coordinates are equal.
         let lowest = 1.0 + 6.0 * (0.7 - (RADIUS + 0.001) / 6f64.sqrt());
         // A tenth of a per cent: what a constraint's strict inequality and 6000 designs leave.
@@ -211,7 +210,7 @@ fn a_constraint_that_is_no_number_makes_no_optimum() {
     );
     let found = unit(&result);
     assert!(found[0] >= 0.5, "{found:?}");
-    assert!(result.best.unwrap().criteria.specific_sliding.is_finite());
+    assert!(result.best.unwrap().criteria.gears().specific_sliding.is_finite());
 }
 
 #[test]
@@ -251,7 +250,7 @@ fn an_optimum_on_a_constraint_is_approached_from_the_feasible_side() {
         assert!(result.continuations > 0);
         let found = unit(&result);
         let best = result.best.expect("the run goes on until it is feasible");
-        assert!(best.criteria.specific_sliding < 2.0);
+        assert!(best.criteria.gears().specific_sliding < 2.0);
         // What one continuation of 1500 designs leaves.
         assert!((0.5 - found[0]).abs() < 1e-3, "start {start}: {found:?}");
     }

@@ -354,3 +354,25 @@ fn random_profiles_have_the_stated_mean_and_variance() {
     }
     assert!(covariance(&ratios[0], &ratios[1]).abs() < 4.0 * 0.01 / 4000_f64.sqrt());
 }
+
+/// The pressures along the path peak at the analysis's figure, and without wear they are the unworn
+/// ones.
+#[test]
+fn pressures_along_the_path_peak_at_the_criterion() {
+    let peak = |pressure: &[f64]| pressure.iter().fold(0.0, |most: f64, &p| most.max(p));
+    for tooth_model in SLICED {
+        let pair = pair(&PairInput {
+            tooth_model,
+            ..figure_7()
+        });
+        assert_eq!(pair.path().len(), pair.pressure().len());
+        assert_eq!(peak(pair.pressure()), pair.unworn().hertz_pressure_mpa);
+        let worn = pair.archard(&WEAR);
+        assert_eq!(peak(&worn.pressure), worn.analysis.hertz_pressure_mpa);
+        assert_ne!(worn.pressure, pair.pressure());
+        let unworn = pair.archard(&scaled(&WEAR, 0.0));
+        for (a, b) in unworn.pressure.iter().zip(pair.pressure()) {
+            assert!(close(*a, *b, 1e-9), "{a} and {b}");
+        }
+    }
+}

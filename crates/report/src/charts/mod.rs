@@ -3,27 +3,30 @@
 
 mod gears;
 mod intervals;
+mod pressure;
 mod rounds;
 mod runs;
 mod scatter;
 
 use crate::data::{
-    ApproachResult, DoePoint, Enrichment, GearDrawing, KrigingFit, SteCurves, WearProfiles,
+    ApproachResult, DoePoint, Enrichment, GearDrawing, KrigingFit, PressureCurves, SteCurves,
+    WearProfiles,
 };
 use crate::error::Error;
 use crate::svg::{Axis, Chart, Mark, Picture, Scale, Series};
 
 pub(crate) use gears::gears;
 pub use intervals::{PercentileSeries, chart_front, chart_teeth};
+pub(crate) use pressure::pressure;
 pub(crate) use rounds::{expected_improvement, prediction};
 pub(crate) use runs::{convergence, ste};
 pub use scatter::{Extent, Response};
 pub(crate) use scatter::{leave_one_out, responses};
 
 /// Half a page wide.
-const HALF: [f64; 2] = [480.0, 360.0];
+pub(crate) const HALF: [f64; 2] = [480.0, 360.0];
 /// A whole page wide.
-const FULL: [f64; 2] = [980.0, 340.0];
+pub(crate) const FULL: [f64; 2] = [980.0, 340.0];
 
 /// Figure 2: Archard's depth and random depths along a flank, as an SVG file. Removed material
 /// counts downwards, in µm over the roll angle in rad.
@@ -32,7 +35,7 @@ const FULL: [f64; 2] = [980.0, 340.0];
 /// [`Error::NothingToDraw`] without a finite depth, [`Error::LengthMismatch`] if a profile is not as
 /// long as the roll angles.
 pub fn chart_wear(profiles: &WearProfiles) -> Result<String, Error> {
-    wear(profiles).map(|picture| picture.standalone())
+    wear(profiles, FULL).map(|picture| picture.standalone())
 }
 
 /// Figures 4 and 5: two responses of the designs against each other in µm, as an SVG file.
@@ -83,6 +86,15 @@ pub fn chart_ste(curves: &SteCurves) -> Result<String, Error> {
     ste(curves).map(|picture| picture.standalone())
 }
 
+/// Contact pressure in MPa along the path of contact in mm, as an SVG file.
+///
+/// # Errors
+/// [`Error::NothingToDraw`] without a finite value, [`Error::LengthMismatch`] if a curve that is not
+/// empty is not as long as the places.
+pub fn chart_pressure(curves: &PressureCurves) -> Result<String, Error> {
+    pressure(curves).map(|picture| picture.standalone())
+}
+
 /// The predicted P90 of the recommended design in µm against the rounds of the enrichment, as an SVG
 /// file.
 ///
@@ -101,8 +113,8 @@ pub fn chart_expected_improvement(enrichment: &Enrichment) -> Result<String, Err
     expected_improvement(enrichment).map(|picture| picture.standalone())
 }
 
-/// See [`chart_wear`].
-pub(crate) fn wear(profiles: &WearProfiles) -> Result<Picture, Error> {
+/// See [`chart_wear`]; `size` is the picture's width and height in pixels.
+pub(crate) fn wear(profiles: &WearProfiles, size: [f64; 2]) -> Result<Picture, Error> {
     let angles = &profiles.roll_angle_rad;
     let removed = |what: &'static str, depths: &[f64]| {
         same_length(what, angles, depths)?;
@@ -129,7 +141,7 @@ pub(crate) fn wear(profiles: &WearProfiles) -> Result<Picture, Error> {
             x: axis("roll angle (rad)", Scale::Linear),
             y: axis("profile change (µm)", Scale::Linear),
             series,
-            size: FULL,
+            size,
         },
         "wear profiles",
         "no profile has a finite depth",

@@ -1,6 +1,7 @@
 //! The page: everything as text, ready for the template, which only arranges it.
 
 mod enrichment;
+mod pair;
 mod rows;
 
 use askama::Template;
@@ -12,6 +13,7 @@ use crate::number::{self, count, fixed, percent, seconds, significant};
 use crate::paper;
 use crate::svg::{self, Picture};
 use enrichment::EnrichmentView;
+pub use pair::render_pair;
 use rows::{ApproachRow, ComparedDesign, PreliminaryRow, ResponseRow, SimilarRow};
 
 /// The report as one HTML page that loads nothing and runs nothing.
@@ -120,7 +122,9 @@ impl<'a> Page<'a> {
                     .sum(),
             ),
             wear: match &data.wear {
-                Some(profiles) => figure(charts::wear(profiles))?.with_sentence(&profiles.subject),
+                Some(profiles) => {
+                    figure(charts::wear(profiles, charts::FULL))?.with_sentence(&profiles.subject)
+                }
                 None => Figure::missing("No wear profile was recorded."),
             },
             preliminary: rows::preliminary(data),

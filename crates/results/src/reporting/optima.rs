@@ -119,11 +119,13 @@ fn optimum(
         },
         feasible: row.feasible,
         drawing: pair.as_ref().map(drawing),
-        ste: pair.as_ref().map(|pair| ste(sources, pair)),
+        ste: pair.as_ref().map(|pair| ste(pair, sources.problem.wear())),
     }
 }
 
-fn drawing(pair: &gear::Pair) -> GearDrawing {
+/// The gears of a pair in mesh, for [`report::chart_gears`].
+#[must_use]
+pub fn drawing(pair: &gear::Pair) -> GearDrawing {
     let geometry = pair.geometry();
     let placements = gear::mesh_placement(pair, 0.0);
     let teeth = geometry.teeth.map(f64::from);
@@ -159,9 +161,12 @@ fn path_of_contact(geometry: &gear::Geometry) -> [[f64; 2]; 2] {
     })
 }
 
-fn ste(sources: &Sources, pair: &gear::Pair) -> SteCurves {
+/// The transmission error of a pair over one mesh period, unworn and with the mean wear, for
+/// [`report::chart_ste`].
+#[must_use]
+pub fn ste(pair: &gear::Pair, wear: &gear::Wear) -> SteCurves {
     let unworn = pair.unworn();
-    let worn = pair.archard(sources.problem.wear()).analysis;
+    let worn = pair.archard(wear).analysis;
     // The curve is periodic: its first point again closes the period in the chart.
     let closed = |values: Vec<f64>, end: Option<f64>| -> Vec<f64> {
         let end = end.or_else(|| values.first().copied());

@@ -1,0 +1,177 @@
+//! Warnings about values that are legal but doubtful: mostly a unit that was taken for another.
+
+use gear::Size;
+
+use super::{Campaign, Material, Wear, gear_size};
+
+/// Above this the modulus was probably meant in MPa, GPa. Tungsten carbide has about 650 GPa.
+const STIFFEST_GPA: f64 = 1000.0;
+/// Common face widths, mm: from watch wheels to ring mills.
+const FACE_WIDTH_MM: [f64; 2] = [0.5, 1000.0];
+/// Deeper wear than this leaves no flank of a usual module, µm.
+const DEEPEST_WEAR_UM: f64 = 1000.0;
+
+/// Warnings about the sections that campaign and pair files have in common.
+pub(super) fn of_sections(material: &Material, wear: &Wear, face_width_mm: f64) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let modulus = material.youngs_modulus_gpa;
+    if modulus > STIFFEST_GPA {
+        warnings.push(format!(
+            "material.youngs_modulus_gpa is {modulus} GPa: did you mean {}?",
+            modulus * 1e-3
+        ));
+    }
+    let [least, most] = FACE_WIDTH_MM;
+    if face_width_mm < least || face_width_mm > most {
+        warnings.push(format!(
+            "pair.face_width_mm is {face_width_mm} mm: face widths are usually from {least} to \
+             {most} mm"
+        ));
+    }
+    if let Some(depth) = wear.max_depth_um.filter(|depth| *depth > DEEPEST_WEAR_UM) {
+        warnings.push(format!(
+            "wear.max_depth_um is {depth} µm, which is {} mm: wear is usually a few micrometres deep",
+            depth * 1e-3
+        ));
+    }
+    warnings
+}
+
+/// Warnings about frozen variables that the campaign's own bounds exclude.
+///
+/// The bounds of the radii are in modules. With a given centre distance every design has a module
+/// of its own, so a radius is warned of only when no profile shift within the bounds allows it.
+pub(super) fn of_frozen(campaign: &Campaign) -> Vec<String> {
+    let (frozen, bounds) = (&campaign.frozen, &campaign.bounds);
+    let mut warnings = Vec::new();
+    let [low, high] = bounds.helix_angle_deg;
+    let helix = frozen.helix_angle_deg;
+    if !(low..=high).contains(&helix) {
+        warnings.push(format!(
+            "frozen.helix_angle_deg is {helix}: bounds.helix_angle_deg allows {low} to {high}"
+        ));
+    }
+    let Some(modules) = modules(campaign) else {
+        return warnings;
+    };
+    for (name, radii, [low, high]) in [
+        (
+            "tip_radius",
+            frozen.tip_radius_mm,
+            bounds.tip_radius_modules,
+        ),
+        (
+            "root_radius",
+            frozen.root_radius_mm,
+            bounds.root_radius_modules,
+        ),
+    ] {
+        let (low_mm, high_mm) = (low * modules[0], high * modules[1]);
+        for (member, radius) in ["pinion", "mate"].into_iter().zip(radii) {
+            if !(low_mm..=high_mm).contains(&radius) {
+                warnings.push(format!(
+                    "frozen.{name}_mm of the {member} is {radius} mm: bounds.{name}_modules allows \
+                     {low_mm:.4} to {high_mm:.4} mm ({low} to {high} modules)"
+                ));
+            }
+        }
+    }
+    warnings
+}
+
+/// The least and the greatest normal module of the campaign's designs with the frozen helix angle,
+/// mm. None where a design at the bounds has none.
+fn modules(campaign: &Campaign) -> Option<[f64; 2]> {
+    let pair = &campaign.pair;
+    let size = gear_size(pair.centre_distance_mm, pair.normal_module_mm);
+    if let Size::NormalModule(module) = size {
+        return Some([module; 2]);
+    }
+    let module = |shift: f64| {
+        gear::normal_module(
+            campaign.teeth(),
+            size,
+            pair.pressure_angle_deg.to_radians(),
+            campaign.frozen.helix_angle_deg.to_radians(),
+            2.0 * shift,
+        )
+    };
+    // Larger profile shifts leave a smaller module within the same centre distance. The smallest may
+    // leave no working pressure angle: as it goes to zero, m goes to m(0)/cos α_t.
+    let [low, high] = campaign.bounds.profile_shift;
+    let helix = campaign.frozen.helix_angle_deg.to_radians();
+    let tan_transverse = pair.pressure_angle_deg.to_radians().tan() / helix.cos();
+    let largest = module(low).or_else(|_| module(0.0).map(|m| m * tan_transverse.hypot(1.0)));
+    Some([module(high).ok()?, largest.ok()?])
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::Campaign;
+
+    /// The warnings of the shipped campaign with this change.
+    fn warnings(from: &str, to: &str) -> Vec<String> {
+        assert!(Campaign::WEAR.contains(from), "{from}");
+        let text = Campaign::WEAR.replacen(from, to, 1);
+        Campaign::parse("c.toml", &text).unwrap().warnings()
+    }
+
+    #[test]
+    fn a_campaign_is_warned_of_doubtful_units_and_of_frozen_values_outside_its_bounds() {
+        for (from, to, part) in [
+            (
+                "youngs_modulus_gpa = 200.0",
+                "youngs_modulus_gpa = 206000.0",
+                "206000 GPa: did you mean 206?",
+            ),
+            (
+                "face_width_mm = 10.0",
+                "face_width_mm = 0.01",
+                "pair.face_width_mm is 0.01 mm",
+            ),
+            (
+                "face_width_mm = 10.0",
+                "face_width_mm = 10000.0",
+                "from 0.5 to 1000 mm",
+            ),
+            (
+                "max_depth_um = 3.5",
+                "max_depth_um = 3500.0",
+                "wear.max_depth_um is 3500 µm, which is 3.5 mm",
+            ),
+            (
+                "helix_angle_deg = 30.0",
+                "helix_angle_deg = 35.0",
+                "frozen.helix_angle_deg is 35: bounds.helix_angle_deg allows 0 to 30",
+            ),
+            (
+                "tip_radius_mm = [0.0003, 0.19]",
+                "tip_radius_mm = [0.0003, 19.0]",
+                "frozen.tip_radius_mm of the mate is 19 mm",
+            ),
+            (
+                "root_radius_mm = [0.64, 0.23]",
+                "root_radius_mm = [0.0064, 0.23]",
+                "frozen.root_radius_mm of the pinion is 0.0064 mm",
+            ),
+        ] {
+            let warnings = warnings(from, to);
+            assert_eq!(warnings.len(), 1, "{to}: {warnings:?}");
+            assert!(warnings[0].contains(part), "{to}: {warnings:?}");
+        }
+    }
+
+    #[test]
+    fn a_given_module_bounds_the_frozen_radii_exactly() {
+        let text =
+            Campaign::WEAR.replacen("centre_distance_mm = 110.0", "normal_module_mm = 4.0", 1);
+        let warned = |radius: &str| {
+            let text = text.replacen("root_radius_mm = [0.64, 0.23]", radius, 1);
+            let campaign = Campaign::parse("c.toml", &text).unwrap();
+            campaign.warnings().len()
+        };
+        // 0.05 to 1 module of 4 mm.
+        assert_eq!(warned("root_radius_mm = [0.2, 4.0]"), 0);
+        assert_eq!(warned("root_radius_mm = [0.19, 4.1]"), 2);
+    }
+}

@@ -1,0 +1,84 @@
+//! `[constraints]` of a pair file.
+
+use serde::{Deserialize, Serialize};
+
+use crate::file::FileError;
+use crate::file::validate::Source;
+
+/// `[constraints]` of a pair file: limits that a pair is held against. Every key is optional; a
+/// criterion without a limit is not constrained, unless a default is named here.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PairConstraints {
+    /// The total contact ratio ε_α + ε_β must be above this.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contact_ratio_min: Option<f64>,
+    /// The transverse contact ratio ε_α must be above this.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub transverse_contact_ratio_min: Option<f64>,
+    /// The largest absolute specific sliding must be below this.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub specific_sliding_max: Option<f64>,
+    /// The largest contact pressure must be below this, MPa. The material's `hertz_limit_mpa` if
+    /// absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hertz_pressure_max_mpa: Option<f64>,
+    /// The root stresses must be below this, MPa. The material's `yield_mpa` if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub root_stress_max_mpa: Option<f64>,
+    /// Least clearance of a tip above the mate's root, in normal modules. Zero if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tip_clearance_min_modules: Option<f64>,
+    /// Least thickness of a tooth at its tip circle in the normal section, in normal modules.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tip_land_min_modules: Option<f64>,
+    /// Least length of involute between the fillet and the active flank, mm along the path of
+    /// contact. Zero if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flank_margin_min_mm: Option<f64>,
+    /// Least nominal root safety S_F of ISO 6336, see [`gear::rating`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub root_safety_min: Option<f64>,
+    /// Least nominal flank safety S_H of ISO 6336, see [`gear::rating`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flank_safety_min: Option<f64>,
+}
+
+impl PairConstraints {
+    pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
+        for (key, limit) in [
+            ("constraints.contact_ratio_min", self.contact_ratio_min),
+            (
+                "constraints.transverse_contact_ratio_min",
+                self.transverse_contact_ratio_min,
+            ),
+            (
+                "constraints.specific_sliding_max",
+                self.specific_sliding_max,
+            ),
+            (
+                "constraints.hertz_pressure_max_mpa",
+                self.hertz_pressure_max_mpa,
+            ),
+            ("constraints.root_stress_max_mpa", self.root_stress_max_mpa),
+            ("constraints.root_safety_min", self.root_safety_min),
+            ("constraints.flank_safety_min", self.flank_safety_min),
+        ] {
+            limit.map_or(Ok(()), |limit| source.positive(key, limit))?;
+        }
+        for (key, limit) in [
+            (
+                "constraints.tip_clearance_min_modules",
+                self.tip_clearance_min_modules,
+            ),
+            (
+                "constraints.tip_land_min_modules",
+                self.tip_land_min_modules,
+            ),
+            ("constraints.flank_margin_min_mm", self.flank_margin_min_mm),
+        ] {
+            limit.map_or(Ok(()), |limit| source.not_negative(key, limit))?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,263 @@
+use gear::{Discretisation, Pair};
+
+use crate::formulation::Problem;
+
+use super::*;
+
+/// A pair file with every section and every key whose value is a number or a list of two.
+const FULL: &str = r#"[pair]
+teeth = [20, 22]
+centre_distance_mm = 110.0
+pressure_angle_deg = 18.0
+helix_angle_deg = 30.0
+face_width_mm = 10.0
+profile_shift = [0.49, 0.49]
+tool_addendum = [1.20, 1.11]
+tool_dedendum = [1.00, 1.09]
+tip_radius_mm = [0.0003, 0.19]
+root_radius_mm = [0.64, 0.23]
+[load]
+pinion_torque_nm = 200.0
+[material]
+youngs_modulus_gpa = 200.0
+poisson_ratio = 0.29
+yield_mpa = 980.0
+hertz_limit_mpa = 1550.0
+[wear]
+max_depth_um = 3.5
+kernel = "squared-exponential"
+range_rad = 0.2
+variance = 0.01
+[corrections]
+tip_relief_um = [6.0, 4.0]
+tip_relief_length_mm = [2.0, 1.5]
+tip_relief_shape = "parabolic"
+crowning_um = 5.0
+[constraints]
+contact_ratio_min = 1.3
+transverse_contact_ratio_min = 1.0
+specific_sliding_max = 2.0
+hertz_pressure_max_mpa = 1400.0
+root_stress_max_mpa = 700.0
+tip_clearance_min_modules = 0.1
+tip_land_min_modules = 0.2
+flank_margin_min_mm = 0.1
+root_safety_min = 1.4
+flank_safety_min = 1.1
+"#;
+
+fn parse(text: &str) -> Result<PairFile, String> {
+    PairFile::parse("p.toml", text).map_err(|error| error.to_string())
+}
+
+fn changed(from: &str, to: &str) -> String {
+    assert!(FULL.contains(from), "{from}");
+    FULL.replacen(from, to, 1)
+}
+
+#[test]
+fn corrections_and_constraints_are_read_in_the_simulators_units() {
+    let file = parse(FULL).unwrap();
+    let corrections = file.corrections();
+    let [pinion, mate] = corrections.tip_relief.map(Option::unwrap);
+    assert!((pinion.amount - 6e-3).abs() < 1e-15 && (mate.amount - 4e-3).abs() < 1e-15);
+    assert_eq!([pinion.length, mate.length], [2.0, 1.5]);
+    assert_eq!(pinion.shape, gear::ReliefShape::Parabolic);
+    assert!((corrections.crowning - 5e-3).abs() < 1e-15);
+    assert_eq!(file.limits().tip_land_min_modules, Some(0.2));
+    assert_eq!(file.limits().flank_safety_min, Some(1.1));
+
+    let relieved = changed("tip_relief_um = [6.0, 4.0]", "tip_relief_um = [0.0, 4.0]").replacen(
+        "length_mm = [2.0, 1.5]",
+        "length_mm = [0.0, 1.5]",
+        1,
+    );
+    let corrections = parse(&relieved).unwrap().corrections();
+    assert!(corrections.tip_relief[0].is_none() && corrections.tip_relief[1].is_some());
+}
+
+#[test]
+fn optional_keys_have_their_defaults() {
+    let (plain, _) = FULL.split_once("[wear]").unwrap();
+    let file = parse(plain).unwrap();
+    assert_eq!(file.to_gear().tooth_model, gear::ToothModel::WeberBanaschek);
+    assert_eq!(file.to_gear().tip_rule, gear::TipRule::AsCut);
+    assert_eq!(file.corrections(), gear::Corrections::default());
+    assert_eq!(file.limits(), PairConstraints::default());
+    assert_eq!(file.wear, Wear::default());
+    assert_eq!(
+        parse(&format!("{plain}[corrections]\n"))
+            .unwrap()
+            .corrections(),
+        gear::Corrections::default()
+    );
+}
+
+#[test]
+fn the_pair_file_of_a_design_is_the_campaigns_simulator_input() {
+    for text in [Campaign::WEAR, Campaign::PAPER] {
+        let campaign = Campaign::parse("c.toml", text).unwrap();
+        let problem = Problem::new(campaign.clone());
+        let x = [0.1, 0.7 / 3.0, 1.3, 1.21, 1.1, 0.9];
+        let design = problem.design(&x, problem.base());
+        let file = parse(&PairFile::of_design(&campaign, &design.gears()).to_toml()).unwrap();
+        assert_eq!(file.to_gear(), problem.pair_input(&design));
+        assert_eq!(&file.wear.to_gear(), problem.wear());
+        assert_eq!(file.corrections(), gear::Corrections::default());
+        assert_eq!(
+            file.limits().specific_sliding_max,
+            Some(campaign.constraints.specific_sliding_max)
+        );
+    }
+    let full = parse(FULL).unwrap();
+    assert_eq!(parse(&full.to_toml()).unwrap(), full);
+}
+
+/// Whatever the simulator refuses as a bad number, the file refuses first, in its own units.
+#[test]
+fn what_is_accepted_is_no_bad_input_of_the_simulator() {
+    let extremes = [
+        "-1e308", "-60.0", "-1.0", "-1e-9", "0.0", "5e-324", "1e-12", "1e-9", "1e-7", "1e-6",
+        "1e-5", "1e-4", "1e-3", "0.499", "0.4999", "0.5", "1.0", "44.9", "45.0", "60.0", "1000.0",
+        "1e4", "1e6", "1.1e6", "1e9", "1e12", "1e13", "1e16", "1e308", "inf", "nan",
+    ];
+    let (mut accepted, mut refused) = (0, 0);
+    for line in FULL
+        .lines()
+        .filter(|line| line.contains('=') && !line.contains('"'))
+    {
+        let (key, value) = line.split_once(" = ").unwrap();
+        for extreme in extremes {
+            let new = if value.starts_with('[') {
+                format!("{key} = [{extreme}, {extreme}]")
+            } else {
+                format!("{key} = {extreme}")
+            };
+            let text = FULL.replacen(line, &new, 1);
+            match parse(&text) {
+                Err(message) => {
+                    refused += 1;
+                    assert!(message.starts_with("p.toml, line "), "{new}: {message}");
+                    // A wide face makes the file's crowning too much.
+                    let named = message.contains(key) || message.contains("whose contact ratio");
+                    assert!(named, "{new}: {message}");
+                }
+                Ok(file) => {
+                    accepted += 1;
+                    let pair = Pair::with_corrections(
+                        &file.to_gear(),
+                        &file.corrections(),
+                        &Discretisation {
+                            cells: 8,
+                            phases: 4,
+                        },
+                    );
+                    assert!(
+                        !matches!(pair, Err(gear::Error::Input(_))),
+                        "{new}: {pair:?}"
+                    );
+                    file.wear.to_gear().validate().unwrap();
+                }
+            }
+        }
+    }
+    assert!(accepted > 100 && refused > 100, "{accepted}, {refused}");
+}
+
+#[test]
+fn bad_values_are_refused_by_line_and_key_in_the_files_units() {
+    for (from, to, what) in [
+        (
+            "pressure_angle_deg = 18.0",
+            "pressure_angle_deg = 0.5",
+            "line 4: pair.pressure_angle_deg is 0.5, but must be a number from 1 to 45 degrees",
+        ),
+        (
+            "helix_angle_deg = 30.0",
+            "helix_angle_deg = 61.0",
+            "line 5: pair.helix_angle_deg is 61.0, but must be a number from -60 to 60 degrees",
+        ),
+        (
+            "face_width_mm = 10.0",
+            "face_width_mm = 1e7",
+            "line 6: pair.face_width_mm is 10000000.0, but must be a number from 0.0001 to 1000000 mm",
+        ),
+        (
+            "poisson_ratio = 0.29",
+            "poisson_ratio = 0.4995",
+            "line 16: material.poisson_ratio is 0.4995, but must be a number from 0 to 0.499",
+        ),
+        (
+            "max_depth_um = 3.5",
+            "max_depth_um = 1e7",
+            "wear.max_depth_um",
+        ),
+        (
+            "tip_relief_um = [6.0, 4.0]",
+            "tip_relief_um = [-6.0, 4.0]",
+            "corrections.tip_relief_um is -6.0, but must be a number from 0 to 1000 µm",
+        ),
+        (
+            "tip_relief_um = [6.0, 4.0]",
+            "",
+            "corrections.tip_relief_length_mm is [2.0, 1.5], but must be absent without tip_relief_um",
+        ),
+        (
+            "tip_relief_length_mm = [2.0, 1.5]",
+            "tip_relief_length_mm = [0.0, 1.5]",
+            "corrections.tip_relief_length_mm is 0.0",
+        ),
+        ("\"parabolic\"", "\"round\"", "linear, parabolic"),
+        (
+            "face_width_mm = 10.0",
+            "face_width_mm = 10.0\ntooth_model = \"whole-face-beam\"",
+            "corrections.crowning_um is 5.0, but must be absent when pair.tooth_model",
+        ),
+        (
+            "face_width_mm = 10.0",
+            "face_width_mm = 5000.0",
+            "corrections.crowning_um is 5.0, but must be absent or 0 for a pair whose contact ratio",
+        ),
+        (
+            "tip_land_min_modules = 0.2",
+            "tip_land_min_modules = -0.2",
+            "constraints.tip_land_min_modules",
+        ),
+        (
+            "contact_ratio_min = 1.3",
+            "contact_ratio_min = 0.0",
+            "constraints.contact_ratio_min",
+        ),
+        (
+            "root_safety_min",
+            "root_safety_max",
+            "unknown field `root_safety_max`",
+        ),
+    ] {
+        let message = parse(&changed(from, to)).unwrap_err();
+        assert!(message.starts_with("p.toml, line "), "{message}");
+        assert!(message.contains(what), "{to}: {message}");
+    }
+}
+
+#[test]
+fn a_pair_file_is_warned_of_doubtful_units() {
+    assert_eq!(parse(FULL).unwrap().warnings(), [""; 0]);
+    for (from, to, part) in [
+        (
+            "youngs_modulus_gpa = 200.0",
+            "youngs_modulus_gpa = 206000.0",
+            "206000 GPa: did you mean 206?",
+        ),
+        ("face_width_mm = 10.0", "face_width_mm = 0.1", "is 0.1 mm"),
+        (
+            "max_depth_um = 3.5",
+            "max_depth_um = 3500.0",
+            "wear.max_depth_um is 3500 µm",
+        ),
+    ] {
+        let warnings = parse(&changed(from, to)).unwrap().warnings();
+        assert_eq!(warnings.len(), 1, "{warnings:?}");
+        assert!(warnings[0].contains(part), "{warnings:?}");
+    }
+}

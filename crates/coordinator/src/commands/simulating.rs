@@ -1,0 +1,88 @@
+//! `coordinator simulate`: one gear pair from a file.
+
+use std::io::{Error, ErrorKind};
+use std::path::Path;
+
+use ::studies::simulate::{self, WearChoice};
+use campaign::PairFile;
+use protocol::exit;
+use tracing::{info, warn};
+
+use super::{FileAccess, Usage, print, read};
+use crate::arguments;
+
+/// The seed of random wear if the command line gives none.
+const SEED: u64 = 1;
+/// The samples of random wear if the command line gives no number.
+const SAMPLES: u32 = 30;
+
+/// Simulates the pair of a file, prints its figures, and says whether it is simulable and feasible.
+pub(super) fn simulate(arguments: &arguments::Simulate) -> anyhow::Result<u8> {
+    if arguments.wear != WearChoice::Random {
+        let given = [
+            ("--seed", arguments.seed),
+            ("--samples", arguments.samples.map(u64::from)),
+        ];
+        for (name, value) in given {
+            let Some(value) = value else { continue };
+            let sentence = format!("{name} {value} is for random wear: add --wear random");
+            return Err(Usage(sentence).into());
+        }
+    }
+    if let Some(out) = &arguments.out {
+        require_empty(out)?;
+    }
+    let text = read(&arguments.pair)?;
+    let file = PairFile::parse(&arguments.pair.display().to_string(), &text)?;
+    for warning in file.warnings() {
+        warn!("{warning}");
+    }
+    let request = simulate::Request {
+        wear: arguments.wear,
+        seed: arguments.seed.unwrap_or(SEED),
+        samples: arguments.samples.unwrap_or(SAMPLES),
+    };
+    let simulation = simulate::run(&file, request)?;
+    if arguments.json {
+        print(&(simulate::to_json(&simulation)? + "\n"))?;
+    } else {
+        print(&simulate::describe(&simulation))?;
+    }
+    if let Some(out) = &arguments.out {
+        let name = arguments.pair.file_stem().unwrap_or_default();
+        let subject = simulate::Subject {
+            title: &name.to_string_lossy(),
+            program_version: identity::BUILD,
+            file: &file,
+            request,
+        };
+        if let Some(page) = simulate::write_page(&subject, &simulation, out)? {
+            info!("wrote {}", page.display());
+        }
+    }
+    Ok(if simulation.simulable {
+        exit::OK
+    } else {
+        exit::NOT_SIMULABLE
+    })
+}
+
+/// Refuses a folder with something in it, and a file of that name.
+fn require_empty(out: &Path) -> Result<(), FileAccess> {
+    let refuse = |source| FileAccess {
+        doing: "write into",
+        path: out.to_owned(),
+        source,
+    };
+    match out.read_dir() {
+        Ok(mut entries) => match entries.next() {
+            None => Ok(()),
+            Some(_) => Err(refuse(Error::new(
+                ErrorKind::DirectoryNotEmpty,
+                "the folder is not empty: name a new one",
+            ))),
+        },
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+        Err(error) => Err(refuse(error)),
+    }
+}

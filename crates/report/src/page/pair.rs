@@ -1,0 +1,74 @@
+//! The page of one gear pair.
+
+use askama::Template;
+
+use super::{Figure, figure};
+use crate::charts;
+use crate::data::PairPage;
+use crate::error::Error;
+use crate::number::significant;
+use crate::svg;
+
+/// One gear pair as one HTML page that loads nothing and runs nothing.
+///
+/// # Errors
+/// [`Error::LengthMismatch`] if lists of one curve differ in length, [`Error::Template`] if the
+/// template fails.
+pub fn render_pair(data: &PairPage) -> Result<String, Error> {
+    let page = Page {
+        data,
+        page_css: include_str!("../../templates/report.css"),
+        chart_css: svg::CSS,
+        constraints: data
+            .constraints
+            .iter()
+            .map(|constraint| Row {
+                name: &constraint.name,
+                value: with_unit(constraint.value, &constraint.unit),
+                limit: format!(
+                    "{} {}",
+                    constraint.relation,
+                    with_unit(constraint.limit, &constraint.unit)
+                ),
+                holds: constraint.holds,
+            })
+            .collect(),
+        section: figure(charts::gears(&data.drawing))?,
+        ste: figure(charts::ste(&data.ste))?,
+        pressure: figure(charts::pressure(&data.pressure))?,
+        wear: match &data.wear {
+            Some(profiles) => {
+                let chart = figure(charts::wear(profiles, charts::HALF))?;
+                Some(chart.with_sentence(&profiles.subject))
+            }
+            None => None,
+        },
+    };
+    Ok(page.render()?)
+}
+
+#[derive(Template)]
+#[template(path = "pair.html")]
+struct Page<'a> {
+    data: &'a PairPage,
+    page_css: &'static str,
+    chart_css: &'static str,
+    constraints: Vec<Row<'a>>,
+    section: Figure,
+    ste: Figure,
+    pressure: Figure,
+    wear: Option<Figure>,
+}
+
+struct Row<'a> {
+    name: &'a str,
+    value: String,
+    limit: String,
+    holds: bool,
+}
+
+fn with_unit(value: f64, unit: &str) -> String {
+    format!("{} {unit}", significant(value, 5))
+        .trim_end()
+        .to_owned()
+}

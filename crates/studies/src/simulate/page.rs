@@ -1,0 +1,232 @@
+//! One pair as a folder of an HTML page, charts and tables.
+
+use std::path::{Path, PathBuf};
+
+use campaign::PairFile;
+use campaign::formulation::Constraint;
+use gear::{Member, Pair};
+use report::{PairConstraint, PairPage, PressureCurves, SteCurves, WearProfiles};
+use results::reporting;
+use stats::streams::{Purpose, stream};
+
+use super::{Figures, Request, Simulation, WearChoice, text};
+use crate::table::{self, Table, exact};
+
+/// Random wear profiles on the page.
+const WEAR_PROFILES: u64 = 10;
+
+/// Where the page of a pair comes from.
+#[derive(Debug, Clone, Copy)]
+pub struct Subject<'a> {
+    /// What the pair is called.
+    pub title: &'a str,
+    /// The version of the program, for the page's end.
+    pub program_version: &'a str,
+    /// The pair file.
+    pub file: &'a PairFile,
+    /// What was simulated.
+    pub request: Request,
+}
+
+/// Writes `pair.html` with its charts as SVG and their points as CSV into the folder `out`, which is
+/// made if need be; returns the page's path. A pair that is not simulable has no page.
+///
+/// # Errors
+///
+/// A file cannot be written.
+pub fn write_page(
+    subject: &Subject<'_>,
+    simulation: &Simulation,
+    out: &Path,
+) -> anyhow::Result<Option<PathBuf>> {
+    let Some(figures) = &simulation.figures else {
+        return Ok(None);
+    };
+    let pair = super::pair(subject.file)?;
+    let curves = Curves::of(&pair, subject);
+    let page = page(subject, simulation, figures, &pair, &curves);
+    for (name, chart) in [
+        ("section.svg", report::chart_gears(&page.drawing)?),
+        ("ste.svg", report::chart_ste(&page.ste)?),
+        ("pressure.svg", report::chart_pressure(&page.pressure)?),
+    ] {
+        table::write(out, name, chart)?;
+    }
+    if let Some(wear) = &page.wear {
+        table::write(out, "wear.svg", report::chart_wear(wear)?)?;
+        table::write(out, "wear.csv", curves.wear_table().csv()?)?;
+    }
+    table::write(out, "ste.csv", curves.ste_table().csv()?)?;
+    table::write(out, "pressure.csv", curves.pressure_table().csv()?)?;
+    table::write(out, "pair.html", report::render_pair(&page)?)?;
+    Ok(Some(out.join("pair.html")))
+}
+
+/// The curves of a pair: unworn, and with the wear that was asked for.
+struct Curves {
+    ste: SteCurves,
+    /// Places on the path of contact, mm from the pinion's base tangent point.
+    place: Vec<f64>,
+    /// The pitch point, mm from there.
+    pitch: f64,
+    /// Unworn and worn pressure, MPa; the latter is empty without wear.
+    pressure: [Vec<f64>; 2],
+    /// Roll angles of pinion and mate at the places, rad.
+    roll: [Vec<f64>; 2],
+    /// Depth of the mean wear on each flank, µm; empty without wear.
+    depth_um: Vec<f64>,
+    /// Depths of random wear on the pinion's flank, µm.
+    random_um: Vec<Vec<f64>>,
+}
+
+impl Curves {
+    fn of(pair: &Pair, subject: &Subject<'_>) -> Self {
+        let geometry = pair.geometry();
+        let wear = subject.file.wear.to_gear();
+        let micrometres = |depths: &[f64]| depths.iter().map(|d| d * 1e3).collect::<Vec<f64>>();
+        let mut ste = reporting::ste(pair, &wear);
+        let (mut worn_mpa, mut depth_um, mut random_um) = (Vec::new(), Vec::new(), Vec::new());
+        if subject.request.wear == WearChoice::None {
+            ste.worn_um.clear();
+        } else {
+            let worn = pair.archard(&wear);
+            depth_um = micrometres(&worn.depth);
+            worn_mpa = worn.pressure;
+        }
+        if subject.request.wear == WearChoice::Random {
+            let mut sampler = pair.sampler(&wear);
+            let seed = subject.request.seed;
+            random_um = (0..WEAR_PROFILES.min(u64::from(subject.request.samples)))
+                .map(|index| sampler.draw_profile(&mut stream(seed, Purpose::Wear, 0, index)))
+                .map(|profile| micrometres(&profile.depth[0]))
+                .collect();
+        }
+        let place = pair.path().to_vec();
+        let roll = Member::BOTH.map(|member| {
+            let angles = place.iter().map(|&s| geometry.roll_angle(member, s));
+            angles.collect()
+        });
+        Self {
+            ste,
+            place,
+            pitch: geometry.s_pitch,
+            pressure: [pair.pressure().to_vec(), worn_mpa],
+            roll,
+            depth_um,
+            random_um,
+        }
+    }
+
+    /// Distances of the places from the pitch point, mm; negative before it.
+    fn pitch_distances(&self) -> Vec<f64> {
+        self.place.iter().map(|s| s - self.pitch).collect()
+    }
+
+    fn ste_table(&self) -> Table {
+        let SteCurves {
+            phase,
+            unworn_um,
+            worn_um,
+        } = &self.ste;
+        columns(&[
+            ("phase", phase),
+            ("unworn_um", unworn_um),
+            ("worn_um", worn_um),
+        ])
+    }
+
+    fn pressure_table(&self) -> Table {
+        let [unworn, worn] = &self.pressure;
+        columns(&[
+            ("from_pitch_point_mm", &self.pitch_distances()),
+            ("unworn_mpa", unworn),
+            ("worn_mpa", worn),
+        ])
+    }
+
+    fn wear_table(&self) -> Table {
+        let [pinion, mate] = &self.roll;
+        let from_pitch = self.pitch_distances();
+        let mut all: Vec<(&str, &[f64])> = vec![
+            ("from_pitch_point_mm", &from_pitch),
+            ("pinion_roll_angle_rad", pinion),
+            ("mate_roll_angle_rad", mate),
+            ("mean_depth_um", &self.depth_um),
+        ];
+        let names: Vec<String> = (1..=self.random_um.len())
+            .map(|index| format!("pinion_sample_{index}_um"))
+            .collect();
+        all.extend(
+            names
+                .iter()
+                .zip(&self.random_um)
+                .map(|(name, depths)| (name.as_str(), depths.as_slice())),
+        );
+        columns(&all)
+    }
+}
+
+/// A table of these columns; an empty one is left out.
+fn columns(all: &[(&str, &[f64])]) -> Table {
+    let all: Vec<_> = all
+        .iter()
+        .filter(|(_, values)| !values.is_empty())
+        .collect();
+    let mut table = Table::new(all.iter().map(|(name, _)| name));
+    let length = all.first().map_or(0, |(_, values)| values.len());
+    table.rows = (0..length)
+        .map(|row| all.iter().map(|(_, values)| exact(values[row])).collect())
+        .collect();
+    table
+}
+
+fn page(
+    subject: &Subject<'_>,
+    simulation: &Simulation,
+    figures: &Figures,
+    pair: &Pair,
+    curves: &Curves,
+) -> PairPage {
+    let verdict = text::verdict(&simulation.constraints);
+    let [unworn_mpa, worn_mpa] = curves.pressure.clone();
+    PairPage {
+        title: subject.title.to_owned(),
+        program_version: subject.program_version.to_owned(),
+        verdict: format!(
+            "The pair is {}.",
+            verdict.lines().next().unwrap_or_default()
+        ),
+        constraints: simulation.constraints.iter().map(constraint).collect(),
+        figures: text::rows(figures)
+            .into_iter()
+            .map(|(name, value)| (name.to_owned(), value))
+            .collect(),
+        drawing: reporting::drawing(pair),
+        ste: curves.ste.clone(),
+        pressure: PressureCurves {
+            place_mm: curves.pitch_distances(),
+            unworn_mpa,
+            worn_mpa,
+        },
+        wear: (!curves.depth_um.is_empty()).then(|| WearProfiles {
+            subject:
+                "Flank of the pinion; the mean wear of the mate is as deep at the same place of \
+                      the path of contact."
+                    .to_owned(),
+            roll_angle_rad: curves.roll[0].clone(),
+            archard_um: curves.depth_um.clone(),
+            random_um: curves.random_um.clone(),
+        }),
+    }
+}
+
+fn constraint(constraint: &Constraint) -> PairConstraint {
+    PairConstraint {
+        name: constraint.name.to_owned(),
+        value: constraint.value,
+        unit: constraint.unit.trim_start().to_owned(),
+        relation: constraint.bound.sign(),
+        limit: constraint.limit,
+        holds: constraint.holds(),
+    }
+}

@@ -1,0 +1,249 @@
+use super::*;
+
+const PAIR: &str = r#"[pair]
+teeth = [23, 37]
+normal_module_mm = 2.0
+pressure_angle_deg = 20.0
+helix_angle_deg = 0.0
+face_width_mm = 25.0
+profile_shift = [0.2, 0.1]
+tool_addendum = [1.25, 1.25]
+tool_dedendum = [1.0, 1.0]
+tip_radius_mm = [0.1, 0.1]
+root_radius_mm = [0.6, 0.6]
+[load]
+pinion_torque_nm = 100.0
+[material]
+youngs_modulus_gpa = 206.0
+poisson_ratio = 0.3
+yield_mpa = 900.0
+hertz_limit_mpa = 1500.0
+"#;
+
+const UNWORN: Request = Request {
+    wear: WearChoice::None,
+    seed: 1,
+    samples: 30,
+};
+
+fn simulated(text: &str) -> Simulation {
+    run(&PairFile::parse("p.toml", text).unwrap(), UNWORN).unwrap()
+}
+
+fn broken(simulation: &Simulation) -> Vec<&'static str> {
+    let broken = simulation.constraints.iter().filter(|c| !c.holds());
+    broken.map(|constraint| constraint.name).collect()
+}
+
+#[test]
+fn a_sound_pair_holds_the_default_constraints() {
+    let sound = simulated(PAIR);
+    assert!(sound.simulable && sound.feasible, "{:?}", broken(&sound));
+    let names: Vec<&str> = sound.constraints.iter().map(|c| c.name).collect();
+    assert_eq!(
+        names,
+        [
+            "contact pressure",
+            "pinion root stress",
+            "mate root stress",
+            "pinion tip clearance",
+            "mate tip clearance",
+            "pinion flank margin",
+            "mate flank margin"
+        ]
+    );
+    assert!(describe(&sound).ends_with("feasible: all 7 constraints hold\n"));
+}
+
+#[test]
+fn every_limit_of_the_file_is_held_against_its_figure() {
+    let figures = |simulation: &Simulation| simulation.figures.clone().unwrap();
+    let sound = figures(&simulated(PAIR));
+    let module = sound.normal_module_mm;
+    // Limits 1 % on the good and on the bad side of the figure.
+    for (key, value, largest, names) in [
+        (
+            "contact_ratio_min",
+            [sound.contact_ratio.total; 2],
+            false,
+            &["contact ratio"][..],
+        ),
+        (
+            "transverse_contact_ratio_min",
+            [sound.contact_ratio.transverse; 2],
+            false,
+            &["transverse contact ratio"],
+        ),
+        (
+            "specific_sliding_max",
+            [sound.specific_sliding.max; 2],
+            true,
+            &["specific sliding"],
+        ),
+        (
+            "hertz_pressure_max_mpa",
+            [sound.hertz_pressure_mpa; 2],
+            true,
+            &["contact pressure"],
+        ),
+        (
+            "root_stress_max_mpa",
+            sound.root_stress_mpa,
+            true,
+            &["pinion root stress", "mate root stress"],
+        ),
+        (
+            "tip_clearance_min_modules",
+            sound.clearance_mm.map(|c| c / module),
+            false,
+            &["pinion tip clearance", "mate tip clearance"],
+        ),
+        (
+            "tip_land_min_modules",
+            sound.tip_land_mm.map(|land| land / module),
+            false,
+            &["pinion tip land", "mate tip land"],
+        ),
+        (
+            "flank_margin_min_mm",
+            sound.flank_margin_mm,
+            false,
+            &["pinion flank margin", "mate flank margin"],
+        ),
+        (
+            "root_safety_min",
+            sound.iso_6336.root_safety,
+            false,
+            &["pinion root safety S_F", "mate root safety S_F"],
+        ),
+        (
+            "flank_safety_min",
+            sound.iso_6336.flank_safety,
+            false,
+            &["pinion flank safety S_H", "mate flank safety S_H"],
+        ),
+    ] {
+        let [least, most] = [value[0].min(value[1]), value[0].max(value[1])];
+        let (good, bad) = if largest {
+            (1.01 * most, 0.99 * least)
+        } else {
+            (0.99 * least, 1.01 * most)
+        };
+        let with = |limit: f64| simulated(&format!("{PAIR}[constraints]\n{key} = {limit:?}\n"));
+        assert_eq!(broken(&with(good)), [""; 0], "{key}");
+        let bad = with(bad);
+        assert_eq!(broken(&bad), names, "{key}");
+        assert!(bad.simulable && !bad.feasible);
+        for name in names {
+            let text = describe(&bad);
+            assert!(text.contains(&format!("  {name} = ")), "{key}: {text}");
+        }
+    }
+}
+
+#[test]
+fn a_tip_pressed_into_the_root_is_named_with_value_unit_and_limit() {
+    let pressed =
+        simulated(&PAIR.replace("tool_dedendum = [1.0, 1.0]", "tool_dedendum = [1.3, 1.0]"));
+    assert!(pressed.simulable && !pressed.feasible);
+    assert_eq!(broken(&pressed), ["pinion tip clearance"]);
+    let clearance = pressed.figures.as_ref().unwrap().clearance_mm[0];
+    let sentence = format!("  pinion tip clearance = {clearance:.4} mm beyond its limit of 0 mm\n");
+    assert!(clearance < 0.0 && describe(&pressed).ends_with(&sentence));
+    let json: serde_json::Value = serde_json::from_str(&to_json(&pressed).unwrap()).unwrap();
+    let row = &json["constraints"][3];
+    assert_eq!(row["name"], "pinion tip clearance");
+    assert_eq!(row["value"].as_f64(), Some(clearance));
+    assert_eq!((&row["unit"], &row["limit"]), (&"mm".into(), &0.0.into()));
+    assert_eq!(
+        (&row["holds"], &json["feasible"]),
+        (&false.into(), &false.into())
+    );
+    assert_eq!(json["schema_version"], 2);
+}
+
+#[test]
+fn a_pair_that_is_not_simulable_has_a_reason_and_no_constraints() {
+    let none = simulated(&PAIR.replace("[0.2, 0.1]", "[-3.0, -3.0]"));
+    assert!(!none.simulable && !none.feasible && none.constraints.is_empty());
+    let reason = none.reason.as_deref().unwrap();
+    assert_eq!(
+        describe(&none),
+        format!("the pair cannot be simulated: {reason}\n")
+    );
+}
+
+#[test]
+fn corrections_of_the_file_change_the_transmission_error() {
+    let ste = |text: &str| simulated(text).figures.unwrap().delta_ste_um;
+    let relief = "[corrections]\ntip_relief_um = [6.0, 6.0]\ntip_relief_length_mm = [2.0, 2.0]\n";
+    let (plain, relieved) = (ste(PAIR), ste(&format!("{PAIR}{relief}")));
+    assert!(relieved < 0.8 * plain, "{relieved} against {plain}");
+    let crowned = ste(&format!("{PAIR}[corrections]\ncrowning_um = 10.0\n"));
+    assert!(
+        (crowned / plain - 1.0).abs() > 1e-3,
+        "{crowned} and {plain}"
+    );
+}
+
+/// A spur pinion without profile shift: s_a = d_a (π/(2 z) + inv α − inv α_a).
+#[test]
+fn a_tip_land_is_the_thickness_at_the_tip_circle() {
+    let spur = simulated(&PAIR.replace("[0.2, 0.1]", "[0.0, 0.0]"));
+    let land = spur.figures.unwrap().tip_land_mm[0];
+    let (z, m, alpha) = (23.0_f64, 2.0, 20_f64.to_radians());
+    let tip = (z * alpha.cos() / (z + 2.0)).acos();
+    let inv = |a: f64| a.tan() - a;
+    let half = std::f64::consts::PI / (2.0 * z) + inv(alpha) - inv(tip);
+    let expected = m * (z + 2.0) * half;
+    assert!((land - expected).abs() < 1e-12, "{land} against {expected}");
+}
+
+#[test]
+fn a_page_holds_the_pair_its_charts_and_their_points() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = PairFile::parse("p.toml", PAIR).unwrap();
+    for (name, wear, files) in [
+        ("new", WearChoice::None, 6),
+        ("worn", WearChoice::Random, 8),
+    ] {
+        let request = Request { wear, ..UNWORN };
+        let simulation = run(&file, request).unwrap();
+        let subject = Subject {
+            title: "p",
+            program_version: "1.2.3",
+            file: &file,
+            request,
+        };
+        let out = folder.path().join(name);
+        let page = write_page(&subject, &simulation, &out).unwrap().unwrap();
+        let html = std::fs::read_to_string(page).unwrap();
+        assert_eq!(html.matches("<svg").count(), (files - 1) / 2 + 1);
+        for part in [
+            "feasible: all 7 constraints hold",
+            "version 1.2.3",
+            "pinion flank margin",
+        ] {
+            assert!(html.contains(part), "{part}");
+        }
+        assert_eq!(std::fs::read_dir(&out).unwrap().count(), files);
+        let figures = simulation.figures.unwrap();
+        let read = |file: &str| std::fs::read_to_string(out.join(file)).unwrap();
+        // The extremes of the curves are those of the figures.
+        let pressure = largest(&read("pressure.csv"), if files == 8 { 2 } else { 1 });
+        assert_eq!(pressure, figures.hertz_pressure_mpa);
+        if files == 8 {
+            let depth = largest(&read("wear.csv"), 3);
+            assert!((depth - 3.5).abs() < 1e-12, "{depth}");
+            assert!(read("wear.csv").starts_with("from_pitch_point_mm,pinion_roll_angle_rad,"));
+            assert!(read("wear.csv").contains("pinion_sample_10_um"));
+        }
+    }
+}
+
+/// The largest value of a column of a CSV file.
+fn largest(csv: &str, column: usize) -> f64 {
+    let values = csv.lines().skip(1);
+    let values = values.map(|line| line.split(',').nth(column).unwrap().parse::<f64>().unwrap());
+    values.fold(f64::NEG_INFINITY, f64::max)
+}

@@ -1,0 +1,131 @@
+//! The simulation as text.
+
+use std::fmt::Write as _;
+
+use campaign::formulation::Constraint;
+
+use super::{ContactRatio, Figures, Simulation};
+
+/// The simulation for people.
+#[must_use]
+pub fn describe(simulation: &Simulation) -> String {
+    let Some(figures) = &simulation.figures else {
+        let reason = simulation.reason.as_deref().unwrap_or_default();
+        return format!("the pair cannot be simulated: {reason}\n");
+    };
+    let mut text = String::new();
+    for (name, value) in rows(figures) {
+        // Writing to a string does not fail.
+        let _ = writeln!(text, "{name:<28}{value}");
+    }
+    text + "\n" + &verdict(&simulation.constraints)
+}
+
+/// The figures with their names and units, in the order in which they are shown.
+pub(super) fn rows(figures: &Figures) -> Vec<(&'static str, String)> {
+    let mut rows = Vec::new();
+    let pair = |values: [f64; 2]| format!("{:.4}, {:.4}", values[0], values[1]);
+    let mut line = |name: &'static str, value: String| rows.push((name, value));
+    line(
+        "normal module",
+        format!("{:.5} mm", figures.normal_module_mm),
+    );
+    line(
+        "centre distance",
+        format!("{:.4} mm", figures.centre_distance_mm),
+    );
+    line(
+        "transverse pressure angle",
+        format!("{:.4}°", figures.transverse_pressure_angle_deg),
+    );
+    line(
+        "working pressure angle",
+        format!("{:.4}°", figures.working_pressure_angle_deg),
+    );
+    line(
+        "reference diameters",
+        format!("{} mm", pair(figures.reference_diameter_mm)),
+    );
+    line(
+        "base diameters",
+        format!("{} mm", pair(figures.base_diameter_mm)),
+    );
+    line(
+        "tip diameters",
+        format!("{} mm", pair(figures.tip_diameter_mm)),
+    );
+    line(
+        "root diameters",
+        format!("{} mm", pair(figures.root_diameter_mm)),
+    );
+    let ContactRatio {
+        transverse,
+        overlap,
+        total,
+    } = figures.contact_ratio;
+    line(
+        "contact ratio",
+        format!("{total:.4} (transverse {transverse:.4}, overlap {overlap:.4})"),
+    );
+    line(
+        "largest specific sliding",
+        format!("{:.4}", figures.specific_sliding.max),
+    );
+    line(
+        "tip clearances",
+        format!("{} mm", pair(figures.clearance_mm)),
+    );
+    line("tip lands", format!("{} mm", pair(figures.tip_land_mm)));
+    line(
+        "flank margins",
+        format!("{} mm", pair(figures.flank_margin_mm)),
+    );
+    line(
+        "contact pressure",
+        format!("{:.1} MPa", figures.hertz_pressure_mpa),
+    );
+    line(
+        "root stresses",
+        format!("{} MPa", pair(figures.root_stress_mpa)),
+    );
+    let nominal = &figures.iso_6336;
+    let remark = if nominal.in_range {
+        ""
+    } else {
+        " (contact ratio outside the formulas' range)"
+    };
+    line(
+        "ISO 6336, nominal: S_F",
+        format!("{}{remark}", pair(nominal.root_safety)),
+    );
+    line(
+        "ISO 6336, nominal: S_H",
+        format!("{}{remark}", pair(nominal.flank_safety)),
+    );
+    let stiffness = figures.pair_stiffness_n_per_mm_um;
+    line(
+        "pair stiffness at pitch",
+        format!("{stiffness:.3} N/(mm µm)"),
+    );
+    line("ΔSTE", format!("{:.4} µm", figures.delta_ste_um));
+    if let (Some(mean), Some(sd), Some(p90)) = (figures.mean_um, figures.sd_um, figures.p90_um) {
+        line(
+            "ΔSTE with random wear",
+            format!("mean {mean:.4}, SD {sd:.4}, P90 {p90:.4} µm"),
+        );
+    }
+    rows
+}
+
+/// Whether the pair is feasible, and every constraint that it breaks.
+pub(super) fn verdict(constraints: &[Constraint]) -> String {
+    let count = constraints.len();
+    let broken = || constraints.iter().filter(|constraint| !constraint.holds());
+    match broken().count() {
+        0 => format!("feasible: all {count} constraints hold\n"),
+        many => broken().fold(
+            format!("infeasible: {many} of {count} constraints broken\n"),
+            |text, constraint| text + &format!("  {constraint}\n"),
+        ),
+    }
+}
