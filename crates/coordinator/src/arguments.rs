@@ -10,9 +10,12 @@ use coordinator::server;
 use gateway::client::Reach;
 use gateway::guard::GuardFiles;
 use results::export::Table;
+use results::rows::Format;
 use worker::SimulatorArguments;
 
+mod modelling;
 mod studies;
+pub(crate) use self::modelling::{Fit, Predict};
 pub(crate) use self::studies::{
     Corrections, FinishedCampaign, Pareto, Sensitivity, StudyWorkers, Sweep,
 };
@@ -53,8 +56,12 @@ pub(crate) enum Command {
     Pareto(Pareto),
     /// Write the report of a campaign, also while it runs
     Report(Report),
-    /// Write a table of a campaign as CSV
+    /// Write a table of a campaign as CSV or JSON, or its model
     Export(Export),
+    /// Fit a kriging model to a table of your own, and validate it
+    Fit(Fit),
+    /// Predict at points with a fitted model
+    Predict(Predict),
     /// Print the paper's figures beside a campaign's, as Markdown
     Compare(Compare),
     /// Simulate one gear pair
@@ -167,6 +174,9 @@ pub(crate) struct Status {
 pub(crate) struct Explain {
     #[command(flatten)]
     pub(crate) reach: Reach,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 #[derive(Debug, Args)]
@@ -202,8 +212,11 @@ pub(crate) struct Export {
     /// Which table
     #[arg(long, value_enum)]
     pub(crate) table: Table,
-    /// The file; one that exists is refused
-    #[arg(long, value_name = "FILE.csv")]
+    /// The form of the table; the model is always JSON
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) format: Format,
+    /// The file, or - for standard output; one that exists is refused
+    #[arg(long, value_name = "FILE|-")]
     pub(crate) out: PathBuf,
 }
 
@@ -212,6 +225,9 @@ pub(crate) struct Compare {
     /// The store
     #[arg(long, value_name = "FILE")]
     pub(crate) db: PathBuf,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 #[derive(Debug, Args)]
@@ -239,6 +255,9 @@ pub(crate) struct Check {
     /// The campaign file
     #[arg(value_name = "CAMPAIGN.toml")]
     pub(crate) campaign: PathBuf,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 #[derive(Debug, Args)]

@@ -1,6 +1,6 @@
 //! The commands: read files, call the library, print, choose an exit code.
 
-use std::fs::{self, File, OpenOptions};
+use std::fs;
 use std::io::Write as _;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -17,6 +17,7 @@ use gateway::guard::{Guard, GuardError};
 use gateway::keygen::{self, KeygenError};
 use protocol::exit;
 use results::describing::describe;
+use results::export::Table;
 use results::{comparing, export, reporting, status};
 use stages::designs;
 use store::Store;
@@ -27,17 +28,12 @@ use crate::arguments::{self, Command};
 use crate::progress::Progress;
 
 mod checking;
+mod modelling;
+mod output;
 mod steering;
 mod studies;
 
-/// A file that cannot be read or written.
-#[derive(Debug, thiserror::Error)]
-#[error("cannot {doing} {}", path.display())]
-struct FileAccess {
-    doing: &'static str,
-    path: PathBuf,
-    source: std::io::Error,
-}
+use self::output::{FileAccess, create_new, print, print_either};
 
 /// A command line that makes no sense although it parses.
 #[derive(Debug, thiserror::Error)]
@@ -60,6 +56,8 @@ pub(crate) async fn execute(command: Command) -> anyhow::Result<u8> {
         Command::Report(arguments) => write_report(arguments).await,
         Command::Export(arguments) => export_table(arguments).await,
         Command::Compare(arguments) => compare(arguments).await,
+        Command::Fit(arguments) => modelling::fit(&arguments),
+        Command::Predict(arguments) => modelling::predict(&arguments).await,
         Command::Simulate(arguments) => simulate_pair(&arguments),
         Command::Check(arguments) => checking::check(&arguments),
         Command::Init(arguments) => init(&arguments),
@@ -93,6 +91,15 @@ pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
             Some(KeygenError::Random(_) | KeygenError::Certificate(_)) => return exit::FAILURE,
             Some(_) => return exit::FILE_ACCESS,
             None => {}
+        }
+        match cause.downcast_ref::<::modelling::Error>() {
+            Some(::modelling::Error::Settings(_)) => return exit::USAGE,
+            Some(::modelling::Error::Kriging(_)) => return exit::FAILURE,
+            Some(_) => return exit::BAD_FILE,
+            None => {}
+        }
+        if cause.is::<::modelling::InputError>() {
+            return exit::BAD_FILE;
         }
         if cause.is::<Usage>() {
             return exit::USAGE;
@@ -143,27 +150,6 @@ fn read(path: &Path) -> Result<String, FileAccess> {
         path: path.to_owned(),
         source,
     })
-}
-
-fn create_new(path: &Path) -> Result<File, FileAccess> {
-    OpenOptions::new()
-        .write(true)
-        .create_new(true)
-        .open(path)
-        .map_err(|source| FileAccess {
-            doing: "write a new file",
-            path: path.to_owned(),
-            source,
-        })
-}
-
-/// Prints to standard output; a reader that has gone away is no error.
-fn print(text: &str) -> anyhow::Result<()> {
-    let mut out = std::io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error.into()),
-        _ => Ok(()),
-    }
 }
 
 async fn run(arguments: arguments::Run) -> anyhow::Result<u8> {
@@ -319,6 +305,13 @@ async fn conduct(plan: Plan) -> anyhow::Result<u8> {
     let shutdown = CancellationToken::new();
     tokio::spawn(console::watch_signals(shutdown.clone(), "stopping"));
     let db = plan.db.clone();
+    let mut own = vec![plan.campaign.digest()];
+    // A campaign that has grown since replaces its report, too.
+    if let Ok(store) = Store::open_read_only(&db).await {
+        own.push(store.campaign().await?.digest);
+        store.close().await?;
+    }
+    output::refuse_report_of_another(&plan.out, &own)?;
     let problem = Problem::new(plan.campaign.clone());
     let progress = Progress::new();
     let observer: server::Observer = Box::new(move |status| progress.show(status));
@@ -349,6 +342,7 @@ async fn conduct(plan: Plan) -> anyhow::Result<u8> {
 
 async fn write_report(arguments: arguments::Report) -> anyhow::Result<u8> {
     let store = Store::open_read_only(&arguments.db).await?;
+    output::refuse_report_of_another(&arguments.out, &[store.campaign().await?.digest])?;
     let report = reporting::write(&store, &arguments.out).await?;
     print(&format!("{}\n", report.display()))?;
     Ok(exit::OK)
@@ -356,14 +350,21 @@ async fn write_report(arguments: arguments::Report) -> anyhow::Result<u8> {
 
 async fn export_table(arguments: arguments::Export) -> anyhow::Result<u8> {
     let store = Store::open_read_only(&arguments.db).await?;
-    let file = create_new(&arguments.out)?;
-    export::write(&store, arguments.table, std::io::BufWriter::new(file)).await?;
+    if arguments.table == Table::Model {
+        // Read before the file is made: a campaign may have none yet.
+        let model = results::model::stored(&store).await?.to_json()?;
+        output::write(&arguments.out, format!("{model}\n").as_bytes())?;
+        return Ok(exit::OK);
+    }
+    let out = output::create(&arguments.out)?;
+    export::write(&store, arguments.table, arguments.format, out).await?;
     Ok(exit::OK)
 }
 
 async fn compare(arguments: arguments::Compare) -> anyhow::Result<u8> {
     let store = Store::open_read_only(&arguments.db).await?;
-    print(&comparing::page(&store).await?)?;
+    let compared = comparing::compare(&store).await?;
+    print_either(arguments.json, &compared.summary(), || compared.page())?;
     Ok(exit::OK)
 }
 
@@ -376,11 +377,8 @@ fn simulate_pair(arguments: &arguments::Simulate) -> anyhow::Result<u8> {
         samples: arguments.samples,
     };
     let simulation = simulate::run(&file, request)?;
-    if arguments.json {
-        print(&(simulate::to_json(&simulation)? + "\n"))?;
-    } else {
-        print(&simulate::describe(&simulation))?;
-    }
+    let json = simulate::to_json(&simulation)?;
+    print_either(arguments.json, &json, || simulate::describe(&simulation))?;
     Ok(exit::OK)
 }
 

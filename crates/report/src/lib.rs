@@ -35,4 +35,4 @@ pub use data::{
     ReportData, SimilarDesign, StageCost, SteCurves, WearProfiles,
 };
 pub use error::Error;
-pub use page::render;
+pub use page::{campaign_digest, render};

@@ -3,7 +3,7 @@
 //!
 //! - [`status`] says how far a campaign is; [`live`] has what only a running coordinator knows of it, and
 //!   [`describing`] puts both into words.
-//! - [`export`] writes the store's tables as CSV.
+//! - [`export`] writes the store's tables as [`rows`] of CSV or JSON; [`model`] is its kriging model.
 //! - [`reporting`] gathers the data of the report; [`comparing`] puts the paper's figures beside ours.
 //! - [`mod@percentile`] estimates P90 with its interval from fresh samples.
 
@@ -11,6 +11,8 @@ pub mod comparing;
 pub mod describing;
 pub mod export;
 pub mod live;
+pub mod model;
 pub mod percentile;
 pub mod reporting;
+pub mod rows;
 pub mod status;
