@@ -8,6 +8,7 @@ use protocol::exit;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio_util::sync::CancellationToken;
 use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::LevelFilter;
 
 /// The environment variable that says what to log.
 pub const LOG_VARIABLE: &str = "PITCHLINE_LOG";
@@ -22,9 +23,26 @@ pub enum LogFormat {
     Json,
 }
 
+/// The environment asks for a log that there is not.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "{LOG_VARIABLE} is {found:?}, but must be off, error, warn, info, debug or trace, or such levels for \
+     parts of the program, as in warn,coordinator=debug"
+)]
+pub struct BadLogLevel {
+    found: String,
+}
+
 /// Starts logging to standard error, in colour only on a terminal that wants it.
-pub fn start_log(format: LogFormat) {
-    let filter = EnvFilter::try_from_env(LOG_VARIABLE).unwrap_or_else(|_| EnvFilter::new("info"));
+///
+/// # Errors
+///
+/// The environment variable [`LOG_VARIABLE`] names no level.
+pub fn start_log(format: LogFormat) -> Result<(), BadLogLevel> {
+    let filter = match std::env::var_os(LOG_VARIABLE) {
+        None => EnvFilter::new("info"),
+        Some(text) => filter(&text.to_string_lossy())?,
+    };
     let subscriber = tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_target(false)
@@ -37,6 +55,23 @@ pub fn start_log(format: LogFormat) {
         }
         LogFormat::Json => subscriber.json().flatten_event(true).init(),
     }
+    Ok(())
+}
+
+/// The levels of the log, for the whole program and for parts of it. A bare word that is no level would be
+/// taken as the name of a part, of which everything is logged.
+fn filter(text: &str) -> Result<EnvFilter, BadLogLevel> {
+    let bad = || BadLogLevel {
+        found: text.to_owned(),
+    };
+    if text.trim().is_empty() {
+        return Ok(EnvFilter::new("info"));
+    }
+    let is_bare_word = |part: &str| !part.contains('=') && part.parse::<LevelFilter>().is_err();
+    if text.split(',').map(str::trim).any(is_bare_word) {
+        return Err(bad());
+    }
+    EnvFilter::try_new(text).map_err(|_| bad())
 }
 
 /// The progress bars of this program, on standard error; none are drawn unless it is a terminal.
@@ -97,6 +132,28 @@ pub async fn watch_signals(shutdown: CancellationToken, notice: &'static str) {
             shutdown.cancel();
         } else if is_interrupt {
             std::process::exit(i32::from(exit::INTERRUPTED));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_level_is_refused_with_those_there_are() {
+        for good in [
+            "",
+            "off",
+            "WARN",
+            "warn,coordinator=debug",
+            "coordinator[run]=info",
+        ] {
+            assert!(filter(good).is_ok(), "{good}");
+        }
+        for bad in ["nonsense", "info,loud", "coordinator=loud", "="] {
+            let text = filter(bad).unwrap_err().to_string();
+            assert!(text.contains(bad) && text.contains("warn, info"), "{text}");
         }
     }
 }

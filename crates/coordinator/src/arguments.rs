@@ -11,10 +11,13 @@ use coordinator::server;
 use gateway::client::Reach;
 use gateway::guard::GuardFiles;
 use results::export::Table;
+use results::rows::Format;
 use stages::optima::approach_of;
 use worker::SimulatorArguments;
 
+mod modelling;
 mod studies;
+pub(crate) use self::modelling::{Fit, Predict};
 pub(crate) use self::studies::{
     Corrections, FinishedCampaign, Pareto, Sensitivity, StudyWorkers, Sweep,
 };
@@ -55,8 +58,12 @@ pub(crate) enum Command {
     Pareto(Pareto),
     /// Write the report of a campaign, also while it runs
     Report(Report),
-    /// Write a table of a campaign as CSV, or an optimum as a pair file
+    /// Write a table of a campaign as CSV or JSON, its model, or an optimum as a pair file
     Export(Export),
+    /// Fit a kriging model to a table of your own, and validate it
+    Fit(Fit),
+    /// Predict at points with a fitted model
+    Predict(Predict),
     /// Print the paper's figures beside a campaign's, as Markdown
     Compare(Compare),
     /// Simulate one gear pair
@@ -169,6 +176,9 @@ pub(crate) struct Status {
 pub(crate) struct Explain {
     #[command(flatten)]
     pub(crate) reach: Reach,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 #[derive(Debug, Args)]
@@ -203,10 +213,13 @@ pub(crate) struct Export {
     pub(crate) db: PathBuf,
     #[command(flatten)]
     pub(crate) what: Exported,
-    /// The table's file; one that exists is refused
+    /// The form of the table; the model is always JSON
+    #[arg(long, value_enum, default_value_t, conflicts_with = "pair")]
+    pub(crate) format: Format,
+    /// The table's file, or - for standard output; one that exists is refused
     #[arg(
         long,
-        value_name = "FILE.csv",
+        value_name = "FILE|-",
         required_unless_present = "pair",
         conflicts_with = "pair"
     )]
@@ -241,6 +254,9 @@ pub(crate) struct Compare {
     /// The store
     #[arg(long, value_name = "FILE")]
     pub(crate) db: PathBuf,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 #[derive(Debug, Args)]
@@ -270,6 +286,9 @@ pub(crate) struct Check {
     /// The campaign file
     #[arg(value_name = "CAMPAIGN.toml")]
     pub(crate) campaign: PathBuf,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 #[derive(Debug, Args)]

@@ -1,6 +1,6 @@
 //! The commands: read files, call the library, print, choose an exit code.
 
-use std::fs::{self, File, OpenOptions};
+use std::fs;
 use std::io::Write as _;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -16,6 +16,7 @@ use gateway::guard::{Guard, GuardError};
 use gateway::keygen::{self, KeygenError};
 use protocol::exit;
 use results::describing::describe;
+use results::export::Table;
 use results::{comparing, export, pair_file, reporting, status};
 use stages::designs;
 use store::Store;
@@ -26,18 +27,13 @@ use crate::arguments::{self, Command};
 use crate::progress::Progress;
 
 mod checking;
+mod modelling;
+mod output;
 mod simulating;
 mod steering;
 mod studies;
 
-/// A file that cannot be read or written.
-#[derive(Debug, thiserror::Error)]
-#[error("cannot {doing} {}", path.display())]
-struct FileAccess {
-    doing: &'static str,
-    path: PathBuf,
-    source: std::io::Error,
-}
+use self::output::{FileAccess, create_new, print, print_either};
 
 /// A command line that makes no sense although it parses.
 #[derive(Debug, thiserror::Error)]
@@ -60,6 +56,8 @@ pub(crate) async fn execute(command: Command) -> anyhow::Result<u8> {
         Command::Report(arguments) => write_report(arguments).await,
         Command::Export(arguments) => export(arguments).await,
         Command::Compare(arguments) => compare(arguments).await,
+        Command::Fit(arguments) => modelling::fit(&arguments),
+        Command::Predict(arguments) => modelling::predict(&arguments).await,
         Command::Simulate(arguments) => simulating::simulate(&arguments),
         Command::Check(arguments) => checking::check(&arguments),
         Command::Init(arguments) => init(&arguments),
@@ -93,6 +91,15 @@ pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
             Some(KeygenError::Random(_) | KeygenError::Certificate(_)) => return exit::FAILURE,
             Some(_) => return exit::FILE_ACCESS,
             None => {}
+        }
+        match cause.downcast_ref::<::modelling::Error>() {
+            Some(::modelling::Error::Settings(_)) => return exit::USAGE,
+            Some(::modelling::Error::Kriging(_)) => return exit::FAILURE,
+            Some(_) => return exit::BAD_FILE,
+            None => {}
+        }
+        if cause.is::<::modelling::InputError>() {
+            return exit::BAD_FILE;
         }
         if cause.is::<Usage>() {
             return exit::USAGE;
@@ -143,27 +150,6 @@ fn read(path: &Path) -> Result<String, FileAccess> {
         path: path.to_owned(),
         source,
     })
-}
-
-fn create_new(path: &Path) -> Result<File, FileAccess> {
-    OpenOptions::new()
-        .write(true)
-        .create_new(true)
-        .open(path)
-        .map_err(|source| FileAccess {
-            doing: "write a new file",
-            path: path.to_owned(),
-            source,
-        })
-}
-
-/// Prints to standard output; a reader that has gone away is no error.
-fn print(text: &str) -> anyhow::Result<()> {
-    let mut out = std::io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error.into()),
-        _ => Ok(()),
-    }
 }
 
 async fn run(arguments: arguments::Run) -> anyhow::Result<u8> {
@@ -319,6 +305,13 @@ async fn conduct(plan: Plan) -> anyhow::Result<u8> {
     let shutdown = CancellationToken::new();
     tokio::spawn(console::watch_signals(shutdown.clone(), "stopping"));
     let db = plan.db.clone();
+    let mut own = vec![plan.campaign.digest()];
+    // A campaign that has grown since replaces its report, too.
+    if let Ok(store) = Store::open_read_only(&db).await {
+        own.push(store.campaign().await?.digest);
+        store.close().await?;
+    }
+    output::refuse_report_of_another(&plan.out, &own)?;
     let problem = Problem::new(plan.campaign.clone());
     let progress = Progress::new();
     let observer: server::Observer = Box::new(move |status| progress.show(status));
@@ -349,6 +342,7 @@ async fn conduct(plan: Plan) -> anyhow::Result<u8> {
 
 async fn write_report(arguments: arguments::Report) -> anyhow::Result<u8> {
     let store = Store::open_read_only(&arguments.db).await?;
+    output::refuse_report_of_another(&arguments.out, &[store.campaign().await?.digest])?;
     let report = reporting::write(&store, &arguments.out).await?;
     print(&format!("{}\n", report.display()))?;
     Ok(exit::OK)
@@ -358,25 +352,26 @@ async fn export(arguments: arguments::Export) -> anyhow::Result<u8> {
     let store = Store::open_read_only(&arguments.db).await?;
     let what = &arguments.what;
     if let (Some(table), Some(out)) = (what.table, &arguments.out) {
-        let file = create_new(out)?;
-        export::write(&store, table, std::io::BufWriter::new(file)).await?;
+        if table == Table::Model {
+            // Read before the file is made: a campaign may have none yet.
+            let model = results::model::stored(&store).await?.to_json()?;
+            output::write(out, format!("{model}\n").as_bytes())?;
+        } else {
+            let file = output::create(out)?;
+            export::write(&store, table, arguments.format, file).await?;
+        }
     }
     if let (Some(out), Some(approach)) = (&what.pair, arguments.approach) {
         let pair = pair_file::of_optimum(&store, approach).await?;
-        let mut file = create_new(out)?;
-        let written = file.write_all(pair.to_toml().as_bytes());
-        written.map_err(|source| FileAccess {
-            doing: "write",
-            path: out.clone(),
-            source,
-        })?;
+        output::write(out, pair.to_toml().as_bytes())?;
     }
     Ok(exit::OK)
 }
 
 async fn compare(arguments: arguments::Compare) -> anyhow::Result<u8> {
     let store = Store::open_read_only(&arguments.db).await?;
-    print(&comparing::page(&store).await?)?;
+    let compared = comparing::compare(&store).await?;
+    print_either(arguments.json, &compared.summary(), || compared.page())?;
     Ok(exit::OK)
 }
 

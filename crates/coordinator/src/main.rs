@@ -13,7 +13,10 @@ fn main() -> ExitCode {
     #[cfg(feature = "failpoints")]
     let _fail_points = fail::FailScenario::setup();
     let arguments = arguments::Arguments::parse();
-    console::start_log(arguments.log_format);
+    if let Err(error) = console::start_log(arguments.log_format) {
+        console::complain(&error.to_string());
+        return ExitCode::from(exit::USAGE);
+    }
     let runtime = match tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)
         .enable_all()

@@ -30,6 +30,7 @@
 mod data;
 mod error;
 mod fit;
+mod guidance;
 mod kernel;
 mod likelihood;
 mod linalg;
@@ -42,6 +43,7 @@ mod warning;
 pub use data::Data;
 pub use error::Error;
 pub use fit::{FitOptions, fit};
+pub use guidance::Guidance;
 pub use kernel::Kernel;
 pub use likelihood::gls::Trend;
 pub use likelihood::prior::Estimator;

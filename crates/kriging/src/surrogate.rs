@@ -1,6 +1,7 @@
 //! A model by any method, of the response or of its logarithm.
 
 use serde::{Deserialize, Serialize};
+use statrs::function::erf::erfc_inv;
 
 use crate::data::Data;
 use crate::fit::{FitOptions, fit};
@@ -179,6 +180,18 @@ impl Surrogate {
         Ok(predictions.into_iter().map(in_units).collect())
     }
 
+    /// The `level` quantile (0 < level < 1), in units of y, of the distribution that a prediction of this
+    /// model gives the noise-free function: normal, or log-normal where ln y is modelled.
+    #[must_use]
+    pub fn quantile(&self, prediction: Prediction, level: f64) -> f64 {
+        let z = -std::f64::consts::SQRT_2 * erfc_inv(2.0 * level);
+        let Prediction { mean, variance } = prediction;
+        match self.response {
+            Response::Plain => mean + z * variance.sqrt(),
+            Response::Log => mean * (z * variance.sqrt() / mean).exp(),
+        }
+    }
+
     fn in_units_of_y(&self, modelled: f64) -> f64 {
         match self.response {
             Response::Plain => modelled,
@@ -264,6 +277,18 @@ impl Surrogate {
     #[must_use]
     pub fn points(&self) -> usize {
         either!(self, model => model.points())
+    }
+
+    /// The box that the points span: lowest and highest value of each of the d coordinates.
+    #[must_use]
+    pub fn bounds(&self) -> Vec<[f64; 2]> {
+        let points = either!(self, model => &model.points);
+        let of = |j: usize| {
+            let values = || points.x.iter().skip(j).step_by(points.d).copied();
+            let low = values().fold(f64::INFINITY, f64::min);
+            [low, values().fold(f64::NEG_INFINITY, f64::max)]
+        };
+        (0..points.d).map(of).collect()
     }
 
     /// The factor of the predicted variances: 1 unless they were calibrated.

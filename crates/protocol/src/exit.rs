@@ -6,8 +6,8 @@ pub const OK: u8 = 0;
 pub const FAILURE: u8 = 1;
 /// The command line makes no sense.
 pub const USAGE: u8 = 2;
-/// A campaign or pair file has an unknown or missing key, a wrong type or a value that makes no
-/// sense.
+/// An input file (campaign, pair, table or model) has an unknown or missing key, a wrong type or a value
+/// that makes no sense.
 pub const BAD_FILE: u8 = 3;
 /// A file cannot be read or written, would be overwritten, or holds a secret that others can read.
 pub const FILE_ACCESS: u8 = 4;
@@ -44,7 +44,7 @@ pub const TABLE: [(u8, &str); 16] = [
     (USAGE, "the command line makes no sense"),
     (
         BAD_FILE,
-        "a campaign or pair file is wrong; the message names file, line and key",
+        "an input file is wrong; the message names file, line, and key or column",
     ),
     (
         FILE_ACCESS,

@@ -25,6 +25,14 @@ pub struct Comparison {
     pub ours: f64,
 }
 
+impl Comparison {
+    /// Ours over the paper's, minus one; NaN when there is none.
+    #[must_use]
+    pub fn gap(&self) -> f64 {
+        relative_gap(self.ours, self.paper)
+    }
+}
+
 /// Every printed figure of the paper that the campaign has an answer to.
 #[must_use]
 pub fn comparisons(data: &ReportData) -> Vec<Comparison> {
@@ -208,7 +216,7 @@ pub fn comparison_markdown(
     let list = comparisons(data);
     let mut sentences: Vec<(String, String)> = Vec::new();
     for row in &list {
-        let gap = relative_gap(row.ours, row.paper);
+        let gap = row.gap();
         let large = gap.abs() > NOTABLE_GAP;
         let mark = if large { " ▲" } else { "" };
         let _ = writeln!(

@@ -37,6 +37,8 @@ pub struct ReportData {
 pub struct Header {
     /// The campaign's name.
     pub campaign: String,
+    /// The campaign's digest: it tells whose report a file is, see [`crate::campaign_digest`].
+    pub campaign_digest: String,
     /// The campaign's seed.
     pub seed: u64,
     /// Version of the program that computed the samples.

@@ -37,4 +37,4 @@ pub use data::{
     WearProfiles,
 };
 pub use error::Error;
-pub use page::{render, render_pair};
+pub use page::{campaign_digest, render, render_pair};

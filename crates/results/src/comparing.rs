@@ -1,22 +1,121 @@
-//! `coordinator compare`: the paper's printed figures beside a campaign's, as a Markdown page.
+//! `coordinator compare`: the paper's printed figures beside a campaign's, as a Markdown page or as JSON.
 
 use campaign::Campaign;
 use campaign::formulation::Problem;
 use gear::paper::printed::Place;
 use gear::paper::readings::{Reading, Score, readings};
 use rayon::prelude::*;
-use report::Comparison;
+use report::{Comparison, ReportData};
+use serde::Serialize;
 use stages::references::design;
 use store::Store;
 
 use crate::reporting;
+use crate::rows::SCHEMA_VERSION;
 
-/// The page for the campaign in `store`.
+/// A campaign beside the paper.
+#[derive(Debug, Clone)]
+pub struct Compared {
+    data: ReportData,
+    /// The fitted readings of the paper.
+    scores: Vec<Score>,
+    /// The reading of the campaign.
+    own: Score,
+}
+
+/// The comparison for programs.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Summary {
+    /// Version of this object's form.
+    pub schema_version: u32,
+    /// The campaign's name.
+    pub campaign: String,
+    /// Digest of all samples.
+    pub samples_digest: String,
+    /// The campaign's reading of the paper.
+    pub reading: ReadingSummary,
+    /// The other readings, fitted to the paper.
+    pub readings: Vec<ReadingSummary>,
+    /// Every printed figure beside ours.
+    pub rows: Vec<RowSummary>,
+}
+
+/// How well a reading of the paper fits it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ReadingSummary {
+    /// The reading, in words.
+    pub reading: String,
+    /// Root mean square of ln(ours/paper) over all printed values.
+    pub score: f64,
+    /// Spearman's rank correlation of the printed designs' percentiles; none where there is none.
+    pub rank_correlation: Option<f64>,
+    /// Share of the design of experiments that cannot be simulated.
+    pub refused: f64,
+}
+
+/// One printed figure beside ours.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RowSummary {
+    /// The table or figure.
+    pub place: String,
+    /// What is compared, with its unit.
+    pub quantity: String,
+    /// The paper's figure.
+    pub paper: f64,
+    /// Ours, if there is one.
+    pub ours: Option<f64>,
+    /// Ours over the paper's, minus one.
+    pub gap: Option<f64>,
+    /// What is known about a large gap.
+    pub remark: Option<String>,
+}
+
+impl Compared {
+    /// The comparison as a Markdown page.
+    #[must_use]
+    pub fn page(&self) -> String {
+        report::comparison_markdown(&self.data, &self.scores, &self.own, remark)
+    }
+
+    /// The comparison for programs.
+    #[must_use]
+    pub fn summary(&self) -> Summary {
+        let known = |value: f64| value.is_finite().then_some(value);
+        let reading = |score: &Score| ReadingSummary {
+            reading: score.reading.to_string(),
+            score: score.rms(),
+            rank_correlation: known(score.rank_correlation()),
+            refused: score.refused,
+        };
+        let row = |row: Comparison| RowSummary {
+            ours: known(row.ours),
+            gap: known(row.gap()),
+            remark: remark(&row),
+            paper: row.paper,
+            place: row.place,
+            quantity: row.quantity,
+        };
+        let header = &self.data.header;
+        Summary {
+            schema_version: SCHEMA_VERSION,
+            campaign: header.campaign.clone(),
+            samples_digest: header.samples_digest.clone(),
+            reading: reading(&self.own),
+            readings: self.scores.iter().map(reading).collect(),
+            rows: report::comparisons(&self.data)
+                .into_iter()
+                .map(row)
+                .collect(),
+        }
+    }
+}
+
+/// Compares the campaign in `store` with the paper.
 ///
 /// # Errors
 ///
 /// The store cannot be read, or its campaign does not compare itself with the paper.
-pub async fn page(store: &Store) -> anyhow::Result<String> {
+pub async fn compare(store: &Store) -> anyhow::Result<Compared> {
     let row = store.campaign().await?;
     let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
     anyhow::ensure!(
@@ -41,7 +140,7 @@ pub async fn page(store: &Store) -> anyhow::Result<String> {
         tip_rule: input.tip_rule,
     };
     let own = own.score(&doe, seed);
-    Ok(report::comparison_markdown(&data, &scores, &own, remark))
+    Ok(Compared { data, scores, own })
 }
 
 /// What is known about a large gap.

@@ -1,4 +1,4 @@
-//! Tables of a store as CSV: one header line, units in the names.
+//! Tables of a store as CSV or JSON, units in the names of their columns.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -10,6 +10,9 @@ use stages::fitting::{ModelSummary, P90_MODEL};
 use stages::optima::{self, optimum_design};
 use stages::rounds::Round;
 use store::Store;
+
+use crate::model;
+use crate::rows::{Format, RowWriter};
 
 /// A table that can be exported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -30,19 +33,33 @@ pub enum Table {
     Infill,
     /// Everything that went wrong, in its order, with all that was said about it.
     Failures,
+    /// The kriging model with its inputs and their bounds, as `fit --out` writes one: one JSON object.
+    Model,
 }
 
-/// Writes a table.
+/// Writes a table; the model is one JSON object whatever the format.
 ///
 /// # Errors
 ///
 /// The store cannot be read or the output cannot be written.
-pub async fn write(store: &Store, table: Table, out: impl Write) -> anyhow::Result<()> {
+pub async fn write(
+    store: &Store,
+    table: Table,
+    format: Format,
+    mut out: impl Write,
+) -> anyhow::Result<()> {
+    if table == Table::Model {
+        writeln!(out, "{}", model::stored(store).await?.to_json()?)?;
+        return Ok(out.flush()?);
+    }
     let file = store.campaign().await?.file_text;
     let campaign = Campaign::parse("the store's campaign file", &file)?;
     let problem = &Problem::new(campaign);
-    let mut out = csv::Writer::from_writer(out);
+    let name = table.to_possible_value();
+    let name = name.as_ref().map_or("", |value| value.get_name());
+    let mut out = RowWriter::new(out, format, name);
     match table {
+        Table::Model => {}
         Table::Designs => designs(store, problem, &mut out).await?,
         Table::Samples => samples(store, &mut out).await?,
         Table::Responses => responses(store, &mut out).await?,
@@ -52,8 +69,7 @@ pub async fn write(store: &Store, table: Table, out: impl Write) -> anyhow::Resu
         Table::Infill => infill(store, problem, &mut out).await?,
         Table::Failures => failures(store, &mut out).await?,
     }
-    out.flush()?;
-    Ok(())
+    out.finish()
 }
 
 fn number(value: f64) -> String {
@@ -65,7 +81,7 @@ fn optional(value: Option<f64>) -> String {
     value.map_or_else(String::new, number)
 }
 
-async fn failures<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Result<()> {
+async fn failures<W: Write>(store: &Store, out: &mut RowWriter<W>) -> anyhow::Result<()> {
     out.write_record(["job", "attempt", "worker", "kind", "error"])?;
     for row in store.failures().await? {
         let attempt = row.attempt.to_string();
@@ -78,7 +94,7 @@ async fn failures<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::
 async fn designs<W: Write>(
     store: &Store,
     problem: &Problem,
-    out: &mut csv::Writer<W>,
+    out: &mut RowWriter<W>,
 ) -> anyhow::Result<()> {
     let responses = problem.responses();
     let mut header = vec!["design"];
@@ -107,7 +123,7 @@ async fn designs<W: Write>(
     Ok(())
 }
 
-async fn samples<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Result<()> {
+async fn samples<W: Write>(store: &Store, out: &mut RowWriter<W>) -> anyhow::Result<()> {
     out.write_record(["design", "sample", "delta_ste_um"])?;
     store
         .visit_samples(|row| -> anyhow::Result<()> {
@@ -121,7 +137,7 @@ async fn samples<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::R
         .await
 }
 
-async fn responses<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Result<()> {
+async fn responses<W: Write>(store: &Store, out: &mut RowWriter<W>) -> anyhow::Result<()> {
     out.write_record([
         "design",
         "mean_um",
@@ -143,7 +159,7 @@ async fn responses<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow:
     Ok(())
 }
 
-async fn leave_one_out<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Result<()> {
+async fn leave_one_out<W: Write>(store: &Store, out: &mut RowWriter<W>) -> anyhow::Result<()> {
     out.write_record([
         "design",
         "observed_um",
@@ -168,7 +184,7 @@ async fn leave_one_out<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> any
     Ok(())
 }
 
-async fn rounds<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Result<()> {
+async fn rounds<W: Write>(store: &Store, out: &mut RowWriter<W>) -> anyhow::Result<()> {
     out.write_record([
         "round",
         "points",
@@ -211,7 +227,7 @@ async fn rounds<W: Write>(store: &Store, out: &mut csv::Writer<W>) -> anyhow::Re
 async fn infill<W: Write>(
     store: &Store,
     problem: &Problem,
-    out: &mut csv::Writer<W>,
+    out: &mut RowWriter<W>,
 ) -> anyhow::Result<()> {
     let mut header = vec!["point", "round", "reason"];
     header.extend(problem.free_names());
@@ -243,7 +259,7 @@ async fn infill<W: Write>(
 async fn optima<W: Write>(
     store: &Store,
     problem: &Problem,
-    out: &mut csv::Writer<W>,
+    out: &mut RowWriter<W>,
 ) -> anyhow::Result<()> {
     let variables = problem.variables();
     let criteria = problem.criteria();

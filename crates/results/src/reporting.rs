@@ -30,7 +30,10 @@ use self::sources::Sources;
 /// Random wear profiles in Figure 2.
 const WEAR_PROFILES: u64 = 10;
 
-/// Writes `report.html` into the folder `out`, which is made if need be; returns its path.
+/// The file's name in the report's folder.
+pub const FILE: &str = "report.html";
+
+/// Writes [`FILE`] into the folder `out`, which is made if need be; returns its path.
 ///
 /// # Errors
 ///
@@ -40,9 +43,9 @@ pub async fn write(store: &Store, out: &Path) -> anyhow::Result<PathBuf> {
     let html = report::render(&data)?;
     std::fs::create_dir_all(out)
         .with_context(|| format!("cannot make the folder {}", out.display()))?;
-    let path = out.join("report.html");
+    let path = out.join(FILE);
     // Written beside and renamed, so that a report is never half one.
-    let draft = out.join("report.html.part");
+    let draft = out.join(format!("{FILE}.part"));
     std::fs::write(&draft, html)
         .and_then(|()| std::fs::rename(&draft, &path))
         .with_context(|| format!("cannot write {}", path.display()))?;
@@ -153,6 +156,7 @@ fn header(sources: &Sources, samples_digest: String, times: &[store::JobTimeRow]
     }
     Header {
         campaign: sources.campaign.name.clone(),
+        campaign_digest: sources.campaign.digest.clone(),
         seed: sources.campaign.seed,
         program_version: sources.campaign.program_version.clone(),
         samples_digest,

@@ -2,7 +2,7 @@
 
 use campaign::file::Noise;
 use campaign::formulation::Problem;
-use kriging::{Data, Error, Names, Surrogate, Warning};
+use kriging::{Data, Error, Guidance, Names, Surrogate};
 use serde::{Deserialize, Serialize};
 use store::{DesignRow, ModelRow, ResponseRow};
 
@@ -87,7 +87,8 @@ pub fn fit(
     };
     let design = |observation: usize| points[observation].1.design;
     let settings = campaign.kriging.settings(campaign.seed)?;
-    let model = Surrogate::fit(&data, &settings).map_err(|error| explained(error, design))?;
+    let model =
+        Surrogate::fit(&data, &settings).map_err(|error| explained(problem, error, design))?;
     let validation = model.leave_one_out();
     let parameters = model.parameters();
     let residuals = validation.observations.iter().zip(&validation.residuals);
@@ -107,83 +108,44 @@ pub fn fit(
         coverage90: validation.coverage90,
         residuals_um: residuals.map(|(&i, r)| (design(i), *r)).collect(),
         standardised: validation.standardised,
-        warnings: model
-            .warnings()
-            .iter()
-            .map(|warning| advised(problem, warning, design))
-            .collect(),
+        warnings: guided(problem, design, |guidance| {
+            let warnings = model.warnings().iter();
+            warnings.map(|warning| guidance.warning(warning)).collect()
+        }),
         cpu_seconds: 0.0,
     };
     Ok((model, summary))
 }
 
-/// A warning in the names of the campaign, with the keys of its file that help.
-fn advised(problem: &Problem, warning: &Warning, design: impl Fn(usize) -> u64) -> String {
+/// Does `with` in the names of the campaign and the keys of its file.
+fn guided<T>(
+    problem: &Problem,
+    design: impl Fn(usize) -> u64,
+    with: impl FnOnce(&Guidance<'_>) -> T,
+) -> T {
     let names: Vec<&str> = problem.free_names().collect();
-    let text = warning.text(&Names {
-        coordinate: &|j| names[j].to_owned(),
-        observation: &|i| format!("design {}", design(i)),
-    });
-    let advice = match warning {
-        Warning::Outliers { worst, .. } => {
-            let designs: Vec<u64> = worst.iter().map(|o| design(o.observation)).collect();
-            format!(
-                "look at them; kriging.leave_out = {designs:?} fits without them, kriging.nugget = \
-                 \"estimated\" takes them as noise"
-            )
-        }
-        Warning::ContradictoryDuplicates { .. } | Warning::NuggetAtBound { upper: true } => {
-            "more samples (sampling.samples_per_design) help".to_owned()
-        }
-        Warning::FewPoints { .. } | Warning::SharedRange { .. } => {
-            "more designs (doe.designs) help, or kriging.estimator = \"posterior-mode\"".to_owned()
-        }
-        Warning::FlatRanges { .. } => {
-            "kriging.estimator = \"posterior-mode\" settles it by a prior".to_owned()
-        }
-        Warning::NuggetAtBound { upper: false } => {
-            "kriging.nugget = \"known\" is as good".to_owned()
-        }
-        _ => return text,
-    };
-    format!("{text}; {advice}")
+    with(&Guidance {
+        names: Names {
+            coordinate: &|j| names[j].to_owned(),
+            observation: &|i| format!("design {}", design(i)),
+        },
+        responses: "percentiles",
+        unit: " µm",
+        setting: &|key, value| format!("kriging.{key} = {value:?}"),
+        without: &|observations| {
+            let designs: Vec<u64> = observations.iter().map(|&i| design(i)).collect();
+            format!("kriging.leave_out = {designs:?}")
+        },
+        more_points: "more designs (doe.designs)",
+        less_noise: "more samples (sampling.samples_per_design)",
+    })
 }
 
 /// An error in the names of the campaign, with the keys of its file that help.
-fn explained(error: Error, design: impl Fn(usize) -> u64) -> anyhow::Error {
-    match error {
-        Error::Contradiction {
-            first,
-            second,
-            difference,
-            permitted,
-        } => {
-            let [first, second] = [first, second].map(design);
-            anyhow::anyhow!(
-                "designs {first} and {second} lie at the same place, and their percentiles differ by \
-                 {difference:.4} µm where their noise permits {permitted:.4}: leave one of them out \
-                 (kriging.leave_out = [{second}]), or let kriging.nugget = \"estimated\" explain it"
-            )
-        }
-        Error::NotPositiveDefinite {
-            observation: Some(observation),
-            jitter,
-        } => {
-            let design = design(observation);
-            anyhow::anyhow!(
-                "no covariance matrix is positive definite, even with {jitter:e} added to its diagonal: \
-                 design {design} repeats others but for rounding; leave it out (kriging.leave_out = \
-                 [{design}])"
-            )
-        }
-        Error::Logarithm { index, value } => {
-            let design = design(index);
-            anyhow::anyhow!(
-                "the percentile of design {design} is {value} µm, which has no logarithm: choose \
-                 kriging.response = \"plain\""
-            )
-        }
-        error => error.into(),
+fn explained(problem: &Problem, error: Error, design: impl Fn(usize) -> u64) -> anyhow::Error {
+    match guided(problem, design, |guidance| guidance.error(&error)) {
+        Some(text) => anyhow::Error::msg(text),
+        None => error.into(),
     }
 }
 

@@ -12,7 +12,7 @@ use results::percentile::percentile;
 use crate::direct::{self, Corrected, Found, Search, Space};
 use crate::refusal::require_built_in;
 use crate::simulations::{Simulations, at_once};
-use crate::table::{NOTHING, Table, exact, maybe_exact, with_interval, write};
+use crate::table::{NOTHING, Table, Written, exact, maybe_exact, with_interval, write};
 
 /// What the searches with one set of corrections found together.
 #[derive(Debug, Clone, PartialEq)]
@@ -93,13 +93,14 @@ pub fn run(
     })
 }
 
-/// Writes `corrections.csv` and `corrections.md` into `out`; returns the Markdown.
+/// Writes `corrections.csv` and `corrections.md` into `out`; returns what it wrote.
 ///
 /// # Errors
 ///
 /// A file cannot be written.
-pub fn write_tables(out: &Path, campaign: &Campaign, rows: &[Row]) -> anyhow::Result<String> {
-    write(out, "corrections.csv", all_figures(rows).csv()?)?;
+pub fn write_tables(out: &Path, campaign: &Campaign, rows: &[Row]) -> anyhow::Result<Written> {
+    let figures = all_figures(rows);
+    write(out, "corrections.csv", figures.csv()?)?;
     let page = format!(
         "# {} with and without profile corrections\n\n\
          P90 of ΔSTE in µm from {} fresh samples with its 95 % interval, at the best of {} direct \
@@ -111,7 +112,10 @@ pub fn write_tables(out: &Path, campaign: &Campaign, rows: &[Row]) -> anyhow::Re
         summary(rows).markdown()
     );
     write(out, "corrections.md", &page)?;
-    Ok(page)
+    Ok(Written {
+        page,
+        tables: vec![("corrections", figures)],
+    })
 }
 
 fn summary(rows: &[Row]) -> Table {

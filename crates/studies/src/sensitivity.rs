@@ -21,7 +21,7 @@ use stats::{Index, Sensitivity, SensitivityPlan};
 use crate::direct::COMMON;
 use crate::finished::Optimum;
 use crate::simulations::{Answer, Request, Simulations};
-use crate::table::{Table, exact, with_interval, write};
+use crate::table::{Table, Written, exact, with_interval, write};
 
 /// Names the wear profiles among which the field of a single sample is drawn.
 const FIELDS: u64 = (1 << 40) + 1;
@@ -241,7 +241,7 @@ fn analyse(
     })
 }
 
-/// Writes `scenarios.csv`, `indices.csv` and `sensitivity.md` into `out`; returns the Markdown.
+/// Writes `scenarios.csv`, `indices.csv` and `sensitivity.md` into `out`; returns what it wrote.
 ///
 /// # Errors
 ///
@@ -253,7 +253,7 @@ pub fn write_tables(
     tolerances: &Tolerances,
     scenarios: &[Scenario],
     indices: &[Indices],
-) -> anyhow::Result<String> {
+) -> anyhow::Result<Written> {
     let mut table = Table::new(["parameter", "factor", "p90_um", "p90_low_um", "p90_high_um"]);
     let mut shown = Table::new(["scenario", "P90, µm"]);
     for row in scenarios {
@@ -270,7 +270,8 @@ pub fn write_tables(
         shown.rows.push(vec![label, with_interval(p90)]);
     }
     write(out, "scenarios.csv", table.csv()?)?;
-    write(out, "indices.csv", index_figures(indices).csv()?)?;
+    let figures = index_figures(indices);
+    write(out, "indices.csv", figures.csv()?)?;
     let mut page = format!(
         "# {name}: sensitivity of the design of approach {}\n\n{}",
         optimum.approach.name(),
@@ -308,7 +309,10 @@ pub fn write_tables(
         page += &format!(".\n\n{}", shown.markdown());
     }
     write(out, "sensitivity.md", &page)?;
-    Ok(page)
+    Ok(Written {
+        page,
+        tables: vec![("scenarios", table), ("indices", figures)],
+    })
 }
 
 fn index_figures(indices: &[Indices]) -> Table {

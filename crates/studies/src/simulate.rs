@@ -281,14 +281,14 @@ fn figures(pair: &Pair, file: &PairFile, request: Request) -> anyhow::Result<Fig
 /// # Errors
 ///
 /// A figure that is not finite; the simulator gives none.
-pub fn to_json(simulation: &Simulation) -> anyhow::Result<String> {
+pub fn to_json(simulation: &Simulation) -> anyhow::Result<serde_json::Value> {
     let mut object = serde_json::to_value(simulation)?;
     if let (Some(object), Some(figures)) = (object.as_object_mut(), &simulation.figures)
         && let serde_json::Value::Object(figures) = serde_json::to_value(figures)?
     {
         object.extend(figures);
     }
-    Ok(serde_json::to_string(&object)?)
+    Ok(object)
 }
 
 #[cfg(test)]

@@ -14,7 +14,7 @@ use results::status;
 use stages::optima::{self, approach_of, optimum_design};
 use store::Store;
 
-use crate::table::{NOTHING, Table, exact, maybe_exact, with_interval, write};
+use crate::table::{NOTHING, Table, Written, exact, maybe_exact, with_interval, write};
 
 /// Numbers of teeth, ascending and without gaps.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -166,13 +166,14 @@ pub async fn rows(member: &Member) -> anyhow::Result<Vec<Row>> {
     Ok(rows)
 }
 
-/// Writes `sweep.csv`, `sweep.md` and `sweep.svg` into `out`; returns the Markdown.
+/// Writes `sweep.csv`, `sweep.md` and `sweep.svg` into `out`; returns what it wrote.
 ///
 /// # Errors
 ///
 /// A file cannot be written.
-pub fn write_tables(out: &Path, name: &str, rows: &[Row]) -> anyhow::Result<String> {
-    write(out, "sweep.csv", all_figures(rows).csv()?)?;
+pub fn write_tables(out: &Path, name: &str, rows: &[Row]) -> anyhow::Result<Written> {
+    let figures = all_figures(rows);
+    write(out, "sweep.csv", figures.csv()?)?;
     let mut page = format!(
         "# {name} over tooth numbers\n\n\
          P90 of ΔSTE in µm at the optimum of each approach, with its 95 % interval from fresh \
@@ -196,7 +197,10 @@ pub fn write_tables(out: &Path, name: &str, rows: &[Row]) -> anyhow::Result<Stri
         Err(why) => page += &format!("\n{why}\n"),
     }
     write(out, "sweep.md", &page)?;
-    Ok(page)
+    Ok(Written {
+        page,
+        tables: vec![("sweep", figures)],
+    })
 }
 
 /// The approaches that occur, in their order.

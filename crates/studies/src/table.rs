@@ -5,6 +5,8 @@ use std::path::Path;
 
 use anyhow::Context as _;
 use report::Percentile;
+use results::rows;
+use serde_json::{Value, json};
 
 /// Shown in a table where there is nothing.
 pub(crate) const NOTHING: &str = "–";
@@ -55,6 +57,36 @@ impl Table {
     }
 }
 
+/// What a study found, as it wrote it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Written {
+    /// The page, in Markdown.
+    pub page: String,
+    /// The tables with all figures, by the names of their files.
+    pub tables: Vec<(&'static str, Table)>,
+}
+
+impl Written {
+    /// The tables as one JSON object, with the folder that they were written to.
+    ///
+    /// # Errors
+    ///
+    /// A table has a row that does not fit its header.
+    pub fn to_json(&self, out: &Path) -> anyhow::Result<Value> {
+        let rows = |table: &Table| -> anyhow::Result<Vec<Value>> {
+            let row = |row: &Vec<String>| Ok(rows::object(&table.header, row)?.into());
+            table.rows.iter().map(row).collect()
+        };
+        let tables = self.tables.iter();
+        let tables = tables.map(|(name, table)| Ok(((*name).to_owned(), rows(table)?.into())));
+        Ok(json!({
+            "schema_version": rows::SCHEMA_VERSION,
+            "folder": out.display().to_string(),
+            "tables": tables.collect::<anyhow::Result<serde_json::Map<_, _>>>()?,
+        }))
+    }
+}
+
 /// Writes a file into the folder `out`, which is made if need be; never half a file.
 ///
 /// # Errors
@@ -99,6 +131,23 @@ mod tests {
         table.rows.push(vec!["x|y".to_owned(), "1,5".to_owned()]);
         assert_eq!(table.markdown(), "| a | b |\n|---|---:|\n| x\\|y | 1,5 |\n");
         assert_eq!(table.csv().unwrap(), b"a,b\nx|y,\"1,5\"\n");
+        let found = Written {
+            page: String::new(),
+            tables: vec![("t", table.clone())],
+        };
+        assert!(found.to_json(Path::new("out")).is_err(), "a is no text");
+        table.header = vec!["source".to_owned(), "b".to_owned()];
+        table.rows[0][1] = "1.5".to_owned();
+        let found = Written {
+            tables: vec![("t", table.clone())],
+            ..found
+        };
+        let expected = json!({
+            "schema_version": 1,
+            "folder": "out",
+            "tables": {"t": [{"source": "x|y", "b": 1.5}]},
+        });
+        assert_eq!(found.to_json(Path::new("out")).unwrap(), expected);
         table.rows.push(vec!["short".to_owned()]);
         assert!(table.csv().is_err());
     }

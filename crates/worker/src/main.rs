@@ -43,7 +43,10 @@ struct Arguments {
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    console::start_log(arguments.log_format);
+    if let Err(error) = console::start_log(arguments.log_format) {
+        console::complain(&error.to_string());
+        return ExitCode::from(exit::USAGE);
+    }
     let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let options = Options {
         slots: arguments.slots.map_or(processors, usize::from),

@@ -13,24 +13,27 @@ pub(super) struct Source<'a> {
 
 impl Source<'_> {
     pub(super) fn parse<T: DeserializeOwned>(self) -> Result<T, FileError> {
-        toml::from_str(self.text).map_err(|error| {
-            let offset = error
-                .span()
-                .map_or(0, |span| span.start)
-                .min(self.text.len());
-            let line = self.text[..offset].matches('\n').count();
-            let key = self
-                .text
-                .lines()
-                .nth(line)
-                .and_then(|line| line.split_once('='));
-            let place = key.map_or_else(String::new, |(key, _)| format!("{}: ", key.trim()));
-            let message = error.message().replace('\n', " ");
-            FileError::Syntax {
-                file: self.file.to_owned(),
-                line: line + 1,
-                message: place + &in_plain_words(&message),
+        let first = match toml::from_str(self.text) {
+            Ok(parsed) => return Ok(parsed),
+            Err(error) => error,
+        };
+        let (line, mut message) = explained(self.text, &first);
+        let mut rest = without_unknown(self.text, &first);
+        // The parser ends at the first unknown key: the others show when it is gone.
+        while let Some(text) = rest {
+            let Err(error) = toml::from_str::<T>(&text) else {
+                break;
+            };
+            rest = without_unknown(&text, &error);
+            if rest.is_some() {
+                let (line, next) = explained(&text, &error);
+                message += &format!("; line {}: {next}", line + 1);
             }
+        }
+        Err(FileError::Syntax {
+            file: self.file.to_owned(),
+            line: line + 1,
+            message,
         })
     }
 
@@ -194,6 +197,41 @@ impl Source<'_> {
     }
 }
 
+/// Line (from 0) and byte at which an error begins.
+fn place(text: &str, error: &toml::de::Error) -> (usize, usize) {
+    let start = error.span().map_or(0, |span| span.start).min(text.len());
+    (text[..start].matches('\n').count(), start)
+}
+
+/// The line (from 0) of an error, and what is wrong there.
+fn explained(text: &str, error: &toml::de::Error) -> (usize, String) {
+    let (line, _) = place(text, error);
+    let key = text.lines().nth(line).and_then(|line| line.split_once('='));
+    let key = key.map_or_else(String::new, |(key, _)| format!("{}: ", key.trim()));
+    let message = error.message().replace('\n', " ");
+    (line, key + &in_plain_words(&message))
+}
+
+/// The text with empty lines in the place of the unknown key of `error`, or of the unknown section and all
+/// that is in it; none for another error.
+fn without_unknown(text: &str, error: &toml::de::Error) -> Option<String> {
+    if !error.message().starts_with("unknown field") {
+        return None;
+    }
+    let (_, start) = place(text, error);
+    let begin = text[..start].rfind('\n').map_or(0, |end| end + 1);
+    let is_section = text[begin..].trim_start().starts_with('[');
+    let mut end = begin;
+    for line in text[begin..].split_inclusive('\n') {
+        if end > begin && (!is_section || line.trim_start().starts_with('[')) {
+            break;
+        }
+        end += line.len();
+    }
+    let lines = "\n".repeat(text[begin..end].matches('\n').count());
+    Some([&text[..begin], &lines, &text[end..]].concat())
+}
+
 /// Replaces the names of Rust's types by what a user would call them.
 fn in_plain_words(message: &str) -> String {
     [
@@ -206,4 +244,61 @@ fn in_plain_words(message: &str) -> String {
     .fold(message.to_owned(), |message, (from, to)| {
         message.replace(from, to)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use serde::Deserialize;
+
+    use super::*;
+
+    #[derive(Debug, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct File {
+        seed: u32,
+        load: Load,
+    }
+
+    #[derive(Debug, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Load {
+        torque: f64,
+    }
+
+    fn parsed(text: &str) -> Result<File, FileError> {
+        let file = "c.toml";
+        Source { file, text }.parse()
+    }
+
+    #[test]
+    fn all_unknown_keys_and_sections_are_reported_with_their_lines() {
+        let whole = parsed("seed = 1\n[load]\ntorque = 2.0\n").unwrap();
+        assert_eq!((whole.seed, whole.load.torque), (1, 2.0));
+        let text =
+            "seed = 1\nsed = 2\n[lod]\ntorque = 1.0\nx = [\n1]\n[load]\ntorque = 2.0\ntorqe = 3.0";
+        let FileError::Syntax { line, message, .. } = parsed(text).unwrap_err() else {
+            panic!("no error of syntax");
+        };
+        assert!([2, 3, 9].contains(&line), "{line}: {message}");
+        for part in ["`sed`", "`lod`", "`torqe`"] {
+            assert!(message.contains(part), "no {part} in {message}");
+        }
+        let named = |line: usize| message.contains(&format!("; line {line}: "));
+        assert_eq!(
+            [2, 3, 9].iter().filter(|line| named(**line)).count(),
+            2,
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn an_unknown_key_does_not_hide_behind_a_missing_one() {
+        let error = parsed("sed = 1\n[load]\ntorque = 2.0\n").unwrap_err();
+        assert!(
+            error
+                .to_string()
+                .contains("c.toml, line 1: sed: unknown field"),
+            "{error}"
+        );
+    }
 }

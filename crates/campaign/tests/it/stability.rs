@@ -210,7 +210,15 @@ fn a_constraint_that_is_no_number_makes_no_optimum() {
     );
     let found = unit(&result);
     assert!(found[0] >= 0.5, "{found:?}");
-    assert!(result.best.unwrap().criteria.gears().specific_sliding.is_finite());
+    assert!(
+        result
+            .best
+            .unwrap()
+            .criteria
+            .gears()
+            .specific_sliding
+            .is_finite()
+    );
 }
 
 #[test]

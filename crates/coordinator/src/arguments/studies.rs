@@ -35,6 +35,9 @@ pub(crate) struct Sweep {
     pub(crate) workers: Option<u16>,
     #[command(flatten)]
     pub(crate) simulator: SimulatorArguments,
+    /// Print the tables as one JSON object instead of the page
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 /// Who computes a study's simulations.
@@ -64,11 +67,14 @@ pub(crate) struct Corrections {
     /// without.
     #[arg(value_name = "CAMPAIGN.toml")]
     pub(crate) campaign: PathBuf,
-    /// The folder of the tables [default: NAME-corrections]
+    /// The folder of the tables; one that is not empty is refused [default: NAME-corrections]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) workers: StudyWorkers,
+    /// Print the tables as one JSON object instead of the page
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 /// A campaign and its finished store.
@@ -102,11 +108,14 @@ pub(crate) struct Sensitivity {
     #[arg(long, value_name = "N", default_value_t = 1024,
         value_parser = clap::value_parser!(u32).range(8..=stats::SENSITIVITY_ROWS as i64))]
     pub(crate) rows: u32,
-    /// The folder of the tables [default: NAME-sensitivity]
+    /// The folder of the tables; one that is not empty is refused [default: NAME-sensitivity]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) workers: StudyWorkers,
+    /// Print the tables as one JSON object instead of the page
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 #[derive(Debug, Args)]
@@ -120,11 +129,15 @@ pub(crate) struct Pareto {
     #[arg(long, value_name = "N", default_value_t = 0,
         value_parser = clap::value_parser!(u32).range(0..=1000))]
     pub(crate) refine: u32,
-    /// The folder of the table and the chart [default: NAME-pareto]
+    /// The folder of the table and the chart; one that is not empty is refused
+    /// [default: NAME-pareto]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) workers: StudyWorkers,
+    /// Print the tables as one JSON object instead of the page
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 fn approach(text: &str) -> Result<String, String> {

@@ -9,11 +9,36 @@ use campaign::{Approach, Campaign, Design};
 use ledger::{Generation, StreamId, Unit};
 use protocol::exit;
 use rand::RngExt as _;
+use serde::Serialize;
 use stages::references;
 use stats::streams::{Purpose, stream};
 
-use super::{print, read};
+use super::{print_either, read};
 use crate::arguments;
+
+/// What a campaign would do.
+#[derive(Serialize)]
+struct Plan {
+    schema_version: u32,
+    file: String,
+    campaign: String,
+    seed: u64,
+    teeth: [u32; 2],
+    /// In their order.
+    stages: Vec<Stage>,
+    /// The sum of the stages' estimates, if there are any.
+    core_seconds: Option<f64>,
+    warnings: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct Stage {
+    stage: &'static str,
+    /// What it does, in words.
+    work: String,
+    /// What it takes on one processor of this machine; none with an external simulator.
+    core_seconds: Option<f64>,
+}
 
 /// `coordinator check`: validates a campaign file and says what it would do.
 pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
@@ -54,14 +79,6 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
         _ => 0.0,
     };
     let fitting = 10.0 * (feasible / 3000.0).powi(3);
-    let mut plan = format!(
-        "{} is valid: campaign {}, seed {}, {} and {} teeth\n\n",
-        arguments.campaign.display(),
-        campaign.name,
-        campaign.seed,
-        campaign.teeth()[0],
-        campaign.teeth()[1]
-    );
     let mut rows = vec![
         (
             "doe",
@@ -110,24 +127,52 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
         let seconds = left * sample_seconds + 0.05 * points;
         rows.insert(4, ("enrich", what, seconds));
     }
-    for (stage, what, seconds) in &rows {
-        plan += &if measured.is_some() {
-            format!("{stage:<10}{what:<55}{seconds:>8.1} core-seconds\n")
-        } else {
-            format!("{stage:<10}{what}\n")
+    let stage = |(stage, work, seconds): (&'static str, String, f64)| Stage {
+        stage,
+        work,
+        core_seconds: measured.map(|_| seconds),
+    };
+    let stages: Vec<Stage> = rows.into_iter().map(stage).collect();
+    let plan = Plan {
+        schema_version: 1,
+        file: arguments.campaign.display().to_string(),
+        campaign: campaign.name.clone(),
+        seed: campaign.seed,
+        teeth: campaign.teeth(),
+        core_seconds: stages.iter().map(|stage| stage.core_seconds).sum(),
+        stages,
+        warnings: campaign.warnings(),
+    };
+    print_either(arguments.json, &plan, || describe(&plan))?;
+    Ok(exit::OK)
+}
+
+/// The plan for people.
+fn describe(plan: &Plan) -> String {
+    let mut text = format!(
+        "{} is valid: campaign {}, seed {}, {} and {} teeth\n\n",
+        plan.file, plan.campaign, plan.seed, plan.teeth[0], plan.teeth[1]
+    );
+    for Stage {
+        stage,
+        work,
+        core_seconds,
+    } in &plan.stages
+    {
+        text += &match core_seconds {
+            Some(seconds) => format!("{stage:<10}{work:<55}{seconds:>8.1} core-seconds\n"),
+            None => format!("{stage:<10}{work}\n"),
         };
     }
-    if measured.is_some() {
-        let total: f64 = rows.iter().map(|row| row.2).sum();
-        plan += &format!("{:<65}{total:>8.1} core-seconds (estimated)\n", "all");
-    } else {
-        plan += "\nAn external program simulates, so there is no estimate of how long it takes.\n";
+    text += &match plan.core_seconds {
+        Some(total) => format!("{:<65}{total:>8.1} core-seconds (estimated)\n", "all"),
+        None => "\nAn external program simulates, so there is no estimate of how long it takes.\n"
+            .to_owned(),
+    };
+    for warning in &plan.warnings {
+        text += &format!("\nwarning: {warning}\n");
     }
-    for warning in campaign.warnings() {
-        plan += &format!("\nwarning: {warning}\n");
-    }
-    print(&plan)?;
-    Ok(exit::OK)
+    text
 }
 
 /// What one processor of this machine takes, from a few designs of the campaign.

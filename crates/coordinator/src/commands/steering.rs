@@ -11,7 +11,7 @@ use results::describing::describe;
 use results::status::{self, Status};
 use store::Store;
 
-use super::print;
+use super::{print, print_either};
 use crate::arguments;
 
 /// How often a store is looked at.
@@ -109,7 +109,9 @@ pub(super) async fn explain(arguments: &arguments::Explain) -> anyhow::Result<u8
     let link = link(&arguments.reach)?;
     let answer = link.client().explain(ExplainRequest {}).await;
     let answer = answer.map_err(|status| link.error(&status))?.into_inner();
-    print(&(answer.sentences.join("\n") + "\n"))?;
+    let sentences = answer.sentences;
+    let result = serde_json::json!({ "schema_version": 1, "sentences": sentences });
+    print_either(arguments.json, &result, || sentences.join("\n") + "\n")?;
     Ok(exit::OK)
 }
 

@@ -11,11 +11,13 @@ use protocol::exit;
 use store::Store;
 use studies::refusal::require_built_in;
 use studies::simulations::Simulations;
+use studies::table::Written;
 use studies::{corrections, finished, pareto, sensitivity, sweep};
 use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
 
-use super::{Usage, local_workers, print, processors, read, refuse_network_store};
+use super::output::refuse_taken;
+use super::{Usage, local_workers, print_either, processors, read, refuse_network_store};
 use crate::arguments;
 use crate::progress::Progress;
 
@@ -71,8 +73,8 @@ pub(super) async fn sweep(arguments: arguments::Sweep) -> anyhow::Result<u8> {
     for member in &members {
         rows.extend(sweep::rows(member).await?);
     }
-    let page = sweep::write_tables(&out, &campaign.name, &rows)?;
-    finish((page, out))?;
+    let found = sweep::write_tables(&out, &campaign.name, &rows)?;
+    finish((found, out), arguments.json)?;
     Ok(if incomplete {
         exit::INCOMPLETE
     } else {
@@ -84,7 +86,8 @@ pub(super) async fn sweep(arguments: arguments::Sweep) -> anyhow::Result<u8> {
 pub(super) async fn corrections(arguments: arguments::Corrections) -> anyhow::Result<u8> {
     let campaign = parse(&arguments.campaign)?;
     let spaces = corrections::spaces(&campaign).map_err(usage)?;
-    let out = folder(arguments.out, &campaign, "corrections");
+    let json = arguments.json;
+    let out = new_folder(arguments.out, &campaign, "corrections")?;
     let plan = plan(&campaign, arguments.workers, "corrections")?;
     let rows = move |simulations: &dyn Simulations| {
         let problem = Problem::new(campaign);
@@ -102,9 +105,9 @@ pub(super) async fn corrections(arguments: arguments::Corrections) -> anyhow::Re
             );
             rows.push(row);
         }
-        corrections::write_tables(&out, problem.campaign(), &rows).map(|page| (page, out))
+        corrections::write_tables(&out, problem.campaign(), &rows).map(|found| (found, out))
     };
-    conduct(plan, rows).await
+    conduct(plan, json, rows).await
 }
 
 /// `coordinator sensitivity`: what the recommended design owes to wear and tolerances.
@@ -119,16 +122,17 @@ pub(super) async fn sensitivity(arguments: arguments::Sensitivity) -> anyhow::Re
         scenario: arguments.scenario,
         rows: arguments.rows as usize,
     };
-    let out = folder(arguments.out, problem.campaign(), "sensitivity");
+    let json = arguments.json;
+    let out = new_folder(arguments.out, problem.campaign(), "sensitivity")?;
     let plan = plan(problem.campaign(), arguments.workers, "sensitivity")?;
     let page = move |simulations: &dyn Simulations| {
         let scenarios = sensitivity::scenarios(simulations, &problem, &optimum)?;
         let indices = sensitivity::indices(simulations, &problem, &optimum, &tolerances)?;
         let name = &problem.campaign().name;
         sensitivity::write_tables(&out, name, &optimum, &tolerances, &scenarios, &indices)
-            .map(|page| (page, out))
+            .map(|found| (found, out))
     };
-    conduct(plan, page).await
+    conduct(plan, json, page).await
 }
 
 /// `coordinator pareto`: P90 against a second objective.
@@ -143,7 +147,8 @@ pub(super) async fn pareto(arguments: arguments::Pareto) -> anyhow::Result<u8> {
     let base = finished::base(&problem, &optima);
     let all = pareto::of_doe(&store, &problem, &base, against).await?;
     store.close().await?;
-    let out = folder(arguments.out, problem.campaign(), "pareto");
+    let json = arguments.json;
+    let out = new_folder(arguments.out, problem.campaign(), "pareto")?;
     let campaign = problem.campaign().clone();
     let page = move |simulations: Option<&dyn Simulations>| {
         let mut points = pareto::front_of_doe(simulations, &problem, &all, against)?;
@@ -153,13 +158,14 @@ pub(super) async fn pareto(arguments: arguments::Pareto) -> anyhow::Result<u8> {
             points.extend(refined);
         }
         pareto::mark(&mut points, against);
-        pareto::write_tables(&out, &problem, against, &all, &points, refine).map(|page| (page, out))
+        pareto::write_tables(&out, &problem, against, &all, &points, refine)
+            .map(|found| (found, out))
     };
     if !has_workers && refine == 0 {
-        return finish(page(None)?);
+        return finish(page(None)?, json);
     }
     let plan = plan(&campaign, workers, "pareto")?;
-    conduct(plan, move |simulations| page(Some(simulations))).await
+    conduct(plan, json, move |simulations| page(Some(simulations))).await
 }
 
 /// Who computes a study of a campaign.
@@ -208,12 +214,13 @@ fn refuse_port(port: &arguments::PortArguments) -> Result<(), Usage> {
 /// Runs a study to its end, prints its page, and says where its tables are.
 async fn conduct(
     plan: study::Plan,
-    work: impl FnOnce(&dyn Simulations) -> anyhow::Result<(String, PathBuf)> + Send + 'static,
+    json: bool,
+    work: impl FnOnce(&dyn Simulations) -> anyhow::Result<(Written, PathBuf)> + Send + 'static,
 ) -> anyhow::Result<u8> {
     let shutdown = CancellationToken::new();
     tokio::spawn(console::watch_signals(shutdown.clone(), "stopping"));
     match study::run(plan, work, shutdown).await? {
-        Some(found) => finish(found),
+        Some(found) => finish(found, json),
         None => {
             info!("stopped; nothing of the study is kept");
             Ok(exit::INTERRUPTED)
@@ -233,6 +240,17 @@ fn folder(out: Option<PathBuf>, campaign: &Campaign, what: &str) -> PathBuf {
     out.unwrap_or_else(|| PathBuf::from(format!("{}-{what}", campaign.name)))
 }
 
+/// The folder of a study that cannot be continued: it must hold nothing yet.
+fn new_folder(
+    out: Option<PathBuf>,
+    campaign: &Campaign,
+    what: &str,
+) -> Result<PathBuf, super::FileAccess> {
+    let out = folder(out, campaign, what);
+    refuse_taken(&out)?;
+    Ok(out)
+}
+
 async fn finished_campaign(
     arguments: &arguments::FinishedCampaign,
 ) -> anyhow::Result<(Store, Problem)> {
@@ -246,7 +264,9 @@ async fn finished_campaign(
     Ok((store, problem))
 }
 
-fn finish((page, out): (String, PathBuf)) -> anyhow::Result<u8> {
-    print(&format!("{page}\nwritten to {}\n", out.display()))?;
+fn finish((found, out): (Written, PathBuf), json: bool) -> anyhow::Result<u8> {
+    print_either(json, &found.to_json(&out)?, || {
+        format!("{}\nwritten to {}\n", found.page, out.display())
+    })?;
     Ok(exit::OK)
 }

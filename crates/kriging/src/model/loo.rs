@@ -1,6 +1,6 @@
 //! Leave-one-out validation in closed form.
 
-use statrs::function::erf::erfc_inv;
+use statrs::function::erf::{erf_inv, erfc_inv};
 
 use super::Model;
 use super::calibration::{Residual, Z_TWO_SIDED_90};
@@ -63,6 +63,14 @@ impl LeaveOneOut {
             .filter(|(_, z)| z.abs() > limit)
             .map(|(i, _)| i)
             .collect()
+    }
+
+    /// The fraction of observations within their prediction interval of this probability, as in 0.95.
+    #[must_use]
+    pub fn coverage(&self, probability: f64) -> f64 {
+        let z = std::f64::consts::SQRT_2 * erf_inv(probability);
+        let within = self.standardised.iter().filter(|r| r.abs() <= z).count();
+        within as f64 / self.standardised.len() as f64
     }
 
     /// From the residuals of `points`, in their order; `calibration` multiplies the variances but

@@ -28,6 +28,16 @@ pub fn render(data: &ReportData) -> Result<String, Error> {
     Ok(Page::new(data)?.render()?)
 }
 
+/// The digest of the campaign whose report begins with `html`, as [`render`] wrote it; none if this is no
+/// report, or one of a version that did not write the digest.
+#[must_use]
+pub fn campaign_digest(html: &str) -> Option<&str> {
+    let mark = "<meta name=\"campaign-digest\" content=\"";
+    let (_, rest) = html.split_once(mark)?;
+    let (digest, _) = rest.split_once('"')?;
+    Some(digest)
+}
+
 #[derive(Template)]
 #[template(path = "report.html")]
 struct Page<'a> {

@@ -101,6 +101,7 @@ fn header() -> Header {
     };
     Header {
         campaign: "synthetic".to_owned(),
+        campaign_digest: "c0ffee".to_owned(),
         seed: 2009,
         program_version: "0.1.0".to_owned(),
         samples_digest: "9f2c6c1d0b7e4a55e1d3c8f7a6b5948372615049f8e7d6c5b4a3928170655443"

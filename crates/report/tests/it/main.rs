@@ -14,6 +14,7 @@ fn empty() -> ReportData {
     ReportData {
         header: Header {
             campaign: "nothing".to_owned(),
+            campaign_digest: String::new(),
             seed: 1,
             program_version: "0.1.0".to_owned(),
             samples_digest: String::new(),

@@ -7,9 +7,9 @@ use campaign::formulation::gears::VARIABLE_NAMES;
 use report::PercentileSeries;
 
 use super::front::{Against, Point, Source};
-use crate::table::{NOTHING, Table, exact, maybe_exact, with_interval, write};
+use crate::table::{NOTHING, Table, Written, exact, maybe_exact, with_interval, write};
 
-/// Writes `pareto.csv`, `pareto.md` and `pareto.svg` into `out`; returns the Markdown. `all` are the
+/// Writes `pareto.csv`, `pareto.md` and `pareto.svg` into `out`; returns what it wrote. `all` are the
 /// designs behind the front of the DoE, `marked` what [`super::mark`] has seen, after so many `searches`.
 ///
 /// # Errors
@@ -22,8 +22,9 @@ pub fn write_tables(
     all: &[Point],
     marked: &[Point],
     searches: u32,
-) -> anyhow::Result<String> {
-    write(out, "pareto.csv", all_figures(marked).csv()?)?;
+) -> anyhow::Result<Written> {
+    let figures = all_figures(marked);
+    write(out, "pareto.csv", figures.csv()?)?;
     let mut page = format!(
         "# {}: P90 of ΔSTE against the {}\n\n\
          {} designs of the DoE satisfy the constraints, that on {} (below {} MPa) aside. Below are \
@@ -54,7 +55,10 @@ pub fn write_tables(
         Err(why) => page += &format!("\n{why}\n"),
     }
     write(out, "pareto.md", &page)?;
-    Ok(page)
+    Ok(Written {
+        page,
+        tables: vec![("pareto", figures)],
+    })
 }
 
 fn summary(problem: &Problem, against: Against, points: &[Point]) -> Table {

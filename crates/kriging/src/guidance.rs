@@ -1,0 +1,101 @@
+//! Warnings and errors with what the user of a program can do about them.
+
+use crate::{Error, Names, Warning};
+
+/// The words in which a program speaks of the data, and the names of the settings that help.
+pub struct Guidance<'a> {
+    /// The names of coordinates and observations.
+    pub names: Names<'a>,
+    /// What the observations of several points are called, as in "percentiles".
+    pub responses: &'a str,
+    /// Unit of the response with a space before it, as in " µm"; empty if it has none.
+    pub unit: &'a str,
+    /// A setting and its value in the program's notation, as in `kriging.nugget = "estimated"`.
+    pub setting: &'a dyn Fn(&str, &str) -> String,
+    /// How to fit without these observations (numbers from 0), as in `kriging.leave_out = [41]`.
+    pub without: &'a dyn Fn(&[usize]) -> String,
+    /// Where more points come from, as in "more designs (doe.designs)".
+    pub more_points: &'a str,
+    /// Where less noise comes from, as in "more samples (sampling.samples_per_design)".
+    pub less_noise: &'a str,
+}
+
+impl Guidance<'_> {
+    /// The warning, and the settings that help.
+    #[must_use]
+    pub fn warning(&self, warning: &Warning) -> String {
+        let text = warning.text(&self.names);
+        let setting = self.setting;
+        let advice = match warning {
+            Warning::Outliers { worst, .. } => {
+                let numbers: Vec<usize> = worst.iter().map(|o| o.observation).collect();
+                format!(
+                    "look at them; {} fits without them, {} takes them as noise",
+                    (self.without)(&numbers),
+                    setting("nugget", "estimated")
+                )
+            }
+            Warning::ContradictoryDuplicates { .. } | Warning::NuggetAtBound { upper: true } => {
+                format!("{} help", self.less_noise)
+            }
+            Warning::FewPoints { .. } | Warning::SharedRange { .. } => format!(
+                "{} help, or {}",
+                self.more_points,
+                setting("estimator", "posterior-mode")
+            ),
+            Warning::FlatRanges { .. } => format!(
+                "{} settles it by a prior",
+                setting("estimator", "posterior-mode")
+            ),
+            Warning::NuggetAtBound { upper: false } => {
+                format!("{} is as good", setting("nugget", "known"))
+            }
+            _ => return text,
+        };
+        format!("{text}; {advice}")
+    }
+
+    /// The error in these words, with the settings that help; `None` if it names neither an observation nor
+    /// a setting, so that its own text says all.
+    #[must_use]
+    pub fn error(&self, error: &Error) -> Option<String> {
+        let observation = |number: &usize| (self.names.observation)(*number);
+        let (setting, without, unit) = (self.setting, self.without, self.unit);
+        match error {
+            Error::Contradiction {
+                first,
+                second,
+                difference,
+                permitted,
+            } => Some(format!(
+                "{} and {} lie at the same place, and their {} differ by {difference:.3e}{unit} where their \
+                 noise permits {permitted:.3e}: leave one of them out ({}), or let {} explain it",
+                observation(first),
+                observation(second),
+                self.responses,
+                without(&[*second]),
+                setting("nugget", "estimated")
+            )),
+            Error::NotPositiveDefinite {
+                observation: Some(number),
+                jitter,
+            } => Some(format!(
+                "no covariance matrix is positive definite, even with {jitter:e} added to its diagonal: {} \
+                 repeats others but for rounding; leave it out ({})",
+                observation(number),
+                without(&[*number])
+            )),
+            Error::Logarithm { index, value } => Some(format!(
+                "{} is {value}{unit}, which has no logarithm: choose {}",
+                observation(index),
+                setting("response", "plain")
+            )),
+            Error::ExactOnly { what } => Some(format!(
+                "the approximate method, which \"auto\" is for many observations, does not offer {what}: \
+                 choose {}",
+                setting("method", "exact")
+            )),
+            _ => None,
+        }
+    }
+}

@@ -1,0 +1,299 @@
+use kriging::{Data, Guidance, Method, Names, Settings, Surrogate};
+
+use crate::summary::{self, Summary};
+use crate::{Error, ModelFile, Quantity, Table};
+
+/// Which columns to fit, and how.
+#[derive(Debug, Clone)]
+pub struct Request {
+    /// The column of observations.
+    pub response: String,
+    /// The column of the observations' noise variances, in units of the response squared; without one
+    /// the known noise is zero.
+    pub variance: Option<String>,
+    /// The columns of the inputs; all other columns that have numbers if none are named.
+    pub inputs: Option<Vec<String>>,
+    /// Whether to estimate a nugget; by default if there is no column of noise variances.
+    pub nugget: Option<bool>,
+    /// How to fit. The nugget's setting is replaced by the one above.
+    pub settings: Settings,
+}
+
+/// A fitted model and what a reader wants to know of it.
+#[derive(Debug, Clone)]
+pub struct Fit {
+    /// The model.
+    pub model: ModelFile,
+    /// Its parameters and validation.
+    pub summary: Summary,
+}
+
+/// The columns that a request chooses.
+struct Columns {
+    inputs: Vec<Quantity>,
+    response: Quantity,
+    unused: Vec<String>,
+}
+
+/// Fits a model to columns of a table and validates it by leaving out each observation in turn.
+///
+/// # Errors
+///
+/// A column is missing or holds something else than numbers, a noise variance is negative, the settings
+/// contradict each other, or no model can be fitted.
+pub fn fit(table: &Table, request: &Request) -> Result<Fit, Error> {
+    let columns = choose(table, request)?;
+    let nugget = request.nugget.unwrap_or(request.variance.is_none());
+    let mut settings = request.settings.clone();
+    settings.fit.nugget = nugget;
+    check(&settings, request)?;
+
+    let n = table.len();
+    let d = columns.inputs.len();
+    let mut x = vec![0.0; n * d];
+    for (j, input) in columns.inputs.iter().enumerate() {
+        for (i, value) in table.numbers(&input.name)?.into_iter().enumerate() {
+            x[i * d + j] = value;
+        }
+    }
+    let y = table.numbers(&request.response)?;
+    let noise_variance = match &request.variance {
+        Some(name) => variances(table, name)?,
+        None => vec![0.0; n],
+    };
+    let data = Data {
+        x: &x,
+        d,
+        y: &y,
+        noise_variance: &noise_variance,
+    };
+    let (surrogate, warnings) = guided(table, &columns, |guidance| {
+        let surrogate = Surrogate::fit(&data, &settings).map_err(|error| Error::Fit {
+            file: table.file().to_owned(),
+            reason: guidance.error(&error).unwrap_or_else(|| error.to_string()),
+        })?;
+        let warnings = surrogate.warnings().iter();
+        let warnings: Vec<String> = warnings.map(|w| guidance.warning(w)).collect();
+        Ok::<_, Error>((surrogate, warnings))
+    })?;
+    let model = ModelFile::new(&columns.inputs, columns.response, surrogate);
+    let summary = summary::of(&model, &settings, table, request, columns.unused, warnings);
+    Ok(Fit { model, summary })
+}
+
+fn choose(table: &Table, request: &Request) -> Result<Columns, Error> {
+    let is_taken = |name: &String| {
+        *name == request.response || request.variance.as_ref().is_some_and(|v| v == name)
+    };
+    for name in [Some(&request.response), request.variance.as_ref()] {
+        name.map_or(Ok(0), |name| table.position(name))?;
+    }
+    if request.variance.as_ref() == Some(&request.response) {
+        return Err(Error::Settings(format!(
+            "column {:?} cannot be both the response and its variance",
+            request.response
+        )));
+    }
+    let (names, unused) = match &request.inputs {
+        Some(names) => {
+            for (number, name) in names.iter().enumerate() {
+                table.position(name)?;
+                if is_taken(name) || names[..number].contains(name) {
+                    return Err(Error::Settings(format!(
+                        "column {name:?} cannot be an input: it is another one, the response or its \
+                         variance already"
+                    )));
+                }
+            }
+            let other = |name: &&String| !is_taken(name) && !names.contains(name);
+            let unused = table.columns().iter().filter(other).cloned().collect();
+            (names.clone(), unused)
+        }
+        None => {
+            let others = table.columns().iter().enumerate();
+            let others = others.filter(|(_, name)| !is_taken(name));
+            let (inputs, unused): (Vec<_>, Vec<_>) =
+                others.partition(|(position, _)| table.has_numbers(*position));
+            let names = |found: Vec<(usize, &String)>| -> Vec<String> {
+                found.into_iter().map(|(_, name)| name.clone()).collect()
+            };
+            (names(inputs), names(unused))
+        }
+    };
+    if names.is_empty() {
+        return Err(Error::Settings(format!(
+            "{} has no inputs: it must have a column of numbers beside the response {:?}",
+            table.file(),
+            request.response
+        )));
+    }
+    Ok(Columns {
+        inputs: names.iter().map(|name| Quantity::new(name)).collect(),
+        response: Quantity::new(&request.response),
+        unused,
+    })
+}
+
+/// The approximate method has neither a nugget nor a trend.
+fn check(settings: &Settings, request: &Request) -> Result<(), Error> {
+    if settings.method == Method::Vecchia && settings.fit.nugget {
+        let why = if request.nugget.is_none() {
+            ", which is the default without --variance"
+        } else {
+            ""
+        };
+        return Err(Error::Settings(format!(
+            "--method vecchia does not go with --nugget estimated{why}: give --variance COLUMN, \
+             --nugget known or --method exact"
+        )));
+    }
+    Ok(())
+}
+
+fn variances(table: &Table, name: &str) -> Result<Vec<f64>, Error> {
+    let values = table.numbers(name)?;
+    match values.iter().position(|value| *value < 0.0) {
+        None => Ok(values),
+        Some(row) => {
+            let message = format!("{} is negative, but a variance must not be", values[row]);
+            let error = crate::InputError::in_file(table.file(), message);
+            Err(error.at_line(table.line(row)).in_column(name).into())
+        }
+    }
+}
+
+/// Does `with` in the names of the table, with the options of `fit` that help.
+fn guided<T>(table: &Table, columns: &Columns, with: impl FnOnce(&Guidance<'_>) -> T) -> T {
+    let line = |observation: usize| table.line(observation);
+    with(&Guidance {
+        names: Names {
+            coordinate: &|j| format!("column {:?}", columns.inputs[j].name),
+            observation: &|i| format!("line {}", line(i)),
+        },
+        responses: "responses",
+        unit: &columns.response.spaced_unit(),
+        setting: &|key, value| match key {
+            "response" => format!("--response-scale {value}"),
+            key => format!("--{key} {value}"),
+        },
+        without: &|observations| {
+            let lines = observations.iter().map(|&i| line(i).to_string());
+            let lines: Vec<String> = lines.collect();
+            format!("a table without line {}", lines.join(", "))
+        },
+        more_points: "more rows",
+        less_noise: "less noisy observations",
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A table of y = 3 + sin 3a + b² with a little scatter, and what `row` says instead.
+    fn table(row: impl Fn(usize) -> Option<String>) -> Table {
+        let mut text = String::from("name,a [mm],b,y_um\n");
+        for i in 0..60 {
+            let (a, b) = ((i % 10) as f64 / 9.0, (i as f64 * 0.618_034) % 1.0);
+            let scatter = 0.02 * (12.9898 * i as f64).sin();
+            let y = 3.0 + (3.0 * a).sin() + b * b + scatter;
+            let plain = || format!("p{i},{a},{b},{y}");
+            text += &(row(i).unwrap_or_else(plain) + "\n");
+        }
+        Table::parse("data.csv", &text).unwrap()
+    }
+
+    fn request() -> Request {
+        Request {
+            response: "y_um".to_owned(),
+            variance: None,
+            inputs: None,
+            nugget: None,
+            settings: Settings::default(),
+        }
+    }
+
+    #[test]
+    fn a_table_is_fitted_and_summarised() {
+        let Fit { model, summary } = fit(&table(|_| None), &request()).unwrap();
+        assert_eq!(summary.unused, ["name"]);
+        assert_eq!(
+            (summary.observations, summary.nugget_is_estimated),
+            (60, true)
+        );
+        let inputs: Vec<&str> = summary.inputs.iter().map(|i| i.name.as_str()).collect();
+        assert_eq!(inputs, ["a [mm]", "b"]);
+        assert_eq!((summary.inputs[0].low, summary.inputs[0].high), (0.0, 1.0));
+        assert!(
+            summary.leave_one_out.q2 > 0.99,
+            "{:?}",
+            summary.leave_one_out
+        );
+        // The scatter's variance is 0.0002.
+        assert!(
+            (1e-4..4e-4).contains(&summary.nugget_variance),
+            "{summary:?}"
+        );
+        let at = model.surrogate.mean(&[0.5, 0.5]);
+        assert!((at - (3.25 + 1.5_f64.sin())).abs() < 0.03, "{at}");
+        let text = summary::describe(&summary);
+        for part in ["a [mm]", "estimated", "Q²", "95 %", "line ", "not used"] {
+            assert!(text.contains(part), "no {part:?} in\n{text}");
+        }
+    }
+
+    #[test]
+    fn outliers_are_named_by_their_line() {
+        let table = table(|i| (i == 30).then(|| "bad,0.11,0.55,40.0".to_owned()));
+        let mut request = request();
+        request.settings.method = Method::Exact;
+        let found = fit(&table, &request).unwrap().summary;
+        assert_eq!(found.leave_one_out.largest.line, 32, "{found:?}");
+        let warning = found
+            .warnings
+            .iter()
+            .find(|text| text.contains("line 32 lies"));
+        let warning = warning.unwrap_or_else(|| panic!("{:?}", found.warnings));
+        assert!(
+            warning.contains("a table without line 32 fits"),
+            "{warning}"
+        );
+    }
+
+    #[test]
+    fn what_cannot_be_fitted_is_refused_with_its_place() {
+        let whole = table(|_| None);
+        let with = |change: &dyn Fn(&mut Request)| {
+            let mut request = request();
+            change(&mut request);
+            fit(&whole, &request).unwrap_err().to_string()
+        };
+        assert!(with(&|r| r.response = "z".to_owned()).contains("\"z\""));
+        let text = with(&|r| r.inputs = Some(vec!["name".to_owned()]));
+        assert!(text.contains("line 2, column \"name\": \"p0\""), "{text}");
+        let text = with(&|r| r.inputs = Some(vec!["y_um".to_owned()]));
+        assert!(text.contains("cannot be an input"), "{text}");
+        let text = with(&|r| r.settings.method = Method::Vecchia);
+        assert!(text.contains("default without --variance"), "{text}");
+
+        let broken = table(|i| (i == 7).then(|| "p7,0.5,x,1".to_owned()));
+        let text = fit(&broken, &request()).unwrap_err().to_string();
+        assert!(text.contains("data.csv, line 9, column \"b\""), "{text}");
+        let negative = table(|i| (i == 3).then(|| "p3,0.5,-0.1,1".to_owned()));
+        let mut noisy = request();
+        noisy.variance = Some("b".to_owned());
+        let text = fit(&negative, &noisy).unwrap_err().to_string();
+        assert!(
+            text.contains("line 5, column \"b\": -0.1 is negative"),
+            "{text}"
+        );
+        let mut logarithm = request();
+        logarithm.settings.response = kriging::Response::Log;
+        let below = table(|i| (i == 4).then(|| "p4,0.5,0.1,-1".to_owned()));
+        let text = fit(&below, &logarithm).unwrap_err().to_string();
+        assert!(
+            text.contains("line 6 is -1 µm") && text.contains("--response-scale plain"),
+            "{text}"
+        );
+    }
+}

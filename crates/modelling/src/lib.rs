@@ -1,0 +1,27 @@
+//! Kriging models of a user's own table.
+//!
+//! - [`table`] reads a CSV table and names the line and column of whatever is wrong in it.
+//! - [`fit()`] fits a model to columns of it, and validates the model.
+//! - [`file`](mod@file) is the model as JSON, with the names, units and bounds of its columns.
+//! - [`predict()`] predicts the response at the rows of another table.
+//!
+//! Nothing here knows gears or campaigns: columns are what their header says.
+
+mod error;
+pub mod file;
+mod fit;
+mod predict;
+mod quantity;
+pub mod summary;
+pub mod table;
+
+pub use error::{Error, InputError};
+pub use file::ModelFile;
+pub use fit::{Fit, Request, fit};
+pub use predict::{Predicted, Predictions, predict};
+pub use quantity::Quantity;
+pub use summary::Summary;
+pub use table::Table;
+
+/// Version of the JSON that this crate writes; raised when a change would make programs misread it.
+pub const SCHEMA_VERSION: u32 = 1;

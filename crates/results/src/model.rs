@@ -1,0 +1,28 @@
+//! The kriging model of a store as a model file.
+
+use anyhow::Context as _;
+use campaign::Campaign;
+use campaign::formulation::Problem;
+use kriging::Surrogate;
+use modelling::{ModelFile, Quantity};
+use stages::fitting::P90_MODEL;
+use store::Store;
+
+/// The model of P90 (µm) over the variables that the DoE moves, as the campaign fitted it last.
+///
+/// # Errors
+///
+/// The campaign has not fitted its model yet, or the store cannot be read.
+pub async fn stored(store: &Store) -> anyhow::Result<ModelFile> {
+    let row = store.model(P90_MODEL).await?.with_context(|| {
+        format!(
+            "{} holds no model yet: the campaign fits it when its samples are in",
+            store.path().display()
+        )
+    })?;
+    let surrogate = Surrogate::from_json(&row.json)?;
+    let file = store.campaign().await?.file_text;
+    let problem = Problem::new(Campaign::parse("the store's campaign file", &file)?);
+    let inputs: Vec<Quantity> = problem.free_names().map(Quantity::new).collect();
+    Ok(ModelFile::new(&inputs, Quantity::new("p90_um"), surrogate))
+}
