@@ -17,7 +17,7 @@ impl Source<'_> {
             Ok(parsed) => return Ok(parsed),
             Err(error) => error,
         };
-        let (line, mut message) = explained(self.text, &first);
+        let mut found = vec![explained(self.text, &first)];
         let mut rest = without_unknown(self.text, &first);
         // The parser ends at the first unknown key: the others show when it is gone.
         while let Some(text) = rest {
@@ -26,9 +26,14 @@ impl Source<'_> {
             };
             rest = without_unknown(&text, &error);
             if rest.is_some() {
-                let (line, next) = explained(&text, &error);
-                message += &format!("; line {}: {next}", line + 1);
+                found.push(explained(&text, &error));
             }
+        }
+        // The parser reads a section before the rest of the file.
+        found.sort();
+        let (line, mut message) = found.remove(0);
+        for (line, next) in found {
+            message += &format!("; line {}: {next}", line + 1);
         }
         Err(FileError::Syntax {
             file: self.file.to_owned(),
@@ -279,16 +284,14 @@ mod tests {
         let FileError::Syntax { line, message, .. } = parsed(text).unwrap_err() else {
             panic!("no error of syntax");
         };
-        assert!([2, 3, 9].contains(&line), "{line}: {message}");
+        assert_eq!(line, 2, "{message}");
         for part in ["`sed`", "`lod`", "`torqe`"] {
             assert!(message.contains(part), "no {part} in {message}");
         }
-        let named = |line: usize| message.contains(&format!("; line {line}: "));
-        assert_eq!(
-            [2, 3, 9].iter().filter(|line| named(**line)).count(),
-            2,
-            "{message}"
-        );
+        let places: Vec<usize> = ["; line 3: ", "; line 9: "]
+            .map(|place| message.find(place).expect(place))
+            .into();
+        assert!(places.is_sorted(), "{message}");
     }
 
     #[test]
