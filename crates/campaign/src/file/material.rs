@@ -31,7 +31,6 @@ pub struct Material {
 /// |---|---|---|---|---|
 /// | 20NC6 | 200 | 0.29 | 980 | 1550 |
 /// | 16MnCr5 | 206 | 0.3 | 490 | 1500 |
-/// | 18CrNiMo7-6 | 206 | 0.3 | 830 | 1500 |
 /// | 42CrMo4 | 206 | 0.3 | 650 | – |
 /// | 34CrNiMo6 | 206 | 0.3 | 1000 | – |
 /// | C45 | 206 | 0.3 | 370 | – |
@@ -39,10 +38,10 @@ pub struct Material {
 ///
 /// - **E and ν** of the steels are those of ISO 6336-2, those of the cast iron EN 1563's.
 /// - **Yield stress** is the least R_p0.2 (or R_e) of the core. 16MnCr5: a 30 mm test bar after core
-///   hardening (UNI 7846). 18CrNiMo7-6 (17CrNiMo6): an 11 mm test bar (DIN 17210). 42CrMo4 and C45:
-///   quenched and tempered bars of 40 to 100 mm, 34CrNiMo6: up to 16 mm (EN 10083-2 and -3).
-///   EN-GJS-600-3: separately cast samples (EN 1563). Larger sections have less.
-/// - **Permissible pressure** of the case-hardened steels is σ_Hlim of ISO 6336-5, quality MQ, 58 to
+///   hardening (UNI 7846). 42CrMo4 and C45: quenched and tempered bars of 40 to 100 mm, 34CrNiMo6: up
+///   to 16 mm (EN 10083-2 and -3). EN-GJS-600-3: separately cast samples (EN 1563). Larger sections
+///   have less.
+/// - **Permissible pressure** of the case-hardened 16MnCr5 is σ_Hlim of ISO 6336-5, quality MQ, 58 to
 ///   64 HRC: the endurance limit of the nominal contact stress at the pitch point. The simulator's
 ///   pressure is the largest one along the path, so the comparison is on the safe side. The other
 ///   materials have none here, because their σ_Hlim follows from the hardness: a file gives
@@ -56,9 +55,6 @@ pub enum Grade {
     /// Case-hardening steel 1.7131.
     #[serde(rename = "16MnCr5")]
     MnCr5,
-    /// Case-hardening steel 1.6587, formerly 17CrNiMo6.
-    #[serde(rename = "18CrNiMo7-6", alias = "17CrNiMo6")]
-    CrNiMo7,
     /// Steel for quenching and tempering 1.7225.
     #[serde(rename = "42CrMo4")]
     CrMo4,
@@ -74,10 +70,9 @@ pub enum Grade {
 
 impl Grade {
     /// Every material of the table, in its order.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 6] = [
         Self::Nc6,
         Self::MnCr5,
-        Self::CrNiMo7,
         Self::CrMo4,
         Self::CrNiMo6,
         Self::C45,
@@ -89,7 +84,6 @@ impl Grade {
         match self {
             Self::Nc6 => (200.0, 0.29, 980.0, Some(1550.0)),
             Self::MnCr5 => (206.0, 0.3, 490.0, Some(1500.0)),
-            Self::CrNiMo7 => (206.0, 0.3, 830.0, Some(1500.0)),
             Self::CrMo4 => (206.0, 0.3, 650.0, None),
             Self::CrNiMo6 => (206.0, 0.3, 1000.0, None),
             Self::C45 => (206.0, 0.3, 370.0, None),
@@ -103,7 +97,6 @@ impl Grade {
         match self {
             Self::Nc6 => "20NC6",
             Self::MnCr5 => "16MnCr5",
-            Self::CrNiMo7 => "18CrNiMo7-6",
             Self::CrMo4 => "42CrMo4",
             Self::CrNiMo6 => "34CrNiMo6",
             Self::C45 => "C45",
