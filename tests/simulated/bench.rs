@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use campaign::formulation::Problem;
 use campaign::task::{Inputs, Output, Source, compute};
-use campaign::{Campaign, Design, probe};
+use campaign::{Campaign, probe};
 use coordinator::board::Board;
 use coordinator::recorder::Recorder;
 use coordinator::service::Service;

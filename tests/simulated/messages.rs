@@ -150,7 +150,7 @@ fn a_unit_result() -> impl Strategy<Value = UnitResult> {
     let state = prop::option::of(state);
     (unit, text(), text(), any::<u64>(), any::<f64>(), state).prop_map(
         |(
-            (unit, analysed, samples_um, ruled_out, refused),
+            (unit, responses, samples_um, ruled_out, refused),
             run_json,
             error,
             serial,
@@ -159,7 +159,7 @@ fn a_unit_result() -> impl Strategy<Value = UnitResult> {
         )| {
             UnitResult {
                 unit,
-                analysed,
+                responses,
                 samples_um,
                 ruled_out,
                 refused,
@@ -260,7 +260,7 @@ fn config(cases: u32) -> ProptestConfig {
 fn no_bytes_break_the_reading_of_results() {
     let problem = Problem::new(campaign());
     let good = answer(&problem);
-    let read = ingest::read(&good, |_| None).expect("it is whole");
+    let read = ingest::read(&problem, &good, |_| None).expect("it is whole");
     assert_eq!(read.rows.expect("it is right").samples.len(), 9);
     let answer = good.encode_to_vec();
     let bytes = prop::collection::vec(any::<u8>(), 0..200);

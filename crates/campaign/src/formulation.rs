@@ -185,6 +185,13 @@ impl Problem {
         &gears::RESPONSES
     }
 
+    /// The response of this name.
+    #[must_use]
+    pub fn response(&self, responses: &[f64], name: &str) -> Option<f64> {
+        let place = self.responses().iter().position(|r| r.name == name)?;
+        responses.get(place).copied()
+    }
+
     /// The responses that the analyses of all states make, in the order of
     /// [`responses`](Self::responses).
     #[must_use]

@@ -331,7 +331,7 @@ mod tests {
         let base = problem.base().clone();
         let inputs = Inputs::new(problem.campaign(), None);
         let good = problem.design(&[0.25, 1.37, 1.37, 0.85, 1.31, 0.80], &base);
-        let bad = Design::robust(&[-1.0, -1.0, 1.0, 1.0, 1.0, 1.0], &base);
+        let bad = problem.design(&[-1.0, -1.0, 1.0, 1.0, 1.0, 1.0], &base);
         let run = Run {
             approach: Approach::Kriging,
             start: 3,

@@ -1,5 +1,6 @@
 //! `coordinator compare`: the paper's printed figures beside a campaign's, as a Markdown page or as JSON.
 
+use anyhow::Context as _;
 use campaign::Campaign;
 use campaign::formulation::Problem;
 use gear::paper::printed::Place;
@@ -8,7 +9,7 @@ use rayon::prelude::*;
 use report::{Comparison, ReportData};
 use serde::Serialize;
 use stages::references::design;
-use store::Store;
+use store::{DesignRow, Store};
 
 use crate::reporting;
 use crate::rows::SCHEMA_VERSION;
@@ -125,7 +126,9 @@ pub async fn compare(store: &Store) -> anyhow::Result<Compared> {
     );
     let data = reporting::gather(store).await?;
     let designs = store.designs().await?;
-    let doe: Vec<[f64; 6]> = designs.iter().map(|design| design.point()).collect();
+    let six = |row: &DesignRow| <[f64; 6]>::try_from(row.x.as_slice());
+    let doe: Result<Vec<[f64; 6]>, _> = designs.iter().map(six).collect();
+    let doe = doe.context("the paper's problem moves six variables")?;
     let seed = campaign.seed;
     let scores: Vec<Score> = readings()
         .collect::<Vec<_>>()

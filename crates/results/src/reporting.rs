@@ -189,10 +189,14 @@ fn doe(sources: &Sources) -> Vec<DoePoint> {
         .criteria
         .iter()
         .filter(|row| row.feasible)
-        .map(|row| DoePoint {
-            delta_ste_um: row.delta_ste_um.unwrap_or(f64::NAN),
-            delta_ste_archard_um: row.delta_ste_archard_um.unwrap_or(f64::NAN),
-            p90_um: percentiles.get(&row.design).copied().unwrap_or(f64::NAN),
+        .map(|row| {
+            let responses = row.responses.as_deref().unwrap_or_default();
+            let named = |name| sources.problem.response(responses, name);
+            DoePoint {
+                delta_ste_um: named("delta_ste_um").unwrap_or(f64::NAN),
+                delta_ste_archard_um: named("delta_ste_archard_um").unwrap_or(f64::NAN),
+                p90_um: percentiles.get(&row.design).copied().unwrap_or(f64::NAN),
+            }
         })
         .collect()
 }

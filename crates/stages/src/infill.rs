@@ -197,7 +197,7 @@ mod tests {
             assert_eq!(found.baseline_um, expected);
             let criteria = problem.pair_criteria(&pair, worn.hertz_pressure_mpa);
             assert_eq!(violation(&problem, &criteria), exact);
-            assert_eq!(problem.is_feasible(&criteria), exact == 0.0);
+            assert_eq!(problem.is_feasible(&criteria.into()), exact == 0.0);
             match (exact == 0.0, calls) {
                 (true, _) => feasible += 1,
                 (false, 0) => geometric += 1,

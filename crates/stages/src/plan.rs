@@ -186,7 +186,7 @@ mod tests {
         campaign
     }
 
-    fn next(campaign: &Campaign, state: &State) -> Next {
+    fn next_of(campaign: &Campaign, state: &State) -> Next {
         super::next(&Problem::new(campaign.clone()), state)
     }
 
@@ -218,7 +218,7 @@ mod tests {
     #[test]
     fn an_empty_store_makes_the_doe_while_runs_without_samples_start() {
         let campaign = campaign();
-        let next = next(&campaign, &State::default());
+        let next = next_of(&campaign, &State::default());
         assert_eq!(next.local, Some(LocalStep::Doe));
         assert_eq!(next.runs.len(), 6);
     }
@@ -228,20 +228,19 @@ mod tests {
         let mut campaign = campaign();
         campaign.frozen.from = FrozenFrom::Deterministic;
         let state = State { ..sampled(0) };
-        let first = next(&campaign, &state);
+        let first = next_of(&campaign, &state);
         assert_eq!((first.runs.len(), first.sampling), (3, None));
         let state = State {
             optima: BTreeMap::from([(Approach::NoWear, None)]),
             ..state
         };
-        let then = next(&campaign, &state);
+        let then = next_of(&campaign, &state);
         assert_eq!(then.sampling, Some(printed(&campaign)));
     }
 
     #[test]
     fn the_stages_follow_each_other_to_the_end() {
         let campaign = campaign();
-        let printed = printed(&campaign);
         let mut state = State { ..sampled(60) };
         for approach in [Approach::NoWear, Approach::Archard] {
             for start in 0..3 {
@@ -251,7 +250,7 @@ mod tests {
         let design = middle(&campaign);
         let mut steps = Vec::new();
         for _ in 0..20 {
-            let next = next(&campaign, &state);
+            let next = next_of(&campaign, &state);
             let runs = next.runs.iter().map(|run| (run.approach, run.start));
             state.runs.extend(runs);
             assert_eq!(next.sampling, None, "all samples are stored");
@@ -292,7 +291,7 @@ mod tests {
                 Choose(Approach::Kriging),
             ]
         );
-        assert!(next(&campaign, &state).is_finished());
+        assert!(next_of(&campaign, &state).is_finished());
         assert_eq!(state.verified.len(), 4);
     }
 
@@ -301,10 +300,10 @@ mod tests {
         let campaign = campaign();
         let printed = printed(&campaign);
         let mut state = State { ..sampled(50) };
-        let waiting = next(&campaign, &state);
+        let waiting = next_of(&campaign, &state);
         assert_eq!((waiting.local, waiting.sampling), (None, Some(printed)));
         state.given_up.extend((50..60).map(StreamId::design));
-        let going_on = next(&campaign, &state);
+        let going_on = next_of(&campaign, &state);
         assert_eq!(going_on.local, Some(LocalStep::Statistics));
         assert_eq!(going_on.sampling, None);
     }
@@ -318,7 +317,7 @@ mod tests {
             optima: BTreeMap::from([(Approach::BestOfDoe, None)]),
             ..sampled(60)
         };
-        let next = next(&campaign, &state);
+        let next = next_of(&campaign, &state);
         assert_eq!(next.local, Some(LocalStep::Choose(Approach::Kriging)));
     }
 
@@ -363,7 +362,7 @@ mod tests {
     fn a_round_is_decided_once_the_one_before_is_settled() {
         let campaign = enriched();
         let middle = middle(&campaign);
-        let step = |state: &State| next(&campaign, state).local;
+        let step = |state: &State| next_of(&campaign, state).local;
         let mut state = fitted(&campaign);
         assert_eq!(step(&state), Some(LocalStep::Enrich));
         // It does not wait for the runs on the model, nor for a model.
@@ -384,14 +383,14 @@ mod tests {
             ],
             is_stopped: false,
         };
-        let next = next(&campaign, &state);
+        let next = next_of(&campaign, &state);
         let open: Vec<u64> = next.points.iter().map(|point| point.number).collect();
         assert_eq!((open.as_slice(), next.local), (&numbers[1..], None));
         // One gets its samples, one fails: both are settled.
         state.enrichment.points[2] = point(numbers[2], 30, &middle);
         assert_eq!(step(&state), None);
         state.given_up.insert(StreamId::point(numbers[1]));
-        let next = next(&campaign, &state);
+        let next = next_of(&campaign, &state);
         assert_eq!(next.local, Some(LocalStep::Enrich));
         assert_eq!(next.points, []);
     }
@@ -407,23 +406,22 @@ mod tests {
             points: Vec::new(),
             is_stopped: true,
         };
-        let next = next(&campaign, &state);
+        let next = next_of(&campaign, &state);
         assert_eq!(next.local, Some(LocalStep::Choose(approach)));
         state.optima.insert(approach, Some(middle));
-        let next = next(&campaign, &state);
+        let next = next_of(&campaign, &state);
         assert_eq!(next.local, None);
         let open: Vec<_> = next.points.iter().map(|p| (p.number, p.wanted)).collect();
         assert_eq!(open, [(5, campaign.verify.samples)]);
         let stored = (0..campaign.verify.samples).collect();
         state.verified.insert(approach, stored);
-        assert!(next(&campaign, &state).is_finished());
+        assert!(next_of(&campaign, &state).is_finished());
     }
 
     #[test]
     fn without_the_section_nothing_is_enriched() {
         let campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
-        let middle = middle(&campaign);
-        assert!(next(&campaign, &fitted(&campaign)).is_finished());
+        assert!(next_of(&campaign, &fitted(&campaign)).is_finished());
         assert_eq!(Approach::of(&campaign).count(), 4);
         assert_eq!(Approach::of(&enriched()).count(), 5);
     }

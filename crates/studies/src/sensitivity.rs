@@ -60,7 +60,7 @@ pub struct Indices {
     /// The output, in words.
     pub output: &'static str,
     /// The inputs.
-    pub inputs: Vec<&'static str>,
+    pub inputs: Vec<String>,
     /// What was found.
     pub sensitivity: Sensitivity,
 }
@@ -142,8 +142,7 @@ pub fn indices(
     optimum: &Optimum,
     tolerances: &Tolerances,
 ) -> anyhow::Result<Vec<Indices>> {
-    let mut inputs: Vec<&str> = problem.free_names().collect();
-    inputs.extend(SCENARIO);
+    let inputs: Vec<String> = problem.free_names().chain(SCENARIO).map(Into::into).collect();
     let nominal = Design::from(optimum.variables);
     let module = problem.normal_module(&nominal)?;
     let at = |point: &[f64], stream| Variant {
@@ -164,7 +163,7 @@ pub fn indices(
             samples: number..number + 1,
         }
     };
-    let with_field = [&inputs[..], &["wear field"]].concat();
+    let with_field = [&inputs[..], &["wear field".to_owned()]].concat();
     let analyse = |output, inputs, number, request: &dyn Fn(&[f64]) -> Request| {
         analyse(
             simulations,
@@ -210,7 +209,7 @@ fn analyse(
     simulations: &dyn Simulations,
     problem: &Problem,
     output: &'static str,
-    inputs: Vec<&'static str>,
+    inputs: Vec<String>,
     tolerances: &Tolerances,
     number: u32,
     request: &dyn Fn(&[f64]) -> Request,

@@ -29,7 +29,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, bail, ensure};
 use campaign::formulation::Problem;
 use campaign::task::{Inputs, Source};
-use campaign::{Campaign, Design, probe};
+use campaign::{Campaign, probe};
 use coordinator::board::{Board, Course};
 use coordinator::local::LocalWorkers;
 use coordinator::recorder::{Recorder, StoreRecorder};

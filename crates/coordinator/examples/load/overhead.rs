@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use campaign::formulation::Problem;
 use campaign::task::{Inputs, Source, compute};
-use campaign::{Campaign, Design, probe};
+use campaign::{Campaign, probe};
 use coordinator::board::Course;
 use ledger::{Generation, Grant, LeaseId, StreamId, Unit};
 use prost::Message as _;

@@ -5,7 +5,7 @@ use std::time::Instant;
 use anyhow::Context as _;
 use campaign::formulation::Problem;
 use campaign::task::{self, Output, Source};
-use campaign::{Approach, Campaign, Design};
+use campaign::{Approach, Campaign};
 use ledger::{Generation, StreamId, Unit};
 use protocol::exit;
 use rand::RngExt as _;
@@ -196,13 +196,13 @@ fn measure(problem: &Problem) -> anyhow::Result<Measured> {
         let before = Instant::now();
         for number in 0..DESIGNS {
             let mut rng = stream(problem.campaign().seed, Purpose::Test, u64::from(number), 1);
-            let unit: Vec<f64> = (0..problem.dimension()).map(|_| rng.random()).collect();
+            let place: Vec<f64> = (0..problem.dimension()).map(|_| rng.random()).collect();
             let unit = Unit {
                 stream: StreamId::design(number),
                 generation: Generation::default(),
                 samples: 0..count,
             };
-            let design = problem.design(&problem.free_point(&unit), problem.base());
+            let design = problem.design(&problem.free_point(&place), problem.base());
             let output = task::compute(problem, &unit, &Source::Design(design))
                 .map_err(anyhow::Error::msg)
                 .context("a trial run")?;

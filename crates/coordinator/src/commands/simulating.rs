@@ -8,7 +8,7 @@ use campaign::PairFile;
 use protocol::exit;
 use tracing::{info, warn};
 
-use super::{FileAccess, Usage, print, read};
+use super::{FileAccess, Usage, print_either, read};
 use crate::arguments;
 
 /// The seed of random wear if the command line gives none.
@@ -43,11 +43,8 @@ pub(super) fn simulate(arguments: &arguments::Simulate) -> anyhow::Result<u8> {
         samples: arguments.samples.unwrap_or(SAMPLES),
     };
     let simulation = simulate::run(&file, request)?;
-    if arguments.json {
-        print(&(simulate::to_json(&simulation)? + "\n"))?;
-    } else {
-        print(&simulate::describe(&simulation))?;
-    }
+    let json = simulate::to_json(&simulation)?;
+    print_either(arguments.json, &json, || simulate::describe(&simulation))?;
     if let Some(out) = &arguments.out {
         let name = arguments.pair.file_stem().unwrap_or_default();
         let subject = simulate::Subject {

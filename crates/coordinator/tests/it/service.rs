@@ -139,7 +139,7 @@ impl Bench {
     fn answer(&self, lease: &Lease) -> LeaseResult {
         let results = lease.units().unwrap();
         let results = results.iter().map(|(unit, source)| {
-            let output = compute(&self.problem, unit, source);
+            let output = compute(&*self.problem, unit, source);
             protocol::result(unit, &output.map(Some), 0.5)
         });
         LeaseResult {

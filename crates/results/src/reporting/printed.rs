@@ -38,7 +38,7 @@ pub(super) fn similar(sources: &Sources) -> Vec<SimilarDesign> {
         .enumerate()
         .filter_map(|(row, printed)| {
             let place = Place::Similar(row);
-            let pair = sources.problem.pair(&variables(place)).ok()?;
+            let pair = sources.problem.pair(&design(place)).ok()?;
             Some(SimilarDesign {
                 variables: printed.variables,
                 delta_ste_archard_um: pair.archard(sources.problem.wear()).analysis.delta_ste_um,

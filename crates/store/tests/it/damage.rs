@@ -353,7 +353,7 @@ async fn an_edited_row_of_any_table_is_named() {
         (
             "design",
             "design 1",
-            "UPDATE design SET x = x || zeroblob(8) WHERE design = 1",
+            "UPDATE design SET x = zeroblob(48) WHERE design = 1",
         ),
         (
             "criteria",

@@ -150,7 +150,7 @@ fn a_tip_pressed_into_the_root_is_named_with_value_unit_and_limit() {
     let clearance = pressed.figures.as_ref().unwrap().clearance_mm[0];
     let sentence = format!("  pinion tip clearance = {clearance:.4} mm beyond its limit of 0 mm\n");
     assert!(clearance < 0.0 && describe(&pressed).ends_with(&sentence));
-    let json: serde_json::Value = serde_json::from_str(&to_json(&pressed).unwrap()).unwrap();
+    let json = to_json(&pressed).unwrap();
     let row = &json["constraints"][3];
     assert_eq!(row["name"], "pinion tip clearance");
     assert_eq!(row["value"].as_f64(), Some(clearance));
