@@ -188,9 +188,10 @@ fn simulate_warns_of_a_doubtful_unit_and_writes_a_page_into_an_empty_folder_only
         "--out",
         "page",
     ];
-    let output = sandbox.coordinator(&page);
+    let output = sandbox.run_with("coordinator", &page, &[("PITCHLINE_LOG", "warn")]);
     assert_code(&output, 0);
-    assert!(errors(&output).contains("206000 GPa: did you mean 206?"));
+    let said = errors(&output);
+    assert!(said.contains("206000 GPa: did you mean 206?"), "{said}");
     for file in [
         "pair.html",
         "section.svg",

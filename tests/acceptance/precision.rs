@@ -58,7 +58,16 @@ fn even_coefficients_give_the_same_table_however_the_work_is_cut() {
         let file = file.to_str().unwrap();
         let [one, two] = ["1", "2"].map(|workers| {
             let db = format!("{name}-{workers}.db");
-            let run = ["run", file, "--db", &db, "--workers", workers];
+            let run = [
+                "run",
+                file,
+                "--db",
+                &db,
+                "--workers",
+                workers,
+                "--out",
+                &format!("{db}-report"),
+            ];
             assert_code(&sandbox.coordinator(&run), 0);
             let status = sandbox.status(&db).unwrap();
             assert_eq!(status["finished"], true, "{status}");
@@ -75,7 +84,9 @@ fn even_coefficients_give_the_same_table_however_the_work_is_cut() {
         let larger = sandbox.write("larger.toml", &more);
         let db = format!("{name}-1.db");
         let before = export(&sandbox, &db, "samples");
-        let run = ["run", larger.to_str().unwrap(), "--db", &db];
+        let out = format!("{db}-report");
+        let larger = larger.to_str().unwrap();
+        let run = ["run", larger, "--db", &db, "--out", &out];
         assert_code(&sandbox.coordinator(&run), 0);
         let after: BTreeSet<Vec<String>> = export(&sandbox, &db, "samples").into_iter().collect();
         assert!(before.iter().all(|row| after.contains(row)), "{name}");

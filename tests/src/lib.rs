@@ -199,11 +199,27 @@ impl Sandbox {
     /// When it cannot be started.
     #[must_use]
     pub fn run(&self, program: &str, arguments: &[&str]) -> Output {
+        self.run_with(program, arguments, &[])
+    }
+
+    /// Runs a program to its end with environment variables of its own.
+    ///
+    /// # Panics
+    ///
+    /// When it cannot be started.
+    #[must_use]
+    pub fn run_with(
+        &self,
+        program: &str,
+        arguments: &[&str],
+        variables: &[(&str, &str)],
+    ) -> Output {
         Command::new(binary(program))
             .args(arguments)
             .current_dir(self.folder.path())
             .env("XDG_STATE_HOME", self.folder.path())
             .env("PITCHLINE_LOG", "off")
+            .envs(variables.iter().copied())
             .output()
             .expect("the program starts")
     }

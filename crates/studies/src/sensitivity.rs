@@ -142,7 +142,11 @@ pub fn indices(
     optimum: &Optimum,
     tolerances: &Tolerances,
 ) -> anyhow::Result<Vec<Indices>> {
-    let inputs: Vec<String> = problem.free_names().chain(SCENARIO).map(Into::into).collect();
+    let inputs: Vec<String> = problem
+        .free_names()
+        .chain(SCENARIO)
+        .map(Into::into)
+        .collect();
     let nominal = Design::from(optimum.variables);
     let module = problem.normal_module(&nominal)?;
     let at = |point: &[f64], stream| Variant {

@@ -253,11 +253,17 @@ fn an_optimum_on_a_constraint_is_approached_from_the_feasible_side() {
     };
     for start in 0..3 {
         let result = run(formula, 3000, start);
-        let printed = result.printed.as_ref().expect("every design can be simulated");
+        let printed = result
+            .printed
+            .as_ref()
+            .expect("every design can be simulated");
         assert!(!printed.feasible, "the weight was meant to be too small");
         assert!(result.continuations > 0);
         let found = unit(&result);
-        let best = result.best.as_ref().expect("the run goes on until it is feasible");
+        let best = result
+            .best
+            .as_ref()
+            .expect("the run goes on until it is feasible");
         assert!(best.criteria.gears().specific_sliding < 2.0);
         // What one continuation of 1500 designs leaves.
         assert!((0.5 - found[0]).abs() < 1e-3, "start {start}: {found:?}");

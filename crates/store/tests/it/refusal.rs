@@ -194,7 +194,7 @@ async fn other_schemas_are_refused() {
             writing,
             Error::NewerSchema {
                 found: 9999,
-                known: 8,
+                known: 9,
                 ..
             }
         ),
@@ -205,7 +205,7 @@ async fn other_schemas_are_refused() {
             reading,
             Error::NewerSchema {
                 found: 9999,
-                known: 8,
+                known: 9,
                 ..
             }
         ),
