@@ -22,7 +22,7 @@ const SUFFIXES: [(&str, &str); 12] = [
 pub struct Quantity {
     /// The name in the header, unit included.
     pub name: String,
-    /// The unit: in brackets at the name's end, as in "load [N]", or a suffix such as `_mm`.
+    /// The unit: in brackets at the name's end, as in `load [N]`, or a suffix such as `_mm`.
     pub unit: Option<String>,
 }
 
