@@ -219,7 +219,7 @@ async fn other_schemas_are_refused() {
             error,
             Error::OlderSchema {
                 found: 0,
-                known: 8,
+                known: 9,
                 ..
             }
         ),
