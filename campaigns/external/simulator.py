@@ -13,7 +13,7 @@ import math
 import random
 import sys
 
-PROTOCOL = 1
+PROTOCOL = 2
 VERSION = "involute stand-in 1"
 
 
@@ -109,15 +109,6 @@ class Pair:
         self.wear_depth = campaign["wear"]["max_depth_um"]
         self.variance = campaign["wear"]["variance"]
 
-    def criteria(self):
-        return {
-            "contact_ratio": self.epsilon_alpha + self.epsilon_beta,
-            "specific_sliding": self.sliding,
-            "root_stress_mpa": self.stress,
-            "clearance_mm": self.clearance,
-            "flank_margin_mm": self.margin,
-        }
-
     def unworn_ste_um(self):
         """The deflection times the first harmonic of the number of teeth in contact."""
 
@@ -132,12 +123,21 @@ class Pair:
         """What worn flanks add: they are worn most where they slide most."""
         return 0.5 * self.wear_depth * self.sliding / (1.0 + self.sliding) / self.epsilon_alpha
 
-    def analysis(self, worn):
-        extra = self.wear_um() if worn else 0.0
-        # Worn flanks carry their load on a little less of their width.
+    def responses(self):
+        """All of them, whichever are asked for: they cost nothing here."""
         return {
-            "delta_ste_um": self.unworn_ste_um() + extra,
-            "hertz_pressure_mpa": self.pressure * (1.03 if worn else 1.0),
+            "contact_ratio": self.epsilon_alpha + self.epsilon_beta,
+            "specific_sliding": self.sliding,
+            "hertz_pressure_mpa": self.pressure,
+            # Worn flanks carry their load on a little less of their width.
+            "hertz_pressure_worn_mpa": 1.03 * self.pressure,
+            "root_stress_mpa": self.stress,
+            "clearance_p_mm": self.clearance[0],
+            "clearance_r_mm": self.clearance[1],
+            "flank_margin_p_mm": self.margin[0],
+            "flank_margin_r_mm": self.margin[1],
+            "delta_ste_um": self.unworn_ste_um(),
+            "delta_ste_archard_um": self.unworn_ste_um() + self.wear_um(),
         }
 
     def sample(self, seed):
@@ -154,18 +154,14 @@ class Simulator:
 
     def answer(self, request):
         kind = request["request"]
-        if kind == "start":
+        if kind == "describe":
             self.campaign, self.teeth = request["campaign"], request["teeth"]
             if "max_depth_um" not in self.campaign["wear"]:
                 return {"error": "wear.law must be \"archard\": this model knows no other"}
             return {"protocol": PROTOCOL, "version": VERSION}
         pair = Pair(self.campaign, self.teeth, request["design"])
-        if kind == "criteria":
-            return pair.criteria()
-        if kind == "unworn":
-            return pair.analysis(worn=False)
-        if kind == "archard":
-            return pair.analysis(worn=True)
+        if kind == "evaluate":
+            return pair.responses()
         if kind == "sample":
             return pair.sample(request["seed"])
         return {"error": f"unknown request {kind!r}"}

@@ -432,10 +432,10 @@ fn numbers_that_cannot_be_are_refused_and_the_mended_simulator_goes_on() {
             "import os\nimport random\n".to_owned(),
         ),
         (
-            "            \"delta_ste_um\": self.unworn_ste_um() + extra,".to_owned(),
+            "            \"delta_ste_um\": self.unworn_ste_um(),".to_owned(),
             format!(
                 "            \"delta_ste_um\": -5.0 if not os.path.exists({mended:?}) else \
-                 self.unworn_ste_um() + extra,"
+                 self.unworn_ste_um(),"
             ),
         ),
     ];

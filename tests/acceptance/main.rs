@@ -16,6 +16,7 @@ mod operations;
 mod paper;
 mod place;
 mod precision;
+mod problems;
 mod resuming;
 mod security;
 mod shipped;

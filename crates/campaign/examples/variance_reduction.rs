@@ -64,6 +64,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut number = |default: usize| arguments.next().map_or(Ok(default), |text| text.parse());
     let (designs, replications) = (number(60)?, number(400)?);
     let problem = Problem::new(Campaign::parse("paper.toml", Campaign::PAPER)?);
+    let gears = problem.gears().expect("the paper designs gears");
     let mut found: Vec<Vec<[f64; 3]>> = WAYS.iter().map(|_| Vec::new()).collect();
     let mut analyses = [0; WAYS.len()];
     let mut rng = stream(1, Purpose::Test, 0, 0);
@@ -71,14 +72,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     while design < designs as u64 {
         let unit: [f64; 6] = std::array::from_fn(|_| rng.random());
         let x = problem.free_point(&unit);
-        let Ok(pair) = problem.pair(&problem.design(&x, problem.base())) else {
+        let Ok(pair) = gears.pair(&problem.design(&x, problem.base())) else {
             continue;
         };
-        if problem.violation(&problem.pair_criteria(&pair, 0.0).into()) > 0.5 {
+        if problem.violation(&gears.pair_criteria(&pair, 0.0).into()) > 0.5 {
             continue;
         }
         design += 1;
-        let mut sampler = pair.sampler(problem.wear());
+        let mut sampler = pair.sampler(gears.wear());
         let modes = sampler.modes();
         let draws: Vec<f64> = (0..REFERENCE)
             .map(|sample| sampler.draw(&mut stream(2, Purpose::Test, design, sample)))

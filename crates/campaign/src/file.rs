@@ -7,26 +7,32 @@ mod advice;
 mod campaign;
 mod corrections;
 mod enrichment;
+mod external;
+mod gear_sections;
 mod kriging;
 mod material;
 mod pair;
 mod sampling;
 mod sections;
+mod settings;
 mod validate;
 mod variant;
+mod written;
 
 pub use self::kriging::{Kriging, Noise, Nugget};
-pub use campaign::{
-    Bounds, Campaign, Constraints, Doe, FrozenFrom, FrozenSection, Optimise, Pair, Report,
-    Restarts, Verify,
-};
+pub use campaign::{Campaign, Kind};
 pub use corrections::{CorrectionsSection, PairCorrections};
 pub use enrichment::Enrichment;
+pub use external::{Aim, ConstraintSection, ExternalSections, ResponseSection, VariableSection};
+pub use gear_sections::{
+    Bounds, Constraints, FrozenFrom, FrozenSection, GearSections, Pair, Penalty, Report,
+};
 pub use material::{Grade, Material};
 pub(crate) use pair::gear_size;
 pub use pair::{PairConstraints, PairFile, PairSection};
 pub use sampling::{ControlVariate, PercentileRule, Sampling, WearCoefficients};
 pub use sections::{Load, SimulatorKind, SimulatorSection, Wear, WearLaw};
+pub use settings::{Doe, Optimise, Restarts, Verify};
 
 /// Why a campaign or pair file was refused.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

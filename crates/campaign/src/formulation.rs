@@ -1,21 +1,24 @@
 //! The problem formulations: from a point of the design space to criteria and constraints.
 //!
-//! A [`Problem`] names its variables, the deterministic responses of a design and the constraints on
-//! them. Everything that samples, models and optimises works with lists of numbers, [`Design`] and
-//! [`Criteria`], in the problem's order.
+//! A [`Problem`] names its variables, the deterministic responses of a design, the constraints on them and
+//! the response that is sampled. Everything that samples, models and optimises works with lists of
+//! numbers, [`Design`] and [`Criteria`], in the problem's order.
 //!
 //! [`gears`] is the problem of the paper. Its deterministic problem ((2)–(3)) moves eleven variables,
 //! the problems with wear ((6)–(7), (22), (23)) the first six of them. The number of teeth is a
-//! setting, the module (or the centre distance) follows from the others.
+//! setting, the module (or the centre distance) follows from the others. [`mod@external`] is a problem
+//! that the campaign file states and a program of the user's simulates.
 
 use std::borrow::Cow;
 
 use crate::Campaign;
+use crate::file::{FrozenFrom, Kind, Penalty};
 use crate::simulator::{Analysis, State};
 
 mod approach;
 mod constraint;
 mod design;
+mod external;
 pub mod gears;
 
 pub use approach::Approach;
@@ -28,11 +31,13 @@ pub use gears::{GearCriteria, GearVariables};
 pub struct Variable {
     /// Its name, with its unit at the end.
     pub name: Cow<'static, str>,
+    /// Its unit where the name does not say it; empty for a number without one.
+    pub unit: Cow<'static, str>,
     /// `[low, high]` if the DoE moves it.
     pub range: Option<[f64; 2]>,
 }
 
-/// A quantity that a deterministic analysis gives.
+/// A quantity that a simulator gives.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Quantity {
     /// Its name, as in exported columns.
@@ -42,6 +47,13 @@ pub struct Quantity {
 }
 
 impl Quantity {
+    fn new(name: &str, unit: &str) -> Self {
+        Self {
+            name: name.to_owned().into(),
+            unit: unit.to_owned().into(),
+        }
+    }
+
     const fn of(name: &'static str, unit: &'static str) -> Self {
         Self {
             name: Cow::Borrowed(name),
@@ -58,7 +70,17 @@ pub struct Problem {
     /// The places of the variables that the DoE moves.
     free: Vec<usize>,
     base: Design,
-    pub(crate) gears: gears::Gears,
+    criteria: Vec<Quantity>,
+    responses: Vec<Quantity>,
+    sampled: Quantity,
+    kind: Formulation,
+}
+
+/// What only one kind of problem has.
+#[derive(Debug, Clone)]
+enum Formulation {
+    Gears(Box<gears::Gears>),
+    External(external::External),
 }
 
 impl Problem {
@@ -69,14 +91,46 @@ impl Problem {
     /// Never for a validated campaign: names and sizes were checked before.
     #[must_use]
     pub fn new(campaign: Campaign) -> Self {
-        let variables = gears::variables(&campaign);
+        let (variables, base, criteria, responses, sampled, kind) = match &campaign.kind {
+            Kind::Gears(sections) => (
+                gears::variables(sections),
+                gears::base(sections),
+                gears::CRITERIA.to_vec(),
+                gears::RESPONSES.to_vec(),
+                gears::SAMPLED,
+                Formulation::Gears(Box::new(gears::Gears::new(sections))),
+            ),
+            Kind::External(sections) => {
+                let external = external::External::new(sections);
+                (
+                    external.variables(),
+                    Design::new(vec![0.0; sections.variables.len()]),
+                    external.criteria(),
+                    external.responses(),
+                    external.sampled(),
+                    Formulation::External(external),
+                )
+            }
+        };
         let is_free = |&index: &usize| variables[index].range.is_some();
         Self {
             free: (0..variables.len()).filter(is_free).collect(),
             variables,
-            base: gears::base(&campaign),
-            gears: gears::Gears::new(&campaign),
+            base,
+            criteria,
+            responses,
+            sampled,
+            kind,
             campaign,
+        }
+    }
+
+    /// What only gear pairs have; none for another kind of problem.
+    #[must_use]
+    pub fn gears(&self) -> Option<&gears::Gears> {
+        match &self.kind {
+            Formulation::Gears(gears) => Some(gears),
+            Formulation::External(_) => None,
         }
     }
 
@@ -107,7 +161,7 @@ impl Problem {
     #[must_use]
     pub fn dimension_of(&self, approach: Approach) -> usize {
         match approach {
-            Approach::NoWear => self.variables.len(),
+            Approach::Nominal => self.variables.len(),
             _ => self.dimension(),
         }
     }
@@ -168,7 +222,7 @@ impl Problem {
     #[must_use]
     pub fn point(&self, approach: Approach, unit: &[f64], base: &Design) -> Option<Design> {
         match approach {
-            Approach::NoWear => self.full_point(unit).ok(),
+            Approach::Nominal => self.gears()?.full_point(unit).ok(),
             _ => Some(self.design(&self.free_point(unit), base)),
         }
     }
@@ -176,13 +230,73 @@ impl Problem {
     /// What constraints are set on, in the order of [`Criteria`].
     #[must_use]
     pub fn criteria(&self) -> &[Quantity] {
-        &gears::CRITERIA
+        &self.criteria
     }
 
     /// The deterministic responses of a design, as they are stored and exported.
     #[must_use]
     pub fn responses(&self) -> &[Quantity] {
-        &gears::RESPONSES
+        &self.responses
+    }
+
+    /// The response that scatters; its name is that of columns.
+    #[must_use]
+    pub const fn sampled(&self) -> &Quantity {
+        &self.sampled
+    }
+
+    /// Whether this number can be a sample of the response, or the response without random effects.
+    ///
+    /// # Errors
+    ///
+    /// A sentence without subject: what it is, and what it would have to be.
+    pub fn check_sample(&self, value: f64) -> Result<(), String> {
+        match &self.kind {
+            Formulation::Gears(_) => gears::check_delta_ste(value),
+            Formulation::External(_) if value.is_finite() => Ok(()),
+            Formulation::External(_) => Err(format!("is {value}, which is no number")),
+        }
+    }
+
+    /// The ways in which the campaign designs, in the order of the paper's Table 5.
+    pub fn approaches(&self) -> impl Iterator<Item = Approach> + use<> {
+        let has_all = self.gears().is_some();
+        let has_baseline = self.has_baseline();
+        let enriches = self.campaign.enrichment.is_some();
+        Approach::ALL
+            .into_iter()
+            .filter(move |approach| match approach {
+                Approach::Nominal => has_all,
+                Approach::Baseline => has_baseline,
+                Approach::Kriging | Approach::BestOfDoe => true,
+                Approach::EnrichedKriging => enriches,
+            })
+    }
+
+    /// Whether the response is also known without random effects.
+    #[must_use]
+    pub fn has_baseline(&self) -> bool {
+        match &self.kind {
+            Formulation::Gears(_) => true,
+            Formulation::External(external) => external.has_baseline(),
+        }
+    }
+
+    /// What the campaign's tables call an approach.
+    #[must_use]
+    pub fn approach_name(&self, approach: Approach) -> &'static str {
+        match approach {
+            Approach::Baseline if self.gears().is_none() => "baseline",
+            _ => approach.name(),
+        }
+    }
+
+    /// The approach whose optimum fixes the variables that the DoE leaves alone; none where the campaign
+    /// file does.
+    #[must_use]
+    pub fn base_from(&self) -> Option<Approach> {
+        let frozen = self.campaign.gears()?.frozen;
+        (frozen.from == FrozenFrom::Deterministic).then_some(Approach::Nominal)
     }
 
     /// The response of this name.
@@ -196,7 +310,10 @@ impl Problem {
     /// [`responses`](Self::responses).
     #[must_use]
     pub fn responses_of(&self, nominal: &Analysis, baseline: &Analysis) -> Vec<f64> {
-        gears::responses(nominal, baseline)
+        match &self.kind {
+            Formulation::Gears(_) => gears::responses(nominal, baseline),
+            Formulation::External(external) => external.responses_of(baseline),
+        }
     }
 
     /// Whether these numbers can be the responses of a design.
@@ -210,20 +327,78 @@ impl Problem {
             let found = responses.len();
             return Err(format!("has {found} responses of a design, not {expected}"));
         }
-        gears::check(responses)
+        match &self.kind {
+            Formulation::Gears(_) => gears::check(|name| self.response(responses, name)),
+            Formulation::External(_) => {
+                let mut named = self.responses.iter().zip(responses);
+                match named.find(|(_, value)| !value.is_finite()) {
+                    Some((quantity, value)) => {
+                        Err(format!("{} is {value}, which is no number", quantity.name))
+                    }
+                    None => Ok(()),
+                }
+            }
+        }
     }
 
     /// The analysis of a design in one state from its responses; none if the responses are not those
     /// of this problem.
     #[must_use]
     pub fn analysis(&self, design: &Design, responses: &[f64], state: State) -> Option<Analysis> {
-        gears::analysis(responses, state, self.normal_module(design).ok()?)
+        match &self.kind {
+            Formulation::Gears(gears) => {
+                let module_mm = gears.normal_module(design).ok()?;
+                gears::analysis(responses, state, module_mm)
+            }
+            Formulation::External(external) => external.analysis(responses),
+        }
     }
 
     /// Every constraint, with how far a design is from breaking it.
     #[must_use]
     pub fn constraints(&self, criteria: &Criteria) -> Vec<Constraint> {
-        gears::constraints(&self.campaign, &criteria.gears())
+        match &self.kind {
+            Formulation::Gears(gears) => gears.constraints(&criteria.gears()),
+            Formulation::External(external) => external.constraints(criteria),
+        }
+    }
+
+    /// The responses that a program must give before a design can be analysed in this state, as places in
+    /// [`responses`](Self::responses).
+    pub fn wanted(&self, state: State) -> impl Iterator<Item = usize> {
+        let is_gears = self.gears().is_some();
+        let places = self.responses.iter().enumerate();
+        places
+            .filter(move |(_, response)| !is_gears || gears::belongs_to(&response.name, state))
+            .map(|(place, _)| place)
+    }
+
+    /// What a program is told of a design: names and values.
+    ///
+    /// # Errors
+    ///
+    /// Why the design cannot be simulated, as in `involute: …`.
+    pub fn told(&self, design: &Design) -> Result<Vec<(&str, f64)>, String> {
+        let values = self.variables.iter().zip(design.values());
+        let mut told: Vec<(&str, f64)> = values
+            .map(|(variable, value)| (&*variable.name, *value))
+            .collect();
+        if let Some(gears) = self.gears() {
+            // The module follows from the campaign's centre distance, whoever simulates.
+            let module = gears.normal_module(design);
+            let module = module.map_err(|why| format!("{}: {why}", why.code()))?;
+            told.push(("normal_module_mm", module));
+        }
+        Ok(told)
+    }
+
+    /// What a program calls a response, and the factor from its value to the campaign's.
+    #[must_use]
+    pub fn asked<'a>(&'a self, response: &'a Quantity) -> (&'a str, f64) {
+        match &self.kind {
+            Formulation::External(external) if *response == self.sampled => external.asked(),
+            _ => (&response.name, 1.0),
+        }
     }
 
     /// The sum of the relative violations in the paper's (5), and of the interferences in modules.
@@ -241,11 +416,10 @@ impl Problem {
         self.constraints(criteria).iter().all(Constraint::holds)
     }
 
-    /// The penalised objective (5).
+    /// The penalised objective (5); none where designs are ranked feasibility first from the start.
     #[must_use]
-    pub fn penalised(&self, criterion_um: f64, violation: f64) -> f64 {
-        let settings = &self.campaign.optimise;
-        criterion_um / settings.reference_um + settings.penalty * violation
+    pub fn penalty(&self) -> Option<&Penalty> {
+        self.campaign.gears().map(|sections| &sections.penalty)
     }
 }
 

@@ -166,7 +166,7 @@ impl<'a> Search<'a> {
         let mut told = Vec::with_capacity(candidates.len());
         for unit in &candidates {
             told.push(if state.continuations == 0 {
-                self.objective.penalised(&mut state.seen, unit)?.into()
+                self.objective.printed(&mut state.seen, unit)?
             } else {
                 self.objective.feasibility_first(&mut state.seen, unit)?
             });

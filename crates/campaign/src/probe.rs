@@ -83,7 +83,7 @@ mod tests {
     fn the_digest_depends_on_the_problem_and_on_how_much_is_asked() {
         let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
         let paper = Problem::new(campaign.clone());
-        campaign.load.pinion_torque_nm += 1.0;
+        campaign.gears_mut().unwrap().load.pinion_torque_nm += 1.0;
         let other = Problem::new(campaign);
         assert_eq!(model_digest(&paper), model_digest(&paper));
         assert_ne!(model_digest(&paper), model_digest(&other));

@@ -6,6 +6,7 @@
 
 use stats::streams::{Purpose, StreamRng};
 
+use crate::formulation::gears::Gears;
 use crate::formulation::{Criteria, Design, Problem};
 use crate::variant::Variant;
 
@@ -33,7 +34,8 @@ pub enum State {
 /// A deterministic analysis of a design in one state.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Analysis {
-    /// The response that is sampled, without random effects: of a gear pair ΔSTE, µm.
+    /// The response that is sampled, without random effects: of a gear pair ΔSTE, µm. NaN of a problem
+    /// [without a baseline](Problem::has_baseline).
     pub value_um: f64,
     /// What constraints are set on.
     pub criteria: Criteria,
@@ -85,7 +87,7 @@ pub trait Prepared {
     /// The design cannot be simulated, or the simulator failed.
     fn analyse(&mut self, state: State) -> Result<Analysis, NoAnswer>;
 
-    /// ΔSTE in µm with random wear, drawn from `rng` alone.
+    /// The response with random effects, drawn from `rng` alone: of a gear pair ΔSTE, µm.
     ///
     /// # Errors
     ///
@@ -127,7 +129,12 @@ impl Simulator for Problem {
         &'a self,
         variant: &Variant,
     ) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
-        let (pair, wear) = self.variant(variant).map_err(|error| {
+        let Some(gears) = self.gears() else {
+            return Err(NoAnswer::Failed(
+                "the built-in model simulates gears: start the worker with --exec 'CMD'".to_owned(),
+            ));
+        };
+        let (pair, wear) = gears.variant(variant).map_err(|error| {
             NoAnswer::Refused(match error {
                 gear::Error::Infeasible(infeasible) => {
                     format!("{}: {infeasible}", infeasible.code())
@@ -136,7 +143,7 @@ impl Simulator for Problem {
             })
         })?;
         Ok(Box::new(BuiltIn {
-            problem: self,
+            gears,
             pair,
             wear,
             sampler: None,
@@ -145,7 +152,7 @@ impl Simulator for Problem {
 }
 
 struct BuiltIn<'a> {
-    problem: &'a Problem,
+    gears: &'a Gears,
     pair: gear::Pair,
     wear: gear::Wear,
     /// Made for the first sample: an optimiser never asks for one.
@@ -161,7 +168,7 @@ impl Prepared for BuiltIn<'_> {
         let pressure = analysis.hertz_pressure_mpa;
         Ok(Analysis {
             value_um: analysis.delta_ste_um,
-            criteria: self.problem.pair_criteria(&self.pair, pressure).into(),
+            criteria: self.gears.pair_criteria(&self.pair, pressure).into(),
         })
     }
 

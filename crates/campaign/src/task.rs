@@ -120,13 +120,13 @@ pub enum Output {
         /// Why it gets no samples, although it can be simulated: its constraints rule it out, as in
         /// `ruled-out: …`.
         ruled_out: Option<String>,
-        /// ΔSTE with random wear, µm, from the unit's first sample on.
+        /// The response with random effects, from the unit's first sample on.
         samples_um: Vec<f64>,
     },
     /// Of a design that cannot be simulated: the reason's short name and a sentence, as in
     /// `contact-gap: …`.
     Refused(String),
-    /// Of a point: ΔSTE with random wear, µm, from the unit's first sample on.
+    /// Of a point: the response with random effects, from the unit's first sample on.
     Samples(Vec<f64>),
     /// Of a run.
     Run(Box<RunResult>),
@@ -140,24 +140,6 @@ pub const SIMULATOR_PANIC: &str = "simulator-panic";
 pub const RULED_OUT: &str = "ruled-out";
 /// The name under which a result that is no number is recorded against a design.
 pub const NOT_A_NUMBER: &str = "not-a-number";
-
-/// The largest ΔSTE that is believed, µm: a metre. A number beyond it would make everything that is
-/// learned from it worthless.
-pub const MAX_DELTA_STE_UM: f64 = 1e6;
-
-/// Whether a ΔSTE can be one: the difference of a largest and a smallest error is not negative.
-///
-/// # Errors
-///
-/// A sentence without subject: what it is, and what it would have to be.
-pub fn check_delta_ste(delta_ste_um: f64) -> Result<(), String> {
-    if (0.0..=MAX_DELTA_STE_UM).contains(&delta_ste_um) {
-        return Ok(());
-    }
-    Err(format!(
-        "is {delta_ste_um:e} µm, but a ΔSTE lies between 0 and {MAX_DELTA_STE_UM:e} µm"
-    ))
-}
 
 /// Asked before every sample, and before every generation of a run, whether to go on; the argument gives what is finished by then, as an
 /// output that could be handed in.
@@ -240,7 +222,8 @@ pub fn compute_until(
                 (!samples_um.is_empty()).then(|| Output::Samples(samples_um.to_vec()))
             };
             let keep_going = |drawn: &[f64]| keep_going(&|| output(drawn));
-            let samples_um = draw(design.as_mut(), names, unit, &keep_going)?;
+            let problem = simulator.problem();
+            let samples_um = draw(problem, design.as_mut(), names, unit, &keep_going)?;
             Ok(output(&samples_um))
         }
         Source::Run(run) => optimise::run_until(simulator, unit, run, saved, keep_going),
@@ -300,7 +283,7 @@ fn design<'a>(
         return Ok(output(&[]));
     }
     let keep_going = |drawn: &[f64]| keep_going(&|| output(drawn));
-    let samples_um = draw(design.as_mut(), sampling.names, unit, &keep_going)?;
+    let samples_um = draw(problem, design.as_mut(), sampling.names, unit, &keep_going)?;
     Ok(output(&samples_um))
 }
 
@@ -356,7 +339,7 @@ struct Names {
 }
 
 impl Names {
-    /// ΔSTE of one sample, µm: the same whichever samples are drawn beside it.
+    /// The response of one sample: the same whichever samples are drawn beside it.
     fn draw(self, design: &mut dyn Prepared, index: u32) -> Result<f64, String> {
         let sample = u64::from(index);
         match self.coefficients {
@@ -380,8 +363,9 @@ impl Names {
     }
 }
 
-/// Samples of ΔSTE in µm, each from its own random stream; the error names the sample.
+/// Samples of the response, each from its own random stream; the error names the sample.
 fn draw(
+    problem: &Problem,
     design: &mut dyn Prepared,
     names: Names,
     unit: &Unit,
@@ -396,7 +380,9 @@ fn draw(
         let sample = guarded(|| names.draw(design, index))
             .map_err(|panic| failed(format!("{SIMULATOR_PANIC}: {panic}")))?
             .map_err(failed)?;
-        check_delta_ste(sample).map_err(|why| failed(format!("ΔSTE {why}")))?;
+        let name = &problem.sampled().name;
+        let checked = problem.check_sample(sample);
+        checked.map_err(|why| failed(format!("{name} {why}")))?;
         drawn.push(sample);
     }
     Ok(drawn)

@@ -3,7 +3,8 @@
 use gear::Corrections;
 use stats::streams::Purpose;
 
-use crate::formulation::{Design, Problem};
+use crate::formulation::Design;
+use crate::formulation::gears::Gears;
 
 /// A design that may have profile corrections, another module or other wear than its campaign, with
 /// the name of its random streams.
@@ -95,7 +96,7 @@ impl Variant {
     }
 }
 
-impl Problem {
+impl Gears {
     /// Geometry and compliance of a variant, and its wear field.
     ///
     /// # Errors
@@ -116,7 +117,7 @@ impl Problem {
         wear.variance *= variance;
         wear.range *= range;
         let pair =
-            gear::Pair::with_corrections(&input, &variant.corrections, &self.gears.discretisation)?;
+            gear::Pair::with_corrections(&input, &variant.corrections, self.discretisation())?;
         Ok((pair, wear))
     }
 }

@@ -1,7 +1,7 @@
 //! From what workers hand in to rows of the store.
 
 use campaign::formulation::Problem;
-use campaign::task::{Output, check_delta_ste};
+use campaign::task::Output;
 use ledger::{StreamId, Unit};
 use protocol::v2::UnitResult;
 use stages::names::{run_name, run_stream_name, stream_name, time_key};
@@ -82,9 +82,10 @@ fn rows(
         let numbered: Vec<(u64, f64)> = (u64::from(unit.samples.start)..)
             .zip(samples_um.iter().copied())
             .collect();
-        for (sample, delta_ste_um) in &numbered {
-            check_delta_ste(*delta_ste_um)
-                .map_err(|why| format!("ΔSTE of sample {sample} {why}"))?;
+        let name = &problem.sampled().name;
+        for (sample, value) in &numbered {
+            let checked = problem.check_sample(*value);
+            checked.map_err(|why| format!("{name} of sample {sample} {why}"))?;
         }
         Ok::<_, String>(numbered)
     };
@@ -233,7 +234,7 @@ mod tests {
         for (absurd, shown) in [(-5.0, "-5e0"), (1e308, "1e308"), (f64::NAN, "NaN")] {
             let read = of(&point, Ok(Output::Samples(vec![1.0, absurd])));
             let error = read.rows.unwrap_err();
-            let expected = format!("verify-kriging: ΔSTE of sample 6 is {shown} µm");
+            let expected = format!("verify-kriging: delta_ste_um of sample 6 is {shown} µm");
             assert!(error.starts_with(&expected), "{error}");
         }
         let mut nonsense = protocol::result(&point, &Ok(None), 0.0);

@@ -176,6 +176,8 @@ pub struct WearProfiles {
 pub struct KrigingFit {
     /// What was fitted, for example "P90 after the design of experiments".
     pub title: String,
+    /// The unit of what was fitted; empty for a number without one.
+    pub unit: String,
     /// The covariance function's name.
     pub kernel: String,
     /// Fitted parameters.

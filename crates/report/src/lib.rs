@@ -21,6 +21,7 @@ mod error;
 mod number;
 mod page;
 pub mod paper;
+mod problem;
 mod svg;
 
 pub use charts::{
@@ -37,4 +38,5 @@ pub use data::{
     WearProfiles,
 };
 pub use error::Error;
-pub use page::{campaign_digest, render, render_pair};
+pub use page::{campaign_digest, render, render_pair, render_problem};
+pub use problem::{NamedValue, ProblemOptimum, ProblemReport};

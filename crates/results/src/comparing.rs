@@ -120,7 +120,7 @@ pub async fn compare(store: &Store) -> anyhow::Result<Compared> {
     let row = store.campaign().await?;
     let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
     anyhow::ensure!(
-        campaign.report.compare_with_paper,
+        campaign.compares_with_paper(),
         "campaign {} does not compare itself with the paper: set report.compare_with_paper",
         campaign.name
     );
@@ -136,9 +136,10 @@ pub async fn compare(store: &Store) -> anyhow::Result<Compared> {
         .map(|reading| reading.fitted(seed).score(&doe, seed))
         .collect();
     let problem = Problem::new(campaign);
-    let input = problem.pair_input(&design(Place::Figure(7)));
+    let gears = problem.gears().context("the paper designs gears")?;
+    let input = gears.pair_input(&design(Place::Figure(7)));
     let own = Reading {
-        law: problem.wear().law,
+        law: gears.wear().law,
         tooth_model: input.tooth_model,
         tip_rule: input.tip_rule,
     };

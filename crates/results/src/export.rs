@@ -7,7 +7,7 @@ use campaign::Campaign;
 use campaign::formulation::{Criteria, Problem};
 use clap::ValueEnum;
 use stages::fitting::{ModelSummary, P90_MODEL};
-use stages::optima::{self, optimum_design};
+use stages::optima::{self, approach_of, optimum_design};
 use stages::rounds::Round;
 use store::Store;
 
@@ -282,7 +282,8 @@ async fn optima<W: Write>(
         let interval = percentile
             .as_ref()
             .and_then(|percentile| stats::p90_interval(percentile, 0.95).ok());
-        let mut record = vec![row.approach.clone()];
+        let approach = approach_of(&row.approach).map(|a| problem.approach_name(a).to_owned());
+        let mut record = vec![approach.unwrap_or_else(|| row.approach.clone())];
         let blanks = |count| std::iter::repeat_n(String::new(), count);
         match &design {
             Some(design) => record.extend(design.values().iter().copied().map(number)),

@@ -38,7 +38,9 @@ pub async fn of_optimum(store: &Store, approach: Approach) -> anyhow::Result<Pai
         );
     };
     let problem = Problem::new(campaign);
+    let sections = problem.campaign().gears();
+    let sections = sections.context("a pair file is of gears")?;
     let design = optima::optimum_design(&problem, row)
         .with_context(|| format!("approach {name} found no design: {}", row.note))?;
-    Ok(PairFile::of_design(problem.campaign(), &design.gears()))
+    Ok(PairFile::of_design(sections, &design.gears()))
 }

@@ -7,6 +7,7 @@ mod facts;
 mod notes;
 mod optima;
 mod printed;
+mod problem;
 mod sources;
 
 use std::collections::BTreeMap;
@@ -39,8 +40,12 @@ pub const FILE: &str = "report.html";
 ///
 /// The store cannot be read or the file cannot be written.
 pub async fn write(store: &Store, out: &Path) -> anyhow::Result<PathBuf> {
-    let data = gather(store).await?;
-    let html = report::render(&data)?;
+    let sources = Sources::read(store).await?;
+    let html = if sources.problem.gears().is_some() {
+        report::render(&gather(store).await?)?
+    } else {
+        report::render_problem(&problem::gather(store, &sources).await?)?
+    };
     std::fs::create_dir_all(out)
         .with_context(|| format!("cannot make the folder {}", out.display()))?;
     let path = out.join(FILE);
@@ -52,7 +57,7 @@ pub async fn write(store: &Store, out: &Path) -> anyhow::Result<PathBuf> {
     Ok(path)
 }
 
-/// Gathers the data of a report.
+/// Gathers the data of a gear campaign's report.
 ///
 /// # Errors
 ///
@@ -61,7 +66,7 @@ pub async fn gather(store: &Store) -> anyhow::Result<ReportData> {
     let sources = Sources::read(store).await?;
     let digest = store.samples_digest().await?;
     let times = store.job_times().await?;
-    let compare = sources.problem.campaign().report.compare_with_paper;
+    let compare = sources.problem.campaign().compares_with_paper();
     Ok(ReportData {
         header: header(&sources, digest, &times),
         compare_with_paper: compare,
@@ -171,12 +176,14 @@ fn header(sources: &Sources, samples_digest: String, times: &[store::JobTimeRow]
 }
 
 fn limits(campaign: &Campaign) -> Limits {
-    Limits {
-        contact_ratio_min: campaign.constraints.contact_ratio_min,
-        specific_slip_max: campaign.constraints.specific_sliding_max,
-        von_mises_max_mpa: campaign.material.yield_mpa,
-        pressure_max_mpa: campaign.material.hertz_limit_mpa,
-    }
+    campaign
+        .gears()
+        .map_or_else(Limits::default, |sections| Limits {
+            contact_ratio_min: sections.constraints.contact_ratio_min,
+            specific_slip_max: sections.constraints.specific_sliding_max,
+            von_mises_max_mpa: sections.material.yield_mpa,
+            pressure_max_mpa: sections.material.hertz_limit_mpa,
+        })
 }
 
 fn doe(sources: &Sources) -> Vec<DoePoint> {
@@ -207,17 +214,19 @@ fn wear(sources: &Sources) -> Option<WearProfiles> {
     if sources.problem.campaign().is_external() {
         return None;
     }
-    let (name, variables) = [Approach::Archard, Approach::NoWear]
-        .iter()
-        .find_map(|approach| {
-            let row = sources
-                .optima
-                .iter()
-                .find(|row| row.approach == approach.name())?;
-            Some((approach.name(), optimum_design(&sources.problem, row)?))
-        })?;
-    let pair = sources.problem.pair(&variables).ok()?;
-    let wear = sources.problem.wear();
+    let (name, variables) =
+        [Approach::Baseline, Approach::Nominal]
+            .iter()
+            .find_map(|approach| {
+                let row = sources
+                    .optima
+                    .iter()
+                    .find(|row| row.approach == approach.name())?;
+                Some((approach.name(), optimum_design(&sources.problem, row)?))
+            })?;
+    let gears = sources.problem.gears()?;
+    let pair = gears.pair(&variables).ok()?;
+    let wear = gears.wear();
     let mut sampler = pair.sampler(wear);
     let seed = sources.campaign.seed;
     let profiles: Vec<gear::WearProfile> = (0..WEAR_PROFILES)
@@ -252,13 +261,18 @@ fn kriging(sources: &Sources) -> Vec<KrigingFit> {
         value,
         unit: unit.to_owned(),
     };
+    let unit = &*sources.problem.sampled().unit;
+    let squared = match unit {
+        "" => String::new(),
+        unit => format!("{unit}²"),
+    };
     let mut parameters = vec![
-        parameter("µ", model.mu_um, "µm"),
-        parameter("σ²", model.sigma2_um2, "µm²"),
+        parameter("µ", model.mu_um, unit),
+        parameter("σ²", model.sigma2_um2, &squared),
         parameter("−log likelihood", model.negative_log_likelihood, ""),
     ];
-    let names = ["x_p", "x_r", "ha0_p", "ha0_r", "hf0_p", "hf0_r"];
-    parameters.extend(names.iter().zip(&model.ranges).map(|(name, range)| {
+    let names = sources.problem.free_names();
+    parameters.extend(names.zip(&model.ranges).map(|(name, range)| {
         parameter(&format!("range in {name}"), range.unwrap_or(f64::NAN), "")
     }));
     let observed: BTreeMap<u64, f64> = sources
@@ -282,6 +296,7 @@ fn kriging(sources: &Sources) -> Vec<KrigingFit> {
         .collect();
     vec![KrigingFit {
         title: format!("P90 over {} designs", model.points),
+        unit: unit.to_owned(),
         kernel: model.kernel.clone(),
         parameters,
         q2: model.q2,

@@ -169,10 +169,11 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
             .iter()
             .any(|optimum| optimum.approach == approach.name())
     };
-    let all_chosen = campaign::Approach::of(&campaign).all(chosen);
+    let problem = campaign::formulation::Problem::new(campaign.clone());
+    let all_chosen = problem.approaches().all(chosen);
     let enrichment = enrichment(store, &counts).await?;
     let is_left = |approach| approach != campaign::Approach::EnrichedKriging && !chosen(approach);
-    let only_enriched = !all_chosen && !campaign::Approach::of(&campaign).any(is_left);
+    let only_enriched = !all_chosen && !problem.approaches().any(is_left);
     let stage = if progress.designs < wanted {
         "doe"
     } else if all_chosen {

@@ -140,6 +140,9 @@ pub fn optimum(
 
 /// Says where the printed penalty weight alone would have ended.
 fn continuation_note(problem: &Problem, runs: &[RunResult]) -> String {
+    let Some(penalty) = problem.penalty() else {
+        return String::new();
+    };
     let ended: Vec<&Found> = runs
         .iter()
         .filter(|run| run.continuations > 0)
@@ -155,7 +158,7 @@ fn continuation_note(problem: &Problem, runs: &[RunResult]) -> String {
         "With the printed penalty weight p = {}, {} of {} runs ended on a design that breaks a \
          constraint (the lowest at {:.3} µm with {}); those runs went on, ranking feasible designs \
          first, until they ended on one that breaks none.",
-        problem.campaign().optimise.penalty,
+        penalty.weight,
         ended.len(),
         runs.len(),
         worst.criterion_um,

@@ -73,7 +73,7 @@ pub fn enrichment(
 #[must_use]
 pub fn control_analyses(problem: &Problem, base: &Design, infill: &[InfillRow]) -> u64 {
     let places: BTreeMap<_, &[f64]> = infill.iter().map(|row| (bits(&row.x), &*row.x)).collect();
-    let linear = |x: &[f64]| LinearResponse::of(problem, &problem.design(x, base)).ok();
+    let linear = |x: &[f64]| LinearResponse::of(problem.gears()?, &problem.design(x, base)).ok();
     let linear = places.par_iter().filter_map(|(_, x)| linear(x));
     linear.map(|linear| linear.analyses()).sum()
 }

@@ -122,7 +122,7 @@ impl Rows {
             let Some(worn) = worn else {
                 continue;
             };
-            let violation = infill::violation(problem, &worn.criteria.gears());
+            let violation = infill::violation(problem, &worn.criteria);
             if violation > REACH {
                 continue;
             }
@@ -138,7 +138,7 @@ impl Rows {
                 response_um: response.p90_um,
                 variance_um2: response.p90_variance_um2,
                 violation,
-                baseline_um: worn.value_um,
+                baseline_um: infill::baseline_um(problem, &worn),
             });
         }
         for row in self.infill.iter().filter(|row| !self.has_failed(row)) {
@@ -163,7 +163,8 @@ impl Rows {
             .map(|(&place, streams)| {
                 let x = &sampled[place].x;
                 let (count, row) = pool(problem, base, x, streams);
-                (place, count, row, baseline(problem, base, x))
+                let baseline = infill::baseline_at_um(problem, &problem.design(x, base));
+                (place, count, row, baseline)
             })
             .collect();
         for (place, count, row, baseline) in responses {
@@ -281,12 +282,6 @@ impl Rows {
 /// Samples and the name of their random streams.
 type Stream<'a> = (Purpose, u64, &'a [f64]);
 
-/// ΔSTE with Archard's wear at a place that can be simulated.
-fn baseline(problem: &Problem, base: &Design, x: &[f64]) -> Option<f64> {
-    let pair = problem.pair(&problem.design(x, base)).ok()?;
-    Some(pair.archard(problem.wear()).analysis.delta_ste_um)
-}
-
 /// How many samples there are at a place, and the response that they make together.
 fn pool(
     problem: &Problem,
@@ -301,7 +296,7 @@ fn pool(
         .copied()
         .collect();
     let linear = (sampling.control == ControlVariate::Linearised)
-        .then(|| LinearResponse::of(problem, &problem.design(x, base)).ok())
+        .then(|| LinearResponse::of(problem.gears()?, &problem.design(x, base)).ok())
         .flatten();
     let control = linear.map(|linear| {
         let of_stream = |(purpose, number, held): &Stream<'_>| {

@@ -4,7 +4,8 @@
 //! The decisions themselves are [`enrich::decide`]'s.
 
 use campaign::file::{Enrichment, Noise};
-use campaign::formulation::{Design, GearCriteria, Problem};
+use campaign::formulation::{Criteria, Design, GearCriteria, Problem};
+use campaign::simulator::Analysis;
 use cmaes::Bounds;
 use enrich::{Known, Options};
 use sha2::{Digest as _, Sha256};
@@ -67,12 +68,13 @@ pub fn mark(number: u64) -> String {
 /// How far a design misses the constraints, from its criteria with the pressure under Archard's
 /// wear: 0 if it is feasible. One whose geometry is out already is not asked for its pressure.
 #[must_use]
-pub fn violation(problem: &Problem, criteria: &GearCriteria) -> f64 {
-    let geometry = geometric_violation(problem, criteria);
-    if geometry > 0.0 {
-        return geometry;
+pub fn violation(problem: &Problem, criteria: &Criteria) -> f64 {
+    if problem.gears().is_some() {
+        let geometry = geometric_violation(problem, &criteria.gears());
+        if geometry > 0.0 {
+            return geometry;
+        }
     }
-    let criteria = &(*criteria).into();
     if problem.is_feasible(criteria) {
         0.0
     } else {
@@ -94,23 +96,52 @@ fn geometric_violation(problem: &Problem, criteria: &GearCriteria) -> f64 {
 /// wear scatters around; a design whose geometry is out already is not asked for it.
 #[must_use]
 pub fn known(problem: &Problem, design: &Design) -> Option<(Known, u64)> {
-    let pair = problem.pair(design).ok()?;
-    let unloaded = problem.pair_criteria(&pair, 0.0);
+    let Some(gears) = problem.gears() else {
+        // There are no constraints, and no baseline that the coordinator could compute.
+        let known = Known {
+            violation: 0.0,
+            baseline_um: 0.0,
+        };
+        return Some((known, 0));
+    };
+    let pair = gears.pair(design).ok()?;
+    let unloaded = gears.pair_criteria(&pair, 0.0);
     let geometry = geometric_violation(problem, &unloaded);
     if geometry > 0.0 {
         return Some((Known::from(geometry), 0));
     }
-    let worn = pair.archard(problem.wear()).analysis;
+    let worn = pair.archard(gears.wear()).analysis;
     let criteria = GearCriteria {
         hertz_pressure_mpa: worn.hertz_pressure_mpa,
         ..unloaded
     };
     let known = Known {
-        violation: violation(problem, &criteria),
+        violation: violation(problem, &criteria.into()),
         baseline_um: worn.delta_ste_um,
     };
     // Archard's wear rests on the unworn analysis.
     Some((known, 2))
+}
+
+/// The baseline that a model of the response adds to, from an analysis with the mean wear, µm; 0 where
+/// [`known`] has none.
+#[must_use]
+pub fn baseline_um(problem: &Problem, worn: &Analysis) -> f64 {
+    if problem.gears().is_some() {
+        worn.value_um
+    } else {
+        0.0
+    }
+}
+
+/// The same of a design.
+#[must_use]
+pub fn baseline_at_um(problem: &Problem, design: &Design) -> Option<f64> {
+    let Some(gears) = problem.gears() else {
+        return Some(0.0);
+    };
+    let pair = gears.pair(design).ok()?;
+    Some(pair.archard(gears.wear()).analysis.delta_ste_um)
 }
 
 /// The settings of a round, with so many samples left for infill.
@@ -178,7 +209,7 @@ mod tests {
     #[test]
     fn violations_from_stored_criteria_are_those_of_the_simulator() {
         let problem = Problem::new(Campaign::parse("paper.toml", Campaign::PAPER).unwrap());
-        let base = problem.base().clone();
+        let (base, gears) = (problem.base().clone(), problem.gears().unwrap());
         let (mut feasible, mut pressed, mut geometric) = (0, 0, 0);
         for i in 0..400_u32 {
             // A sequence that fills the cube evenly enough.
@@ -187,17 +218,17 @@ mod tests {
             });
             let variables = problem.design(&problem.free_point(&unit), &base);
             let Some((found, calls)) = known(&problem, &variables) else {
-                assert!(problem.pair(&variables).is_err());
+                assert!(gears.pair(&variables).is_err());
                 continue;
             };
-            let pair = problem.pair(&variables).unwrap();
-            let worn = pair.archard(problem.wear()).analysis;
+            let pair = gears.pair(&variables).unwrap();
+            let worn = pair.archard(gears.wear()).analysis;
             let exact = found.violation;
             let expected = if calls > 0 { worn.delta_ste_um } else { 0.0 };
             assert_eq!(found.baseline_um, expected);
-            let criteria = problem.pair_criteria(&pair, worn.hertz_pressure_mpa);
+            let criteria = gears.pair_criteria(&pair, worn.hertz_pressure_mpa).into();
             assert_eq!(violation(&problem, &criteria), exact);
-            assert_eq!(problem.is_feasible(&criteria.into()), exact == 0.0);
+            assert_eq!(problem.is_feasible(&criteria), exact == 0.0);
             match (exact == 0.0, calls) {
                 (true, _) => feasible += 1,
                 (false, 0) => geometric += 1,

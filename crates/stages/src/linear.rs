@@ -1,7 +1,8 @@
 //! The linear part of ΔSTE as a control variate of its samples: ΔSTE is all but linear in the wear of
 //! most designs, and the distribution of a sum of normal coefficients is known.
 
-use campaign::formulation::{Design, Problem};
+use campaign::formulation::Design;
+use campaign::formulation::gears::Gears;
 use stats::streams::StreamRng;
 
 /// What the linear part of a design's ΔSTE is, sample by sample: a control variate.
@@ -16,8 +17,9 @@ impl LinearResponse {
     /// # Errors
     ///
     /// Why the design cannot be simulated.
-    pub fn of(problem: &Problem, design: &Design) -> Result<Self, gear::Error> {
-        let slopes = problem.pair(design)?.sampler(problem.wear()).slopes();
+    pub fn of(gears: &Gears, design: &Design) -> Result<Self, gear::Error> {
+        let pair = gears.pair(design)?;
+        let slopes = pair.sampler(gears.wear()).slopes();
         Ok(Self { slopes })
     }
 

@@ -12,7 +12,6 @@
 //! ```
 
 use campaign::Campaign;
-use campaign::file::FrozenFrom;
 use campaign::formulation::{Approach, Design, Problem};
 use campaign::task::Run;
 use ledger::StreamId;
@@ -64,13 +63,11 @@ impl Next {
 #[must_use]
 pub fn base(problem: &Problem, state: &State) -> Option<Design> {
     let printed = || problem.base().clone();
-    match problem.campaign().frozen.from {
-        FrozenFrom::Printed => Some(printed()),
-        FrozenFrom::Deterministic => {
-            let optimum = state.optima.get(&Approach::NoWear)?.as_ref();
-            Some(optimum.map_or_else(printed, |design| problem.base_of(design)))
-        }
-    }
+    let Some(approach) = problem.base_from() else {
+        return Some(printed());
+    };
+    let optimum = state.optima.get(&approach)?.as_ref();
+    Some(optimum.map_or_else(printed, |design| problem.base_of(design)))
 }
 
 /// Decides what comes next.
@@ -80,10 +77,10 @@ pub fn next(problem: &Problem, state: &State) -> Next {
     let mut runs = Vec::new();
     let base = base(problem, state);
 
-    for approach in Approach::OPTIMISED {
+    for approach in optimised(problem) {
         let inputs = match approach {
-            Approach::NoWear => Some((problem.base().clone(), None)),
-            Approach::Archard => base.clone().map(|base| (base, None)),
+            Approach::Nominal => Some((problem.base().clone(), None)),
+            Approach::Baseline => base.clone().map(|base| (base, None)),
             _ => base
                 .clone()
                 .zip(state.model.clone())
@@ -113,8 +110,14 @@ pub fn next(problem: &Problem, state: &State) -> Next {
         runs,
         sampling: base.filter(|_| lacks_samples),
         points,
-        local: local_step(campaign, state),
+        local: local_step(problem, state),
     }
+}
+
+/// The campaign's approaches that run an optimiser.
+fn optimised(problem: &Problem) -> impl Iterator<Item = Approach> {
+    let runs = |approach: &Approach| Approach::OPTIMISED.contains(approach);
+    problem.approaches().filter(runs)
 }
 
 /// Every point that gets fresh samples, those of the known optima included.
@@ -134,14 +137,15 @@ pub fn verify_points(campaign: &Campaign, state: &State) -> Vec<VerifyPoint> {
         .collect()
 }
 
-fn local_step(campaign: &Campaign, state: &State) -> Option<LocalStep> {
+fn local_step(problem: &Problem, state: &State) -> Option<LocalStep> {
+    let campaign = problem.campaign();
     if state.designs < campaign.doe.designs as usize {
         return Some(LocalStep::Doe);
     }
     let chosen = |approach| state.optima.contains_key(&approach);
     let starts = campaign.optimise.starts;
     let settled = |approach: Approach| (0..starts).all(|start| state.is_settled(approach, start));
-    for approach in Approach::OPTIMISED {
+    for approach in optimised(problem) {
         let left_out = approach == Approach::Kriging && state.fit_failed;
         if !chosen(approach) && (settled(approach) || left_out) {
             return Some(LocalStep::Choose(approach));
@@ -174,6 +178,8 @@ fn local_step(campaign: &Campaign, state: &State) -> Option<LocalStep> {
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeMap;
+
+    use campaign::file::FrozenFrom;
 
     use super::*;
     use crate::infill::{FIRST, point_name};
@@ -226,12 +232,12 @@ mod tests {
     #[test]
     fn frozen_values_of_the_own_optimum_are_waited_for() {
         let mut campaign = campaign();
-        campaign.frozen.from = FrozenFrom::Deterministic;
+        campaign.gears_mut().unwrap().frozen.from = FrozenFrom::Deterministic;
         let state = State { ..sampled(0) };
         let first = next_of(&campaign, &state);
         assert_eq!((first.runs.len(), first.sampling), (3, None));
         let state = State {
-            optima: BTreeMap::from([(Approach::NoWear, None)]),
+            optima: BTreeMap::from([(Approach::Nominal, None)]),
             ..state
         };
         let then = next_of(&campaign, &state);
@@ -242,7 +248,7 @@ mod tests {
     fn the_stages_follow_each_other_to_the_end() {
         let campaign = campaign();
         let mut state = State { ..sampled(60) };
-        for approach in [Approach::NoWear, Approach::Archard] {
+        for approach in [Approach::Nominal, Approach::Baseline] {
             for start in 0..3 {
                 state.runs.insert((approach, start));
             }
@@ -283,8 +289,8 @@ mod tests {
         assert_eq!(
             steps,
             vec![
-                Choose(Approach::NoWear),
-                Choose(Approach::Archard),
+                Choose(Approach::Nominal),
+                Choose(Approach::Baseline),
                 Statistics,
                 Choose(Approach::BestOfDoe),
                 Fit,
@@ -343,8 +349,8 @@ mod tests {
             has_responses: true,
             model: Some("model".into()),
             optima: [
-                Approach::NoWear,
-                Approach::Archard,
+                Approach::Nominal,
+                Approach::Baseline,
                 Approach::Kriging,
                 Approach::BestOfDoe,
             ]
@@ -422,7 +428,7 @@ mod tests {
     fn without_the_section_nothing_is_enriched() {
         let campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
         assert!(next_of(&campaign, &fitted(&campaign)).is_finished());
-        assert_eq!(Approach::of(&campaign).count(), 4);
-        assert_eq!(Approach::of(&enriched()).count(), 5);
+        assert_eq!(Problem::new(campaign.clone()).approaches().count(), 4);
+        assert_eq!(Problem::new(enriched()).approaches().count(), 5);
     }
 }

@@ -25,9 +25,10 @@ pub fn design(place: Place) -> Design {
 /// paper, and none that its pair cannot simulate.
 #[must_use]
 pub fn points(problem: &Problem) -> Vec<VerifyPoint> {
-    if !problem.campaign().report.compare_with_paper {
+    let gears = problem.gears();
+    let Some(gears) = gears.filter(|_| problem.campaign().compares_with_paper()) else {
         return Vec::new();
-    }
+    };
     // No percentile is printed of Figure 6.
     Place::all()
         .filter(|place| *place != Place::Figure(6))
@@ -38,6 +39,6 @@ pub fn points(problem: &Problem) -> Vec<VerifyPoint> {
             wanted: problem.campaign().verify.samples,
             stored: std::collections::BTreeSet::new(),
         })
-        .filter(|point| problem.pair(&point.design).is_ok())
+        .filter(|point| gears.pair(&point.design).is_ok())
         .collect()
 }

@@ -178,7 +178,10 @@ pub fn linearise(
         .par_iter()
         .filter_map(|row| {
             let design = problem.design(&row.x, base);
-            Some((row.design, LinearResponse::of(problem, &design).ok()?))
+            Some((
+                row.design,
+                LinearResponse::of(problem.gears()?, &design).ok()?,
+            ))
         })
         .collect()
 }
@@ -363,10 +366,9 @@ mod tests {
             x: vec![0.49, 0.49, 1.20, 1.11, 1.00, 1.09],
         };
         let linear = &linearise(&problem, &base, std::slice::from_ref(&design))[&7];
-        let mut sampler = problem
-            .pair(&problem.design(&design.x, &base))
-            .unwrap()
-            .sampler(problem.wear());
+        let gears = problem.gears().unwrap();
+        let pair = gears.pair(&problem.design(&design.x, &base)).unwrap();
+        let mut sampler = pair.sampler(gears.wear());
         let seed = problem.campaign().seed;
         let values: Vec<f64> = (0..20_000)
             .map(|sample| sampler.draw(&mut stream(seed, Purpose::Wear, 7, sample)))

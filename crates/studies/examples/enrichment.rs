@@ -29,6 +29,7 @@ use std::cell::Cell;
 
 use campaign::Campaign;
 use campaign::file::Noise;
+use campaign::formulation::gears::Gears;
 use campaign::formulation::{Approach, Design, Problem};
 use campaign::optimise;
 use cmaes::Bounds;
@@ -49,6 +50,10 @@ const BUDGET: u32 = 18_000;
 const VERIFY: u32 = 500;
 /// CPU seconds of a call of the paper's simulator.
 const PAPER_SECONDS: f64 = 2.0;
+
+fn gears(problem: &Problem) -> &Gears {
+    problem.gears().expect("a gear campaign")
+}
 
 /// One method's result for one seed.
 struct Row {
@@ -78,14 +83,16 @@ fn draw(
     count: u32,
 ) -> Vec<f64> {
     let seed = problem.campaign().seed;
-    let mut sampler = pair.sampler(problem.wear());
+    let mut sampler = pair.sampler(gears(problem).wear());
     (0..count)
         .map(|index| sampler.draw(&mut stream(seed, purpose, number, u64::from(index))))
         .collect()
 }
 
 fn verify(problem: &Problem, design: &Design, number: u64) -> (f64, (f64, f64)) {
-    let pair = problem.pair(design).expect("a winner can be simulated");
+    let pair = gears(problem)
+        .pair(design)
+        .expect("a winner can be simulated");
     let samples = draw(problem, &pair, Purpose::Verify, number, VERIFY);
     let percentile = stats::percentile_p90(&samples).expect("500 finite samples");
     let interval = stats::p90_interval(&percentile, 0.95).expect("a proper percentile");
@@ -105,9 +112,9 @@ fn sampled(problem: &Problem, base: &Design, x: &[f64], plain: &Cell<u64>) -> Op
     if found.baseline_um > 0.0 {
         return Some(found);
     }
-    let pair = problem.pair(&problem.design(x, base)).ok()?;
+    let pair = gears(problem).pair(&problem.design(x, base)).ok()?;
     plain.set(plain.get() + 2);
-    let baseline_um = pair.archard(problem.wear()).analysis.delta_ste_um;
+    let baseline_um = pair.archard(gears(problem).wear()).analysis.delta_ste_um;
     Some(Known {
         baseline_um,
         ..found
@@ -122,7 +129,7 @@ fn response(
     number: u64,
     count: u32,
 ) -> Option<(f64, f64)> {
-    let pair = problem.pair(&problem.design(x, base)).ok()?;
+    let pair = gears(problem).pair(&problem.design(x, base)).ok()?;
     let samples = draw(problem, &pair, Purpose::Wear, number, count);
     let percentile = stats::percentile_p90(&samples).ok()?;
     Some((percentile.p90, percentile.variance))
@@ -425,19 +432,35 @@ fn searched(problem: &Problem, seed: u64) -> Option<Row> {
 fn campaign_of(file: &str, value: impl Fn(&str) -> Option<String>) -> Campaign {
     let text = std::fs::read_to_string(file).expect("--campaign takes a campaign file");
     let mut campaign = Campaign::parse(file, &text).expect("a campaign file");
-    let mut pinion = campaign.pair.pinion_teeth;
+    let mut pinion = campaign.gears().expect("a gear campaign").pair.pinion_teeth;
     if let Some(teeth) = value("--teeth") {
         let both = teeth.split_once(',').expect("--teeth takes PINION,MATE");
         let number = |text: &str| text.parse::<u32>().expect("--teeth takes two numbers");
         pinion = number(both.0);
-        campaign.pair.gear_teeth = Some(number(both.1));
-        campaign.pair.gear_ratio = None;
+        campaign
+            .gears_mut()
+            .expect("a gear campaign")
+            .pair
+            .gear_teeth = Some(number(both.1));
+        campaign
+            .gears_mut()
+            .expect("a gear campaign")
+            .pair
+            .gear_ratio = None;
     }
     if let Some(torque) = value("--torque") {
-        campaign.load.pinion_torque_nm = torque.parse().expect("--torque takes a number");
+        campaign
+            .gears_mut()
+            .expect("a gear campaign")
+            .load
+            .pinion_torque_nm = torque.parse().expect("--torque takes a number");
     }
     if let Some(model) = value("--tooth-model") {
-        campaign.pair.tooth_model = model;
+        campaign
+            .gears_mut()
+            .expect("a gear campaign")
+            .pair
+            .tooth_model = model;
     }
     match value("--noise").as_deref() {
         None => {}

@@ -36,7 +36,9 @@ pub struct Row {
 /// The campaign has no bounds for corrections, or they are not its simulator's.
 pub fn spaces(campaign: &Campaign) -> anyhow::Result<Vec<Space>> {
     require_built_in(campaign)?;
-    let section = campaign.corrections.as_ref().with_context(|| {
+    let sections = campaign.gears();
+    let section = sections.and_then(|sections| sections.corrections.as_ref());
+    let section = section.with_context(|| {
         format!(
             "campaign {} has no section [corrections]: give it bounds, such as tip_relief_um = \
              [0.0, 30.0] with tip_relief_length_mm = [0.5, 4.0], or crowning_um = [0.0, 10.0]",

@@ -369,7 +369,7 @@ mod tests {
     #[test]
     fn a_tight_limit_of_the_pressure_is_reached() {
         let problem = problem(|campaign| {
-            campaign.material.hertz_limit_mpa = 1080.0;
+            campaign.gears_mut().unwrap().material.hertz_limit_mpa = 1080.0;
             campaign.optimise.evaluations = 3000;
             campaign.optimise.restart_at = Some(1500);
         });
@@ -383,7 +383,8 @@ mod tests {
 
     #[test]
     fn limits_that_nothing_satisfies_end_without_a_design_and_without_a_sample() {
-        let problem = problem(|campaign| campaign.constraints.contact_ratio_min = 50.0);
+        let problem =
+            problem(|campaign| campaign.gears_mut().unwrap().constraints.contact_ratio_min = 50.0);
         let base = problem.base().clone();
         let here = &InProcess(&problem);
         let search = search(here, &problem, &base, &Space::plain(), 0, 0, None).unwrap();
@@ -393,7 +394,8 @@ mod tests {
     #[test]
     fn designs_that_cannot_be_simulated_anywhere_end_without_a_design() {
         // Shifts this negative leave the involute equation without a solution.
-        let problem = problem(|campaign| campaign.bounds.profile_shift = [-9.0, -8.0]);
+        let problem =
+            problem(|campaign| campaign.gears_mut().unwrap().bounds.profile_shift = [-9.0, -8.0]);
         let base = problem.base().clone();
         let here = &InProcess(&problem);
         let search = search(here, &problem, &base, &Space::plain(), 0, 0, None).unwrap();

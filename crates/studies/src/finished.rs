@@ -1,6 +1,5 @@
 //! Reading a campaign that is finished.
 
-use campaign::file::FrozenFrom;
 use campaign::formulation::Problem;
 use campaign::task::Run;
 use campaign::{Approach, Campaign, Criteria, Design, GearCriteria, GearVariables};
@@ -87,10 +86,10 @@ pub async fn optima(store: &Store, problem: &Problem) -> anyhow::Result<Vec<Opti
 pub fn base(problem: &Problem, optima: &[Optimum]) -> Design {
     let without_wear = optima
         .iter()
-        .find(|optimum| optimum.approach == Approach::NoWear);
+        .find(|optimum| optimum.approach == Approach::Nominal);
     let state = State {
         optima: [(
-            Approach::NoWear,
+            Approach::Nominal,
             without_wear.map(|optimum| optimum.variables.into()),
         )]
         .into(),
@@ -109,11 +108,11 @@ pub fn base(problem: &Problem, optima: &[Optimum]) -> Design {
 pub fn base_anew(simulations: &dyn Simulations, problem: &Problem) -> anyhow::Result<Design> {
     let campaign = problem.campaign();
     let printed = problem.base().clone();
-    if campaign.frozen.from == FrozenFrom::Printed {
+    if problem.base_from().is_none() {
         return Ok(printed);
     }
     let run = |start| Run {
-        approach: Approach::NoWear,
+        approach: Approach::Nominal,
         start,
         base: printed.clone(),
         model: None,

@@ -148,7 +148,8 @@ pub fn indices(
         .map(Into::into)
         .collect();
     let nominal = Design::from(optimum.variables);
-    let module = problem.normal_module(&nominal)?;
+    let gears = problem.gears().context("manufacture is varied of gears")?;
+    let module = gears.normal_module(&nominal)?;
     let at = |point: &[f64], stream| Variant {
         normal_module_mm: Some(module),
         ..deviated(problem, &nominal, tolerances, point, stream)
@@ -355,10 +356,11 @@ mod tests {
         campaign.verify.samples = 200;
         let problem = Problem::new(campaign);
         let design = stages::references::design(gear::paper::printed::Place::Figure(9));
-        let pair = problem.pair(&design).unwrap();
+        let gears = problem.gears().unwrap();
+        let pair = gears.pair(&design).unwrap();
         let variant = Variant::new(
             design.clone(),
-            (Purpose::Verify, Approach::Archard.number()),
+            (Purpose::Verify, Approach::Baseline.number()),
         );
         let request = Request {
             variant,
@@ -366,9 +368,9 @@ mod tests {
         };
         let answer = InProcess(&problem).simulate(&[request]).unwrap().remove(0);
         let optimum = Optimum {
-            approach: Approach::Archard,
+            approach: Approach::Baseline,
             variables: design.gears(),
-            criteria: problem.pair_criteria(&pair, 1000.0),
+            criteria: gears.pair_criteria(&pair, 1000.0),
             fresh: answer.samples_of("Figure 9").unwrap(),
         };
         (problem, optimum)
@@ -446,7 +448,7 @@ mod tests {
         let optima = [first, second];
         assert_eq!(choose(&optima, None).unwrap().approach, Approach::Kriging);
         let asked = choose(&optima, Some("archard")).unwrap();
-        assert_eq!(asked.approach, Approach::Archard);
+        assert_eq!(asked.approach, Approach::Baseline);
         assert!(choose(&optima, Some("no-wear")).is_err());
         assert!(choose(&[], None).is_err());
     }

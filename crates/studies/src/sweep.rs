@@ -156,7 +156,10 @@ pub async fn rows(member: &Member) -> anyhow::Result<Vec<Row>> {
             _ => Err(optimum.note),
         };
         rows.push(Row {
-            teeth: member.campaign.teeth(),
+            teeth: member
+                .campaign
+                .gears()
+                .map_or([0; 2], |sections| sections.pair.teeth()),
             approach,
             simulator_calls: optimum.simulator_calls,
             found,
@@ -342,7 +345,8 @@ mod tests {
         let campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
         let design = stages::references::design(gear::paper::printed::Place::Figure(7));
         let problem = Problem::new(campaign);
-        let criteria = problem.pair_criteria(&problem.pair(&design).unwrap(), 1000.0);
+        let gears = problem.gears().unwrap();
+        let criteria = gears.pair_criteria(&gears.pair(&design).unwrap(), 1000.0);
         let variables = design.gears();
         let p90 = percentile(&[1.0, 1.1, 0.9, 1.0, 1.2]);
         let row = |teeth, approach, found| Row {
@@ -354,10 +358,10 @@ mod tests {
         let found = || Ok((variables, 1.0, criteria, p90));
         let none = || Err("No run found a design.".to_owned());
         let rows = [
-            row([19, 21], Approach::NoWear, none()),
-            row([19, 21], Approach::Archard, none()),
-            row([20, 22], Approach::NoWear, none()),
-            row([20, 22], Approach::Archard, found()),
+            row([19, 21], Approach::Nominal, none()),
+            row([19, 21], Approach::Baseline, none()),
+            row([20, 22], Approach::Nominal, none()),
+            row([20, 22], Approach::Baseline, found()),
         ];
         let table = summary(&rows);
         assert_eq!(table.rows.len(), 2);

@@ -15,17 +15,16 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use campaign::file::SimulatorKind;
-use campaign::formulation::{Design, GearCriteria, Problem};
+use campaign::formulation::{Design, Problem, Quantity};
 use campaign::probe;
 use campaign::simulator::{Analysis, NoAnswer, Prepared, Simulator, State};
-use campaign::task::check_delta_ste;
 use rand::Rng as _;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 use stats::streams::StreamRng;
 
 use crate::error::Error;
-use messages::{AnalysisAnswer, Answer, CriteriaAnswer, SampleAnswer, Started};
+use messages::{Answer, Described, Numbers};
 use process::Process;
 
 /// How long a program may take to get ready, at least.
@@ -231,10 +230,11 @@ impl Session<'_> {
         let stop = Arc::clone(&self.programs.stop);
         let process = Process::start(&self.programs.exec.command, stop)?;
         *self.process.borrow_mut() = Some(process);
-        let request = messages::start(self.problem.campaign())?;
+        let request = messages::describe(self.problem)?;
         let timeout = self.programs.exec.timeout.max(START);
-        let started = match self.exchange::<Started>(request, timeout, Started::check)? {
-            Answer::Given(started) => started,
+        let check = |described: &Described| described.check(self.problem);
+        let described = match self.exchange(request, timeout, check)? {
+            Answer::Given(described) => described,
             Answer::Refused(reason) | Answer::Error(reason) => {
                 self.process.borrow_mut().take();
                 return Err(format!("the simulator did not start: {reason}"));
@@ -243,29 +243,29 @@ impl Session<'_> {
         let first = self
             .programs
             .version
-            .get_or_init(|| started.version.clone());
-        if *first != started.version {
+            .get_or_init(|| described.version.clone());
+        if *first != described.version {
             self.process.borrow_mut().take();
             return Err(format!(
                 "the simulator called itself {first:?} before and {:?} now: it must not change \
                  during a campaign",
-                started.version
+                described.version
             ));
         }
         Ok(())
     }
 
-    /// Asks about a design.
-    fn ask<T: DeserializeOwned>(
+    /// Asks about a design for the numbers of these names; the answer may hold some of `others`, too.
+    fn ask(
         &self,
-        name: &str,
-        design: &Value,
-        seed: Option<[u32; 4]>,
-    ) -> Result<T, NoAnswer> {
+        question: Map<String, Value>,
+        wanted: &[&str],
+        others: &[&str],
+    ) -> Result<Numbers, NoAnswer> {
         self.start().map_err(NoAnswer::Failed)?;
-        let question = messages::question(name, design, seed);
         let timeout = self.programs.exec.timeout;
-        match self.exchange(question, timeout, |_| Ok(())) {
+        let check = |numbers: &Numbers| messages::check(numbers, wanted, others);
+        match self.exchange(question, timeout, check) {
             Ok(Answer::Given(answer)) => Ok(answer),
             Ok(Answer::Refused(reason)) => Err(NoAnswer::Refused(reason)),
             Ok(Answer::Error(error)) => {
@@ -329,70 +329,89 @@ impl Simulator for Session<'_> {
     }
 
     fn prepare<'a>(&'a self, design: &Design) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
-        // The module follows from the campaign's centre distance, whoever simulates.
-        let module = self.problem.normal_module(design).map_err(|infeasible| {
-            NoAnswer::Refused(format!("{}: {infeasible}", infeasible.code()))
-        })?;
-        let design = messages::design(self.problem, design, module);
-        let answer: CriteriaAnswer = self.ask("criteria", &design, None)?;
+        let told = self.problem.told(design).map_err(NoAnswer::Refused)?;
         Ok(Box::new(Asked {
             session: self,
-            design,
-            criteria: GearCriteria {
-                contact_ratio: answer.contact_ratio,
-                specific_sliding: answer.specific_sliding,
-                hertz_pressure_mpa: 0.0,
-                root_stress_mpa: answer.root_stress_mpa,
-                clearance_mm: answer.clearance_mm,
-                flank_margin_mm: answer.flank_margin_mm,
-                normal_module_mm: module,
-            },
+            told: messages::design(&told),
+            design: design.clone(),
+            responses: vec![f64::NAN; self.problem.responses().len()],
+            was_evaluated: false,
         }))
     }
 }
 
-/// A design whose criteria a program has given.
+/// A design that a program is asked about.
 struct Asked<'a> {
     session: &'a Session<'a>,
-    design: Value,
-    /// Without the pressure, which is an analysis's.
-    criteria: GearCriteria,
+    design: Design,
+    told: Value,
+    /// What the program has answered so far; the others are NaN.
+    responses: Vec<f64>,
+    was_evaluated: bool,
+}
+
+impl Asked<'_> {
+    /// Asks for those of the responses at `places` that are not known yet.
+    fn evaluate(&mut self, places: &[usize]) -> Result<(), NoAnswer> {
+        let problem = self.session.problem;
+        let known: Vec<&Quantity> = problem.responses().iter().collect();
+        let asked = |place: usize| problem.asked(known[place]).0;
+        let missing = places
+            .iter()
+            .filter(|place| self.responses[**place].is_nan());
+        let wanted: Vec<&str> = missing.map(|place| asked(*place)).collect();
+        // Where nothing is wanted the program may still refuse the design, once.
+        if wanted.is_empty() && self.was_evaluated {
+            return Ok(());
+        }
+        let others: Vec<&str> = (0..known.len()).map(asked).collect();
+        let question = messages::evaluate(&self.told, &wanted);
+        let numbers = self.session.ask(question, &wanted, &others)?;
+        for (response, quantity) in self.responses.iter_mut().zip(known) {
+            let (name, factor) = problem.asked(quantity);
+            if let Some(number) = numbers.get(name) {
+                *response = factor * number;
+            }
+        }
+        self.was_evaluated = true;
+        Ok(())
+    }
 }
 
 impl Prepared for Asked<'_> {
     fn analyse(&mut self, state: State) -> Result<Analysis, NoAnswer> {
-        let name = match state {
-            State::Nominal => "unworn",
-            State::Baseline => "archard",
-        };
-        let answer: AnalysisAnswer = self.session.ask(name, &self.design, None)?;
-        // An optimiser would take a ΔSTE below nought for a find.
-        check_delta_ste(answer.delta_ste_um)
-            .map_err(|why| NoAnswer::Failed(format!("the simulator's ΔSTE {why}")))?;
-        let criteria = GearCriteria {
-            hertz_pressure_mpa: answer.hertz_pressure_mpa,
-            ..self.criteria
-        };
-        Ok(Analysis {
-            value_um: answer.delta_ste_um,
-            criteria: criteria.into(),
-        })
+        let problem = self.session.problem;
+        let wanted: Vec<usize> = problem.wanted(state).collect();
+        self.evaluate(&wanted)?;
+        let analysis = problem.analysis(&self.design, &self.responses, state);
+        let analysis = analysis.ok_or_else(|| {
+            NoAnswer::Failed("the responses are not those of the campaign".to_owned())
+        })?;
+        if problem.has_baseline() {
+            // An optimiser would take a number that cannot be for a find.
+            problem.check_sample(analysis.value_um).map_err(|why| {
+                let name = &problem.sampled().name;
+                NoAnswer::Failed(format!("the simulator's {name} {why}"))
+            })?;
+        }
+        Ok(analysis)
     }
 
     fn sample(&mut self, rng: &mut StreamRng) -> Result<f64, String> {
         // 128 bits of the stream, in words that every program's numbers can hold.
         let [low, high] = [rng.next_u64(), rng.next_u64()];
         let seed = [low, low >> 32, high, high >> 32].map(|word| word as u32);
-        let answer: SampleAnswer = self
-            .session
-            .ask("sample", &self.design, Some(seed))
-            .map_err(|error| match error {
-                NoAnswer::Refused(reason) => format!(
-                    "the simulator refused a sample ({reason}): refuse the design when its \
-                     criteria or its analyses are asked for, or answer with an error"
-                ),
-                NoAnswer::Failed(error) => error,
-            })?;
-        Ok(answer.delta_ste_um)
+        let problem = self.session.problem;
+        let (name, factor) = problem.asked(problem.sampled());
+        let question = messages::sample(&self.told, seed);
+        let answer = self.session.ask(question, &[name], &[name]);
+        let numbers = answer.map_err(|error| match error {
+            NoAnswer::Refused(reason) => format!(
+                "the simulator refused a sample ({reason}): refuse the design when it is \
+                 evaluated, or answer with an error"
+            ),
+            NoAnswer::Failed(error) => error,
+        })?;
+        Ok(factor * numbers[name])
     }
 }

@@ -2,7 +2,7 @@
 
 use gear::Size;
 
-use super::{Campaign, Material, Wear, gear_size};
+use super::{GearSections, Material, Wear, gear_size};
 
 /// Above this the modulus was probably meant in MPa, GPa. Tungsten carbide has about 650 GPa.
 const STIFFEST_GPA: f64 = 1000.0;
@@ -41,8 +41,8 @@ pub(super) fn of_sections(material: &Material, wear: &Wear, face_width_mm: f64) 
 ///
 /// The bounds of the radii are in modules. With a given centre distance every design has a module
 /// of its own, so a radius is warned of only when no profile shift within the bounds allows it.
-pub(super) fn of_frozen(campaign: &Campaign) -> Vec<String> {
-    let (frozen, bounds) = (&campaign.frozen, &campaign.bounds);
+pub(super) fn of_frozen(sections: &GearSections) -> Vec<String> {
+    let (frozen, bounds) = (&sections.frozen, &sections.bounds);
     let mut warnings = Vec::new();
     let [low, high] = bounds.helix_angle_deg;
     let helix = frozen.helix_angle_deg;
@@ -51,7 +51,7 @@ pub(super) fn of_frozen(campaign: &Campaign) -> Vec<String> {
             "frozen.helix_angle_deg is {helix}: bounds.helix_angle_deg allows {low} to {high}"
         ));
     }
-    let Some(modules) = modules(campaign) else {
+    let Some(modules) = modules(sections) else {
         return warnings;
     };
     for (name, radii, [low, high]) in [
@@ -81,25 +81,25 @@ pub(super) fn of_frozen(campaign: &Campaign) -> Vec<String> {
 
 /// The least and the greatest normal module of the campaign's designs with the frozen helix angle,
 /// mm. None where a design at the bounds has none.
-fn modules(campaign: &Campaign) -> Option<[f64; 2]> {
-    let pair = &campaign.pair;
+fn modules(sections: &GearSections) -> Option<[f64; 2]> {
+    let pair = &sections.pair;
     let size = gear_size(pair.centre_distance_mm, pair.normal_module_mm);
     if let Size::NormalModule(module) = size {
         return Some([module; 2]);
     }
     let module = |shift: f64| {
         gear::normal_module(
-            campaign.teeth(),
+            pair.teeth(),
             size,
             pair.pressure_angle_deg.to_radians(),
-            campaign.frozen.helix_angle_deg.to_radians(),
+            sections.frozen.helix_angle_deg.to_radians(),
             2.0 * shift,
         )
     };
     // Larger profile shifts leave a smaller module within the same centre distance. The smallest may
     // leave no working pressure angle: as it goes to zero, m goes to m(0)/cos α_t.
-    let [low, high] = campaign.bounds.profile_shift;
-    let helix = campaign.frozen.helix_angle_deg.to_radians();
+    let [low, high] = sections.bounds.profile_shift;
+    let helix = sections.frozen.helix_angle_deg.to_radians();
     let tan_transverse = pair.pressure_angle_deg.to_radians().tan() / helix.cos();
     let largest = module(low).or_else(|_| module(0.0).map(|m| m * tan_transverse.hypot(1.0)));
     Some([module(high).ok()?, largest.ok()?])

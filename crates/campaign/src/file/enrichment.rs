@@ -20,7 +20,8 @@ pub struct Enrichment {
     pub points_per_round: u32,
     /// Samples of a new design, and of each further turn at one that is there.
     pub samples_per_point: u32,
-    /// δ of the stopping rule, µm: less is not worth looking for.
+    /// δ of the stopping rule, µm, or in the unit of an external response: less is not worth looking for.
+    #[serde(alias = "tolerance")]
     pub tolerance_um: f64,
 }
 
@@ -89,7 +90,7 @@ mod tests {
         // The paper's campaign as it was when it had Archard's law.
         let mut held = Campaign::parse("wear.toml", Campaign::WEAR).unwrap();
         held.name = "paper".to_owned();
-        held.report.compare_with_paper = true;
+        held.gears_mut().unwrap().report.compare_with_paper = true;
         assert!(!held.to_json().contains("enrichment"));
         let digest = held.digest();
         assert!(digest.starts_with("132353a34fb1"), "{digest}");

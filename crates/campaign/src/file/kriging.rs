@@ -66,6 +66,22 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
 
+impl Default for Kriging {
+    fn default() -> Self {
+        Self {
+            kernel: kriging::Kernel::default().to_string(),
+            method: Method::default(),
+            estimator: Estimator::default(),
+            trend: Trend::default(),
+            noise: Noise::default(),
+            nugget: Nugget::default(),
+            calibrate: false,
+            response: Response::default(),
+            leave_out: Vec::new(),
+        }
+    }
+}
+
 impl Kriging {
     pub(super) fn validate(
         &self,
@@ -108,14 +124,7 @@ impl Kriging {
     pub(super) fn without_choices(&self) -> Self {
         Self {
             kernel: self.kernel.clone(),
-            method: Method::default(),
-            estimator: Estimator::default(),
-            trend: Trend::default(),
-            noise: Noise::default(),
-            nugget: Nugget::default(),
-            calibrate: false,
-            response: Response::default(),
-            leave_out: Vec::new(),
+            ..Self::default()
         }
     }
 

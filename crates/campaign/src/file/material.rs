@@ -202,10 +202,13 @@ mod tests {
     fn the_papers_steel_by_name_is_the_shipped_material() {
         let plain = Campaign::parse("c.toml", Campaign::WEAR).unwrap();
         let named = with("name = \"20NC6\"").unwrap();
-        assert_eq!(named.material.to_gear(), plain.material.to_gear());
+        assert_eq!(
+            named.gears().unwrap().material.to_gear(),
+            plain.gears().unwrap().material.to_gear()
+        );
         assert_eq!(with("name = \"20 NC 6\"").unwrap(), named);
         // Files without a name serialise as before there were names.
-        let json = serde_json::to_string(&plain.material).unwrap();
+        let json = serde_json::to_string(&plain.gears().unwrap().material).unwrap();
         assert_eq!(
             json,
             "{\"youngs_modulus_gpa\":200.0,\"poisson_ratio\":0.29,\"yield_mpa\":980.0,\
@@ -222,10 +225,10 @@ mod tests {
     #[test]
     fn numbers_beside_a_name_override_the_table_and_change_the_digest() {
         let table = with("name = \"16MnCr5\"").unwrap();
-        assert_eq!(table.material.yield_mpa, 490.0);
+        assert_eq!(table.gears().unwrap().material.yield_mpa, 490.0);
         let other = with("name = \"16MnCr5\"\nyield_mpa = 590.0").unwrap();
-        assert_eq!(other.material.yield_mpa, 590.0);
-        assert_eq!(other.material.hertz_limit_mpa, 1500.0);
+        assert_eq!(other.gears().unwrap().material.yield_mpa, 590.0);
+        assert_eq!(other.gears().unwrap().material.hertz_limit_mpa, 1500.0);
         assert_ne!(other.digest(), table.digest());
     }
 
@@ -233,7 +236,7 @@ mod tests {
     fn every_name_of_the_table_is_read_with_a_pressure_beside_it() {
         for grade in Grade::ALL {
             let section = format!("name = \"{grade}\"\nhertz_limit_mpa = 800.0");
-            let material = with(&section).unwrap().material;
+            let material = with(&section).unwrap().gears().unwrap().material;
             assert_eq!(material.name, Some(grade));
             assert_eq!(material.hertz_limit_mpa, 800.0);
         }

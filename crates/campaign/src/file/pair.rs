@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::corrections::{PairCorrections, WITHOUT_CROWNING};
 use super::sections::parse_name;
 use super::validate::Source;
-use super::{Campaign, FileError, Load, Material, Wear, advice};
+use super::{FileError, GearSections, Load, Material, Wear, advice};
 use crate::formulation::GearVariables;
 
 mod constraints;
@@ -96,13 +96,13 @@ impl PairFile {
         Ok(this)
     }
 
-    /// The pair file of one design of a campaign, with the campaign's load, material, wear and limits.
+    /// The pair file of one design of a gear campaign, with the campaign's load, material, wear and limits.
     #[must_use]
-    pub fn of_design(campaign: &Campaign, design: &GearVariables) -> Self {
-        let pair = &campaign.pair;
+    pub fn of_design(sections: &GearSections, design: &GearVariables) -> Self {
+        let pair = &sections.pair;
         Self {
             pair: PairSection {
-                teeth: campaign.teeth(),
+                teeth: pair.teeth(),
                 centre_distance_mm: pair.centre_distance_mm,
                 normal_module_mm: pair.normal_module_mm,
                 pressure_angle_deg: pair.pressure_angle_deg,
@@ -117,13 +117,13 @@ impl PairFile {
                 tooth_model: pair.tooth_model.clone(),
                 tip_rule: pair.tip_rule.clone(),
             },
-            load: campaign.load,
-            material: campaign.material,
-            wear: campaign.wear.clone(),
+            load: sections.load,
+            material: sections.material,
+            wear: sections.wear.clone(),
             corrections: None,
             constraints: Some(PairConstraints {
-                contact_ratio_min: Some(campaign.constraints.contact_ratio_min),
-                specific_sliding_max: Some(campaign.constraints.specific_sliding_max),
+                contact_ratio_min: Some(sections.constraints.contact_ratio_min),
+                specific_sliding_max: Some(sections.constraints.specific_sliding_max),
                 ..PairConstraints::default()
             }),
         }

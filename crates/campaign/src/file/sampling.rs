@@ -12,10 +12,10 @@ use super::validate::Source;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sampling {
-    /// Samples of ΔSTE per feasible design, k; with a precision those of the first batch.
+    /// Samples of the response per design that can be simulated, k; with a precision those of the first batch.
     pub samples_per_design: u32,
     /// The standard error of P90 that is good enough, µm: designs get samples until it is reached.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default, alias = "precision", skip_serializing_if = "Option::is_none")]
     pub precision_um: Option<f64>,
     /// The most samples of a design, with a precision.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -192,8 +192,7 @@ impl Sampling {
             plain || !is_external,
             "sampling.control",
             self.control,
-            "\"none\" when simulator.kind is \"external\": only the built-in model's response is \
-             linearised",
+            "\"none\" where a program simulates: only the built-in model's response is linearised",
         )?;
         source.require(
             plain || self.percentile.harrell_davis().is_none(),
@@ -265,8 +264,8 @@ impl Sampling {
         let requirements = [
             (
                 !is_external,
-                "\"independent\" when simulator.kind is \"external\": only the built-in model's wear \
-                 is made of coefficients",
+                "\"independent\" where a program simulates: only the built-in model's wear is made of \
+                 coefficients",
             ),
             (
                 self.control == ControlVariate::None,

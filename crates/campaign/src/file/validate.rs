@@ -1,5 +1,7 @@
 //! Helpers that turn a bad value into a sentence with its file, line and key.
 
+use std::collections::BTreeMap;
+
 use serde::de::DeserializeOwned;
 
 use super::FileError;
@@ -178,15 +180,28 @@ impl Source<'_> {
         )
     }
 
-    /// The line on which `section.key` stands, or on which its section starts, or 1.
+    /// The line on which `section.key` stands, or on which its section starts, or 1. The second
+    /// `[[section]]` of an array is `section[2]`.
     fn line_of(self, key: &str) -> usize {
         let (section, name) = key.rsplit_once('.').unwrap_or(("", key));
         let mut current = String::new();
         let mut fallback = 1;
+        let mut arrays = BTreeMap::new();
         for (index, line) in self.text.lines().enumerate() {
             let line = line.trim();
-            if let Some(header) = line.strip_prefix('[').and_then(|rest| rest.split_once(']')) {
-                current = header.0.trim().to_owned();
+            let header = |open: &str, close: &str| {
+                let (name, _) = line.strip_prefix(open)?.split_once(close)?;
+                Some(name.trim().to_owned())
+            };
+            if let Some(array) = header("[[", "]]") {
+                let count = arrays.entry(array.clone()).or_insert(0_usize);
+                *count += 1;
+                current = format!("{array}[{count}]");
+                if current == section {
+                    fallback = index + 1;
+                }
+            } else if let Some(table) = header("[", "]") {
+                current = table;
                 if current == section {
                     fallback = index + 1;
                 }

@@ -20,8 +20,10 @@ impl Campaign {
     pub fn with_pinion_teeth(&self, file: &str, teeth: u32) -> Result<(Self, String), FileError> {
         let mut other = self.clone();
         other.name = format!("{}-z{teeth}", self.name);
-        other.pair.pinion_teeth = teeth;
-        other.report.compare_with_paper = false;
+        if let Some(sections) = other.gears_mut() {
+            sections.pair.pinion_teeth = teeth;
+            sections.report.compare_with_paper = false;
+        }
         let text = toml::to_string(&other).expect("plain numbers and names serialise");
         let parsed = Self::parse(&format!("{file} with {teeth} pinion teeth"), &text)?;
         Ok((parsed, text))
@@ -36,15 +38,16 @@ mod tests {
     fn other_teeth_change_the_pair_and_nothing_that_is_drawn_at_random() {
         let paper = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
         let (other, text) = paper.with_pinion_teeth("paper.toml", 27).unwrap();
-        assert_eq!(other.teeth(), [27, 30]);
+        assert_eq!(other.gears().unwrap().pair.teeth(), [27, 30]);
         assert_eq!(other.name, "paper-z27");
-        assert!(!other.report.compare_with_paper);
+        assert!(!other.compares_with_paper());
         assert_eq!(Campaign::parse("again", &text).unwrap(), other);
         assert_ne!(other.digest(), paper.digest());
         let mut back = other;
         back.name.clone_from(&paper.name);
-        back.pair.pinion_teeth = 20;
-        back.report = paper.report;
+        let (sections, papers) = (back.gears_mut().unwrap(), paper.gears().unwrap());
+        sections.pair.pinion_teeth = 20;
+        sections.report = papers.report;
         assert_eq!(back, paper);
     }
 

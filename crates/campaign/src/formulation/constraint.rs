@@ -1,19 +1,22 @@
 //! One constraint of one design.
 
+use std::borrow::Cow;
+
 /// One constraint at one design.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Constraint {
     /// The constrained quantity.
-    pub name: &'static str,
+    pub name: Cow<'static, str>,
     /// Its unit with a space before it, or nothing.
-    pub unit: &'static str,
+    pub unit: Cow<'static, str>,
     /// Its value.
     pub value: f64,
     /// Its limit.
     pub limit: f64,
     /// How far the value lies beyond the limit, in its unit; negative on the good side.
     pub excess: f64,
-    /// What the paper's (5) divides the excess by: the limit, or the module for a length.
+    /// What the paper's (5) divides the excess by: the limit, or the module for a length. Of an external
+    /// problem the limit's size, or 1 where the limit is 0.
     pub scale: f64,
     /// On which side of the limit the value must be.
     pub bound: Bound,
@@ -24,6 +27,8 @@ pub struct Constraint {
 pub enum Bound {
     /// Below the limit.
     Below,
+    /// Below the limit or on it.
+    AtMost,
     /// Above the limit.
     Above,
     /// Above the limit or on it.
@@ -36,6 +41,7 @@ impl Bound {
     pub const fn sign(self) -> &'static str {
         match self {
             Self::Below => "<",
+            Self::AtMost => "≤",
             Self::Above => ">",
             Self::AtLeast => "≥",
         }
@@ -45,10 +51,15 @@ impl Bound {
 impl Constraint {
     /// A value that must be below its limit.
     #[must_use]
-    pub fn below(name: &'static str, unit: &'static str, value: f64, limit: f64) -> Self {
+    pub fn below(
+        name: impl Into<Cow<'static, str>>,
+        unit: impl Into<Cow<'static, str>>,
+        value: f64,
+        limit: f64,
+    ) -> Self {
         Self {
-            name,
-            unit,
+            name: name.into(),
+            unit: unit.into(),
             value,
             limit,
             excess: value - limit,
@@ -57,9 +68,28 @@ impl Constraint {
         }
     }
 
+    /// A value that must not exceed its limit.
+    #[must_use]
+    pub fn at_most(
+        name: impl Into<Cow<'static, str>>,
+        unit: impl Into<Cow<'static, str>>,
+        value: f64,
+        limit: f64,
+    ) -> Self {
+        Self {
+            bound: Bound::AtMost,
+            ..Self::below(name, unit, value, limit)
+        }
+    }
+
     /// A value that must be above its limit.
     #[must_use]
-    pub fn above(name: &'static str, unit: &'static str, value: f64, limit: f64) -> Self {
+    pub fn above(
+        name: impl Into<Cow<'static, str>>,
+        unit: impl Into<Cow<'static, str>>,
+        value: f64,
+        limit: f64,
+    ) -> Self {
         Self {
             excess: limit - value,
             bound: Bound::Above,
@@ -69,7 +99,12 @@ impl Constraint {
 
     /// A value that must reach its limit.
     #[must_use]
-    pub fn at_least(name: &'static str, unit: &'static str, value: f64, limit: f64) -> Self {
+    pub fn at_least(
+        name: impl Into<Cow<'static, str>>,
+        unit: impl Into<Cow<'static, str>>,
+        value: f64,
+        limit: f64,
+    ) -> Self {
         Self {
             bound: Bound::AtLeast,
             ..Self::above(name, unit, value, limit)
@@ -81,7 +116,7 @@ impl Constraint {
     pub fn holds(&self) -> bool {
         match self.bound {
             Bound::Below | Bound::Above => self.excess < 0.0,
-            Bound::AtLeast => self.excess <= 0.0,
+            Bound::AtMost | Bound::AtLeast => self.excess <= 0.0,
         }
     }
 }

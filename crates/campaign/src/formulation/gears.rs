@@ -3,11 +3,9 @@
 use gear::{Discretisation, PairInput};
 use serde::{Deserialize, Serialize};
 
-use super::{Constraint, Criteria, Design, Problem, Quantity, Variable};
-use crate::Campaign;
-use crate::file::gear_size;
+use super::{Constraint, Criteria, Design, Quantity, Variable};
+use crate::file::{GearSections, gear_size};
 use crate::simulator::{Analysis, State};
-use crate::task::check_delta_ste;
 
 /// The number of variables of a gear pair.
 pub const ALL_VARIABLES: usize = 11;
@@ -57,6 +55,13 @@ pub(super) static RESPONSES: [Quantity; 11] = [
     Quantity::of("delta_ste_um", "µm"),
     Quantity::of("delta_ste_archard_um", "µm"),
 ];
+
+/// The response that is sampled.
+pub(super) const SAMPLED: Quantity = Quantity::of("delta_ste_um", "µm");
+
+/// The largest ΔSTE that is believed, µm: a metre. A number beyond it would make everything that is
+/// learned from it worthless.
+const MAX_DELTA_STE_UM: f64 = 1e6;
 
 /// A gear pair's eleven variables, those of the paper's (1). Pairs are pinion, mate.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -168,18 +173,19 @@ impl GearCriteria {
 
 /// What a campaign's pairs share.
 #[derive(Debug, Clone)]
-pub(crate) struct Gears {
+pub struct Gears {
+    sections: GearSections,
     template: PairInput,
-    pub(crate) wear: gear::Wear,
-    pub(crate) discretisation: Discretisation,
+    wear: gear::Wear,
+    discretisation: Discretisation,
 }
 
 impl Gears {
     /// What the pairs of a validated campaign share.
-    pub(super) fn new(campaign: &Campaign) -> Self {
-        let pair = &campaign.pair;
+    pub(super) fn new(sections: &GearSections) -> Self {
+        let pair = &sections.pair;
         let template = PairInput {
-            teeth: campaign.teeth(),
+            teeth: pair.teeth(),
             size: gear_size(pair.centre_distance_mm, pair.normal_module_mm),
             pressure_angle: pair.pressure_angle_deg.to_radians(),
             helix_angle: 0.0,
@@ -198,51 +204,21 @@ impl Gears {
                 .tip_rule
                 .parse()
                 .expect("validation has parsed this name"),
-            pinion_torque: campaign.load.pinion_torque_nm * 1e3,
-            material: campaign.material.to_gear(),
+            pinion_torque: sections.load.pinion_torque_nm * 1e3,
+            material: sections.material.to_gear(),
         };
         Self {
             template,
-            wear: campaign.wear.to_gear(),
+            wear: sections.wear.to_gear(),
             discretisation: Discretisation::default(),
+            sections: sections.clone(),
         }
     }
-}
 
-/// A pair's variables; the DoE moves those with a range.
-pub(super) fn variables(campaign: &Campaign) -> Vec<Variable> {
-    let bounds = &campaign.bounds;
-    let ranges = [
-        bounds.profile_shift,
-        bounds.tool_addendum,
-        bounds.tool_dedendum,
-    ];
-    let variable = |(index, name): (usize, &&'static str)| Variable {
-        name: (*name).into(),
-        range: (index < FREE).then(|| ranges[index / 2]),
-    };
-    VARIABLE_NAMES.iter().enumerate().map(variable).collect()
-}
-
-/// The values that the campaign file gives to the variables that the DoE leaves alone.
-pub(super) fn base(campaign: &Campaign) -> Design {
-    let frozen = &campaign.frozen;
-    let variables = GearVariables {
-        profile_shift: [0.0; 2],
-        tool_addendum: [0.0; 2],
-        tool_dedendum: [0.0; 2],
-        tip_radius_mm: frozen.tip_radius_mm,
-        root_radius_mm: frozen.root_radius_mm,
-        helix_angle_deg: frozen.helix_angle_deg,
-    };
-    variables.into()
-}
-
-impl Problem {
     /// The wear field.
     #[must_use]
     pub const fn wear(&self) -> &gear::Wear {
-        &self.gears.wear
+        &self.wear
     }
 
     /// The simulator's input for a design.
@@ -256,7 +232,7 @@ impl Problem {
             tool_dedendum: variables.tool_dedendum,
             tip_radius: variables.tip_radius_mm,
             root_radius: variables.root_radius_mm,
-            ..self.gears.template.clone()
+            ..self.template.clone()
         }
     }
 
@@ -272,7 +248,7 @@ impl Problem {
     }
 
     fn module_of(&self, helix_angle_deg: f64, shift: f64) -> Result<f64, gear::Infeasible> {
-        let template = &self.gears.template;
+        let template = &self.template;
         gear::normal_module(
             template.teeth,
             template.size,
@@ -282,13 +258,18 @@ impl Problem {
         )
     }
 
+    /// How finely pairs are discretised.
+    pub(crate) const fn discretisation(&self) -> &Discretisation {
+        &self.discretisation
+    }
+
     /// Geometry and compliance of a design.
     ///
     /// # Errors
     ///
     /// Why the design cannot be simulated.
     pub fn pair(&self, design: &Design) -> Result<gear::Pair, gear::Error> {
-        gear::Pair::new(&self.pair_input(design), &self.gears.discretisation)
+        gear::Pair::new(&self.pair_input(design), &self.discretisation)
     }
 
     /// The criteria of a pair, with the contact pressure of the analysis that matters, in MPa.
@@ -317,8 +298,11 @@ impl Problem {
     ///
     /// The involute equation has no solution, so there is no module.
     pub fn full_point(&self, unit: &[f64]) -> Result<Design, gear::Infeasible> {
-        let bounds = &self.campaign.bounds;
-        let mut values = self.free_point(&unit[..FREE]);
+        let bounds = &self.sections.bounds;
+        let ranges = free_ranges(&self.sections).into_iter().zip(unit);
+        let mut values: Vec<f64> = ranges
+            .map(|(range, &unit)| super::scale(range, unit))
+            .collect();
         let helix_angle_deg = super::scale(bounds.helix_angle_deg, unit[10]);
         let module = self.module_of(helix_angle_deg, values[0] + values[1])?;
         let (tip, root) = (bounds.tip_radius_modules, bounds.root_radius_modules);
@@ -327,28 +311,70 @@ impl Problem {
         values.push(helix_angle_deg);
         Ok(Design::new(values))
     }
+
+    /// Every constraint of (3) or (7), with how far a pair is from breaking it.
+    pub(super) fn constraints(&self, criteria: &GearCriteria) -> Vec<Constraint> {
+        let limits = &self.sections.constraints;
+        let material = &self.sections.material;
+        let not_negative = |name: &'static str, value| Constraint {
+            scale: criteria.normal_module_mm,
+            ..Constraint::at_least(name, " mm", value, 0.0)
+        };
+        let (sliding, root) = (criteria.specific_sliding, criteria.root_stress_mpa);
+        let pressure = criteria.hertz_pressure_mpa;
+        vec![
+            Constraint::above("r_c", "", criteria.contact_ratio, limits.contact_ratio_min),
+            Constraint::below("g_s", "", sliding, limits.specific_sliding_max),
+            Constraint::below("σ_vm", " MPa", root, material.yield_mpa),
+            Constraint::below("F", " MPa", pressure, material.hertz_limit_mpa),
+            not_negative("pinion tip clearance", criteria.clearance_mm[0]),
+            not_negative("mate tip clearance", criteria.clearance_mm[1]),
+            not_negative("pinion flank margin", criteria.flank_margin_mm[0]),
+            not_negative("mate flank margin", criteria.flank_margin_mm[1]),
+        ]
+    }
 }
 
-/// Every constraint of (3) or (7), with how far a pair is from breaking it.
-pub(super) fn constraints(campaign: &Campaign, criteria: &GearCriteria) -> Vec<Constraint> {
-    let limits = &campaign.constraints;
-    let material = &campaign.material;
-    let not_negative = |name, value| Constraint {
-        scale: criteria.normal_module_mm,
-        ..Constraint::at_least(name, " mm", value, 0.0)
+/// A pair's variables; the DoE moves those with a range.
+pub(super) fn variables(sections: &GearSections) -> Vec<Variable> {
+    let ranges = free_ranges(sections);
+    let variable = |(index, name): (usize, &&'static str)| Variable {
+        name: (*name).into(),
+        unit: "".into(),
+        range: ranges.get(index).copied(),
     };
-    let (sliding, root) = (criteria.specific_sliding, criteria.root_stress_mpa);
-    let pressure = criteria.hertz_pressure_mpa;
-    vec![
-        Constraint::above("r_c", "", criteria.contact_ratio, limits.contact_ratio_min),
-        Constraint::below("g_s", "", sliding, limits.specific_sliding_max),
-        Constraint::below("σ_vm", " MPa", root, material.yield_mpa),
-        Constraint::below("F", " MPa", pressure, material.hertz_limit_mpa),
-        not_negative("pinion tip clearance", criteria.clearance_mm[0]),
-        not_negative("mate tip clearance", criteria.clearance_mm[1]),
-        not_negative("pinion flank margin", criteria.flank_margin_mm[0]),
-        not_negative("mate flank margin", criteria.flank_margin_mm[1]),
-    ]
+    VARIABLE_NAMES.iter().enumerate().map(variable).collect()
+}
+
+/// The ranges of the variables that the DoE moves.
+fn free_ranges(sections: &GearSections) -> [[f64; 2]; FREE] {
+    let bounds = &sections.bounds;
+    let (shift, addendum) = (bounds.profile_shift, bounds.tool_addendum);
+    let dedendum = bounds.tool_dedendum;
+    [shift, shift, addendum, addendum, dedendum, dedendum]
+}
+
+/// The values that the campaign file gives to the variables that the DoE leaves alone.
+pub(super) fn base(sections: &GearSections) -> Design {
+    let frozen = &sections.frozen;
+    let variables = GearVariables {
+        profile_shift: [0.0; 2],
+        tool_addendum: [0.0; 2],
+        tool_dedendum: [0.0; 2],
+        tip_radius_mm: frozen.tip_radius_mm,
+        root_radius_mm: frozen.root_radius_mm,
+        helix_angle_deg: frozen.helix_angle_deg,
+    };
+    variables.into()
+}
+
+/// Whether a response is one of a pair in this state.
+pub(super) fn belongs_to(response: &str, state: State) -> bool {
+    let of_the_other = match state {
+        State::Nominal => ["hertz_pressure_worn_mpa", "delta_ste_archard_um"],
+        State::Baseline => ["hertz_pressure_mpa", "delta_ste_um"],
+    };
+    !of_the_other.contains(&response)
 }
 
 /// The responses of a pair, from its analyses unworn and with Archard's wear.
@@ -370,17 +396,29 @@ pub(super) fn responses(unworn: &Analysis, worn: &Analysis) -> Vec<f64> {
 }
 
 /// Whether the ΔSTE of both states can be one.
-pub(super) fn check(responses: &[f64]) -> Result<(), String> {
+pub(super) fn check(response: impl Fn(&str) -> Option<f64>) -> Result<(), String> {
     for (name, state) in [
         ("delta_ste_um", "unworn"),
         ("delta_ste_archard_um", "with Archard's wear"),
     ] {
-        let place = RESPONSES.iter().position(|quantity| quantity.name == name);
-        let value_um = place.and_then(|place| responses.get(place));
-        let value_um = value_um.copied().unwrap_or(f64::NAN);
+        let value_um = response(name).unwrap_or(f64::NAN);
         check_delta_ste(value_um).map_err(|why| format!("ΔSTE {state} {why}"))?;
     }
     Ok(())
+}
+
+/// Whether a ΔSTE can be one: the difference of a largest and a smallest error is not negative.
+///
+/// # Errors
+///
+/// A sentence without subject: what it is, and what it would have to be.
+pub(super) fn check_delta_ste(delta_ste_um: f64) -> Result<(), String> {
+    if (0.0..=MAX_DELTA_STE_UM).contains(&delta_ste_um) {
+        return Ok(());
+    }
+    Err(format!(
+        "is {delta_ste_um:e} µm, but a ΔSTE lies between 0 and {MAX_DELTA_STE_UM:e} µm"
+    ))
 }
 
 /// The analysis that the responses hold, of a pair with this module.

@@ -35,7 +35,9 @@ fn the_violation_is_the_bracket_of_equation_5_plus_interference_in_modules() {
     // (1 − 1/1.25) + (3/2 − 1) + (1078/980 − 1) + (3100/1550 − 1) + 1/4
     let expected = 0.2 + 0.5 + 0.1 + 1.0 + 0.25;
     assert!((problem.violation(&of(bad)) - expected).abs() < 1e-12);
-    assert!((problem.penalised(2.0, 0.3) - (2.0 / 0.5 + 10.0 * 0.3)).abs() < 1e-12);
+    assert!(
+        (problem.penalty().unwrap().objective(2.0, 0.3) - (2.0 / 0.5 + 10.0 * 0.3)).abs() < 1e-12
+    );
 }
 
 #[test]
@@ -72,9 +74,9 @@ fn the_unit_cube_covers_the_bounds_and_radii_follow_the_module() {
         [2.0, 2.0, 1.7, 1.7, 1.7, 1.7]
     );
     let unit = [0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.0, 1.0, 0.0, 1.0, 1.0];
-    let design = problem.full_point(&unit).unwrap();
+    let design = problem.gears().unwrap().full_point(&unit).unwrap();
     let variables = design.gears();
-    let module = problem.pair(&design).map_or_else(
+    let module = problem.gears().unwrap().pair(&design).map_or_else(
         |_| variables.tip_radius_mm[1],
         |pair| pair.geometry().normal_module,
     );

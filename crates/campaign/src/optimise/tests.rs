@@ -25,7 +25,7 @@ fn of(problem: &Problem, approach: Approach, start: u32, model: Option<&str>) ->
 }
 
 fn archard(problem: &Problem) -> RunResult {
-    run(problem, &of(problem, Approach::Archard, 0, None)).unwrap()
+    run(problem, &of(problem, Approach::Baseline, 0, None)).unwrap()
 }
 
 #[test]
@@ -33,7 +33,7 @@ fn a_run_is_a_function_of_campaign_approach_and_start() {
     let problem = problem(|_| {});
     let first = archard(&problem);
     assert_eq!(first, archard(&problem));
-    let other = run(&problem, &of(&problem, Approach::Archard, 1, None)).unwrap();
+    let other = run(&problem, &of(&problem, Approach::Baseline, 1, None)).unwrap();
     assert_ne!(first.best, other.best);
     let json = serde_json::to_string(&first).unwrap();
     assert_eq!(serde_json::from_str::<RunResult>(&json).unwrap(), first);
@@ -44,7 +44,7 @@ fn a_run_is_a_function_of_campaign_approach_and_start() {
 fn the_kinds_of_restarts_give_different_runs_that_are_reproducible() {
     let restarts = |restarts, restart_at| {
         let problem = problem(|campaign| {
-            campaign.bounds.profile_shift = [-9.0, -8.0];
+            campaign.gears_mut().unwrap().bounds.profile_shift = [-9.0, -8.0];
             campaign.optimise.evaluations = 4000;
             campaign.optimise.restarts = restarts;
             campaign.optimise.restart_at = restart_at;
@@ -67,7 +67,7 @@ fn the_kinds_of_restarts_give_different_runs_that_are_reproducible() {
 
 #[test]
 fn a_weight_that_is_too_small_is_said_and_made_up_for() {
-    let problem = problem(|campaign| campaign.optimise.penalty = 1e-3);
+    let problem = problem(|campaign| campaign.gears_mut().unwrap().penalty.weight = 1e-3);
     let result = archard(&problem);
     let printed = result.printed.unwrap();
     assert!(!printed.feasible, "the weight was meant to be too small");
@@ -83,7 +83,7 @@ fn a_weight_that_is_too_small_is_said_and_made_up_for() {
 #[test]
 fn constraints_that_nothing_satisfies_end_without_an_optimum() {
     let problem = problem(|campaign| {
-        campaign.constraints.contact_ratio_min = 50.0;
+        campaign.gears_mut().unwrap().constraints.contact_ratio_min = 50.0;
         campaign.optimise.evaluations = 60;
         campaign.optimise.restart_at = Some(30);
     });
@@ -96,7 +96,7 @@ fn constraints_that_nothing_satisfies_end_without_an_optimum() {
 #[test]
 fn calls_are_counted_as_the_paper_does() {
     let problem = problem(|_| {});
-    let unworn = run(&problem, &of(&problem, Approach::NoWear, 0, None)).unwrap();
+    let unworn = run(&problem, &of(&problem, Approach::Nominal, 0, None)).unwrap();
     assert!(
         unworn.simulator_calls <= unworn.evaluations,
         "one call per analysis at most"
@@ -142,12 +142,12 @@ fn stopped_after(problem: &Problem, run: &Run, saved: Option<Saved>, generations
 fn a_run_that_is_stopped_again_and_again_ends_as_one_that_is_not() {
     for restarts in [Restarts::FromBest, Restarts::Ipop, Restarts::Bipop] {
         let problem = problem(|campaign| {
-            campaign.optimise.penalty = 1e-3;
+            campaign.gears_mut().unwrap().penalty.weight = 1e-3;
             campaign.optimise.evaluations = 2000;
             campaign.optimise.restarts = restarts;
             campaign.optimise.restart_at = (restarts == Restarts::FromBest).then_some(1000);
         });
-        let run = of(&problem, Approach::Archard, 0, None);
+        let run = of(&problem, Approach::Baseline, 0, None);
         let mut saved = None;
         let mut evaluations = Vec::new();
         let result = loop {
@@ -174,7 +174,7 @@ fn a_run_that_is_stopped_again_and_again_ends_as_one_that_is_not() {
 #[test]
 fn a_state_that_is_damaged_or_of_another_run_is_refused() {
     let problem = problem(|_| {});
-    let run = of(&problem, Approach::Archard, 0, None);
+    let run = of(&problem, Approach::Baseline, 0, None);
     let Output::Unfinished(checkpoint) = stopped_after(&problem, &run, None, 3) else {
         panic!("the run cannot have ended");
     };
@@ -197,14 +197,14 @@ fn a_state_that_is_damaged_or_of_another_run_is_refused() {
         error.contains("is of run-2-0, generation 000000000000abcd"),
         "{error}"
     );
-    let other = of(&problem, Approach::Archard, 1, None);
+    let other = of(&problem, Approach::Baseline, 1, None);
     assert!(refusal(&good, &unit(&other)).contains("and not of run-2-1"));
 }
 
 #[test]
 fn nothing_is_saved_before_the_first_generation() {
     let problem = problem(|_| {});
-    let run = of(&problem, Approach::Archard, 0, None);
+    let run = of(&problem, Approach::Baseline, 0, None);
     let output = run_until(&problem, &unit(&run), &run, None, &|_| false);
     assert_eq!(output, Ok(None));
 }

@@ -41,7 +41,11 @@ fn analysis(problem: &Problem, pair: &gear::Pair, analysis: &gear::Analysis) -> 
     let pressure = analysis.hertz_pressure_mpa;
     Analysis {
         value_um: analysis.delta_ste_um,
-        criteria: problem.pair_criteria(pair, pressure).into(),
+        criteria: problem
+            .gears()
+            .unwrap()
+            .pair_criteria(pair, pressure)
+            .into(),
     }
 }
 
@@ -50,10 +54,11 @@ fn analysis(problem: &Problem, pair: &gear::Pair, analysis: &gear::Analysis) -> 
 fn units_ask_the_built_in_model_and_nothing_else() {
     let problem = problem();
     let asked = asked();
-    let pair = problem.pair(&asked).unwrap();
+    let gears = problem.gears().unwrap();
+    let pair = gears.pair(&asked).unwrap();
     let unworn = pair.unworn();
-    let worn = pair.archard(problem.wear()).analysis;
-    let mut sampler = pair.sampler(problem.wear());
+    let worn = pair.archard(gears.wear()).analysis;
+    let mut sampler = pair.sampler(gears.wear());
     let seed = problem.campaign().seed;
     let samples_um = (2..7)
         .map(|index| sampler.draw(&mut stream(seed, Purpose::Wear, 3, index)))
@@ -71,7 +76,7 @@ fn units_ask_the_built_in_model_and_nothing_else() {
         }
     );
     assert_eq!(
-        problem.normal_module(&asked).unwrap(),
+        gears.normal_module(&asked).unwrap(),
         pair.geometry().normal_module
     );
     // x_p + x_r = −2 leaves the involute equation without a solution.
@@ -185,10 +190,11 @@ struct Ready<'a>(&'a Fake);
 
 impl Prepared for Ready<'_> {
     fn analyse(&mut self, _: State) -> Result<Analysis, NoAnswer> {
-        let pair = self.0.problem.pair(&asked()).unwrap();
+        let gears = self.0.problem.gears().unwrap();
+        let pair = gears.pair(&asked()).unwrap();
         Ok(Analysis {
             value_um: self.0.analysed_um,
-            criteria: self.0.problem.pair_criteria(&pair, 900.0).into(),
+            criteria: gears.pair_criteria(&pair, 900.0).into(),
         })
     }
 
@@ -223,12 +229,12 @@ fn analyses_refuse_a_design_and_samples_fail() {
     }
     let failures: [(Sampled, &str); 6] = [
         (|| panic!("out of teeth"), "simulator-panic: out of teeth"),
-        (|| Ok(f64::NAN), "ΔSTE is NaN"),
-        (|| Ok(f64::INFINITY), "ΔSTE is inf"),
-        (|| Ok(-5.0), "ΔSTE is -5e0 µm"),
+        (|| Ok(f64::NAN), "delta_ste_um is NaN"),
+        (|| Ok(f64::INFINITY), "delta_ste_um is inf"),
+        (|| Ok(-5.0), "delta_ste_um is -5e0 µm"),
         (
             || Ok(1e308),
-            "ΔSTE is 1e308 µm, but a ΔSTE lies between 0 and 1e6 µm",
+            "delta_ste_um is 1e308 µm, but a ΔSTE lies between 0 and 1e6 µm",
         ),
         (|| Err("licence".to_owned()), "licence"),
     ];

@@ -76,7 +76,7 @@ fn run(formula: Formula, evaluations: u32, start: u32) -> RunResult {
         formula,
     };
     let run = campaign::task::Run {
-        approach: Approach::Archard,
+        approach: Approach::Baseline,
         start,
         base: made.problem.base().clone(),
         model: None,

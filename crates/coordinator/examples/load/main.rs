@@ -132,7 +132,9 @@ fn campaign(designs: u32, samples: u32) -> anyhow::Result<Campaign> {
     let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER)?;
     campaign.doe.designs = designs;
     campaign.sampling.samples_per_design = samples;
-    campaign.report.compare_with_paper = false;
+    if let Some(sections) = campaign.gears_mut() {
+        sections.report.compare_with_paper = false;
+    }
     Ok(campaign)
 }
 

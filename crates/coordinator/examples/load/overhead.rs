@@ -29,7 +29,10 @@ fn designs(problem: &Problem, count: usize) -> Vec<Vec<f64>> {
         let unit: [f64; 6] = std::array::from_fn(|_| rng.random());
         let x = problem.free_point(&unit);
         let variables = problem.design(&x, problem.base());
-        if problem.pair(&variables).is_ok() {
+        if problem
+            .gears()
+            .is_some_and(|gears| gears.pair(&variables).is_ok())
+        {
             designs.push(x);
         }
     }

@@ -20,10 +20,7 @@ pub(super) fn simulate() -> anyhow::Result<()> {
         let request: Value = serde_json::from_str(&line?)?;
         let id = &request["id"];
         let answer = match request["request"].as_str() {
-            Some("start") => json!({"id": id, "protocol": 1, "version": "slow 1"}),
-            Some("criteria") => json!({"id": id, "contact_ratio": 1.6,
-                "specific_sliding": 1.3, "root_stress_mpa": 500.0,
-                "clearance_mm": [0.9, 0.6], "flank_margin_mm": [0.4, 0.2]}),
+            Some("describe") => json!({"id": id, "protocol": 2, "version": "slow 1"}),
             Some("sample") => {
                 // Time on the processor, so that a sample costs the same on a busy machine.
                 let until = cpu_nanoseconds() + 1_000_000;
@@ -32,7 +29,11 @@ pub(super) fn simulate() -> anyhow::Result<()> {
                 }
                 json!({"id": id, "delta_ste_um": 1.5})
             }
-            _ => json!({"id": id, "delta_ste_um": 1.25, "hertz_pressure_mpa": 1180.0}),
+            _ => json!({"id": id, "contact_ratio": 1.6, "specific_sliding": 1.3,
+                "root_stress_mpa": 500.0, "clearance_p_mm": 0.9, "clearance_r_mm": 0.6,
+                "flank_margin_p_mm": 0.4, "flank_margin_r_mm": 0.2,
+                "delta_ste_um": 1.25, "hertz_pressure_mpa": 1180.0,
+                "delta_ste_archard_um": 1.25, "hertz_pressure_worn_mpa": 1180.0}),
         };
         writeln!(out, "{answer}")?;
         out.flush()?;
@@ -54,7 +55,8 @@ pub(super) fn ask(program: &Path, designs: usize, samples: usize) -> anyhow::Res
         "rho_f_r_mm": 0.8, "beta_deg": 30.0, "normal_module_mm": 4.36});
     let mut line = String::new();
     for _ in 0..designs {
-        let questions = ["criteria", "unworn", "archard"]
+        // Once for each state.
+        let questions = ["evaluate", "evaluate"]
             .into_iter()
             .chain(std::iter::repeat_n("sample", samples));
         for request in questions {

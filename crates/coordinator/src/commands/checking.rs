@@ -3,9 +3,9 @@
 use std::time::Instant;
 
 use anyhow::Context as _;
+use campaign::Campaign;
 use campaign::formulation::Problem;
 use campaign::task::{self, Output, Source};
-use campaign::{Approach, Campaign};
 use ledger::{Generation, StreamId, Unit};
 use protocol::exit;
 use rand::RngExt as _;
@@ -23,7 +23,8 @@ struct Plan {
     file: String,
     campaign: String,
     seed: u64,
-    teeth: [u32; 2],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    teeth: Option<[u32; 2]>,
     /// In their order.
     stages: Vec<Stage>,
     /// The sum of the stages' estimates, if there are any.
@@ -49,7 +50,7 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
     let k = u64::from(campaign.sampling.samples_per_design);
     let starts = u64::from(campaign.optimise.starts);
     let evaluations = u64::from(campaign.optimise.evaluations);
-    let points = references::points(&problem).len() as u64 + Approach::of(&campaign).count() as u64;
+    let points = references::points(&problem).len() as u64 + problem.approaches().count() as u64;
     let verify = u64::from(campaign.verify.samples);
     // What an external program takes, and which designs it refuses, only a run can tell.
     let measured = if campaign.is_external() {
@@ -138,7 +139,7 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
         file: arguments.campaign.display().to_string(),
         campaign: campaign.name.clone(),
         seed: campaign.seed,
-        teeth: campaign.teeth(),
+        teeth: campaign.gears().map(|sections| sections.pair.teeth()),
         core_seconds: stages.iter().map(|stage| stage.core_seconds).sum(),
         stages,
         warnings: campaign.warnings(),
@@ -150,8 +151,14 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
 /// The plan for people.
 fn describe(plan: &Plan) -> String {
     let mut text = format!(
-        "{} is valid: campaign {}, seed {}, {} and {} teeth\n\n",
-        plan.file, plan.campaign, plan.seed, plan.teeth[0], plan.teeth[1]
+        "{} is valid: campaign {}, seed {}{}\n\n",
+        plan.file,
+        plan.campaign,
+        plan.seed,
+        plan.teeth
+            .map_or_else(String::new, |[pinion, mate]| format!(
+                ", {pinion} and {mate} teeth"
+            ))
     );
     for Stage {
         stage,

@@ -260,7 +260,7 @@ async fn numbers_that_cannot_be_are_failures_until_the_design_is_given_up() {
     );
     for row in &failures {
         assert!(
-            row.error.contains("design-0: ΔSTE of sample 3 is"),
+            row.error.contains("design-0: delta_ste_um of sample 3 is"),
             "{row:?}"
         );
     }
@@ -305,7 +305,7 @@ async fn what_a_partial_result_leaves_undone_is_leased_again() {
 async fn a_run_goes_on_where_its_worker_was() {
     let bench = bench().await;
     let run = Run {
-        approach: Approach::Archard,
+        approach: Approach::Baseline,
         start: 1,
         base: bench.problem.base().clone(),
         model: None,

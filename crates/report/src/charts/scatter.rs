@@ -104,10 +104,14 @@ pub(crate) fn leave_one_out(fit: &KrigingFit) -> Result<Picture, Error> {
         .iter()
         .map(|p| [p.observed_um, p.predicted_um]);
     let points = drawable_pairs(pairs, Scale::Linear);
+    let with_unit = |what: &str| match fit.unit.as_str() {
+        "" => what.to_owned(),
+        unit => format!("{what} ({unit})"),
+    };
     let chart = Chart {
         title: "Leave-one-out predictions".to_owned(),
-        x: axis("observed (µm)", Scale::Linear),
-        y: axis("predicted from the others (µm)", Scale::Linear),
+        x: axis(&with_unit("observed"), Scale::Linear),
+        y: axis(&with_unit("predicted from the others"), Scale::Linear),
         series: vec![
             diagonal(&points, "perfect prediction"),
             Series {

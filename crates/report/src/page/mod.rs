@@ -2,6 +2,7 @@
 
 mod enrichment;
 mod pair;
+mod problem;
 mod rows;
 
 use askama::Template;
@@ -14,7 +15,8 @@ use crate::paper;
 use crate::svg::{self, Picture};
 use enrichment::EnrichmentView;
 pub use pair::render_pair;
-use rows::{ApproachRow, ComparedDesign, PreliminaryRow, ResponseRow, SimilarRow};
+pub use problem::render_problem;
+use rows::{ApproachRow, ComparedDesign, PreliminaryRow, ResponseRow, SimilarRow, Value};
 
 /// The report as one HTML page that loads nothing and runs nothing.
 ///
@@ -277,6 +279,13 @@ fn tiles(header: &Header, compare: bool) -> Vec<(String, String)> {
     tiles
 }
 
+/// A number with its unit, if it has one.
+fn with_unit(value: f64, digits: usize, unit: &str) -> String {
+    format!("{} {unit}", significant(value, digits))
+        .trim_end()
+        .to_owned()
+}
+
 fn kriging_view(fit: &KrigingFit) -> Result<KrigingView, Error> {
     let standardised = fit.leave_one_out.iter();
     let standardised = standardised.filter_map(|p| Some((p.design, p.standardised?)));
@@ -293,10 +302,7 @@ fn kriging_view(fit: &KrigingFit) -> Result<KrigingView, Error> {
         warnings: fit.warnings.clone(),
         quality: [
             ("Q²".to_owned(), fixed(fit.q2, 3)),
-            (
-                "RMSE".to_owned(),
-                format!("{} µm", significant(fit.rmse_um, 3)),
-            ),
+            ("RMSE".to_owned(), with_unit(fit.rmse_um, 3, &fit.unit)),
             (
                 "Within the 90 % interval".to_owned(),
                 percent(fit.coverage_90),

@@ -2,11 +2,10 @@
 
 use askama::Template;
 
-use super::{Figure, figure};
+use super::{Figure, figure, with_unit};
 use crate::charts;
 use crate::data::PairPage;
 use crate::error::Error;
-use crate::number::significant;
 use crate::svg;
 
 /// One gear pair as one HTML page that loads nothing and runs nothing.
@@ -24,11 +23,11 @@ pub fn render_pair(data: &PairPage) -> Result<String, Error> {
             .iter()
             .map(|constraint| Row {
                 name: &constraint.name,
-                value: with_unit(constraint.value, &constraint.unit),
+                value: with_unit(constraint.value, 5, &constraint.unit),
                 limit: format!(
                     "{} {}",
                     constraint.relation,
-                    with_unit(constraint.limit, &constraint.unit)
+                    with_unit(constraint.limit, 5, &constraint.unit)
                 ),
                 holds: constraint.holds,
             })
@@ -65,10 +64,4 @@ struct Row<'a> {
     value: String,
     limit: String,
     holds: bool,
-}
-
-fn with_unit(value: f64, unit: &str) -> String {
-    format!("{} {unit}", significant(value, 5))
-        .trim_end()
-        .to_owned()
 }

@@ -42,6 +42,7 @@ pub(crate) fn plausible() -> ReportData {
         wear: Some(wear()),
         kriging: vec![KrigingFit {
             title: "P90 after the design of experiments".to_owned(),
+            unit: "µm".to_owned(),
             kernel: "Matérn 5/2".to_owned(),
             parameters: parameters(),
             q2: 0.874,

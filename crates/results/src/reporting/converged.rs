@@ -12,9 +12,10 @@ const TOLERANCE: f64 = 1e-5;
 
 /// P90 on the converged grid less P90 on the campaign's grid, µm. None if the design cannot be simulated.
 pub(super) fn difference_um(problem: &Problem, design: &Design) -> Option<f64> {
-    let wear = problem.wear();
-    let coarse = problem.pair(design).ok()?;
-    let fine = Pair::converged(&problem.pair_input(design), wear, TOLERANCE).ok()?;
+    let gears = problem.gears()?;
+    let wear = gears.wear();
+    let coarse = gears.pair(design).ok()?;
+    let fine = Pair::converged(&gears.pair_input(design), wear, TOLERANCE).ok()?;
     let p90 = |pair: &Pair| {
         let mut sampler = pair.sampler(wear);
         let seed = problem.campaign().seed;

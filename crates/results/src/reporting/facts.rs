@@ -10,14 +10,17 @@ use super::sources::Sources;
 /// (label, value) pairs.
 pub(super) fn facts(sources: &Sources) -> Vec<(String, String)> {
     let campaign = sources.problem.campaign();
-    let mut facts = vec![
-        if campaign.is_external() {
-            ("simulator".to_owned(), "an external program".to_owned())
-        } else {
-            ("tooth model".to_owned(), campaign.pair.tooth_model.clone())
-        },
-        ("wear".to_owned(), wear(&campaign.wear)),
-    ];
+    let mut facts = Vec::new();
+    if campaign.is_external() {
+        facts.push(("simulator".to_owned(), "an external program".to_owned()));
+    }
+    if let Some(sections) = campaign.gears() {
+        if !campaign.is_external() {
+            let model = sections.pair.tooth_model.clone();
+            facts.push(("tooth model".to_owned(), model));
+        }
+        facts.push(("wear".to_owned(), wear(&sections.wear)));
+    }
     if let Some(evenness) = designs::evenness(&sources.problem, &sources.designs) {
         facts.push(("design of experiments".to_owned(), evenness));
     }

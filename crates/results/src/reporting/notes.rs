@@ -52,6 +52,9 @@ pub(super) fn notes(sources: &Sources, failures: &[store::FailureRow]) -> Vec<St
     if !given_up.is_empty() {
         notes.push(format!("Jobs that were given up: {}.", given_up.join(", ")));
     }
+    if campaign.gears().is_none() {
+        return notes;
+    }
     notes.push(
         "The contact pressure of approach 1 is that of unworn flanks; the designs of the problems \
          with wear are judged by the pressure on flanks with Archard’s wear."
@@ -75,7 +78,7 @@ fn pointed_tips(sources: &Sources) -> Vec<String> {
     let mut notes = Vec::new();
     for row in &sources.optima {
         let Some(pair) = optimum_design(&sources.problem, row)
-            .and_then(|design| sources.problem.pair(&design).ok())
+            .and_then(|design| sources.problem.gears()?.pair(&design).ok())
         else {
             continue;
         };

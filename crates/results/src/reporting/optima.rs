@@ -19,8 +19,8 @@ const OUTLINE_POINTS: usize = 24;
 
 const fn report_approach(approach: Approach) -> report::Approach {
     match approach {
-        Approach::NoWear => report::Approach::WithoutWear,
-        Approach::Archard => report::Approach::ArchardWear,
+        Approach::Nominal => report::Approach::WithoutWear,
+        Approach::Baseline => report::Approach::ArchardWear,
         Approach::Kriging => report::Approach::Kriging,
         Approach::BestOfDoe => report::Approach::BestOfDoe,
         Approach::EnrichedKriging => report::Approach::KrigingEnriched,
@@ -92,11 +92,9 @@ fn optimum(
         .get(&row.approach)
         .map_or(&[][..], Vec::as_slice);
     // Drawings and curves are the built-in model's.
-    let pair = if sources.problem.campaign().is_external() {
-        None
-    } else {
-        sources.problem.pair(design).ok()
-    };
+    let built_in = !sources.problem.campaign().is_external();
+    let gears = sources.problem.gears().filter(|_| built_in);
+    let pair = gears.and_then(|gears| gears.pair(design).ok());
     Optimum {
         variables: design.gears().values(),
         criterion_um: row.criterion_um,
@@ -119,7 +117,9 @@ fn optimum(
         },
         feasible: row.feasible,
         drawing: pair.as_ref().map(drawing),
-        ste: pair.as_ref().map(|pair| ste(pair, sources.problem.wear())),
+        ste: gears
+            .zip(pair.as_ref())
+            .map(|(gears, pair)| ste(pair, gears.wear())),
     }
 }
 

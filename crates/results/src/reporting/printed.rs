@@ -38,10 +38,11 @@ pub(super) fn similar(sources: &Sources) -> Vec<SimilarDesign> {
         .enumerate()
         .filter_map(|(row, printed)| {
             let place = Place::Similar(row);
-            let pair = sources.problem.pair(&design(place)).ok()?;
+            let gears = sources.problem.gears()?;
+            let pair = gears.pair(&design(place)).ok()?;
             Some(SimilarDesign {
                 variables: printed.variables,
-                delta_ste_archard_um: pair.archard(sources.problem.wear()).analysis.delta_ste_um,
+                delta_ste_archard_um: pair.archard(gears.wear()).analysis.delta_ste_um,
                 p90: percentile(sources.fresh.get(&name(place))?),
             })
         })
@@ -58,16 +59,16 @@ pub(super) fn printed_designs(sources: &Sources) -> Vec<PrintedDesign> {
 }
 
 fn printed_figures(sources: &Sources, figure: u8) -> Result<PrintedFigures, String> {
-    let pair = sources
-        .problem
+    let gears = sources.problem.gears().ok_or("no gears")?;
+    let pair = gears
         .pair(&design(Place::Figure(figure)))
         .map_err(|error| error.to_string())?;
     let unworn = pair.unworn();
-    let worn = pair.archard(sources.problem.wear()).analysis;
+    let worn = pair.archard(gears.wear()).analysis;
     // Figures 6 and 7 are designs of the problem without wear, the others of problems with it.
     let analysis = if figure <= 7 { &unworn } else { &worn };
     let pressure = analysis.hertz_pressure_mpa;
-    let criteria = sources.problem.pair_criteria(&pair, pressure);
+    let criteria = gears.pair_criteria(&pair, pressure);
     let samples = match figure {
         6 => &[][..],
         _ => sources

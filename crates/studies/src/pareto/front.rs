@@ -52,7 +52,10 @@ impl Against {
 
     /// The campaign's limit, MPa.
     pub(super) fn limit(self, problem: &Problem) -> f64 {
-        let material = &problem.campaign().material;
+        let Some(sections) = problem.campaign().gears() else {
+            return f64::NAN;
+        };
+        let material = &sections.material;
         match self {
             Self::Pressure => material.hertz_limit_mpa,
             Self::RootStress => material.yield_mpa,
@@ -62,9 +65,11 @@ impl Against {
     /// The same problem with another limit. A limit is no input of the simulator.
     fn limited(self, problem: &Problem, limit: f64) -> Problem {
         let mut campaign = problem.campaign().clone();
-        match self {
-            Self::Pressure => campaign.material.hertz_limit_mpa = limit,
-            Self::RootStress => campaign.material.yield_mpa = limit,
+        if let Some(sections) = campaign.gears_mut() {
+            match self {
+                Self::Pressure => sections.material.hertz_limit_mpa = limit,
+                Self::RootStress => sections.material.yield_mpa = limit,
+            }
         }
         Problem::new(campaign)
     }
@@ -362,7 +367,10 @@ mod tests {
         Point {
             source,
             variables: design.gears(),
-            criteria: problem.pair_criteria(&problem.pair(&design).unwrap(), pressure),
+            criteria: {
+                let gears = problem.gears().unwrap();
+                gears.pair_criteria(&gears.pair(&design).unwrap(), pressure)
+            },
             p90: percentile(p90_um),
             fresh: fresh_um.map(percentile),
             on_front: false,

@@ -181,11 +181,12 @@ mod tests {
     fn the_tables_are_whole_and_the_chart_shows_what_there_is() {
         let problem = Problem::new(Campaign::parse("paper.toml", Campaign::PAPER).unwrap());
         let design = stages::references::design(Place::Figure(9));
-        let pair = problem.pair(&design).unwrap();
+        let gears = problem.gears().unwrap();
+        let pair = gears.pair(&design).unwrap();
         let point = |source, pressure| Point {
             source,
             variables: design.gears(),
-            criteria: problem.pair_criteria(&pair, pressure),
+            criteria: gears.pair_criteria(&pair, pressure),
             p90: Percentile {
                 value_um: 2.0,
                 low_um: 1.9,

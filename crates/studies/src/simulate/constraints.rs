@@ -8,18 +8,18 @@ use super::Figures;
 
 /// A constraint as programs read it.
 #[derive(Serialize)]
-struct Row {
-    name: &'static str,
+struct Row<'a> {
+    name: &'a str,
     value: f64,
     /// Empty for a ratio.
-    unit: &'static str,
+    unit: &'a str,
     limit: f64,
     holds: bool,
 }
 
 pub(super) fn serialize<S: Serializer>(all: &[Constraint], to: S) -> Result<S::Ok, S::Error> {
     to.collect_seq(all.iter().map(|constraint| Row {
-        name: constraint.name,
+        name: &constraint.name,
         value: constraint.value,
         unit: constraint.unit.trim_start(),
         limit: constraint.limit,

@@ -222,7 +222,7 @@ fn page(
 
 fn constraint(constraint: &Constraint) -> PairConstraint {
     PairConstraint {
-        name: constraint.name.to_owned(),
+        name: constraint.name.to_string(),
         value: constraint.value,
         unit: constraint.unit.trim_start().to_owned(),
         relation: constraint.bound.sign(),

@@ -30,16 +30,16 @@ fn simulated(text: &str) -> Simulation {
     run(&PairFile::parse("p.toml", text).unwrap(), UNWORN).unwrap()
 }
 
-fn broken(simulation: &Simulation) -> Vec<&'static str> {
+fn broken(simulation: &Simulation) -> Vec<&str> {
     let broken = simulation.constraints.iter().filter(|c| !c.holds());
-    broken.map(|constraint| constraint.name).collect()
+    broken.map(|constraint| &*constraint.name).collect()
 }
 
 #[test]
 fn a_sound_pair_holds_the_default_constraints() {
     let sound = simulated(PAIR);
     assert!(sound.simulable && sound.feasible, "{:?}", broken(&sound));
-    let names: Vec<&str> = sound.constraints.iter().map(|c| c.name).collect();
+    let names: Vec<&str> = sound.constraints.iter().map(|c| &*c.name).collect();
     assert_eq!(
         names,
         [

@@ -1,13 +1,14 @@
 //! What is said to an external simulator and what it answers: one JSON object per line.
 
-use campaign::Campaign;
-use campaign::formulation::{Design, Problem};
+use std::collections::BTreeMap;
+
+use campaign::formulation::Problem;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value, json};
 
 /// The version of this protocol, which both sides name at the start.
-const PROTOCOL: u32 = 1;
+const PROTOCOL: u32 = 2;
 
 /// The longest reason that is kept, bytes.
 const MAX_SENTENCE: usize = 2000;
@@ -15,38 +16,19 @@ const MAX_SENTENCE: usize = 2000;
 /// The answer to the first request of a process.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Started {
+pub(super) struct Described {
     protocol: u32,
     /// What the program calls itself.
     #[serde(default)]
     pub(super) version: String,
+    /// The names of the variables that it knows, if it says.
+    variables: Option<Vec<String>>,
+    /// The names of what it gives for a design, samples included, if it says.
+    responses: Option<Vec<String>>,
 }
 
-/// The answer to `criteria`; see [`campaign::GearCriteria`].
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct CriteriaAnswer {
-    pub(super) contact_ratio: f64,
-    pub(super) specific_sliding: f64,
-    pub(super) root_stress_mpa: f64,
-    pub(super) clearance_mm: [f64; 2],
-    pub(super) flank_margin_mm: [f64; 2],
-}
-
-/// The answer to `unworn` and to `archard`.
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct AnalysisAnswer {
-    pub(super) delta_ste_um: f64,
-    pub(super) hertz_pressure_mpa: f64,
-}
-
-/// The answer to `sample`.
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct SampleAnswer {
-    pub(super) delta_ste_um: f64,
-}
+/// The answer to `evaluate` and to `sample`.
+pub(super) type Numbers = BTreeMap<String, f64>;
 
 /// What an answer says.
 #[derive(Debug, PartialEq)]
@@ -60,34 +42,63 @@ pub(super) enum Answer<T> {
 }
 
 /// The first request of a process, without its id.
-pub(super) fn start(campaign: &Campaign) -> Result<Map<String, Value>, String> {
+pub(super) fn describe(problem: &Problem) -> Result<Map<String, Value>, String> {
+    let campaign = problem.campaign();
     let campaign_value: Value = serde_json::from_str(&campaign.to_json())
         .map_err(|error| format!("the campaign cannot be written: {error}"))?;
-    Ok(object(json!({
-        "request": "start",
+    let variables = problem.variables().iter().map(|variable| &variable.name);
+    let mut request = object(json!({
+        "request": "describe",
         "protocol": PROTOCOL,
         "campaign": campaign_value,
-        "teeth": campaign.teeth(),
-    })))
+        "variables": variables.collect::<Vec<_>>(),
+        "responses": evaluated(problem),
+        "sampled": problem.asked(problem.sampled()).0,
+    }));
+    if let Some(sections) = campaign.gears() {
+        request.insert("teeth".to_owned(), json!(sections.pair.teeth()));
+    }
+    Ok(request)
+}
+
+/// The names of the responses of `evaluate`, as the program knows them.
+fn evaluated(problem: &Problem) -> Vec<&str> {
+    let responses = problem.responses().iter();
+    responses
+        .map(|response| problem.asked(response).0)
+        .collect()
 }
 
 /// A design as the requests name it.
-pub(super) fn design(problem: &Problem, design: &Design, normal_module_mm: f64) -> Value {
-    let values = problem.variables().iter().zip(design.values());
-    let mut design: Map<String, Value> = values
-        .map(|(variable, value)| (variable.name.to_string(), Value::from(*value)))
-        .collect();
-    design.insert("normal_module_mm".to_owned(), Value::from(normal_module_mm));
-    Value::Object(design)
+pub(super) fn design(told: &[(&str, f64)]) -> Value {
+    let named = |(name, value): &(&str, f64)| ((*name).to_owned(), Value::from(*value));
+    Value::Object(told.iter().map(named).collect())
 }
 
-/// A question about a design, without its id.
-pub(super) fn question(name: &str, design: &Value, seed: Option<[u32; 4]>) -> Map<String, Value> {
-    let mut question = object(json!({ "request": name, "design": design }));
-    if let Some(seed) = seed {
-        question.insert("seed".to_owned(), json!(seed));
+/// A question about a design's responses, without its id.
+pub(super) fn evaluate(design: &Value, wanted: &[&str]) -> Map<String, Value> {
+    object(json!({ "request": "evaluate", "design": design, "responses": wanted }))
+}
+
+/// A question for a sample, without its id.
+pub(super) fn sample(design: &Value, seed: [u32; 4]) -> Map<String, Value> {
+    object(json!({ "request": "sample", "design": design, "seed": seed }))
+}
+
+/// Whether an answer holds all numbers that are wanted, and none but those and `others`.
+pub(super) fn check(numbers: &Numbers, wanted: &[&str], others: &[&str]) -> Result<(), String> {
+    let missing = wanted.iter().find(|name| !numbers.contains_key(**name));
+    if let Some(name) = missing {
+        return Err(format!("it has no {name:?}, which was asked for"));
     }
-    question
+    let is_unknown = |name: &&String| !others.contains(&name.as_str());
+    if let Some(name) = numbers.keys().find(is_unknown) {
+        return Err(format!(
+            "it has {name:?}, which is none of the campaign's names: {}",
+            others.join(", ")
+        ));
+    }
+    Ok(())
 }
 
 /// A request as a line, with its newline.
@@ -141,18 +152,43 @@ pub(super) fn read<T: DeserializeOwned>(line: &[u8], id: u64) -> Result<Answer<T
         .map_err(|error| error.to_string())
 }
 
-impl Started {
-    /// Whether the program speaks this protocol.
-    pub(super) fn check(&self) -> Result<(), String> {
-        if self.protocol == PROTOCOL {
-            Ok(())
-        } else {
+impl Described {
+    /// Whether the program speaks this protocol, and of the campaign's problem.
+    pub(super) fn check(&self, problem: &Problem) -> Result<(), String> {
+        if self.protocol != PROTOCOL {
             let theirs = self.protocol;
-            Err(format!(
+            return Err(format!(
                 "it speaks protocol {theirs}, and this program protocol {PROTOCOL}"
-            ))
+            ));
         }
+        let variables = problem.variables().iter();
+        let variables = variables.map(|variable| &*variable.name).collect();
+        let mut responses = evaluated(problem);
+        let sampled = problem.asked(problem.sampled()).0;
+        if !responses.contains(&sampled) {
+            responses.push(sampled);
+        }
+        agree("variables", &variables, self.variables.as_deref())?;
+        agree("responses", &responses, self.responses.as_deref())
     }
+}
+
+/// Whether the names that the program gives, if it does, are the campaign's.
+fn agree(what: &str, ours: &Vec<&str>, theirs: Option<&[String]>) -> Result<(), String> {
+    let Some(theirs) = theirs else {
+        return Ok(());
+    };
+    let lacks = ours.iter().find(|name| !theirs.iter().any(|t| t == *name));
+    let knows = theirs.iter().find(|name| !ours.contains(&name.as_str()));
+    let difference = match (lacks, knows) {
+        (Some(name), _) => format!("does not know {name:?} of the campaign"),
+        (None, Some(name)) => format!("knows {name:?}, which the campaign has not"),
+        (None, None) => return Ok(()),
+    };
+    Err(format!(
+        "among its {what} it {difference}, whose {what} are {}",
+        ours.join(", ")
+    ))
 }
 
 fn is_reason(reason: &str) -> bool {
@@ -177,9 +213,12 @@ mod tests {
     use super::*;
 
     fn sample(text: &str) -> Result<Answer<f64>, String> {
-        let answer: Answer<SampleAnswer> = read(text.as_bytes(), 7)?;
+        let answer: Answer<Numbers> = read(text.as_bytes(), 7)?;
         Ok(match answer {
-            Answer::Given(given) => Answer::Given(given.delta_ste_um),
+            Answer::Given(given) => {
+                check(&given, &["delta_ste_um"], &["delta_ste_um"])?;
+                Answer::Given(given["delta_ste_um"])
+            }
             Answer::Refused(reason) => Answer::Refused(reason),
             Answer::Error(error) => Answer::Error(error),
         })
@@ -210,13 +249,13 @@ mod tests {
                 r#"{"delta_ste_um": 0.1, "id": 6}"#,
                 "request 6 instead of 7",
             ),
-            (r#"{"id": 7}"#, "missing field `delta_ste_um`"),
+            (r#"{"id": 7}"#, "no \"delta_ste_um\", which was asked for"),
             (r#"{"delta_ste_um": NaN, "id": 7}"#, "expected value"),
             (r#"{"delta_ste_um": 1e999, "id": 7}"#, "out of range"),
             (r#"{"delta_ste_um": "0.1", "id": 7}"#, "invalid type"),
             (
                 r#"{"delta_ste_um": 0.1, "id": 7, "mood": 1}"#,
-                "unknown field `mood`",
+                "\"mood\", which is none of the campaign's names",
             ),
             (r#"{"id": 7, "refused": "no"}"#, "a short name"),
             (r#"{"id": 7, "refused": 3}"#, "must be text"),

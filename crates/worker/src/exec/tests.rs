@@ -12,12 +12,12 @@ use super::*;
 /// A simulator as a shell script: reads requests, and answers each kind by a function.
 const PREAMBLE: &str = r#"
 answer() { printf '{"id":%s,%s}\n' "$id" "$1"; }
-on_start() { answer '"protocol":1,"version":"test"'; }
-on_criteria() {
-    answer '"contact_ratio":1.6,"specific_sliding":1.5,"root_stress_mpa":700,"clearance_mm":[0.5,0.5],"flank_margin_mm":[0.1,0.1]'
-}
-on_unworn() { answer '"delta_ste_um":0.5,"hertz_pressure_mpa":1200'; }
-on_archard() { answer '"delta_ste_um":0.75,"hertz_pressure_mpa":1300.5'; }
+on_describe() { answer '"protocol":2,"version":"test"'; }
+geometry='"contact_ratio":1.6,"specific_sliding":1.5,"root_stress_mpa":700,"clearance_p_mm":0.5,"clearance_r_mm":0.5,"flank_margin_p_mm":0.1,"flank_margin_r_mm":0.1'
+# Only the analysis with wear asks for the pressure on worn flanks.
+on_evaluate() { case $line in *worn*) on_archard;; *) on_unworn;; esac; }
+on_unworn() { answer "$geometry,\"delta_ste_um\":0.5,\"hertz_pressure_mpa\":1200"; }
+on_archard() { answer "$geometry,\"delta_ste_archard_um\":0.75,\"hertz_pressure_worn_mpa\":1300.5"; }
 # The first word of the seed, as thousandths of its lowest digits.
 on_sample() {
     word=${line##*'"seed":['}; word=${word%%,*}
@@ -157,17 +157,19 @@ fn the_digest_tells_programs_apart() {
     assert_eq!(usual, digest(""));
     assert_ne!(
         usual,
-        digest(r#"on_archard() { answer '"delta_ste_um":0.76,"hertz_pressure_mpa":1300.5'; }"#)
+        digest(
+            r#"on_archard() { answer '"delta_ste_archard_um":0.76,"hertz_pressure_worn_mpa":1300.5'; }"#
+        )
     );
     assert_ne!(
         usual,
-        digest(r#"on_start() { answer '"protocol":1,"version":"other"'; }"#)
+        digest(r#"on_describe() { answer '"protocol":2,"version":"other"'; }"#)
     );
-    let error = backend("on_start() { answer '\"protocol\":2'; }")
+    let error = backend("on_describe() { answer '\"protocol\":1'; }")
         .model_digest(&problem())
         .unwrap_err()
         .to_string();
-    assert!(error.contains("speaks protocol 2"), "{error}");
+    assert!(error.contains("speaks protocol 1"), "{error}");
 }
 
 #[test]
@@ -260,7 +262,7 @@ fn nonsense_ends_the_process_and_is_quoted() {
         ("answer '\"delta_ste_um\":NaN'", "nonsense (expected value"),
         (
             "id=99; answer '\"delta_ste_um\":1'",
-            "it answers request 99 instead of 5",
+            "it answers request 99 instead of 4",
         ),
         ("printf '\\377\\376\\n'", "nonsense"),
         (
@@ -372,13 +374,17 @@ fn a_stopped_task_keeps_its_finished_samples() {
 /// "Optimum −5 µm" would be believed.
 #[test]
 fn a_simulator_whose_numbers_cannot_be_fails() {
-    let negative = "on_archard() { answer '\"delta_ste_um\":-5,\"hertz_pressure_mpa\":1'; }";
+    let negative =
+        "on_archard() { answer '\"delta_ste_archard_um\":-5,\"hertz_pressure_worn_mpa\":1'; }";
     let error = run(&backend(negative), THREE).unwrap_err();
-    assert!(error.contains("the simulator's ΔSTE is -5e0 µm"), "{error}");
+    assert!(
+        error.contains("the simulator's delta_ste_um is -5e0 µm"),
+        "{error}"
+    );
     let absurd = "on_sample() { answer '\"delta_ste_um\":1e308'; }";
     let error = run(&backend(absurd), THREE).unwrap_err();
     assert!(
-        error.contains("design-0, sample 0: ΔSTE is 1e308 µm"),
+        error.contains("design-0, sample 0: delta_ste_um is 1e308 µm"),
         "{error}"
     );
 }
@@ -386,12 +392,12 @@ fn a_simulator_whose_numbers_cannot_be_fails() {
 #[test]
 fn a_failing_program_fails_the_optimiser_too() {
     let source = Source::Run(Run {
-        approach: campaign::Approach::Archard,
+        approach: campaign::Approach::Baseline,
         start: 0,
         base: problem().base().clone(),
         model: None,
     });
-    let failing = "n=0\non_archard() { n=$((n + 1)); [ $n -lt 4 ] || exit 9; answer '\"delta_ste_um\":1,\"hertz_pressure_mpa\":1'; }";
+    let failing = "n=0\non_archard() { n=$((n + 1)); [ $n -lt 4 ] || exit 9; answer \"$geometry,\\\"delta_ste_archard_um\\\":1,\\\"hertz_pressure_worn_mpa\\\":1\"; }";
     let compute = |simulator: &dyn Simulator| compute(simulator, &unit(0..1), &source);
     let error = backend(failing).with(&problem(), compute).0.unwrap_err();
     assert!(

@@ -59,7 +59,7 @@ fn the_kind_of_design_is_named_and_its_default_changes_no_digest() {
 fn the_kind_of_restarts_is_named_and_its_default_changes_no_digest() {
     const KEY: &str = "restart_at = 6000 ";
     let paper = Campaign::parse("c.toml", Campaign::PAPER).unwrap();
-    let json = serde_json::to_string(&paper.optimise).unwrap();
+    let json = paper.to_json();
     assert!(
         json.contains(r#""evaluations":12000,"restart_at":6000,"starts":3"#),
         "as in stores of before restarts had a name: {json}"
@@ -95,7 +95,7 @@ fn the_kind_of_restarts_is_named_and_its_default_changes_no_digest() {
 #[test]
 fn the_shipped_files_are_valid() {
     let paper = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
-    assert_eq!(paper.teeth(), [20, 22]);
+    assert_eq!(paper.gears().unwrap().pair.teeth(), [20, 22]);
     assert!(paper.warnings().is_empty());
     let wear = Campaign::parse("wear.toml", Campaign::WEAR).unwrap();
     assert!(wear.warnings().is_empty());
@@ -119,13 +119,13 @@ fn a_law_of_wear_has_its_own_number_and_the_default_changes_no_digest() {
     let named = with("law = \"archard\"\nmax_depth_um = 3.5").unwrap();
     assert_eq!(absent.digest(), named.digest());
     assert_eq!(
-        serde_json::to_string(&absent.wear).unwrap(),
+        serde_json::to_string(&absent.gears().unwrap().wear).unwrap(),
         r#"{"max_depth_um":3.5,"kernel":"squared-exponential","range_rad":0.2,"variance":0.01}"#,
         "as in stores of before the law had a name"
     );
     let signed = with("law = \"signed\"\ncoefficient_per_mpa = 2e-7").unwrap();
     let law = gear::WearLaw::Signed { coefficient: 2e-7 };
-    assert_eq!(signed.wear.to_gear().law, law);
+    assert_eq!(signed.gears().unwrap().wear.to_gear().law, law);
     assert_eq!(Campaign::from_json(&signed.to_json()).unwrap(), signed);
     assert!(!signed.extends(&absent) && !absent.extends(&signed));
     for (wear, why) in [

@@ -3,6 +3,7 @@ use gear::{Discretisation, Pair};
 use crate::formulation::Problem;
 
 use super::*;
+use crate::Campaign;
 
 /// A pair file with every section and every key whose value is a number or a list of two.
 const FULL: &str = r#"[pair]
@@ -98,15 +99,16 @@ fn the_pair_file_of_a_design_is_the_campaigns_simulator_input() {
     for text in [Campaign::WEAR, Campaign::PAPER] {
         let campaign = Campaign::parse("c.toml", text).unwrap();
         let problem = Problem::new(campaign.clone());
+        let (gears, sections) = (problem.gears().unwrap(), campaign.gears().unwrap());
         let x = [0.1, 0.7 / 3.0, 1.3, 1.21, 1.1, 0.9];
         let design = problem.design(&x, problem.base());
-        let file = parse(&PairFile::of_design(&campaign, &design.gears()).to_toml()).unwrap();
-        assert_eq!(file.to_gear(), problem.pair_input(&design));
-        assert_eq!(&file.wear.to_gear(), problem.wear());
+        let file = parse(&PairFile::of_design(sections, &design.gears()).to_toml()).unwrap();
+        assert_eq!(file.to_gear(), gears.pair_input(&design));
+        assert_eq!(&file.wear.to_gear(), gears.wear());
         assert_eq!(file.corrections(), gear::Corrections::default());
         assert_eq!(
             file.limits().specific_sliding_max,
-            Some(campaign.constraints.specific_sliding_max)
+            Some(sections.constraints.specific_sliding_max)
         );
     }
     let full = parse(FULL).unwrap();

@@ -1,0 +1,164 @@
+//! The sections of a campaign whose problem is stated in its file and simulated by a program of the
+//! user's: `kind = "external"`.
+
+use std::collections::BTreeSet;
+
+use serde::{Deserialize, Serialize};
+
+use super::FileError;
+use super::validate::Source;
+
+/// What an external campaign says besides what every campaign says.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ExternalSections {
+    /// `[[variables]]`, at least one.
+    pub variables: Vec<VariableSection>,
+    /// `[[constraints]]`
+    pub constraints: Vec<ConstraintSection>,
+    /// `[response]`
+    pub response: ResponseSection,
+}
+
+/// A variable of the design.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct VariableSection {
+    /// Its name, as the program knows it.
+    pub name: String,
+    /// Its unit; empty for a number without one.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub unit: String,
+    /// Its least value.
+    pub low: f64,
+    /// Its greatest value.
+    pub high: f64,
+}
+
+/// A deterministic response of the program, with the limits that a feasible design keeps.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ConstraintSection {
+    /// Its name, as the program knows it.
+    pub name: String,
+    /// Its unit; empty for a number without one.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub unit: String,
+    /// The least value that is allowed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub min: Option<f64>,
+    /// The greatest value that is allowed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max: Option<f64>,
+}
+
+/// The response that scatters, and whose percentile is designed for.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ResponseSection {
+    /// Its name, as the program knows it.
+    pub name: String,
+    /// Its unit; empty for a number without one.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub unit: String,
+    /// Whether small or large values are good.
+    #[serde(default)]
+    pub aim: Aim,
+    /// Whether the program also gives the response without random effects.
+    #[serde(default)]
+    pub baseline: bool,
+}
+
+/// Which values of the response are good.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Aim {
+    /// Small ones: what is minimised is the percentile that 90 % of the samples stay below.
+    #[default]
+    Minimise,
+    /// Large ones: the response is taken with the opposite sign, so what is maximised is the percentile
+    /// that 90 % of the samples exceed.
+    Maximise,
+}
+
+/// What requests, answers and exported tables call something else.
+const RESERVED: [&str; 7] = [
+    "id", "refused", "error", "design", "sample", "seed", "request",
+];
+
+impl ExternalSections {
+    pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
+        let mut names = BTreeSet::new();
+        let mut named = |section: &str, name: &str, unit: &str| {
+            let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+            source.require(
+                !name.is_empty() && name.len() <= 64 && name.chars().all(plain),
+                &format!("{section}.name"),
+                name,
+                "1 to 64 letters, digits, hyphens or underscores",
+            )?;
+            source.require(
+                !RESERVED.contains(&name),
+                &format!("{section}.name"),
+                name,
+                "another name: requests, answers and tables use this one for something else",
+            )?;
+            source.require(
+                names.insert(name.to_owned()),
+                &format!("{section}.name"),
+                name,
+                "a name that no other variable, constraint or response has",
+            )?;
+            source.require(
+                unit.chars().count() <= 16 && !unit.chars().any(char::is_control),
+                &format!("{section}.unit"),
+                unit,
+                "at most 16 characters",
+            )
+        };
+        source.require(
+            (1..=100).contains(&self.variables.len()),
+            "variables",
+            self.variables.len(),
+            "1 to 100 sections [[variables]]",
+        )?;
+        for (index, variable) in self.variables.iter().enumerate() {
+            let section = format!("variables[{}]", index + 1);
+            named(&section, &variable.name, &variable.unit)?;
+            let (low, high) = (variable.low, variable.high);
+            source.require(
+                low.is_finite() && high.is_finite() && low < high && (high - low).is_finite(),
+                &format!("{section}.high"),
+                high,
+                &format!("a finite number above low, which is {low:?}"),
+            )?;
+        }
+        for (index, constraint) in self.constraints.iter().enumerate() {
+            let section = format!("constraints[{}]", index + 1);
+            named(&section, &constraint.name, &constraint.unit)?;
+            let limits = [("min", constraint.min), ("max", constraint.max)];
+            source.require(
+                limits.iter().any(|(_, limit)| limit.is_some()),
+                &format!("{section}.max"),
+                "missing",
+                "given, or min, or both",
+            )?;
+            for (key, limit) in limits {
+                source.require(
+                    limit.is_none_or(f64::is_finite),
+                    &format!("{section}.{key}"),
+                    limit.unwrap_or_default(),
+                    "a finite number",
+                )?;
+            }
+            if let (Some(min), Some(max)) = (constraint.min, constraint.max) {
+                source.require(
+                    min < max,
+                    &format!("{section}.max"),
+                    max,
+                    &format!("a number above min, which is {min:?}"),
+                )?;
+            }
+        }
+        named("response", &self.response.name, &self.response.unit)
+    }
+}

@@ -1,0 +1,280 @@
+//! The sections of a campaign that designs a gear pair.
+
+use serde::{Deserialize, Serialize};
+
+use super::corrections::{CorrectionsSection, WITHOUT_CROWNING};
+use super::pair::size;
+use super::sections::parse_name;
+use super::validate::Source;
+use super::{FileError, Load, Material, Wear, advice};
+
+/// What a gear campaign says besides what every campaign says.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GearSections {
+    /// `[pair]`
+    pub pair: Pair,
+    /// `[load]`
+    pub load: Load,
+    /// `[material]`
+    pub material: Material,
+    /// `[wear]`
+    pub wear: Wear,
+    /// `[bounds]`
+    pub bounds: Bounds,
+    /// `[frozen]`
+    pub frozen: FrozenSection,
+    /// `[constraints]`
+    pub constraints: Constraints,
+    /// The keys of `[optimise]` that set the penalised objective.
+    pub penalty: Penalty,
+    /// `[report]`
+    pub report: Report,
+    /// `[corrections]`
+    pub corrections: Option<CorrectionsSection>,
+}
+
+/// The penalised objective (5).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Penalty {
+    /// Weight p of a constraint's relative violation.
+    pub weight: f64,
+    /// Δ_ref, µm.
+    pub reference_um: f64,
+    /// Value of a design that cannot be simulated.
+    pub failure_value: f64,
+}
+
+/// `[pair]` of a campaign: what all its designs share.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Pair {
+    /// Number of teeth of the pinion.
+    pub pinion_teeth: u32,
+    /// The mate has ⌊pinion teeth / ratio⌋ teeth (the paper's (4)); either this or the number.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gear_ratio: Option<f64>,
+    /// Number of teeth of the mate.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gear_teeth: Option<u32>,
+    /// Centre distance, mm; either this or the module is given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub centre_distance_mm: Option<f64>,
+    /// Normal module, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub normal_module_mm: Option<f64>,
+    /// Rack pressure angle in the normal section, degrees.
+    pub pressure_angle_deg: f64,
+    /// Face width, mm.
+    pub face_width_mm: f64,
+    /// Compliance model; see [`gear::ToothModel`].
+    pub tooth_model: String,
+    /// What happens to a tip that reaches the mate's root; see [`gear::TipRule`].
+    pub tip_rule: String,
+}
+
+/// `[bounds]`: `[low, high]` of each kind of variable.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Bounds {
+    /// Addendum modification coefficient, modules.
+    pub profile_shift: [f64; 2],
+    /// Tool addendum, modules.
+    pub tool_addendum: [f64; 2],
+    /// Tool dedendum, modules.
+    pub tool_dedendum: [f64; 2],
+    /// Tip rounding radius, in modules of the design.
+    pub tip_radius_modules: [f64; 2],
+    /// Root fillet radius, in modules of the design.
+    pub root_radius_modules: [f64; 2],
+    /// Helix angle, degrees.
+    pub helix_angle_deg: [f64; 2],
+}
+
+/// Where the five variables that the problems with wear leave alone come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FrozenFrom {
+    /// The values that the campaign file gives.
+    Printed,
+    /// The campaign's own optimum without wear.
+    Deterministic,
+}
+
+/// `[frozen]`
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FrozenSection {
+    /// Which values are used.
+    pub from: FrozenFrom,
+    /// Tip rounding radii of pinion and mate, mm.
+    pub tip_radius_mm: [f64; 2],
+    /// Root fillet radii of pinion and mate, mm.
+    pub root_radius_mm: [f64; 2],
+    /// Helix angle, degrees.
+    pub helix_angle_deg: f64,
+}
+
+/// `[constraints]`; the limits of the stresses are the material's.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Constraints {
+    /// The contact ratio r_c must be above this.
+    pub contact_ratio_min: f64,
+    /// The specific sliding g_s must be below this.
+    pub specific_sliding_max: f64,
+}
+
+/// `[report]`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Report {
+    /// Whether the paper's figures stand beside the campaign's.
+    pub compare_with_paper: bool,
+}
+
+impl Penalty {
+    /// The objective of a design with this criterion, µm, and violation of the constraints.
+    #[must_use]
+    pub fn objective(&self, criterion_um: f64, violation: f64) -> f64 {
+        criterion_um / self.reference_um + self.weight * violation
+    }
+}
+
+impl GearSections {
+    /// Advice about settings that are legal but doubtful.
+    pub(super) fn warnings(&self) -> Vec<String> {
+        let face_width_mm = self.pair.face_width_mm;
+        let mut warnings = advice::of_sections(&self.material, &self.wear, face_width_mm);
+        warnings.extend(advice::of_frozen(self));
+        warnings
+    }
+
+    pub(super) fn validate(&self, source: Source<'_>, is_external: bool) -> Result<(), FileError> {
+        self.pair.validate(source)?;
+        self.load.validate(source)?;
+        self.material.validate(source)?;
+        self.wear.validate(source)?;
+        self.bounds.validate(source)?;
+        self.frozen.validate(source)?;
+        if let Some(corrections) = &self.corrections {
+            corrections.validate(source)?;
+            let whole_face = self.pair.tooth_model == gear::ToothModel::WholeFaceBeam.name();
+            source.require(
+                !whole_face || corrections.crowning_um.is_none(),
+                "corrections.crowning_um",
+                corrections.crowning_um.unwrap_or_default(),
+                WITHOUT_CROWNING,
+            )?;
+        }
+        source.require(
+            !(is_external && self.report.compare_with_paper),
+            "report.compare_with_paper",
+            self.report.compare_with_paper,
+            "false when simulator.kind is \"external\": the paper's figures are compared with the \
+             built-in model's",
+        )?;
+        let limits = &self.constraints;
+        source.positive("constraints.contact_ratio_min", limits.contact_ratio_min)?;
+        source.positive(
+            "constraints.specific_sliding_max",
+            limits.specific_sliding_max,
+        )?;
+        source.positive("optimise.penalty", self.penalty.weight)?;
+        source.positive("optimise.reference_um", self.penalty.reference_um)?;
+        source.positive("optimise.failure_value", self.penalty.failure_value)
+    }
+}
+
+impl Pair {
+    /// The number of teeth of pinion and mate.
+    #[must_use]
+    pub fn teeth(&self) -> [u32; 2] {
+        let pinion = self.pinion_teeth;
+        let mate = match (self.gear_teeth, self.gear_ratio) {
+            (Some(teeth), _) => teeth,
+            // The ratio is a decimal such as 0.9, which binary numbers miss by an ulp: 18/0.9 must
+            // give 20, so a quotient that close to a whole number is taken as it.
+            (None, Some(ratio)) => (f64::from(pinion) / ratio + 1e-9).floor() as u32,
+            (None, None) => 0,
+        };
+        [pinion, mate]
+    }
+
+    fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
+        let sensible = 4..=2000;
+        source.require(
+            sensible.contains(&self.pinion_teeth),
+            "pair.pinion_teeth",
+            self.pinion_teeth,
+            "a number of teeth from 4 to 2000",
+        )?;
+        match (self.gear_ratio, self.gear_teeth) {
+            (Some(ratio), None) => {
+                source.positive("pair.gear_ratio", ratio)?;
+                source.require(
+                    sensible.contains(&self.teeth()[1]),
+                    "pair.gear_ratio",
+                    ratio,
+                    "such that pinion_teeth / gear_ratio lies between 4 and 2000",
+                )?;
+            }
+            (None, Some(gear_teeth)) => source.require(
+                sensible.contains(&gear_teeth),
+                "pair.gear_teeth",
+                gear_teeth,
+                "a number of teeth from 4 to 2000",
+            )?,
+            (Some(_), Some(gear_teeth)) => {
+                return Err(source.refuse(
+                    "pair.gear_teeth",
+                    gear_teeth,
+                    "absent when gear_ratio is given: the number follows from it",
+                ));
+            }
+            (None, None) => {
+                return Err(source.refuse(
+                    "pair.gear_ratio",
+                    "missing",
+                    "given, unless gear_teeth is",
+                ));
+            }
+        }
+        size(source, self.centre_distance_mm, self.normal_module_mm)?;
+        source.pressure_angle("pair.pressure_angle_deg", self.pressure_angle_deg)?;
+        source.length("pair.face_width_mm", self.face_width_mm)?;
+        parse_name::<gear::ToothModel>(source, "pair.tooth_model", &self.tooth_model)?;
+        parse_name::<gear::TipRule>(source, "pair.tip_rule", &self.tip_rule)?;
+        Ok(())
+    }
+}
+
+impl Bounds {
+    fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
+        source.ordered("bounds.profile_shift", self.profile_shift, -10.0, 10.0)?;
+        source.ordered("bounds.tool_addendum", self.tool_addendum, 0.0, 10.0)?;
+        source.ordered("bounds.tool_dedendum", self.tool_dedendum, 0.0, 10.0)?;
+        source.ordered(
+            "bounds.tip_radius_modules",
+            self.tip_radius_modules,
+            0.0,
+            10.0,
+        )?;
+        source.ordered(
+            "bounds.root_radius_modules",
+            self.root_radius_modules,
+            1e-6,
+            10.0,
+        )?;
+        source.ordered("bounds.helix_angle_deg", self.helix_angle_deg, -60.0, 60.0)
+    }
+}
+
+impl FrozenSection {
+    fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
+        for gear in 0..2 {
+            source.tip_radius("frozen.tip_radius_mm", self.tip_radius_mm[gear])?;
+            source.root_radius("frozen.root_radius_mm", self.root_radius_mm[gear])?;
+        }
+        source.helix_angle("frozen.helix_angle_deg", self.helix_angle_deg)
+    }
+}

@@ -1,0 +1,185 @@
+//! Sections of the campaign file that every kind of problem has: DoE, optimiser and verification.
+
+use serde::{Deserialize, Serialize};
+
+use super::FileError;
+use super::validate::Source;
+
+/// `[doe]`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Doe {
+    /// The number of designs, n.
+    pub designs: u32,
+    /// The kind of design; see [`doe::Method`]. Maximin if absent, and then left out of the digest, as
+    /// in files of before it.
+    #[serde(
+        default,
+        with = "doe_method",
+        skip_serializing_if = "doe_method::is_default"
+    )]
+    pub method: doe::Method,
+}
+
+/// A kind of design as its name.
+mod doe_method {
+    use doe::Method;
+    use serde::{Deserialize as _, Deserializer, Serializer, de::Error as _};
+
+    pub(super) fn serialize<S: Serializer>(method: &Method, to: S) -> Result<S::Ok, S::Error> {
+        to.collect_str(method)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Method, D::Error> {
+        String::deserialize(from)?.parse().map_err(D::Error::custom)
+    }
+
+    pub(super) fn is_default(method: &Method) -> bool {
+        *method == Method::default()
+    }
+}
+
+/// `[optimise]`: the settings of CMA-ES.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Optimise {
+    /// Candidates per generation, λ.
+    pub population: u32,
+    /// Candidates that survive, µ.
+    pub parents: u32,
+    /// Initial step, in parts of each variable's range.
+    pub step: f64,
+    /// Evaluations per start.
+    pub evaluations: u32,
+    /// How a search that has stopped starts again.
+    pub restarts: Restarts,
+    /// After how many evaluations the search restarts from its best point whatever its state; given
+    /// with [`Restarts::FromBest`] only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub restart_at: Option<u32>,
+    /// Independent runs.
+    pub starts: u32,
+}
+
+/// How the optimiser starts again when a search has stopped; see [`cmaes::Restarts`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Restarts {
+    /// From the best point so far, with the same population, as in the paper.
+    #[default]
+    FromBest,
+    /// From a random point with twice the population.
+    Ipop,
+    /// In turns with twice the population, and with a small population and a short step.
+    Bipop,
+}
+
+impl Restarts {
+    pub(super) fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+impl Optimise {
+    /// The settings of a run of CMA-ES within `bounds`.
+    #[must_use]
+    pub fn run(&self, bounds: cmaes::Bounds) -> cmaes::RunOptions {
+        cmaes::RunOptions {
+            search: cmaes::Options {
+                population: self.population as usize,
+                parents: self.parents as usize,
+                step: self.step,
+                ..cmaes::Options::new(bounds)
+            },
+            evaluations: self.evaluations as usize,
+            restarts: match self.restarts {
+                Restarts::FromBest => cmaes::Restarts::FromBest {
+                    planned: self.restart_at.unwrap_or(0) as usize,
+                },
+                Restarts::Ipop => cmaes::Restarts::Ipop,
+                Restarts::Bipop => cmaes::Restarts::Bipop,
+            },
+        }
+    }
+}
+
+/// `[verify]`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Verify {
+    /// Fresh samples at each optimum.
+    pub samples: u32,
+}
+
+impl Doe {
+    pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
+        let most = match self.method {
+            doe::Method::Sobol => doe::SOBOL_POINTS as u32,
+            _ => 100_000,
+        };
+        source.count("doe.designs", self.designs, 2, most)
+    }
+}
+
+impl Verify {
+    pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
+        source.count("verify.samples", self.samples, 4, 1_000_000)
+    }
+}
+
+impl Default for Verify {
+    fn default() -> Self {
+        Self { samples: 500 }
+    }
+}
+
+impl Default for Optimise {
+    /// What CMA-ES needs on a response of a few variables.
+    fn default() -> Self {
+        Self {
+            population: 10,
+            parents: 5,
+            step: 0.3,
+            evaluations: 4000,
+            restarts: Restarts::Ipop,
+            restart_at: None,
+            starts: 3,
+        }
+    }
+}
+
+impl Optimise {
+    pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
+        let count = |key, value, low, high| source.count(key, value, low, high);
+        count("optimise.population", self.population, 4, 10_000)?;
+        count("optimise.parents", self.parents, 1, self.population)?;
+        source.between("optimise.step", self.step, 0.0, 10.0)?;
+        count(
+            "optimise.evaluations",
+            self.evaluations,
+            self.population,
+            100_000_000,
+        )?;
+        let key = "optimise.restart_at";
+        match (self.restarts, self.restart_at) {
+            (Restarts::FromBest, Some(at)) => count(key, at, 1, self.evaluations)?,
+            (Restarts::FromBest, None) => {
+                return Err(source.refuse(
+                    key,
+                    "missing",
+                    "given, unless restarts is \"ipop\" or \"bipop\"",
+                ));
+            }
+            (_, Some(at)) => {
+                return Err(source.refuse(
+                    key,
+                    at,
+                    "absent when restarts is \"ipop\" or \"bipop\", which restart when a search \
+                     has stopped",
+                ));
+            }
+            (_, None) => {}
+        }
+        count("optimise.starts", self.starts, 1, 1000)
+    }
+}

@@ -1,0 +1,276 @@
+//! The campaign file as it is written, one form for each kind of problem.
+//!
+//! A campaign's digest is that of its JSON, so the order of the fields and what is left out where it says
+//! nothing new must stay as they are.
+
+use serde::{Deserialize, Serialize};
+
+use super::settings::Restarts;
+use super::{
+    Bounds, Campaign, ConstraintSection, Constraints, CorrectionsSection, Doe, Enrichment,
+    ExternalSections, FrozenSection, GearSections, Kind, Kriging, Load, Material, Optimise, Pair,
+    Penalty, Report, ResponseSection, Sampling, SimulatorKind, SimulatorSection, VariableSection,
+    Verify, Wear,
+};
+
+/// What a file says it is.
+#[derive(Deserialize)]
+pub(super) struct Peek {
+    #[serde(default)]
+    pub(super) kind: Option<String>,
+}
+
+/// `kind` of a gear campaign.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum GearKind {
+    Gear,
+}
+
+/// `kind` of an external campaign.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum ExternalKind {
+    External,
+}
+
+/// The file of a campaign that designs a gear pair.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct GearFile {
+    /// Not written: files of before there was another kind have none.
+    #[serde(default, skip_serializing, rename = "kind")]
+    _kind: Option<GearKind>,
+    format: u32,
+    name: String,
+    seed: u64,
+    pair: Pair,
+    load: Load,
+    material: Material,
+    wear: Wear,
+    bounds: Bounds,
+    frozen: FrozenSection,
+    doe: Doe,
+    sampling: Sampling,
+    kriging: Kriging,
+    constraints: Constraints,
+    optimise: PenalisedOptimise,
+    verify: Verify,
+    report: Report,
+    #[serde(default, skip_serializing_if = "SimulatorSection::is_default")]
+    simulator: SimulatorSection,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    enrichment: Option<Enrichment>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    corrections: Option<CorrectionsSection>,
+}
+
+/// `[optimise]` of a gear campaign: CMA-ES and the penalised objective.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PenalisedOptimise {
+    population: u32,
+    parents: u32,
+    step: f64,
+    evaluations: u32,
+    #[serde(default, skip_serializing_if = "Restarts::is_default")]
+    restarts: Restarts,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    restart_at: Option<u32>,
+    starts: u32,
+    penalty: f64,
+    reference_um: f64,
+    failure_value: f64,
+}
+
+/// The file of a campaign with a problem of the user's.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ExternalFile {
+    kind: ExternalKind,
+    format: u32,
+    name: String,
+    seed: u64,
+    variables: Vec<VariableSection>,
+    #[serde(default)]
+    constraints: Vec<ConstraintSection>,
+    response: ResponseSection,
+    doe: Doe,
+    sampling: Sampling,
+    #[serde(default)]
+    kriging: Kriging,
+    #[serde(default)]
+    optimise: Optimise,
+    #[serde(default)]
+    verify: Verify,
+    #[serde(default)]
+    simulator: ExternalSimulator,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    enrichment: Option<Enrichment>,
+}
+
+/// `[simulator]` of an external campaign.
+#[derive(Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ExternalSimulator {
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    probe_designs: Option<u32>,
+}
+
+/// Either form, for writing.
+#[derive(Serialize)]
+#[serde(untagged)]
+pub(super) enum Written {
+    Gears(Box<GearFile>),
+    External(Box<ExternalFile>),
+}
+
+impl From<GearFile> for (u32, Campaign) {
+    fn from(file: GearFile) -> Self {
+        let PenalisedOptimise {
+            population,
+            parents,
+            step,
+            evaluations,
+            restarts,
+            restart_at,
+            starts,
+            penalty,
+            reference_um,
+            failure_value,
+        } = file.optimise;
+        let sections = GearSections {
+            pair: file.pair,
+            load: file.load,
+            material: file.material,
+            wear: file.wear,
+            bounds: file.bounds,
+            frozen: file.frozen,
+            constraints: file.constraints,
+            penalty: Penalty {
+                weight: penalty,
+                reference_um,
+                failure_value,
+            },
+            report: file.report,
+            corrections: file.corrections,
+        };
+        let campaign = Campaign {
+            name: file.name,
+            seed: file.seed,
+            kind: Kind::Gears(Box::new(sections)),
+            doe: file.doe,
+            sampling: file.sampling,
+            kriging: file.kriging,
+            optimise: Optimise {
+                population,
+                parents,
+                step,
+                evaluations,
+                restarts,
+                restart_at,
+                starts,
+            },
+            verify: file.verify,
+            simulator: file.simulator,
+            enrichment: file.enrichment,
+        };
+        (file.format, campaign)
+    }
+}
+
+impl From<ExternalFile> for (u32, Campaign) {
+    fn from(file: ExternalFile) -> Self {
+        let campaign = Campaign {
+            name: file.name,
+            seed: file.seed,
+            kind: Kind::External(ExternalSections {
+                variables: file.variables,
+                constraints: file.constraints,
+                response: file.response,
+            }),
+            doe: file.doe,
+            sampling: file.sampling,
+            kriging: file.kriging,
+            optimise: file.optimise,
+            verify: file.verify,
+            simulator: SimulatorSection {
+                kind: SimulatorKind::External,
+                probe_designs: file.simulator.probe_designs,
+            },
+            enrichment: file.enrichment,
+        };
+        (file.format, campaign)
+    }
+}
+
+impl From<Campaign> for Written {
+    fn from(campaign: Campaign) -> Self {
+        let Campaign {
+            name,
+            seed,
+            kind,
+            doe,
+            sampling,
+            kriging,
+            optimise,
+            verify,
+            simulator,
+            enrichment,
+        } = campaign;
+        let format = Campaign::FORMAT;
+        match kind {
+            Kind::Gears(sections) => Self::Gears(Box::new(GearFile {
+                _kind: None,
+                format,
+                name,
+                seed,
+                pair: sections.pair,
+                load: sections.load,
+                material: sections.material,
+                wear: sections.wear,
+                bounds: sections.bounds,
+                frozen: sections.frozen,
+                doe,
+                sampling,
+                kriging,
+                constraints: sections.constraints,
+                optimise: PenalisedOptimise {
+                    population: optimise.population,
+                    parents: optimise.parents,
+                    step: optimise.step,
+                    evaluations: optimise.evaluations,
+                    restarts: optimise.restarts,
+                    restart_at: optimise.restart_at,
+                    starts: optimise.starts,
+                    penalty: sections.penalty.weight,
+                    reference_um: sections.penalty.reference_um,
+                    failure_value: sections.penalty.failure_value,
+                },
+                verify,
+                report: sections.report,
+                simulator,
+                enrichment,
+                corrections: sections.corrections,
+            })),
+            Kind::External(sections) => Self::External(Box::new(ExternalFile {
+                kind: ExternalKind::External,
+                format,
+                name,
+                seed,
+                variables: sections.variables,
+                constraints: sections.constraints,
+                response: sections.response,
+                doe,
+                sampling,
+                kriging,
+                optimise,
+                verify,
+                simulator: ExternalSimulator {
+                    probe_designs: simulator.probe_designs,
+                },
+                enrichment,
+            })),
+        }
+    }
+}

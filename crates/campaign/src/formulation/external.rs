@@ -1,0 +1,111 @@
+//! A problem that the campaign file states and a program of the user's simulates.
+
+use super::{Constraint, Criteria, Quantity, Variable};
+use crate::file::{Aim, ExternalSections};
+use crate::simulator::Analysis;
+
+/// What an external campaign says of its problem.
+#[derive(Debug, Clone)]
+pub(super) struct External {
+    sections: ExternalSections,
+}
+
+impl External {
+    pub(super) fn new(sections: &ExternalSections) -> Self {
+        Self {
+            sections: sections.clone(),
+        }
+    }
+
+    /// The DoE moves all of them.
+    pub(super) fn variables(&self) -> Vec<Variable> {
+        let variables = self.sections.variables.iter();
+        variables
+            .map(|variable| Variable {
+                name: variable.name.clone().into(),
+                unit: variable.unit.clone().into(),
+                range: Some([variable.low, variable.high]),
+            })
+            .collect()
+    }
+
+    pub(super) fn criteria(&self) -> Vec<Quantity> {
+        let constraints = self.sections.constraints.iter();
+        constraints
+            .map(|constraint| Quantity::new(&constraint.name, &constraint.unit))
+            .collect()
+    }
+
+    /// The criteria, then the baseline if there is one.
+    pub(super) fn responses(&self) -> Vec<Quantity> {
+        let baseline = self.has_baseline().then(|| self.sampled());
+        self.criteria().into_iter().chain(baseline).collect()
+    }
+
+    /// What is minimised, under a name that says so.
+    pub(super) fn sampled(&self) -> Quantity {
+        let response = &self.sections.response;
+        let name = match response.aim {
+            Aim::Minimise => response.name.clone(),
+            Aim::Maximise => format!("minus_{}", response.name),
+        };
+        Quantity::new(&name, &response.unit)
+    }
+
+    /// What the program calls the response, and the factor from its value to what is minimised.
+    pub(super) fn asked(&self) -> (&str, f64) {
+        let response = &self.sections.response;
+        let factor = match response.aim {
+            Aim::Minimise => 1.0,
+            Aim::Maximise => -1.0,
+        };
+        (&response.name, factor)
+    }
+
+    pub(super) const fn has_baseline(&self) -> bool {
+        self.sections.response.baseline
+    }
+
+    /// The responses are the same in every state.
+    pub(super) fn responses_of(&self, analysis: &Analysis) -> Vec<f64> {
+        let baseline = self.has_baseline().then_some(analysis.value_um);
+        let criteria = analysis.criteria.values().iter().copied();
+        criteria.chain(baseline).collect()
+    }
+
+    /// The analysis that the responses hold; its value is NaN without a baseline.
+    pub(super) fn analysis(&self, responses: &[f64]) -> Option<Analysis> {
+        let count = self.sections.constraints.len();
+        let (criteria, baseline) = responses.split_at_checked(count)?;
+        Some(Analysis {
+            value_um: baseline.first().copied().unwrap_or(f64::NAN),
+            criteria: Criteria::new(criteria.to_vec()),
+        })
+    }
+
+    pub(super) fn constraints(&self, criteria: &Criteria) -> Vec<Constraint> {
+        let mut constraints = Vec::new();
+        for (section, &value) in self.sections.constraints.iter().zip(criteria.values()) {
+            let name = section.name.clone();
+            let unit = match section.unit.as_str() {
+                "" => String::new(),
+                unit => format!(" {unit}"),
+            };
+            let scaled = |constraint: Constraint| Constraint {
+                scale: match constraint.limit.abs() {
+                    0.0 => 1.0,
+                    limit => limit,
+                },
+                ..constraint
+            };
+            if let Some(min) = section.min {
+                let constraint = Constraint::at_least(name.clone(), unit.clone(), value, min);
+                constraints.push(scaled(constraint));
+            }
+            if let Some(max) = section.max {
+                constraints.push(scaled(Constraint::at_most(name, unit, value, max)));
+            }
+        }
+        constraints
+    }
+}

@@ -1,0 +1,122 @@
+//! The report of a campaign with a problem of the user's.
+
+use askama::Template;
+
+use super::{KrigingView, Value, kriging_view, tiles, with_unit};
+use crate::error::Error;
+use crate::number::{count, percent, significant};
+use crate::problem::{NamedValue, ProblemOptimum, ProblemReport};
+use crate::svg;
+
+/// Significant digits of variables and constraints.
+const DIGITS: usize = 5;
+
+/// The report as one HTML page that loads nothing and runs nothing.
+///
+/// # Errors
+/// [`Error::Template`] if the template fails.
+pub fn render_problem(data: &ProblemReport) -> Result<String, Error> {
+    let header = &data.header;
+    let share = |designs: usize| percent(designs as f64 / header.designs as f64);
+    let page = Page {
+        data,
+        page_css: include_str!("../../templates/report.css"),
+        chart_css: svg::CSS,
+        headline: headline(data),
+        tiles: tiles(header, false),
+        refused: header
+            .infeasible
+            .iter()
+            .map(|row| {
+                let designs = count(row.count as u64);
+                (row.reason.clone(), designs, share(row.count))
+            })
+            .collect(),
+        optima: data
+            .optima
+            .iter()
+            .map(|row| Row::new(row, &data.unit))
+            .collect(),
+        kriging: data
+            .kriging
+            .iter()
+            .map(kriging_view)
+            .collect::<Result<_, _>>()?,
+    };
+    Ok(page.render()?)
+}
+
+#[derive(Template)]
+#[template(path = "problem.html")]
+struct Page<'a> {
+    data: &'a ProblemReport,
+    page_css: &'static str,
+    chart_css: &'static str,
+    headline: String,
+    tiles: Vec<(String, String)>,
+    refused: Vec<(String, String, String)>,
+    optima: Vec<Row<'a>>,
+    kriging: Vec<KrigingView>,
+}
+
+struct Row<'a> {
+    approach: &'a str,
+    /// Variables, and criteria with a mark where one breaks its limit; or why there is no design.
+    design: Result<(Vec<String>, Vec<Value>), &'a str>,
+    criterion: String,
+    p90: String,
+    interval: String,
+    calls: String,
+}
+
+impl<'a> Row<'a> {
+    fn new(optimum: &'a ProblemOptimum, unit: &str) -> Self {
+        let named = |value: &NamedValue| {
+            let number = with_unit(value.value, DIGITS, &value.unit);
+            format!("{} = {number}", value.name)
+        };
+        let constraints = optimum.constraints.iter();
+        let constraints = constraints.map(|(value, holds)| Value {
+            text: named(value),
+            marked: !holds,
+        });
+        let p90 = &optimum.p90;
+        Self {
+            approach: &optimum.approach,
+            design: match &optimum.design {
+                Ok(variables) => Ok((variables.iter().map(named).collect(), constraints.collect())),
+                Err(why) => Err(why),
+            },
+            criterion: with_unit(optimum.criterion, 4, unit),
+            p90: with_unit(p90.value_um, 4, unit),
+            interval: format!(
+                "{} to {}",
+                significant(p90.low_um, 4),
+                significant(p90.high_um, 4)
+            ),
+            calls: count(optimum.simulator_calls),
+        }
+    }
+}
+
+/// The result in a sentence.
+fn headline(data: &ProblemReport) -> String {
+    let best = data
+        .optima
+        .iter()
+        .filter(|row| row.design.is_ok() && row.p90.value_um.is_finite())
+        .min_by(|a, b| a.p90.value_um.total_cmp(&b.p90.value_um));
+    let Some(best) = best else {
+        return "No approach ended on a feasible design with a verified P90.".to_owned();
+    };
+    format!(
+        "The lowest verified 90 % percentile of {} is {} (95 % interval {} to {}, {} samples), found by \
+         the approach “{}”.",
+        data.response,
+        with_unit(best.p90.value_um, 4, &data.unit),
+        significant(best.p90.low_um, 4),
+        significant(best.p90.high_um, 4),
+        count(best.p90.samples as u64),
+        best.approach,
+    )
+}

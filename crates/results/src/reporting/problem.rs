@@ -1,0 +1,66 @@
+//! The report of a campaign with a problem of the user's.
+
+use campaign::{Criteria, Design};
+use report::{NamedValue, ProblemOptimum, ProblemReport};
+use stages::optima::{approach_of, optimum_design};
+use store::{OptimumRow, Store};
+
+use super::sources::Sources;
+use super::{header, kriging, notes};
+use crate::percentile::percentile;
+
+/// Gathers the data of an external campaign's report.
+pub(super) async fn gather(store: &Store, sources: &Sources) -> anyhow::Result<ProblemReport> {
+    let digest = store.samples_digest().await?;
+    let times = store.job_times().await?;
+    let sampled = sources.problem.sampled();
+    let optima = sources.optima.iter().map(|row| optimum(sources, row));
+    Ok(ProblemReport {
+        header: header(sources, digest, &times),
+        response: sampled.name.to_string(),
+        unit: sampled.unit.to_string(),
+        optima: optima.collect::<anyhow::Result<_>>()?,
+        kriging: kriging(sources),
+        notes: notes::notes(sources, &store.failures().await?),
+    })
+}
+
+fn optimum(sources: &Sources, row: &OptimumRow) -> anyhow::Result<ProblemOptimum> {
+    let problem = &sources.problem;
+    let criteria: Option<Criteria> = serde_json::from_str(&row.criteria_json)?;
+    let constraints = criteria.map_or_else(Vec::new, |criteria| problem.constraints(&criteria));
+    let variables = |design: Design| {
+        let values = problem.variables().iter().zip(design.values());
+        let named = values.map(|(variable, value)| NamedValue {
+            name: variable.name.to_string(),
+            unit: variable.unit.to_string(),
+            value: *value,
+        });
+        named.collect::<Vec<_>>()
+    };
+    let fresh = sources.fresh.get(&row.approach);
+    Ok(ProblemOptimum {
+        approach: approach_of(&row.approach).map_or_else(
+            || row.approach.clone(),
+            |a| problem.approach_name(a).to_owned(),
+        ),
+        design: optimum_design(problem, row)
+            .map(variables)
+            .ok_or_else(|| row.note.clone()),
+        criterion: row.criterion_um,
+        p90: percentile(fresh.map_or(&[][..], Vec::as_slice)),
+        constraints: constraints
+            .into_iter()
+            .map(|constraint| {
+                let holds = constraint.holds();
+                let value = NamedValue {
+                    name: constraint.name.into_owned(),
+                    unit: constraint.unit.trim_start().to_owned(),
+                    value: constraint.value,
+                };
+                (value, holds)
+            })
+            .collect(),
+        simulator_calls: row.simulator_calls,
+    })
+}

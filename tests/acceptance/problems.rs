@@ -1,0 +1,113 @@
+//! Campaigns whose problem the file states and a program simulates, checked against optima that are known.
+
+use acceptance::{Sandbox, assert_code, errors, printed, root};
+
+fn shipped(name: &str) -> String {
+    let path = root().join("campaigns/ishigami").join(name);
+    std::fs::read_to_string(path).expect("the example is shipped")
+}
+
+/// The example with `changes` in the sandbox: its file, and the command of its program.
+fn ishigami(sandbox: &Sandbox, changes: &[(&str, &str)]) -> (String, String) {
+    let mut text = shipped("campaign.toml");
+    for (from, to) in changes {
+        assert!(text.contains(from), "the example has no {from:?}");
+        text = text.replacen(from, to, 1);
+    }
+    let path = |path: std::path::PathBuf| path.to_str().expect("UTF-8").to_owned();
+    let file = path(sandbox.write("campaign.toml", &text));
+    let program = path(sandbox.write("simulator.py", &shipped("simulator.py")));
+    (file, format!("exec python3 -B {program}"))
+}
+
+/// The verified percentile of an approach.
+fn verified(sandbox: &Sandbox, approach: &str) -> f64 {
+    let table = ["export", "--db", "i.db", "--table", "optima", "--out", "-"];
+    let table = sandbox.coordinator(&table);
+    assert_code(&table, 0);
+    let table = printed(&table);
+    let mut lines = table
+        .lines()
+        .map(|line| line.split(',').collect::<Vec<_>>());
+    let header = lines.next().expect("a header");
+    let place = header.iter().position(|name| *name == "p90_um");
+    let row = lines.find(|row| row[0] == approach);
+    let row = row.unwrap_or_else(|| panic!("no {approach} in {table}"));
+    row[place.expect("a column")].parse().expect("a number")
+}
+
+/// −1 − 0.1 π⁴, and the 90 % percentile of the noise above it.
+const LEAST: f64 = -10.740_909 + 0.640_776;
+
+#[test]
+fn ishigamis_percentile_is_least_where_its_formula_says() {
+    let sandbox = Sandbox::new();
+    let (file, exec) = ishigami(&sandbox, &[]);
+    assert_code(&sandbox.coordinator(&["check", &file]), 0);
+    let run = [
+        "run", &file, "--db", "i.db", "--out", "report", "--exec", &exec,
+    ];
+    assert_code(&sandbox.coordinator(&run), 0);
+    let status = sandbox.status("i.db").expect("the store is there");
+    assert_eq!(status["finished"], true, "{status}");
+    assert_eq!(status["designs"]["feasible"], 150, "{status}");
+    let optima = status["optima"].as_array().expect("a list");
+    assert_eq!(optima.len(), 3, "baseline, kriging, best of the DoE");
+    // 500 samples: a standard error of 0.04.
+    let baseline = verified(&sandbox, "baseline");
+    assert!((baseline - LEAST).abs() < 0.2, "{baseline}");
+    let kriging = verified(&sandbox, "kriging");
+    assert!(kriging < LEAST + 1.0, "{kriging}");
+    let html = std::fs::read_to_string(sandbox.path("report/report.html")).unwrap();
+    for part in ["baseline", "x3 = ", "90 % percentile of y"] {
+        assert!(html.contains(part), "no {part} in the report");
+    }
+    for gears in ["ΔSTE", "teeth", "gear", "Archard"] {
+        assert!(!html.contains(gears), "{gears} in a report without gears");
+    }
+    let table = ["export", "--db", "i.db", "--table", "designs", "--out", "-"];
+    let designs = sandbox.coordinator(&table);
+    assert_code(&designs, 0);
+    assert!(printed(&designs).contains("x1,x2,x3"));
+    // What only gears have is refused with the reason.
+    let pair = [
+        "export",
+        "--db",
+        "i.db",
+        "--pair",
+        "best.toml",
+        "--approach",
+        "kriging",
+    ];
+    let refused = sandbox.coordinator(&pair);
+    assert_eq!(refused.status.code(), Some(1), "{}", errors(&refused));
+}
+
+#[test]
+fn names_that_the_program_does_not_know_are_refused_at_once() {
+    let sandbox = Sandbox::new();
+    let (file, exec) = ishigami(&sandbox, &[("name = \"x3\"", "name = \"x4\"")]);
+    let run = ["run", &file, "--db", "i.db", "--exec", &exec];
+    let refused = sandbox.coordinator(&run);
+    assert_ne!(refused.status.code(), Some(0));
+    let said = errors(&refused);
+    assert!(said.contains("does not know \"x4\""), "{said}");
+}
+
+#[test]
+fn an_enrichment_finds_the_optimum_of_the_percentile() {
+    let sandbox = Sandbox::new();
+    let section = "\n[enrichment]\ncriterion = \"expected-quantile-improvement\"\nsamples = 4000\n\
+                   rounds = 100\npoints_per_round = 4\nsamples_per_point = 30\ntolerance = 0.05\n";
+    let (file, exec) = ishigami(
+        &sandbox,
+        &[
+            ("designs = 150", "designs = 60"),
+            ("[sampling]", &format!("{section}\n[sampling]")),
+        ],
+    );
+    let run = ["run", &file, "--db", "i.db", "--exec", &exec];
+    assert_code(&sandbox.coordinator(&run), 0);
+    let p90 = verified(&sandbox, "enriched-kriging");
+    assert!((p90 - LEAST).abs() < 0.3, "{p90}");
+}
