@@ -3,7 +3,7 @@
 use campaign::formulation::Problem;
 use campaign::optimise::Found;
 use campaign::simulator::{Simulator as _, State};
-use campaign::{Approach, Design};
+use campaign::{Approach, Criteria, Design};
 use enrich::{Recommendation, Stop};
 use store::{OptimumRow, RoundRow};
 
@@ -59,12 +59,16 @@ pub fn recommended(
         "a recommendation of another problem"
     );
     let design = problem.design(&best.x, base);
-    let analysis = problem.prepare(&design)?.analyse(State::Baseline)?;
+    // Another problem has an enrichment only where it has no criteria.
+    let criteria = match problem.gears() {
+        Some(_) => problem.prepare(&design)?.analyse(State::Baseline)?.criteria,
+        None => Criteria::new(Vec::new()),
+    };
     let found = Found {
         design,
         criterion_um: best.predicted_um,
-        feasible: problem.is_feasible(&analysis.criteria),
-        criteria: analysis.criteria,
+        feasible: problem.is_feasible(&criteria),
+        criteria,
     };
     optimum(problem, approach, Some(&found), cost, String::new())
 }

@@ -1,0 +1,97 @@
+//! Problems that the campaign file states.
+
+use campaign::formulation::{Approach, Criteria, Problem};
+use campaign::{Campaign, Design};
+
+const FILE: &str = include_str!("../../../../campaigns/ishigami/campaign.toml");
+
+fn parse(text: &str) -> Result<Campaign, String> {
+    Campaign::parse("c.toml", text).map_err(|error| error.to_string())
+}
+
+fn with(from: &str, to: &str) -> Result<Campaign, String> {
+    assert!(FILE.contains(from), "{from}");
+    parse(&FILE.replacen(from, to, 1))
+}
+
+const STRESS: &str =
+    "[[constraints]]\nname = \"stress\"\nunit = \"MPa\"\nmin = 0.0\nmax = 200.0\n\n[response]";
+
+#[test]
+fn the_shipped_example_is_a_problem_without_gears() {
+    let campaign = parse(FILE).unwrap();
+    assert!(campaign.is_external() && campaign.gears().is_none());
+    assert_eq!(Campaign::from_json(&campaign.to_json()).unwrap(), campaign);
+    let problem = Problem::new(campaign);
+    assert_eq!(problem.free_names().collect::<Vec<_>>(), ["x1", "x2", "x3"]);
+    assert_eq!(problem.sampled().name, "y");
+    let approaches: Vec<Approach> = problem.approaches().collect();
+    assert_eq!(
+        approaches,
+        [Approach::Baseline, Approach::Kriging, Approach::BestOfDoe]
+    );
+    assert_eq!(problem.approach_name(Approach::Baseline), "baseline");
+    let none = Problem::new(with("baseline = true", "baseline = false").unwrap());
+    assert_eq!(none.approaches().count(), 2);
+}
+
+#[test]
+fn limits_of_either_side_are_constraints_and_their_values_the_criteria() {
+    let problem = Problem::new(with("[response]", STRESS).unwrap());
+    let broken = problem.constraints(&Criteria::new(vec![250.0]));
+    assert_eq!(broken.len(), 2);
+    assert!(broken[0].holds() && !broken[1].holds());
+    // Relative to the limit, and to 1 where the limit is 0.
+    assert_eq!(problem.violation(&Criteria::new(vec![250.0])), 0.25);
+    assert_eq!(problem.violation(&Criteria::new(vec![-3.0])), 3.0);
+    assert!(problem.is_feasible(&Criteria::new(vec![200.0])));
+    let design = Design::new(vec![0.0; 3]);
+    let told = problem.told(&design).unwrap();
+    assert_eq!(told[0], ("x1", 0.0));
+    assert!(problem.check_responses(&[1.0, f64::NAN]).is_err());
+}
+
+#[test]
+fn a_response_to_be_maximised_is_minimised_with_the_opposite_sign() {
+    let problem = Problem::new(with("aim = \"minimise\"", "aim = \"maximise\"").unwrap());
+    assert_eq!(problem.sampled().name, "minus_y");
+    assert_eq!(problem.asked(problem.sampled()), ("y", -1.0));
+}
+
+#[test]
+fn what_is_wrong_is_named_with_its_line() {
+    let line_of = |part: &str| 1 + FILE.lines().position(|line| line == part).unwrap();
+    let second = FILE.replacen("name = \"x2\"\nlow = -3.1", "name = \"x2\"\nlow = 4.1", 1);
+    let error = parse(&second).unwrap_err();
+    let high = format!("line {}: variables[2].high", line_of("name = \"x2\"") + 2);
+    assert!(error.contains(&high), "{error}");
+    for (from, to, part) in [
+        (
+            "kind = \"external\"",
+            "kind = \"magic\"",
+            "\"gear\" or \"external\"",
+        ),
+        ("name = \"x2\"", "name = \"x1\"", "no other variable"),
+        ("name = \"y\"", "name = \"id\"", "another name"),
+        ("name = \"x1\"", "name = \"x 1\"", "variables[1].name"),
+        ("aim = \"minimise\"", "aim = \"least\"", "unknown variant"),
+        ("designs = 150", "designs = 1", "doe.designs is 1"),
+        ("[doe]", "[pair]\nteeth = 3\n[doe]", "pair"),
+        (
+            "[response]",
+            "[[constraints]]\nname = \"s\"\n[response]",
+            "constraints[1].max is \"missing\"",
+        ),
+        (
+            "[response]",
+            "[[constraints]]\nname = \"s\"\nmin = 2.0\nmax = 1.0\n[response]",
+            "a number above min, which is 2.0",
+        ),
+    ] {
+        let error = with(from, to).unwrap_err();
+        assert!(
+            error.contains(part) && error.contains("c.toml, line "),
+            "{error}"
+        );
+    }
+}
