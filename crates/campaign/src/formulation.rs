@@ -6,7 +6,7 @@
 //!
 //! [`gears`] is the problem of the paper. Its deterministic problem ((2)–(3)) moves eleven variables,
 //! the problems with wear ((6)–(7), (22), (23)) the first six of them. The number of teeth is a
-//! setting, the module (or the centre distance) follows from the others. [`mod@external`] is a problem
+//! setting, the module (or the centre distance) follows from the others. `external` is a problem
 //! that the campaign file states and a program of the user's simulates.
 
 use std::borrow::Cow;
