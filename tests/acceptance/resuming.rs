@@ -18,8 +18,9 @@ fn noting(sandbox: &Sandbox, name: &str, seconds: f64) -> (String, PathBuf) {
     let log = sandbox.path(&format!("{name}.log"));
     let asked = "        pair = Pair(";
     let note = format!(
-        "        with open({log:?}, 'a') as log:\n            \
-         log.write(kind + json.dumps(request['design']) + '\\n')\n        \
+        "        is_worn = 'hertz_pressure_mpa' not in request.get('responses', [])\n        \
+         with open({log:?}, 'a') as log:\n            \
+         log.write(('worn' if is_worn else 'unworn') + json.dumps(request['design']) + '\\n')\n        \
          __import__('time').sleep({seconds})\n{asked}"
     );
     let exec = program(sandbox, &format!("{name}.py"), &[(asked, &note)]);
@@ -30,7 +31,7 @@ fn noting(sandbox: &Sandbox, name: &str, seconds: f64) -> (String, PathBuf) {
 fn analysed(log: &PathBuf) -> Vec<String> {
     let text = std::fs::read_to_string(log).unwrap_or_default();
     let whole = text.lines().filter(|line| line.ends_with('}'));
-    let of_run = whole.take_while(|line| !line.starts_with("archard"));
+    let of_run = whole.take_while(|line| !line.starts_with("worn"));
     let unworn = of_run.filter_map(|line| line.strip_prefix("unworn"));
     unworn.map(str::to_owned).collect()
 }

@@ -31,7 +31,8 @@ struct Arguments {
     /// The first round, to run one of them again
     #[arg(long, value_name = "N", default_value_t = 0)]
     first: u64,
-    /// The kind of campaign of every round: plain, precise, enriched, grown, external, licence
+    /// The kind of campaign of every round: plain, precise, enriched, grown, external, licence,
+    /// problem
     /// [default: drawn]
     #[arg(long, value_name = "KIND", value_parser = kind)]
     kind: Option<Kind>,

@@ -23,17 +23,20 @@ pub enum Kind {
     External,
     /// An external simulator that cannot compute one design until the licence is paid.
     Licence,
+    /// A problem without gears, with infill.
+    Problem,
 }
 
 impl Kind {
     /// All kinds.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::Plain,
         Self::Precise,
         Self::Enriched,
         Self::Grown,
         Self::External,
         Self::Licence,
+        Self::Problem,
     ];
 
     /// The kind's name.
@@ -46,12 +49,21 @@ impl Kind {
             Self::Grown => "grown",
             Self::External => "external",
             Self::Licence => "licence",
+            Self::Problem => "problem",
         }
     }
 
-    /// Whether an external program simulates the designs.
-    #[must_use]
-    pub const fn is_external(self) -> bool {
+    /// The external program that simulates the designs, if one does, as it is shipped.
+    pub(crate) const fn simulator(self) -> Option<&'static str> {
+        match self {
+            Self::Plain | Self::Precise | Self::Enriched | Self::Grown => None,
+            Self::External | Self::Licence => Some("simulator.py"),
+            Self::Problem => Some("ishigami.py"),
+        }
+    }
+
+    /// Whether that program fails now and then in a round.
+    pub(crate) const fn is_unreliable(self) -> bool {
         matches!(self, Self::External | Self::Licence)
     }
 
@@ -85,6 +97,7 @@ impl Kind {
             }
             Self::External => vec![external(true)],
             Self::Licence => vec![external(is_even)],
+            Self::Problem => vec![problem()],
         }
     }
 }
@@ -131,6 +144,17 @@ fn external(is_precise: bool) -> String {
     changes.iter().fold(text, changed)
 }
 
+/// The example of a problem without gears, with infill.
+fn problem() -> String {
+    let shipped = root().join("campaigns/ishigami/campaign.toml");
+    let text = std::fs::read_to_string(shipped).expect("the example is shipped");
+    let text = change(&text, "designs = 150", "designs = 60");
+    let text = change(&text, "samples_per_design = 30", "samples_per_design = 200");
+    text + "\n[optimise]\nevaluations = 1500\nstarts = 2\n\n[verify]\nsamples = 2000\n\n[enrichment]\n\
+            criterion = \"expected-quantile-improvement\"\nsamples = 8000\nrounds = 3\n\
+            points_per_round = 4\nsamples_per_point = 500\ntolerance = 0.001\n"
+}
+
 fn change(text: &str, from: &str, to: &str) -> String {
     assert!(text.contains(from), "the campaign has no {from:?}");
     text.replacen(from, to, 1)
@@ -163,7 +187,7 @@ impl Reference {
         for (number, text) in kind.texts(seed).into_iter().enumerate() {
             let file = folder.join(format!("{}-{number}.toml", kind.name()));
             std::fs::write(&file, text).map_err(|error| Violation(error.to_string()))?;
-            programs.run_alone(folder, &file, &db, kind.is_external())?;
+            programs.run_alone(folder, &file, &db, kind.simulator())?;
             files.push(file);
         }
         let span = since.elapsed().max(Duration::from_secs(2));

@@ -134,8 +134,8 @@ impl Soak {
 
     /// The command line of a round's simulator, for campaigns that ask for one.
     fn simulator(&self, round: u64, kind: Kind, reference: &Reference) -> Option<String> {
-        if !kind.is_external() {
-            return None;
+        if !kind.is_unreliable() {
+            return Some(self.programs.simulator(kind.simulator()?, ""));
         }
         let mut arguments = format!("{}-{round}", self.seed);
         if kind == Kind::Licence {

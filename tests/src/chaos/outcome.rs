@@ -101,7 +101,7 @@ impl Outcome {
     pub(crate) fn check_failures(&self, kind: Kind) -> Result<(), Violation> {
         let is_expected = |row: &FailureRow| match row.kind {
             FailureKind::Crash => true,
-            FailureKind::Failure => kind.is_external(),
+            FailureKind::Failure => kind.is_unreliable(),
             FailureKind::Quarantine => kind == Kind::Licence,
         };
         match self.failures.iter().find(|row| !is_expected(row)) {

@@ -37,8 +37,10 @@ impl Programs {
     pub(crate) fn new(folder: &Path, soak: &Path) -> Result<Self, Violation> {
         let simulators = soak.join("simulators");
         let copied = std::fs::create_dir(&simulators).and_then(|()| {
-            let example = root().join("campaigns/external/simulator.py");
-            std::fs::copy(example, simulators.join("simulator.py"))?;
+            for (example, name) in [("external", "simulator.py"), ("ishigami", "ishigami.py")] {
+                let example = root().join(format!("campaigns/{example}/simulator.py"));
+                std::fs::copy(example, simulators.join(name))?;
+            }
             std::fs::write(
                 simulators.join("unreliable.py"),
                 include_str!("unreliable.py"),
@@ -108,14 +110,14 @@ impl Programs {
         folder: &Path,
         file: &Path,
         db: &str,
-        is_external: bool,
+        simulator: Option<&str>,
     ) -> Result<(), Violation> {
         let mut command = self.command("coordinator", folder, "off");
         let report = format!("{db}-report");
         command.arg("run").arg(file);
         command.args(["--db", db, "--out", &report]);
-        if is_external {
-            command.args(["--exec", &self.simulator("simulator.py", "")]);
+        if let Some(name) = simulator {
+            command.args(["--exec", &self.simulator(name, "")]);
         }
         finish(command).map(drop)
     }

@@ -52,7 +52,7 @@ class Unreliable(simulator.Simulator):
 
     def trouble(self, request):
         kind = request["request"]
-        if kind == "start":
+        if kind == "describe":
             return None
         design = request["design"]
         if kind != "sample":
