@@ -4,12 +4,14 @@
 //! errors) and validated once, here: whoever holds a [`Campaign`] holds a sensible one.
 
 mod advice;
+mod bounds;
 mod campaign;
 mod corrections;
 mod enrichment;
 mod external;
 mod gear_sections;
 mod kriging;
+mod limits;
 mod material;
 mod pair;
 mod sampling;
@@ -20,16 +22,17 @@ mod variant;
 mod written;
 
 pub use self::kriging::{Kriging, Noise, Nugget};
+pub(crate) use bounds::Setting;
+pub use bounds::{Bounds, Each, FrozenFrom, FrozenSection, OfGears, Relation, Written};
 pub use campaign::{Campaign, Kind};
 pub use corrections::{CorrectionsSection, PairCorrections};
 pub use enrichment::Enrichment;
 pub use external::{Aim, ConstraintSection, ExternalSections, ResponseSection, VariableSection};
-pub use gear_sections::{
-    Bounds, Constraints, FrozenFrom, FrozenSection, GearSections, Pair, Penalty, Report,
-};
+pub use gear_sections::{GearSections, Pair, Penalty, Report};
+pub use limits::GearLimits;
 pub use material::{Grade, Material};
 pub(crate) use pair::gear_size;
-pub use pair::{PairConstraints, PairFile, PairSection};
+pub use pair::{PairFile, PairSection};
 pub use sampling::{ControlVariate, PercentileRule, Sampling, WearCoefficients};
 pub use sections::{Load, SimulatorKind, SimulatorSection, Wear, WearLaw};
 pub use settings::{Doe, Optimise, Restarts, Verify};

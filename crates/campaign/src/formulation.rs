@@ -20,29 +20,21 @@ mod constraint;
 mod design;
 mod external;
 pub mod gears;
+mod space;
 
 pub use approach::Approach;
 pub use constraint::{Bound, Constraint};
 pub use design::{Criteria, Design};
 pub use gears::{GearCriteria, GearVariables};
+pub use space::Coordinate;
+use space::{Derived, Space};
 
-/// A variable of a problem.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Variable {
-    /// Its name, with its unit at the end.
-    pub name: Cow<'static, str>,
-    /// Its unit where the name does not say it; empty for a number without one.
-    pub unit: Cow<'static, str>,
-    /// `[low, high]` if the DoE moves it.
-    pub range: Option<[f64; 2]>,
-}
-
-/// A quantity that a simulator gives.
+/// A quantity that a simulator takes or gives.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Quantity {
     /// Its name, as in exported columns.
     pub name: Cow<'static, str>,
-    /// Its unit; empty for a number without one.
+    /// Its unit where the name does not say it; empty for a number without one.
     pub unit: Cow<'static, str>,
 }
 
@@ -66,9 +58,11 @@ impl Quantity {
 #[derive(Debug, Clone)]
 pub struct Problem {
     campaign: Campaign,
-    variables: Vec<Variable>,
-    /// The places of the variables that the DoE moves.
-    free: Vec<usize>,
+    variables: Vec<Quantity>,
+    /// What the approaches search that move everything that is free.
+    whole: Space,
+    /// What the DoE, the models and their approaches search.
+    free: Space,
     base: Design,
     criteria: Vec<Quantity>,
     responses: Vec<Quantity>,
@@ -91,37 +85,36 @@ impl Problem {
     /// Never for a validated campaign: names and sizes were checked before.
     #[must_use]
     pub fn new(campaign: Campaign) -> Self {
-        let (variables, base, criteria, responses, sampled, kind) = match &campaign.kind {
-            Kind::Gears(sections) => (
-                gears::variables(sections),
-                gears::base(sections),
-                gears::CRITERIA.to_vec(),
-                gears::RESPONSES.to_vec(),
-                gears::SAMPLED,
-                Formulation::Gears(Box::new(gears::Gears::new(sections))),
-            ),
+        match campaign.kind.clone() {
+            Kind::Gears(sections) => {
+                let detailed = sections.constraints.need_details();
+                Self {
+                    variables: gears::variables(),
+                    whole: gears::whole(&sections),
+                    free: gears::free(&sections),
+                    base: gears::base(&sections),
+                    criteria: gears::criteria(detailed),
+                    responses: gears::responses(detailed),
+                    sampled: gears::SAMPLED,
+                    kind: Formulation::Gears(Box::new(gears::Gears::new(*sections))),
+                    campaign,
+                }
+            }
             Kind::External(sections) => {
                 let external = external::External::new(sections);
-                (
-                    external.variables(),
-                    Design::new(vec![0.0; sections.variables.len()]),
-                    external.criteria(),
-                    external.responses(),
-                    external.sampled(),
-                    Formulation::External(external),
-                )
+                let space = Space::of_all(external.coordinates());
+                Self {
+                    variables: external.variables(),
+                    base: Design::new(vec![0.0; space.coordinates().len()]),
+                    whole: space.clone(),
+                    free: space,
+                    criteria: external.criteria(),
+                    responses: external.responses(),
+                    sampled: external.sampled(),
+                    kind: Formulation::External(external),
+                    campaign,
+                }
             }
-        };
-        let is_free = |&index: &usize| variables[index].range.is_some();
-        Self {
-            free: (0..variables.len()).filter(is_free).collect(),
-            variables,
-            base,
-            criteria,
-            responses,
-            sampled,
-            kind,
-            campaign,
         }
     }
 
@@ -142,89 +135,103 @@ impl Problem {
 
     /// All variables.
     #[must_use]
-    pub fn variables(&self) -> &[Variable] {
+    pub fn variables(&self) -> &[Quantity] {
         &self.variables
     }
 
-    /// The names of the variables that the DoE moves and the models take.
-    pub fn free_names(&self) -> impl Iterator<Item = &str> {
-        self.free.iter().map(|&index| &*self.variables[index].name)
+    /// What the DoE moves and the models take.
+    #[must_use]
+    pub fn coordinates(&self) -> &[Coordinate] {
+        self.free.coordinates()
     }
 
-    /// How many variables the DoE moves.
+    /// The names of [`Self::coordinates`].
+    pub fn free_names(&self) -> impl Iterator<Item = &str> {
+        self.coordinates()
+            .iter()
+            .map(|coordinate| &*coordinate.name)
+    }
+
+    /// How many coordinates the DoE moves.
     #[must_use]
     pub fn dimension(&self) -> usize {
-        self.free.len()
+        self.coordinates().len()
     }
 
-    /// How many variables the optimiser of an approach moves.
+    /// How many coordinates the optimiser of an approach moves.
     #[must_use]
     pub fn dimension_of(&self, approach: Approach) -> usize {
+        self.space(approach).coordinates().len()
+    }
+
+    fn space(&self, approach: Approach) -> &Space {
         match approach {
-            Approach::Nominal => self.variables.len(),
-            _ => self.dimension(),
+            Approach::Nominal => &self.whole,
+            _ => &self.free,
         }
     }
 
-    /// The values that the campaign file gives to the variables that the DoE leaves alone; those that
-    /// it moves are 0.
+    fn derived(&self) -> &dyn Derived {
+        match &self.kind {
+            Formulation::Gears(gears) => &**gears,
+            Formulation::External(_) => &(),
+        }
+    }
+
+    /// The values that the campaign file gives to the variables that the DoE leaves alone; all others
+    /// are 0.
     #[must_use]
     pub const fn base(&self) -> &Design {
         &self.base
     }
 
-    /// What `design` has where the DoE leaves variables alone; those that it moves are 0.
+    /// What `design` has where the DoE leaves variables alone; all others are 0.
     #[must_use]
     pub fn base_of(&self, design: &Design) -> Design {
-        self.design(&vec![0.0; self.dimension()], design)
+        self.free.kept(design)
     }
 
-    /// The design with the values `x` of the variables that the DoE moves, and those of `base`
-    /// elsewhere.
+    /// The design with the coordinates `x` of the DoE, and the values of `base` where the DoE leaves
+    /// variables alone.
     #[must_use]
     pub fn design(&self, x: &[f64], base: &Design) -> Design {
-        let mut values = base.values().to_vec();
-        for (&index, &x) in self.free.iter().zip(x) {
-            values[index] = x;
-        }
-        Design::new(values)
+        self.free.design(x, base, self.derived())
     }
 
-    /// The values of the variables that the DoE moves.
+    /// The coordinates of a design, as the DoE moves them.
     #[must_use]
     pub fn free_values(&self, design: &Design) -> Vec<f64> {
-        let values = design.values();
-        self.free.iter().map(|&index| values[index]).collect()
+        self.free.coordinates_of(design, self.derived())
     }
 
-    /// The values at `unit` in the unit cube of the variables that the DoE moves.
+    /// The coordinates at `unit` in the unit cube of the DoE.
     #[must_use]
     pub fn free_point(&self, unit: &[f64]) -> Vec<f64> {
-        let ranges = self.free_ranges().zip(unit);
-        ranges.map(|(range, &unit)| scale(range, unit)).collect()
+        self.free.scaled(unit)
     }
 
     /// The inverse of [`Self::free_point`].
     #[must_use]
     pub fn unit_point(&self, x: &[f64]) -> Vec<f64> {
-        let ranges = self.free_ranges().zip(x);
-        ranges
-            .map(|([low, high], x)| (x - low) / (high - low))
-            .collect()
+        self.free.unit(x)
     }
 
-    /// `[low, high]` of the variables that the DoE moves.
+    /// `[low, high]` of what the DoE moves.
     pub fn free_ranges(&self) -> impl Iterator<Item = [f64; 2]> {
-        self.variables.iter().filter_map(|variable| variable.range)
+        self.coordinates().iter().map(|coordinate| coordinate.range)
     }
 
-    /// The design at `unit` in the unit cube of an approach's variables; none if there is none.
+    /// The design at `unit` in the unit cube of what an approach moves; none if there is none.
     #[must_use]
     pub fn point(&self, approach: Approach, unit: &[f64], base: &Design) -> Option<Design> {
-        match approach {
-            Approach::Nominal => self.gears()?.full_point(unit).ok(),
-            _ => Some(self.design(&self.free_point(unit), base)),
-        }
+        let space = self.space(approach);
+        let design = space.design(&space.scaled(unit), base, self.derived());
+        // Without a module there are no radii, and nothing to ask a simulator about.
+        let exists = match (approach, self.gears()) {
+            (Approach::Nominal, Some(gears)) => gears.normal_module(&design).is_ok(),
+            _ => true,
+        };
+        exists.then_some(design)
     }
 
     /// What constraints are set on, in the order of [`Criteria`].
@@ -295,8 +302,9 @@ impl Problem {
     /// file does.
     #[must_use]
     pub fn base_from(&self) -> Option<Approach> {
-        let frozen = self.campaign.gears()?.frozen;
-        (frozen.from == FrozenFrom::Deterministic).then_some(Approach::Nominal)
+        let frozen = self.campaign.gears()?.frozen?;
+        let deterministic = frozen.from == FrozenFrom::Deterministic && self.free.keeps();
+        deterministic.then_some(Approach::Nominal)
     }
 
     /// The response of this name.
@@ -311,7 +319,7 @@ impl Problem {
     #[must_use]
     pub fn responses_of(&self, nominal: &Analysis, baseline: &Analysis) -> Vec<f64> {
         match &self.kind {
-            Formulation::Gears(_) => gears::responses(nominal, baseline),
+            Formulation::Gears(_) => gears::responses_of(nominal, baseline),
             Formulation::External(external) => external.responses_of(baseline),
         }
     }
@@ -421,10 +429,6 @@ impl Problem {
     pub fn penalty(&self) -> Option<&Penalty> {
         self.campaign.gears().map(|sections| &sections.penalty)
     }
-}
-
-fn scale([low, high]: [f64; 2], unit: f64) -> f64 {
-    low + (high - low) * unit
 }
 
 #[cfg(test)]

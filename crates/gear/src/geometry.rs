@@ -167,6 +167,34 @@ pub fn normal_module(
     })
 }
 
+/// x1 + x2 of the zero-backlash pair with this normal module and centre distance, both in mm; angles in
+/// radians. With cos α_wt = (Z1 + Z2) m cos α_t / (2 a cos β),
+/// x1 + x2 = (Z1 + Z2) (inv α_wt − inv α_t) / (2 tan α_n).
+///
+/// Where the base circles would overlap, the sum is a module below the least of any pair, so that
+/// [`normal_module`] refuses it.
+#[must_use]
+pub fn sum_profile_shift(
+    teeth: [u32; 2],
+    normal_module: f64,
+    centre_distance: f64,
+    pressure_angle: f64,
+    helix_angle: f64,
+) -> f64 {
+    let tan_alpha_t = pressure_angle.tan() / helix_angle.cos();
+    let sum_teeth = f64::from(teeth[0]) + f64::from(teeth[1]);
+    let reference = sum_teeth * normal_module / (2.0 * helix_angle.cos());
+    let cos_alpha_wt = reference * cos_of_tangent(tan_alpha_t) / centre_distance;
+    let sum_at = |inv_alpha_wt: f64| {
+        sum_teeth * (inv_alpha_wt - inv_of_tangent(tan_alpha_t)) / (2.0 * pressure_angle.tan())
+    };
+    if cos_alpha_wt < 1.0 {
+        sum_at(inv_of_tangent(cos_alpha_wt.acos().tan()))
+    } else {
+        sum_at(0.0) - 1.0
+    }
+}
+
 impl Geometry {
     /// Computes the geometry of a validated input.
     ///

@@ -133,6 +133,57 @@ named!(
     ClearRoot = "clear-root"
 );
 
+/// The standard basic rack tooth profiles of ISO 53:1998, table 2: what a common hob cuts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Rack {
+    /// High loads: clearance 0.25 m and the largest fillet.
+    A,
+    /// Common use, hobs with a smaller fillet.
+    B,
+    /// Common use, hobs for racks with little fillet.
+    C,
+    /// Precision gears with ground or shaved flanks: clearance 0.4 m.
+    D,
+}
+
+named!(
+    Rack,
+    "standard rack",
+    "iso-53-a, iso-53-b, iso-53-c, iso-53-d",
+    A = "iso-53-a",
+    B = "iso-53-b",
+    C = "iso-53-c",
+    D = "iso-53-d"
+);
+
+impl Rack {
+    /// The tool's addendum, the dedendum h_fP of the gear's profile, in modules.
+    #[must_use]
+    pub const fn addendum(&self) -> f64 {
+        match self {
+            Self::A | Self::B | Self::C => 1.25,
+            Self::D => 1.4,
+        }
+    }
+
+    /// The tool's dedendum, the addendum h_aP of the gear's profile, in modules.
+    #[must_use]
+    pub const fn dedendum(&self) -> f64 {
+        1.0
+    }
+
+    /// The radius of the tool's tip, the fillet radius ρ_fP of the gear's profile, in modules.
+    #[must_use]
+    pub const fn root_radius(&self) -> f64 {
+        match self {
+            Self::A => 0.38,
+            Self::B => 0.3,
+            Self::C => 0.25,
+            Self::D => 0.39,
+        }
+    }
+}
+
 /// Correlation of the wear field between two roll angles a distance h apart, in units of the
 /// range: h here stands for |θ − θ′| / range.
 ///

@@ -136,9 +136,10 @@ mod tests;
 pub use converged::Converged;
 pub use corrections::{Corrections, ReliefShape, TipRelief};
 pub use error::{Error, Infeasible, InputError, UnknownName};
-pub use geometry::{Geometry, Interference, Sliding, normal_module};
+pub use geometry::{Geometry, Interference, Sliding, normal_module, sum_profile_shift};
 pub use input::{
-    Discretisation, Kernel, Material, Member, PairInput, Size, TipRule, ToothModel, Wear, WearLaw,
+    Discretisation, Kernel, Material, Member, PairInput, Rack, Size, TipRule, ToothModel, Wear,
+    WearLaw,
 };
 pub use outline::{Placement, gear_outline, mesh_placement};
 pub use pair::{Analysis, Pair, RootStress, Worn};

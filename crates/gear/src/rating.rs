@@ -81,6 +81,11 @@ pub struct Rating {
     pub root: [RootRating; 2],
     /// The stiffness.
     pub stiffness: MeshStiffness,
+    /// Nominal root safeties S_F: the material's yield stress over σ_F0. No permissible stress of
+    /// ISO 6336-5 is looked up.
+    pub root_safety: [f64; 2],
+    /// Nominal flank safeties S_H: the material's permissible pressure over Z_B σ_H0 and Z_D σ_H0.
+    pub flank_safety: [f64; 2],
     /// Whether 1 ≤ ε_α < 2, for which these formulas are meant. Below, loads are taken at the tip and
     /// Z_B = Z_D = 1.
     pub in_range: bool,
@@ -109,15 +114,19 @@ pub fn rate(pair: &Pair, blank_factor: f64) -> Rating {
         * z_epsilon
         * z_beta
         * (line_load / (2.0 * g.r[0]) * (ratio + 1.0) / ratio).sqrt();
+    let z_single = single_pair_factors(g);
+    let root = Member::BOTH.map(|member| root(pair, member, line_load));
     Rating {
         tangential_force,
         z_h,
         z_e,
         z_epsilon,
         z_beta,
-        z_single: single_pair_factors(g),
+        z_single,
         contact_stress_mpa,
-        root: Member::BOTH.map(|member| root(pair, member, line_load)),
+        root,
+        root_safety: root.map(|root| material.yield_mpa / root.stress_mpa),
+        flank_safety: z_single.map(|z| material.hertz_limit_mpa / (z * contact_stress_mpa)),
         stiffness: stiffness(pair, blank_factor, line_load),
         in_range: (1.0..2.0).contains(&g.eps_alpha),
     }
@@ -269,6 +278,17 @@ pub struct FlankPoint {
     pub normal_thickness: f64,
     /// Radius of curvature of the transverse profile ρ_y, mm.
     pub curvature_radius: f64,
+}
+
+/// Thicknesses at the tip circles in the normal section, mm, as if the tips were not rounded; zero for a
+/// pointed tooth.
+#[must_use]
+pub fn tip_land(geometry: &Geometry) -> [f64; 2] {
+    Member::BOTH.map(|member| {
+        let tip = flank(geometry, member, geometry.r_a[member.index()]);
+        // A pointed tooth has none, up to rounding.
+        tip.normal_thickness.max(0.0)
+    })
 }
 
 /// The flank at the transverse radius `r` mm, at least the base radius (ISO 21771, 4.3 to 4.5).

@@ -82,10 +82,10 @@ pub struct StageCost {
 /// Bounds of the optimisation constraints (Equations (3) and (7)).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
-    /// Least r_c.
-    pub contact_ratio_min: f64,
-    /// Greatest g_s.
-    pub specific_slip_max: f64,
+    /// Least r_c, if limited.
+    pub contact_ratio_min: Option<f64>,
+    /// Greatest g_s, if limited.
+    pub specific_slip_max: Option<f64>,
     /// Greatest σ_vm, MPa: the yield stress Re.
     pub von_mises_max_mpa: f64,
     /// Greatest F, MPa: P_Hertz^max.
@@ -96,8 +96,8 @@ pub struct Limits {
 impl Default for Limits {
     fn default() -> Self {
         Self {
-            contact_ratio_min: 1.25,
-            specific_slip_max: 2.0,
+            contact_ratio_min: Some(1.25),
+            specific_slip_max: Some(2.0),
             von_mises_max_mpa: 980.0,
             pressure_max_mpa: 1550.0,
         }
@@ -300,7 +300,7 @@ pub struct Optimum {
 }
 
 /// The constraint values of one design.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Constraints {
     /// r_c.
     pub contact_ratio: f64,
@@ -312,6 +312,8 @@ pub struct Constraints {
     pub pressure_mpa: f64,
     /// Least of the interference margins, mm: below zero the teeth interfere.
     pub interference_margin_mm: f64,
+    /// Whatever else the campaign limits, and whether the limit holds.
+    pub further: Vec<(crate::problem::NamedValue, bool)>,
 }
 
 /// One optimiser run from one start.

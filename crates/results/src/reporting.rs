@@ -176,14 +176,15 @@ fn header(sources: &Sources, samples_digest: String, times: &[store::JobTimeRow]
 }
 
 fn limits(campaign: &Campaign) -> Limits {
-    campaign
-        .gears()
-        .map_or_else(Limits::default, |sections| Limits {
-            contact_ratio_min: sections.constraints.contact_ratio_min,
-            specific_slip_max: sections.constraints.specific_sliding_max,
-            von_mises_max_mpa: sections.material.yield_mpa,
-            pressure_max_mpa: sections.material.hertz_limit_mpa,
-        })
+    campaign.gears().map_or_else(Limits::default, |sections| {
+        let (limits, material) = (&sections.constraints, &sections.material);
+        Limits {
+            contact_ratio_min: limits.contact_ratio_min,
+            specific_slip_max: limits.specific_sliding_max,
+            von_mises_max_mpa: limits.root_stress_max(material),
+            pressure_max_mpa: limits.hertz_pressure_max(material),
+        }
+    })
 }
 
 fn doe(sources: &Sources) -> Vec<DoePoint> {

@@ -1,7 +1,7 @@
 //! The chosen optima as the store keeps them.
 
 use campaign::Approach;
-use campaign::formulation::{Design, Problem, Variable};
+use campaign::formulation::{Design, Problem, Quantity};
 use serde_json::{Map, Value};
 use store::{OptimumRow, Store};
 
@@ -30,7 +30,7 @@ pub fn design_to_json(problem: &Problem, design: Option<&Design>) -> String {
 #[must_use]
 pub fn design_from_json(problem: &Problem, json: &str) -> Option<Design> {
     let object: Map<String, Value> = serde_json::from_str(json).ok()?;
-    let value = |variable: &Variable| object.get(&*variable.name)?.as_f64();
+    let value = |variable: &Quantity| object.get(&*variable.name)?.as_f64();
     let values: Option<Vec<f64>> = problem.variables().iter().map(value).collect();
     values.map(Design::new)
 }

@@ -232,7 +232,8 @@ mod tests {
     #[test]
     fn frozen_values_of_the_own_optimum_are_waited_for() {
         let mut campaign = campaign();
-        campaign.gears_mut().unwrap().frozen.from = FrozenFrom::Deterministic;
+        let frozen = &mut campaign.gears_mut().unwrap().frozen;
+        frozen.as_mut().unwrap().from = FrozenFrom::Deterministic;
         let state = State { ..sampled(0) };
         let first = next_of(&campaign, &state);
         assert_eq!((first.runs.len(), first.sampling), (3, None));

@@ -383,8 +383,9 @@ mod tests {
 
     #[test]
     fn limits_that_nothing_satisfies_end_without_a_design_and_without_a_sample() {
-        let problem =
-            problem(|campaign| campaign.gears_mut().unwrap().constraints.contact_ratio_min = 50.0);
+        let problem = problem(|campaign| {
+            campaign.gears_mut().unwrap().constraints.contact_ratio_min = Some(50.0)
+        });
         let base = problem.base().clone();
         let here = &InProcess(&problem);
         let search = search(here, &problem, &base, &Space::plain(), 0, 0, None).unwrap();
@@ -394,8 +395,10 @@ mod tests {
     #[test]
     fn designs_that_cannot_be_simulated_anywhere_end_without_a_design() {
         // Shifts this negative leave the involute equation without a solution.
-        let problem =
-            problem(|campaign| campaign.gears_mut().unwrap().bounds.profile_shift = [-9.0, -8.0]);
+        let problem = problem(|campaign| {
+            campaign.gears_mut().unwrap().bounds.profile_shift =
+                campaign::file::OfGears::Both(campaign::file::Written::Free([-9.0, -8.0]))
+        });
         let base = problem.base().clone();
         let here = &InProcess(&problem);
         let search = search(here, &problem, &base, &Space::plain(), 0, 0, None).unwrap();

@@ -12,6 +12,7 @@ use std::path::Path;
 
 use anyhow::Context as _;
 use campaign::formulation::Problem;
+use campaign::formulation::gears::VARIABLE_NAMES;
 use campaign::{Design, Variant, WearFactors};
 use report::Percentile;
 use results::percentile::percentile;
@@ -31,6 +32,9 @@ const RESAMPLES: usize = 1000;
 
 /// The parameters of the wear field, in the order of the inputs after the variables.
 const SCENARIO: [&str; 3] = ["wear depth", "wear variance", "wear range"];
+
+/// How many of a pair's variables deviate, from the first: profile shifts and the heights of the tools.
+const DEVIATING: usize = 6;
 
 /// How much is uncertain.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -142,17 +146,18 @@ pub fn indices(
     optimum: &Optimum,
     tolerances: &Tolerances,
 ) -> anyhow::Result<Vec<Indices>> {
-    let inputs: Vec<String> = problem
-        .free_names()
-        .chain(SCENARIO)
-        .map(Into::into)
+    let names = &VARIABLE_NAMES[..DEVIATING];
+    let inputs: Vec<String> = names
+        .iter()
+        .chain(&SCENARIO)
+        .map(ToString::to_string)
         .collect();
     let nominal = Design::from(optimum.variables);
     let gears = problem.gears().context("manufacture is varied of gears")?;
     let module = gears.normal_module(&nominal)?;
     let at = |point: &[f64], stream| Variant {
         normal_module_mm: Some(module),
-        ..deviated(problem, &nominal, tolerances, point, stream)
+        ..deviated(&nominal, tolerances, point, stream)
     };
     let samples_per_design = problem.campaign().sampling.samples_per_design;
     let of_p90 = |point: &[f64]| Request {
@@ -188,25 +193,24 @@ pub fn indices(
 
 /// The design and the wear at a point of the unit cube.
 fn deviated(
-    problem: &Problem,
     nominal: &Design,
     tolerances: &Tolerances,
     point: &[f64],
     stream: (Purpose, u64),
 ) -> Variant {
     let deviation = |input: usize, size: f64| size * (2.0 * point[input] - 1.0);
-    let mut x = problem.free_values(nominal);
-    for (input, value) in x.iter_mut().enumerate() {
+    let mut values = nominal.values().to_vec();
+    for (input, value) in values[..DEVIATING].iter_mut().enumerate() {
         *value += deviation(input, tolerances.modules);
     }
-    let factor = |number: usize| 1.0 + deviation(x.len() + number, tolerances.scenario);
+    let factor = |number: usize| 1.0 + deviation(DEVIATING + number, tolerances.scenario);
     Variant {
         wear: WearFactors {
             depth: factor(0),
             variance: factor(1),
             range: factor(2),
         },
-        ..Variant::new(problem.design(&x, nominal), stream)
+        ..Variant::new(Design::new(values), stream)
     }
 }
 

@@ -1,10 +1,10 @@
 //! `coordinator simulate`: one pair, everything the simulator says of it.
 
 use campaign::PairFile;
-use campaign::file::Material;
 use campaign::formulation::Constraint;
+use campaign::formulation::gears::{self, GearCriteria};
 use clap::ValueEnum;
-use gear::{Discretisation, Geometry, Member, Pair, Sliding, rating};
+use gear::{Discretisation, Geometry, Pair, Sliding, rating};
 use serde::Serialize;
 use stats::streams::{Purpose, stream};
 
@@ -16,7 +16,7 @@ pub use page::{Subject, write_page};
 pub use text::describe;
 
 /// The version of the JSON object.
-const SCHEMA_VERSION: u32 = 2;
+const SCHEMA_VERSION: u32 = 3;
 
 /// The wear of a simulated pair.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
@@ -115,16 +115,14 @@ struct Nominal {
 }
 
 impl Nominal {
-    fn of(pair: &Pair, material: &Material) -> Self {
+    fn of(pair: &Pair) -> Self {
         let rating = rating::rate(pair, 1.0);
-        let root_stress_mpa = rating.root.map(|root| root.stress_mpa);
-        let contact_stress_mpa = rating.z_single.map(|z| z * rating.contact_stress_mpa);
         Self {
             in_range: rating.in_range,
-            root_safety: root_stress_mpa.map(|stress| material.yield_mpa / stress),
-            flank_safety: contact_stress_mpa.map(|stress| material.hertz_limit_mpa / stress),
-            root_stress_mpa,
-            contact_stress_mpa,
+            root_stress_mpa: rating.root.map(|root| root.stress_mpa),
+            contact_stress_mpa: rating.z_single.map(|z| z * rating.contact_stress_mpa),
+            root_safety: rating.root_safety,
+            flank_safety: rating.flank_safety,
         }
     }
 }
@@ -173,7 +171,8 @@ pub fn run(file: &PairFile, request: Request) -> anyhow::Result<Simulation> {
         Err(error) => return Err(error.into()),
     };
     let figures = figures(&pair, file, request)?;
-    let constraints = constraints::of(file, &figures);
+    let criteria = GearCriteria::of_pair(&pair, figures.hertz_pressure_mpa, true);
+    let constraints = gears::constraints(&file.limits(), &file.material, &criteria);
     Ok(Simulation {
         schema_version: SCHEMA_VERSION,
         simulable: true,
@@ -229,11 +228,6 @@ fn figures(pair: &Pair, file: &PairFile, request: Request) -> anyhow::Result<Fig
     } = pair.sliding();
     let interference = pair.interference();
     let roots = pair.root_stress();
-    let tip_land_mm = Member::BOTH.map(|member| {
-        let tip = rating::flank(geometry, member, geometry.r_a[member.index()]);
-        // A pointed tooth has none, up to rounding.
-        tip.normal_thickness.max(0.0)
-    });
     let diameter = |radius: [f64; 2]| radius.map(|radius| 2.0 * radius);
     Ok(Figures {
         normal_module_mm: geometry.normal_module,
@@ -257,12 +251,12 @@ fn figures(pair: &Pair, file: &PairFile, request: Request) -> anyhow::Result<Fig
             max,
         },
         clearance_mm: interference.clearance,
-        tip_land_mm,
+        tip_land_mm: rating::tip_land(geometry),
         flank_margin_mm: interference.flank_margin,
         hertz_pressure_mpa: analysis.hertz_pressure_mpa,
         root_stress_mpa: [roots[0].stress_mpa, roots[1].stress_mpa],
         notch_parameter_in_range: [roots[0].in_range, roots[1].in_range],
-        iso_6336: Nominal::of(pair, &file.material),
+        iso_6336: Nominal::of(pair),
         pair_stiffness_n_per_mm_um: pair.pitch_stiffness(),
         ste_um: Curve {
             phase: analysis.phases,

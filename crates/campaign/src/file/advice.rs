@@ -2,7 +2,7 @@
 
 use gear::Size;
 
-use super::{GearSections, Material, Wear, gear_size};
+use super::{FrozenSection, GearSections, Material, Setting, Wear, gear_size};
 
 /// Above this the modulus was probably meant in MPa, GPa. Tungsten carbide has about 650 GPa.
 const STIFFEST_GPA: f64 = 1000.0;
@@ -42,32 +42,31 @@ pub(super) fn of_sections(material: &Material, wear: &Wear, face_width_mm: f64) 
 /// The bounds of the radii are in modules. With a given centre distance every design has a module
 /// of its own, so a radius is warned of only when no profile shift within the bounds allows it.
 pub(super) fn of_frozen(sections: &GearSections) -> Vec<String> {
-    let (frozen, bounds) = (&sections.frozen, &sections.bounds);
     let mut warnings = Vec::new();
-    let [low, high] = bounds.helix_angle_deg;
-    let helix = frozen.helix_angle_deg;
-    if !(low..=high).contains(&helix) {
+    let Some(frozen) = &sections.frozen else {
+        return warnings;
+    };
+    let settings = sections.bounds.settings();
+    if let (Some(helix), Setting::Free([low, high])) = (frozen.helix_angle_deg, settings[10])
+        && !(low..=high).contains(&helix)
+    {
         warnings.push(format!(
             "frozen.helix_angle_deg is {helix}: bounds.helix_angle_deg allows {low} to {high}"
         ));
     }
-    let Some(modules) = modules(sections) else {
+    let Some(modules) = modules(sections, frozen, &settings) else {
         return warnings;
     };
-    for (name, radii, [low, high]) in [
-        (
-            "tip_radius",
-            frozen.tip_radius_mm,
-            bounds.tip_radius_modules,
-        ),
-        (
-            "root_radius",
-            frozen.root_radius_mm,
-            bounds.root_radius_modules,
-        ),
+    for (name, radii, settings) in [
+        ("tip_radius", frozen.tip_radius_mm, &settings[6..8]),
+        ("root_radius", frozen.root_radius_mm, &settings[8..10]),
     ] {
-        let (low_mm, high_mm) = (low * modules[0], high * modules[1]);
-        for (member, radius) in ["pinion", "mate"].into_iter().zip(radii) {
+        let members = ["pinion", "mate"].into_iter().zip(settings);
+        for ((member, setting), radius) in members.zip(radii.into_iter().flatten()) {
+            let Setting::Free([low, high]) = setting else {
+                continue;
+            };
+            let (low_mm, high_mm) = (low * modules[0], high * modules[1]);
             if !(low_mm..=high_mm).contains(&radius) {
                 warnings.push(format!(
                     "frozen.{name}_mm of the {member} is {radius} mm: bounds.{name}_modules allows \
@@ -80,27 +79,39 @@ pub(super) fn of_frozen(sections: &GearSections) -> Vec<String> {
 }
 
 /// The least and the greatest normal module of the campaign's designs with the frozen helix angle,
-/// mm. None where a design at the bounds has none.
-fn modules(sections: &GearSections) -> Option<[f64; 2]> {
+/// mm. None where a design at the bounds has none, or where the angle is not frozen.
+fn modules(
+    sections: &GearSections,
+    frozen: &FrozenSection,
+    settings: &[Setting; 11],
+) -> Option<[f64; 2]> {
     let pair = &sections.pair;
     let size = gear_size(pair.centre_distance_mm, pair.normal_module_mm);
     if let Size::NormalModule(module) = size {
         return Some([module; 2]);
     }
-    let module = |shift: f64| {
-        gear::normal_module(
-            pair.teeth(),
-            size,
-            pair.pressure_angle_deg.to_radians(),
-            sections.frozen.helix_angle_deg.to_radians(),
-            2.0 * shift,
-        )
+    let helix = match settings[10] {
+        Setting::Fixed(angle) => angle,
+        _ => frozen.helix_angle_deg?,
     };
+    let helix = helix.to_radians();
+    let pressure_angle = pair.pressure_angle_deg.to_radians();
+    let module = |sum| gear::normal_module(pair.teeth(), size, pressure_angle, helix, sum);
+    let shifts = settings[..2].iter().map(|setting| match setting {
+        Setting::Free(range) => *range,
+        Setting::Fixed(shift) => [*shift; 2],
+        // The size is one of the module's above where the shift follows.
+        Setting::Tied | Setting::Follows => match settings[0] {
+            Setting::Free(range) => range,
+            _ => [0.0; 2],
+        },
+    });
+    let [low, high] = shifts.fold([0.0; 2], |[low, high], range| {
+        [low + range[0], high + range[1]]
+    });
     // Larger profile shifts leave a smaller module within the same centre distance. The smallest may
     // leave no working pressure angle: as it goes to zero, m goes to m(0)/cos α_t.
-    let [low, high] = sections.bounds.profile_shift;
-    let helix = sections.frozen.helix_angle_deg.to_radians();
-    let tan_transverse = pair.pressure_angle_deg.to_radians().tan() / helix.cos();
+    let tan_transverse = pressure_angle.tan() / helix.cos();
     let largest = module(low).or_else(|_| module(0.0).map(|m| m * tan_transverse.hypot(1.0)));
     Some([module(high).ok()?, largest.ok()?])
 }

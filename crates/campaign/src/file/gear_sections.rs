@@ -3,10 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use super::corrections::{CorrectionsSection, WITHOUT_CROWNING};
-use super::pair::size;
+use super::pair::sizes;
 use super::sections::parse_name;
 use super::validate::Source;
-use super::{FileError, Load, Material, Wear, advice};
+use super::{Bounds, FileError, FrozenSection, GearLimits, Load, Material, Wear, advice};
 
 /// What a gear campaign says besides what every campaign says.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,10 +21,10 @@ pub struct GearSections {
     pub wear: Wear,
     /// `[bounds]`
     pub bounds: Bounds,
-    /// `[frozen]`
-    pub frozen: FrozenSection,
+    /// `[frozen]`, optional.
+    pub frozen: Option<FrozenSection>,
     /// `[constraints]`
-    pub constraints: Constraints,
+    pub constraints: GearLimits,
     /// The keys of `[optimise]` that set the penalised objective.
     pub penalty: Penalty,
     /// `[report]`
@@ -56,7 +56,7 @@ pub struct Pair {
     /// Number of teeth of the mate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gear_teeth: Option<u32>,
-    /// Centre distance, mm; either this or the module is given.
+    /// Centre distance, mm; this or the module is given, or both.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub centre_distance_mm: Option<f64>,
     /// Normal module, mm.
@@ -70,58 +70,6 @@ pub struct Pair {
     pub tooth_model: String,
     /// What happens to a tip that reaches the mate's root; see [`gear::TipRule`].
     pub tip_rule: String,
-}
-
-/// `[bounds]`: `[low, high]` of each kind of variable.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Bounds {
-    /// Addendum modification coefficient, modules.
-    pub profile_shift: [f64; 2],
-    /// Tool addendum, modules.
-    pub tool_addendum: [f64; 2],
-    /// Tool dedendum, modules.
-    pub tool_dedendum: [f64; 2],
-    /// Tip rounding radius, in modules of the design.
-    pub tip_radius_modules: [f64; 2],
-    /// Root fillet radius, in modules of the design.
-    pub root_radius_modules: [f64; 2],
-    /// Helix angle, degrees.
-    pub helix_angle_deg: [f64; 2],
-}
-
-/// Where the five variables that the problems with wear leave alone come from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum FrozenFrom {
-    /// The values that the campaign file gives.
-    Printed,
-    /// The campaign's own optimum without wear.
-    Deterministic,
-}
-
-/// `[frozen]`
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct FrozenSection {
-    /// Which values are used.
-    pub from: FrozenFrom,
-    /// Tip rounding radii of pinion and mate, mm.
-    pub tip_radius_mm: [f64; 2],
-    /// Root fillet radii of pinion and mate, mm.
-    pub root_radius_mm: [f64; 2],
-    /// Helix angle, degrees.
-    pub helix_angle_deg: f64,
-}
-
-/// `[constraints]`; the limits of the stresses are the material's.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Constraints {
-    /// The contact ratio r_c must be above this.
-    pub contact_ratio_min: f64,
-    /// The specific sliding g_s must be below this.
-    pub specific_sliding_max: f64,
 }
 
 /// `[report]`
@@ -154,8 +102,13 @@ impl GearSections {
         self.load.validate(source)?;
         self.material.validate(source)?;
         self.wear.validate(source)?;
-        self.bounds.validate(source)?;
-        self.frozen.validate(source)?;
+        self.constraints.validate(source)?;
+        let pair = &self.pair;
+        let sizes_given = pair.centre_distance_mm.is_some() && pair.normal_module_mm.is_some();
+        self.bounds.validate(source, sizes_given)?;
+        if let Some(frozen) = &self.frozen {
+            frozen.validate(source, &self.bounds)?;
+        }
         if let Some(corrections) = &self.corrections {
             corrections.validate(source)?;
             let whole_face = self.pair.tooth_model == gear::ToothModel::WholeFaceBeam.name();
@@ -172,12 +125,6 @@ impl GearSections {
             self.report.compare_with_paper,
             "false when simulator.kind is \"external\": the paper's figures are compared with the \
              built-in model's",
-        )?;
-        let limits = &self.constraints;
-        source.positive("constraints.contact_ratio_min", limits.contact_ratio_min)?;
-        source.positive(
-            "constraints.specific_sliding_max",
-            limits.specific_sliding_max,
         )?;
         source.positive("optimise.penalty", self.penalty.weight)?;
         source.positive("optimise.reference_um", self.penalty.reference_um)?;
@@ -239,42 +186,11 @@ impl Pair {
                 ));
             }
         }
-        size(source, self.centre_distance_mm, self.normal_module_mm)?;
+        sizes(source, self.centre_distance_mm, self.normal_module_mm)?;
         source.pressure_angle("pair.pressure_angle_deg", self.pressure_angle_deg)?;
         source.length("pair.face_width_mm", self.face_width_mm)?;
         parse_name::<gear::ToothModel>(source, "pair.tooth_model", &self.tooth_model)?;
         parse_name::<gear::TipRule>(source, "pair.tip_rule", &self.tip_rule)?;
         Ok(())
-    }
-}
-
-impl Bounds {
-    fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
-        source.ordered("bounds.profile_shift", self.profile_shift, -10.0, 10.0)?;
-        source.ordered("bounds.tool_addendum", self.tool_addendum, 0.0, 10.0)?;
-        source.ordered("bounds.tool_dedendum", self.tool_dedendum, 0.0, 10.0)?;
-        source.ordered(
-            "bounds.tip_radius_modules",
-            self.tip_radius_modules,
-            0.0,
-            10.0,
-        )?;
-        source.ordered(
-            "bounds.root_radius_modules",
-            self.root_radius_modules,
-            1e-6,
-            10.0,
-        )?;
-        source.ordered("bounds.helix_angle_deg", self.helix_angle_deg, -60.0, 60.0)
-    }
-}
-
-impl FrozenSection {
-    fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
-        for gear in 0..2 {
-            source.tip_radius("frozen.tip_radius_mm", self.tip_radius_mm[gear])?;
-            source.root_radius("frozen.root_radius_mm", self.root_radius_mm[gear])?;
-        }
-        source.helix_angle("frozen.helix_angle_deg", self.helix_angle_deg)
     }
 }

@@ -6,14 +6,11 @@ use serde::{Deserialize, Serialize};
 use super::corrections::{PairCorrections, WITHOUT_CROWNING};
 use super::sections::parse_name;
 use super::validate::Source;
-use super::{FileError, GearSections, Load, Material, Wear, advice};
+use super::{FileError, GearLimits, GearSections, Load, Material, Wear, advice};
 use crate::formulation::GearVariables;
 
-mod constraints;
 #[cfg(test)]
 mod tests;
-
-pub use constraints::PairConstraints;
 
 /// A pair file, validated.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -33,7 +30,7 @@ pub struct PairFile {
     pub corrections: Option<PairCorrections>,
     /// `[constraints]`, optional: the material's limits and no interference if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub constraints: Option<PairConstraints>,
+    pub constraints: Option<GearLimits>,
 }
 
 /// `[pair]` of a pair file. Two-element arrays are pinion, mate.
@@ -103,7 +100,11 @@ impl PairFile {
         Self {
             pair: PairSection {
                 teeth: pair.teeth(),
-                centre_distance_mm: pair.centre_distance_mm,
+                // Of both, the design's profile shifts make one follow from the other.
+                centre_distance_mm: match pair.normal_module_mm {
+                    Some(_) => None,
+                    None => pair.centre_distance_mm,
+                },
                 normal_module_mm: pair.normal_module_mm,
                 pressure_angle_deg: pair.pressure_angle_deg,
                 helix_angle_deg: design.helix_angle_deg,
@@ -121,11 +122,7 @@ impl PairFile {
             material: sections.material,
             wear: sections.wear.clone(),
             corrections: None,
-            constraints: Some(PairConstraints {
-                contact_ratio_min: Some(sections.constraints.contact_ratio_min),
-                specific_sliding_max: Some(sections.constraints.specific_sliding_max),
-                ..PairConstraints::default()
-            }),
+            constraints: Some(sections.constraints),
         }
     }
 
@@ -210,7 +207,7 @@ impl PairFile {
 
     /// The limits that the file gives; none are given without a `[constraints]`.
     #[must_use]
-    pub fn limits(&self) -> PairConstraints {
+    pub fn limits(&self) -> GearLimits {
         self.constraints.unwrap_or_default()
     }
 
@@ -257,31 +254,49 @@ impl PairFile {
 }
 
 /// Requires exactly one of the two ways to give a pair's size.
-pub(super) fn size(
+fn size(
     source: Source<'_>,
     centre_distance_mm: Option<f64>,
     normal_module_mm: Option<f64>,
 ) -> Result<(), FileError> {
-    match (centre_distance_mm, normal_module_mm) {
-        (Some(distance), None) => source.length("pair.centre_distance_mm", distance),
-        (None, Some(module)) => source.length("pair.normal_module_mm", module),
-        (Some(_), Some(module)) => Err(source.refuse(
+    if let (Some(_), Some(module)) = (centre_distance_mm, normal_module_mm) {
+        return Err(source.refuse(
             "pair.normal_module_mm",
             module,
             "absent when centre_distance_mm is given: each follows from the other",
-        )),
-        (None, None) => Err(source.refuse(
-            "pair.centre_distance_mm",
-            "missing",
-            "given, unless normal_module_mm is",
-        )),
+        ));
     }
+    sizes(source, centre_distance_mm, normal_module_mm)
 }
 
-/// The simulator's size of a validated pair.
+/// Requires at least one of the two ways to give a pair's size.
+pub(super) fn sizes(
+    source: Source<'_>,
+    centre_distance_mm: Option<f64>,
+    normal_module_mm: Option<f64>,
+) -> Result<(), FileError> {
+    for (key, length) in [
+        ("pair.centre_distance_mm", centre_distance_mm),
+        ("pair.normal_module_mm", normal_module_mm),
+    ] {
+        length.map_or(Ok(()), |length| source.length(key, length))?;
+    }
+    if centre_distance_mm.or(normal_module_mm).is_some() {
+        return Ok(());
+    }
+    Err(source.refuse(
+        "pair.centre_distance_mm",
+        "missing",
+        "given, unless normal_module_mm is",
+    ))
+}
+
+/// The simulator's size of a validated pair: the module, where both are given.
 pub(crate) fn gear_size(centre_distance_mm: Option<f64>, normal_module_mm: Option<f64>) -> Size {
     match (centre_distance_mm, normal_module_mm) {
-        (Some(distance), _) => Size::CentreDistance(distance),
-        (None, module) => Size::NormalModule(module.expect("validation asks for one of the two")),
+        (_, Some(module)) => Size::NormalModule(module),
+        (distance, None) => {
+            Size::CentreDistance(distance.expect("validation asks for one of the two"))
+        }
     }
 }

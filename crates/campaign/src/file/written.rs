@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use super::settings::Restarts;
 use super::{
-    Bounds, Campaign, ConstraintSection, Constraints, CorrectionsSection, Doe, Enrichment,
-    ExternalSections, FrozenSection, GearSections, Kind, Kriging, Load, Material, Optimise, Pair,
+    Bounds, Campaign, ConstraintSection, CorrectionsSection, Doe, Enrichment, ExternalSections,
+    FrozenSection, GearLimits, GearSections, Kind, Kriging, Load, Material, Optimise, Pair,
     Penalty, Report, ResponseSection, Sampling, SimulatorKind, SimulatorSection, VariableSection,
     Verify, Wear,
 };
@@ -49,11 +49,13 @@ pub(super) struct GearFile {
     material: Material,
     wear: Wear,
     bounds: Bounds,
-    frozen: FrozenSection,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    frozen: Option<FrozenSection>,
     doe: Doe,
     sampling: Sampling,
     kriging: Kriging,
-    constraints: Constraints,
+    #[serde(default)]
+    constraints: GearLimits,
     optimise: PenalisedOptimise,
     verify: Verify,
     report: Report,

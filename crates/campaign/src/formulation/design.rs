@@ -61,8 +61,8 @@ impl Criteria {
     /// The criteria are not those of a gear problem.
     #[must_use]
     pub fn gears(&self) -> GearCriteria {
-        let values = self.0.as_slice().try_into();
-        GearCriteria::of_values(values.expect("a gear pair has nine criteria"))
+        GearCriteria::of_values(&self.0)
+            .expect("a gear pair has nine criteria, or with details seventeen")
     }
 }
 

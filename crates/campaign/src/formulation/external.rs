@@ -1,6 +1,6 @@
 //! A problem that the campaign file states and a program of the user's simulates.
 
-use super::{Constraint, Criteria, Quantity, Variable};
+use super::{Constraint, Coordinate, Criteria, Quantity};
 use crate::file::{Aim, ExternalSections};
 use crate::simulator::Analysis;
 
@@ -11,20 +11,25 @@ pub(super) struct External {
 }
 
 impl External {
-    pub(super) fn new(sections: &ExternalSections) -> Self {
-        Self {
-            sections: sections.clone(),
-        }
+    pub(super) const fn new(sections: ExternalSections) -> Self {
+        Self { sections }
     }
 
-    /// The DoE moves all of them.
-    pub(super) fn variables(&self) -> Vec<Variable> {
+    pub(super) fn variables(&self) -> Vec<Quantity> {
         let variables = self.sections.variables.iter();
         variables
-            .map(|variable| Variable {
+            .map(|variable| Quantity::new(&variable.name, &variable.unit))
+            .collect()
+    }
+
+    /// The DoE moves all variables.
+    pub(super) fn coordinates(&self) -> Vec<Coordinate> {
+        let variables = self.sections.variables.iter();
+        variables
+            .map(|variable| Coordinate {
                 name: variable.name.clone().into(),
                 unit: variable.unit.clone().into(),
-                range: Some([variable.low, variable.high]),
+                range: [variable.low, variable.high],
             })
             .collect()
     }

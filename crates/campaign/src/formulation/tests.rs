@@ -17,6 +17,7 @@ fn good() -> GearCriteria {
         clearance_mm: [0.5, 0.0],
         flank_margin_mm: [0.1, 0.1],
         normal_module_mm: 4.0,
+        details: None,
     }
 }
 
@@ -74,7 +75,9 @@ fn the_unit_cube_covers_the_bounds_and_radii_follow_the_module() {
         [2.0, 2.0, 1.7, 1.7, 1.7, 1.7]
     );
     let unit = [0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.0, 1.0, 0.0, 1.0, 1.0];
-    let design = problem.gears().unwrap().full_point(&unit).unwrap();
+    let design = problem
+        .point(Approach::Nominal, &unit, problem.base())
+        .unwrap();
     let variables = design.gears();
     let module = problem.gears().unwrap().pair(&design).map_or_else(
         |_| variables.tip_radius_mm[1],
@@ -83,4 +86,227 @@ fn the_unit_cube_covers_the_bounds_and_radii_follow_the_module() {
     assert!((variables.tip_radius_mm[1] / module - 1.0).abs() < 1e-12);
     assert!((variables.root_radius_mm[0] / module - 0.05).abs() < 1e-12);
     assert_eq!(variables.helix_angle_deg, 30.0);
+}
+
+/// The paper's campaign with these lines in `[bounds]` and `[frozen]`, and these in `[pair]`.
+fn bounded(size: &str, bounds: &str, constraints: &str) -> Result<Problem, String> {
+    let (head, rest) = Campaign::WEAR.split_once("[bounds]").unwrap();
+    let (_, rest) = rest.split_once("[doe]").unwrap();
+    let text = format!("{head}[bounds]\n{bounds}\n[doe]{rest}");
+    let text = text.replacen("centre_distance_mm = 110.0", size, 1);
+    let text = text.replacen(
+        "[constraints]\n",
+        &format!("[constraints]\n{constraints}\n"),
+        1,
+    );
+    let campaign = Campaign::parse("c.toml", &text).map_err(|error| error.to_string())?;
+    let again = Campaign::from_json(&campaign.to_json()).unwrap();
+    assert_eq!(again, campaign);
+    Ok(Problem::new(campaign))
+}
+
+const HOB: &str = "rack = \"iso-53-a\"\ntip_radius_modules = 0.02\nhelix_angle_deg = 15.0\n";
+
+#[test]
+fn a_kept_hob_a_module_and_a_centre_distance_leave_one_profile_shift() {
+    let bounds = format!("{HOB}profile_shift = {{ pinion = [0.0, 0.5], mate = \"follows\" }}");
+    let sizes = "normal_module_mm = 5.0\ncentre_distance_mm = 110.0";
+    let problem = bounded(sizes, &bounds, "").unwrap();
+    assert_eq!(problem.free_names().collect::<Vec<_>>(), ["x_p"]);
+    assert_eq!(problem.dimension_of(Approach::Nominal), 1);
+    assert_eq!(problem.base_from(), None);
+    for x in [0.0, 0.1, 0.5] {
+        let design = problem.design(&[x], problem.base());
+        assert_eq!(problem.free_values(&design), [x]);
+        let variables = design.gears();
+        assert_eq!(
+            (variables.tool_addendum, variables.tool_dedendum),
+            ([1.25; 2], [1.0; 2])
+        );
+        assert_eq!(variables.root_radius_mm, [0.38 * 5.0; 2]);
+        assert_eq!(variables.tip_radius_mm, [0.02 * 5.0; 2]);
+        let pair = problem.gears().unwrap().pair(&design).unwrap();
+        let geometry = pair.geometry();
+        assert!(
+            (geometry.centre_distance - 110.0).abs() < 1e-9,
+            "{}",
+            geometry.centre_distance
+        );
+        assert_eq!(geometry.normal_module, 5.0);
+    }
+    // The base circles overlap: no sum of profile shifts gives this centre distance.
+    let problem = bounded(
+        "normal_module_mm = 5.0\ncentre_distance_mm = 90.0",
+        &bounds,
+        "",
+    )
+    .unwrap();
+    let design = problem.design(&[0.1], problem.base());
+    let refused = problem.gears().unwrap().pair(&design).unwrap_err();
+    assert!(
+        refused
+            .to_string()
+            .contains("the involute equation has no solution"),
+        "{refused}"
+    );
+}
+
+#[test]
+fn each_gear_has_bounds_of_its_own_and_a_mate_may_be_tied() {
+    let bounds = "profile_shift = { pinion = [0.1, 0.4], mate = -0.2 }\n\
+                  tool_addendum = { pinion = [1.0, 1.4], mate = \"tied\" }\n\
+                  tool_dedendum = 1.0\n\
+                  tip_radius_modules = { pinion = [0.0, 0.1], mate = \"tied\" }\n\
+                  root_radius_modules = { pinion = 0.25, mate = [0.1, 0.3] }\n\
+                  helix_angle_deg = [10.0, 20.0]\n";
+    let problem = bounded("centre_distance_mm = 110.0", bounds, "").unwrap();
+    let names: Vec<&str> = problem.free_names().collect();
+    let expected = [
+        "x_p",
+        "ha0_p",
+        "rho_a_p_modules",
+        "rho_f_r_modules",
+        "beta_deg",
+    ];
+    assert_eq!(names, expected);
+    let x = problem.free_point(&[0.5; 5]);
+    assert_eq!(x, [0.25, 1.2, 0.05, 0.2, 15.0]);
+    let design = problem.design(&x, problem.base());
+    let variables = design.gears();
+    let module = problem.gears().unwrap().normal_module(&design).unwrap();
+    assert_eq!(variables.profile_shift, [0.25, -0.2]);
+    assert_eq!(variables.tool_addendum, [1.2; 2]);
+    assert_eq!(variables.tip_radius_mm, [0.05 * module; 2]);
+    assert_eq!(variables.root_radius_mm, [0.25 * module, 0.2 * module]);
+    let back = problem.free_values(&design);
+    let near = back.iter().zip(&x).all(|(a, b)| (a - b).abs() < 1e-14);
+    assert!(near, "{back:?}");
+    // What is frozen is left alone by the DoE, and moved without wear.
+    let frozen = format!("{bounds}[frozen]\nfrom = \"deterministic\"\nhelix_angle_deg = 18.0");
+    let problem = bounded("centre_distance_mm = 110.0", &frozen, "").unwrap();
+    assert_eq!(
+        (problem.dimension(), problem.dimension_of(Approach::Nominal)),
+        (4, 5)
+    );
+    assert_eq!(problem.base_from(), Some(Approach::Nominal));
+    let design = problem.design(&x[..4], problem.base());
+    assert_eq!(design.gears().helix_angle_deg, 18.0);
+}
+
+#[test]
+fn what_bounds_cannot_be_is_refused_with_its_key() {
+    let free = "profile_shift = [0.0, 0.5]";
+    let both = "normal_module_mm = 5.0\ncentre_distance_mm = 110.0";
+    let one = "centre_distance_mm = 110.0";
+    let rackless = "tip_radius_modules = 0.0\nhelix_angle_deg = 0.0\ntool_dedendum = 1.0\n";
+    for (size, bounds, says) in [
+        (
+            both,
+            format!("{HOB}{free}"),
+            "bounds.profile_shift is [0.0,0.5], but must be { pinion = …, mate = \"follows\" }",
+        ),
+        (
+            one,
+            format!("{HOB}profile_shift = {{ pinion = 0.1, mate = \"follows\" }}"),
+            "where pair.normal_module_mm and pair.centre_distance_mm are both given",
+        ),
+        (
+            one,
+            format!("{HOB}profile_shift = \"tied\""),
+            "bounds.profile_shift is \"tied\", but must be [low, high] or a number",
+        ),
+        (
+            one,
+            format!("{HOB}profile_shift = [0.5, 0.0]"),
+            "bounds.profile_shift is [0.5, 0.0]",
+        ),
+        (
+            one,
+            format!("{HOB}profile_shift = [0.5]"),
+            "profile_shift: expected [low, high], a number, or { pinion",
+        ),
+        (
+            one,
+            format!("{HOB}profile_shift = 0.2"),
+            "at least one variable with [low, high]",
+        ),
+        (
+            one,
+            format!("{HOB}{free}\ntool_addendum = 1.2"),
+            "bounds.tool_addendum is 1.2, but must be absent beside bounds.rack",
+        ),
+        (
+            one,
+            format!("{HOB}{free}").replace("53-a", "53-e"),
+            "iso-53-d",
+        ),
+        (
+            one,
+            format!("{rackless}{free}"),
+            "bounds.tool_addendum is \"missing\"",
+        ),
+        (
+            one,
+            format!("{HOB}{free}\n[frozen]\nfrom = \"printed\"\nhelix_angle_deg = 1.0"),
+            "frozen.helix_angle_deg is 1.0, but must be absent",
+        ),
+        (
+            one,
+            format!("{HOB}profile_shift = {{ pinion = \"tied\", mate = 0.1 }}"),
+            "only the mate",
+        ),
+        (
+            one,
+            format!("{HOB}profile_shift = {{ pinion = [0.0, 0.1], mate = 11.0 }}"),
+            "profile_shift is 11.0",
+        ),
+    ] {
+        let error = bounded(size, &bounds, "").map(|_| ()).unwrap_err();
+        assert!(
+            error.starts_with("c.toml, line ") && error.contains(says),
+            "{says}: {error}"
+        );
+    }
+}
+
+#[test]
+fn a_limit_on_the_tip_land_is_a_constraint_of_campaign_and_store() {
+    let bounds = format!("{HOB}profile_shift = [-0.2, 0.9]");
+    let limits =
+        "tip_clearance_min_modules = 0.15\ntip_land_min_modules = 0.4\nroot_safety_min = 1.0";
+    let limited = bounded("normal_module_mm = 5.0", &bounds, limits).unwrap();
+    let plain = bounded("normal_module_mm = 5.0", &bounds, "").unwrap();
+    assert_eq!(plain.criteria().len() + 8, limited.criteria().len());
+    assert_eq!(plain.responses().len() + 8, limited.responses().len());
+    let design = limited.design(&[0.9, 0.0], limited.base());
+    let analyses = [State::Nominal, State::Baseline].map(|state| {
+        use crate::simulator::Simulator as _;
+        limited.prepare(&design).unwrap().analyse(state).unwrap()
+    });
+    let criteria = &analyses[0].criteria;
+    assert_eq!(criteria.values().len(), limited.criteria().len());
+    let details = criteria.gears().details.unwrap();
+    let land = details.tip_land_mm[0] / 5.0;
+    assert!(land > 0.2 && land < 0.4, "{land}");
+    let broken: Vec<String> = limited
+        .constraints(criteria)
+        .iter()
+        .filter(|constraint| !constraint.holds())
+        .map(ToString::to_string)
+        .collect();
+    let says = "pinion tip land = ";
+    assert!(
+        broken
+            .iter()
+            .any(|b| b.starts_with(says) && b.ends_with("limit of 2 mm")),
+        "{broken:?}"
+    );
+    // The responses hold all of it, so that constraints are judged again without the simulator.
+    let responses = limited.responses_of(&analyses[0], &analyses[1]);
+    assert_eq!(responses.len(), limited.responses().len());
+    limited.check_responses(&responses).unwrap();
+    for (state, analysis) in [State::Nominal, State::Baseline].into_iter().zip(&analyses) {
+        let again = limited.analysis(&design, &responses, state).unwrap();
+        assert_eq!(&again, analysis);
+    }
 }

@@ -4,7 +4,7 @@ use ledger::Generation;
 
 use super::*;
 use crate::Campaign;
-use crate::file::Restarts;
+use crate::file::{OfGears, Restarts, Written};
 use crate::formulation::Problem;
 
 fn problem(change: impl FnOnce(&mut Campaign)) -> Problem {
@@ -44,7 +44,8 @@ fn a_run_is_a_function_of_campaign_approach_and_start() {
 fn the_kinds_of_restarts_give_different_runs_that_are_reproducible() {
     let restarts = |restarts, restart_at| {
         let problem = problem(|campaign| {
-            campaign.gears_mut().unwrap().bounds.profile_shift = [-9.0, -8.0];
+            campaign.gears_mut().unwrap().bounds.profile_shift =
+                OfGears::Both(Written::Free([-9.0, -8.0]));
             campaign.optimise.evaluations = 4000;
             campaign.optimise.restarts = restarts;
             campaign.optimise.restart_at = restart_at;
@@ -83,7 +84,7 @@ fn a_weight_that_is_too_small_is_said_and_made_up_for() {
 #[test]
 fn constraints_that_nothing_satisfies_end_without_an_optimum() {
     let problem = problem(|campaign| {
-        campaign.gears_mut().unwrap().constraints.contact_ratio_min = 50.0;
+        campaign.gears_mut().unwrap().constraints.contact_ratio_min = Some(50.0);
         campaign.optimise.evaluations = 60;
         campaign.optimise.restart_at = Some(30);
     });

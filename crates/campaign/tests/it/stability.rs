@@ -39,6 +39,7 @@ impl Prepared for Ready {
             clearance_mm: [0.5; 2],
             flank_margin_mm: [0.1; 2],
             normal_module_mm: 4.0,
+            details: None,
         };
         Ok(Analysis {
             value_um: self.0.delta_ste_um,

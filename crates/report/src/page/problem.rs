@@ -2,14 +2,12 @@
 
 use askama::Template;
 
+use super::rows::{limited, named};
 use super::{KrigingView, Value, kriging_view, tiles, with_unit};
 use crate::error::Error;
 use crate::number::{count, percent, significant};
-use crate::problem::{NamedValue, ProblemOptimum, ProblemReport};
+use crate::problem::{ProblemOptimum, ProblemReport};
 use crate::svg;
-
-/// Significant digits of variables and constraints.
-const DIGITS: usize = 5;
 
 /// The report as one HTML page that loads nothing and runs nothing.
 ///
@@ -71,15 +69,7 @@ struct Row<'a> {
 
 impl<'a> Row<'a> {
     fn new(optimum: &'a ProblemOptimum, unit: &str) -> Self {
-        let named = |value: &NamedValue| {
-            let number = with_unit(value.value, DIGITS, &value.unit);
-            format!("{} = {number}", value.name)
-        };
-        let constraints = optimum.constraints.iter();
-        let constraints = constraints.map(|(value, holds)| Value {
-            text: named(value),
-            marked: !holds,
-        });
+        let constraints = optimum.constraints.iter().map(limited);
         let p90 = &optimum.p90;
         Self {
             approach: &optimum.approach,

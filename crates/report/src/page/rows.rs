@@ -5,9 +5,13 @@ use crate::data::{ApproachResult, Limits, ModelFigure, Optimum, Percentile, Repo
 use crate::error::Error;
 use crate::number::{MISSING, count, fixed, relative_gap, seconds, signed_percent, significant};
 use crate::paper;
+use crate::problem::NamedValue;
 
 /// A gap beyond this share of the paper's figure is marked.
 const NOTABLE_GAP: f64 = 0.20;
+
+/// Significant digits of named variables and limited quantities.
+const DIGITS: usize = 5;
 
 /// Below this p value a sample is said not to be normal.
 const LEVEL: f64 = 0.05;
@@ -170,7 +174,17 @@ pub(super) struct DesignCells {
     pub(super) converged: Option<String>,
     /// r_c, g_s, σ_vm, F, interference margin.
     pub(super) constraints: Vec<Value>,
+    /// Whatever else is limited.
+    pub(super) further: Vec<Value>,
     pub(super) feasible: Value,
+}
+
+impl ApproachRow {
+    /// Whether the row of the other variables and the constraints stands alone.
+    pub(super) fn is_single(&self) -> bool {
+        let further = self.design.as_ref().is_ok_and(|d| !d.further.is_empty());
+        self.paper.is_none() && !further
+    }
 }
 
 pub(super) struct PaperCells {
@@ -216,6 +230,20 @@ pub(super) fn difference(value: f64) -> String {
     format!("{sign}{digits}")
 }
 
+/// A limited quantity with its name, marked where it breaks its limit.
+pub(super) fn limited((value, holds): &(NamedValue, bool)) -> Value {
+    Value {
+        text: named(value),
+        marked: !holds,
+    }
+}
+
+/// A quantity with its name, as in `tip land = 0.62 mm`.
+pub(super) fn named(value: &NamedValue) -> String {
+    let number = super::with_unit(value.value, DIGITS, &value.unit);
+    format!("{} = {number}", value.name)
+}
+
 fn design_cells(optimum: &Optimum, limits: &Limits) -> DesignCells {
     // Rounding in the last bits is no violation.
     const SLACK: f64 = 1e-9;
@@ -234,9 +262,15 @@ fn design_cells(optimum: &Optimum, limits: &Limits) -> DesignCells {
         constraints: vec![
             Value {
                 text: fixed(values.contact_ratio, 3),
-                marked: values.contact_ratio < limits.contact_ratio_min * (1.0 - SLACK),
+                marked: limits
+                    .contact_ratio_min
+                    .is_some_and(|least| values.contact_ratio < least * (1.0 - SLACK)),
             },
-            most(values.specific_slip, limits.specific_slip_max, 4),
+            most(
+                values.specific_slip,
+                limits.specific_slip_max.unwrap_or(f64::INFINITY),
+                4,
+            ),
             most(values.von_mises_mpa, limits.von_mises_max_mpa, 3),
             most(values.pressure_mpa, limits.pressure_max_mpa, 3),
             Value {
@@ -244,6 +278,7 @@ fn design_cells(optimum: &Optimum, limits: &Limits) -> DesignCells {
                 marked: values.interference_margin_mm < -SLACK,
             },
         ],
+        further: values.further.iter().map(limited).collect(),
         feasible: if optimum.feasible {
             Value::plain("yes".to_owned())
         } else {

@@ -264,6 +264,7 @@ fn approaches() -> Vec<ApproachResult> {
                         von_mises_mpa: design.von_mises_mpa * 1.1,
                         pressure_mpa: design.pressure_mpa * 1.05,
                         interference_margin_mm: 0.012 * i as f64,
+                        further: Vec::new(),
                     },
                     feasible: i != 1,
                     drawing: Some(gears(&design.variables)),

@@ -1,16 +1,19 @@
 //! What each approach found: the design, its drawing, its curves and its runs.
 
 use anyhow::Context as _;
+use campaign::formulation::Problem;
 use campaign::optimise::RunResult;
 use campaign::{Approach, Criteria, Design, GearCriteria};
 use gear::Member;
 use report::{
-    ApproachResult, Constraints, GearDrawing, GearOutline, OptimiserRun, Optimum, SteCurves,
+    ApproachResult, Constraints, GearDrawing, GearOutline, NamedValue, OptimiserRun, Optimum,
+    SteCurves,
 };
 use stages::optima::{approach_of, optimum_design};
 use store::OptimumRow;
 
 use super::converged;
+use super::problem::limited;
 use super::sources::Sources;
 use crate::percentile::percentile;
 
@@ -114,6 +117,7 @@ fn optimum(
                 .chain(&criteria.flank_margin_mm)
                 .copied()
                 .fold(f64::INFINITY, f64::min),
+            further: further(&sources.problem, criteria),
         },
         feasible: row.feasible,
         drawing: pair.as_ref().map(drawing),
@@ -121,6 +125,22 @@ fn optimum(
             .zip(pair.as_ref())
             .map(|(gears, pair)| ste(pair, gears.wear())),
     }
+}
+
+/// What is limited besides the columns of the table, in which an interference margin is held against 0.
+fn further(problem: &Problem, criteria: &GearCriteria) -> Vec<(NamedValue, bool)> {
+    const COLUMNS: [&str; 4] = [
+        "contact ratio",
+        "specific sliding",
+        "root stress",
+        "contact pressure",
+    ];
+    problem
+        .constraints(&(*criteria).into())
+        .into_iter()
+        .filter(|limit| !COLUMNS.contains(&&*limit.name) && limit.limit != 0.0)
+        .map(limited)
+        .collect()
 }
 
 /// The gears of a pair in mesh, for [`report::chart_gears`].

@@ -1,5 +1,6 @@
 //! The report of a campaign with a problem of the user's.
 
+use campaign::formulation::Constraint;
 use campaign::{Criteria, Design};
 use report::{NamedValue, ProblemOptimum, ProblemReport};
 use stages::optima::{approach_of, optimum_design};
@@ -49,18 +50,18 @@ fn optimum(sources: &Sources, row: &OptimumRow) -> anyhow::Result<ProblemOptimum
             .ok_or_else(|| row.note.clone()),
         criterion: row.criterion_um,
         p90: percentile(fresh.map_or(&[][..], Vec::as_slice)),
-        constraints: constraints
-            .into_iter()
-            .map(|constraint| {
-                let holds = constraint.holds();
-                let value = NamedValue {
-                    name: constraint.name.into_owned(),
-                    unit: constraint.unit.trim_start().to_owned(),
-                    value: constraint.value,
-                };
-                (value, holds)
-            })
-            .collect(),
+        constraints: constraints.into_iter().map(limited).collect(),
         simulator_calls: row.simulator_calls,
     })
+}
+
+/// A constrained quantity, and whether its limit holds.
+pub(super) fn limited(constraint: Constraint) -> (NamedValue, bool) {
+    let holds = constraint.holds();
+    let value = NamedValue {
+        name: constraint.name.into_owned(),
+        unit: constraint.unit.trim_start().to_owned(),
+        value: constraint.value,
+    };
+    (value, holds)
 }

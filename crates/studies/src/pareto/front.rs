@@ -31,8 +31,8 @@ impl Against {
     /// The name of its constraint, as [`campaign::formulation::Constraint`] has it.
     pub(super) const fn constraint(self) -> &'static str {
         match self {
-            Self::Pressure => "F",
-            Self::RootStress => "σ_vm",
+            Self::Pressure => "contact pressure",
+            Self::RootStress => "root stress",
         }
     }
 
@@ -55,10 +55,10 @@ impl Against {
         let Some(sections) = problem.campaign().gears() else {
             return f64::NAN;
         };
-        let material = &sections.material;
+        let (limits, material) = (&sections.constraints, &sections.material);
         match self {
-            Self::Pressure => material.hertz_limit_mpa,
-            Self::RootStress => material.yield_mpa,
+            Self::Pressure => limits.hertz_pressure_max(material),
+            Self::RootStress => limits.root_stress_max(material),
         }
     }
 
@@ -67,8 +67,8 @@ impl Against {
         let mut campaign = problem.campaign().clone();
         if let Some(sections) = campaign.gears_mut() {
             match self {
-                Self::Pressure => sections.material.hertz_limit_mpa = limit,
-                Self::RootStress => sections.material.yield_mpa = limit,
+                Self::Pressure => sections.constraints.hertz_pressure_max_mpa = Some(limit),
+                Self::RootStress => sections.constraints.root_stress_max_mpa = Some(limit),
             }
         }
         Problem::new(campaign)

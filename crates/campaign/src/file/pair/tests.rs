@@ -84,7 +84,7 @@ fn optional_keys_have_their_defaults() {
     assert_eq!(file.to_gear().tooth_model, gear::ToothModel::WeberBanaschek);
     assert_eq!(file.to_gear().tip_rule, gear::TipRule::AsCut);
     assert_eq!(file.corrections(), gear::Corrections::default());
-    assert_eq!(file.limits(), PairConstraints::default());
+    assert_eq!(file.limits(), GearLimits::default());
     assert_eq!(file.wear, Wear::default());
     assert_eq!(
         parse(&format!("{plain}[corrections]\n"))
@@ -106,10 +106,7 @@ fn the_pair_file_of_a_design_is_the_campaigns_simulator_input() {
         assert_eq!(file.to_gear(), gears.pair_input(&design));
         assert_eq!(&file.wear.to_gear(), gears.wear());
         assert_eq!(file.corrections(), gear::Corrections::default());
-        assert_eq!(
-            file.limits().specific_sliding_max,
-            Some(sections.constraints.specific_sliding_max)
-        );
+        assert_eq!(file.limits(), sections.constraints);
     }
     let full = parse(FULL).unwrap();
     assert_eq!(parse(&full.to_toml()).unwrap(), full);

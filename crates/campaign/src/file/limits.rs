@@ -1,15 +1,15 @@
-//! `[constraints]` of a pair file.
+//! `[constraints]` on gear pairs, of campaign and pair files.
 
 use serde::{Deserialize, Serialize};
 
-use crate::file::FileError;
-use crate::file::validate::Source;
+use super::validate::Source;
+use super::{FileError, Material};
 
-/// `[constraints]` of a pair file: limits that a pair is held against. Every key is optional; a
-/// criterion without a limit is not constrained, unless a default is named here.
+/// `[constraints]`: limits that a gear pair is held against. Every key is optional; a criterion without
+/// a limit is not constrained, unless a default is named here.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct PairConstraints {
+pub struct GearLimits {
     /// The total contact ratio ε_α + ε_β must be above this.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub contact_ratio_min: Option<f64>,
@@ -42,9 +42,48 @@ pub struct PairConstraints {
     /// Least nominal flank safety S_H of ISO 6336, see [`gear::rating`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flank_safety_min: Option<f64>,
+    /// Least normal module, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub normal_module_min_mm: Option<f64>,
+    /// Greatest normal module, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub normal_module_max_mm: Option<f64>,
+    /// Least centre distance, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub centre_distance_min_mm: Option<f64>,
+    /// Greatest centre distance, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub centre_distance_max_mm: Option<f64>,
 }
 
-impl PairConstraints {
+impl GearLimits {
+    /// Whether any limit is on what only [`GearDetails`](crate::formulation::gears::GearDetails) have.
+    pub(crate) fn need_details(&self) -> bool {
+        [
+            self.transverse_contact_ratio_min,
+            self.tip_land_min_modules,
+            self.root_safety_min,
+            self.flank_safety_min,
+            self.centre_distance_min_mm,
+            self.centre_distance_max_mm,
+        ]
+        .iter()
+        .any(Option::is_some)
+    }
+
+    /// The limit of the contact pressure, MPa.
+    #[must_use]
+    pub fn hertz_pressure_max(&self, material: &Material) -> f64 {
+        self.hertz_pressure_max_mpa
+            .unwrap_or(material.hertz_limit_mpa)
+    }
+
+    /// The limit of the root stresses, MPa.
+    #[must_use]
+    pub fn root_stress_max(&self, material: &Material) -> f64 {
+        self.root_stress_max_mpa.unwrap_or(material.yield_mpa)
+    }
+
     pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
         for (key, limit) in [
             ("constraints.contact_ratio_min", self.contact_ratio_min),
@@ -63,6 +102,22 @@ impl PairConstraints {
             ("constraints.root_stress_max_mpa", self.root_stress_max_mpa),
             ("constraints.root_safety_min", self.root_safety_min),
             ("constraints.flank_safety_min", self.flank_safety_min),
+            (
+                "constraints.normal_module_min_mm",
+                self.normal_module_min_mm,
+            ),
+            (
+                "constraints.normal_module_max_mm",
+                self.normal_module_max_mm,
+            ),
+            (
+                "constraints.centre_distance_min_mm",
+                self.centre_distance_min_mm,
+            ),
+            (
+                "constraints.centre_distance_max_mm",
+                self.centre_distance_max_mm,
+            ),
         ] {
             limit.map_or(Ok(()), |limit| source.positive(key, limit))?;
         }

@@ -1,0 +1,305 @@
+//! `[bounds]` and `[frozen]` of a gear campaign: what its designs may be.
+
+use gear::Rack;
+use serde::{Deserialize, Serialize};
+
+use super::FileError;
+use super::sections::parse_name;
+use super::validate::Source;
+
+/// `[bounds]`: what each variable may be, for both gears alike or for each.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Bounds {
+    /// A standard rack, instead of tool addendum, tool dedendum and root radius; see [`gear::Rack`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rack: Option<String>,
+    /// Addendum modification coefficient, modules.
+    pub profile_shift: OfGears,
+    /// Tool addendum, modules.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tool_addendum: Option<OfGears>,
+    /// Tool dedendum, modules.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tool_dedendum: Option<OfGears>,
+    /// Tip rounding radius, in modules of the design.
+    pub tip_radius_modules: OfGears,
+    /// Root fillet radius, in modules of the design.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub root_radius_modules: Option<OfGears>,
+    /// Helix angle, degrees.
+    pub helix_angle_deg: Written,
+}
+
+/// A kind of variable as it is written, of both gears or of each.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(
+    untagged,
+    expecting = "expected [low, high], a number, or { pinion = …, mate = … } with these or mate = \"tied\""
+)]
+pub enum OfGears {
+    /// The same of both, each with a value of its own.
+    Both(Written),
+    /// Of each.
+    Each(Each),
+}
+
+/// What is written of pinion and mate.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Each {
+    /// Of the pinion.
+    pub pinion: Written,
+    /// Of the mate.
+    pub mate: Written,
+}
+
+/// What is written of a variable of one gear.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "expected [low, high] or a number")]
+pub enum Written {
+    /// `[low, high]`: free.
+    Free([f64; 2]),
+    /// Fixed to a number.
+    Fixed(f64),
+    /// A relation.
+    Relation(Relation),
+}
+
+/// What a variable of the mate is bound to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Relation {
+    /// The same as of the pinion.
+    Tied,
+    /// The profile shift that module and centre distance leave.
+    Follows,
+}
+
+/// What a variable of one gear may be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Setting {
+    /// Anything within `[low, high]`.
+    Free([f64; 2]),
+    /// This.
+    Fixed(f64),
+    /// The same as of the pinion.
+    Tied,
+    /// The profile shift that module and centre distance leave.
+    Follows,
+}
+
+/// Where the variables that the problems with wear leave alone come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FrozenFrom {
+    /// The values that the campaign file gives.
+    Printed,
+    /// The campaign's own optimum without wear.
+    Deterministic,
+}
+
+/// `[frozen]`, optional: free variables that only the optimum without wear moves.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FrozenSection {
+    /// Which values are used.
+    pub from: FrozenFrom,
+    /// Tip rounding radii of pinion and mate, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tip_radius_mm: Option<[f64; 2]>,
+    /// Root fillet radii of pinion and mate, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub root_radius_mm: Option<[f64; 2]>,
+    /// Helix angle, degrees.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub helix_angle_deg: Option<f64>,
+}
+
+/// A kind of variable: its key in `[bounds]`, and the least and the greatest number that makes sense.
+type Kind = (&'static str, [f64; 2]);
+
+const SHIFT: Kind = ("bounds.profile_shift", [-10.0, 10.0]);
+const ADDENDUM: Kind = ("bounds.tool_addendum", [0.0, 10.0]);
+const DEDENDUM: Kind = ("bounds.tool_dedendum", [0.0, 10.0]);
+const TIP: Kind = ("bounds.tip_radius_modules", [0.0, 10.0]);
+const ROOT: Kind = ("bounds.root_radius_modules", [1e-6, 10.0]);
+const HELIX: Kind = ("bounds.helix_angle_deg", [-60.0, 60.0]);
+
+impl Bounds {
+    /// What each variable may be, in the order of the design's variables: pinion, then mate, and the helix
+    /// angle last.
+    ///
+    /// # Panics
+    ///
+    /// Never for a validated section, which has either a rack or its keys.
+    pub(crate) fn settings(&self) -> [Setting; 11] {
+        let rack = self.rack.as_ref().map(|name| {
+            let rack: Rack = name.parse().expect("validation has parsed this name");
+            rack
+        });
+        let of_rack = |written: Option<OfGears>, of: fn(&Rack) -> f64| {
+            let fixed = || {
+                OfGears::Both(Written::Fixed(of(rack
+                    .as_ref()
+                    .expect("a rack or its keys"))))
+            };
+            written.unwrap_or_else(fixed).settings()
+        };
+        let [a, b] = self.profile_shift.settings();
+        let [c, d] = of_rack(self.tool_addendum, Rack::addendum);
+        let [e, f] = of_rack(self.tool_dedendum, Rack::dedendum);
+        let [g, h] = self.tip_radius_modules.settings();
+        let [i, j] = of_rack(self.root_radius_modules, Rack::root_radius);
+        [a, b, c, d, e, f, g, h, i, j, self.helix_angle_deg.setting()]
+    }
+
+    /// `sizes_given` says that both module and centre distance are.
+    pub(super) fn validate(&self, source: Source<'_>, sizes_given: bool) -> Result<(), FileError> {
+        let optional = [
+            (ADDENDUM, self.tool_addendum),
+            (DEDENDUM, self.tool_dedendum),
+            (ROOT, self.root_radius_modules),
+        ];
+        if let Some(name) = &self.rack {
+            parse_name::<Rack>(source, "bounds.rack", name)?;
+        }
+        for ((key, limits), written) in optional {
+            match (written, &self.rack) {
+                (Some(written), None) => written.validate(source, key, limits)?,
+                (None, Some(_)) => {}
+                (Some(written), Some(rack)) => {
+                    return Err(source.refuse(
+                        key,
+                        format_args!("{}", shown(&written)),
+                        format!("absent beside bounds.rack: {rack} says it"),
+                    ));
+                }
+                (None, None) => {
+                    return Err(source.refuse(key, "missing", "given, unless bounds.rack is"));
+                }
+            }
+        }
+        self.profile_shift.validate(source, SHIFT.0, SHIFT.1)?;
+        self.tip_radius_modules.validate(source, TIP.0, TIP.1)?;
+        self.helix_angle_deg.validate(source, HELIX.0, HELIX.1)?;
+        let settings = self.settings();
+        let follows = |setting: &Setting| matches!(setting, Setting::Follows);
+        if let Some(place) = settings
+            .iter()
+            .position(follows)
+            .filter(|place| *place != 1)
+        {
+            let (key, _) = [SHIFT, ADDENDUM, DEDENDUM, TIP, ROOT, HELIX][place / 2];
+            return Err(source.refuse(
+                key,
+                "follows",
+                "[low, high] or a number: only the profile shift of the mate can follow",
+            ));
+        }
+        source.require(
+            follows(&settings[1]) == sizes_given,
+            SHIFT.0,
+            format_args!("{}", shown(&self.profile_shift)),
+            "{ pinion = …, mate = \"follows\" } where pair.normal_module_mm and \
+             pair.centre_distance_mm are both given, as the sum of the profile shifts follows from them, \
+             and only there",
+        )?;
+        let is_free = |setting: &Setting| matches!(setting, Setting::Free(_));
+        source.require(
+            settings.iter().any(is_free),
+            "bounds",
+            "nothing",
+            "at least one variable with [low, high]",
+        )
+    }
+}
+
+/// A value as the file has it, on one line.
+fn shown(written: &impl Serialize) -> String {
+    serde_json::to_string(written).expect("numbers and names serialise")
+}
+
+impl OfGears {
+    /// What the variables of pinion and mate may be.
+    pub(crate) fn settings(&self) -> [Setting; 2] {
+        match self {
+            Self::Both(written) => [written.setting(); 2],
+            Self::Each(each) => [each.pinion.setting(), each.mate.setting()],
+        }
+    }
+
+    fn validate(self, source: Source<'_>, key: &str, limits: [f64; 2]) -> Result<(), FileError> {
+        match self {
+            Self::Both(written) => written.validate(source, key, limits),
+            Self::Each(Each { pinion, mate }) => {
+                pinion.validate(source, key, limits)?;
+                match mate {
+                    Written::Relation(_) => Ok(()),
+                    mate => mate.validate(source, key, limits),
+                }
+            }
+        }
+    }
+}
+
+impl Written {
+    pub(crate) const fn setting(self) -> Setting {
+        match self {
+            Self::Free(range) => Setting::Free(range),
+            Self::Fixed(value) => Setting::Fixed(value),
+            Self::Relation(Relation::Tied) => Setting::Tied,
+            Self::Relation(Relation::Follows) => Setting::Follows,
+        }
+    }
+
+    /// Requires what a variable can be that is not a mate's.
+    fn validate(self, source: Source<'_>, key: &str, limits: [f64; 2]) -> Result<(), FileError> {
+        let [low, high] = limits;
+        match self {
+            Self::Free(range) => source.ordered(key, range, low, high),
+            Self::Fixed(value) => source.within(key, value, low, high, ""),
+            Self::Relation(_) => Err(source.refuse(
+                key,
+                format_args!("{}", shown(&self)),
+                "[low, high] or a number: only the mate of { pinion = …, mate = … } can be \
+                 \"tied\" or \"follows\"",
+            )),
+        }
+    }
+}
+
+impl FrozenSection {
+    /// Only what is free can be frozen.
+    pub(super) fn validate(&self, source: Source<'_>, bounds: &Bounds) -> Result<(), FileError> {
+        let settings = bounds.settings();
+        let free = |places: [usize; 2]| {
+            let mut settings = places.into_iter().map(|place| settings[place]);
+            settings.all(|setting| matches!(setting, Setting::Free(_)))
+        };
+        let must_be_free = |key: &str, found: &dyn std::fmt::Debug, places| {
+            let expected = "absent where bounds leave nothing of it free";
+            source.require(free(places), key, found, expected)
+        };
+        if let Some(radii) = self.tip_radius_mm {
+            let key = "frozen.tip_radius_mm";
+            radii
+                .iter()
+                .try_for_each(|radius| source.tip_radius(key, *radius))?;
+            must_be_free(key, &radii, [6, 7])?;
+        }
+        if let Some(radii) = self.root_radius_mm {
+            let key = "frozen.root_radius_mm";
+            radii
+                .iter()
+                .try_for_each(|radius| source.root_radius(key, *radius))?;
+            must_be_free(key, &radii, [8, 9])?;
+        }
+        if let Some(angle) = self.helix_angle_deg {
+            let key = "frozen.helix_angle_deg";
+            source.helix_angle(key, angle)?;
+            must_be_free(key, &angle, [10, 10])?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,313 @@
+//! What a gear pair is judged by, and how that is stored.
+
+use gear::rating;
+use serde::{Deserialize, Serialize};
+
+use super::super::{Criteria, Quantity};
+use crate::simulator::{Analysis, State};
+
+/// What a pair is judged by, in the order of the fields of [`GearCriteria`].
+static CRITERIA: [Quantity; GearCriteria::COUNT] = [
+    Quantity::of("contact_ratio", ""),
+    Quantity::of("specific_sliding", ""),
+    Quantity::of("hertz_pressure_mpa", "MPa"),
+    Quantity::of("root_stress_mpa", "MPa"),
+    Quantity::of("clearance_p_mm", "mm"),
+    Quantity::of("clearance_r_mm", "mm"),
+    Quantity::of("flank_margin_p_mm", "mm"),
+    Quantity::of("flank_margin_r_mm", "mm"),
+    Quantity::of("normal_module_mm", "mm"),
+];
+
+/// What is known of a pair without random wear: its responses, by name and unit.
+static RESPONSES: [Quantity; 11] = [
+    Quantity::of("contact_ratio", ""),
+    Quantity::of("specific_sliding", ""),
+    Quantity::of("hertz_pressure_mpa", "MPa"),
+    Quantity::of("hertz_pressure_worn_mpa", "MPa"),
+    Quantity::of("root_stress_mpa", "MPa"),
+    Quantity::of("clearance_p_mm", "mm"),
+    Quantity::of("clearance_r_mm", "mm"),
+    Quantity::of("flank_margin_p_mm", "mm"),
+    Quantity::of("flank_margin_r_mm", "mm"),
+    Quantity::of("delta_ste_um", "µm"),
+    Quantity::of("delta_ste_archard_um", "µm"),
+];
+
+/// More of both, for campaigns that limit any of it, in the order of the fields of [`GearDetails`].
+static DETAILS: [Quantity; GearDetails::COUNT] = [
+    Quantity::of("transverse_contact_ratio", ""),
+    Quantity::of("tip_land_p_mm", "mm"),
+    Quantity::of("tip_land_r_mm", "mm"),
+    Quantity::of("root_safety_p", ""),
+    Quantity::of("root_safety_r", ""),
+    Quantity::of("flank_safety_p", ""),
+    Quantity::of("flank_safety_r", ""),
+    Quantity::of("centre_distance_mm", "mm"),
+];
+
+/// What pairs are judged by, with details or without.
+pub(in super::super) fn criteria(detailed: bool) -> Vec<Quantity> {
+    with_details(&CRITERIA, detailed)
+}
+
+/// The responses of pairs, with details or without.
+pub(in super::super) fn responses(detailed: bool) -> Vec<Quantity> {
+    with_details(&RESPONSES, detailed)
+}
+
+fn with_details(quantities: &[Quantity], detailed: bool) -> Vec<Quantity> {
+    let details = DETAILS.iter().filter(|_| detailed);
+    quantities.iter().chain(details).cloned().collect()
+}
+
+/// The response that is sampled.
+pub(in super::super) const SAMPLED: Quantity = Quantity::of("delta_ste_um", "µm");
+
+/// The largest ΔSTE that is believed, µm: a metre. A number beyond it would make everything that is
+/// learned from it worthless.
+const MAX_DELTA_STE_UM: f64 = 1e6;
+
+/// What a gear pair is judged by besides ΔSTE. Pairs are pinion, mate.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GearCriteria {
+    /// r_c = ε_α + ε_β.
+    pub contact_ratio: f64,
+    /// g_s, the largest absolute specific sliding.
+    pub specific_sliding: f64,
+    /// F, the largest contact pressure, MPa.
+    pub hertz_pressure_mpa: f64,
+    /// σ_vm, the larger of the two root stresses, MPa.
+    pub root_stress_mpa: f64,
+    /// Clearance between tip and mating root, mm; negative when a tip is pressed in.
+    pub clearance_mm: [f64; 2],
+    /// How far the active flank ends above the fillet, mm along the path of contact; negative when
+    /// the mate's tip runs into the fillet.
+    pub flank_margin_mm: [f64; 2],
+    /// Normal module, mm.
+    pub normal_module_mm: f64,
+    /// More, where the campaign limits any of it.
+    #[serde(skip)]
+    pub details: Option<GearDetails>,
+}
+
+/// What few campaigns limit. Pairs are pinion, mate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GearDetails {
+    /// ε_α.
+    pub transverse_contact_ratio: f64,
+    /// Thickness at the tip circle in the normal section, mm, as if the tip were not rounded.
+    pub tip_land_mm: [f64; 2],
+    /// S_F, the material's yield stress over the nominal root stress of ISO 6336-3.
+    pub root_safety: [f64; 2],
+    /// S_H, the material's permissible pressure over the nominal contact stress of ISO 6336-2.
+    pub flank_safety: [f64; 2],
+    /// Centre distance, mm.
+    pub centre_distance_mm: f64,
+}
+
+impl GearCriteria {
+    /// How many there are without details.
+    const COUNT: usize = 9;
+
+    /// The criteria of a pair, with the contact pressure of the analysis that matters, in MPa; with details
+    /// if they are asked for.
+    #[must_use]
+    pub fn of_pair(pair: &gear::Pair, hertz_pressure_mpa: f64, detailed: bool) -> Self {
+        let geometry = pair.geometry();
+        let interference = pair.interference();
+        let roots = pair.root_stress();
+        Self {
+            contact_ratio: geometry.contact_ratio,
+            specific_sliding: pair.sliding().max,
+            hertz_pressure_mpa,
+            root_stress_mpa: roots[0].stress_mpa.max(roots[1].stress_mpa),
+            clearance_mm: interference.clearance,
+            flank_margin_mm: interference.flank_margin,
+            normal_module_mm: geometry.normal_module,
+            details: detailed.then(|| GearDetails::of_pair(pair)),
+        }
+    }
+
+    /// The criteria with these values, in the order of the fields; none if they are not as many as there are
+    /// with details or without.
+    #[must_use]
+    pub fn of_values(values: &[f64]) -> Option<Self> {
+        let (first, details) = values.split_at_checked(Self::COUNT)?;
+        let &[a, b, c, d, e, f, g, h, normal_module_mm] = first else {
+            return None;
+        };
+        Some(Self {
+            contact_ratio: a,
+            specific_sliding: b,
+            hertz_pressure_mpa: c,
+            root_stress_mpa: d,
+            clearance_mm: [e, f],
+            flank_margin_mm: [g, h],
+            normal_module_mm,
+            details: GearDetails::of_values(details)?,
+        })
+    }
+
+    /// All values, in the order of the fields.
+    #[must_use]
+    pub fn values(&self) -> Vec<f64> {
+        let mut values = vec![
+            self.contact_ratio,
+            self.specific_sliding,
+            self.hertz_pressure_mpa,
+            self.root_stress_mpa,
+            self.clearance_mm[0],
+            self.clearance_mm[1],
+            self.flank_margin_mm[0],
+            self.flank_margin_mm[1],
+            self.normal_module_mm,
+        ];
+        values.extend(self.details.iter().flat_map(GearDetails::values));
+        values
+    }
+}
+
+impl GearDetails {
+    const COUNT: usize = 8;
+
+    fn of_pair(pair: &gear::Pair) -> Self {
+        let geometry = pair.geometry();
+        let rating = rating::rate(pair, 1.0);
+        Self {
+            transverse_contact_ratio: geometry.eps_alpha,
+            tip_land_mm: rating::tip_land(geometry),
+            root_safety: rating.root_safety,
+            flank_safety: rating.flank_safety,
+            centre_distance_mm: geometry.centre_distance,
+        }
+    }
+
+    /// The details with these values, in the order of the fields, or none of no values.
+    fn of_values(values: &[f64]) -> Option<Option<Self>> {
+        match *values {
+            [] => Some(None),
+            [a, b, c, d, e, f, g, centre_distance_mm] => Some(Some(Self {
+                transverse_contact_ratio: a,
+                tip_land_mm: [b, c],
+                root_safety: [d, e],
+                flank_safety: [f, g],
+                centre_distance_mm,
+            })),
+            _ => None,
+        }
+    }
+
+    fn values(&self) -> [f64; Self::COUNT] {
+        let (land, root, flank) = (self.tip_land_mm, self.root_safety, self.flank_safety);
+        [
+            self.transverse_contact_ratio,
+            land[0],
+            land[1],
+            root[0],
+            root[1],
+            flank[0],
+            flank[1],
+            self.centre_distance_mm,
+        ]
+    }
+}
+
+/// Whether a response is one of a pair in this state.
+pub(in super::super) fn belongs_to(response: &str, state: State) -> bool {
+    let of_the_other = match state {
+        State::Nominal => ["hertz_pressure_worn_mpa", "delta_ste_archard_um"],
+        State::Baseline => ["hertz_pressure_mpa", "delta_ste_um"],
+    };
+    !of_the_other.contains(&response)
+}
+
+/// The responses of a pair, from its analyses unworn and with Archard's wear.
+pub(in super::super) fn responses_of(unworn: &Analysis, worn: &Analysis) -> Vec<f64> {
+    let criteria = unworn.criteria.gears();
+    let mut responses = vec![
+        criteria.contact_ratio,
+        criteria.specific_sliding,
+        criteria.hertz_pressure_mpa,
+        worn.criteria.gears().hertz_pressure_mpa,
+        criteria.root_stress_mpa,
+        criteria.clearance_mm[0],
+        criteria.clearance_mm[1],
+        criteria.flank_margin_mm[0],
+        criteria.flank_margin_mm[1],
+        unworn.value_um,
+        worn.value_um,
+    ];
+    responses.extend(criteria.details.iter().flat_map(GearDetails::values));
+    responses
+}
+
+/// Whether the ΔSTE of both states can be one.
+pub(in super::super) fn check(response: impl Fn(&str) -> Option<f64>) -> Result<(), String> {
+    for (name, state) in [
+        ("delta_ste_um", "unworn"),
+        ("delta_ste_archard_um", "with Archard's wear"),
+    ] {
+        let value_um = response(name).unwrap_or(f64::NAN);
+        check_delta_ste(value_um).map_err(|why| format!("ΔSTE {state} {why}"))?;
+    }
+    Ok(())
+}
+
+/// Whether a ΔSTE can be one: the difference of a largest and a smallest error is not negative.
+///
+/// # Errors
+///
+/// A sentence without subject: what it is, and what it would have to be.
+pub(in super::super) fn check_delta_ste(delta_ste_um: f64) -> Result<(), String> {
+    if (0.0..=MAX_DELTA_STE_UM).contains(&delta_ste_um) {
+        return Ok(());
+    }
+    Err(format!(
+        "is {delta_ste_um:e} µm, but a ΔSTE lies between 0 and {MAX_DELTA_STE_UM:e} µm"
+    ))
+}
+
+/// The analysis that the responses hold, of a pair with this module.
+pub(in super::super) fn analysis(
+    responses: &[f64],
+    state: State,
+    normal_module_mm: f64,
+) -> Option<Analysis> {
+    let (first, details) = responses.split_at_checked(RESPONSES.len())?;
+    let &[
+        contact_ratio,
+        specific_sliding,
+        unworn_mpa,
+        worn_mpa,
+        root_stress_mpa,
+        clearance_p,
+        clearance_r,
+        margin_p,
+        margin_r,
+        delta_ste_um,
+        delta_ste_archard_um,
+    ] = first
+    else {
+        return None;
+    };
+    let (hertz_pressure_mpa, value_um) = match state {
+        State::Nominal => (unworn_mpa, delta_ste_um),
+        State::Baseline => (worn_mpa, delta_ste_archard_um),
+    };
+    let criteria = GearCriteria {
+        contact_ratio,
+        specific_sliding,
+        hertz_pressure_mpa,
+        root_stress_mpa,
+        clearance_mm: [clearance_p, clearance_r],
+        flank_margin_mm: [margin_p, margin_r],
+        normal_module_mm,
+        details: GearDetails::of_values(details)?,
+    };
+    Some(Analysis {
+        value_um,
+        criteria: Criteria::from(criteria),
+    })
+}

@@ -1,0 +1,112 @@
+//! The constraints on a gear pair: the limits that a file gives, and the defaults where it gives none.
+
+use super::super::Constraint;
+use super::{GearCriteria, GearDetails};
+use crate::file::{GearLimits, Material};
+
+/// Every constraint of a pair with these criteria. Contact pressure and root stress are held against the
+/// material where `limits` say nothing, clearances and margins against 0. Limits on what only
+/// [`GearDetails`] have need criteria with details.
+#[must_use]
+pub fn constraints(
+    limits: &GearLimits,
+    material: &Material,
+    criteria: &GearCriteria,
+) -> Vec<Constraint> {
+    let module = criteria.normal_module_mm;
+    let mut all = Vec::new();
+    let contact = criteria.contact_ratio;
+    let limit = limits.contact_ratio_min;
+    all.extend(limit.map(|limit| Constraint::above("contact ratio", "", contact, limit)));
+    let sliding = criteria.specific_sliding;
+    let limit = limits.specific_sliding_max;
+    all.extend(limit.map(|limit| Constraint::below("specific sliding", "", sliding, limit)));
+    let limit = limits.root_stress_max(material);
+    all.push(Constraint::below(
+        "root stress",
+        " MPa",
+        criteria.root_stress_mpa,
+        limit,
+    ));
+    let limit = limits.hertz_pressure_max(material);
+    let pressure = criteria.hertz_pressure_mpa;
+    all.push(Constraint::below(
+        "contact pressure",
+        " MPa",
+        pressure,
+        limit,
+    ));
+    let clearance = module * limits.tip_clearance_min_modules.unwrap_or_default();
+    for (names, values, limit) in [
+        (
+            ["pinion tip clearance", "mate tip clearance"],
+            criteria.clearance_mm,
+            clearance,
+        ),
+        (
+            ["pinion flank margin", "mate flank margin"],
+            criteria.flank_margin_mm,
+            limits.flank_margin_min_mm.unwrap_or_default(),
+        ),
+    ] {
+        all.extend(
+            names
+                .into_iter()
+                .zip(values)
+                .map(|(name, value)| Constraint {
+                    scale: module,
+                    ..Constraint::at_least(name, " mm", value, limit)
+                }),
+        );
+    }
+    let (least, most) = (limits.normal_module_min_mm, limits.normal_module_max_mm);
+    all.extend(least.map(|limit| Constraint::at_least("normal module", " mm", module, limit)));
+    all.extend(most.map(|limit| Constraint::at_most("normal module", " mm", module, limit)));
+    if let Some(details) = &criteria.details {
+        all.extend(of_details(limits, module, details));
+    }
+    all
+}
+
+fn of_details(limits: &GearLimits, module: f64, details: &GearDetails) -> Vec<Constraint> {
+    let mut all = Vec::new();
+    let transverse = details.transverse_contact_ratio;
+    let limit = limits.transverse_contact_ratio_min;
+    all.extend(
+        limit.map(|limit| Constraint::above("transverse contact ratio", "", transverse, limit)),
+    );
+    for (names, unit, values, limit) in [
+        (
+            ["pinion tip land", "mate tip land"],
+            " mm",
+            details.tip_land_mm,
+            limits.tip_land_min_modules.map(|land| module * land),
+        ),
+        (
+            ["pinion root safety S_F", "mate root safety S_F"],
+            "",
+            details.root_safety,
+            limits.root_safety_min,
+        ),
+        (
+            ["pinion flank safety S_H", "mate flank safety S_H"],
+            "",
+            details.flank_safety,
+            limits.flank_safety_min,
+        ),
+    ] {
+        let Some(limit) = limit else { continue };
+        let scale = if unit.is_empty() { limit } else { module };
+        let each = names.into_iter().zip(values);
+        all.extend(each.map(|(name, value)| Constraint {
+            scale,
+            ..Constraint::at_least(name, unit, value, limit)
+        }));
+    }
+    let distance = details.centre_distance_mm;
+    let (least, most) = (limits.centre_distance_min_mm, limits.centre_distance_max_mm);
+    let name = "centre distance";
+    all.extend(least.map(|limit| Constraint::at_least(name, " mm", distance, limit)));
+    all.extend(most.map(|limit| Constraint::at_most(name, " mm", distance, limit)));
+    all
+}

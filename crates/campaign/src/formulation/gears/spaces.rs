@@ -1,0 +1,84 @@
+//! The boxes that the approaches search, from the campaign file.
+
+use super::super::Design;
+use super::super::space::{Coordinate, Source, Space};
+use super::{ALL_VARIABLES, VARIABLE_NAMES};
+use crate::file::{GearSections, Setting};
+
+/// The places of tip and root radii among the variables.
+const RADII: std::ops::Range<usize> = 6..10;
+
+/// The names of the radii in modules.
+const RADII_IN_MODULES: [&str; 4] = [
+    "rho_a_p_modules",
+    "rho_a_r_modules",
+    "rho_f_p_modules",
+    "rho_f_r_modules",
+];
+
+/// The box of everything that the campaign leaves free.
+pub(in super::super) fn whole(sections: &GearSections) -> Space {
+    space(sections, &[None; ALL_VARIABLES])
+}
+
+/// The box of the DoE: without the variables that are frozen.
+pub(in super::super) fn free(sections: &GearSections) -> Space {
+    space(sections, &frozen(sections))
+}
+
+/// The values that the campaign file gives to the variables that the DoE leaves alone.
+pub(in super::super) fn base(sections: &GearSections) -> Design {
+    Design::new(frozen(sections).map(Option::unwrap_or_default).to_vec())
+}
+
+/// The value of each variable that is frozen.
+fn frozen(sections: &GearSections) -> [Option<f64>; ALL_VARIABLES] {
+    let mut values = [None; ALL_VARIABLES];
+    let Some(frozen) = &sections.frozen else {
+        return values;
+    };
+    let radii = [frozen.tip_radius_mm, frozen.root_radius_mm];
+    for (number, radius) in radii
+        .into_iter()
+        .flat_map(|radii| radii.map_or([None; 2], |r| r.map(Some)))
+        .enumerate()
+    {
+        values[RADII.start + number] = radius;
+    }
+    values[RADII.end] = frozen.helix_angle_deg;
+    values
+}
+
+fn space(sections: &GearSections, frozen: &[Option<f64>; ALL_VARIABLES]) -> Space {
+    let mut coordinates = Vec::new();
+    let mut sources = Vec::new();
+    for (place, setting) in sections.bounds.settings().into_iter().enumerate() {
+        let in_modules = RADII.contains(&place);
+        sources.push(match setting {
+            _ if frozen[place].is_some() => Source::Kept,
+            Setting::Fixed(value) if in_modules => Source::FixedInModules(value),
+            Setting::Fixed(value) => Source::Fixed(value),
+            Setting::Tied => Source::Tied,
+            Setting::Follows => Source::Follows,
+            Setting::Free(range) => {
+                let name = if in_modules {
+                    RADII_IN_MODULES[place - RADII.start]
+                } else {
+                    VARIABLE_NAMES[place]
+                };
+                coordinates.push(Coordinate {
+                    name: name.into(),
+                    unit: "".into(),
+                    range,
+                });
+                let number = coordinates.len() - 1;
+                if in_modules {
+                    Source::MovedInModules(number)
+                } else {
+                    Source::Moved(number)
+                }
+            }
+        });
+    }
+    Space::new(coordinates, sources)
+}
