@@ -279,14 +279,16 @@ fn an_exported_optimum_simulates_to_the_figure_of_its_campaign() {
 fn init_writes_a_file_that_check_accepts() {
     let sandbox = Sandbox::new();
     assert_code(&sandbox.coordinator(&["init", "new.toml"]), 0);
+    let text = std::fs::read_to_string(sandbox.path("new.toml")).unwrap();
+    assert!(text.contains("name = \"new\""), "{text}");
     let output = sandbox.coordinator(&["check", "new.toml"]);
     assert_code(&output, 0);
     let plan = printed(&output);
     for part in [
-        "3000 designs",
-        "at most 90000 samples",
+        "60 designs",
+        "at most 1800 samples",
         "core-seconds",
-        "20 and 22 teeth",
+        "23 and 47 teeth",
     ] {
         assert!(plan.contains(part), "no {part:?} in\n{plan}");
     }

@@ -1,5 +1,6 @@
 //! The commands: read files, call the library, print, choose an exit code.
 
+use std::ffi::OsStr;
 use std::fs;
 use std::io::Write as _;
 use std::net::SocketAddr;
@@ -384,14 +385,16 @@ fn make_keys(arguments: &arguments::Keygen) -> anyhow::Result<u8> {
 
 fn init(arguments: &arguments::Init) -> anyhow::Result<u8> {
     let mut file = create_new(&arguments.file)?;
-    file.write_all(Campaign::WEAR.as_bytes())
+    let stem = arguments.file.file_stem().and_then(OsStr::to_str);
+    let text = Campaign::pair_named(stem.unwrap_or_default());
+    file.write_all(text.as_bytes())
         .map_err(|source| FileAccess {
             doing: "write",
             path: arguments.file.clone(),
             source,
         })?;
     print(&format!(
-        "{} holds the paper's problem with Archard's law of wear: edit it, then check it\n",
+        "{} holds the profile shifts of a helical gear pair cut with standard hobs: edit it, then check it\n",
         arguments.file.display()
     ))?;
     Ok(exit::OK)

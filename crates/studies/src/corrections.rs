@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use anyhow::Context as _;
+use campaign::file::PairCorrections;
 use campaign::formulation::Problem;
 use campaign::formulation::gears::VARIABLE_NAMES;
-use campaign::{Campaign, Design};
+use campaign::{Campaign, Design, PairFile};
 use report::Percentile;
 use results::percentile::percentile;
 
@@ -95,7 +96,8 @@ pub fn run(
     })
 }
 
-/// Writes `corrections.csv` and `corrections.md` into `out`; returns what it wrote.
+/// Writes `corrections.csv`, `corrections.md` and a pair file of each best design into `out`; returns
+/// the tables.
 ///
 /// # Errors
 ///
@@ -114,6 +116,18 @@ pub fn write_tables(out: &Path, campaign: &Campaign, rows: &[Row]) -> anyhow::Re
         summary(rows).markdown()
     );
     write(out, "corrections.md", &page)?;
+    let sections = campaign.gears().context("corrections are of gears")?;
+    for row in rows {
+        let Some((found, _)) = &row.best else {
+            continue;
+        };
+        let file = PairFile {
+            corrections: PairCorrections::of_gear(&found.design.corrections),
+            ..PairFile::of_design(sections, &found.design.variables)
+        };
+        let name = format!("pair-{}.toml", row.space.name().replace(' ', "-"));
+        write(out, &name, file.to_toml())?;
+    }
     Ok(Written {
         page,
         tables: vec![("corrections", figures)],
@@ -274,7 +288,20 @@ mod tests {
             assert!(p90.low_um < p90.value_um && p90.value_um < p90.high_um);
         }
         let rows = [without, with];
-        assert!(all_figures(&rows).csv().is_ok(), "every row is complete");
+        let folder = tempfile::tempdir().unwrap();
+        write_tables(folder.path(), problem.campaign(), &rows).unwrap();
+        for (name, (found, _)) in [("none", bare), ("tip-relief", corrected)] {
+            let text = std::fs::read_to_string(folder.path().join(format!("pair-{name}.toml")));
+            let file = PairFile::parse("pair.toml", &text.unwrap()).unwrap();
+            let gears = problem.gears().unwrap();
+            let design = found.design.variables.into();
+            assert_eq!(file.to_gear(), gears.pair_input(&design));
+            let (written, asked) = (file.corrections(), found.design.corrections);
+            for (written, asked) in written.tip_relief.iter().zip(asked.tip_relief) {
+                let amounts = [*written, asked].map(|r| r.map_or(0.0, |relief| relief.amount));
+                assert!((amounts[0] - amounts[1]).abs() < 1e-15, "{amounts:?}");
+            }
+        }
         assert_eq!(summary(&rows).rows[1][0], "tip relief");
     }
 }

@@ -55,7 +55,17 @@ impl Campaign {
     /// The version of the file format that this program reads.
     pub const FORMAT: u32 = 1;
 
-    /// The file of a campaign to start from, as shipped: the paper's with Archard's law of wear.
+    /// The file of a campaign to start from, as shipped.
+    pub const PAIR: &'static str = include_str!("../../../../campaigns/pair.toml");
+
+    /// [`Self::PAIR`] with this name, if it can be one.
+    #[must_use]
+    pub fn pair_named(name: &str) -> String {
+        let name = if is_name(name) { name } else { "pair" };
+        Self::PAIR.replacen("name = \"pair\"", &format!("name = {name:?}"), 1)
+    }
+
+    /// The file of the paper's campaign with Archard's law of wear, as shipped.
     pub const WEAR: &'static str = include_str!("../../../../campaigns/wear.toml");
 
     /// The file of the paper's campaign, as shipped.
@@ -224,9 +234,8 @@ impl Campaign {
     }
 
     fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
-        let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
         source.require(
-            !self.name.is_empty() && self.name.len() <= 64 && self.name.chars().all(plain),
+            is_name(&self.name),
             "name",
             &self.name,
             "1 to 64 letters, digits, hyphens or underscores",
@@ -278,6 +287,12 @@ impl Campaign {
             "\"independent\" beside [enrichment], whose designs get more samples a few at a time",
         )
     }
+}
+
+/// Whether a campaign can have this name.
+fn is_name(name: &str) -> bool {
+    let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+    (1..=64).contains(&name.len()) && name.chars().all(plain)
 }
 
 #[cfg(test)]

@@ -102,6 +102,25 @@ impl PairCorrections {
             .map_or(Ok(()), |um| amount("corrections.crowning_um", um))
     }
 
+    /// The section of a pair with these corrections; none for flanks as the tools leave them.
+    #[must_use]
+    pub fn of_gear(corrections: &gear::Corrections) -> Option<Self> {
+        if *corrections == gear::Corrections::default() {
+            return None;
+        }
+        let relief = corrections.tip_relief;
+        let given = relief.iter().flatten().next();
+        let of = |value: fn(gear::TipRelief) -> f64| {
+            given.map(|_| relief.map(|relief| relief.map_or(0.0, value)))
+        };
+        Some(Self {
+            tip_relief_um: of(|relief| 1e3 * relief.amount),
+            tip_relief_length_mm: of(|relief| relief.length),
+            tip_relief_shape: given.map(|relief| relief.shape.to_string()),
+            crowning_um: Some(1e3 * corrections.crowning).filter(|crowning| *crowning > 0.0),
+        })
+    }
+
     /// The simulator's corrections, in mm.
     ///
     /// # Panics
