@@ -295,6 +295,38 @@ fn init_writes_a_file_that_check_accepts() {
 }
 
 #[test]
+fn a_new_users_pair_is_designed_in_four_commands() {
+    let sandbox = Sandbox::new();
+    for command in [
+        &["init", "my.toml"][..],
+        &["run", "my.toml", "--db", "my.db", "--out", "report"],
+        &["corrections", "my.toml", "--out", "corrections"],
+        &["simulate", "--pair", "corrections/pair-tip-relief.toml"],
+    ] {
+        assert_code(&sandbox.coordinator(command), 0);
+    }
+    let simulate = |pair: &str| {
+        let samples = ["--wear", "random", "--samples", "500", "--json"];
+        let output = sandbox.coordinator(&[&["simulate", "--pair", pair], &samples[..]].concat());
+        assert_code(&output, 0);
+        let simulation: serde_json::Value = serde_json::from_str(&printed(&output)).unwrap();
+        assert_eq!(simulation["feasible"], true, "{simulation}");
+        let centre_distance = simulation["centre_distance_mm"].as_f64().unwrap();
+        assert!(
+            (centre_distance - 109.293).abs() < 1e-9,
+            "{centre_distance}"
+        );
+        assert_eq!(simulation["normal_module_mm"], 3.0);
+        simulation["p90_um"].as_f64().unwrap()
+    };
+    let relieved = simulate("corrections/pair-tip-relief.toml");
+    let bare = simulate("corrections/pair-none.toml");
+    assert!(relieved < 0.5 * bare, "{relieved} against {bare}");
+    let report = std::fs::read_to_string(sandbox.path("report/report.html")).unwrap();
+    assert!(report.contains("– further limits") && report.contains("pinion tip land = "));
+}
+
+#[test]
 fn an_interrupted_campaign_can_be_looked_at() {
     let sandbox = Sandbox::new();
     let file = sandbox.campaign("quick.toml", &[]);

@@ -81,6 +81,15 @@ fn ishigamis_percentile_is_least_where_its_formula_says() {
     ];
     let refused = sandbox.coordinator(&pair);
     assert_eq!(refused.status.code(), Some(1), "{}", errors(&refused));
+    for study in ["pareto", "sensitivity"] {
+        let refused = sandbox.coordinator(&[study, &file, "--db", "i.db"]);
+        assert_code(&refused, 2);
+        let said = errors(&refused);
+        assert!(
+            said.contains("this command is for campaigns of gears"),
+            "{said}"
+        );
+    }
 }
 
 #[test]

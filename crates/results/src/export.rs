@@ -11,6 +11,7 @@ use stages::optima::{self, approach_of, optimum_design};
 use stages::rounds::Round;
 use store::Store;
 
+use crate::converged::difference_um;
 use crate::model;
 use crate::rows::{Format, RowWriter};
 
@@ -266,6 +267,8 @@ async fn optima<W: Write>(
     let mut header = vec!["approach"];
     header.extend(variables.iter().map(|variable| &*variable.name));
     header.extend(["criterion_um", "p90_um", "p90_low_um", "p90_high_um"]);
+    let has_grid = problem.gears().is_some();
+    header.extend(has_grid.then_some("p90_converged_difference_um"));
     header.extend(criteria.iter().map(|criterion| &*criterion.name));
     header.extend(["feasible", "simulator_calls", "cpu_seconds"]);
     out.write_record(&header)?;
@@ -289,10 +292,14 @@ async fn optima<W: Write>(
             Some(design) => record.extend(design.values().iter().copied().map(number)),
             None => record.extend(blanks(variables.len())),
         }
-        record.push(optional(design.map(|_| row.criterion_um)));
+        record.push(optional(design.as_ref().map(|_| row.criterion_um)));
         record.push(optional(percentile.map(|percentile| percentile.p90)));
         record.push(optional(interval.map(|(low, _)| low)));
         record.push(optional(interval.map(|(_, high)| high)));
+        if has_grid {
+            let difference = design.and_then(|design| difference_um(problem, &design));
+            record.push(optional(difference));
+        }
         match found {
             Some(found) => record.extend(found.values().iter().copied().map(number)),
             None => record.extend(blanks(criteria.len())),

@@ -9,6 +9,7 @@
 //! - [`mod@percentile`] estimates P90 with its interval from fresh samples.
 
 pub mod comparing;
+mod converged;
 pub mod describing;
 pub mod export;
 pub mod live;

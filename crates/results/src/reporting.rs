@@ -1,7 +1,6 @@
 //! From the store to the report.
 
 mod choice;
-mod converged;
 mod enrichment;
 mod facts;
 mod notes;

@@ -287,7 +287,7 @@ mod tests {
             assert_eq!(p90.samples, 60);
             assert!(p90.low_um < p90.value_um && p90.value_um < p90.high_um);
         }
-        let rows = [without, with];
+        let rows = [without.clone(), with.clone()];
         let folder = tempfile::tempdir().unwrap();
         write_tables(folder.path(), problem.campaign(), &rows).unwrap();
         for (name, (found, _)) in [("none", bare), ("tip-relief", corrected)] {

@@ -26,6 +26,28 @@ pub fn require_built_in(campaign: &Campaign) -> Result<(), External> {
     Ok(())
 }
 
+/// A study of gears was asked for another campaign.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("campaign {campaign} has kind = \"external\": this command is for campaigns of gears")]
+pub struct NoGears {
+    /// The campaign's name.
+    pub campaign: String,
+}
+
+/// Refuses campaigns that design no gears.
+///
+/// # Errors
+///
+/// The campaign is of another kind.
+pub fn require_gears(campaign: &Campaign) -> Result<(), NoGears> {
+    match campaign.gears() {
+        Some(_) => Ok(()),
+        None => Err(NoGears {
+            campaign: campaign.name.clone(),
+        }),
+    }
+}
+
 /// The campaign of a store is not as far as a study needs it.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(

@@ -1,15 +1,19 @@
-//! Simulators from elsewhere: programs that answer one line of JSON for each line they are asked.
+//! Simulators from elsewhere: programs that answer one line of JSON for each line they are asked, or
+//! read and write files.
 //!
 //! A slot keeps a process over many requests. A process that dies, answers nonsense or takes too
 //! long fails the job that asked, and the next job gets a new one. `campaigns/external/README.md`
 //! describes the protocol for whoever writes such a program.
 
+mod files;
 mod messages;
 mod process;
+mod program;
 #[cfg(test)]
 mod tests;
 
 use std::cell::{Cell, RefCell};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
@@ -24,8 +28,9 @@ use serde_json::{Map, Value};
 use stats::streams::StreamRng;
 
 use crate::error::Error;
+pub use files::FileMode;
 use messages::{Answer, Described, Numbers};
-use process::Process;
+use program::Program;
 
 /// How long a program may take to get ready, at least.
 const START: Duration = Duration::from_secs(30);
@@ -39,15 +44,25 @@ pub struct SimulatorArguments {
     /// How many seconds the external simulator may take for one answer
     #[arg(long, value_name = "SECONDS", default_value = "600", value_parser = seconds)]
     exec_timeout: Duration,
+    /// The file that the external simulator reads, with {name} for each variable and {seed}: it is asked
+    /// through files instead of lines, a run for each question in a folder of its own ($OLDPWD is this one)
+    #[arg(long, value_name = "FILE", requires_all = ["exec", "result"])]
+    template: Option<PathBuf>,
+    /// The file that it leaves: lines of name = value, or a JSON object
+    #[arg(long, value_name = "NAME", requires = "template")]
+    result: Option<PathBuf>,
 }
 
 impl SimulatorArguments {
     /// The external simulator, if there is one.
     #[must_use]
     pub fn exec(&self) -> Option<Exec> {
-        let timeout = self.exec_timeout;
-        let command = self.exec.clone();
-        command.map(|command| Exec { command, timeout })
+        let files = self.template.clone().zip(self.result.clone());
+        self.exec.clone().map(|command| Exec {
+            command,
+            timeout: self.exec_timeout,
+            files: files.map(|(template, result)| FileMode { template, result }),
+        })
     }
 }
 
@@ -68,6 +83,8 @@ pub struct Exec {
     pub command: String,
     /// How long one answer may take.
     pub timeout: Duration,
+    /// The files through which it is asked; none where it answers lines.
+    pub files: Option<FileMode>,
 }
 
 /// What simulates the designs of one campaign on this worker.
@@ -83,7 +100,7 @@ pub(crate) enum Backend {
 #[derive(Debug)]
 pub(crate) struct Programs {
     exec: Exec,
-    idle: Mutex<Vec<Process>>,
+    idle: Mutex<Vec<Program>>,
     /// What the first process called itself; the others must be the same program.
     version: OnceLock<String>,
     stop: Arc<AtomicBool>,
@@ -160,12 +177,12 @@ impl Backend {
         }
     }
 
-    /// Whether [`Self::stop`] was called.
     /// Whether a program is asked.
     pub(crate) const fn is_external(&self) -> bool {
         matches!(self, Self::External(_))
     }
 
+    /// Whether [`Self::stop`] was called.
     pub(crate) fn is_stopped(&self) -> bool {
         matches!(self, Self::External(programs) if programs.stop.load(Ordering::Relaxed))
     }
@@ -196,7 +213,7 @@ impl Programs {
         }
     }
 
-    fn idle(&self) -> std::sync::MutexGuard<'_, Vec<Process>> {
+    fn idle(&self) -> std::sync::MutexGuard<'_, Vec<Program>> {
         // A list of processes is never half changed.
         self.idle.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -208,7 +225,7 @@ struct Session<'a> {
     programs: &'a Programs,
     problem: &'a Problem,
     /// Taken out while it is asked, so that what goes wrong there ends it.
-    process: RefCell<Option<Process>>,
+    process: RefCell<Option<Program>>,
     /// Numbers the requests.
     requests: Cell<u64>,
     waited: Cell<Duration>,
@@ -228,7 +245,7 @@ impl Session<'_> {
             }
         }
         let stop = Arc::clone(&self.programs.stop);
-        let process = Process::start(&self.programs.exec.command, stop)?;
+        let process = Program::start(&self.programs.exec, stop)?;
         *self.process.borrow_mut() = Some(process);
         let request = messages::describe(self.problem)?;
         let timeout = self.programs.exec.timeout.max(START);

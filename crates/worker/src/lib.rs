@@ -13,5 +13,5 @@ mod held;
 mod work;
 
 pub use error::Error;
-pub use exec::{Exec, SimulatorArguments};
+pub use exec::{Exec, FileMode, SimulatorArguments};
 pub use work::{Options, Summary, Worker};

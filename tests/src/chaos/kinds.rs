@@ -85,7 +85,7 @@ impl Kind {
                 let section = "\n[enrichment]\ncriterion = \"expected-quantile-improvement\"\n\
                                samples = 600000\nrounds = 3\npoints_per_round = 4\n\
                                samples_per_point = 25000\ntolerance_um = 0.001\n";
-                vec![small_campaign(60, 1000) + section]
+                vec![bounds(small_campaign(60, 1000) + section, is_even)]
             }
             Self::Grown => {
                 let grown = |designs, samples| {
@@ -110,6 +110,28 @@ fn law(shipped: String, is_shipped: bool) -> String {
     let text = change(&shipped, "\"whole-face-beam\"", "\"hertz-beam\"");
     let text = change(&text, "law = \"signed\"", "law = \"archard\"");
     change(&text, "coefficient_per_mpa = 3.5e-7", "max_depth_um = 3.5")
+}
+
+/// Either the shipped bounds and limits, or some of every other form.
+fn bounds(shipped: String, is_shipped: bool) -> String {
+    if is_shipped {
+        return shipped;
+    }
+    let text = change(
+        &shipped,
+        "\nprofile_shift = [-1.0, 2.0]",
+        "\nprofile_shift = { pinion = [-0.5, 1.5], mate = 0.3 }",
+    );
+    let text = change(
+        &text,
+        "\ntool_dedendum = [0.8, 1.7] ",
+        "\ntool_dedendum = { pinion = [0.8, 1.3], mate = \"tied\" } ",
+    );
+    change(
+        &text,
+        "\nspecific_sliding_max = 2.0",
+        "\nspecific_sliding_max = 3.0\ntip_land_min_modules = 0.1\nflank_safety_min = 0.5",
+    )
 }
 
 /// Either the shipped model and restarts, or others.

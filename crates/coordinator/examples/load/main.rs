@@ -217,6 +217,7 @@ async fn work(arguments: &[String]) -> anyhow::Result<()> {
         exec: rest.first().map(|command| Exec {
             command: command.clone(),
             timeout: Duration::from_secs(60),
+            files: None,
         }),
         host: format!("load:{}", std::process::id()),
         connect_timeout: Duration::from_secs(30),

@@ -9,7 +9,7 @@ use coordinator::server::{self, Outcome, Plan};
 use coordinator::study;
 use protocol::exit;
 use store::Store;
-use studies::refusal::require_built_in;
+use studies::refusal::{require_built_in, require_gears};
 use studies::simulations::Simulations;
 use studies::table::Written;
 use studies::{corrections, finished, pareto, sensitivity, sweep};
@@ -232,8 +232,11 @@ fn usage(error: impl std::fmt::Display) -> Usage {
     Usage(error.to_string())
 }
 
+/// The campaign of a file. All studies are of gears.
 fn parse(file: &Path) -> anyhow::Result<Campaign> {
-    Ok(Campaign::parse(&file.display().to_string(), &read(file)?)?)
+    let campaign = Campaign::parse(&file.display().to_string(), &read(file)?)?;
+    require_gears(&campaign).map_err(usage)?;
+    Ok(campaign)
 }
 
 fn folder(out: Option<PathBuf>, campaign: &Campaign, what: &str) -> PathBuf {

@@ -12,9 +12,9 @@ use report::{
 use stages::optima::{approach_of, optimum_design};
 use store::OptimumRow;
 
-use super::converged;
 use super::problem::limited;
 use super::sources::Sources;
+use crate::converged::difference_um;
 use crate::percentile::percentile;
 
 /// Points on each flank of a drawn gear.
@@ -102,10 +102,7 @@ fn optimum(
         variables: design.gears().values(),
         criterion_um: row.criterion_um,
         p90: percentile(samples),
-        converged_difference_um: pair
-            .is_some()
-            .then(|| converged::difference_um(&sources.problem, design))
-            .flatten(),
+        converged_difference_um: difference_um(&sources.problem, design),
         constraints: Constraints {
             contact_ratio: criteria.contact_ratio,
             specific_slip: criteria.specific_sliding,

@@ -8,7 +8,7 @@ use serde::de::DeserializeOwned;
 use serde_json::{Map, Value, json};
 
 /// The version of this protocol, which both sides name at the start.
-const PROTOCOL: u32 = 2;
+pub(super) const PROTOCOL: u32 = 2;
 
 /// The longest reason that is kept, bytes.
 const MAX_SENTENCE: usize = 2000;

@@ -295,7 +295,7 @@ impl Process {
     }
 
     /// Ends the group, and says why, what was asked and what the standard error held last.
-    fn obituary(&mut self, why: &str, line: &str) -> String {
+    pub(super) fn obituary(&mut self, why: &str, line: &str) -> String {
         // The status is told where it matters.
         let _ = self.end();
         // Everything that was written is in the pipe now; 16 rounds of the drain empty any pipe.

@@ -99,6 +99,11 @@ fn the_shipped_files_are_valid() {
     assert!(paper.warnings().is_empty());
     let wear = Campaign::parse("wear.toml", Campaign::WEAR).unwrap();
     assert!(wear.warnings().is_empty());
+    let pair = Campaign::parse("pair.toml", Campaign::PAIR).unwrap();
+    assert!(pair.warnings().is_empty());
+    let named = |name| Campaign::parse("c.toml", &Campaign::pair_named(name)).unwrap();
+    assert_eq!(named("gearbox-2").name, "gearbox-2");
+    assert_eq!(named("no name").name, "pair");
     let quick = include_str!("../../../../../campaigns/quick.toml");
     let quick = Campaign::parse("quick.toml", quick).unwrap();
     assert_eq!(quick.doe.designs, 150);

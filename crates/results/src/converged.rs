@@ -10,9 +10,11 @@ const SAMPLES: u64 = 100;
 /// Relative change of ΔSTE at which a grid counts as converged.
 const TOLERANCE: f64 = 1e-5;
 
-/// P90 on the converged grid less P90 on the campaign's grid, µm. None if the design cannot be simulated.
-pub(super) fn difference_um(problem: &Problem, design: &Design) -> Option<f64> {
-    let gears = problem.gears()?;
+/// P90 on the converged grid less P90 on the campaign's grid, µm. None if the built-in model cannot
+/// simulate the design, or is not what simulates the campaign.
+pub(crate) fn difference_um(problem: &Problem, design: &Design) -> Option<f64> {
+    let built_in = !problem.campaign().is_external();
+    let gears = problem.gears().filter(|_| built_in)?;
     let wear = gears.wear();
     let coarse = gears.pair(design).ok()?;
     let fine = Pair::converged(&gears.pair_input(design), wear, TOLERANCE).ok()?;

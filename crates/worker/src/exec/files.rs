@@ -1,0 +1,349 @@
+//! Programs that read a file and write a file: for each question a folder of its own with the template
+//! filled in, a run of the command in it, and the numbers of the file that it leaves.
+//!
+//! To the rest of [`exec`](super) it answers the lines that a program would answer.
+
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+use serde::Deserialize;
+use serde_json::{Map, Value, json};
+use sha2::{Digest as _, Sha256};
+
+use super::messages::{Numbers, PROTOCOL};
+use super::process::Process;
+
+/// The place of a sample's seed in a template.
+const SEED: &str = "seed";
+
+/// The files of a program that is asked through files.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FileMode {
+    /// What the program reads, with `{name}` in the place of each variable and `{seed}`.
+    pub template: PathBuf,
+    /// The name of the file that it writes.
+    pub result: PathBuf,
+}
+
+/// A program that is run for each question.
+#[derive(Debug)]
+pub(super) struct Files {
+    command: String,
+    /// The text of the template, and the name of its file.
+    template: (String, OsString),
+    result: PathBuf,
+    /// What the campaign calls the response that is sampled.
+    sampled: String,
+    stop: Arc<AtomicBool>,
+}
+
+/// What [`messages`](super::messages) asks.
+#[derive(Deserialize)]
+#[serde(tag = "request", rename_all = "kebab-case")]
+enum Request {
+    Describe {
+        id: u64,
+        variables: Vec<String>,
+        sampled: String,
+    },
+    Evaluate {
+        id: u64,
+        design: Numbers,
+        responses: Vec<String>,
+    },
+    Sample {
+        id: u64,
+        design: Numbers,
+        seed: [u32; 4],
+    },
+}
+
+/// What a file of results says.
+#[derive(Debug, PartialEq)]
+enum Results {
+    Numbers(Numbers),
+    /// The design cannot be simulated: a short name and a sentence.
+    Refused(String),
+}
+
+impl Files {
+    /// A program that runs as `sh -c command`.
+    ///
+    /// # Errors
+    ///
+    /// The template cannot be read.
+    pub(super) fn new(
+        command: &str,
+        files: &FileMode,
+        stop: Arc<AtomicBool>,
+    ) -> Result<Self, String> {
+        let path = &files.template;
+        let cannot = |why: &dyn std::fmt::Display| format!("template {}: {why}", path.display());
+        let text = fs::read_to_string(path).map_err(|error| cannot(&error))?;
+        let name = path.file_name().ok_or_else(|| cannot(&"has no name"))?;
+        Ok(Self {
+            command: command.to_owned(),
+            template: (text, name.to_owned()),
+            result: files.result.clone(),
+            sampled: String::new(),
+            stop,
+        })
+    }
+
+    /// Answers a line.
+    ///
+    /// # Errors
+    ///
+    /// A sentence. If the program was run, the folder of the run is kept and named.
+    pub(super) fn ask(&mut self, line: &str, timeout: Duration) -> Result<Vec<u8>, String> {
+        let request = serde_json::from_str(line).map_err(|error| error.to_string())?;
+        let (id, mut answer) = match request {
+            Request::Describe {
+                id,
+                variables,
+                sampled,
+            } => {
+                self.sampled = sampled;
+                (id, self.describe(variables)?)
+            }
+            Request::Evaluate {
+                id,
+                design,
+                responses,
+            } => (id, self.run(&design, 0, &responses, timeout)?),
+            Request::Sample { id, design, seed } => {
+                let wanted = [self.sampled.clone()];
+                (id, self.run(&design, small(seed), &wanted, timeout)?)
+            }
+        };
+        answer.insert("id".to_owned(), id.into());
+        Ok(Value::Object(answer).to_string().into_bytes())
+    }
+
+    /// Every name must have its place in the template: one that is misspelt there would stay as it is.
+    fn describe(&self, variables: Vec<String>) -> Result<Map<String, Value>, String> {
+        let (text, name) = &self.template;
+        let names = variables.iter().map(String::as_str).chain([SEED]);
+        let lacks = names.into_iter().find(|name| !text.contains(&place(name)));
+        if let Some(lacks) = lacks {
+            let what = match lacks {
+                SEED => "the place of a sample's seed, 0 for the response without random effects",
+                _ => "the place of a variable of the campaign",
+            };
+            let file = Path::new(name).display();
+            return Err(format!("the template {file} has no {{{lacks}}}, {what}"));
+        }
+        let result = self.result.as_os_str().as_encoded_bytes();
+        let parts = [self.command.as_bytes(), text.as_bytes(), result].concat();
+        let digest: String = Sha256::digest(parts)
+            .iter()
+            .take(8)
+            .map(|byte| format!("{byte:02x}"))
+            .collect();
+        Ok(Map::from_iter([
+            ("protocol".to_owned(), PROTOCOL.into()),
+            ("version".to_owned(), format!("files {digest}").into()),
+        ]))
+    }
+
+    /// Runs the program for a design, and answers with the numbers that are `wanted`.
+    fn run(
+        &self,
+        design: &Numbers,
+        seed: u32,
+        wanted: &[String],
+        timeout: Duration,
+    ) -> Result<Map<String, Value>, String> {
+        let folder = tempfile::Builder::new().prefix("pitchline-").tempdir();
+        let folder = folder.map_err(|error| format!("no folder can be made: {error}"))?;
+        self.run_in(folder.path(), design, seed, wanted, timeout)
+            .map_err(|why| {
+                let kept = folder.keep();
+                format!(
+                    "{why}\nthe files of this run are kept in {}",
+                    kept.display()
+                )
+            })
+    }
+
+    fn run_in(
+        &self,
+        folder: &Path,
+        design: &Numbers,
+        seed: u32,
+        wanted: &[String],
+        timeout: Duration,
+    ) -> Result<Map<String, Value>, String> {
+        let (template, name) = &self.template;
+        let mut filled = template.replace(&place(SEED), &seed.to_string());
+        for (name, value) in design {
+            filled = filled.replace(&place(name), &format!("{value:?}"));
+        }
+        fs::write(folder.join(name), filled)
+            .map_err(|error| format!("the filled template cannot be written: {error}"))?;
+        self.execute(folder, timeout)?;
+        let file = self.result.display();
+        let text = fs::read_to_string(folder.join(&self.result))
+            .map_err(|error| format!("the command has left no readable {file}: {error}"))?;
+        let numbers = match results(&text).map_err(|why| format!("{file}{why}"))? {
+            Results::Refused(reason) => {
+                return Ok(Map::from_iter([("refused".to_owned(), reason.into())]));
+            }
+            Results::Numbers(numbers) => numbers,
+        };
+        let number = |name: &String| match numbers.get(name) {
+            Some(number) if number.is_finite() => Ok((name.clone(), json!(number))),
+            Some(number) => Err(format!("{file}: {name} is {number}, which is no number")),
+            None => {
+                let names: Vec<&str> = numbers.keys().map(String::as_str).collect();
+                Err(format!(
+                    "{file} has no {name:?}; it has: {}",
+                    names.join(", ")
+                ))
+            }
+        };
+        wanted.iter().map(number).collect()
+    }
+
+    /// Runs the command in `folder` to its end. What it prints is what an error quotes.
+    fn execute(&self, folder: &Path, timeout: Duration) -> Result<(), String> {
+        let quoted = folder.display().to_string().replace('\'', r"'\''");
+        // The last line of a command may be a comment.
+        let command = format!(
+            "cd '{quoted}' && (\n{}\n) </dev/null >&2; echo $?",
+            self.command
+        );
+        let mut process = Process::start(&command, Arc::clone(&self.stop))?;
+        let asked = format!("{} in {}", self.command, folder.display());
+        match &process.ask("", timeout)?[..] {
+            b"0" => Ok(()),
+            status => {
+                let status = String::from_utf8_lossy(status).into_owned();
+                Err(process.obituary(&format!("ended with status {status}"), &asked))
+            }
+        }
+    }
+}
+
+fn place(name: &str) -> String {
+    format!("{{{name}}}")
+}
+
+/// A seed that every program can take: from 1 to 2³¹ − 1.
+fn small(seed: [u32; 4]) -> u32 {
+    let mixed = seed.into_iter().fold(0, |mixed: u64, word| {
+        (mixed.rotate_left(32) ^ u64::from(word)).wrapping_mul(0x9e37_79b9_7f4a_7c15)
+    });
+    // The product's upper bits depend on all bits of the seed.
+    1 + ((mixed >> 33) as u32) % (i32::MAX as u32)
+}
+
+/// Reads lines of `name = value`, or a JSON object.
+///
+/// # Errors
+///
+/// What follows the file's name in a sentence: where what is wrong.
+fn results(text: &str) -> Result<Results, String> {
+    const REFUSED: &str = "refused";
+    if text.trim_start().starts_with('{') {
+        let mut object: Map<String, Value> =
+            serde_json::from_str(text).map_err(|error| format!(" is no JSON object: {error}"))?;
+        if let Some(Value::String(reason)) = object.remove(REFUSED) {
+            return Ok(Results::Refused(reason));
+        }
+        let number = |(name, value): (String, Value)| match value.as_f64() {
+            Some(number) => Ok((name, number)),
+            None => Err(format!(": {name} is {value}, which is no number")),
+        };
+        return object
+            .into_iter()
+            .map(number)
+            .collect::<Result<_, _>>()
+            .map(Results::Numbers);
+    }
+    let mut numbers = BTreeMap::new();
+    for (number, line) in text.lines().enumerate() {
+        let line = line.trim();
+        if line.is_empty() || line.starts_with('#') {
+            continue;
+        }
+        let parsed = line.split_once('=').and_then(|(name, value)| {
+            let (name, value) = (name.trim(), value.trim());
+            if name == REFUSED {
+                return Some(Err(value.to_owned()));
+            }
+            // Fortran writes 1.0D-3.
+            let number = value.replace(['D', 'd'], "e").parse().ok()?;
+            Some(Ok((name.to_owned(), number)))
+        });
+        match parsed {
+            Some(Ok((name, value))) => {
+                numbers.insert(name, value);
+            }
+            Some(Err(reason)) => return Ok(Results::Refused(reason)),
+            None => {
+                let line_number = number + 1;
+                return Err(format!(
+                    ", line {line_number}: {line:?} is not of the form name = number"
+                ));
+            }
+        }
+    }
+    Ok(Results::Numbers(numbers))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_are_lines_or_an_object() {
+        let numbers = |pairs: &[(&str, f64)]| {
+            let pairs = pairs
+                .iter()
+                .map(|(name, value)| ((*name).to_owned(), *value));
+            Ok(Results::Numbers(pairs.collect()))
+        };
+        let refused = Ok(Results::Refused("no-mesh: it tears".to_owned()));
+        assert_eq!(
+            results("# a comment\n\n y = 1.5\nz=-2.0D-3\n"),
+            numbers(&[("y", 1.5), ("z", -2e-3)])
+        );
+        assert_eq!(results(" {\"y\": 3}"), numbers(&[("y", 3.0)]));
+        assert_eq!(results("refused = no-mesh: it tears"), refused);
+        assert_eq!(results("{\"refused\": \"no-mesh: it tears\"}"), refused);
+        for (text, why) in [
+            ("y = 1\nz 2", ", line 2: \"z 2\" is not of the form"),
+            ("y = one", ", line 1: "),
+            ("{\"y\": \"one\"}", ": y is \"one\", which is no number"),
+            ("{\"y\": ", " is no JSON object: EOF"),
+        ] {
+            let error = results(text).unwrap_err();
+            assert!(error.starts_with(why), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn every_word_of_a_seed_counts() {
+        let seeds: std::collections::BTreeSet<u32> = (0..4_u32)
+            .flat_map(|word| (0..1000_u32).map(move |value| (word, value)))
+            .filter(|(word, value)| *word == 0 || *value > 0)
+            .map(|(word, value)| {
+                let mut seed = [0; 4];
+                seed[word as usize] = value;
+                small(seed)
+            })
+            .collect();
+        assert_eq!(seeds.len(), 3997);
+        assert!(
+            seeds
+                .iter()
+                .all(|seed| (1..=i32::MAX as u32).contains(seed))
+        );
+    }
+}
