@@ -123,13 +123,8 @@ pub fn fit(data: &Data<'_>, options: &FitOptions) -> Result<Model, Error> {
     warnings.extend(search.few_points(distinct));
     let found = search.run()?;
     let of_search = search.warnings(&found);
-    if options.refuse_no_structure
-        && let Some((gain, needed)) = of_search.iter().find_map(|warning| match warning {
-            Warning::NoStructure { gain, needed } => Some((*gain, *needed)),
-            _ => None,
-        })
-    {
-        return Err(Error::NoStructure { gain, needed });
+    if options.refuse_no_structure {
+        report::check_structure(&of_search)?;
     }
     warnings.extend(of_search);
     let at = &found.outcome.at;

@@ -72,14 +72,15 @@ impl Model {
         parameters: Parameters,
         jitter: f64,
     ) -> Result<Self, Error> {
-        let mut model = Self::assemble(kernel, trend, points, parameters, jitter);
-        let (solved, used) = model.try_solve()?;
-        if used > jitter {
-            model.jitter = used;
-        }
+        Self::assemble(kernel, trend, points, parameters, jitter).factorised()
+    }
 
-        model.estimate_trend(solved);
-        model.checked()
+    /// Factorises C, with more jitter if needed, and estimates the trend and the weights.
+    pub(crate) fn factorised(mut self) -> Result<Self, Error> {
+        let (solved, used) = self.try_solve()?;
+        self.jitter = used;
+        self.estimate_trend(solved);
+        self.checked()
     }
 
     /// The model, if all it predicts with are numbers.

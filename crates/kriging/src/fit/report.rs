@@ -2,9 +2,9 @@
 
 use super::stages::{Found, SCREENING};
 use super::starts::Search;
-use crate::Warning;
 use crate::data::scaled::Scaled;
 use crate::likelihood::white_noise;
+use crate::{Error, Warning};
 
 /// A parameter whose logarithm is this close to a bound has ended there: more than the first step off a
 /// bound, far less than anything a prediction would show.
@@ -31,6 +31,15 @@ pub(crate) fn no_structure(data: &Scaled, value: f64, needed: usize) -> Option<W
     let gain = white_noise(data) - value;
     let needed = needed as f64;
     (gain < needed).then_some(Warning::NoStructure { gain, needed })
+}
+
+/// [`Error::NoStructure`] if one of the warnings is of that.
+pub(crate) fn check_structure(warnings: &[Warning]) -> Result<(), Error> {
+    let refused = warnings.iter().find_map(|warning| match *warning {
+        Warning::NoStructure { gain, needed } => Some(Error::NoStructure { gain, needed }),
+        _ => None,
+    });
+    refused.map_or(Ok(()), Err)
 }
 
 /// A search's box, for what ended at its sides.

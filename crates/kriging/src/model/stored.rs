@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::data::Points;
+use crate::error::{check_finite, check_length, check_noise};
 use crate::kernel::Kernel;
 use crate::likelihood::gls::Trend;
 use crate::model::{Model, Parameters};
@@ -159,11 +160,8 @@ impl StoredVecchia {
         let mut read = Vecchia::assemble(kernel, points, parameters, nll, neighbours);
         read.calibration = calibration;
         read.warnings = warnings;
-        if read.coordinates.are_finite() {
-            Ok(read)
-        } else {
-            Err(Error::Extent { what: "x" })
-        }
+        read.coordinates.check()?;
+        Ok(read)
     }
 }
 
@@ -232,9 +230,7 @@ impl Stored {
         model.warnings = warnings;
         model.nll = nll;
         model.calibration = calibration;
-        if !model.coordinates.are_finite() {
-            return Err(Error::Extent { what: "x" });
-        }
+        model.coordinates.check()?;
         if !model.determines_trend() {
             return Err(Error::Trend {
                 distinct: model.points(),
@@ -251,47 +247,20 @@ impl Stored {
             return Err(Error::TooFewPoints { distinct: n });
         }
         let slopes = if self.trend.is_constant() { 0 } else { d };
-        let shapes = [
-            ("slopes", slopes, self.slopes.len()),
-            ("x", n.checked_mul(d).unwrap_or(0), self.x.len()),
-            ("ranges", d, self.ranges.len()),
-            ("noise variance", n, self.noise_variance.len()),
-            ("weights", weights, self.weights.len()),
-            ("first observation", n, self.first_observation.len()),
-        ];
-        for (what, expected, got) in shapes {
-            if got != expected {
-                return Err(Error::Shape {
-                    what,
-                    expected,
-                    got,
-                });
-            }
-        }
+        check_length("slopes", slopes, self.slopes.len())?;
+        check_length("x", n.checked_mul(d).unwrap_or(0), self.x.len())?;
+        check_length("ranges", d, self.ranges.len())?;
+        check_length("noise variance", n, self.noise_variance.len())?;
+        check_length("weights", weights, self.weights.len())?;
+        check_length("first observation", n, self.first_observation.len())?;
         let ranges: Vec<f64> = self.ranges.iter().map(|r| r.unwrap_or(1.0)).collect();
-        let numbers = [
-            ("x", &self.x),
-            ("y", &self.y),
-            ("ranges", &ranges),
-            ("noise variance", &self.noise_variance),
-            ("weights", &self.weights),
-            ("slopes", &self.slopes),
-        ];
-        for (what, values) in numbers {
-            if let Some(index) = values.iter().position(|v| !v.is_finite()) {
-                return Err(Error::NonFinite {
-                    what,
-                    index,
-                    value: values[index],
-                });
-            }
-        }
-        if let Some(index) = self.noise_variance.iter().position(|v| *v < 0.0) {
-            return Err(Error::NegativeNoise {
-                index,
-                value: self.noise_variance[index],
-            });
-        }
+        check_finite("x", &self.x)?;
+        check_finite("y", &self.y)?;
+        check_finite("ranges", &ranges)?;
+        check_finite("noise variance", &self.noise_variance)?;
+        check_finite("weights", &self.weights)?;
+        check_finite("slopes", &self.slopes)?;
+        check_noise(&self.noise_variance)?;
         let conditions = [
             ("sigma2", self.sigma2, self.sigma2 > 0.0),
             ("jitter", self.jitter, (0.0..=1.0).contains(&self.jitter)),
@@ -303,11 +272,9 @@ impl Stored {
                 return Err(Error::OutOfRange { what, value });
             }
         }
-        match ranges.iter().find(|r| **r <= 0.0) {
-            Some(&value) => Err(Error::OutOfRange {
-                what: "ranges",
-                value,
-            }),
+        let what = "ranges";
+        match ranges.into_iter().find(|r| *r <= 0.0) {
+            Some(value) => Err(Error::OutOfRange { what, value }),
             None => Ok(()),
         }
     }

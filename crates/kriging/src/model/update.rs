@@ -3,6 +3,7 @@
 use super::{Model, Solved};
 use crate::data::scaled::Scaled;
 use crate::data::{Points, contradiction, keep, merge};
+use crate::error::check_length;
 use crate::likelihood::{noise_ratio, point};
 use crate::linalg::{Lower, Spd};
 use crate::{Data, Error, Warning};
@@ -26,13 +27,7 @@ impl Model {
     /// coordinates than the model.
     pub fn with_points(&self, data: &Data<'_>) -> Result<Self, Error> {
         let d = self.points.d;
-        if data.d != d {
-            return Err(Error::Shape {
-                what: "every point",
-                expected: d,
-                got: data.d,
-            });
-        }
+        check_length("every point", d, data.d)?;
         // The nugget belongs to every observation, so they are not merged.
         let apart = self.has_nugget();
         let (mut new, warnings) = if apart { keep(data)? } else { merge(data)? };
@@ -130,25 +125,13 @@ impl Model {
         let mut model = Self::assemble(self.kernel, self.trend, points, parameters, self.jitter);
         model.calibration = self.calibration;
         model.warnings = warnings;
-        if model.coordinates.are_finite() {
-            Ok(model)
-        } else {
-            Err(Error::Extent { what: "x" })
-        }
+        model.coordinates.check()?;
+        Ok(model)
     }
 
     /// Factorises the whole matrix.
     fn anew(self) -> Result<Self, Error> {
-        let (calibration, warnings) = (self.calibration, self.warnings);
-        let mut model = Self::new(
-            self.kernel,
-            self.trend,
-            self.points,
-            self.parameters,
-            self.jitter,
-        )?;
-        model.calibration = calibration;
-        model.warnings = warnings;
+        let mut model = self.factorised()?;
         model.warnings.extend(model.jitter_warning());
         Ok(model)
     }
