@@ -197,18 +197,17 @@ pub(crate) fn start_from_subset(
     let found = search.run()?;
     let mut warnings = search.at_bounds(&found);
     warnings.extend(search.of_search(&found));
-    let found = found.outcome.at;
-    // A subset too small for a range per coordinate has one for all.
-    let widen = |values: &[f64]| -> Vec<f64> {
-        let mut wide: Vec<f64> = (0..subset.columns.len())
-            .map(|k| values[if search.tied { 0 } else { k }])
-            .collect();
-        wide.push(values[values.len() - 1]);
-        wide
-    };
+    let mut at = found.outcome.at;
+    let ranges = at.len() - 1;
+    if search.tied {
+        // A subset too small for a range per coordinate has one for all.
+        let ln_sigma2 = at[1];
+        at = vec![at[0]; subset.columns.len()];
+        at.push(ln_sigma2);
+    }
     Ok(Start {
-        at: widen(&found),
-        ranges: if search.tied { 1 } else { subset.columns.len() },
+        at,
+        ranges,
         warnings,
     })
 }
