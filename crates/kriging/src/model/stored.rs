@@ -1,5 +1,7 @@
 //! Models as JSON.
 
+use std::mem::take;
+
 use serde::{Deserialize, Serialize};
 
 use crate::data::Points;
@@ -145,23 +147,21 @@ impl Surrogate {
 
 impl StoredVecchia {
     fn into_model(self) -> Result<Vecchia, Error> {
-        let (mut model, neighbours) = (self.model, self.neighbours);
-        if neighbours == 0 || neighbours > model.y.len() {
+        let (mut stored, neighbours) = (self.model, self.neighbours);
+        if neighbours == 0 || neighbours > stored.y.len() {
             return Err(Error::OutOfRange {
                 what: "neighbours",
                 value: neighbours as f64,
             });
         }
-        model.check(0)?;
-        let warnings = std::mem::take(&mut model.warnings);
-        let (kernel, nll) = (model.kernel, model.negative_log_likelihood);
-        let calibration = model.calibration;
-        let (points, parameters) = model.into_parts();
-        let mut read = Vecchia::assemble(kernel, points, parameters, nll, neighbours);
-        read.calibration = calibration;
-        read.warnings = warnings;
-        read.coordinates.check()?;
-        Ok(read)
+        stored.check(0)?;
+        let (points, parameters) = stored.take_parts();
+        let nll = stored.negative_log_likelihood;
+        let mut model = Vecchia::assemble(stored.kernel, points, parameters, nll, neighbours);
+        model.calibration = stored.calibration;
+        model.warnings = stored.warnings;
+        model.coordinates.check()?;
+        Ok(model)
     }
 }
 
@@ -193,7 +193,8 @@ impl Stored {
         }
     }
 
-    fn into_parts(self) -> (Points, Parameters) {
+    /// The points and the parameters, which are then empty here.
+    fn take_parts(&mut self) -> (Points, Parameters) {
         let merged = self.warnings.iter().find_map(|warning| match warning {
             Warning::MergedDuplicates { observations, .. } => Some(*observations),
             _ => None,
@@ -201,10 +202,10 @@ impl Stored {
         let points = Points {
             observations: merged.unwrap_or(self.y.len()),
             d: self.dimensions,
-            x: self.x,
-            y: self.y,
-            noise: self.noise_variance,
-            first: self.first_observation,
+            x: take(&mut self.x),
+            y: take(&mut self.y),
+            noise: take(&mut self.noise_variance),
+            first: take(&mut self.first_observation),
             within: 0.0,
         };
         let ranges = self.ranges.iter();
@@ -212,7 +213,7 @@ impl Stored {
             mu: self.mu,
             sigma2: self.sigma2,
             ranges: ranges.map(|r| r.unwrap_or(f64::INFINITY)).collect(),
-            slopes: self.slopes,
+            slopes: take(&mut self.slopes),
             nugget: self.nugget,
         };
         (points, parameters)
@@ -220,16 +221,12 @@ impl Stored {
 
     fn into_model(mut self) -> Result<Model, Error> {
         self.check(self.y.len())?;
-        let (kernel, trend, jitter) = (self.kernel, self.trend, self.jitter);
-        let (nll, calibration) = (self.negative_log_likelihood, self.calibration);
-        let weights = std::mem::take(&mut self.weights);
-        let warnings = std::mem::take(&mut self.warnings);
-        let (points, parameters) = self.into_parts();
-        let mut model = Model::assemble(kernel, trend, points, parameters, jitter);
-        model.weights = weights;
-        model.warnings = warnings;
-        model.nll = nll;
-        model.calibration = calibration;
+        let (points, parameters) = self.take_parts();
+        let mut model = Model::assemble(self.kernel, self.trend, points, parameters, self.jitter);
+        model.weights = self.weights;
+        model.warnings = self.warnings;
+        model.nll = self.negative_log_likelihood;
+        model.calibration = self.calibration;
         model.coordinates.check()?;
         if !model.determines_trend() {
             return Err(Error::Trend {
