@@ -201,7 +201,7 @@ fn exact(group: &[usize], data: &Data<'_>) -> Option<f64> {
 /// Whether a group's observations contradict each other.
 fn contradicts(group: &[usize], data: &Data<'_>) -> bool {
     let exact = exact(group, data);
-    let centre = exact.unwrap_or_else(|| weighted_mean(group, data, 0.0).y);
+    let centre = exact.unwrap_or_else(|| weighted_mean(group, data, 0.0).0);
     let differing = group.iter().filter(|&&i| data.y[i] != centre);
     let squares = differing.map(|&i| (data.y[i] - centre).powi(2) / data.noise_variance[i]);
     let norm = squares.sum::<f64>().sqrt();
@@ -224,7 +224,7 @@ fn merge_group(group: &[usize], data: &Data<'_>, contradiction: &Contradiction) 
         (false, Some(y)) => return (y, 0.0, 0.0),
         (false, None) => 0.0,
     };
-    let Mean { y, noise } = weighted_mean(group, data, extra);
+    let (y, noise) = weighted_mean(group, data, extra);
     if exact.is_some() {
         return (y, noise, 0.0);
     }
@@ -239,14 +239,8 @@ fn merge_group(group: &[usize], data: &Data<'_>, contradiction: &Contradiction) 
     (y, noise, within - 0.5 * (log_2pi + noise.ln()))
 }
 
-/// A weighted mean and its variance.
-struct Mean {
-    y: f64,
-    noise: f64,
-}
-
-/// The precision-weighted mean of a group whose noise variances, with `extra` added, are positive.
-fn weighted_mean(group: &[usize], data: &Data<'_>, extra: f64) -> Mean {
+/// The precision-weighted mean, and its variance, of a group whose noise variances, with `extra` added, are positive.
+fn weighted_mean(group: &[usize], data: &Data<'_>, extra: f64) -> (f64, f64) {
     // Relative to the smallest variance, so that 1/v cannot overflow.
     let smallest = group
         .iter()
@@ -259,10 +253,7 @@ fn weighted_mean(group: &[usize], data: &Data<'_>, extra: f64) -> Mean {
         precision += weight;
         sum += weight * (data.y[i] - base);
     }
-    Mean {
-        y: base + sum / precision,
-        noise: smallest / precision,
-    }
+    (base + sum / precision, smallest / precision)
 }
 
 fn check(data: &Data<'_>) -> Result<(), Error> {

@@ -150,16 +150,11 @@ impl Model {
     /// The trend's basis at the points, column by column.
     fn basis(&self) -> Vec<f64> {
         let n = self.points.len();
-        let in_extents: Vec<Vec<f64>> = match self.trend {
-            Trend::Constant => Vec::new(),
-            Trend::Linear => (0..self.coordinates.active.len())
-                .map(|k| {
-                    (0..n)
-                        .map(|i| self.basis_at(self.points.row(i), k))
-                        .collect()
-                })
-                .collect(),
+        let column = |k: usize| -> Vec<f64> {
+            let rows = (0..n).map(|i| self.points.row(i));
+            rows.map(|x| self.basis_at(x, k)).collect()
         };
+        let in_extents: Vec<Vec<f64>> = (0..self.coordinates.active.len()).map(column).collect();
         self.trend.basis(&in_extents, n, 0.0)
     }
 

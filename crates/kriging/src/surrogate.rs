@@ -110,11 +110,7 @@ impl Surrogate {
     /// and the settings ask for a linear trend or a nugget; [`Error::Logarithm`] for the logarithm of an
     /// observation that is not positive.
     pub fn fit(data: &Data<'_>, settings: &Settings) -> Result<Self, Error> {
-        let Settings {
-            fit: options,
-            method,
-            response,
-        } = settings;
+        let response = settings.response;
         let logarithms = match response {
             Response::Plain => None,
             Response::Log => Some(logarithms(data)?),
@@ -127,20 +123,17 @@ impl Surrogate {
                 ..*data
             },
         };
-        let is_exact = match method {
+        let is_exact = match settings.method {
             Method::Auto => data.y.len() <= MANY,
             Method::Exact => true,
             Method::Vecchia => false,
         };
         let model = if is_exact {
-            Either::Exact(fit(&data, options)?)
+            Either::Exact(fit(&data, &settings.fit)?)
         } else {
-            Either::Vecchia(approximate(&data, options)?)
+            Either::Vecchia(approximate(&data, &settings.fit)?)
         };
-        Ok(Self {
-            model,
-            response: *response,
-        })
+        Ok(Self { model, response })
     }
 
     /// [`Model::mean`] or [`Vecchia::mean`], of ln y its exponential.
