@@ -120,9 +120,8 @@ pub fn fit(data: &Data<'_>, options: &FitOptions) -> Result<Model, Error> {
     }
 
     let search = Search::new(&scaled, options);
-    warnings.extend(search.few_points(distinct));
     let found = search.run()?;
-    let of_search = search.warnings(&found);
+    let of_search = search.warnings(&found, distinct);
     if options.refuse_no_structure {
         report::check_structure(&of_search)?;
     }

@@ -258,15 +258,6 @@ impl Model {
         &self.warnings
     }
 
-    pub(crate) fn scaled(&self, x: &[f64]) -> Vec<f64> {
-        assert_eq!(
-            x.len(),
-            self.points.d,
-            "a point must have the model's number of coordinates"
-        );
-        self.coordinates.scaled(x)
-    }
-
     pub(crate) fn solved(&self) -> &Solved {
         self.solved.get_or_init(|| {
             // The matrix could be factorised when the model was made. A factor to which rows were

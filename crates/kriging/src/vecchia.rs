@@ -265,11 +265,6 @@ impl Vecchia {
     /// If `x` has another length than [`Vecchia::dimensions`].
     #[must_use]
     pub fn predict(&self, x: &[f64]) -> Prediction {
-        assert_eq!(
-            x.len(),
-            self.points.d,
-            "a point must have the model's number of coordinates"
-        );
         let at = self.coordinates.scaled(x);
         let columns = &self.coordinates.columns;
         let near = nearest(columns, &at, self.points.len(), self.neighbours);

@@ -43,27 +43,24 @@ pub(crate) fn check_structure(warnings: &[Warning]) -> Result<(), Error> {
 }
 
 impl Search<'_> {
-    /// The warning of too few points, of which `distinct` are different.
-    pub(super) fn few_points(&self, distinct: usize) -> Option<Warning> {
-        let trend = self.options.trend.coefficients(self.data.active.len());
-        few_points(distinct, self.lower.len() + trend)
-    }
-
-    /// All warnings of the parameters found, but for that of few points.
-    pub(super) fn warnings(&self, found: &Found) -> Vec<Warning> {
-        // Parameters beyond those of a constant plus noise.
-        let slopes = self.options.trend.coefficients(self.data.active.len()) - 1;
-        let needed = found.outcome.at.len() - 1 + slopes;
+    /// All warnings of the parameters found from points of which `distinct` are different.
+    pub(super) fn warnings(&self, found: &Found, distinct: usize) -> Vec<Warning> {
         let d = self.data.active.len();
+        let trend = self.options.trend.coefficients(d);
+        let few_points = few_points(distinct, self.lower.len() + trend);
+        // Parameters beyond those of a constant plus noise.
+        let slopes = trend - 1;
+        let needed = found.outcome.at.len() - 1 + slopes;
         let ln_ranges = &found.outcome.at[..if self.tied { 1 } else { d }];
         let of_prior = self.options.estimator.of_prior(d, ln_ranges);
         let value = found.outcome.value - of_prior;
-        let no_structure = no_structure(self.data, value, needed).into_iter();
-        let others = self
+        let no_structure = no_structure(self.data, value, needed);
+        let of_points = few_points.into_iter().chain(no_structure);
+        let of_search = self
             .at_bounds(found)
             .into_iter()
             .chain(self.of_search(found));
-        no_structure.chain(others).collect()
+        of_points.chain(of_search).collect()
     }
 
     /// Whether parameter p ended at its upper or its lower bound.

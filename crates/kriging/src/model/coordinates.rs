@@ -5,9 +5,11 @@ use crate::data::Points;
 use crate::error::check_length;
 use crate::kernel::Kernel;
 
-/// The coordinates a model depends on, those of finite range. All vectors have one entry for each.
+/// The coordinates a model depends on, those of finite range. The vectors have one entry for each.
 #[derive(Debug, Clone)]
 pub(crate) struct Coordinates {
+    /// Number of coordinates d of a point.
+    d: usize,
     /// Which of the points' d coordinates they are.
     pub(crate) active: Vec<usize>,
     /// The smallest value among the points: coordinates are taken relative to it.
@@ -37,6 +39,7 @@ impl Coordinates {
             .map(|(&j, (o, s))| points.coordinate(j).map(|x| (x - o) * s).collect())
             .collect();
         Self {
+            d: points.d,
             active,
             origin,
             extents,
@@ -50,8 +53,13 @@ impl Coordinates {
         self.origin[k] + 0.5 * self.extents[k]
     }
 
-    /// The scaled coordinates of `x`.
+    /// The scaled coordinates of `x`. Panics unless `x` has d coordinates.
     pub(crate) fn scaled(&self, x: &[f64]) -> Vec<f64> {
+        assert_eq!(
+            x.len(),
+            self.d,
+            "a point must have the model's number of coordinates"
+        );
         self.active
             .iter()
             .zip(self.origin.iter().zip(&self.scale))
