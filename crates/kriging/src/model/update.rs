@@ -31,10 +31,9 @@ impl Model {
         // The nugget belongs to every observation, so they are not merged.
         let apart = self.has_nugget();
         let (mut new, warnings) = if apart { keep(data)? } else { merge(data)? };
-        let before = self.points.observations;
         let repeated = |i: usize| (0..self.points()).any(|k| self.points.row(k) == new.row(i));
         if !apart && (0..new.len()).any(repeated) {
-            return self.refactorised(data, before);
+            return self.refactorised(data);
         }
 
         let mut points = self.points.clone();
@@ -42,7 +41,9 @@ impl Model {
         points.x.append(&mut new.x);
         points.y.append(&mut new.y);
         points.noise.append(&mut new.noise);
-        points.first.extend(new.first.iter().map(|i| before + i));
+        points
+            .first
+            .extend(new.first.iter().map(|i| self.points.observations + i));
         points.within += new.within;
         points.observations += new.observations;
 
@@ -93,7 +94,7 @@ impl Model {
     }
 
     /// The model of the old points, each with its merged observation, and the new ones.
-    fn refactorised(&self, data: &Data<'_>, before: usize) -> Result<Self, Error> {
+    fn refactorised(&self, data: &Data<'_>) -> Result<Self, Error> {
         let old = &self.points;
         let join = |a: &[f64], b: &[f64]| [a, b].concat();
         let (x, y) = (join(&old.x, data.x), join(&old.y, data.y));
@@ -108,10 +109,10 @@ impl Model {
         for first in &mut points.first {
             *first = match old.first.get(*first) {
                 Some(first) => *first,
-                None => before + *first - old.len(),
+                None => old.observations + *first - old.len(),
             };
         }
-        points.observations = before + data.y.len();
+        points.observations = old.observations + data.y.len();
         self.with(points, warnings)?.anew()
     }
 
