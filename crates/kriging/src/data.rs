@@ -5,6 +5,7 @@ pub(crate) mod scaled;
 
 use std::cmp::Ordering;
 
+use crate::error::{check_finite, check_length, check_noise};
 use crate::{Error, Warning};
 
 /// Observations of a function with noise of known variance.
@@ -45,6 +46,17 @@ impl Points {
 
     pub(crate) fn row(&self, i: usize) -> &[f64] {
         &self.x[i * self.d..(i + 1) * self.d]
+    }
+
+    /// Coordinate j of every point.
+    pub(crate) fn coordinate(&self, j: usize) -> impl Iterator<Item = f64> + '_ {
+        self.x.iter().skip(j).step_by(self.d).copied()
+    }
+
+    /// The lowest and the highest value of coordinate j.
+    pub(crate) fn interval(&self, j: usize) -> [f64; 2] {
+        let low = self.coordinate(j).fold(f64::INFINITY, f64::min);
+        [low, self.coordinate(j).fold(f64::NEG_INFINITY, f64::max)]
     }
 
     /// The points in the order of their first observations.
@@ -189,7 +201,7 @@ fn exact(group: &[usize], data: &Data<'_>) -> Option<f64> {
 /// Whether a group's observations contradict each other.
 fn contradicts(group: &[usize], data: &Data<'_>) -> bool {
     let exact = exact(group, data);
-    let centre = exact.unwrap_or_else(|| weighted_mean(group, data, 0.0).y);
+    let centre = exact.unwrap_or_else(|| weighted_mean(group, data, 0.0).0);
     let differing = group.iter().filter(|&&i| data.y[i] != centre);
     let squares = differing.map(|&i| (data.y[i] - centre).powi(2) / data.noise_variance[i]);
     let norm = squares.sum::<f64>().sqrt();
@@ -212,7 +224,7 @@ fn merge_group(group: &[usize], data: &Data<'_>, contradiction: &Contradiction) 
         (false, Some(y)) => return (y, 0.0, 0.0),
         (false, None) => 0.0,
     };
-    let Mean { y, noise } = weighted_mean(group, data, extra);
+    let (y, noise) = weighted_mean(group, data, extra);
     if exact.is_some() {
         return (y, noise, 0.0);
     }
@@ -227,14 +239,8 @@ fn merge_group(group: &[usize], data: &Data<'_>, contradiction: &Contradiction) 
     (y, noise, within - 0.5 * (log_2pi + noise.ln()))
 }
 
-/// A weighted mean and its variance.
-struct Mean {
-    y: f64,
-    noise: f64,
-}
-
-/// The precision-weighted mean of a group whose noise variances, with `extra` added, are positive.
-fn weighted_mean(group: &[usize], data: &Data<'_>, extra: f64) -> Mean {
+/// The precision-weighted mean, and its variance, of a group whose noise variances, with `extra` added, are positive.
+fn weighted_mean(group: &[usize], data: &Data<'_>, extra: f64) -> (f64, f64) {
     // Relative to the smallest variance, so that 1/v cannot overflow.
     let smallest = group
         .iter()
@@ -247,54 +253,18 @@ fn weighted_mean(group: &[usize], data: &Data<'_>, extra: f64) -> Mean {
         precision += weight;
         sum += weight * (data.y[i] - base);
     }
-    Mean {
-        y: base + sum / precision,
-        noise: smallest / precision,
-    }
+    (base + sum / precision, smallest / precision)
 }
 
 fn check(data: &Data<'_>) -> Result<(), Error> {
     let n = data.y.len();
     if data.d == 0 {
-        return Err(Error::Shape {
-            what: "every point",
-            expected: 1,
-            got: 0,
-        });
+        check_length("every point", 1, 0)?;
     }
-    if data.x.len() != n * data.d {
-        return Err(Error::Shape {
-            what: "x",
-            expected: n * data.d,
-            got: data.x.len(),
-        });
-    }
-    if data.noise_variance.len() != n {
-        let got = data.noise_variance.len();
-        return Err(Error::Shape {
-            what: "noise variance",
-            expected: n,
-            got,
-        });
-    }
-    for (what, values) in [
-        ("x", data.x),
-        ("y", data.y),
-        ("noise variance", data.noise_variance),
-    ] {
-        if let Some(index) = values.iter().position(|v| !v.is_finite()) {
-            return Err(Error::NonFinite {
-                what,
-                index,
-                value: values[index],
-            });
-        }
-    }
-    match data.noise_variance.iter().position(|v| *v < 0.0) {
-        Some(index) => Err(Error::NegativeNoise {
-            index,
-            value: data.noise_variance[index],
-        }),
-        None => Ok(()),
-    }
+    check_length("x", n * data.d, data.x.len())?;
+    check_length("noise variance", n, data.noise_variance.len())?;
+    check_finite("x", data.x)?;
+    check_finite("y", data.y)?;
+    check_finite("noise variance", data.noise_variance)?;
+    check_noise(data.noise_variance)
 }

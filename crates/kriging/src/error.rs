@@ -152,6 +152,36 @@ impl Error {
     }
 }
 
+/// [`Error::Shape`] unless both lengths are the same.
+pub(crate) fn check_length(what: &'static str, expected: usize, got: usize) -> Result<(), Error> {
+    if got == expected {
+        return Ok(());
+    }
+    Err(Error::Shape {
+        what,
+        expected,
+        got,
+    })
+}
+
+/// [`Error::NonFinite`] for the first of `values` that is NaN or infinite.
+pub(crate) fn check_finite(what: &'static str, values: &[f64]) -> Result<(), Error> {
+    let Some(index) = values.iter().position(|v| !v.is_finite()) else {
+        return Ok(());
+    };
+    let value = values[index];
+    Err(Error::NonFinite { what, index, value })
+}
+
+/// [`Error::NegativeNoise`] for the first variance below zero.
+pub(crate) fn check_noise(variances: &[f64]) -> Result<(), Error> {
+    let Some(index) = variances.iter().position(|v| *v < 0.0) else {
+        return Ok(());
+    };
+    let value = variances[index];
+    Err(Error::NegativeNoise { index, value })
+}
+
 fn at_observation(observation: &Option<usize>) -> String {
     observation.map_or_else(String::new, |number| {
         format!(": observation {number} repeats others but for rounding")

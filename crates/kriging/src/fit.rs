@@ -120,16 +120,10 @@ pub fn fit(data: &Data<'_>, options: &FitOptions) -> Result<Model, Error> {
     }
 
     let search = Search::new(&scaled, options);
-    warnings.extend(search.few_points(distinct));
     let found = search.run()?;
-    let of_search = search.warnings(&found);
-    if options.refuse_no_structure
-        && let Some((gain, needed)) = of_search.iter().find_map(|warning| match warning {
-            Warning::NoStructure { gain, needed } => Some((*gain, *needed)),
-            _ => None,
-        })
-    {
-        return Err(Error::NoStructure { gain, needed });
+    let of_search = search.warnings(&found, distinct);
+    if options.refuse_no_structure {
+        report::check_structure(&of_search)?;
     }
     warnings.extend(of_search);
     let at = &found.outcome.at;
@@ -202,18 +196,17 @@ pub(crate) fn start_from_subset(
     let found = search.run()?;
     let mut warnings = search.at_bounds(&found);
     warnings.extend(search.of_search(&found));
-    let found = found.outcome.at;
-    // A subset too small for a range per coordinate has one for all.
-    let widen = |values: &[f64]| -> Vec<f64> {
-        let mut wide: Vec<f64> = (0..subset.columns.len())
-            .map(|k| values[if search.tied { 0 } else { k }])
-            .collect();
-        wide.push(values[values.len() - 1]);
-        wide
-    };
+    let mut at = found.outcome.at;
+    let ranges = at.len() - 1;
+    if search.tied {
+        // A subset too small for a range per coordinate has one for all.
+        let ln_sigma2 = at[1];
+        at = vec![at[0]; subset.columns.len()];
+        at.push(ln_sigma2);
+    }
     Ok(Start {
-        at: widen(&found),
-        ranges: if search.tied { 1 } else { subset.columns.len() },
+        at,
+        ranges,
         warnings,
     })
 }

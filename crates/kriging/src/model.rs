@@ -72,14 +72,15 @@ impl Model {
         parameters: Parameters,
         jitter: f64,
     ) -> Result<Self, Error> {
-        let mut model = Self::assemble(kernel, trend, points, parameters, jitter);
-        let (solved, used) = model.try_solve()?;
-        if used > jitter {
-            model.jitter = used;
-        }
+        Self::assemble(kernel, trend, points, parameters, jitter).factorised()
+    }
 
-        model.estimate_trend(solved);
-        model.checked()
+    /// Factorises C, with more jitter if needed, and estimates the trend and the weights.
+    pub(crate) fn factorised(mut self) -> Result<Self, Error> {
+        let (solved, used) = self.try_solve()?;
+        self.jitter = used;
+        self.estimate_trend(solved);
+        self.checked()
     }
 
     /// The model, if all it predicts with are numbers.
@@ -149,16 +150,11 @@ impl Model {
     /// The trend's basis at the points, column by column.
     fn basis(&self) -> Vec<f64> {
         let n = self.points.len();
-        let in_extents: Vec<Vec<f64>> = match self.trend {
-            Trend::Constant => Vec::new(),
-            Trend::Linear => (0..self.coordinates.active.len())
-                .map(|k| {
-                    (0..n)
-                        .map(|i| self.basis_at(self.points.row(i), k))
-                        .collect()
-                })
-                .collect(),
+        let column = |k: usize| -> Vec<f64> {
+            let rows = (0..n).map(|i| self.points.row(i));
+            rows.map(|x| self.basis_at(x, k)).collect()
         };
+        let in_extents: Vec<Vec<f64>> = (0..self.coordinates.active.len()).map(column).collect();
         self.trend.basis(&in_extents, n, 0.0)
     }
 
@@ -260,15 +256,6 @@ impl Model {
     #[must_use]
     pub fn warnings(&self) -> &[Warning] {
         &self.warnings
-    }
-
-    pub(crate) fn scaled(&self, x: &[f64]) -> Vec<f64> {
-        assert_eq!(
-            x.len(),
-            self.points.d,
-            "a point must have the model's number of coordinates"
-        );
-        self.coordinates.scaled(x)
     }
 
     pub(crate) fn solved(&self) -> &Solved {

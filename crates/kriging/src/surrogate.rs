@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use statrs::function::erf::erfc_inv;
 
 use crate::data::Data;
+use crate::fit::report::check_structure;
 use crate::fit::{FitOptions, fit};
 use crate::kernel::Kernel;
 use crate::model::predict::Prediction;
@@ -109,11 +110,7 @@ impl Surrogate {
     /// and the settings ask for a linear trend or a nugget; [`Error::Logarithm`] for the logarithm of an
     /// observation that is not positive.
     pub fn fit(data: &Data<'_>, settings: &Settings) -> Result<Self, Error> {
-        let Settings {
-            fit: options,
-            method,
-            response,
-        } = settings;
+        let response = settings.response;
         let logarithms = match response {
             Response::Plain => None,
             Response::Log => Some(logarithms(data)?),
@@ -126,20 +123,17 @@ impl Surrogate {
                 ..*data
             },
         };
-        let is_exact = match method {
+        let is_exact = match settings.method {
             Method::Auto => data.y.len() <= MANY,
             Method::Exact => true,
             Method::Vecchia => false,
         };
         let model = if is_exact {
-            Either::Exact(fit(&data, options)?)
+            Either::Exact(fit(&data, &settings.fit)?)
         } else {
-            Either::Vecchia(approximate(&data, options)?)
+            Either::Vecchia(approximate(&data, &settings.fit)?)
         };
-        Ok(Self {
-            model,
-            response: *response,
-        })
+        Ok(Self { model, response })
     }
 
     /// [`Model::mean`] or [`Vecchia::mean`], of ln y its exponential.
@@ -283,12 +277,7 @@ impl Surrogate {
     #[must_use]
     pub fn bounds(&self) -> Vec<[f64; 2]> {
         let points = either!(self, model => &model.points);
-        let of = |j: usize| {
-            let values = || points.x.iter().skip(j).step_by(points.d).copied();
-            let low = values().fold(f64::INFINITY, f64::min);
-            [low, values().fold(f64::NEG_INFINITY, f64::max)]
-        };
-        (0..points.d).map(of).collect()
+        (0..points.d).map(|j| points.interval(j)).collect()
     }
 
     /// The factor of the predicted variances: 1 unless they were calibrated.
@@ -331,15 +320,12 @@ fn approximate(data: &Data<'_>, options: &FitOptions) -> Result<Vecchia, Error> 
             ..VecchiaOptions::default()
         },
     )?;
-    let no_structure = model.warnings().iter().find_map(|warning| match warning {
-        Warning::NoStructure { gain, needed } => Some((*gain, *needed)),
-        _ => None,
-    });
-    match no_structure {
-        Some((gain, needed)) if options.refuse_no_structure => {
-            Err(Error::NoStructure { gain, needed })
-        }
-        _ if options.calibrate => Ok(model.calibrated()),
-        _ => Ok(model),
+    if options.refuse_no_structure {
+        check_structure(model.warnings())?;
     }
+    Ok(if options.calibrate {
+        model.calibrated()
+    } else {
+        model
+    })
 }

@@ -192,15 +192,12 @@ fn likelihood(
     sigma2: f64,
 ) -> (f64, f64) {
     let n = scaled.len();
-    let factors = ln_ranges
-        .iter()
-        .map(|ln_range| options.kernel.length_factor() * (-ln_range).exp());
-    let columns: Vec<Vec<f64>> = scaled
-        .columns
-        .iter()
-        .zip(factors)
-        .map(|(column, factor)| column.iter().map(|x| x * factor).collect())
-        .collect();
+    let in_ranges = |(column, ln_range): (&Vec<f64>, &f64)| {
+        let factor = options.kernel.length_factor() * (-ln_range).exp();
+        column.iter().map(|x| x * factor).collect()
+    };
+    let columns = scaled.columns.iter().zip(ln_ranges);
+    let columns: Vec<Vec<f64>> = columns.map(in_ranges).collect();
     let order = max_min_order(&columns, random, n);
     let ordered = scaled.subset(&order);
     let in_order = |column: &Vec<f64>| order.iter().map(|&i| column[i]).collect();
@@ -257,19 +254,14 @@ impl Vecchia {
     }
 
     /// Mean and variance at `x` (d coordinates) from its nearest observations: equations (19) and (20) for
-    /// those, with the mean μ of the whole data taken as known. Noise is not part of the variance. Where even that small covariance matrix cannot be factorised, a jitter of up to
-    /// 1e-4 of the process variance is added.
+    /// those, with the mean μ of the whole data taken as known. Noise is not part of the variance. A jitter
+    /// of up to 1e-4 of the process variance is added where the covariance matrix cannot be factorised.
     ///
     /// # Panics
     ///
     /// If `x` has another length than [`Vecchia::dimensions`].
     #[must_use]
     pub fn predict(&self, x: &[f64]) -> Prediction {
-        assert_eq!(
-            x.len(),
-            self.points.d,
-            "a point must have the model's number of coordinates"
-        );
         let at = self.coordinates.scaled(x);
         let columns = &self.coordinates.columns;
         let near = nearest(columns, &at, self.points.len(), self.neighbours);

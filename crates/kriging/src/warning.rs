@@ -199,31 +199,34 @@ impl Warning {
                 "the data do not determine the range in {}: half or twice of it is as likely",
                 listed(coordinates)
             ),
-            Self::RangesAtBound { coordinates, upper } => {
-                let (bound, meaning) = if *upper {
-                    ("upper", "the response hardly depends on it, or linearly")
-                } else {
-                    ("lower", "neighbouring points are uncorrelated")
-                };
-                let listed = listed(coordinates);
-                format!("the range in {listed} is at its {bound} bound: {meaning}")
-            }
-            Self::ProcessVarianceAtBound { upper } => {
-                let (bound, meaning) = if *upper {
-                    ("upper", "the observations look like a polynomial")
-                } else {
-                    ("lower", "the noise explains the observations")
-                };
-                format!("the process variance is at its {bound} bound: {meaning}")
-            }
-            Self::NuggetAtBound { upper } => {
-                let (bound, meaning) = if *upper {
-                    ("upper", "the observations are noise")
-                } else {
-                    ("lower", "no noise but the known one was found")
-                };
-                format!("the nugget is at its {bound} bound: {meaning}")
-            }
+            Self::RangesAtBound { coordinates, upper } => at_bound(
+                &format!("the range in {}", listed(coordinates)),
+                *upper,
+                "neighbouring points are uncorrelated",
+                "the response hardly depends on it, or linearly",
+            ),
+            Self::ProcessVarianceAtBound { upper } => at_bound(
+                "the process variance",
+                *upper,
+                "the noise explains the observations",
+                "the observations look like a polynomial",
+            ),
+            Self::NuggetAtBound { upper } => at_bound(
+                "the nugget",
+                *upper,
+                "no noise but the known one was found",
+                "the observations are noise",
+            ),
         }
     }
+}
+
+/// The text of a parameter at a bound: what the lower one means, and what the upper one.
+fn at_bound(parameter: &str, upper: bool, of_lower: &str, of_upper: &str) -> String {
+    let (bound, meaning) = if upper {
+        ("upper", of_upper)
+    } else {
+        ("lower", of_lower)
+    };
+    format!("{parameter} is at its {bound} bound: {meaning}")
 }

@@ -24,19 +24,16 @@ pub(crate) struct Scaled {
 
 impl Scaled {
     pub(crate) fn new(points: &Points) -> Result<Self, Error> {
-        let n = points.len();
         let (mut columns, mut active, mut extents) = (Vec::new(), Vec::new(), Vec::new());
         for j in 0..points.d {
-            let column: Vec<f64> = (0..n).map(|i| points.row(i)[j]).collect();
-            let low = column.iter().copied().fold(f64::INFINITY, f64::min);
-            let high = column.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            let [low, high] = points.interval(j);
             let extent = high - low;
             // Its square is the unit of what is quadratic in x; it and its inverse must be numbers.
             if extent != 0.0 && !(extent * extent).is_normal() {
                 return Err(Error::Extent { what: "x" });
             }
             if extent > 0.0 {
-                columns.push(column.iter().map(|x| (x - low) / extent).collect());
+                columns.push(points.coordinate(j).map(|x| (x - low) / extent).collect());
                 active.push(j);
                 extents.push(extent);
             }

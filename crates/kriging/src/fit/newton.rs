@@ -60,18 +60,14 @@ pub(crate) fn minimise(
     let mut curvature = first.curvature;
     let mut met_failure = false;
     let mut fresh = true;
+    let (mut iterations, mut converged) = (0, false);
 
-    for iterations in 0..limits.max_iterations {
+    while iterations < limits.max_iterations {
         let step = newton_direction(&curvature, &gradient, &at, limits);
         let promised = -0.5 * dot(&step, &gradient);
         if promised < limits.tolerance {
-            return Some(Outcome {
-                at,
-                value,
-                iterations,
-                converged: true,
-                met_failure,
-            });
+            converged = true;
+            break;
         }
 
         let renews = iterations < limits.renewed;
@@ -109,14 +105,8 @@ pub(crate) fn minimise(
 
         let Some((trial, moved, evaluation)) = accepted else {
             if fresh {
-                let converged = promised < HIDDEN;
-                return Some(Outcome {
-                    at,
-                    value,
-                    iterations,
-                    converged,
-                    met_failure,
-                });
+                converged = promised < HIDDEN;
+                break;
             }
             // Only the diagonal, doubled, is kept of a curvature that led nowhere.
             for i in 0..n {
@@ -128,6 +118,7 @@ pub(crate) fn minimise(
                 curvature[i * n + i] *= 2.0;
             }
             fresh = true;
+            iterations += 1;
             continue;
         };
         if renews {
@@ -139,32 +130,39 @@ pub(crate) fn minimise(
         }
         (at, value, gradient) = (trial, evaluation.value, evaluation.gradient);
         fresh = false;
+        iterations += 1;
     }
-    let iterations = limits.max_iterations;
     Some(Outcome {
         at,
         value,
         iterations,
-        converged: false,
+        converged,
         met_failure,
     })
 }
 
-/// The quasi-Newton step on the variables that are not held at the box.
+/// The quasi-Newton step on the variables that neither the gradient nor the step pushes out of the box.
 fn newton_direction(
     curvature: &[f64],
     gradient: &[f64],
     at: &[f64],
     limits: &Limits<'_>,
 ) -> Vec<f64> {
-    let free = (0..at.len())
-        .filter(|&i| {
-            let out_below = at[i] <= limits.lower[i] && gradient[i] > 0.0;
-            let out_above = at[i] >= limits.upper[i] && gradient[i] < 0.0;
-            !out_below && !out_above
-        })
+    let leaves = |i: usize, direction: f64| {
+        (at[i] <= limits.lower[i] && direction < 0.0)
+            || (at[i] >= limits.upper[i] && direction > 0.0)
+    };
+    let mut free: Vec<usize> = (0..at.len())
+        .filter(|&i| !leaves(i, -gradient[i]))
         .collect();
-    inward_step(curvature, gradient, free, at, limits)
+    loop {
+        let step = newton_step(curvature, gradient, &free);
+        let before = free.len();
+        free.retain(|&i| !leaves(i, step[i]));
+        if free.len() == before {
+            return step;
+        }
+    }
 }
 
 /// The share of a step that moves no variable farther than [`LONGEST_STEP`].
@@ -178,28 +176,6 @@ fn clamp(at: &[f64], limits: &Limits<'_>) -> Vec<f64> {
         .zip(limits.lower.iter().zip(limits.upper))
         .map(|(a, (low, high))| a.clamp(*low, *high))
         .collect()
-}
-
-/// The quasi-Newton step on those of the `free` variables that it does not push out of the box.
-fn inward_step(
-    curvature: &[f64],
-    gradient: &[f64],
-    mut free: Vec<usize>,
-    at: &[f64],
-    limits: &Limits<'_>,
-) -> Vec<f64> {
-    loop {
-        let step = newton_step(curvature, gradient, &free);
-        let before = free.len();
-        free.retain(|&i| {
-            let out_below = at[i] <= limits.lower[i] && step[i] < 0.0;
-            let out_above = at[i] >= limits.upper[i] && step[i] > 0.0;
-            !out_below && !out_above
-        });
-        if free.len() == before {
-            return step;
-        }
-    }
 }
 
 /// Solves B s = −g on the free variables, with a multiple of the diagonal added to B until it is

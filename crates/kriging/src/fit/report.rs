@@ -2,9 +2,9 @@
 
 use super::stages::{Found, SCREENING};
 use super::starts::Search;
-use crate::Warning;
 use crate::data::scaled::Scaled;
 use crate::likelihood::white_noise;
+use crate::{Error, Warning};
 
 /// A parameter whose logarithm is this close to a bound has ended there: more than the first step off a
 /// bound, far less than anything a prediction would show.
@@ -33,13 +33,37 @@ pub(crate) fn no_structure(data: &Scaled, value: f64, needed: usize) -> Option<W
     (gain < needed).then_some(Warning::NoStructure { gain, needed })
 }
 
-/// A search's box, for what ended at its sides.
-struct Bounds<'a> {
-    lower: &'a [f64],
-    upper: &'a [f64],
+/// [`Error::NoStructure`] if one of the warnings is of that.
+pub(crate) fn check_structure(warnings: &[Warning]) -> Result<(), Error> {
+    let refused = warnings.iter().find_map(|warning| match *warning {
+        Warning::NoStructure { gain, needed } => Some(Error::NoStructure { gain, needed }),
+        _ => None,
+    });
+    refused.map_or(Ok(()), Err)
 }
 
-impl Bounds<'_> {
+impl Search<'_> {
+    /// All warnings of the parameters found from points of which `distinct` are different.
+    pub(super) fn warnings(&self, found: &Found, distinct: usize) -> Vec<Warning> {
+        let d = self.data.active.len();
+        let trend = self.options.trend.coefficients(d);
+        let few_points = few_points(distinct, self.lower.len() + trend);
+        // Parameters beyond those of a constant plus noise.
+        let slopes = trend - 1;
+        let needed = found.outcome.at.len() - 1 + slopes;
+        let ln_ranges = &found.outcome.at[..if self.tied { 1 } else { d }];
+        let of_prior = self.options.estimator.of_prior(d, ln_ranges);
+        let value = found.outcome.value - of_prior;
+        let no_structure = no_structure(self.data, value, needed);
+        let of_points = few_points.into_iter().chain(no_structure);
+        let of_search = self
+            .at_bounds(found)
+            .into_iter()
+            .chain(self.of_search(found));
+        of_points.chain(of_search).collect()
+    }
+
+    /// Whether parameter p ended at its upper or its lower bound.
     fn is_at(&self, at: &[f64], p: usize, upper: bool) -> bool {
         if upper {
             at[p] >= self.upper[p] - NEAR
@@ -48,67 +72,35 @@ impl Bounds<'_> {
         }
     }
 
-    /// The warnings of parameters (ln θ, or one of them for all coordinates, ln τ² if there is a
-    /// nugget, ln σ²) that ended at a bound; `active` are the coordinates of the ranges.
-    fn warnings(&self, at: &[f64], active: &[usize], nugget: bool) -> Vec<Warning> {
+    /// The warnings of parameters that ended at a bound.
+    pub(super) fn at_bounds(&self, found: &Found) -> Vec<Warning> {
+        let at = &found.outcome.at;
+        let active = &self.data.active;
         let mut warnings = Vec::new();
-        let last = at.len() - 1;
+        // A range that several coordinates share is warned of as such already.
+        let is_shared = self.tied && active.len() > 1;
+        let own_ranges = if is_shared { 0 } else { active.len() };
         for upper in [false, true] {
-            // A range that is shared is warned of as such already.
-            if last == active.len() + usize::from(nugget) {
-                let coordinates: Vec<usize> = (0..active.len())
-                    .filter(|&p| self.is_at(at, p, upper))
-                    .map(|p| active[p])
-                    .collect();
-                if !coordinates.is_empty() {
-                    warnings.push(Warning::RangesAtBound { coordinates, upper });
-                }
+            let coordinates: Vec<usize> = (0..own_ranges)
+                .filter(|&p| self.is_at(at, p, upper))
+                .map(|p| active[p])
+                .collect();
+            if !coordinates.is_empty() {
+                warnings.push(Warning::RangesAtBound { coordinates, upper });
             }
         }
         let of_variance = |p: usize| {
             let lower = at[p] <= self.lower[p] + NO_VARIANCE.ln();
             (lower || self.is_at(at, p, true)).then_some(!lower)
         };
+        let last = at.len() - 1;
         let of_sigma2 = of_variance(last).map(|upper| Warning::ProcessVarianceAtBound { upper });
         warnings.extend(of_sigma2);
-        if nugget {
+        if self.options.nugget {
             let of_nugget = of_variance(last - 1).map(|upper| Warning::NuggetAtBound { upper });
             warnings.extend(of_nugget);
         }
         warnings
-    }
-}
-
-impl Search<'_> {
-    /// The warning of too few points, of which `distinct` are different.
-    pub(super) fn few_points(&self, distinct: usize) -> Option<Warning> {
-        let trend = self.options.trend.coefficients(self.data.active.len());
-        few_points(distinct, self.lower.len() + trend)
-    }
-
-    /// All warnings of the parameters found, but for that of few points.
-    pub(super) fn warnings(&self, found: &Found) -> Vec<Warning> {
-        let mut warnings = Vec::new();
-        // Parameters beyond those of a constant plus noise.
-        let slopes = self.options.trend.coefficients(self.data.active.len()) - 1;
-        let needed = found.outcome.at.len() - 1 + slopes;
-        let d = self.data.active.len();
-        let ln_ranges = &found.outcome.at[..if self.tied { 1 } else { d }];
-        let of_prior = self.options.estimator.of_prior(d, ln_ranges);
-        let value = found.outcome.value - of_prior;
-        warnings.extend(no_structure(self.data, value, needed));
-        warnings.extend(self.at_bounds(found));
-        warnings.extend(self.of_search(found));
-        warnings
-    }
-
-    /// The warnings of parameters that ended at a bound.
-    pub(super) fn at_bounds(&self, found: &Found) -> Vec<Warning> {
-        let bounds = Bounds {
-            lower: &self.lower,
-            upper: &self.upper,
-        };
-        bounds.warnings(&found.outcome.at, &self.data.active, self.options.nugget)
     }
 
     /// The warnings of how the search went and of what the data do not determine.
@@ -139,12 +131,8 @@ impl Search<'_> {
         let active = &self.data.active;
         // More points say more: what some of them determine, all do.
         let some = self.subset(SCREENING.min(self.data.len()));
-        let bounds = Bounds {
-            lower: &self.lower,
-            upper: &self.upper,
-        };
         let mut flat: Vec<usize> = (0..active.len())
-            .filter(|&p| !bounds.is_at(at, p, false) && !bounds.is_at(at, p, true))
+            .filter(|&p| !self.is_at(at, p, false) && !self.is_at(at, p, true))
             .collect();
         let all = self.data.len() > some.len();
         for data in std::iter::once(&some).chain(all.then_some(self.data)) {

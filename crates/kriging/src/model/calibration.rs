@@ -1,5 +1,7 @@
 //! Predicted variances that fit the leave-one-out residuals.
 
+use statrs::distribution::{Binomial, DiscreteCDF as _};
+
 use super::Model;
 
 /// Half-width of a two-sided 90 % interval of the standard normal distribution.
@@ -60,21 +62,9 @@ pub(crate) fn factor(residuals: &[Residual]) -> f64 {
 /// binomial, whatever the distribution (H. David, H. Nagaraja, "Order Statistics" (2003), section
 /// 7.1).
 fn upper_rank(n: usize) -> Option<usize> {
-    let (p, q) = (0.9_f64, 0.1_f64);
-    // ln P(n values below), then those of n − 1, n − 2, …: the probability itself may underflow.
-    let mut log = n as f64 * p.ln();
-    let mut tail = log.exp();
-    if tail > 1.0 - CONFIDENCE {
-        return None;
-    }
-    for below in (1..n).rev() {
-        log += ((below + 1) as f64 / (n - below) as f64 * q / p).ln();
-        tail += log.exp();
-        if tail > 1.0 - CONFIDENCE {
-            return Some(below + 1);
-        }
-    }
-    Some(1)
+    let below = Binomial::new(0.9, n as u64).expect("0.9 is a probability");
+    let rank = below.inverse_cdf(CONFIDENCE) as usize + 1;
+    (rank <= n).then_some(rank)
 }
 
 impl Model {

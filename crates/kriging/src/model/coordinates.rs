@@ -1,11 +1,15 @@
 //! The points' coordinates in units of the ranges.
 
+use crate::Error;
 use crate::data::Points;
+use crate::error::check_length;
 use crate::kernel::Kernel;
 
-/// The coordinates a model depends on, those of finite range. All vectors have one entry for each.
+/// The coordinates a model depends on, those of finite range. The vectors have one entry for each.
 #[derive(Debug, Clone)]
 pub(crate) struct Coordinates {
+    /// Number of coordinates d of a point.
+    d: usize,
     /// Which of the points' d coordinates they are.
     pub(crate) active: Vec<usize>,
     /// The smallest value among the points: coordinates are taken relative to it.
@@ -21,11 +25,9 @@ pub(crate) struct Coordinates {
 impl Coordinates {
     pub(crate) fn new(kernel: Kernel, points: &Points, ranges: &[f64]) -> Self {
         let active: Vec<usize> = (0..points.d).filter(|&j| ranges[j].is_finite()).collect();
-        let values = |j: usize| (0..points.len()).map(move |i| points.row(i)[j]);
         let (mut origin, mut extents) = (Vec::new(), Vec::new());
         for &j in &active {
-            let low = values(j).fold(f64::INFINITY, f64::min);
-            let high = values(j).fold(f64::NEG_INFINITY, f64::max);
+            let [low, high] = points.interval(j);
             origin.push(low);
             extents.push(high - low);
         }
@@ -34,9 +36,10 @@ impl Coordinates {
         let columns = active
             .iter()
             .zip(origin.iter().zip(&scale))
-            .map(|(&j, (o, s))| values(j).map(|x| (x - o) * s).collect())
+            .map(|(&j, (o, s))| points.coordinate(j).map(|x| (x - o) * s).collect())
             .collect();
         Self {
+            d: points.d,
             active,
             origin,
             extents,
@@ -50,8 +53,13 @@ impl Coordinates {
         self.origin[k] + 0.5 * self.extents[k]
     }
 
-    /// The scaled coordinates of `x`.
+    /// The scaled coordinates of `x`. Panics unless `x` has d coordinates.
     pub(crate) fn scaled(&self, x: &[f64]) -> Vec<f64> {
+        assert_eq!(
+            x.len(),
+            self.d,
+            "a point must have the model's number of coordinates"
+        );
         self.active
             .iter()
             .zip(self.origin.iter().zip(&self.scale))
@@ -59,20 +67,18 @@ impl Coordinates {
             .collect()
     }
 
-    /// Whether no coordinate overflows in units of its range.
-    pub(crate) fn are_finite(&self) -> bool {
-        self.columns.iter().flatten().all(|c| c.is_finite())
+    /// [`Error::Extent`] if a coordinate overflows in units of its range.
+    pub(crate) fn check(&self) -> Result<(), Error> {
+        if self.columns.iter().flatten().all(|c| c.is_finite()) {
+            Ok(())
+        } else {
+            Err(Error::Extent { what: "x" })
+        }
     }
 }
 
 /// The rows of d coordinates that `x` holds.
-pub(crate) fn rows(x: &[f64], d: usize) -> Result<Vec<&[f64]>, crate::Error> {
-    if !x.len().is_multiple_of(d) {
-        return Err(crate::Error::Shape {
-            what: "x",
-            expected: (x.len() / d + 1) * d,
-            got: x.len(),
-        });
-    }
+pub(crate) fn rows(x: &[f64], d: usize) -> Result<Vec<&[f64]>, Error> {
+    check_length("x", x.len().next_multiple_of(d), x.len())?;
     Ok(x.chunks_exact(d).collect())
 }

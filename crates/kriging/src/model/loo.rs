@@ -32,12 +32,7 @@ const FALSE_ALARM: f64 = 1e-3;
 /// The most outliers that a warning names.
 const NAMED: usize = 10;
 
-/// What no standardised residual ought to exceed in size: what one of n normal numbers exceeds with
-/// the probability 0.001/n, so that any of n does with at most 0.001 (Bonferroni's inequality), 4.4
-/// for n = 100 and 4.9 for 1000; and what one exceeds whose tail is exponential, with the residuals'
-/// own 90 % quantile. The residuals of smooth functions that are no typical realisations of the
-/// process have such tails, up to 7 for 500 observations without any error. A gross error raises σ²
-/// and makes all other residuals small, so that the first limit is what remains.
+/// The limit of [`LeaveOneOut::outliers`]: the normal one is 4.4 for n = 100 and 4.9 for 1000.
 fn outlying(standardised: &[f64]) -> f64 {
     let n = standardised.len() as f64;
     let normal = std::f64::consts::SQRT_2 * erfc_inv(FALSE_ALARM / n);
@@ -51,10 +46,12 @@ fn outlying(standardised: &[f64]) -> f64 {
 impl LeaveOneOut {
     /// The observations (indices of [`LeaveOneOut::residuals`]) whose standardised residuals are
     /// too large: gross errors, or places where the function is unlike everywhere else. Look at them
-    /// before trusting the model around them. A right model of n observations gives any residual
-    /// beyond this limit with a probability of less than 0.001: the larger one of the normal
-    /// distribution's at 0.001/n, and of an exponential tail's through the residuals' own 90 %
-    /// quantile, since functions that are no typical realisations of the process have tails like that.
+    /// before trusting the model around them. The limit is the larger one of the normal distribution's
+    /// at a probability of 0.001/n, so that a right model of n observations has an outlier with a
+    /// probability of 0.001 at most (Bonferroni's inequality), and of an exponential tail's through the
+    /// residuals' own 90 % quantile: smooth functions that are no typical realisations of the process
+    /// have such tails, up to 7 for 500 observations without any error. A gross error raises σ² and makes
+    /// all other residuals small, so that the first limit is what remains.
     #[must_use]
     pub fn outliers(&self) -> Vec<usize> {
         let limit = outlying(&self.standardised);

@@ -31,7 +31,7 @@ impl Model {
     /// If `x` has another length than [`Model::dimensions`].
     #[must_use]
     pub fn mean(&self, x: &[f64]) -> f64 {
-        let at = self.scaled(x);
+        let at = self.coordinates.scaled(x);
         let n = self.points.len();
         let mut correlation = [0.0; BLOCK];
         let mut sum = 0.0;
@@ -91,7 +91,7 @@ impl Model {
         let mut shortfalls = Vec::with_capacity(rows.len());
         let mut means = Vec::with_capacity(rows.len());
         for (x, r) in rows.iter().zip(correlations.chunks_exact_mut(n)) {
-            let at = self.scaled(x);
+            let at = self.coordinates.scaled(x);
             self.kernel
                 .correlations(&at, |j| &self.coordinates.columns[j], r);
             shortfalls.push(self.shortfall(x, r));

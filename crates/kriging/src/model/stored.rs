@@ -1,8 +1,11 @@
 //! Models as JSON.
 
+use std::mem::take;
+
 use serde::{Deserialize, Serialize};
 
 use crate::data::Points;
+use crate::error::{check_finite, check_length, check_noise};
 use crate::kernel::Kernel;
 use crate::likelihood::gls::Trend;
 use crate::model::{Model, Parameters};
@@ -144,26 +147,21 @@ impl Surrogate {
 
 impl StoredVecchia {
     fn into_model(self) -> Result<Vecchia, Error> {
-        let (mut model, neighbours) = (self.model, self.neighbours);
-        if neighbours == 0 || neighbours > model.y.len() {
+        let (mut stored, neighbours) = (self.model, self.neighbours);
+        if neighbours == 0 || neighbours > stored.y.len() {
             return Err(Error::OutOfRange {
                 what: "neighbours",
                 value: neighbours as f64,
             });
         }
-        model.check(0)?;
-        let warnings = std::mem::take(&mut model.warnings);
-        let (kernel, nll) = (model.kernel, model.negative_log_likelihood);
-        let calibration = model.calibration;
-        let (points, parameters) = model.into_parts();
-        let mut read = Vecchia::assemble(kernel, points, parameters, nll, neighbours);
-        read.calibration = calibration;
-        read.warnings = warnings;
-        if read.coordinates.are_finite() {
-            Ok(read)
-        } else {
-            Err(Error::Extent { what: "x" })
-        }
+        stored.check(0)?;
+        let (points, parameters) = stored.take_parts();
+        let nll = stored.negative_log_likelihood;
+        let mut model = Vecchia::assemble(stored.kernel, points, parameters, nll, neighbours);
+        model.calibration = stored.calibration;
+        model.warnings = stored.warnings;
+        model.coordinates.check()?;
+        Ok(model)
     }
 }
 
@@ -195,7 +193,8 @@ impl Stored {
         }
     }
 
-    fn into_parts(self) -> (Points, Parameters) {
+    /// The points and the parameters, which are then empty here.
+    fn take_parts(&mut self) -> (Points, Parameters) {
         let merged = self.warnings.iter().find_map(|warning| match warning {
             Warning::MergedDuplicates { observations, .. } => Some(*observations),
             _ => None,
@@ -203,10 +202,10 @@ impl Stored {
         let points = Points {
             observations: merged.unwrap_or(self.y.len()),
             d: self.dimensions,
-            x: self.x,
-            y: self.y,
-            noise: self.noise_variance,
-            first: self.first_observation,
+            x: take(&mut self.x),
+            y: take(&mut self.y),
+            noise: take(&mut self.noise_variance),
+            first: take(&mut self.first_observation),
             within: 0.0,
         };
         let ranges = self.ranges.iter();
@@ -214,7 +213,7 @@ impl Stored {
             mu: self.mu,
             sigma2: self.sigma2,
             ranges: ranges.map(|r| r.unwrap_or(f64::INFINITY)).collect(),
-            slopes: self.slopes,
+            slopes: take(&mut self.slopes),
             nugget: self.nugget,
         };
         (points, parameters)
@@ -222,19 +221,13 @@ impl Stored {
 
     fn into_model(mut self) -> Result<Model, Error> {
         self.check(self.y.len())?;
-        let (kernel, trend, jitter) = (self.kernel, self.trend, self.jitter);
-        let (nll, calibration) = (self.negative_log_likelihood, self.calibration);
-        let weights = std::mem::take(&mut self.weights);
-        let warnings = std::mem::take(&mut self.warnings);
-        let (points, parameters) = self.into_parts();
-        let mut model = Model::assemble(kernel, trend, points, parameters, jitter);
-        model.weights = weights;
-        model.warnings = warnings;
-        model.nll = nll;
-        model.calibration = calibration;
-        if !model.coordinates.are_finite() {
-            return Err(Error::Extent { what: "x" });
-        }
+        let (points, parameters) = self.take_parts();
+        let mut model = Model::assemble(self.kernel, self.trend, points, parameters, self.jitter);
+        model.weights = self.weights;
+        model.warnings = self.warnings;
+        model.nll = self.negative_log_likelihood;
+        model.calibration = self.calibration;
+        model.coordinates.check()?;
         if !model.determines_trend() {
             return Err(Error::Trend {
                 distinct: model.points(),
@@ -251,47 +244,20 @@ impl Stored {
             return Err(Error::TooFewPoints { distinct: n });
         }
         let slopes = if self.trend.is_constant() { 0 } else { d };
-        let shapes = [
-            ("slopes", slopes, self.slopes.len()),
-            ("x", n.checked_mul(d).unwrap_or(0), self.x.len()),
-            ("ranges", d, self.ranges.len()),
-            ("noise variance", n, self.noise_variance.len()),
-            ("weights", weights, self.weights.len()),
-            ("first observation", n, self.first_observation.len()),
-        ];
-        for (what, expected, got) in shapes {
-            if got != expected {
-                return Err(Error::Shape {
-                    what,
-                    expected,
-                    got,
-                });
-            }
-        }
+        check_length("slopes", slopes, self.slopes.len())?;
+        check_length("x", n.checked_mul(d).unwrap_or(0), self.x.len())?;
+        check_length("ranges", d, self.ranges.len())?;
+        check_length("noise variance", n, self.noise_variance.len())?;
+        check_length("weights", weights, self.weights.len())?;
+        check_length("first observation", n, self.first_observation.len())?;
         let ranges: Vec<f64> = self.ranges.iter().map(|r| r.unwrap_or(1.0)).collect();
-        let numbers = [
-            ("x", &self.x),
-            ("y", &self.y),
-            ("ranges", &ranges),
-            ("noise variance", &self.noise_variance),
-            ("weights", &self.weights),
-            ("slopes", &self.slopes),
-        ];
-        for (what, values) in numbers {
-            if let Some(index) = values.iter().position(|v| !v.is_finite()) {
-                return Err(Error::NonFinite {
-                    what,
-                    index,
-                    value: values[index],
-                });
-            }
-        }
-        if let Some(index) = self.noise_variance.iter().position(|v| *v < 0.0) {
-            return Err(Error::NegativeNoise {
-                index,
-                value: self.noise_variance[index],
-            });
-        }
+        check_finite("x", &self.x)?;
+        check_finite("y", &self.y)?;
+        check_finite("ranges", &ranges)?;
+        check_finite("noise variance", &self.noise_variance)?;
+        check_finite("weights", &self.weights)?;
+        check_finite("slopes", &self.slopes)?;
+        check_noise(&self.noise_variance)?;
         let conditions = [
             ("sigma2", self.sigma2, self.sigma2 > 0.0),
             ("jitter", self.jitter, (0.0..=1.0).contains(&self.jitter)),
@@ -303,11 +269,9 @@ impl Stored {
                 return Err(Error::OutOfRange { what, value });
             }
         }
-        match ranges.iter().find(|r| **r <= 0.0) {
-            Some(&value) => Err(Error::OutOfRange {
-                what: "ranges",
-                value,
-            }),
+        let what = "ranges";
+        match ranges.into_iter().find(|r| *r <= 0.0) {
+            Some(value) => Err(Error::OutOfRange { what, value }),
             None => Ok(()),
         }
     }

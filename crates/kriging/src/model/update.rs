@@ -3,6 +3,7 @@
 use super::{Model, Solved};
 use crate::data::scaled::Scaled;
 use crate::data::{Points, contradiction, keep, merge};
+use crate::error::check_length;
 use crate::likelihood::{noise_ratio, point};
 use crate::linalg::{Lower, Spd};
 use crate::{Data, Error, Warning};
@@ -26,20 +27,13 @@ impl Model {
     /// coordinates than the model.
     pub fn with_points(&self, data: &Data<'_>) -> Result<Self, Error> {
         let d = self.points.d;
-        if data.d != d {
-            return Err(Error::Shape {
-                what: "every point",
-                expected: d,
-                got: data.d,
-            });
-        }
+        check_length("every point", d, data.d)?;
         // The nugget belongs to every observation, so they are not merged.
         let apart = self.has_nugget();
         let (mut new, warnings) = if apart { keep(data)? } else { merge(data)? };
-        let before = self.points.observations;
         let repeated = |i: usize| (0..self.points()).any(|k| self.points.row(k) == new.row(i));
         if !apart && (0..new.len()).any(repeated) {
-            return self.refactorised(data, before);
+            return self.refactorised(data);
         }
 
         let mut points = self.points.clone();
@@ -47,7 +41,9 @@ impl Model {
         points.x.append(&mut new.x);
         points.y.append(&mut new.y);
         points.noise.append(&mut new.noise);
-        points.first.extend(new.first.iter().map(|i| before + i));
+        points
+            .first
+            .extend(new.first.iter().map(|i| self.points.observations + i));
         points.within += new.within;
         points.observations += new.observations;
 
@@ -98,7 +94,7 @@ impl Model {
     }
 
     /// The model of the old points, each with its merged observation, and the new ones.
-    fn refactorised(&self, data: &Data<'_>, before: usize) -> Result<Self, Error> {
+    fn refactorised(&self, data: &Data<'_>) -> Result<Self, Error> {
         let old = &self.points;
         let join = |a: &[f64], b: &[f64]| [a, b].concat();
         let (x, y) = (join(&old.x, data.x), join(&old.y, data.y));
@@ -113,10 +109,10 @@ impl Model {
         for first in &mut points.first {
             *first = match old.first.get(*first) {
                 Some(first) => *first,
-                None => before + *first - old.len(),
+                None => old.observations + *first - old.len(),
             };
         }
-        points.observations = before + data.y.len();
+        points.observations = old.observations + data.y.len();
         self.with(points, warnings)?.anew()
     }
 
@@ -130,25 +126,13 @@ impl Model {
         let mut model = Self::assemble(self.kernel, self.trend, points, parameters, self.jitter);
         model.calibration = self.calibration;
         model.warnings = warnings;
-        if model.coordinates.are_finite() {
-            Ok(model)
-        } else {
-            Err(Error::Extent { what: "x" })
-        }
+        model.coordinates.check()?;
+        Ok(model)
     }
 
     /// Factorises the whole matrix.
     fn anew(self) -> Result<Self, Error> {
-        let (calibration, warnings) = (self.calibration, self.warnings);
-        let mut model = Self::new(
-            self.kernel,
-            self.trend,
-            self.points,
-            self.parameters,
-            self.jitter,
-        )?;
-        model.calibration = calibration;
-        model.warnings = warnings;
+        let mut model = self.factorised()?;
         model.warnings.extend(model.jitter_warning());
         Ok(model)
     }

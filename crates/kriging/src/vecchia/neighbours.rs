@@ -2,10 +2,12 @@
 
 use rayon::prelude::*;
 
+use crate::likelihood::point;
+
 /// Points that are put in max–min order; those behind them stay in random order, which is nearly as
 /// good (Guinness 2018) and does not cost n² steps.
 const ORDERED: usize = 3000;
-/// Neighbours looked for together by one thread.
+/// The fewest points whose neighbours one thread looks for.
 const CHUNK: usize = 64;
 
 /// The first `count` points of the max–min order that starts at `random[0]`.
@@ -47,15 +49,10 @@ pub(super) fn max_min_order(columns: &[Vec<f64>], random: Vec<usize>, count: usi
 /// For each point in the order of the columns, its `m` nearest among the earlier ones.
 pub(super) fn nearest_earlier(columns: &[Vec<f64>], m: usize) -> Vec<Vec<u32>> {
     let n = columns.first().map_or(0, Vec::len);
-    let starts: Vec<usize> = (0..n).step_by(CHUNK).collect();
-    starts
+    (0..n)
         .into_par_iter()
-        .flat_map_iter(|start| {
-            let at = |i: usize| -> Vec<f64> { columns.iter().map(|c| c[i]).collect() };
-            (start..(start + CHUNK).min(n))
-                .map(move |i| nearest(columns, &at(i), i, m))
-                .collect::<Vec<_>>()
-        })
+        .with_min_len(CHUNK)
+        .map(|i| nearest(columns, &point(columns, i), i, m))
         .collect()
 }
 
