@@ -22,7 +22,7 @@ fn simulate_prints_figure_7() {
     let sandbox = Sandbox::new();
     sandbox.write("pair.toml", FIGURE_7);
     let unworn = simulate(&sandbox, &[]);
-    assert_eq!(unworn["schema_version"], 2);
+    assert_eq!(unworn["schema_version"], 3);
     assert_eq!(unworn["simulable"], true);
     assert_eq!(unworn["reason"], Value::Null);
     // The paper prints r_c = 1.66, g_s = 1.47, ΔSTE = 0.38 and F = 938 (the model: within 20 %).

@@ -120,3 +120,38 @@ fn an_enrichment_finds_the_optimum_of_the_percentile() {
     let p90 = verified(&sandbox, "enriched-kriging");
     assert!((p90 - LEAST).abs() < 0.3, "{p90}");
 }
+
+#[test]
+fn a_beam_is_designed_by_a_c_program_through_files() {
+    let sandbox = Sandbox::new();
+    let shipped = |name: &str| root().join("campaigns/cantilever").join(name);
+    for name in ["campaign.toml", "beam.in"] {
+        std::fs::copy(shipped(name), sandbox.path(name)).expect("the example is shipped");
+    }
+    let compiled = std::process::Command::new("cc")
+        .args(["-O2", "-o"])
+        .args([sandbox.path("beam"), shipped("beam.c")])
+        .arg("-lm")
+        .status();
+    assert!(compiled.expect("a C compiler").success());
+    let through = |template: &str, result: &str| {
+        let exec = ["--exec", "\"$OLDPWD\"/beam", "--template", template];
+        let rest = ["--result", result, "--db", "i.db", "--out", "report"];
+        sandbox.coordinator(&[&["run", "campaign.toml"], &exec[..], &rest].concat())
+    };
+    sandbox.write(
+        "wrong.in",
+        "width {width}\nthickness {thicknes}\nseed {seed}\n",
+    );
+    let said = errors(&through("wrong.in", "beam.out"));
+    assert!(said.contains("wrong.in has no {thickness}"), "{said}");
+    assert_code(&through("beam.in", "beam.out"), 0);
+    // The 90 % percentile over 400 000 draws is 1.778 in at its least, with 2.675 in of width and an area of
+    // 9.5 in²; that of 400 samples has a standard error of 0.014 in.
+    let p90 = verified(&sandbox, "kriging");
+    assert!((p90 - 1.778).abs() < 0.06, "{p90}");
+    let html = std::fs::read_to_string(sandbox.path("report/report.html")).unwrap();
+    for part in ["displacement", "area = 9.", "in²"] {
+        assert!(html.contains(part), "no {part} in the report");
+    }
+}
