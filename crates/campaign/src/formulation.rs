@@ -280,6 +280,14 @@ impl Problem {
             })
     }
 
+    /// How many optimiser runs the campaign has.
+    #[must_use]
+    pub fn optimiser_runs(&self) -> u64 {
+        let optimised = |approach: &Approach| Approach::OPTIMISED.contains(approach);
+        let approaches = self.approaches().filter(optimised).count() as u64;
+        approaches * u64::from(self.campaign.optimise.starts)
+    }
+
     /// Whether the response is also known without random effects.
     #[must_use]
     pub fn has_baseline(&self) -> bool {

@@ -77,7 +77,7 @@ pub fn describe(status: &Status) -> String {
     for optimum in &status.optima {
         let criterion = optimum.criterion_um.map_or_else(
             || "no feasible design".to_owned(),
-            |value| format!("{value:.4} µm"),
+            |value| format!("{value:.4} {}", status.unit).trim_end().to_owned(),
         );
         let Progress { done, wanted } = optimum.verified;
         let _ = writeln!(

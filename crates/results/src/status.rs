@@ -42,6 +42,9 @@ pub struct Status {
     /// The rounds of infill; absent before the first one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub enrichment: Option<Enrichment>,
+    /// The unit of the optima's criteria; empty for a number without one.
+    #[serde(default = "micrometres")]
+    pub unit: String,
     /// Chosen optima.
     pub optima: Vec<Optimum>,
     /// Failures on record.
@@ -122,10 +125,15 @@ pub struct Enrichment {
 pub struct Optimum {
     /// The approach's name.
     pub approach: String,
-    /// Its criterion, µm; absent when no feasible design was found.
+    /// Its criterion, in the status's unit; absent when no feasible design was found.
     pub criterion_um: Option<f64>,
     /// Fresh samples in the store, and how many there will be.
     pub verified: Progress,
+}
+
+/// The unit of earlier versions, which knew gears only.
+fn micrometres() -> String {
+    "µm".to_owned()
 }
 
 /// Reads the status of the campaign in `store`.
@@ -137,7 +145,7 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
     let row = store.campaign().await?;
     let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
     let progress = store.progress().await?;
-    let wanted_runs = 3 * u64::from(campaign.optimise.starts);
+    let problem = campaign::formulation::Problem::new(campaign.clone());
     let verify = u64::from(campaign.verify.samples);
     let counts: BTreeMap<String, u64> = store.verify_counts().await?.into_iter().collect();
     let mut optima = Vec::new();
@@ -149,7 +157,10 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
                 done,
                 wanted: if row.feasible { verify } else { 0 },
             },
-            approach: row.approach,
+            approach: optima::approach_of(&row.approach).map_or_else(
+                || row.approach.clone(),
+                |approach| problem.approach_name(approach).to_owned(),
+            ),
         });
     }
     let wanted = u64::from(campaign.doe.designs);
@@ -165,11 +176,9 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
         .all(|optimum| optimum.verified.done >= optimum.verified.wanted);
     // Later stages speak for earlier ones: designs that were given up stay without samples.
     let chosen = |approach: campaign::Approach| {
-        optima
-            .iter()
-            .any(|optimum| optimum.approach == approach.name())
+        let name = problem.approach_name(approach);
+        optima.iter().any(|optimum| optimum.approach == name)
     };
-    let problem = campaign::formulation::Problem::new(campaign.clone());
     let all_chosen = problem.approaches().all(chosen);
     let enrichment = enrichment(store, &counts).await?;
     let is_left = |approach| approach != campaign::Approach::EnrichedKriging && !chosen(approach);
@@ -211,9 +220,10 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
         digests_checked: store.is_checked(),
         optimiser_runs: Progress {
             done: progress.optimiser_runs,
-            wanted: wanted_runs,
+            wanted: problem.optimiser_runs(),
         },
         enrichment,
+        unit: problem.sampled().unit.to_string(),
         optima,
         failures: progress.failures,
         failure_groups: groups.map(FailureGroup::from).collect(),

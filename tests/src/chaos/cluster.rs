@@ -103,8 +103,8 @@ pub(crate) struct Setup {
     pub(crate) file: PathBuf,
     /// Whether coordinators stay when the campaign is finished.
     pub(crate) stays: bool,
-    /// The command line of the workers' simulator, if the campaign asks for one.
-    pub(crate) simulator: Option<String>,
+    /// What the workers' command lines say of their simulator.
+    pub(crate) simulator: Vec<String>,
 }
 
 /// The processes of a round.
@@ -165,10 +165,8 @@ impl Cluster {
                 (format!("coordinator-{}", self.started), command)
             }
             Who::Worker(worker) => {
-                let (address, simulator) = (
-                    self.proxies[worker].address(),
-                    self.setup.simulator.as_deref(),
-                );
+                let address = self.proxies[worker].address();
+                let simulator = &self.setup.simulator;
                 let command = self.setup.programs.worker(folder, address, simulator);
                 (format!("worker-{worker}-{}", self.started), command)
             }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use super::outcome::Outcome;
-use super::programs::Programs;
+use super::programs::{BEAM, Programs};
 use super::{Violation, study};
 use crate::{root, small_campaign};
 
@@ -25,11 +25,13 @@ pub enum Kind {
     Licence,
     /// A problem without gears, with infill.
     Problem,
+    /// A program that reads and writes files.
+    Files,
 }
 
 impl Kind {
     /// All kinds.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Plain,
         Self::Precise,
         Self::Enriched,
@@ -37,6 +39,7 @@ impl Kind {
         Self::External,
         Self::Licence,
         Self::Problem,
+        Self::Files,
     ];
 
     /// The kind's name.
@@ -50,6 +53,7 @@ impl Kind {
             Self::External => "external",
             Self::Licence => "licence",
             Self::Problem => "problem",
+            Self::Files => "files",
         }
     }
 
@@ -59,6 +63,7 @@ impl Kind {
             Self::Plain | Self::Precise | Self::Enriched | Self::Grown => None,
             Self::External | Self::Licence => Some("simulator.py"),
             Self::Problem => Some("ishigami.py"),
+            Self::Files => Some(BEAM),
         }
     }
 
@@ -98,6 +103,7 @@ impl Kind {
             Self::External => vec![external(true)],
             Self::Licence => vec![external(is_even)],
             Self::Problem => vec![problem()],
+            Self::Files => vec![shipped("cantilever")],
         }
     }
 }
@@ -146,10 +152,15 @@ fn model(shipped: String, is_shipped: bool) -> String {
     )
 }
 
+/// The campaign file of an example.
+fn shipped(example: &str) -> String {
+    let file = root().join("campaigns").join(example).join("campaign.toml");
+    std::fs::read_to_string(file).expect("the example is shipped")
+}
+
 /// The example of an external simulator, with or without a precision.
 fn external(is_precise: bool) -> String {
-    let shipped = root().join("campaigns/external/campaign.toml");
-    let text = std::fs::read_to_string(shipped).expect("the example is shipped");
+    let text = shipped("external");
     let samples = if is_precise {
         "samples_per_design = 120\nprecision_um = 0.005\nsamples_max = 360\n\
          skip_violation = 5.0"
@@ -168,9 +179,7 @@ fn external(is_precise: bool) -> String {
 
 /// The example of a problem without gears, with infill.
 fn problem() -> String {
-    let shipped = root().join("campaigns/ishigami/campaign.toml");
-    let text = std::fs::read_to_string(shipped).expect("the example is shipped");
-    let text = change(&text, "designs = 150", "designs = 60");
+    let text = change(&shipped("ishigami"), "designs = 150", "designs = 60");
     let text = change(&text, "samples_per_design = 30", "samples_per_design = 200");
     text + "\n[optimise]\nevaluations = 1500\nstarts = 2\n\n[verify]\nsamples = 2000\n\n[enrichment]\n\
             criterion = \"expected-quantile-improvement\"\nsamples = 8000\nrounds = 3\n\

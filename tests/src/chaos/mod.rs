@@ -132,10 +132,11 @@ impl Soak {
         Ok(reference)
     }
 
-    /// The command line of a round's simulator, for campaigns that ask for one.
-    fn simulator(&self, round: u64, kind: Kind, reference: &Reference) -> Option<String> {
+    /// What the workers' command lines say of a round's simulator.
+    fn simulator(&self, round: u64, kind: Kind, reference: &Reference) -> Vec<String> {
         if !kind.is_unreliable() {
-            return Some(self.programs.simulator(kind.simulator()?, ""));
+            let name = kind.simulator();
+            return name.map_or_else(Vec::new, |name| self.programs.simulator(name, ""));
         }
         let mut arguments = format!("{}-{round}", self.seed);
         if kind == Kind::Licence {
@@ -144,11 +145,12 @@ impl Soak {
             // none of 200 fails in one campaign of 30 000 only.
             let designs = reference.outcome.column("responses", "design");
             let x_p = reference.outcome.column("designs", "x_p");
-            let number: usize = designs[rng.random_range(0..designs.len())].parse().ok()?;
+            let number = &designs[rng.random_range(0..designs.len())];
+            let number: usize = number.parse().expect("a design's number");
             let share = if rng.random_bool(0.5) { 1.0 } else { 0.05 };
             arguments = format!("{arguments} {} {share}", x_p[number]);
         }
-        Some(self.programs.simulator("unreliable.py", &arguments))
+        self.programs.simulator("unreliable.py", &arguments)
     }
 
     fn disturb(

@@ -25,6 +25,9 @@ pub(crate) struct Serving<'a> {
     pub(crate) stays: bool,
 }
 
+/// The simulator that reads `beam.in` and writes `beam.out`.
+pub(crate) const BEAM: &str = "beam";
+
 /// The folder of the programs, and that of the external simulators.
 #[derive(Debug, Clone)]
 pub(crate) struct Programs {
@@ -41,6 +44,14 @@ impl Programs {
                 let example = root().join(format!("campaigns/{example}/simulator.py"));
                 std::fs::copy(example, simulators.join(name))?;
             }
+            let beam = |name: &str| root().join("campaigns/cantilever").join(name);
+            std::fs::copy(beam("beam.in"), simulators.join("beam.in"))?;
+            let mut compile = Command::new("cc");
+            compile.arg("-O2").arg("-o").arg(simulators.join(BEAM));
+            let compiled = compile.arg(beam("beam.c")).arg("-lm").status()?;
+            if !compiled.success() {
+                return Err(std::io::Error::other("cc does not compile beam.c"));
+            }
             std::fs::write(
                 simulators.join("unreliable.py"),
                 include_str!("unreliable.py"),
@@ -53,10 +64,28 @@ impl Programs {
         })
     }
 
-    /// The command line of an external simulator.
-    pub(crate) fn simulator(&self, name: &str, arguments: &str) -> String {
-        let path = self.simulators.join(name);
-        format!("exec python3 -B {} {arguments}", path.display())
+    /// What command lines say of an external simulator.
+    pub(crate) fn simulator(&self, name: &str, arguments: &str) -> Vec<String> {
+        let path = self.simulators.join(name).display().to_string();
+        let template = format!("{path}.in");
+        let words = match name {
+            BEAM => [
+                "--exec",
+                &path,
+                "--template",
+                &template,
+                "--result",
+                "beam.out",
+            ]
+            .to_vec(),
+            _ => {
+                return vec![
+                    "--exec".to_owned(),
+                    format!("exec python3 -B {path} {arguments}"),
+                ];
+            }
+        };
+        words.into_iter().map(str::to_owned).collect()
     }
 
     fn command(&self, program: &str, folder: &Path, log: &str) -> Command {
@@ -78,20 +107,18 @@ impl Programs {
         command
     }
 
-    /// A worker of one slot, with the command line of its simulator.
+    /// A worker of one slot, with what its command line says of its simulator.
     pub(crate) fn worker(
         &self,
         folder: &Path,
         address: SocketAddr,
-        simulator: Option<&str>,
+        simulator: &[String],
     ) -> Command {
         let mut command = self.command("worker", folder, "info");
         command.args(["--access", ACCESS, "--connect"]);
         command.arg(format!("https://{address}"));
         command.args(["--slots", "1", "--grace", "2"]);
-        if let Some(simulator) = simulator {
-            command.args(["--exec", simulator]);
-        }
+        command.args(simulator);
         command
     }
 
@@ -117,7 +144,7 @@ impl Programs {
         command.arg("run").arg(file);
         command.args(["--db", db, "--out", &report]);
         if let Some(name) = simulator {
-            command.args(["--exec", &self.simulator(name, "")]);
+            command.args(self.simulator(name, ""));
         }
         finish(command).map(drop)
     }

@@ -48,7 +48,6 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
     let problem = Problem::new(campaign.clone());
     let n = u64::from(campaign.doe.designs);
     let k = u64::from(campaign.sampling.samples_per_design);
-    let starts = u64::from(campaign.optimise.starts);
     let evaluations = u64::from(campaign.optimise.evaluations);
     let points = references::points(&problem).len() as u64 + problem.approaches().count() as u64;
     let verify = u64::from(campaign.verify.samples);
@@ -70,7 +69,8 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
 
     let feasible = n as f64 * feasible;
     let sampling = n as f64 * design_seconds + feasible * k as f64 * sample_seconds;
-    let analyses = (3 * starts * evaluations) as f64;
+    let runs = problem.optimiser_runs();
+    let analyses = (runs * evaluations) as f64;
     let optimising = analyses * design_seconds;
     let verifying = (points * verify) as f64 * sample_seconds;
     // Measured with the paper's campaign: 6 s of search for its DoE, and 10 s of a fit whose time is
@@ -108,7 +108,7 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
         ),
         (
             "optimise",
-            format!("{} runs, {} analyses", 3 * starts, 3 * starts * evaluations),
+            format!("{runs} runs, {} analyses", runs * evaluations),
             optimising,
         ),
         (
