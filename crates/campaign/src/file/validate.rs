@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::FileError;
@@ -14,9 +15,9 @@ pub(super) struct Source<'a> {
 }
 
 impl Source<'_> {
-    pub(super) fn parse<T: DeserializeOwned>(self) -> Result<T, FileError> {
+    pub(super) fn parse<T: DeserializeOwned + Serialize>(self) -> Result<T, FileError> {
         let first = match toml::from_str(self.text) {
-            Ok(parsed) => return Ok(parsed),
+            Ok(parsed) => return self.whole(parsed),
             Err(error) => error,
         };
         let mut found = vec![explained(self.text, &first)];
@@ -42,6 +43,29 @@ impl Source<'_> {
             line: line + 1,
             message,
         })
+    }
+
+    /// Refuses lists with more values than are read: the parser drops the rest without a word.
+    fn whole<T: Serialize>(self, parsed: T) -> Result<T, FileError> {
+        let written = toml::from_str::<toml::Table>(self.text);
+        let (Ok(written), Ok(read)) = (written, toml::Table::try_from(&parsed)) else {
+            return Ok(parsed);
+        };
+        for (section, keys) in &written {
+            let read = read.get(section).and_then(toml::Value::as_table);
+            for (key, value) in keys.as_table().into_iter().flatten() {
+                let count = |value: &toml::Value| value.as_array().map(Vec::len);
+                let kept = read.and_then(|read| read.get(key)).and_then(count);
+                if let (Some(found), Some(kept)) = (count(value), kept)
+                    && found > kept
+                {
+                    let key = format!("{section}.{key}");
+                    let found = format_args!("a list of {found} values");
+                    return Err(self.refuse(&key, found, format!("a list of {kept}")));
+                }
+            }
+        }
+        Ok(parsed)
     }
 
     /// The error for `key` (with its section), which holds `found`.
@@ -268,21 +292,34 @@ fn in_plain_words(message: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use serde::Deserialize;
+    use serde::{Deserialize, Serialize};
 
     use super::*;
 
-    #[derive(Debug, Deserialize)]
+    #[derive(Debug, Serialize, Deserialize)]
     #[serde(deny_unknown_fields)]
     struct File {
         seed: u32,
         load: Load,
     }
 
-    #[derive(Debug, Deserialize)]
+    #[derive(Debug, Serialize, Deserialize)]
     #[serde(deny_unknown_fields)]
     struct Load {
         torque: f64,
+        #[serde(default)]
+        teeth: [u32; 2],
+    }
+
+    #[test]
+    fn a_list_with_a_value_too_many_is_refused() {
+        let text = "seed = 1\n[load]\ntorque = 2.0\nteeth = [23, 47, 12]\n";
+        assert_eq!(
+            parsed(text).unwrap_err().to_string(),
+            "c.toml, line 4: load.teeth is a list of 3 values, but must be a list of 2"
+        );
+        let whole = parsed(&text.replace(", 12", "")).unwrap();
+        assert_eq!(whole.load.teeth, [23, 47]);
     }
 
     fn parsed(text: &str) -> Result<File, FileError> {
