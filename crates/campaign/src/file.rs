@@ -22,8 +22,8 @@ mod variant;
 mod written;
 
 pub use self::kriging::{Kriging, Noise, Nugget};
-pub(crate) use bounds::Setting;
 pub use bounds::{Bounds, Each, FrozenFrom, FrozenSection, OfGears, Relation, Written};
+pub(crate) use bounds::{HELIX_ANGLE, ROOT_RADII, Setting, TIP_RADII};
 pub use campaign::{Campaign, Kind};
 pub use corrections::{CorrectionsSection, PairCorrections};
 pub use enrichment::Enrichment;

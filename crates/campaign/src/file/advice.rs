@@ -2,7 +2,10 @@
 
 use gear::Size;
 
-use super::{FrozenSection, GearSections, Material, Setting, Wear, gear_size};
+use super::{
+    FrozenSection, GearSections, HELIX_ANGLE, Material, ROOT_RADII, Setting, TIP_RADII, Wear,
+    gear_size,
+};
 
 /// Above this the modulus was probably meant in MPa, GPa. Tungsten carbide has about 650 GPa.
 const STIFFEST_GPA: f64 = 1000.0;
@@ -47,7 +50,8 @@ pub(super) fn of_frozen(sections: &GearSections) -> Vec<String> {
         return warnings;
     };
     let settings = sections.bounds.settings();
-    if let (Some(helix), Setting::Free([low, high])) = (frozen.helix_angle_deg, settings[10])
+    if let (Some(helix), Setting::Free([low, high])) =
+        (frozen.helix_angle_deg, settings[HELIX_ANGLE])
         && !(low..=high).contains(&helix)
     {
         warnings.push(format!(
@@ -58,8 +62,8 @@ pub(super) fn of_frozen(sections: &GearSections) -> Vec<String> {
         return warnings;
     };
     for (name, radii, settings) in [
-        ("tip_radius", frozen.tip_radius_mm, &settings[6..8]),
-        ("root_radius", frozen.root_radius_mm, &settings[8..10]),
+        ("tip_radius", frozen.tip_radius_mm, &settings[TIP_RADII]),
+        ("root_radius", frozen.root_radius_mm, &settings[ROOT_RADII]),
     ] {
         let members = ["pinion", "mate"].into_iter().zip(settings);
         for ((member, setting), radius) in members.zip(radii.into_iter().flatten()) {
@@ -83,14 +87,14 @@ pub(super) fn of_frozen(sections: &GearSections) -> Vec<String> {
 fn modules(
     sections: &GearSections,
     frozen: &FrozenSection,
-    settings: &[Setting; 11],
+    settings: &[Setting],
 ) -> Option<[f64; 2]> {
     let pair = &sections.pair;
     let size = gear_size(pair.centre_distance_mm, pair.normal_module_mm);
     if let Size::NormalModule(module) = size {
         return Some([module; 2]);
     }
-    let helix = match settings[10] {
+    let helix = match settings[HELIX_ANGLE] {
         Setting::Fixed(angle) => angle,
         _ => frozen.helix_angle_deg?,
     };

@@ -1,5 +1,7 @@
 //! `[bounds]` and `[frozen]` of a gear campaign: what its designs may be.
 
+use std::ops::Range;
+
 use gear::Rack;
 use serde::{Deserialize, Serialize};
 
@@ -116,6 +118,13 @@ pub struct FrozenSection {
     pub helix_angle_deg: Option<f64>,
 }
 
+/// The places of the tip radii among the design's variables.
+pub(crate) const TIP_RADII: Range<usize> = 6..8;
+/// The places of the root radii.
+pub(crate) const ROOT_RADII: Range<usize> = 8..10;
+/// The place of the helix angle, the last one.
+pub(crate) const HELIX_ANGLE: usize = 10;
+
 /// A kind of variable: its key in `[bounds]`, and the least and the greatest number that makes sense.
 type Kind = (&'static str, [f64; 2]);
 
@@ -133,7 +142,7 @@ impl Bounds {
     /// # Panics
     ///
     /// Never for a validated section, which has either a rack or its keys.
-    pub(crate) fn settings(&self) -> [Setting; 11] {
+    pub(crate) fn settings(&self) -> [Setting; HELIX_ANGLE + 1] {
         let rack = self.rack.as_ref().map(|name| {
             let rack: Rack = name.parse().expect("validation has parsed this name");
             rack
@@ -273,32 +282,37 @@ impl FrozenSection {
     /// Only what is free can be frozen.
     pub(super) fn validate(&self, source: Source<'_>, bounds: &Bounds) -> Result<(), FileError> {
         let settings = bounds.settings();
-        let free = |places: [usize; 2]| {
-            let mut settings = places.into_iter().map(|place| settings[place]);
-            settings.all(|setting| matches!(setting, Setting::Free(_)))
-        };
-        let must_be_free = |key: &str, found: &dyn std::fmt::Debug, places| {
+        let require_free = |key: &str, found: &dyn std::fmt::Debug, settings: &[Setting]| {
+            let free = |setting: &Setting| matches!(setting, Setting::Free(_));
             let expected = "absent where bounds leave nothing of it free";
-            source.require(free(places), key, found, expected)
+            source.require(settings.iter().all(free), key, found, expected)
         };
-        if let Some(radii) = self.tip_radius_mm {
-            let key = "frozen.tip_radius_mm";
+        type Check<'a> = fn(Source<'a>, &str, f64) -> Result<(), FileError>;
+        let radii: [(_, _, _, Check<'_>); 2] = [
+            (
+                "frozen.tip_radius_mm",
+                self.tip_radius_mm,
+                TIP_RADII,
+                Source::tip_radius,
+            ),
+            (
+                "frozen.root_radius_mm",
+                self.root_radius_mm,
+                ROOT_RADII,
+                Source::root_radius,
+            ),
+        ];
+        for (key, radii, places, check) in radii {
+            let Some(radii) = radii else { continue };
             radii
                 .iter()
-                .try_for_each(|radius| source.tip_radius(key, *radius))?;
-            must_be_free(key, &radii, [6, 7])?;
-        }
-        if let Some(radii) = self.root_radius_mm {
-            let key = "frozen.root_radius_mm";
-            radii
-                .iter()
-                .try_for_each(|radius| source.root_radius(key, *radius))?;
-            must_be_free(key, &radii, [8, 9])?;
+                .try_for_each(|radius| check(source, key, *radius))?;
+            require_free(key, &radii, &settings[places])?;
         }
         if let Some(angle) = self.helix_angle_deg {
             let key = "frozen.helix_angle_deg";
             source.helix_angle(key, angle)?;
-            must_be_free(key, &angle, [10, 10])?;
+            require_free(key, &angle, &settings[HELIX_ANGLE..])?;
         }
         Ok(())
     }

@@ -4,7 +4,7 @@ use gear::{Discretisation, PairInput};
 
 use super::space::Derived;
 use super::{Constraint, Design};
-use crate::file::{GearSections, gear_size};
+use crate::file::{GearSections, HELIX_ANGLE, gear_size};
 
 mod criteria;
 mod limits;
@@ -19,9 +19,6 @@ pub use limits::constraints;
 pub(super) use spaces::{base, free, whole};
 pub(super) use variables::variables;
 pub use variables::{ALL_VARIABLES, GearVariables, VARIABLE_NAMES};
-
-/// The place of the helix angle among the variables.
-const HELIX: usize = ALL_VARIABLES - 1;
 
 /// What a campaign's pairs share.
 #[derive(Debug, Clone)]
@@ -143,7 +140,7 @@ impl Gears {
 
 impl Derived for Gears {
     fn module(&self, values: &[f64]) -> f64 {
-        self.module_of(values[HELIX], values[0] + values[1])
+        self.module_of(values[HELIX_ANGLE], values[0] + values[1])
             .unwrap_or(1.0)
     }
 
@@ -159,7 +156,7 @@ impl Derived for Gears {
             module,
             centre_distance,
             self.template.pressure_angle,
-            values[HELIX].to_radians(),
+            values[HELIX_ANGLE].to_radians(),
         );
         sum - values[0]
     }

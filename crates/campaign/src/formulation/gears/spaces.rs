@@ -3,10 +3,7 @@
 use super::super::Design;
 use super::super::space::{Coordinate, Source, Space};
 use super::{ALL_VARIABLES, VARIABLE_NAMES};
-use crate::file::{GearSections, Setting};
-
-/// The places of tip and root radii among the variables.
-const RADII: std::ops::Range<usize> = 6..10;
+use crate::file::{GearSections, HELIX_ANGLE, ROOT_RADII, Setting, TIP_RADII};
 
 /// The names of the radii in modules.
 const RADII_IN_MODULES: [&str; 4] = [
@@ -37,15 +34,13 @@ fn frozen(sections: &GearSections) -> [Option<f64>; ALL_VARIABLES] {
     let Some(frozen) = &sections.frozen else {
         return values;
     };
-    let radii = [frozen.tip_radius_mm, frozen.root_radius_mm];
-    for (number, radius) in radii
-        .into_iter()
-        .flat_map(|radii| radii.map_or([None; 2], |r| r.map(Some)))
-        .enumerate()
-    {
-        values[RADII.start + number] = radius;
+    for (places, radii) in [
+        (TIP_RADII, frozen.tip_radius_mm),
+        (ROOT_RADII, frozen.root_radius_mm),
+    ] {
+        values[places].copy_from_slice(&radii.map_or([None; 2], |radii| radii.map(Some)));
     }
-    values[RADII.end] = frozen.helix_angle_deg;
+    values[HELIX_ANGLE] = frozen.helix_angle_deg;
     values
 }
 
@@ -53,7 +48,7 @@ fn space(sections: &GearSections, frozen: &[Option<f64>; ALL_VARIABLES]) -> Spac
     let mut coordinates = Vec::new();
     let mut sources = Vec::new();
     for (place, setting) in sections.bounds.settings().into_iter().enumerate() {
-        let in_modules = RADII.contains(&place);
+        let in_modules = (TIP_RADII.start..ROOT_RADII.end).contains(&place);
         sources.push(match setting {
             _ if frozen[place].is_some() => Source::Kept,
             Setting::Fixed(value) if in_modules => Source::FixedInModules(value),
@@ -62,7 +57,7 @@ fn space(sections: &GearSections, frozen: &[Option<f64>; ALL_VARIABLES]) -> Spac
             Setting::Follows => Source::Follows,
             Setting::Free(range) => {
                 let name = if in_modules {
-                    RADII_IN_MODULES[place - RADII.start]
+                    RADII_IN_MODULES[place - TIP_RADII.start]
                 } else {
                     VARIABLE_NAMES[place]
                 };
