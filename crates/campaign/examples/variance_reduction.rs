@@ -19,7 +19,7 @@ use campaign::Campaign;
 use campaign::formulation::Problem;
 use rand::RngExt as _;
 use stats::streams::{Purpose, stream};
-use stats::{Control, EXACT_Z90, NormalOptions, Sampling, VarianceFormula, Z90};
+use stats::{Control, EXACT_Z90, NormalOptions, Sampling, VarianceFormula};
 
 const SAMPLES: u64 = 32;
 const REFERENCE: u64 = 200_000;
@@ -120,7 +120,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                     (estimate.p90, estimate.variance)
                 } else {
                     let options = NormalOptions {
-                        z: Z90::Exact,
+                        z: EXACT_Z90,
                         variance: VarianceFormula::Exact,
                         unbiased: true,
                     };

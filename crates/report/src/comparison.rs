@@ -105,7 +105,7 @@ pub fn comparisons(data: &ReportData) -> Vec<Comparison> {
     let columns = [
         ("ΔSTE without wear, µm", Response::Unworn),
         ("ΔSTE with Archard’s wear, µm", Response::Archard),
-        ("P90, µm", Response::P90),
+        ("P90, µm", Response::Percentile),
     ];
     for (row, (name, response)) in paper::RESPONSES.iter().zip(columns) {
         let values: Vec<f64> = data

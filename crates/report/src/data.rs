@@ -49,6 +49,8 @@ pub struct Header {
     pub designs: usize,
     /// k, the Monte Carlo samples per design.
     pub samples_per_design: usize,
+    /// What the percentile is called: P90.
+    pub percentile: String,
     /// How many of the n designs could be simulated.
     pub feasible: usize,
     /// Why the others could not, with how many designs each reason concerns.
@@ -246,15 +248,15 @@ impl Approach {
         }
     }
 
-    /// What the approach minimises.
+    /// What the approach minimises; `percentile` is its name.
     #[must_use]
-    pub fn criterion(self) -> &'static str {
+    pub fn criterion(self, percentile: &str) -> String {
         match self {
-            Self::WithoutWear => "ΔSTE without wear",
-            Self::ArchardWear => "ΔSTE with Archard’s wear",
-            Self::Kriging => "kriging mean of P90",
-            Self::KrigingEnriched => "kriging prediction of P90 after infill",
-            Self::BestOfDoe => "P90 estimated in the DoE",
+            Self::WithoutWear => "ΔSTE without wear".to_owned(),
+            Self::ArchardWear => "ΔSTE with Archard’s wear".to_owned(),
+            Self::Kriging => format!("kriging mean of {percentile}"),
+            Self::KrigingEnriched => format!("kriging prediction of {percentile} after infill"),
+            Self::BestOfDoe => format!("{percentile} estimated in the DoE"),
         }
     }
 }

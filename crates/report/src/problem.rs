@@ -7,7 +7,7 @@ use crate::data::{Header, KrigingFit, Percentile};
 pub struct ProblemReport {
     /// Which campaign, how large, at what cost.
     pub header: Header,
-    /// What is minimised is the 90 % percentile of this response.
+    /// What is minimised is the percentile of this response.
     pub response: String,
     /// Its unit; empty for a number without one.
     pub unit: String,
@@ -28,7 +28,7 @@ pub struct ProblemOptimum {
     pub design: Result<Vec<NamedValue>, String>,
     /// What the approach minimised.
     pub criterion: f64,
-    /// P90 verified with fresh samples.
+    /// The percentile verified with fresh samples.
     pub p90: Percentile,
     /// What constraints are set on, with whether each holds.
     pub constraints: Vec<(NamedValue, bool)>,

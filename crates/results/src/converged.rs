@@ -10,7 +10,7 @@ const SAMPLES: u64 = 100;
 /// Relative change of ΔSTE at which a grid counts as converged.
 const TOLERANCE: f64 = 1e-5;
 
-/// P90 on the converged grid less P90 on the campaign's grid, µm. None if the built-in model cannot
+/// The percentile on the converged grid less that on the campaign's grid, µm. None if the built-in model cannot
 /// simulate the design, or is not what simulates the campaign.
 pub(crate) fn difference_um(problem: &Problem, design: &Design) -> Option<f64> {
     let built_in = !problem.campaign().is_external();
@@ -24,7 +24,9 @@ pub(crate) fn difference_um(problem: &Problem, design: &Design) -> Option<f64> {
         let samples: Vec<f64> = (0..SAMPLES)
             .map(|sample| sampler.draw(&mut stream(seed, Purpose::Verify, 0, sample)))
             .collect();
-        stats::percentile_p90(&samples)
+        let sampling = &problem.campaign().sampling;
+        sampling
+            .verified(&samples)
             .ok()
             .map(|estimate| estimate.p90)
     };

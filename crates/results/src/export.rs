@@ -62,15 +62,27 @@ pub async fn write(
     match table {
         Table::Model => {}
         Table::Designs => designs(store, problem, &mut out).await?,
-        Table::Samples => samples(store, &mut out).await?,
-        Table::Responses => responses(store, &mut out).await?,
-        Table::Loo => leave_one_out(store, &mut out).await?,
+        Table::Samples => samples(store, problem, &mut out).await?,
+        Table::Responses => responses(store, problem, &mut out).await?,
+        Table::Loo => leave_one_out(store, problem, &mut out).await?,
         Table::Optima => optima(store, problem, &mut out).await?,
-        Table::Rounds => rounds(store, &mut out).await?,
+        Table::Rounds => rounds(store, problem, &mut out).await?,
         Table::Infill => infill(store, problem, &mut out).await?,
         Table::Failures => failures(store, &mut out).await?,
     }
     out.finish()
+}
+
+/// The name of a column about the sampled response: of a gear pair with µm, otherwise without a unit,
+/// as the user's own names are. `{p}` stands for the percentile's.
+pub(crate) fn column(problem: &Problem, what: &str) -> String {
+    let sampling = &problem.campaign().sampling;
+    let name = what.replace("{p}", &sampling.percentile_column());
+    let square = if what.ends_with("variance") { "2" } else { "" };
+    match problem.gears() {
+        Some(_) => format!("{name}_um{square}"),
+        None => name,
+    }
 }
 
 fn number(value: f64) -> String {
@@ -124,8 +136,12 @@ async fn designs<W: Write>(
     Ok(())
 }
 
-async fn samples<W: Write>(store: &Store, out: &mut RowWriter<W>) -> anyhow::Result<()> {
-    out.write_record(["design", "sample", "delta_ste_um"])?;
+async fn samples<W: Write>(
+    store: &Store,
+    problem: &Problem,
+    out: &mut RowWriter<W>,
+) -> anyhow::Result<()> {
+    out.write_record(["design", "sample", &problem.sampled().name])?;
     store
         .visit_samples(|row| -> anyhow::Result<()> {
             out.write_record([
@@ -138,15 +154,14 @@ async fn samples<W: Write>(store: &Store, out: &mut RowWriter<W>) -> anyhow::Res
         .await
 }
 
-async fn responses<W: Write>(store: &Store, out: &mut RowWriter<W>) -> anyhow::Result<()> {
-    out.write_record([
-        "design",
-        "mean_um",
-        "sd_um",
-        "p90_um",
-        "p90_variance_um2",
-        "lilliefors_p",
-    ])?;
+async fn responses<W: Write>(
+    store: &Store,
+    problem: &Problem,
+    out: &mut RowWriter<W>,
+) -> anyhow::Result<()> {
+    let [mean, sd, percentile, variance] =
+        ["mean", "sd", "{p}", "{p}_variance"].map(|what| column(problem, what));
+    out.write_record(["design", &mean, &sd, &percentile, &variance, "lilliefors_p"])?;
     for row in store.responses().await? {
         out.write_record([
             row.design.to_string(),
@@ -160,13 +175,13 @@ async fn responses<W: Write>(store: &Store, out: &mut RowWriter<W>) -> anyhow::R
     Ok(())
 }
 
-async fn leave_one_out<W: Write>(store: &Store, out: &mut RowWriter<W>) -> anyhow::Result<()> {
-    out.write_record([
-        "design",
-        "observed_um",
-        "predicted_um",
-        "standardised_residual",
-    ])?;
+async fn leave_one_out<W: Write>(
+    store: &Store,
+    problem: &Problem,
+    out: &mut RowWriter<W>,
+) -> anyhow::Result<()> {
+    let [observed, predicted] = ["observed", "predicted"].map(|what| column(problem, what));
+    out.write_record(["design", &observed, &predicted, "standardised_residual"])?;
     let Some(row) = store.model(P90_MODEL).await? else {
         return Ok(());
     };
@@ -185,16 +200,27 @@ async fn leave_one_out<W: Write>(store: &Store, out: &mut RowWriter<W>) -> anyho
     Ok(())
 }
 
-async fn rounds<W: Write>(store: &Store, out: &mut RowWriter<W>) -> anyhow::Result<()> {
+async fn rounds<W: Write>(
+    store: &Store,
+    problem: &Problem,
+    out: &mut RowWriter<W>,
+) -> anyhow::Result<()> {
+    let [improvement, predicted, low, high] = [
+        "expected_improvement",
+        "predicted",
+        "predicted_low",
+        "predicted_high",
+    ]
+    .map(|what| column(problem, what));
     out.write_record([
         "round",
         "points",
         "samples",
         "failed",
-        "expected_improvement_um",
-        "predicted_um",
-        "predicted_low_um",
-        "predicted_high_um",
+        &improvement,
+        &predicted,
+        &low,
+        &high,
         "simulator_calls",
         "cpu_seconds",
         "stop",
@@ -232,19 +258,15 @@ async fn infill<W: Write>(
 ) -> anyhow::Result<()> {
     let mut header = vec!["point", "round", "reason"];
     header.extend(problem.free_names());
-    header.extend([
-        "violation",
-        "samples",
-        "failed",
-        "p90_um",
-        "p90_variance_um2",
-    ]);
+    let [percentile, variance] = ["{p}", "{p}_variance"].map(|what| column(problem, what));
+    header.extend(["violation", "samples", "failed", &percentile, &variance]);
     out.write_record(&header)?;
     for row in store.infill().await? {
         let samples = store.verify_samples(&row.name).await?;
         let samples: Vec<f64> = samples.iter().map(|sample| sample.delta_ste_um).collect();
         let is_whole = samples.len() as u64 == row.samples && !row.failed;
-        let percentile = stats::percentile_p90(&samples).ok().filter(|_| is_whole);
+        let percentile = problem.campaign().sampling.verified(&samples).ok();
+        let percentile = percentile.filter(|_| is_whole);
         let mut record = vec![row.name, (row.round + 1).to_string(), row.reason];
         record.extend(row.x.iter().copied().map(number));
         record.push(number(row.violation));
@@ -266,9 +288,11 @@ async fn optima<W: Write>(
     let criteria = problem.criteria();
     let mut header = vec!["approach"];
     header.extend(variables.iter().map(|variable| &*variable.name));
-    header.extend(["criterion_um", "p90_um", "p90_low_um", "p90_high_um"]);
+    let names = ["criterion", "{p}", "{p}_low", "{p}_high"].map(|what| column(problem, what));
+    header.extend(names.iter().map(String::as_str));
     let has_grid = problem.gears().is_some();
-    header.extend(has_grid.then_some("p90_converged_difference_um"));
+    let difference = column(problem, "{p}_converged_difference");
+    header.extend(has_grid.then_some(&*difference));
     header.extend(criteria.iter().map(|criterion| &*criterion.name));
     header.extend(["feasible", "simulator_calls", "cpu_seconds"]);
     out.write_record(&header)?;
@@ -281,7 +305,7 @@ async fn optima<W: Write>(
             .iter()
             .map(|sample| sample.delta_ste_um)
             .collect();
-        let percentile = stats::percentile_p90(&samples).ok();
+        let percentile = problem.campaign().sampling.verified(&samples).ok();
         let interval = percentile
             .as_ref()
             .and_then(|percentile| stats::p90_interval(percentile, 0.95).ok());

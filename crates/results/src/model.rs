@@ -8,7 +8,9 @@ use modelling::{ModelFile, Quantity};
 use stages::fitting::P90_MODEL;
 use store::Store;
 
-/// The model of P90 (µm) over the variables that the DoE moves, as the campaign fitted it last.
+use crate::export::column;
+
+/// The model of the percentile over the variables that the DoE moves, as the campaign fitted it last.
 ///
 /// # Errors
 ///
@@ -24,5 +26,9 @@ pub async fn stored(store: &Store) -> anyhow::Result<ModelFile> {
     let file = store.campaign().await?.file_text;
     let problem = Problem::new(Campaign::parse("the store's campaign file", &file)?);
     let inputs: Vec<Quantity> = problem.free_names().map(Quantity::new).collect();
-    Ok(ModelFile::new(&inputs, Quantity::new("p90_um"), surrogate))
+    Ok(ModelFile::new(
+        &inputs,
+        Quantity::new(&column(&problem, "{p}")),
+        surrogate,
+    ))
 }

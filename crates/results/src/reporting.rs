@@ -166,6 +166,7 @@ fn header(sources: &Sources, samples_digest: String, times: &[store::JobTimeRow]
         samples_digest,
         designs: campaign.doe.designs as usize,
         samples_per_design: campaign.sampling.samples_per_design as usize,
+        percentile: campaign.sampling.percentile_name(),
         feasible: sources.criteria.iter().filter(|row| row.feasible).count(),
         infeasible,
         simulator_calls: sampling + optimising + enriching + verifying,
@@ -256,6 +257,7 @@ fn kriging(sources: &Sources) -> Vec<KrigingFit> {
     let Some(model) = &sources.model else {
         return Vec::new();
     };
+    let percentile = sources.problem.campaign().sampling.percentile_name();
     let parameter = |name: &str, value: f64, unit: &str| Parameter {
         name: name.to_owned(),
         value,
@@ -295,7 +297,7 @@ fn kriging(sources: &Sources) -> Vec<KrigingFit> {
         })
         .collect();
     vec![KrigingFit {
-        title: format!("P90 over {} designs", model.points),
+        title: format!("{percentile} over {} designs", model.points),
         unit: unit.to_owned(),
         kernel: model.kernel.clone(),
         parameters,

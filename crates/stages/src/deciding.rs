@@ -311,7 +311,7 @@ fn pool(
             .as_ref()
             .map(|(controls, known)| (&controls[..], *known)),
     };
-    let row = responses::response(0, samples, sampling.percentile);
+    let row = responses::response(0, samples, &sampling);
     (values.len(), row.ok())
 }
 

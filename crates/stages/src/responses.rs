@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use campaign::file::{PercentileRule, Sampling};
+use campaign::file::Sampling;
 use campaign::formulation::{Design, Problem};
 use rayon::prelude::*;
 use stats::VarianceFormula;
@@ -51,12 +51,12 @@ pub fn sampled(samples: &[f64], sampling: &Sampling) -> Result<Sampled, stats::E
         return Ok(Sampled::Enough(count));
     };
     loop {
-        let row = response(0, Samples::plain(&samples[..count]), sampling.percentile)?;
+        let row = response(0, Samples::plain(&samples[..count]), sampling)?;
         let of_normal = match rule.variance {
             VarianceFormula::Taylor => stats::p90_variance,
             VarianceFormula::Exact => stats::exact_p90_variance,
         };
-        let normal = of_normal(row.sd_um.powi(2), count, rule.z.value())?;
+        let normal = of_normal(row.sd_um.powi(2), count, rule.z)?;
         // What s would have to be for a normal sample's percentile to be as uncertain as this one.
         let sd = if normal > 0.0 {
             row.sd_um * (row.p90_variance_um2 / normal).sqrt()
@@ -91,12 +91,11 @@ pub fn response_of(
     samples: Samples<'_>,
     settings: &Sampling,
 ) -> Result<ResponseRow, stats::Error> {
-    let rule = settings.percentile;
     let group = match settings.coefficients() {
-        stats::Sampling::Independent => return response(design, samples, rule),
+        stats::Sampling::Independent => return response(design, samples, settings),
         even => even.group(),
     };
-    let estimate = stats::grouped_p90(samples.values, group, rule.normal().z.value())?;
+    let estimate = stats::grouped_p90(samples.values, group, settings.normal().z)?;
     Ok(ResponseRow {
         design,
         mean_um: estimate.mean,
@@ -115,15 +114,15 @@ pub fn response_of(
 pub fn response(
     design: u64,
     samples: Samples<'_>,
-    rule: PercentileRule,
+    settings: &Sampling,
 ) -> Result<ResponseRow, stats::Error> {
-    let normal = rule.normal();
+    let (normal, rule) = (settings.normal(), settings.percentile);
     let Samples { values, control } = samples;
     // A control that does not move says nothing: there is no random wear.
     if let Some((controls, known)) = control
         && known.sd > 0.0
     {
-        let estimate = stats::control_variate_p90(values, controls, known, normal.z.value())?;
+        let estimate = stats::control_variate_p90(values, controls, known, normal.z)?;
         return Ok(ResponseRow {
             design,
             mean_um: estimate.mean,
@@ -136,6 +135,7 @@ pub fn response(
     let choice = stats::choose_p90(
         values,
         &stats::ChoiceRule {
+            level: settings.level(),
             significance: match rule.harrell_davis() {
                 None => 0.0,
                 Some(_) => SIGNIFICANCE,
@@ -203,11 +203,14 @@ pub fn controls(
 
 #[cfg(test)]
 mod tests {
+    use campaign::file::PercentileRule;
+
     use super::*;
 
     fn sampling(precision_um: Option<f64>) -> Sampling {
         Sampling {
             samples_per_design: 10,
+            level: None,
             precision_um,
             samples_max: precision_um.map(|_| 60),
             skip_violation: None,
@@ -248,12 +251,7 @@ mod tests {
             sampled(&samples(enough, 0.35), &precise),
             Ok(Sampled::Enough(enough))
         );
-        let row = response(
-            0,
-            Samples::plain(&samples(enough, 0.35)),
-            PercentileRule::Normal,
-        )
-        .unwrap();
+        let row = response(0, Samples::plain(&samples(enough, 0.35)), &sampling(None)).unwrap();
         assert!(row.p90_variance_um2.sqrt() <= 0.1, "{row:?}");
         // What came early changes nothing.
         assert_eq!(
@@ -270,7 +268,13 @@ mod tests {
     #[test]
     fn the_rule_decides_between_estimators() {
         let skewed: Vec<f64> = (0..40).map(|index| f64::from(index).powi(6)).collect();
-        let of = |rule| response(3, Samples::plain(&skewed), rule).unwrap();
+        let of = |percentile| {
+            let settings = Sampling {
+                percentile,
+                ..sampling(None)
+            };
+            response(3, Samples::plain(&skewed), &settings).unwrap()
+        };
         let (paper, normal, chosen) = (
             of(PercentileRule::Paper),
             of(PercentileRule::Normal),
@@ -283,7 +287,7 @@ mod tests {
         let bootstrap = of(PercentileRule::ChosenBootstrap);
         assert_eq!(bootstrap.p90_um, chosen.p90_um);
         let expected = stats::HarrellDavisVariance::Bootstrap;
-        let expected = stats::harrell_davis_p90_with(&skewed, expected).unwrap();
+        let expected = stats::harrell_davis(&skewed, 0.9, expected).unwrap();
         assert_eq!(bootstrap.p90_variance_um2, expected.variance);
         assert_ne!(bootstrap.p90_variance_um2, chosen.p90_variance_um2);
         let plain = stats::percentile_p90(&skewed).unwrap();
@@ -379,7 +383,7 @@ mod tests {
                 values: &values[..count],
                 control: control.then_some((&controls[..count], linear.moments())),
             };
-            response(7, samples, PercentileRule::Normal).unwrap()
+            response(7, samples, &sampling(None)).unwrap()
         };
         let (all, plain, controlled) = (of(20_000, false), of(30, false), of(30, true));
         assert!(

@@ -7,6 +7,8 @@
 //! Reference: N. L. Johnson, S. Kotz, N. Balakrishnan, "Continuous Univariate Distributions", vol. 1
 //! (1994), section 13.8.2 and chapter 18 (the χ distribution).
 
+use statrs::distribution::{ContinuousCDF as _, Normal};
+
 use crate::Error;
 use crate::percentile::{PERCENTILE_MIN_SAMPLES, check_variance_arguments};
 use crate::{Percentile, mean_sd};
@@ -14,25 +16,13 @@ use crate::{Percentile, mean_sd};
 /// The 90 % quantile of the standard normal distribution.
 pub const EXACT_Z90: f64 = 1.281_551_565_544_600_4;
 
-/// Which 90 % quantile of the standard normal distribution to use.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Z90 {
-    /// 1.28, as the paper rounds it: [`crate::PAPER_Z90`].
-    #[default]
-    Paper,
-    /// [`EXACT_Z90`].
-    Exact,
-}
-
-impl Z90 {
-    /// The quantile itself.
-    #[must_use]
-    pub fn value(self) -> f64 {
-        match self {
-            Self::Paper => crate::PAPER_Z90,
-            Self::Exact => EXACT_Z90,
-        }
+/// The quantile z of the standard normal distribution at a `level` between 0 and 1, both excluded.
+#[must_use]
+pub fn normal_quantile(level: f64) -> f64 {
+    if level == 0.9 {
+        return EXACT_Z90;
     }
+    Normal::standard().inverse_cdf(level)
 }
 
 /// Which variance of m + z s to use.
@@ -45,12 +35,12 @@ pub enum VarianceFormula {
     Exact,
 }
 
-/// How to estimate the 90 % percentile of a normal sample. The default is the paper's way, that of
+/// How to estimate a percentile of a normal sample. The default is the paper's way for 90 %, that of
 /// [`crate::percentile_p90`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NormalOptions {
-    /// z of m + z s.
-    pub z: Z90,
+    /// z of m + z s: [`normal_quantile`] of the level, or the paper's rounded [`crate::PAPER_Z90`].
+    pub z: f64,
     /// The variance reported with it.
     pub variance: VarianceFormula,
     /// Whether s is divided by c₄, so that the percentile has no bias (and a slightly larger
@@ -58,14 +48,24 @@ pub struct NormalOptions {
     pub unbiased: bool,
 }
 
-/// Estimates the 90 % percentile of a normal sample as `options` say.
+impl Default for NormalOptions {
+    fn default() -> Self {
+        Self {
+            z: crate::PAPER_Z90,
+            variance: VarianceFormula::Taylor,
+            unbiased: false,
+        }
+    }
+}
+
+/// Estimates a percentile of a normal sample as `options` say.
 ///
 /// # Errors
 ///
 /// Those of [`crate::percentile_p90`].
 pub fn normal_p90(samples: &[f64], options: &NormalOptions) -> Result<Percentile, Error> {
     let n = samples.len();
-    let z = options.z.value();
+    let z = options.z;
     let relative = c4(n)?;
     // Dividing s by c₄ is multiplying z by 1/c₄.
     let z = if options.unbiased { z / relative } else { z };

@@ -37,7 +37,8 @@ pub use coefficients::{GROUPED_MIN_GROUPS, Sampling, grouped_p90, normal_coeffic
 pub use control::{CONTROL_MIN_SAMPLES, Control, Controlled, control_variate_p90};
 pub use error::Error;
 pub use exact::{
-    EXACT_Z90, NormalOptions, VarianceFormula, Z90, c4, exact_p90_variance, normal_p90, sd_bias,
+    EXACT_Z90, NormalOptions, VarianceFormula, c4, exact_p90_variance, normal_p90, normal_quantile,
+    sd_bias,
 };
 pub use moments::mean_sd;
 pub use normality::{
@@ -47,8 +48,8 @@ pub use percentile::{
     PAPER_Z90, PERCENTILE_MIN_SAMPLES, Percentile, p90_interval, p90_variance, percentile_p90,
 };
 pub use quantile::{
-    Choice, ChoiceRule, HARRELL_DAVIS_MIN_SAMPLES, HarrellDavisVariance, Method, Quantile,
-    choose_p90, harrell_davis_p90, harrell_davis_p90_with,
+    Choice, ChoiceRule, HarrellDavisVariance, Method, Quantile, choose_p90, harrell_davis,
+    harrell_davis_min_samples, harrell_davis_p90,
 };
 pub use rank::spearman;
 pub use sensitivity::{Index, SENSITIVITY_INPUTS, SENSITIVITY_ROWS, Sensitivity, SensitivityPlan};

@@ -1,4 +1,4 @@
-//! The 90 % percentile of a normal sample and the variance of its estimate.
+//! A percentile of a normal sample and the variance of its estimate.
 
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
@@ -12,7 +12,7 @@ pub const PAPER_Z90: f64 = 1.28;
 /// in (13) no longer depends on the sample, and below that it is not real.
 pub const PERCENTILE_MIN_SAMPLES: usize = 4;
 
-/// A 90 % percentile estimated from a normal sample. All but `n` and `variance` are in the unit of
+/// A percentile estimated from a normal sample. All but `n` and `variance` are in the unit of
 /// the samples; `variance` is in its square.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Percentile {
@@ -22,7 +22,7 @@ pub struct Percentile {
     pub mean: f64,
     /// Standard deviation s, divisor k − 1, (9).
     pub sd: f64,
-    /// m + 1.28 s, (8).
+    /// m + z s, (8); of 90 % unless the estimate was asked for another level.
     pub p90: f64,
     /// Estimated variance of `p90`, (14) with s² in the place of the unknown σ².
     pub variance: f64,
@@ -108,7 +108,7 @@ fn check_count(got: usize) -> Result<(), Error> {
     if got < PERCENTILE_MIN_SAMPLES {
         let needed = PERCENTILE_MIN_SAMPLES;
         return Err(Error::TooFewSamples {
-            statistic: "a 90 % percentile",
+            statistic: "a percentile",
             needed,
             got,
         });

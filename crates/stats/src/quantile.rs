@@ -1,10 +1,10 @@
-//! The 90 % percentile of a sample that is not normal: from its order statistics.
+//! A percentile of a sample that is not normal: from its order statistics.
 //!
-//! With X₍₁₎ ≤ … ≤ X₍ₙ₎ the sorted sample:
+//! With X₍₁₎ ≤ … ≤ X₍ₙ₎ the sorted sample and p the level, such as 0.9:
 //!
-//! - [`harrell_davis_p90`] is the bootstrap mean of X₍(n+1) 0.9₎: all order statistics, X₍ⱼ₎ with
+//! - [`harrell_davis_p90`] is the bootstrap mean of X₍(n+1) p₎: all order statistics, X₍ⱼ₎ with
 //!   the weight Iⱼ⸝ₙ − I₍ⱼ₋₁₎⸝ₙ, I the regularised incomplete beta function with the parameters
-//!   0.9 (n + 1) and 0.1 (n + 1), and their jackknife variance
+//!   p (n + 1) and (1 − p)(n + 1), and their jackknife variance
 //!   (F. E. Harrell, C. E. Davis, "A new distribution-free quantile estimator", Biometrika 69
 //!   (1982) 635–640), or by [`HarrellDavisVariance`] their exact bootstrap variance.
 //! - [`choose_p90`] decides between the latter and the normal percentile.
@@ -14,9 +14,14 @@ use statrs::function::beta::beta_reg;
 use crate::moments::check_finite;
 use crate::{Error, NormalOptions, Percentile, bootstrap, lilliefors, normal_p90};
 
-/// The fewest samples: with fewer than 10, the 90 % percentile is beyond the largest.
-pub const HARRELL_DAVIS_MIN_SAMPLES: usize = 10;
-const LEVEL: f64 = 0.9;
+/// The fewest samples for a percentile at `level`: with fewer than 10, that of 90 % is beyond the
+/// largest.
+#[must_use]
+pub fn harrell_davis_min_samples(level: f64) -> usize {
+    let tail = level.max(1.0 - level);
+    // 1/(1 − 0.9) is just above 10.
+    ((1.0 / (1.0 - tail) - 1e-9).ceil() as usize).max(3)
+}
 
 /// Which estimator a percentile comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,7 +32,7 @@ pub enum Method {
     HarrellDavis,
 }
 
-/// A 90 % percentile and the variance of its estimate, whatever the distribution.
+/// A percentile and the variance of its estimate, whatever the distribution.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quantile {
     /// Where it comes from.
@@ -50,32 +55,33 @@ pub enum HarrellDavisVariance {
     Bootstrap,
 }
 
-/// Harrell and Davis's estimator with its jackknife variance.
+/// Harrell and Davis's estimator of the 90 % percentile with its jackknife variance.
 ///
 /// # Errors
 ///
-/// [`Error::TooFewSamples`] below [`HARRELL_DAVIS_MIN_SAMPLES`], [`Error::NonFinite`],
+/// [`Error::TooFewSamples`] below [`harrell_davis_min_samples`], [`Error::NonFinite`],
 /// [`Error::Overflow`].
 pub fn harrell_davis_p90(samples: &[f64]) -> Result<Quantile, Error> {
-    harrell_davis_p90_with(samples, HarrellDavisVariance::Jackknife)
+    harrell_davis(samples, 0.9, HarrellDavisVariance::Jackknife)
 }
 
-/// Harrell and Davis's estimator with the named variance.
+/// Harrell and Davis's estimator of the percentile at `level`, with the named variance.
 ///
 /// # Errors
 ///
 /// As [`harrell_davis_p90`].
-pub fn harrell_davis_p90_with(
+pub fn harrell_davis(
     samples: &[f64],
+    level: f64,
     variance: HarrellDavisVariance,
 ) -> Result<Quantile, Error> {
-    let sorted = sorted(samples, "the Harrell–Davis percentile")?;
+    let sorted = sorted(samples, level, "the Harrell–Davis percentile")?;
     let n = sorted.len();
-    let weights = harrell_davis_weights(n);
+    let weights = harrell_davis_weights(n, level);
     let base = sorted[0];
     let p90 = base + weighted(&weights, sorted.iter(), base);
     let variance = match variance {
-        HarrellDavisVariance::Jackknife => jackknife(&sorted),
+        HarrellDavisVariance::Jackknife => jackknife(&sorted, level),
         HarrellDavisVariance::Bootstrap => bootstrap::of_sorted(&sorted, &weights),
     };
     finite(Quantile {
@@ -87,9 +93,9 @@ pub fn harrell_davis_p90_with(
 }
 
 /// The jackknife variance of Harrell and Davis's estimator.
-fn jackknife(sorted: &[f64]) -> f64 {
+fn jackknife(sorted: &[f64], level: f64) -> f64 {
     let n = sorted.len();
-    let fewer = harrell_davis_weights(n - 1);
+    let fewer = harrell_davis_weights(n - 1, level);
     let left_out: Vec<f64> = (0..n)
         .map(|i| {
             let others = sorted[..i].iter().chain(&sorted[i + 1..]);
@@ -109,6 +115,8 @@ fn weighted<'a>(weights: &[f64], values: impl Iterator<Item = &'a f64>, base: f6
 /// How to choose an estimator for one design.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChoiceRule {
+    /// The percentile's level; `normal.z` is the quantile that belongs to it.
+    pub level: f64,
     /// Normality is rejected where Lilliefors' p-value is below this.
     pub significance: f64,
     /// The estimator where it is not.
@@ -120,6 +128,7 @@ pub struct ChoiceRule {
 impl Default for ChoiceRule {
     fn default() -> Self {
         Self {
+            level: 0.9,
             significance: 0.05,
             normal: NormalOptions::default(),
             harrell_davis: HarrellDavisVariance::default(),
@@ -139,7 +148,7 @@ pub struct Choice {
 }
 
 /// The percentile of one design by the rule: m + z s unless normality is rejected, then Harrell and
-/// Davis's estimator. Fewer than [`HARRELL_DAVIS_MIN_SAMPLES`] samples are always taken for
+/// Davis's estimator. Fewer than [`harrell_davis_min_samples`] samples are always taken for
 /// normal, since order statistics cannot serve there.
 ///
 /// Among designs with normal samples the rule takes the longer way for a share of `significance`.
@@ -159,8 +168,8 @@ pub fn choose_p90(samples: &[f64], rule: &ChoiceRule) -> Result<Choice, Error> {
     let normal = normal_p90(samples, &rule.normal)?;
     let p_value = lilliefors(samples).ok().map(|test| test.p_value);
     let rejected = p_value.is_some_and(|p| p < significance);
-    let chosen = if rejected && samples.len() >= HARRELL_DAVIS_MIN_SAMPLES {
-        harrell_davis_p90_with(samples, rule.harrell_davis)?
+    let chosen = if rejected && samples.len() >= harrell_davis_min_samples(rule.level) {
+        harrell_davis(samples, rule.level, rule.harrell_davis)?
     } else {
         Quantile {
             method: Method::Normal,
@@ -176,9 +185,9 @@ pub fn choose_p90(samples: &[f64], rule: &ChoiceRule) -> Result<Choice, Error> {
     })
 }
 
-fn harrell_davis_weights(n: usize) -> Vec<f64> {
+fn harrell_davis_weights(n: usize, level: f64) -> Vec<f64> {
     let next = (n + 1) as f64;
-    beta_weights(n, LEVEL * next, (1.0 - LEVEL) * next)
+    beta_weights(n, level * next, (1.0 - level) * next)
 }
 
 /// Iⱼ⸝ₙ(a, b) − I₍ⱼ₋₁₎⸝ₙ(a, b) for j = 1 … n.
@@ -192,11 +201,12 @@ fn beta_weights(n: usize, a: f64, b: f64) -> Vec<f64> {
         .collect()
 }
 
-fn sorted(samples: &[f64], statistic: &'static str) -> Result<Vec<f64>, Error> {
-    if samples.len() < HARRELL_DAVIS_MIN_SAMPLES {
+fn sorted(samples: &[f64], level: f64, statistic: &'static str) -> Result<Vec<f64>, Error> {
+    let needed = harrell_davis_min_samples(level);
+    if samples.len() < needed {
         return Err(Error::TooFewSamples {
             statistic,
-            needed: HARRELL_DAVIS_MIN_SAMPLES,
+            needed,
             got: samples.len(),
         });
     }

@@ -16,9 +16,7 @@
 //! samples, and −0.018. Without stopping, m + z s of 100 samples has the bias −0.003.
 
 use crate::percentile::check_variance_arguments;
-use crate::{
-    Error, PERCENTILE_MIN_SAMPLES, VarianceFormula, Z90, exact_p90_variance, p90_variance,
-};
+use crate::{Error, PERCENTILE_MIN_SAMPLES, VarianceFormula, exact_p90_variance, p90_variance};
 
 /// When a design has enough samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,7 +28,7 @@ pub struct SequentialRule {
     /// The most samples of a design.
     pub most: usize,
     /// z of m + z s.
-    pub z: Z90,
+    pub z: f64,
     /// The variance that is compared with the precision.
     pub variance: VarianceFormula,
 }
@@ -58,8 +56,8 @@ pub fn samples_needed(n: usize, sd: f64, rule: &SequentialRule) -> Result<usize,
     check_variance_arguments(sd, n, 0.0)?;
     let reached = |k: usize| -> Result<bool, Error> {
         let variance = match rule.variance {
-            VarianceFormula::Taylor => p90_variance(sd * sd, k, rule.z.value())?,
-            VarianceFormula::Exact => exact_p90_variance(sd * sd, k, rule.z.value())?,
+            VarianceFormula::Taylor => p90_variance(sd * sd, k, rule.z)?,
+            VarianceFormula::Exact => exact_p90_variance(sd * sd, k, rule.z)?,
         };
         Ok(variance.sqrt() <= rule.precision)
     };

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use anyhow::Context as _;
 use campaign::file::PairCorrections;
+use campaign::file::Sampling;
 use campaign::formulation::Problem;
 use campaign::formulation::gears::VARIABLE_NAMES;
 use campaign::{Campaign, Design, PairFile};
@@ -83,7 +84,7 @@ pub fn run(
             let request = direct::verification(problem, &found.design, number);
             let answer = simulations.simulate(&[request])?.remove(0);
             let fresh = answer.samples_of("the best design")?;
-            Some((found, percentile(&fresh)))
+            Some((found, percentile(&problem.campaign().sampling, &fresh)))
         }
         None => None,
     };
@@ -103,17 +104,19 @@ pub fn run(
 ///
 /// A file cannot be written.
 pub fn write_tables(out: &Path, campaign: &Campaign, rows: &[Row]) -> anyhow::Result<Written> {
-    let figures = all_figures(rows);
+    let sampling = &campaign.sampling;
+    let figures = all_figures(sampling, rows);
     write(out, "corrections.csv", figures.csv()?)?;
     let page = format!(
         "# {} with and without profile corrections\n\n\
-         P90 of ΔSTE in µm from {} fresh samples with its 95 % interval, at the best of {} direct \
+         {} of ΔSTE in µm from {} fresh samples with its 95 % interval, at the best of {} direct \
          searches of {} designs each. Relief is amount × length.\n\n{}",
         campaign.name,
+        sampling.percentile_name(),
         campaign.verify.samples,
         campaign.optimise.starts,
         campaign.optimise.evaluations,
-        summary(rows).markdown()
+        summary(sampling, rows).markdown()
     );
     write(out, "corrections.md", &page)?;
     let sections = campaign.gears().context("corrections are of gears")?;
@@ -134,11 +137,12 @@ pub fn write_tables(out: &Path, campaign: &Campaign, rows: &[Row]) -> anyhow::Re
     })
 }
 
-fn summary(rows: &[Row]) -> Table {
+fn summary(sampling: &Sampling, rows: &[Row]) -> Table {
+    let percentile = sampling.percentile_name();
     let mut table = Table::new([
         "corrections",
-        "P90, µm",
-        "P90 in the search, µm",
+        &format!("{percentile}, µm"),
+        &format!("{percentile} in the search, µm"),
         "relief of the pinion",
         "relief of the mate",
         "crowning, µm",
@@ -177,7 +181,9 @@ fn summary(rows: &[Row]) -> Table {
     table
 }
 
-fn all_figures(rows: &[Row]) -> Table {
+fn all_figures(sampling: &Sampling, rows: &[Row]) -> Table {
+    let columns = sampling.percentile_columns();
+    let searched = columns[0].replace("_um", "_searched_um");
     let mut header = vec!["corrections"];
     header.extend(VARIABLE_NAMES);
     header.extend([
@@ -186,10 +192,9 @@ fn all_figures(rows: &[Row]) -> Table {
         "tip_relief_r_um",
         "tip_relief_length_r_mm",
         "crowning_um",
-        "p90_um",
-        "p90_low_um",
-        "p90_high_um",
-        "p90_searched_um",
+    ]);
+    header.extend(columns.iter().chain([&searched]).map(String::as_str));
+    header.extend([
         "contact_ratio",
         "specific_sliding",
         "hertz_pressure_mpa",
@@ -302,6 +307,9 @@ mod tests {
                 assert!((amounts[0] - amounts[1]).abs() < 1e-15, "{amounts:?}");
             }
         }
-        assert_eq!(summary(&rows).rows[1][0], "tip relief");
+        assert_eq!(
+            summary(&problem.campaign().sampling, &rows).rows[1][0],
+            "tip relief"
+        );
     }
 }

@@ -267,7 +267,7 @@ impl Search {
                 violation: problem.violation(&limited).max(f64::MIN_POSITIVE),
             };
         }
-        let Ok(percentile) = stats::percentile_p90(&samples_um) else {
+        let Ok(percentile) = problem.campaign().sampling.verified(&samples_um) else {
             return failed;
         };
         let p90_um = percentile.p90;

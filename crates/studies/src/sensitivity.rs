@@ -11,6 +11,8 @@
 use std::path::Path;
 
 use anyhow::Context as _;
+use campaign::Campaign;
+use campaign::file::Sampling;
 use campaign::formulation::Problem;
 use campaign::formulation::gears::VARIABLE_NAMES;
 use campaign::{Design, Variant, WearFactors};
@@ -62,7 +64,7 @@ pub struct Scenario {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Indices {
     /// The output, in words.
-    pub output: &'static str,
+    pub output: String,
     /// The inputs.
     pub inputs: Vec<String>,
     /// What was found.
@@ -74,8 +76,12 @@ pub struct Indices {
 /// # Errors
 ///
 /// There is no such feasible optimum.
-pub fn choose<'a>(optima: &'a [Optimum], approach: Option<&str>) -> anyhow::Result<&'a Optimum> {
-    let p90 = |optimum: &Optimum| percentile(&optimum.fresh).value_um;
+pub fn choose<'a>(
+    sampling: &Sampling,
+    optima: &'a [Optimum],
+    approach: Option<&str>,
+) -> anyhow::Result<&'a Optimum> {
+    let p90 = |optimum: &Optimum| percentile(sampling, &optimum.fresh).value_um;
     match approach {
         Some(name) => optima
             .iter()
@@ -127,7 +133,7 @@ pub fn scenarios(
         Ok(Scenario {
             parameter,
             factor,
-            p90: percentile(&samples_um),
+            p90: percentile(&problem.campaign().sampling, &samples_um),
         })
     };
     scenarios.into_iter().zip(answers).map(scenario).collect()
@@ -174,7 +180,7 @@ pub fn indices(
         }
     };
     let with_field = [&inputs[..], &["wear field".to_owned()]].concat();
-    let analyse = |output, inputs, number, request: &dyn Fn(&[f64]) -> Request| {
+    let analyse = |output: &str, inputs, number, request: &dyn Fn(&[f64]) -> Request| {
         analyse(
             simulations,
             problem,
@@ -186,7 +192,12 @@ pub fn indices(
         )
     };
     Ok(vec![
-        analyse("P90", inputs.clone(), 0, &of_p90)?,
+        analyse(
+            &problem.campaign().sampling.percentile_name(),
+            inputs.clone(),
+            0,
+            &of_p90,
+        )?,
         analyse("ΔSTE of one worn pair", with_field, 1, &of_sample)?,
     ])
 }
@@ -217,7 +228,7 @@ fn deviated(
 fn analyse(
     simulations: &dyn Simulations,
     problem: &Problem,
-    output: &'static str,
+    output: &str,
     inputs: Vec<String>,
     tolerances: &Tolerances,
     number: u32,
@@ -232,7 +243,7 @@ fn analyse(
         Answer::Refused(_) => f64::NAN,
         Answer::Simulated { samples_um, .. } => match samples_um[..] {
             [sample] => sample,
-            _ => percentile(&samples_um).value_um,
+            _ => percentile(&problem.campaign().sampling, &samples_um).value_um,
         },
     };
     let answers = simulations.simulate(&requests)?;
@@ -243,7 +254,7 @@ fn analyse(
         .analyse(&outputs, RESAMPLES, &mut rng)
         .with_context(|| format!("the indices of {output}"))?;
     Ok(Indices {
-        output,
+        output: output.to_owned(),
         inputs,
         sensitivity,
     })
@@ -256,14 +267,17 @@ fn analyse(
 /// A file cannot be written.
 pub fn write_tables(
     out: &Path,
-    name: &str,
+    campaign: &Campaign,
     optimum: &Optimum,
     tolerances: &Tolerances,
     scenarios: &[Scenario],
     indices: &[Indices],
 ) -> anyhow::Result<Written> {
-    let mut table = Table::new(["parameter", "factor", "p90_um", "p90_low_um", "p90_high_um"]);
-    let mut shown = Table::new(["scenario", "P90, µm"]);
+    let name = &campaign.name;
+    let [value, low, high] = campaign.sampling.percentile_columns();
+    let mut table = Table::new(["parameter", "factor", &value, &low, &high]);
+    let percentile = campaign.sampling.percentile_name();
+    let mut shown = Table::new(["scenario", &format!("{percentile}, µm")]);
     for row in scenarios {
         let p90 = &row.p90;
         let figures = [row.factor, p90.value_um, p90.low_um, p90.high_um].map(exact);
@@ -338,7 +352,7 @@ fn index_figures(indices: &[Indices]) -> Table {
         let found = &one.sensitivity;
         for ((input, first), total) in one.inputs.iter().zip(&found.first).zip(&found.total) {
             let figures = [first, total].map(|i| [i.value, i.low, i.high].map(exact));
-            let mut line = vec![one.output.to_owned(), (*input).to_owned()];
+            let mut line = vec![one.output.clone(), (*input).to_owned()];
             line.extend(figures.concat());
             table.rows.push(line);
         }
@@ -385,7 +399,10 @@ mod tests {
         let (problem, optimum) = figure_9();
         let rows = scenarios(&InProcess(&problem), &problem, &optimum).unwrap();
         assert_eq!(rows.len(), 7);
-        assert_eq!(rows[0].p90, percentile(&optimum.fresh));
+        assert_eq!(
+            rows[0].p90,
+            percentile(&problem.campaign().sampling, &optimum.fresh)
+        );
         let of = |parameter: &str, factor: f64| {
             let row = rows
                 .iter()
@@ -443,17 +460,21 @@ mod tests {
 
     #[test]
     fn the_design_of_least_percentile_is_recommended_unless_another_is_asked_for() {
-        let (_, first) = figure_9();
+        let (problem, first) = figure_9();
+        let sampling = &problem.campaign().sampling;
         let second = Optimum {
             approach: Approach::Kriging,
             fresh: first.fresh.iter().map(|sample| 0.5 * sample).collect(),
             ..first.clone()
         };
         let optima = [first, second];
-        assert_eq!(choose(&optima, None).unwrap().approach, Approach::Kriging);
-        let asked = choose(&optima, Some("archard")).unwrap();
+        assert_eq!(
+            choose(sampling, &optima, None).unwrap().approach,
+            Approach::Kriging
+        );
+        let asked = choose(sampling, &optima, Some("archard")).unwrap();
         assert_eq!(asked.approach, Approach::Baseline);
-        assert!(choose(&optima, Some("no-wear")).is_err());
-        assert!(choose(&[], None).is_err());
+        assert!(choose(sampling, &optima, Some("no-wear")).is_err());
+        assert!(choose(sampling, &[], None).is_err());
     }
 }

@@ -5,6 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
+use campaign::file::Sampling;
 use campaign::formulation::Problem;
 use campaign::formulation::gears::VARIABLE_NAMES;
 use campaign::{Approach, Campaign, Criteria, FileError, GearCriteria, GearVariables};
@@ -150,7 +151,7 @@ pub async fn rows(member: &Member) -> anyhow::Result<Vec<Row>> {
             (Some(design), Some(criteria)) => {
                 let fresh = store.verify_samples(&optimum.approach).await?;
                 let samples: Vec<f64> = fresh.iter().map(|row| row.delta_ste_um).collect();
-                let p90 = percentile(&samples);
+                let p90 = percentile(&member.campaign.sampling, &samples);
                 Ok((design.gears(), optimum.criterion_um, criteria.gears(), p90))
             }
             _ => Err(optimum.note),
@@ -174,12 +175,15 @@ pub async fn rows(member: &Member) -> anyhow::Result<Vec<Row>> {
 /// # Errors
 ///
 /// A file cannot be written.
-pub fn write_tables(out: &Path, name: &str, rows: &[Row]) -> anyhow::Result<Written> {
-    let figures = all_figures(rows);
+pub fn write_tables(out: &Path, campaign: &Campaign, rows: &[Row]) -> anyhow::Result<Written> {
+    let sampling = &campaign.sampling;
+    let name = &campaign.name;
+    let percentile = sampling.percentile_name();
+    let figures = all_figures(sampling, rows);
     write(out, "sweep.csv", figures.csv()?)?;
     let mut page = format!(
         "# {name} over tooth numbers\n\n\
-         P90 of ΔSTE in µm at the optimum of each approach, with its 95 % interval from fresh \
+         {percentile} of ΔSTE in µm at the optimum of each approach, with its 95 % interval from fresh \
          samples.\n\n{}",
         summary(rows).markdown()
     );
@@ -192,10 +196,10 @@ pub fn write_tables(out: &Path, name: &str, rows: &[Row]) -> anyhow::Result<Writ
             );
         }
     }
-    match report::chart_teeth(&lines(rows)) {
+    match report::chart_teeth(&percentile, &lines(rows)) {
         Ok(svg) => {
             write(out, "sweep.svg", svg)?;
-            page += "\n![P90 against the number of teeth](sweep.svg)\n";
+            page += &format!("\n![{percentile} against the number of teeth](sweep.svg)\n");
         }
         Err(why) => page += &format!("\n{why}\n"),
     }
@@ -255,14 +259,13 @@ fn summary(rows: &[Row]) -> Table {
     table
 }
 
-fn all_figures(rows: &[Row]) -> Table {
+fn all_figures(sampling: &Sampling, rows: &[Row]) -> Table {
+    let columns = sampling.percentile_columns();
     let mut header = vec!["teeth_p", "teeth_r", "approach"];
     header.extend(VARIABLE_NAMES);
+    header.push("criterion_um");
+    header.extend(columns.iter().map(String::as_str));
     header.extend([
-        "criterion_um",
-        "p90_um",
-        "p90_low_um",
-        "p90_high_um",
         "normal_module_mm",
         "contact_ratio",
         "specific_sliding",
@@ -348,7 +351,8 @@ mod tests {
         let gears = problem.gears().unwrap();
         let criteria = gears.pair_criteria(&gears.pair(&design).unwrap(), 1000.0);
         let variables = design.gears();
-        let p90 = percentile(&[1.0, 1.1, 0.9, 1.0, 1.2]);
+        let sampling = &problem.campaign().sampling;
+        let p90 = percentile(sampling, &[1.0, 1.1, 0.9, 1.0, 1.2]);
         let row = |teeth, approach, found| Row {
             teeth,
             approach,
@@ -372,7 +376,7 @@ mod tests {
             "{:?}",
             table.rows[1]
         );
-        let all = all_figures(&rows);
+        let all = all_figures(sampling, &rows);
         assert_eq!(all.rows.len(), 4);
         assert!(all.csv().is_ok(), "every row is complete");
         let drawn: Vec<usize> = lines(&rows).iter().map(|line| line.points.len()).collect();

@@ -258,6 +258,12 @@ impl Campaign {
         }
         self.doe.validate(source)?;
         self.sampling.validate(source, self.is_external())?;
+        source.require(
+            self.sampling.level() == 0.9 || !self.compares_with_paper(),
+            "sampling.level",
+            self.sampling.level(),
+            "0.9 beside report.compare_with_paper: the paper prints 90 % percentiles",
+        )?;
         self.verify.validate(source)?;
         self.kriging
             .validate(source, self.doe.designs, &self.sampling)?;

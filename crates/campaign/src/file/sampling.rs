@@ -1,7 +1,7 @@
 //! `[sampling]`: how many samples a design gets, and what becomes of them.
 
 use serde::{Deserialize, Serialize};
-use stats::{HarrellDavisVariance, NormalOptions, SequentialRule, VarianceFormula, Z90};
+use stats::{HarrellDavisVariance, NormalOptions, SequentialRule, VarianceFormula};
 
 use super::FileError;
 use super::validate::Source;
@@ -24,7 +24,10 @@ pub struct Sampling {
     /// samples; see [`Sampling::skip_violation`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub skip_violation: Option<f64>,
-    /// How P90 is estimated.
+    /// The level of the percentile, from 0.5 to 0.999; 0.9 if the file does not say.
+    #[serde(default, skip_serializing_if = "Sampling::is_papers_level")]
+    pub level: Option<f64>,
+    /// How the percentile is estimated.
     #[serde(default, skip_serializing_if = "PercentileRule::is_default")]
     pub percentile: PercentileRule,
     /// What is known of a sample beforehand.
@@ -78,11 +81,11 @@ impl ControlVariate {
     }
 }
 
-/// How the 90 % percentile is estimated from samples.
+/// How the percentile is estimated from samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PercentileRule {
-    /// The paper's m + 1.28 s with the variance of (14).
+    /// The paper's m + 1.28 s with the variance of (14); at another level z is exact.
     #[default]
     Paper,
     /// m + z s without bias, with exact z and the exact variance for normal samples.
@@ -109,23 +112,6 @@ impl PercentileRule {
             Self::ChosenBootstrap => Some(HarrellDavisVariance::Bootstrap),
         }
     }
-
-    /// The way for normal samples.
-    #[must_use]
-    pub const fn normal(self) -> NormalOptions {
-        match self {
-            Self::Paper => NormalOptions {
-                z: Z90::Paper,
-                variance: VarianceFormula::Taylor,
-                unbiased: false,
-            },
-            Self::Normal | Self::Chosen | Self::ChosenBootstrap => NormalOptions {
-                z: Z90::Exact,
-                variance: VarianceFormula::Exact,
-                unbiased: true,
-            },
-        }
-    }
 }
 
 impl Sampling {
@@ -133,6 +119,77 @@ impl Sampling {
     const SAMPLES_MAX: u32 = 1000;
     /// Samples in a quasi-random sequence, if the file does not say.
     const GROUP: u32 = 8;
+    /// The paper's level of the percentile.
+    const LEVEL: f64 = 0.9;
+
+    /// The level of the percentile.
+    #[must_use]
+    pub fn level(&self) -> f64 {
+        self.level.unwrap_or(Self::LEVEL)
+    }
+
+    /// Whether a level is the paper's; a file that says so is the same campaign as one that does not.
+    fn is_papers_level(level: &Option<f64>) -> bool {
+        level.is_none_or(|level| level == Self::LEVEL)
+    }
+
+    /// What the percentile is called: P90, P99.5.
+    #[must_use]
+    pub fn percentile_name(&self) -> String {
+        // Six digits, so that 99.9 is not 99.90000000000001.
+        format!("P{}", (self.level() * 1e6).round() / 1e4)
+    }
+
+    /// What columns with the percentile begin with: p90, p99_5.
+    #[must_use]
+    pub fn percentile_column(&self) -> String {
+        self.percentile_name().to_lowercase().replace('.', "_")
+    }
+
+    /// The names of a gear pair's columns with the percentile and its interval: p90_um, p90_low_um,
+    /// p90_high_um.
+    #[must_use]
+    pub fn percentile_columns(&self) -> [String; 3] {
+        let name = self.percentile_column();
+        ["um", "low_um", "high_um"].map(|end| format!("{name}_{end}"))
+    }
+
+    /// The percentile's estimate from normal samples, by the campaign's rule.
+    #[must_use]
+    pub fn normal(&self) -> NormalOptions {
+        match self.percentile {
+            PercentileRule::Paper => self.paper(),
+            PercentileRule::Normal | PercentileRule::Chosen | PercentileRule::ChosenBootstrap => {
+                NormalOptions {
+                    z: stats::normal_quantile(self.level()),
+                    variance: VarianceFormula::Exact,
+                    unbiased: true,
+                }
+            }
+        }
+    }
+
+    /// The percentile of many fresh samples, as the optima are verified by: the paper's m + z s with the
+    /// variance of (14), whatever the rule for the designs of the DoE.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`stats::percentile_p90`].
+    pub fn verified(&self, samples: &[f64]) -> Result<stats::Percentile, stats::Error> {
+        stats::normal_p90(samples, &self.paper())
+    }
+
+    /// The paper's estimate, which rounds z at its own level.
+    fn paper(&self) -> NormalOptions {
+        let of_paper = NormalOptions::default();
+        if self.level() == Self::LEVEL {
+            return of_paper;
+        }
+        NormalOptions {
+            z: stats::normal_quantile(self.level()),
+            ..of_paper
+        }
+    }
 
     /// Degrees of freedom of the variance of a response: independent samples or groups of samples, less
     /// one for their mean.
@@ -157,7 +214,7 @@ impl Sampling {
     /// When a design has enough samples; none where all designs get the same number.
     #[must_use]
     pub fn rule(&self) -> Option<SequentialRule> {
-        let normal = self.percentile.normal();
+        let normal = self.normal();
         self.precision_um.map(|precision| SequentialRule {
             precision,
             batch: self.samples_per_design as usize,
@@ -214,6 +271,14 @@ impl Sampling {
             4,
             1_000_000,
         )?;
+        if let Some(level) = self.level {
+            source.require(
+                (0.5..=0.999).contains(&level),
+                "sampling.level",
+                level,
+                "from 0.5 (the median) to 0.999",
+            )?;
+        }
         if let Some(precision) = self.precision_um {
             source.positive("sampling.precision_um", precision)?;
         }
@@ -293,7 +358,7 @@ impl Sampling {
             "sampling.samples_per_design",
             k,
             &format!(
-                "a multiple of {group} from {fewest} on with these coefficients: the variance of P90 \
+                "a multiple of {group} from {fewest} on with these coefficients: the percentile's variance \
                  comes from the scatter of whole groups of {group} samples"
             ),
         )
@@ -339,6 +404,38 @@ mod tests {
         // 30 samples are 15 groups of 2.
         let quasi = "coefficients = \"quasi-random\"\ngroup = 2";
         assert_eq!(coefficients(quasi), stats::Sampling::Quasi { group: 2 });
+    }
+
+    #[test]
+    fn the_percentile_has_the_name_and_the_z_of_its_level() {
+        let parse = |more: &str| {
+            let text = Campaign::PAPER
+                .replace("compare_with_paper = true", "compare_with_paper = false")
+                .replace("[sampling]\n", &format!("[sampling]\n{more}\n"));
+            Campaign::parse("paper.toml", &text).map_err(|error| error.to_string())
+        };
+        let of = |level: &str| parse(&format!("level = {level}")).unwrap().sampling;
+        assert_eq!(of("0.9").normal().z, stats::PAPER_Z90);
+        assert_eq!(
+            parse("level = 0.9").unwrap().digest(),
+            parse("").unwrap().digest()
+        );
+        assert_eq!(of("0.9").percentile_columns()[1], "p90_low_um");
+        let high = of("0.995");
+        assert_eq!(high.percentile_name(), "P99.5");
+        assert_eq!(high.percentile_columns()[0], "p99_5_um");
+        // Tables of the normal distribution: z(0.995) = 2.575829.
+        assert!((high.normal().z - 2.575_829).abs() < 1e-6);
+        let samples: Vec<f64> = (0..40).map(f64::from).collect();
+        let (mean, sd) = stats::mean_sd(&samples).unwrap();
+        let verified = high.verified(&samples).unwrap();
+        assert!((verified.p90 - (mean + 2.575_829 * sd)).abs() < 1e-4);
+        for level in ["0.4", "1.0", "95"] {
+            let error = parse(&format!("level = {level}")).unwrap_err();
+            assert!(error.contains("sampling.level"), "{error}");
+        }
+        let error = super::tests::parse("level = 0.95").unwrap_err();
+        assert!(error.contains("compare_with_paper"), "{error}");
     }
 
     #[test]

@@ -73,7 +73,7 @@ pub(super) async fn sweep(arguments: arguments::Sweep) -> anyhow::Result<u8> {
     for member in &members {
         rows.extend(sweep::rows(member).await?);
     }
-    let found = sweep::write_tables(&out, &campaign.name, &rows)?;
+    let found = sweep::write_tables(&out, &campaign, &rows)?;
     finish((found, out), arguments.json)?;
     Ok(if incomplete {
         exit::INCOMPLETE
@@ -116,7 +116,12 @@ pub(super) async fn sensitivity(arguments: arguments::Sensitivity) -> anyhow::Re
     require_built_in(problem.campaign()).map_err(usage)?;
     let optima = finished::optima(&store, &problem).await?;
     store.close().await?;
-    let optimum = sensitivity::choose(&optima, arguments.approach.as_deref())?.clone();
+    let optimum = sensitivity::choose(
+        &problem.campaign().sampling,
+        &optima,
+        arguments.approach.as_deref(),
+    )?
+    .clone();
     let tolerances = sensitivity::Tolerances {
         modules: arguments.tolerance,
         scenario: arguments.scenario,
@@ -128,8 +133,8 @@ pub(super) async fn sensitivity(arguments: arguments::Sensitivity) -> anyhow::Re
     let page = move |simulations: &dyn Simulations| {
         let scenarios = sensitivity::scenarios(simulations, &problem, &optimum)?;
         let indices = sensitivity::indices(simulations, &problem, &optimum, &tolerances)?;
-        let name = &problem.campaign().name;
-        sensitivity::write_tables(&out, name, &optimum, &tolerances, &scenarios, &indices)
+        let campaign = problem.campaign();
+        sensitivity::write_tables(&out, campaign, &optimum, &tolerances, &scenarios, &indices)
             .map(|found| (found, out))
     };
     conduct(plan, json, page).await
@@ -152,7 +157,7 @@ pub(super) async fn pareto(arguments: arguments::Pareto) -> anyhow::Result<u8> {
     let campaign = problem.campaign().clone();
     let page = move |simulations: Option<&dyn Simulations>| {
         let mut points = pareto::front_of_doe(simulations, &problem, &all, against)?;
-        points.extend(pareto::of_optima(&optima));
+        points.extend(pareto::of_optima(&problem.campaign().sampling, &optima));
         if let Some(simulations) = simulations {
             let refined = pareto::refine(simulations, &problem, &base, &points, against, refine)?;
             points.extend(refined);

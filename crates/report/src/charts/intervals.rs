@@ -14,16 +14,16 @@ pub struct PercentileSeries {
     pub points: Vec<(f64, Percentile)>,
 }
 
-/// P90 of ΔSTE in µm (logarithmic) against the pinion's number of teeth, with 95 % intervals as
+/// The `percentile` (its name, such as P90) of ΔSTE in µm (logarithmic) against the pinion's number of teeth, with 95 % intervals as
 /// bars, one line per approach, as an SVG file.
 ///
 /// # Errors
 /// [`Error::NothingToDraw`] without a positive percentile.
-pub fn chart_teeth(series: &[PercentileSeries]) -> Result<String, Error> {
+pub fn chart_teeth(percentile: &str, series: &[PercentileSeries]) -> Result<String, Error> {
     let chart = Chart {
-        title: "P90 of ΔSTE at the optima, with 95 % intervals".to_owned(),
+        title: format!("{percentile} of ΔSTE at the optima, with 95 % intervals"),
         x: axis("teeth of the pinion", Scale::Whole),
-        y: axis("P90 of ΔSTE (µm)", Scale::Log),
+        y: axis(format!("{percentile} of ΔSTE (µm)"), Scale::Log),
         series: series
             .iter()
             .enumerate()
@@ -41,19 +41,20 @@ pub fn chart_teeth(series: &[PercentileSeries]) -> Result<String, Error> {
     };
     draw(
         chart,
-        "P90 against the teeth",
+        "percentile against the teeth",
         "no approach found a feasible design",
     )
     .map(|picture| picture.standalone())
 }
 
-/// P90 of ΔSTE in µm (logarithmic) against another objective in MPa with its `limit`, as an SVG
+/// The `percentile` (its name, such as P90) of ΔSTE in µm (logarithmic) against another objective in MPa with its `limit`, as an SVG
 /// file: `designs` as dots, the non-dominated points `front`, ascending, joined by a staircase, and
 /// `series` with 95 % intervals as bars.
 ///
 /// # Errors
 /// [`Error::NothingToDraw`] without a positive percentile.
 pub fn chart_front(
+    percentile: &str,
     against: &str,
     limit: f64,
     designs: &[[f64; 2]],
@@ -88,9 +89,9 @@ pub fn chart_front(
             .flat_map(|(one, colour)| with_bars(&one.name, colour, &one.points)),
     );
     let chart = Chart {
-        title: format!("P90 of ΔSTE against {against}"),
+        title: format!("{percentile} of ΔSTE against {against}"),
         x: axis(against, Scale::Linear),
-        y: axis("P90 of ΔSTE (µm)", Scale::Log),
+        y: axis(format!("{percentile} of ΔSTE (µm)"), Scale::Log),
         series: all,
         size: [FULL[0], 420.0],
     };

@@ -44,11 +44,12 @@ pub fn chart_wear(profiles: &WearProfiles) -> Result<String, Error> {
 /// [`Error::NothingToDraw`] if no design has both responses (both positive, on logarithmic axes).
 pub fn chart_responses(
     doe: &[DoePoint],
+    percentile: &str,
     x: Response,
     y: Response,
     extent: Extent,
 ) -> Result<String, Error> {
-    responses(doe, x, y, extent).map(|picture| picture.standalone())
+    responses(doe, percentile, x, y, extent).map(|picture| picture.standalone())
 }
 
 /// Leave-one-out predictions against observations in µm, as an SVG file.
@@ -95,13 +96,13 @@ pub fn chart_pressure(curves: &PressureCurves) -> Result<String, Error> {
     pressure(curves).map(|picture| picture.standalone())
 }
 
-/// The predicted P90 of the recommended design in µm against the rounds of the enrichment, as an SVG
+/// The predicted `percentile` (its name, such as P90) of the recommended design in µm against the rounds of the enrichment, as an SVG
 /// file.
 ///
 /// # Errors
 /// [`Error::NothingToDraw`] if no round recommends a design.
-pub fn chart_prediction(enrichment: &Enrichment) -> Result<String, Error> {
-    prediction(enrichment).map(|picture| picture.standalone())
+pub fn chart_prediction(enrichment: &Enrichment, percentile: &str) -> Result<String, Error> {
+    prediction(enrichment, percentile).map(|picture| picture.standalone())
 }
 
 /// The most that is expected of a further observation in µm against the rounds of the enrichment, as
@@ -148,9 +149,9 @@ pub(crate) fn wear(profiles: &WearProfiles, size: [f64; 2]) -> Result<Picture, E
     )
 }
 
-fn axis(label: &str, scale: Scale) -> Axis {
+fn axis(label: impl Into<String>, scale: Scale) -> Axis {
     Axis {
-        label: label.to_owned(),
+        label: label.into(),
         scale,
         range: None,
     }

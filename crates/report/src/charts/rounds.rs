@@ -6,7 +6,7 @@ use crate::error::Error;
 use crate::svg::{Chart, Mark, Picture, Scale, Series};
 
 /// See [`super::chart_prediction`].
-pub(crate) fn prediction(enrichment: &Enrichment) -> Result<Picture, Error> {
+pub(crate) fn prediction(enrichment: &Enrichment, percentile: &str) -> Result<Picture, Error> {
     let line = |name: &str, mark, colour, value: fn(&crate::EnrichmentRound) -> f64| Series {
         name: (!name.is_empty()).then(|| name.to_owned()),
         mark,
@@ -31,9 +31,9 @@ pub(crate) fn prediction(enrichment: &Enrichment) -> Result<Picture, Error> {
         });
     }
     let chart = Chart {
-        title: "P90 of the recommended design".to_owned(),
+        title: format!("{percentile} of the recommended design"),
         x: axis("round", Scale::Linear),
-        y: axis("P90 (µm)", Scale::Linear),
+        y: axis(format!("{percentile} (µm)"), Scale::Linear),
         series,
         size: HALF,
     };

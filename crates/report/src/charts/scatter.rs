@@ -12,8 +12,8 @@ pub enum Response {
     Unworn,
     /// ΔSTE with Archard's wear.
     Archard,
-    /// Estimated 90 % percentile of ΔSTE with random wear.
-    P90,
+    /// Estimated percentile of ΔSTE with random wear.
+    Percentile,
 }
 
 impl Response {
@@ -23,17 +23,17 @@ impl Response {
         match self {
             Self::Unworn => point.delta_ste_um,
             Self::Archard => point.delta_ste_archard_um,
-            Self::P90 => point.p90_um,
+            Self::Percentile => point.p90_um,
         }
     }
 
-    /// The response's name.
+    /// The response's name; `percentile` is the percentile's.
     #[must_use]
-    pub fn label(self) -> &'static str {
+    pub fn label(self, percentile: &str) -> String {
         match self {
-            Self::Unworn => "ΔSTE without wear",
-            Self::Archard => "ΔSTE with Archard’s wear",
-            Self::P90 => "P90 of ΔSTE with random wear",
+            Self::Unworn => "ΔSTE without wear".to_owned(),
+            Self::Archard => "ΔSTE with Archard’s wear".to_owned(),
+            Self::Percentile => format!("{percentile} of ΔSTE with random wear"),
         }
     }
 }
@@ -52,6 +52,7 @@ pub enum Extent {
 /// See [`super::chart_responses`].
 pub(crate) fn responses(
     doe: &[DoePoint],
+    percentile: &str,
     x: Response,
     y: Response,
     extent: Extent,
@@ -75,11 +76,11 @@ pub(crate) fn responses(
         },
         x: Axis {
             range: range(0),
-            ..axis(&format!("{} (µm)", x.label()), scale)
+            ..axis(format!("{} (µm)", x.label(percentile)), scale)
         },
         y: Axis {
             range: range(1),
-            ..axis(&format!("{} (µm)", y.label()), scale)
+            ..axis(format!("{} (µm)", y.label(percentile)), scale)
         },
         series: vec![diagonal(&points, "equal values")],
         size: HALF,
@@ -110,8 +111,8 @@ pub(crate) fn leave_one_out(fit: &KrigingFit) -> Result<Picture, Error> {
     };
     let chart = Chart {
         title: "Leave-one-out predictions".to_owned(),
-        x: axis(&with_unit("observed"), Scale::Linear),
-        y: axis(&with_unit("predicted from the others"), Scale::Linear),
+        x: axis(with_unit("observed"), Scale::Linear),
+        y: axis(with_unit("predicted from the others"), Scale::Linear),
         series: vec![
             diagonal(&points, "perfect prediction"),
             Series {

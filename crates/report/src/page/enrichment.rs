@@ -14,15 +14,15 @@ pub(super) struct EnrichmentView {
 }
 
 impl EnrichmentView {
-    pub(super) fn new(enrichment: &Enrichment) -> Result<Self, Error> {
+    pub(super) fn new(enrichment: &Enrichment, percentile: &str) -> Result<Self, Error> {
         let sentences = [
             effort(enrichment),
-            outcome(enrichment),
+            outcome(enrichment, percentile),
             enrichment.stop.clone(),
         ];
         Ok(Self {
             sentences: sentences.into_iter().filter(|s| !s.is_empty()).collect(),
-            prediction: figure(charts::prediction(enrichment))?,
+            prediction: figure(charts::prediction(enrichment, percentile))?,
             expected: figure(charts::expected_improvement(enrichment))?,
         })
     }
@@ -53,7 +53,7 @@ fn effort(enrichment: &Enrichment) -> String {
 }
 
 /// What was predicted and what came of it.
-fn outcome(enrichment: &Enrichment) -> String {
+fn outcome(enrichment: &Enrichment, percentile: &str) -> String {
     let Some(last) = enrichment.rounds.last() else {
         return String::new();
     };
@@ -61,7 +61,7 @@ fn outcome(enrichment: &Enrichment) -> String {
         return String::new();
     }
     let mut text = format!(
-        "The model predicts a P90 of {} µm (95 % interval {} to {} µm) for the design that it \
+        "The model predicts a {percentile} of {} µm (95 % interval {} to {} µm) for the design that it \
          recommends.",
         fixed(last.predicted_um, 3),
         fixed(last.low_um, 3),

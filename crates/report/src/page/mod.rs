@@ -96,10 +96,18 @@ struct OptimumView {
 
 impl<'a> Page<'a> {
     fn new(data: &'a ReportData) -> Result<Self, Error> {
-        use Response::{Archard, P90, Unworn};
+        use Response::{Archard, Percentile, Unworn};
         let paper = data.compare_with_paper;
         let header = &data.header;
-        let responses = |x, y, extent| figure(charts::responses(&data.doe, x, y, extent));
+        let responses = |x, y, extent| {
+            figure(charts::responses(
+                &data.doe,
+                &header.percentile,
+                x,
+                y,
+                extent,
+            ))
+        };
         Ok(Self {
             header,
             page_css: include_str!("../../templates/report.css"),
@@ -144,11 +152,11 @@ impl<'a> Page<'a> {
             doe_is_empty: data.doe.is_empty(),
             scatter: vec![
                 responses(Unworn, Archard, Extent::Logarithmic)?,
-                responses(Unworn, P90, Extent::Logarithmic)?,
+                responses(Unworn, Percentile, Extent::Logarithmic)?,
             ],
             zoom: vec![
-                responses(Archard, P90, Extent::Full)?,
-                responses(Archard, P90, Extent::Zoom)?,
+                responses(Archard, Percentile, Extent::Full)?,
+                responses(Archard, Percentile, Extent::Zoom)?,
             ],
             similar: rows::similar(data),
             kriging: data
@@ -166,13 +174,13 @@ impl<'a> Page<'a> {
             enrichment: data
                 .enrichment
                 .as_ref()
-                .map(EnrichmentView::new)
+                .map(|enrichment| EnrichmentView::new(enrichment, &header.percentile))
                 .transpose()?,
             optima: data
                 .approaches
                 .iter()
                 .enumerate()
-                .map(|(i, result)| optimum_view(i, result))
+                .map(|(i, result)| optimum_view(i, result, &header.percentile))
                 .collect::<Result<_, _>>()?,
             printed: if paper {
                 rows::printed(data)?
@@ -236,8 +244,9 @@ fn headline(data: &ReportData) -> String {
         .min_by(|a, b| a.1.p90.value_um.total_cmp(&b.1.p90.value_um));
     match best {
         Some((approach, optimum)) => format!(
-            "The lowest verified P90 of a feasible design is {} µm (95 % interval {} to {} µm, {} \
+            "The lowest verified {} of a feasible design is {} µm (95 % interval {} to {} µm, {} \
              samples), found by the approach “{}”.",
+            data.header.percentile,
             significant(optimum.p90.value_um, 3),
             significant(optimum.p90.low_um, 3),
             significant(optimum.p90.high_um, 3),
@@ -245,7 +254,10 @@ fn headline(data: &ReportData) -> String {
             approach.label(),
         ),
         None if data.approaches.is_empty() => "No approach has been run.".to_owned(),
-        None => "No approach ended on a feasible design with a verified P90.".to_owned(),
+        None => format!(
+            "No approach ended on a feasible design with a verified {}.",
+            data.header.percentile
+        ),
     }
 }
 
@@ -324,7 +336,11 @@ fn kriging_view(fit: &KrigingFit) -> Result<KrigingView, Error> {
     })
 }
 
-fn optimum_view(index: usize, result: &ApproachResult) -> Result<OptimumView, Error> {
+fn optimum_view(
+    index: usize,
+    result: &ApproachResult,
+    percentile: &str,
+) -> Result<OptimumView, Error> {
     let approach = result.approach;
     let mut view = OptimumView {
         anchor: format!("optimum-{}", index + 1),
@@ -345,8 +361,8 @@ fn optimum_view(index: usize, result: &ApproachResult) -> Result<OptimumView, Er
                     format!(" ({} µm on the converged grid)", rows::difference(value))
                 });
             view.summary = format!(
-                "{} {} µm, verified P90 {} µm{converged}; {}.",
-                number::capitalised(approach.criterion()),
+                "{} {} µm, verified {percentile} {} µm{converged}; {}.",
+                number::capitalised(&approach.criterion(percentile)),
                 significant(optimum.criterion_um, 3),
                 significant(optimum.p90.value_um, 3),
                 if optimum.feasible {

@@ -97,11 +97,15 @@ fn headline(data: &ProblemReport) -> String {
         .filter(|row| row.design.is_ok() && row.p90.value_um.is_finite())
         .min_by(|a, b| a.p90.value_um.total_cmp(&b.p90.value_um));
     let Some(best) = best else {
-        return "No approach ended on a feasible design with a verified P90.".to_owned();
+        return format!(
+            "No approach ended on a feasible design with a verified {}.",
+            data.header.percentile
+        );
     };
     format!(
-        "The lowest verified 90 % percentile of {} is {} (95 % interval {} to {}, {} samples), found by \
+        "The lowest verified {} of {} is {} (95 % interval {} to {}, {} samples), found by \
          the approach “{}”.",
+        data.header.percentile,
         data.response,
         with_unit(best.p90.value_um, 4, &data.unit),
         significant(best.p90.low_um, 4),

@@ -85,7 +85,7 @@ pub(super) fn preliminary(data: &ReportData) -> Vec<PreliminaryRow> {
 }
 
 pub(super) struct ResponseRow {
-    pub(super) name: &'static str,
+    pub(super) name: String,
     pub(super) designs: String,
     pub(super) mean: String,
     pub(super) range: String,
@@ -95,7 +95,7 @@ pub(super) struct ResponseRow {
 
 /// Table 3, over the designs whose response is finite.
 pub(super) fn responses(data: &ReportData) -> Vec<ResponseRow> {
-    let responses = [Response::Unworn, Response::Archard, Response::P90];
+    let responses = [Response::Unworn, Response::Archard, Response::Percentile];
     let rows = responses.into_iter().zip(&paper::RESPONSES);
     rows.map(|(response, paper)| {
         let values: Vec<f64> = data
@@ -108,7 +108,7 @@ pub(super) fn responses(data: &ReportData) -> Vec<ResponseRow> {
         let least = values.iter().copied().fold(f64::NAN, f64::min);
         let greatest = values.iter().copied().fold(f64::NAN, f64::max);
         ResponseRow {
-            name: response.label(),
+            name: response.label(&data.header.percentile),
             designs: count(values.len() as u64),
             mean: fixed(mean, 2),
             range: range(least, greatest),
@@ -155,7 +155,7 @@ pub(super) fn similar(data: &ReportData) -> Vec<SimilarRow> {
 /// One approach in both halves of Table 5.
 pub(super) struct ApproachRow {
     pub(super) label: &'static str,
-    pub(super) criterion_name: &'static str,
+    pub(super) criterion_name: String,
     /// The design, or why there is none.
     pub(super) design: Result<DesignCells, String>,
     pub(super) calls: String,
@@ -201,7 +201,7 @@ pub(super) fn approaches(data: &ReportData) -> Vec<ApproachRow> {
     let rows = data.approaches.iter();
     rows.map(|result| ApproachRow {
         label: result.approach.label(),
-        criterion_name: result.approach.criterion(),
+        criterion_name: result.approach.criterion(&data.header.percentile),
         design: result
             .outcome
             .as_ref()

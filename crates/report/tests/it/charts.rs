@@ -49,15 +49,30 @@ fn every_chart_is_a_picture_of_its_own() {
     let optimum = data.approaches[0].outcome.as_ref().unwrap();
     let pictures = [
         chart_wear(data.wear.as_ref().unwrap()).unwrap(),
-        chart_responses(&data.doe, Response::Unworn, Response::P90, Extent::Full).unwrap(),
         chart_responses(
             &data.doe,
+            "P90",
             Response::Unworn,
-            Response::P90,
+            Response::Percentile,
+            Extent::Full,
+        )
+        .unwrap(),
+        chart_responses(
+            &data.doe,
+            "P90",
+            Response::Unworn,
+            Response::Percentile,
             Extent::Logarithmic,
         )
         .unwrap(),
-        chart_responses(&data.doe, Response::Archard, Response::P90, Extent::Zoom).unwrap(),
+        chart_responses(
+            &data.doe,
+            "P90",
+            Response::Archard,
+            Response::Percentile,
+            Extent::Zoom,
+        )
+        .unwrap(),
         chart_leave_one_out(&data.kriging[0]).unwrap(),
         chart_convergence(&data.approaches[0]).unwrap(),
         chart_gears(optimum.drawing.as_ref().unwrap()).unwrap(),
@@ -71,8 +86,14 @@ fn every_chart_is_a_picture_of_its_own() {
 #[test]
 fn a_scatter_plot_has_one_dot_per_design_at_a_dozen_bytes_each() {
     let data = plausible();
-    let svg =
-        chart_responses(&data.doe, Response::Unworn, Response::Archard, Extent::Full).unwrap();
+    let svg = chart_responses(
+        &data.doe,
+        "P90",
+        Response::Unworn,
+        Response::Archard,
+        Extent::Full,
+    )
+    .unwrap();
     assert_eq!(svg.matches("h0").count(), data.doe.len());
     assert!(
         svg.len() < 16 * data.doe.len() + 6000,
@@ -85,7 +106,14 @@ fn a_scatter_plot_has_one_dot_per_design_at_a_dozen_bytes_each() {
 fn a_zoom_shows_part_of_the_designs() {
     let data = plausible();
     let dots = |extent| {
-        let svg = chart_responses(&data.doe, Response::Archard, Response::P90, extent).unwrap();
+        let svg = chart_responses(
+            &data.doe,
+            "P90",
+            Response::Archard,
+            Response::Percentile,
+            extent,
+        )
+        .unwrap();
         svg.matches("h0").count()
     };
     let (all, part) = (dots(Extent::Full), dots(Extent::Zoom));
@@ -109,7 +137,8 @@ fn points_that_cannot_be_shown_are_skipped() {
         point(f64::MAX, 3.0),
     ];
     let dots = |extent| {
-        let svg = chart_responses(&doe, Response::Unworn, Response::Archard, extent).unwrap();
+        let svg =
+            chart_responses(&doe, "P90", Response::Unworn, Response::Archard, extent).unwrap();
         check_picture(&svg);
         svg.matches("h0").count()
     };
@@ -118,6 +147,7 @@ fn points_that_cannot_be_shown_are_skipped() {
     assert!(matches!(
         chart_responses(
             &doe[1..3],
+            "P90",
             Response::Unworn,
             Response::Archard,
             Extent::Full

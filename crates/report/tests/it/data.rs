@@ -109,6 +109,7 @@ fn header() -> Header {
             .to_owned(),
         designs: 3000,
         samples_per_design: 30,
+        percentile: "P90".to_owned(),
         feasible: 2175,
         infeasible: vec![
             reason("contact beyond a base tangent point", 611),

@@ -20,6 +20,7 @@ fn empty() -> ReportData {
             samples_digest: String::new(),
             designs: 0,
             samples_per_design: 0,
+            percentile: "P90".to_owned(),
             feasible: 0,
             infeasible: Vec::new(),
             simulator_calls: 0,

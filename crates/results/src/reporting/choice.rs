@@ -65,10 +65,10 @@ fn moved(
         Sampled::Enough(count) => count,
         Sampled::Wants { at_least, .. } => at_least,
     };
-    if count < stats::HARRELL_DAVIS_MIN_SAMPLES {
+    if count < stats::harrell_davis_min_samples(sampling.level()) {
         return Ok(None);
     }
-    let normal = stats::normal_p90(&samples[..count], &sampling.percentile.normal())?;
+    let normal = stats::normal_p90(&samples[..count], &sampling.normal())?;
     Ok(Some((row.p90_um - normal.p90).abs()))
 }
 
@@ -90,7 +90,7 @@ mod tests {
         sampling.percentile = PercentileRule::Chosen;
         sampling.samples_per_design = 12;
         let samples: Vec<f64> = (0..40).map(|index| f64::from(index).powi(6)).collect();
-        let row = response(0, Samples::plain(&samples[..12]), sampling.percentile).unwrap();
+        let row = response(0, Samples::plain(&samples[..12]), &sampling).unwrap();
         assert!(row.lilliefors_p.unwrap() < SIGNIFICANCE);
         let c4 = stats::c4(12).unwrap();
         let normal = row.mean_um + stats::EXACT_Z90 * row.sd_um / c4;
@@ -104,7 +104,7 @@ mod tests {
 
         // With fewer samples the percentile is the normal one whatever the test says.
         sampling.samples_per_design = 9;
-        let row = response(0, Samples::plain(&samples[..9]), sampling.percentile).unwrap();
+        let row = response(0, Samples::plain(&samples[..9]), &sampling).unwrap();
         assert_eq!(moved(&row, &samples, &sampling), Ok(None));
     }
 }

@@ -48,7 +48,7 @@ pub(super) async fn enrichment(
     }
     let fresh = sources.fresh.get(Approach::EnrichedKriging.name());
     let fresh = fresh.map_or(&[][..], Vec::as_slice);
-    let verified = stats::percentile_p90(fresh).ok();
+    let verified = sources.problem.campaign().sampling.verified(fresh).ok();
     let counts = response_counts(store, &sources.problem.campaign().sampling).await?;
     Ok(Some(Enrichment {
         rounds,

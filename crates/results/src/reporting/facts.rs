@@ -41,9 +41,10 @@ pub(super) fn facts(sources: &Sources) -> Vec<(String, String)> {
             format!("quasi-random, in scrambled Sobol sequences of {group} samples")
         }
     };
+    let percentile = campaign.sampling.percentile_name();
     facts.push((
         "coefficients of the wear".to_owned(),
-        format!("{coefficients}; P90 is m + z s, with the jackknife variance over them"),
+        format!("{coefficients}; {percentile} is m + z s, with the jackknife variance over them"),
     ));
     facts
 }
@@ -87,7 +88,7 @@ fn precision(sources: &Sources) -> Option<(String, String)> {
     let reached = |row: &&store::ResponseRow| row.p90_variance_um2.sqrt() <= precision;
     let reached = sources.responses.iter().filter(reached).count();
     Some((
-        "precision of P90".to_owned(),
+        format!("precision of {}", sampling.percentile_name()),
         format!(
             "{precision} µm, reached by {reached} of {} designs with {} samples (at most {} each)",
             sources.responses.len(),
@@ -110,7 +111,7 @@ fn percentiles(sources: &Sources) -> Option<(String, String)> {
         }
         (_, Some(variance), Some(effect)) => format!(
             "{normal}; Harrell–Davis ({}) for the {} of {} designs where normality is rejected at \
-             {:.0} %, which moves P90 by {:.3} µm from m + z s/c₄ in the median",
+             {:.0} %, which moves {} by {:.3} µm from m + z s/c₄ in the median",
             match variance {
                 HarrellDavisVariance::Jackknife => "jackknife variance",
                 HarrellDavisVariance::Bootstrap => "exact bootstrap variance",
@@ -118,6 +119,7 @@ fn percentiles(sources: &Sources) -> Option<(String, String)> {
             effect.moved_um.len(),
             sources.responses.len(),
             100.0 * SIGNIFICANCE,
+            sources.problem.campaign().sampling.percentile_name(),
             effect.median_um(),
         ),
         _ => normal.to_owned(),

@@ -101,7 +101,7 @@ fn optimum(
     Optimum {
         variables: design.gears().values(),
         criterion_um: row.criterion_um,
-        p90: percentile(samples),
+        p90: percentile(&sources.problem.campaign().sampling, samples),
         converged_difference_um: difference_um(&sources.problem, design),
         constraints: Constraints {
             contact_ratio: criteria.contact_ratio,

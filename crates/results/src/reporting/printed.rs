@@ -1,6 +1,6 @@
 //! The designs that the paper prints, on this model.
 
-use campaign::file::PercentileRule;
+use campaign::file::{PercentileRule, Sampling};
 use gear::paper::printed::{self as paper, Place};
 use report::{PreliminaryDesign, PrintedDesign, PrintedFigures, SimilarDesign};
 use stages::references::{design, name};
@@ -10,15 +10,20 @@ use super::sources::Sources;
 use crate::percentile::percentile;
 
 pub(super) fn preliminary(sources: &Sources) -> Vec<PreliminaryDesign> {
-    let k = sources.problem.campaign().sampling.samples_per_design as usize;
+    let sampling = &sources.problem.campaign().sampling;
+    let k = sampling.samples_per_design as usize;
+    let of_paper = Sampling {
+        percentile: PercentileRule::Paper,
+        ..*sampling
+    };
     paper::PRELIMINARY
         .iter()
         .enumerate()
         .filter_map(|(row, printed)| {
             let samples = sources.fresh.get(&name(Place::Preliminary(row)))?;
             let plain = Samples::plain(samples);
-            let response = responses::response(0, plain, PercentileRule::Paper).ok()?;
-            let variance = stats::p90_variance(response.sd_um.powi(2), k, stats::PAPER_Z90);
+            let response = responses::response(0, plain, &of_paper).ok()?;
+            let variance = stats::p90_variance(response.sd_um.powi(2), k, of_paper.normal().z);
             Some(PreliminaryDesign {
                 variables: printed.variables,
                 samples: samples.len(),
@@ -33,6 +38,7 @@ pub(super) fn preliminary(sources: &Sources) -> Vec<PreliminaryDesign> {
 }
 
 pub(super) fn similar(sources: &Sources) -> Vec<SimilarDesign> {
+    let sampling = &sources.problem.campaign().sampling;
     paper::SIMILAR
         .iter()
         .enumerate()
@@ -43,7 +49,7 @@ pub(super) fn similar(sources: &Sources) -> Vec<SimilarDesign> {
             Some(SimilarDesign {
                 variables: printed.variables,
                 delta_ste_archard_um: pair.archard(gears.wear()).analysis.delta_ste_um,
-                p90: percentile(sources.fresh.get(&name(place))?),
+                p90: percentile(sampling, sources.fresh.get(&name(place))?),
             })
         })
         .collect()
@@ -76,7 +82,7 @@ fn printed_figures(sources: &Sources, figure: u8) -> Result<PrintedFigures, Stri
             .get(&name(Place::Figure(figure)))
             .map_or(&[][..], Vec::as_slice),
     };
-    let p90 = percentile(samples);
+    let p90 = percentile(&sources.problem.campaign().sampling, samples);
     let criterion_um = match figure {
         6 | 7 => unworn.delta_ste_um,
         9 => worn.delta_ste_um,

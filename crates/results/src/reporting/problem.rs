@@ -49,7 +49,10 @@ fn optimum(sources: &Sources, row: &OptimumRow) -> anyhow::Result<ProblemOptimum
             .map(variables)
             .ok_or_else(|| row.note.clone()),
         criterion: row.criterion_um,
-        p90: percentile(fresh.map_or(&[][..], Vec::as_slice)),
+        p90: percentile(
+            &problem.campaign().sampling,
+            fresh.map_or(&[][..], Vec::as_slice),
+        ),
         constraints: constraints.into_iter().map(limited).collect(),
         simulator_calls: row.simulator_calls,
     })

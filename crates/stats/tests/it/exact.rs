@@ -1,7 +1,7 @@
 use rand_distr::{Distribution, StandardNormal};
 use stats::streams::{Purpose, stream};
 use stats::{
-    EXACT_Z90, Error, NormalOptions, PAPER_Z90, VarianceFormula, Z90, c4, exact_p90_variance,
+    EXACT_Z90, Error, NormalOptions, PAPER_Z90, VarianceFormula, c4, exact_p90_variance,
     normal_p90, p90_variance, percentile_p90, sd_bias,
 };
 
@@ -49,7 +49,7 @@ fn taylor_and_exact_variances_agree_for_many_samples() {
 fn moments_agree_with_simulation() {
     let (k, repeats) = (6, 200_000);
     let estimate = |unbiased| NormalOptions {
-        z: Z90::Exact,
+        z: EXACT_Z90,
         variance: VarianceFormula::Exact,
         unbiased,
     };

@@ -3,8 +3,9 @@ use rand_distr::{Distribution, Exp1, StandardNormal};
 use statrs::function::beta::beta_reg;
 use stats::streams::{Purpose, stream};
 use stats::{
-    ChoiceRule, Error, HarrellDavisVariance, Method, choose_p90, exact_bootstrap_variance,
-    harrell_davis_p90, harrell_davis_p90_with, percentile_p90,
+    ChoiceRule, Error, HarrellDavisVariance, Method, NormalOptions, VarianceFormula, choose_p90,
+    exact_bootstrap_variance, harrell_davis, harrell_davis_min_samples, harrell_davis_p90,
+    percentile_p90,
 };
 
 /// Integral of the beta density from `low` to `high` by Simpson's rule, up to its constant.
@@ -74,7 +75,7 @@ fn harrell_and_daviss_bootstrap_variance_is_that_of_resampling() {
     let sample: Vec<f64> = Distribution::<f64>::sample_iter(Exp1, &mut rng)
         .take(n)
         .collect();
-    let exact = harrell_davis_p90_with(&sample, HarrellDavisVariance::Bootstrap).unwrap();
+    let exact = harrell_davis(&sample, 0.9, HarrellDavisVariance::Bootstrap).unwrap();
     let jackknife = harrell_davis_p90(&sample).unwrap();
     assert_eq!(exact.p90, jackknife.p90);
     assert_ne!(exact.variance, jackknife.variance);
@@ -137,7 +138,7 @@ fn the_bootstrap_variance_is_near_the_true_one() {
         let sample: Vec<f64> = Distribution::<f64>::sample_iter(StandardNormal, &mut rng)
             .take(n)
             .collect();
-        let found = harrell_davis_p90_with(&sample, HarrellDavisVariance::Bootstrap).unwrap();
+        let found = harrell_davis(&sample, 0.9, HarrellDavisVariance::Bootstrap).unwrap();
         sum += found.p90;
         squares += found.p90 * found.p90;
         promised += found.variance;
@@ -199,4 +200,64 @@ fn the_rule_follows_normality() {
         })
     ));
     assert!(harrell_davis_p90(&[f64::NAN; 12]).is_err());
+}
+
+/// Estimates at another level, of normal and of exponential samples: where they are, and that they
+/// scatter as much as they say.
+#[test]
+fn every_level_has_its_percentile_and_its_variance() {
+    let (repeats, n) = (2000, 120);
+    for level in [0.5, 0.75, 0.95, 0.99] {
+        let z = stats::normal_quantile(level);
+        let options = NormalOptions {
+            z,
+            variance: VarianceFormula::Exact,
+            unbiased: true,
+        };
+        let of_normal = |sample: &[f64]| {
+            let found = stats::normal_p90(sample, &options).unwrap();
+            [found.p90, found.variance]
+        };
+        let of_order = |sample: &[f64]| {
+            let found = harrell_davis(sample, level, HarrellDavisVariance::Jackknife).unwrap();
+            [found.p90, found.variance]
+        };
+        let mut rows = [[0.0; 3]; 2];
+        for i in 0..repeats {
+            let mut rng = stream(33, Purpose::Test, 0, i);
+            let normal: Vec<f64> = Distribution::<f64>::sample_iter(StandardNormal, &mut rng)
+                .take(n)
+                .collect();
+            let skewed: Vec<f64> = Distribution::<f64>::sample_iter(Exp1, &mut rng)
+                .take(n)
+                .collect();
+            for (row, [value, variance]) in
+                rows.iter_mut().zip([of_normal(&normal), of_order(&skewed)])
+            {
+                row[0] += value / repeats as f64;
+                row[1] += value * value / repeats as f64;
+                row[2] += variance / repeats as f64;
+            }
+        }
+        let truth = [z, -(1.0 - level).ln()];
+        for ([mean, square, stated], truth) in rows.into_iter().zip(truth) {
+            let scatter = square - mean * mean;
+            // Bootstrap means lean outwards in a skewed tail, by less than half of their own scatter.
+            let bias = (mean - truth).abs() / scatter.sqrt();
+            assert!(bias < 0.5, "{level}: {mean} for {truth}");
+            // The jackknife of a far order statistic leans upwards.
+            let ratio = stated / scatter;
+            assert!((0.8..1.7).contains(&ratio), "{level}: {ratio}");
+        }
+    }
+    // The level decides from how many samples on there is an order statistic beyond it.
+    assert_eq!(
+        [0.5, 0.9, 0.95, 0.99].map(harrell_davis_min_samples),
+        [3, 10, 20, 100]
+    );
+    let error = harrell_davis(&[0.0; 19], 0.95, HarrellDavisVariance::Jackknife).unwrap_err();
+    assert!(
+        matches!(error, Error::TooFewSamples { needed: 20, .. }),
+        "{error:?}"
+    );
 }

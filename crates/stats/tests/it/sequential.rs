@@ -1,13 +1,13 @@
 use rand_distr::{Distribution as _, StandardNormal};
 use stats::streams::{Purpose, stream};
-use stats::{Error, SequentialRule, VarianceFormula, Z90, mean_sd, p90_variance, samples_needed};
+use stats::{Error, SequentialRule, VarianceFormula, mean_sd, p90_variance, samples_needed};
 
 fn rule(precision: f64, batch: usize, most: usize) -> SequentialRule {
     SequentialRule {
         precision,
         batch,
         most,
-        z: Z90::Exact,
+        z: stats::EXACT_Z90,
         variance: VarianceFormula::Exact,
     }
 }
@@ -15,7 +15,7 @@ fn rule(precision: f64, batch: usize, most: usize) -> SequentialRule {
 #[test]
 fn the_number_is_the_smallest_that_suffices() {
     let rule = SequentialRule {
-        z: Z90::Paper,
+        z: stats::PAPER_Z90,
         variance: VarianceFormula::Taylor,
         ..rule(0.2, 10, 10_000)
     };
@@ -75,7 +75,7 @@ fn simulate(rule: &SequentialRule, repeats: u64) -> (f64, f64, f64) {
             samples.extend((0..more).map(|_| -> f64 { StandardNormal.sample(&mut rng) }));
         }
         let (mean, sd) = mean_sd(&samples).unwrap();
-        let off = mean + rule.z.value() * (sd - 1.0);
+        let off = mean + rule.z * (sd - 1.0);
         sum += off;
         squares += off * off;
         count += samples.len() as f64;

@@ -1,5 +1,6 @@
 //! The designs that are compared, and the front of those that no other is better than.
 
+use campaign::file::Sampling;
 use campaign::formulation::Problem;
 use campaign::simulator::State;
 use campaign::{Design, GearCriteria, GearVariables};
@@ -188,11 +189,11 @@ pub async fn of_doe(
 
 /// The optima of a finished campaign.
 #[must_use]
-pub fn of_optima(optima: &[Optimum]) -> Vec<Point> {
+pub fn of_optima(sampling: &Sampling, optima: &[Optimum]) -> Vec<Point> {
     optima
         .iter()
         .map(|optimum| {
-            let p90 = percentile(&optimum.fresh);
+            let p90 = percentile(sampling, &optimum.fresh);
             Point {
                 source: Source::Optimum(optimum.approach.name()),
                 variables: optimum.variables,
@@ -269,7 +270,7 @@ fn verify(
     let answers = simulations.simulate(&requests)?;
     let fresh = |((_, mut point), answer): ((u64, Point), Answer)| {
         let samples_um = answer.samples_of(&point.source.name())?;
-        point.fresh = Some(percentile(&samples_um));
+        point.fresh = Some(percentile(&problem.campaign().sampling, &samples_um));
         Ok(point)
     };
     points.into_iter().zip(answers).map(fresh).collect()

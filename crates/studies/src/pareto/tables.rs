@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use campaign::file::Sampling;
 use campaign::formulation::Problem;
 use campaign::formulation::gears::VARIABLE_NAMES;
 use report::PercentileSeries;
@@ -23,15 +24,17 @@ pub fn write_tables(
     marked: &[Point],
     searches: u32,
 ) -> anyhow::Result<Written> {
-    let figures = all_figures(marked);
+    let sampling = &problem.campaign().sampling;
+    let figures = all_figures(sampling, marked);
     write(out, "pareto.csv", figures.csv()?)?;
     let mut page = format!(
-        "# {}: P90 of ΔSTE against the {}\n\n\
+        "# {}: {} of ΔSTE against the {}\n\n\
          {} designs of the DoE satisfy the constraints, that on {} (below {} MPa) aside. Below are \
          those that no other is better than by the samples of the campaign, the optima, and what \
          searches found; intervals are of 95 %. A design is on the front if no other one is better \
          by fresh samples.\n\n{}",
         problem.campaign().name,
+        sampling.percentile_name(),
         against.label(),
         all.len(),
         against.constraint(),
@@ -62,11 +65,12 @@ pub fn write_tables(
 }
 
 fn summary(problem: &Problem, against: Against, points: &[Point]) -> Table {
+    let percentile = problem.campaign().sampling.percentile_name();
     let mut table = Table::new([
         "design",
         against.label(),
-        "P90 of its samples, µm",
-        "P90 of fresh samples, µm",
+        &format!("{percentile} of its samples, µm"),
+        &format!("{percentile} of fresh samples, µm"),
         "on the front",
     ]);
     for point in points {
@@ -90,7 +94,9 @@ fn summary(problem: &Problem, against: Against, points: &[Point]) -> Table {
     table
 }
 
-fn all_figures(points: &[Point]) -> Table {
+fn all_figures(sampling: &Sampling, points: &[Point]) -> Table {
+    let columns = sampling.percentile_columns();
+    let fresh = columns.each_ref().map(|column| format!("fresh_{column}"));
     let mut header = vec!["source"];
     header.extend(VARIABLE_NAMES);
     header.extend([
@@ -98,14 +104,9 @@ fn all_figures(points: &[Point]) -> Table {
         "specific_sliding",
         "hertz_pressure_mpa",
         "root_stress_mpa",
-        "p90_um",
-        "p90_low_um",
-        "p90_high_um",
-        "fresh_p90_um",
-        "fresh_p90_low_um",
-        "fresh_p90_high_um",
-        "on_front",
     ]);
+    header.extend(columns.iter().chain(&fresh).map(String::as_str));
+    header.push("on_front");
     let mut table = Table::new(header);
     for point in points {
         let mut line = vec![point.source.name()];
@@ -157,6 +158,7 @@ fn chart(
         .map(|point| [at(point), point.judged_um()])
         .collect();
     report::chart_front(
+        &problem.campaign().sampling.percentile_name(),
         against.label(),
         against.limit(problem),
         &dots,
@@ -200,7 +202,12 @@ mod tests {
             point(Source::Doe(0), 1000.0),
             point(Source::Optimum("kriging"), 1300.0),
         ];
-        assert!(all_figures(&points).csv().is_ok(), "every row is complete");
+        assert!(
+            all_figures(&problem.campaign().sampling, &points)
+                .csv()
+                .is_ok(),
+            "every row is complete"
+        );
         let svg = chart(&problem, Against::Pressure, &points, &points).unwrap();
         assert!(svg.contains("front of the DoE") && !svg.contains("direct searches"));
     }
