@@ -20,8 +20,8 @@ fn ishigami(sandbox: &Sandbox, changes: &[(&str, &str)]) -> (String, String) {
     (file, format!("exec python3 -B {program}"))
 }
 
-/// The verified percentile of an approach.
-fn verified(sandbox: &Sandbox, approach: &str) -> f64 {
+/// The verified percentile of an approach, from its column.
+fn percentile(sandbox: &Sandbox, approach: &str, column: &str) -> f64 {
     let table = ["export", "--db", "i.db", "--table", "optima", "--out", "-"];
     let table = sandbox.coordinator(&table);
     assert_code(&table, 0);
@@ -30,10 +30,15 @@ fn verified(sandbox: &Sandbox, approach: &str) -> f64 {
         .lines()
         .map(|line| line.split(',').collect::<Vec<_>>());
     let header = lines.next().expect("a header");
-    let place = header.iter().position(|name| *name == "p90_um");
+    let place = header.iter().position(|name| *name == column);
     let row = lines.find(|row| row[0] == approach);
     let row = row.unwrap_or_else(|| panic!("no {approach} in {table}"));
     row[place.expect("a column")].parse().expect("a number")
+}
+
+/// The verified 90 % percentile of an approach.
+fn verified(sandbox: &Sandbox, approach: &str) -> f64 {
+    percentile(sandbox, approach, "p90")
 }
 
 /// −1 − 0.1 π⁴, and the 90 % percentile of the noise above it.
@@ -59,7 +64,7 @@ fn ishigamis_percentile_is_least_where_its_formula_says() {
     let kriging = verified(&sandbox, "kriging");
     assert!(kriging < LEAST + 1.0, "{kriging}");
     let html = std::fs::read_to_string(sandbox.path("report/report.html")).unwrap();
-    for part in ["baseline", "x3 = ", "90 % percentile of y"] {
+    for part in ["baseline", "x3 = ", "P90 of y"] {
         assert!(html.contains(part), "no {part} in the report");
     }
     for gears in ["ΔSTE", "teeth", "gear", "Archard"] {
@@ -90,6 +95,44 @@ fn ishigamis_percentile_is_least_where_its_formula_says() {
             "{said}"
         );
     }
+}
+
+#[test]
+fn a_percentile_of_another_level_is_another_optimum_under_its_own_name() {
+    let sandbox = Sandbox::new();
+    let level = ("[sampling]\n", "[sampling]\nlevel = 0.99\n");
+    let (file, exec) = ishigami(&sandbox, &[level]);
+    let run = [
+        "run", &file, "--db", "i.db", "--out", "report", "--exec", &exec,
+    ];
+    assert_code(&sandbox.coordinator(&run), 0);
+    // The noise has the standard deviation 0.5, and z(0.99) is 2.3263.
+    let least = -10.740_909 + 0.5 * 2.326_348;
+    let baseline = percentile(&sandbox, "baseline", "p99");
+    assert!((baseline - least).abs() < 0.3, "{baseline}");
+    let html = std::fs::read_to_string(sandbox.path("report/report.html")).unwrap();
+    assert!(html.contains("verified P99 of y"));
+    assert!(!html.contains("P90"), "the report speaks of another level");
+    for table in ["responses", "loo", "infill", "rounds"] {
+        let rows = sandbox.coordinator(&["export", "--db", "i.db", "--table", table, "--out", "-"]);
+        assert_code(&rows, 0);
+        let rows = printed(&rows);
+        let header = rows.lines().next().expect("a header");
+        assert!(
+            !header.contains("p90") && !header.contains("_um"),
+            "{header}"
+        );
+    }
+    let changed = std::fs::read_to_string(&file)
+        .unwrap()
+        .replace("0.99", "0.95");
+    std::fs::write(&file, changed).unwrap();
+    let refused = sandbox.coordinator(&run);
+    assert_ne!(
+        refused.status.code(),
+        Some(0),
+        "another level is another campaign"
+    );
 }
 
 #[test]

@@ -87,7 +87,7 @@ fn the_interval_uses_student_quantiles() {
 #[test]
 fn refusals() {
     let few = Error::TooFewSamples {
-        statistic: "a 90 % percentile",
+        statistic: "a percentile",
         needed: 4,
         got: 3,
     };
