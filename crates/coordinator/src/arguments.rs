@@ -54,7 +54,7 @@ pub(crate) enum Command {
     Corrections(Corrections),
     /// Say what the recommended design owes to the wear's parameters and to tolerances
     Sensitivity(Sensitivity),
-    /// Weigh P90 against the contact pressure or the root stress
+    /// Weigh the percentile against the contact pressure or the root stress
     Pareto(Pareto),
     /// Write the report of a campaign, also while it runs
     Report(Report),

@@ -70,7 +70,7 @@ pub(crate) struct Predict {
     /// The model file of `fit --out` or `export --table model`
     #[arg(long, value_name = "MODEL.json")]
     pub(crate) model: Option<PathBuf>,
-    /// The store of a campaign, whose model of P90 is taken
+    /// The store of a campaign, whose model of the percentile is taken
     #[arg(long, value_name = "FILE")]
     pub(crate) db: Option<PathBuf>,
     /// The points: a table with a column for each input, in any order

@@ -92,7 +92,7 @@ pub(crate) struct FinishedCampaign {
 pub(crate) struct Sensitivity {
     #[command(flatten)]
     pub(crate) finished: FinishedCampaign,
-    /// The approach whose optimum is looked at [default: that of the least verified P90]
+    /// The approach whose optimum is looked at [default: that of the least verified percentile]
     #[arg(long, value_name = "NAME", value_parser = approach)]
     pub(crate) approach: Option<String>,
     /// Largest deviation of each of the six variables, in modules
@@ -122,7 +122,7 @@ pub(crate) struct Sensitivity {
 pub(crate) struct Pareto {
     #[command(flatten)]
     pub(crate) finished: FinishedCampaign,
-    /// The objective beside P90
+    /// The objective beside the percentile
     #[arg(long, value_enum, default_value_t = Against::Pressure)]
     pub(crate) against: Against,
     /// How many direct searches, each of optimise.evaluations designs, to add to the front
