@@ -2,7 +2,7 @@
 
 use std::net::TcpListener;
 
-use acceptance::{Sandbox, assert_code, errors, free_address, small_campaign};
+use acceptance::{Sandbox, assert_code, errors, free_address, printed, small_campaign};
 
 /// The sentence of a refused command, which must be one line and name every one of `parts`.
 fn refusal(sandbox: &Sandbox, arguments: &[&str], code: i32, parts: &[&str]) {
@@ -255,4 +255,42 @@ fn an_unreachable_coordinator_is_named() {
         "{}",
         errors(&output)
     );
+}
+
+/// Constraints that nothing satisfies, and bounds between which there is no gear.
+#[test]
+fn a_campaign_without_a_design_to_sample_is_not_called_valid() {
+    let sandbox = Sandbox::new();
+    let ruled_out = small_campaign(20, 8)
+        .replace("contact_ratio_min = 1.25", "contact_ratio_min = 9.0")
+        .replace("[sampling]\n", "[sampling]\nskip_violation = 0.1\n");
+    let no_gear = small_campaign(20, 8).replace(
+        "profile_shift = [-1.0, 2.0]",
+        "profile_shift = [-1.0, -0.999]",
+    );
+    for (name, text, reason) in [
+        ("ruled-out.toml", ruled_out, "because of ruled-out"),
+        ("no-gear.toml", no_gear, "because of "),
+    ] {
+        sandbox.write(name, &text);
+        let check = sandbox.coordinator(&["check", name]);
+        assert_code(&check, 15);
+        let said = printed(&check);
+        assert!(said.contains("no design to sample"), "{said}");
+        assert!(said.contains(reason), "{said}");
+        assert!(!said.contains("valid"), "{said}");
+        let db = format!("{name}.db");
+        let run = sandbox.coordinator(&[
+            "run",
+            name,
+            "--db",
+            &db,
+            "--out",
+            name.trim_end_matches(".toml"),
+        ]);
+        assert_code(&run, 15);
+        assert!(errors(&run).contains("no design got samples"));
+        let status = sandbox.status(&db).expect("the store is there");
+        assert_eq!(status["finished"], true, "{status}");
+    }
 }

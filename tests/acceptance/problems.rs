@@ -133,6 +133,11 @@ fn a_percentile_of_another_level_is_another_optimum_under_its_own_name() {
         Some(0),
         "another level is another campaign"
     );
+    let said = errors(&refused);
+    assert!(
+        said.contains("they differ in sampling.level: 0.99 there, 0.95 here"),
+        "{said}"
+    );
 }
 
 #[test]

@@ -6,6 +6,7 @@
 mod advice;
 mod bounds;
 mod campaign;
+mod changes;
 mod corrections;
 mod enrichment;
 mod external;

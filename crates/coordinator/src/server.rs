@@ -107,8 +107,13 @@ pub async fn run(
         None => None,
     };
     let store = Store::create_or_open_with(&plan.db, &row, |held| {
-        Campaign::parse("the store's campaign file", &held.file_text)
-            .is_ok_and(|held| plan.campaign.extends(&held))
+        // A campaign that is not of this version's form has no keys to compare.
+        let held = Campaign::parse("the store's campaign file", &held.file_text)
+            .map_err(|_| Vec::new())?;
+        if plan.campaign.extends(&held) {
+            return Ok(());
+        }
+        Err(plan.campaign.changes_from(&held))
     })
     .await?;
     if store.campaign().await?.digest != row.digest {

@@ -34,7 +34,7 @@ pub const INCOMPLETE: u8 = 13;
 /// Stopped by a signal; starting the same command again continues.
 pub const INTERRUPTED: u8 = 14;
 /// The gear pair of `coordinator simulate` is not simulable: no such pair exists, or its teeth lose
-/// contact.
+/// contact. Of a campaign, no design gets samples: none is simulable, or the constraints rule all out.
 pub const NOT_SIMULABLE: u8 = 15;
 
 /// Every code with its meaning, for `--help` and the README.
@@ -75,5 +75,8 @@ pub const TABLE: [(u8, &str); 16] = [
         INTERRUPTED,
         "stopped by a signal; the same command continues",
     ),
-    (NOT_SIMULABLE, "the gear pair cannot be simulated"),
+    (
+        NOT_SIMULABLE,
+        "the gear pair, or every design of the campaign, cannot be simulated",
+    ),
 ];

@@ -111,9 +111,9 @@ pub enum Error {
     /// The store belongs to another campaign.
     #[error(
         "the store {} belongs to campaign \"{held_name}\" ({held_digest}), not to \
-         \"{offered_name}\" ({offered_digest}): choose another file, or the campaign file it was \
+         \"{offered_name}\" ({offered_digest}){}: choose another file, or the campaign file it was \
          started with",
-        path.display()
+        path.display(), in_words(changes)
     )]
     OtherCampaign {
         /// The refused file.
@@ -126,6 +126,8 @@ pub enum Error {
         offered_name: String,
         /// Its digest.
         offered_digest: String,
+        /// In what they differ, if known.
+        changes: Vec<String>,
     },
     /// Another process writes to the store.
     #[error("the store {} is in use by another coordinator: stop that one first", path.display())]
@@ -432,4 +434,12 @@ impl Error {
 fn primary_code(error: &sqlx::Error) -> Option<i32> {
     let extended: i32 = error.as_database_error()?.code()?.parse().ok()?;
     Some(extended & 0xff)
+}
+
+/// In what two campaigns differ, as the middle of a sentence.
+fn in_words(changes: &[String]) -> String {
+    if changes.is_empty() {
+        return String::new();
+    }
+    format!("; they differ in {}", changes.join("; "))
 }

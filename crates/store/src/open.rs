@@ -50,12 +50,13 @@ impl Store {
     ///
     /// As there.
     pub async fn create_or_open(path: &Path, campaign: &CampaignRow) -> Result<Self, Error> {
-        Self::create_or_open_with(path, campaign, |_| false).await
+        Self::create_or_open_with(path, campaign, |_| Err(Vec::new())).await
     }
 
     /// Opens the store at `path` for this campaign, or creates it when there is no such file. A
     /// store of another campaign is refused unless `may_extend` accepts the campaign it holds; it
-    /// is then opened as it is, and the caller [extends](Store::extend) it.
+    /// is then opened as it is, and the caller [extends](Store::extend) it. What `may_extend` refuses
+    /// it for, in words, is part of the error.
     ///
     /// A file too large to be checked in a moment is checked in the background: reads go on
     /// meanwhile, the first write waits for the check of the pages. [`Store::checked`] tells the
@@ -74,7 +75,7 @@ impl Store {
     pub async fn create_or_open_with(
         path: &Path,
         campaign: &CampaignRow,
-        may_extend: impl Fn(&CampaignRow) -> bool,
+        may_extend: impl Fn(&CampaignRow) -> Result<(), Vec<String>>,
     ) -> Result<Self, Error> {
         Self::create_or_open_checking(path, campaign, may_extend, CHECK_AT_ONCE).await
     }
@@ -83,7 +84,7 @@ impl Store {
     async fn create_or_open_checking(
         path: &Path,
         campaign: &CampaignRow,
-        may_extend: impl Fn(&CampaignRow) -> bool,
+        may_extend: impl Fn(&CampaignRow) -> Result<(), Vec<String>>,
         check_at_once: u64,
     ) -> Result<Self, Error> {
         let path: Arc<Path> = resolve(path)?.into();
@@ -117,13 +118,16 @@ impl Store {
         if let Some(commits) = commits {
             lock.compare(commits)?;
         }
-        if held.digest != campaign.digest && !may_extend(&held) {
+        if held.digest != campaign.digest
+            && let Err(changes) = may_extend(&held)
+        {
             return Err(Error::OtherCampaign {
                 path: path.to_path_buf(),
                 held_name: held.name,
                 held_digest: held.digest,
                 offered_name: campaign.name.clone(),
                 offered_digest: campaign.digest.clone(),
+                changes,
             });
         }
 

@@ -33,12 +33,15 @@ pub struct Optimum {
 pub async fn problem(store: &Store, campaign: &Campaign) -> anyhow::Result<Problem> {
     let held = store.campaign().await?;
     if held.digest != campaign.digest() {
+        let changes = Campaign::parse("the store's campaign file", &held.file_text)
+            .map_or_else(|_| Vec::new(), |held| campaign.changes_from(&held));
         return Err(store::Error::OtherCampaign {
             path: store.path().to_owned(),
             held_name: held.name,
             held_digest: held.digest,
             offered_name: campaign.name.clone(),
             offered_digest: campaign.digest(),
+            changes,
         }
         .into());
     }

@@ -1,5 +1,6 @@
 //! What a campaign would do, and how long that takes here.
 
+use std::collections::BTreeMap;
 use std::time::Instant;
 
 use anyhow::Context as _;
@@ -29,6 +30,9 @@ struct Plan {
     stages: Vec<Stage>,
     /// The sum of the stages' estimates, if there are any.
     core_seconds: Option<f64>,
+    /// Why no design would get samples, if none of those tried would.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    nothing_to_sample: Option<String>,
     warnings: Vec<String>,
 }
 
@@ -58,11 +62,13 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
         Some(measure(&problem)?)
     };
     let Measured {
-        feasible,
+        sampled: feasible,
         design_seconds,
         sample_seconds,
-    } = measured.unwrap_or(Measured {
-        feasible: 1.0,
+        ..
+    } = measured.clone().unwrap_or(Measured {
+        sampled: 1.0,
+        reason: String::new(),
         design_seconds: f64::NAN,
         sample_seconds: f64::NAN,
     });
@@ -100,7 +106,7 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
         (
             "fit",
             if measured.is_some() {
-                format!("about {feasible:.0} designs that can be simulated")
+                format!("about {feasible:.0} designs that get samples")
             } else {
                 format!("at most {n} designs")
             },
@@ -131,7 +137,7 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
     let stage = |(stage, work, seconds): (&'static str, String, f64)| Stage {
         stage,
         work,
-        core_seconds: measured.map(|_| seconds),
+        core_seconds: measured.is_some().then_some(seconds),
     };
     let stages: Vec<Stage> = rows.into_iter().map(stage).collect();
     let plan = Plan {
@@ -142,16 +148,29 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
         teeth: campaign.gears().map(|sections| sections.pair.teeth()),
         core_seconds: stages.iter().map(|stage| stage.core_seconds).sum(),
         stages,
+        nothing_to_sample: measured
+            .filter(|measured| measured.sampled == 0.0)
+            .map(|measured| measured.reason),
         warnings: campaign.warnings(),
     };
     print_either(arguments.json, &plan, || describe(&plan))?;
-    Ok(exit::OK)
+    Ok(match plan.nothing_to_sample {
+        None => exit::OK,
+        Some(_) => exit::NOT_SIMULABLE,
+    })
 }
 
 /// The plan for people.
 fn describe(plan: &Plan) -> String {
+    let verdict = match &plan.nothing_to_sample {
+        None => "is valid".to_owned(),
+        Some(reason) => format!(
+            "has no design to sample among {DESIGNS} random ones, most often because of {reason}. Move \
+             or widen [bounds]"
+        ),
+    };
     let mut text = format!(
-        "{} is valid: campaign {}, seed {}{}\n\n",
+        "{} {verdict}: campaign {}, seed {}{}\n\n",
         plan.file,
         plan.campaign,
         plan.seed,
@@ -183,23 +202,28 @@ fn describe(plan: &Plan) -> String {
 }
 
 /// What one processor of this machine takes, from a few designs of the campaign.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 struct Measured {
-    /// The share of random designs that can be simulated.
-    feasible: f64,
+    /// The share of random designs that get samples: they can be simulated and are not ruled out.
+    sampled: f64,
+    /// The most frequent reason why one gets none; empty if all do.
+    reason: String,
     /// Criteria and both deterministic analyses of a design, seconds.
     design_seconds: f64,
     /// A sample of ΔSTE, seconds.
     sample_seconds: f64,
 }
 
+/// Random designs that are tried.
+const DESIGNS: u32 = 40;
+
 fn measure(problem: &Problem) -> anyhow::Result<Measured> {
-    const DESIGNS: u32 = 40;
     let mut seconds = [0.0; 2];
-    let mut feasible = 0.0;
+    let mut sampled = 0.0;
+    let mut reasons: BTreeMap<String, u32> = BTreeMap::new();
     let samples = [4, 104];
     for (pass, count) in samples.into_iter().enumerate() {
-        feasible = 0.0;
+        sampled = 0.0;
         let before = Instant::now();
         for number in 0..DESIGNS {
             let mut rng = stream(problem.campaign().seed, Purpose::Test, u64::from(number), 1);
@@ -213,15 +237,32 @@ fn measure(problem: &Problem) -> anyhow::Result<Measured> {
             let output = task::compute(problem, &unit, &Source::Design(design))
                 .map_err(anyhow::Error::msg)
                 .context("a trial run")?;
-            feasible += f64::from(u8::from(matches!(output, Output::Design { .. })));
+            let reason = match output {
+                Output::Design {
+                    ruled_out: Some(reason),
+                    ..
+                }
+                | Output::Refused(reason) => reason,
+                _ => {
+                    sampled += 1.0;
+                    continue;
+                }
+            };
+            // The reason's short name; what follows are this design's numbers.
+            let name = reason.split(':').next().unwrap_or_default();
+            *reasons.entry(name.to_owned()).or_default() += 1;
         }
         seconds[pass] = before.elapsed().as_secs_f64();
     }
-    let drawn = feasible.max(1.0) * f64::from(samples[1] - samples[0]);
+    let drawn = sampled.max(1.0) * f64::from(samples[1] - samples[0]);
     let sample_seconds = ((seconds[1] - seconds[0]) / drawn).max(0.0);
-    let without_samples = seconds[0] - feasible * f64::from(samples[0]) * sample_seconds;
+    let without_samples = seconds[0] - sampled * f64::from(samples[0]) * sample_seconds;
     Ok(Measured {
-        feasible: feasible / f64::from(DESIGNS),
+        sampled: sampled / f64::from(DESIGNS),
+        reason: reasons
+            .into_iter()
+            .max_by_key(|(_, count)| *count)
+            .map_or_else(String::new, |(name, _)| name),
         design_seconds: (without_samples / f64::from(DESIGNS)).max(0.0),
         sample_seconds,
     })

@@ -99,11 +99,20 @@ async fn an_extension_keeps_samples_and_clears_what_was_derived() {
     store.close().await.unwrap();
     let before = read(&path);
 
-    let refused = Store::create_or_open_with(&path, &larger(), |_| false).await;
-    assert!(matches!(refused, Err(Error::OtherCampaign { .. })));
+    let refused = Store::create_or_open_with(&path, &larger(), |_| {
+        Err(vec!["seed: 1 there, 2 here".to_owned()])
+    })
+    .await;
+    let refused = refused.expect_err("another campaign");
+    assert!(matches!(refused, Error::OtherCampaign { .. }));
+    assert!(
+        refused
+            .to_string()
+            .contains("they differ in seed: 1 there, 2 here: choose")
+    );
     let store = Store::create_or_open_with(&path, &larger(), |held| {
         assert_eq!(held.digest, campaign().digest);
-        true
+        Ok(())
     })
     .await
     .unwrap();
