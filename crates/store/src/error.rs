@@ -110,22 +110,18 @@ pub enum Error {
     },
     /// The store belongs to another campaign.
     #[error(
-        "the store {} belongs to campaign \"{held_name}\" ({held_digest}), not to \
-         \"{offered_name}\" ({offered_digest}){}: choose another file, or the campaign file it was \
-         started with",
-        path.display(), in_words(changes)
+        "the store {} belongs to campaign {held}, not to {offered}{}: choose another file, or the \
+         campaign file it was started with",
+        path.display(),
+        in_words(changes)
     )]
     OtherCampaign {
         /// The refused file.
         path: PathBuf,
-        /// The name of the campaign in the store.
-        held_name: String,
-        /// Its digest.
-        held_digest: String,
-        /// The name of the campaign that was to be run.
-        offered_name: String,
-        /// Its digest.
-        offered_digest: String,
+        /// Name and digest of the campaign in the store.
+        held: String,
+        /// Name and digest of the campaign that was to be run.
+        offered: String,
         /// In what they differ, if known.
         changes: Vec<String>,
     },
@@ -434,6 +430,26 @@ impl Error {
 fn primary_code(error: &sqlx::Error) -> Option<i32> {
     let extended: i32 = error.as_database_error()?.code()?.parse().ok()?;
     Some(extended & 0xff)
+}
+
+impl Error {
+    /// Of a store at `path` whose campaign is not the one `offered`, each with name and digest;
+    /// `changes` says in what they differ, if that is known.
+    #[must_use]
+    pub fn other_campaign(
+        path: &Path,
+        held: [&str; 2],
+        offered: [&str; 2],
+        changes: Vec<String>,
+    ) -> Self {
+        let named = |[name, digest]: [&str; 2]| format!("\"{name}\" ({digest})");
+        Self::OtherCampaign {
+            path: path.to_path_buf(),
+            held: named(held),
+            offered: named(offered),
+            changes,
+        }
+    }
 }
 
 /// In what two campaigns differ, as the middle of a sentence.

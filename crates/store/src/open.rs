@@ -121,14 +121,12 @@ impl Store {
         if held.digest != campaign.digest
             && let Err(changes) = may_extend(&held)
         {
-            return Err(Error::OtherCampaign {
-                path: path.to_path_buf(),
-                held_name: held.name,
-                held_digest: held.digest,
-                offered_name: campaign.name.clone(),
-                offered_digest: campaign.digest.clone(),
+            return Err(Error::other_campaign(
+                &path,
+                [&held.name, &held.digest],
+                [&campaign.name, &campaign.digest],
                 changes,
-            });
+            ));
         }
 
         let options = writing(&path);

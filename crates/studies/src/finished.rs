@@ -35,14 +35,12 @@ pub async fn problem(store: &Store, campaign: &Campaign) -> anyhow::Result<Probl
     if held.digest != campaign.digest() {
         let changes = Campaign::parse("the store's campaign file", &held.file_text)
             .map_or_else(|_| Vec::new(), |held| campaign.changes_from(&held));
-        return Err(store::Error::OtherCampaign {
-            path: store.path().to_owned(),
-            held_name: held.name,
-            held_digest: held.digest,
-            offered_name: campaign.name.clone(),
-            offered_digest: campaign.digest(),
+        return Err(store::Error::other_campaign(
+            store.path(),
+            [&held.name, &held.digest],
+            [&campaign.name, &campaign.digest()],
             changes,
-        }
+        )
         .into());
     }
     let status = status::read(store).await?;

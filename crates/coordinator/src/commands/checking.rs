@@ -219,7 +219,7 @@ const DESIGNS: u32 = 40;
 
 fn measure(problem: &Problem) -> anyhow::Result<Measured> {
     let mut seconds = [0.0; 2];
-    let mut sampled = 0.0;
+    let mut sampled = 0.0_f64;
     let mut reasons: BTreeMap<String, u32> = BTreeMap::new();
     let samples = [4, 104];
     for (pass, count) in samples.into_iter().enumerate() {
