@@ -416,7 +416,7 @@ pub(crate) mod tests {
     }
 
     async fn open_as_if_large(path: &Path) -> Store {
-        Store::create_or_open_checking(path, &campaign(), |_| false, 0)
+        Store::create_or_open_checking(path, &campaign(), |_| Err(Vec::new()), 0)
             .await
             .unwrap()
     }
