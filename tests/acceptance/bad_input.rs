@@ -280,14 +280,12 @@ fn a_campaign_without_a_design_to_sample_is_not_called_valid() {
         assert!(said.contains(reason), "{said}");
         assert!(!said.contains("valid"), "{said}");
         let db = format!("{name}.db");
-        let run = sandbox.coordinator(&[
-            "run",
-            name,
-            "--db",
-            &db,
-            "--out",
-            name.trim_end_matches(".toml"),
-        ]);
+        let out = name.trim_end_matches(".toml");
+        let run = sandbox.run_with(
+            "coordinator",
+            &["run", name, "--db", &db, "--out", out],
+            &[("PITCHLINE_LOG", "warn")],
+        );
         assert_code(&run, 15);
         assert!(errors(&run).contains("no design got samples"));
         let status = sandbox.status(&db).expect("the store is there");
