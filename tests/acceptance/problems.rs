@@ -98,6 +98,24 @@ fn ishigamis_percentile_is_least_where_its_formula_says() {
 }
 
 #[test]
+fn a_direct_search_finds_ishigamis_least_percentile() {
+    let sandbox = Sandbox::new();
+    let optimise =
+        "[doe]\ndesigns = 20\n\n[optimise]\nevaluations = 600\nstarts = 1\ndirect = true\n";
+    let doe = ("[doe]\ndesigns = 150\n", optimise);
+    let (file, exec) = ishigami(&sandbox, &[doe]);
+    let run = ["run", &file, "--db", "i.db", "--exec", &exec];
+    assert_code(&sandbox.coordinator(&run), 0);
+    let direct = verified(&sandbox, "direct");
+    assert!((direct - LEAST).abs() < 0.2, "{direct}");
+    // The program is asked for 30 samples of every design, and for the response without noise.
+    let status = sandbox.status("i.db").expect("the store is there");
+    let optima = status["optima"].as_array().expect("a list");
+    let names: Vec<_> = optima.iter().map(|o| o["approach"].as_str()).collect();
+    assert!(names.contains(&Some("direct")), "{names:?}");
+}
+
+#[test]
 fn a_percentile_of_another_level_is_another_optimum_under_its_own_name() {
     let sandbox = Sandbox::new();
     let level = ("[sampling]\n", "[sampling]\nlevel = 0.99\n");

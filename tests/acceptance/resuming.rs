@@ -1,16 +1,16 @@
-//! Optimiser runs on a slow simulator that go on where they were when their worker ends.
+//! Optimiser runs on a slow simulator: shared by workers, and gone on with after their end.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use acceptance::{Running, Sandbox, assert_code};
-use campaign::optimise::RunResult;
-use store::{RunStateRow, Store};
+use store::Store;
 
 use crate::external::{campaign, program};
-use crate::place::{DB, Place};
+use crate::place::DB;
 
-/// The only job of the campaign until it is done, as the store calls it.
+/// The only work of the campaign until it is done, as the store calls it.
 const RUN: &str = "run no-wear 0";
 
 /// The example's program, which notes every question before it answers after `seconds`.
@@ -36,30 +36,22 @@ fn analysed(log: &PathBuf) -> Vec<String> {
     unworn.map(str::to_owned).collect()
 }
 
-/// What the store holds of the run: its result as JSON, and where it is.
-fn held(sandbox: &Sandbox, db: &str) -> (Option<String>, Option<RunStateRow>) {
+/// What the store holds of the run: its result as JSON, and how many evaluations.
+fn held(sandbox: &Sandbox, db: &str) -> (Option<String>, usize) {
     let runtime = tokio::runtime::Runtime::new().unwrap();
     runtime.block_on(async {
         let store = Store::open_read_only(&sandbox.path(db)).await.unwrap();
         let runs = store.optimiser_runs().await.unwrap();
         let result = runs.into_iter().find(|run| run.approach == "no-wear");
-        let state = store.run_state(RUN).await.unwrap();
+        let evaluations = store.evaluations(RUN, 0).await.unwrap();
         store.close().await.unwrap();
-        (result.map(|run| run.result_json), state)
+        (result.map(|run| run.result_json), evaluations.len())
     })
 }
 
-fn eventually(what: &str, holds: impl Fn() -> bool) {
-    let since = Instant::now();
-    while !holds() {
-        assert!(since.elapsed().as_secs() < 60, "waited in vain for {what}");
-        std::thread::sleep(Duration::from_millis(20));
-    }
-}
-
-/// Ends the first worker of a run by `end`, has a second one end the campaign, and compares with a run
-/// that nothing disturbed.
-fn goes_on(lease: &str, end: impl Fn(&Sandbox, &PathBuf, Running)) {
+/// Ends the coordinator and the workers of a run by `end`, goes on, and compares with a run that nothing
+/// disturbed and that one worker computed.
+fn goes_on(end: impl Fn(Running)) {
     let sandbox = Sandbox::new();
     let file = campaign(
         &sandbox,
@@ -70,72 +62,95 @@ fn goes_on(lease: &str, end: impl Fn(&Sandbox, &PathBuf, Running)) {
             ("starts = 2", "starts = 1"),
         ],
     );
+    fn run<'a>(file: &'a str, db: &'a str, workers: &'a str, exec: &'a str) -> [&'a str; 8] {
+        [
+            "run",
+            file,
+            "--db",
+            db,
+            "--workers",
+            workers,
+            "--exec",
+            exec,
+        ]
+    }
     let (exec, log) = noting(&sandbox, "undisturbed", 0.0);
-    let run = [
-        "run",
-        &file,
-        "--db",
-        "alone.db",
-        "--workers",
-        "1",
-        "--exec",
-        &exec,
-    ];
-    assert_code(&sandbox.coordinator(&run), 0);
-    let (expected, left) = held(&sandbox, "alone.db");
-    assert_eq!(left, None, "a finished run leaves no state");
-    let whole = analysed(&log);
+    assert_code(&sandbox.coordinator(&run(&file, "alone.db", "1", &exec)), 0);
+    let (expected, _) = held(&sandbox, "alone.db");
     let expected = expected.expect("the run is finished");
-    let evaluations = serde_json::from_str::<RunResult>(&expected)
-        .unwrap()
-        .evaluations;
+    let whole = analysed(&log);
 
-    let place = Place::of_file(&sandbox, &file);
-    let coordinator = place.serve_for(lease);
-    sandbox.wait_for(DB, "a store", |_| true);
-    let (exec, begun) = noting(&sandbox, "begun", 0.01);
-    let worker = place.worker(&["--slots", "1", "--grace", "2", "--exec", &exec]);
-    end(&sandbox, &begun, worker);
-    let (result, state) = held(&sandbox, DB);
+    let (exec, begun) = noting(&sandbox, "begun", 0.02);
+    let running = sandbox.start("coordinator", &run(&file, DB, "3", &exec));
+    let since = Instant::now();
+    while analysed(&begun).len() < 60 {
+        assert!(since.elapsed().as_secs() < 60, "the run did not begin");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    end(running);
+    let (result, kept) = held(&sandbox, DB);
     assert_eq!(result, None, "the run was too short to be disturbed");
-    let done = state.expect("the run has left its state").evaluations;
+    assert!(kept >= 50, "{kept} evaluations are stored");
 
     let (exec, ended) = noting(&sandbox, "ended", 0.0);
-    assert_code(&place.work(&["--slots", "1", "--exec", &exec]), 0);
-    let (status, errors) = coordinator.finish();
-    assert_eq!(status.code(), Some(0), "{errors}");
-
-    let (begun, ended) = (analysed(&begun), analysed(&ended));
-    assert!(whole.starts_with(&begun), "the first worker began the run");
-    assert!(whole.ends_with(&ended), "the second worker ended the run");
-    assert!(done >= 50 && ended.len() as u64 <= evaluations - done);
+    assert_code(&sandbox.coordinator(&run(&file, DB, "3", &exec)), 0);
+    assert_eq!(held(&sandbox, DB).0, Some(expected));
+    let begun: BTreeSet<String> = analysed(&begun).into_iter().collect();
+    let ended: BTreeSet<String> = analysed(&ended).into_iter().collect();
+    let all: BTreeSet<String> = whole.into_iter().collect();
+    assert_eq!(&begun | &ended, all, "the same designs");
+    // What is stored is not asked for again.
     assert!(
-        ended.len() < whole.len() && begun.len() + ended.len() >= whole.len(),
-        "{} and {} calls for {}",
-        begun.len(),
-        ended.len(),
-        whole.len()
+        ended.len() <= all.len() - kept,
+        "{} after {kept}",
+        ended.len()
     );
-    assert_eq!(held(&sandbox, DB), (Some(expected), None));
-    let optima = |db| sandbox.status(db).expect("the store is there")["optima"].clone();
+    let optima = |db| {
+        let status = sandbox.status(db).expect("the store is there");
+        status["optima"].clone()
+    };
     assert_eq!(optima(DB), optima("alone.db"));
 }
 
 #[test]
-fn a_run_whose_worker_is_killed_goes_on_at_another_one() {
-    goes_on("2", |sandbox, _, worker| {
-        eventually("a state", || held(sandbox, DB).1.is_some());
-        worker.kill();
-    });
+fn a_run_on_an_external_simulator_that_is_killed_goes_on() {
+    goes_on(Running::kill);
 }
 
 #[test]
-fn a_run_whose_worker_is_asked_to_leave_goes_on_at_another_one() {
-    goes_on("30", |sandbox, log, worker| {
-        eventually("half of the run", || analysed(log).len() > 60);
-        assert_eq!(held(sandbox, DB).1, None, "nothing was told yet");
-        worker.terminate();
-        let (status, errors) = worker.finish();
+fn a_run_on_an_external_simulator_that_is_stopped_goes_on() {
+    goes_on(|running| {
+        running.terminate();
+        let (status, errors) = running.finish();
         assert_eq!(status.code(), Some(14), "{errors}");
     });
+}
+
+/// Every evaluation takes a tenth of a second, so ten workers are almost ten times as fast as one: they
+/// compute the candidates of a generation at the same time.
+#[test]
+fn the_workers_share_the_candidates_of_a_generation() {
+    let sandbox = Sandbox::new();
+    let file = campaign(
+        &sandbox,
+        &[
+            ("probe_designs = 3", "probe_designs = 0"),
+            ("from = \"printed\"", "from = \"deterministic\""),
+            ("designs = 60", "designs = 20"),
+            ("starts = 2", "starts = 1"),
+        ],
+    );
+    let (exec, log) = noting(&sandbox, "shared", 0.1);
+    let run = ["run", &file, "--db", DB, "--workers", "10", "--exec", &exec];
+    let running = sandbox.start("coordinator", &run);
+    let since = Instant::now();
+    let mut most = 0;
+    // Each question is noted when it begins: those of one tenth of a second are computed together.
+    while most < 5 {
+        assert!(since.elapsed().as_secs() < 60, "{most} at the same time");
+        let before = analysed(&log).len();
+        std::thread::sleep(Duration::from_millis(80));
+        most = most.max(analysed(&log).len() - before);
+    }
+    running.kill();
 }

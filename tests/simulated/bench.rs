@@ -116,10 +116,6 @@ impl Recorder for Memory {
         Ok(self.with(|stored| stored.knows_failure(worker, Some(serial))))
     }
 
-    async fn run_state(&self, _stream: &str) -> Result<Option<store::RunStateRow>, store::Error> {
-        Ok(None)
-    }
-
     async fn pin_model(&self, _offered: &str) -> Result<(), store::Error> {
         Ok(())
     }

@@ -12,9 +12,9 @@ use proptest::prelude::*;
 use prost::Message;
 use protocol::v2::campaign_server::Campaign as _;
 use protocol::v2::{
-    self, Directive, DrainRequest, ExplainRequest, HeartbeatRequest, HeldLease, LeaseRequest,
-    LeaseResult, LeaseState, RegisterRequest, ReleaseRequest, ReportRequest, RetryRequest,
-    RunState, StatusRequest, UnitResult, WatchRequest,
+    self, Design, Directive, DrainRequest, Evaluated, ExplainRequest, HeartbeatRequest, HeldLease,
+    LeaseRequest, LeaseResult, LeaseState, RegisterRequest, ReleaseRequest, ReportRequest,
+    RetryRequest, StatusRequest, UnitResult, WatchRequest,
 };
 use tonic::Request;
 
@@ -137,25 +137,33 @@ fn a_unit_result() -> impl Strategy<Value = UnitResult> {
         text(),
         text(),
     );
-    let state = (
-        any::<u64>(),
+    let evaluated = (
+        numbers(),
+        text(),
         any::<f64>(),
-        prop::collection::vec(any::<u8>(), 0..9),
+        numbers(),
+        numbers(),
+        numbers(),
     );
-    let state = state.prop_map(|(evaluations, cpu_seconds, state)| RunState {
-        evaluations,
-        cpu_seconds,
-        state,
-    });
-    let state = prop::option::of(state);
-    (unit, text(), text(), any::<u64>(), any::<f64>(), state).prop_map(
+    let evaluated = evaluated.prop_map(
+        |(values, refused, value, criteria, worn_criteria, samples_um)| Evaluated {
+            design: (!values.is_empty()).then_some(Design { values }),
+            refused,
+            value,
+            criteria,
+            worn_criteria,
+            samples_um,
+        },
+    );
+    let evaluated = prop::collection::vec(evaluated, 0..3);
+    (unit, text(), text(), any::<u64>(), any::<f64>(), evaluated).prop_map(
         |(
             (unit, responses, samples_um, ruled_out, refused),
             run_json,
             error,
             serial,
             cpu_seconds,
-            run_state,
+            evaluated,
         )| {
             UnitResult {
                 unit,
@@ -167,7 +175,7 @@ fn a_unit_result() -> impl Strategy<Value = UnitResult> {
                 error,
                 serial,
                 cpu_seconds,
-                run_state,
+                evaluated,
             }
         },
     )
@@ -219,19 +227,9 @@ fn nonsense() -> impl Strategy<Value = Vec<u8>> {
         }
         .encode_to_vec()
     });
-    let heartbeat = (
-        a_worker(),
-        prop::collection::vec(state, 0..5),
-        prop::collection::vec(a_unit_result(), 0..5),
-    );
-    let heartbeat = heartbeat.prop_map(|(worker_id, held, unfinished)| {
-        HeartbeatRequest {
-            worker_id,
-            held,
-            unfinished,
-        }
-        .encode_to_vec()
-    });
+    let heartbeat = (a_worker(), prop::collection::vec(state, 0..5));
+    let heartbeat = heartbeat
+        .prop_map(|(worker_id, held)| HeartbeatRequest { worker_id, held }.encode_to_vec());
     let report = (a_worker(), prop::collection::vec(a_result(), 0..5));
     let report = report
         .prop_map(|(worker_id, results)| ReportRequest { worker_id, results }.encode_to_vec());
@@ -334,7 +332,6 @@ fn a_heartbeat_says_whether_jobs_are_leased_at_all() {
             let request = HeartbeatRequest {
                 worker_id: "known".to_owned(),
                 held: Vec::new(),
-                unfinished: Vec::new(),
             };
             let answer = service.heartbeat(Request::new(request)).await;
             answer.expect("it is known").into_inner().directive()

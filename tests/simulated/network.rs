@@ -412,7 +412,6 @@ async fn stutter(problem: Arc<Problem>) -> turmoil::Result {
         let heartbeat = HeartbeatRequest {
             worker_id: worker_id.clone(),
             held: held.collect(),
-            unfinished: Vec::new(),
         };
         twice!(heartbeat, heartbeat.clone());
         let mut results = Vec::new();
@@ -494,7 +493,6 @@ fn a_thousand_workers_that_register_at_once_are_all_served() {
                 let heartbeat = HeartbeatRequest {
                     worker_id,
                     held: Vec::new(),
-                    unfinished: Vec::new(),
                 };
                 let answer = link.client().heartbeat(heartbeat).await?.into_inner();
                 assert_eq!(answer.directive(), Directive::Continue);

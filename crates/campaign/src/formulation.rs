@@ -270,6 +270,7 @@ impl Problem {
         let has_all = self.gears().is_some();
         let has_baseline = self.has_baseline();
         let enriches = self.campaign.enrichment.is_some();
+        let is_direct = self.campaign.optimise.direct;
         Approach::ALL
             .into_iter()
             .filter(move |approach| match approach {
@@ -277,6 +278,7 @@ impl Problem {
                 Approach::Baseline => has_baseline,
                 Approach::Kriging | Approach::BestOfDoe => true,
                 Approach::EnrichedKriging => enriches,
+                Approach::Direct => is_direct,
             })
     }
 

@@ -6,27 +6,26 @@
 //! a run whose printed winner is infeasible *continues* with feasibility-first ranking, which needs
 //! no weight, until it ends on a feasible design, and the result keeps both.
 //!
-//! A run may take hours. Before each generation its state can be saved as a [`Checkpoint`], from which
-//! it goes on, on any worker, to the same result.
+//! The built-in simulator takes microseconds, so one worker computes a whole run ([`run`]). An external
+//! one may take hours for each evaluation: the coordinator holds the [`Search`] and asks the workers
+//! for a generation of candidates at a time. The store keeps their answers, so a search that was killed
+//! is computed again from them, to the same result.
 
-mod checkpoint;
 mod objective;
 #[cfg(test)]
 mod tests;
 
 use cmaes::{Bounds, Restarts, RunOptions};
-use ledger::Unit;
 use rand::RngExt as _;
 use serde::{Deserialize, Serialize};
 use stats::streams::{Purpose, StreamRng, stream};
 
 use crate::file::Optimise;
-use crate::formulation::{Approach, Criteria, Design};
-use crate::simulator::Simulator;
-use crate::task::{KeepGoing, Output, Run};
+use crate::formulation::{Approach, Criteria, Design, Problem};
+use crate::simulator::{NoAnswer, Simulator};
+use crate::task::Run;
 
-use checkpoint::State;
-pub use checkpoint::{Checkpoint, MAX_STATE_BYTES, Saved};
+pub use objective::{Answer, COMMON, Candidate, answer};
 use objective::{Objective, Seen};
 
 /// How often a run whose printed winner is infeasible continues before it gives up.
@@ -79,52 +78,80 @@ pub struct RunResult {
 /// A sentence: the model is missing or cannot be read, or the simulator failed. A run in which no
 /// design could be simulated is a result.
 pub fn run(simulator: &dyn Simulator, run: &Run) -> Result<RunResult, String> {
-    let mut search = Search::new(simulator, run, None)?;
-    while search.step()? {}
-    Ok(search.state.result(run))
+    let result = run_while(simulator, run, &|| true)?;
+    result.ok_or_else(|| "the run was stopped".to_owned())
 }
 
-/// Runs the optimiser, from `saved` if given, for as long as `keep_going` says, which is asked before
-/// every generation. The output is the result or, of a run that was stopped, its checkpoint; none if
-/// nothing was evaluated, or if the state is larger than [`MAX_STATE_BYTES`].
+/// As [`run`], for as long as `keep_going` says, which is asked before every generation; none when it
+/// was stopped.
 ///
 /// # Errors
 ///
 /// As [`run`].
-pub(crate) fn run_until(
+pub(crate) fn run_while(
     simulator: &dyn Simulator,
-    unit: &Unit,
     run: &Run,
-    saved: Option<Saved>,
-    keep_going: &KeepGoing<'_>,
-) -> Result<Option<Output>, String> {
-    let mut search = Search::new(simulator, run, saved)?;
+    keep_going: &dyn Fn() -> bool,
+) -> Result<Option<RunResult>, String> {
+    let problem = simulator.problem();
+    let mut search = Search::new(problem, run)?;
     loop {
-        let so_far = || search.state.checkpoint(unit).map(Output::Unfinished);
-        if !keep_going(&so_far) {
-            return Ok(so_far());
+        if !keep_going() {
+            return Ok(None);
         }
-        if !search.step()? {
-            let result = search.state.result(run);
-            return Ok(Some(Output::Run(Box::new(result))));
+        // One after the other: what is asked of a candidate depends on the best one before it.
+        let mut told = Vec::new();
+        for unit in search.draw() {
+            let candidate = search.candidate(problem, unit);
+            let answered = match &candidate.design {
+                Some(design) if candidate.is_asked => {
+                    match answer(simulator, run.approach, design, candidate.may_improve) {
+                        Ok(answer) => Some(answer),
+                        Err(NoAnswer::Refused(_)) => None,
+                        Err(NoAnswer::Failed(error)) => {
+                            let calls = search.seen.simulator_calls;
+                            return Err(format!("simulator call {calls}: {error}"));
+                        }
+                    }
+                }
+                _ => None,
+            };
+            told.push(search.evaluation(problem, &candidate, answered));
+        }
+        if !search.tell(&told)? {
+            return Ok(Some(search.result()));
         }
     }
 }
 
 /// A run in progress.
-struct Search<'a> {
-    objective: Objective<'a>,
+pub struct Search {
+    objective: Objective,
     settings: Optimise,
+    start: u32,
     rng: StreamRng,
-    state: State,
+    search: cmaes::Run,
+    seen: Seen,
+    /// How many times the run has continued beyond the printed evaluations.
+    continuations: u32,
+    /// The evaluations of the searches before this one.
+    evaluations: u64,
+    /// The improvements and the restarts of the printed search, once it has ended.
+    history: Vec<(u64, f64)>,
+    restarts: Vec<(u64, String)>,
 }
 
-impl<'a> Search<'a> {
-    fn new(simulator: &'a dyn Simulator, run: &Run, saved: Option<Saved>) -> Result<Self, String> {
-        let objective = Objective::new(simulator, run)?;
-        let campaign = simulator.problem().campaign();
+impl Search {
+    /// The beginning of a run.
+    ///
+    /// # Errors
+    ///
+    /// A sentence: the model is missing or cannot be read, or the approach has no runs.
+    pub fn new(problem: &Problem, run: &Run) -> Result<Self, String> {
+        let objective = Objective::new(run)?;
+        let campaign = problem.campaign();
         let settings = campaign.optimise;
-        let dimension = simulator.problem().dimension_of(run.approach);
+        let dimension = problem.dimension_of(run.approach);
         let bounds = Bounds::unit(dimension).map_err(|error| error.to_string())?;
         let mut rng = stream(
             campaign.seed,
@@ -132,59 +159,82 @@ impl<'a> Search<'a> {
             run.approach.number(),
             u64::from(run.start),
         );
-        let state = match saved {
-            Some(saved) => {
-                rng.set_word_pos(saved.0.word);
-                saved.0
-            }
-            None => {
-                let origin: Vec<f64> = (0..dimension).map(|_| rng.random()).collect();
-                let search = cmaes::Run::new(&origin, settings.run(bounds));
-                State {
-                    search: search.map_err(|error| error.to_string())?,
-                    word: rng.get_word_pos(),
-                    seen: Seen::default(),
-                    continuations: 0,
-                    evaluations: 0,
-                    history: Vec::new(),
-                    restarts: Vec::new(),
-                }
-            }
-        };
+        let origin: Vec<f64> = (0..dimension).map(|_| rng.random()).collect();
+        let search = cmaes::Run::new(&origin, settings.run(bounds));
         Ok(Self {
             objective,
             settings,
+            start: run.start,
             rng,
-            state,
+            search: search.map_err(|error| error.to_string())?,
+            seen: Seen::default(),
+            continuations: 0,
+            evaluations: 0,
+            history: Vec::new(),
+            restarts: Vec::new(),
         })
     }
 
-    /// Evaluates one generation; false at the end of the run.
-    fn step(&mut self) -> Result<bool, String> {
-        let state = &mut self.state;
-        let candidates = state.search.ask(&mut self.rng);
-        let mut told = Vec::with_capacity(candidates.len());
-        for unit in &candidates {
-            told.push(if state.continuations == 0 {
-                self.objective.printed(&mut state.seen, unit)?
-            } else {
-                self.objective.feasibility_first(&mut state.seen, unit)?
-            });
-        }
-        state
-            .search
-            .tell(&told, &mut self.rng)
-            .map_err(|error| error.to_string())?;
-        let goes_on = !state.search.is_finished() || state.continue_search(&self.settings)?;
-        state.word = self.rng.get_word_pos();
-        Ok(goes_on)
+    /// The next generation, to be evaluated in any order.
+    pub fn ask(&mut self, problem: &Problem) -> Vec<Candidate> {
+        let drawn = self.draw();
+        let candidates = drawn.into_iter();
+        candidates
+            .map(|unit| self.candidate(problem, unit))
+            .collect()
     }
-}
 
-impl State {
+    /// Goes on with the answers for the generation that was asked for last, in its order: none for a
+    /// candidate that cannot be simulated or of which nothing was to be asked. False at the end of the
+    /// run.
+    ///
+    /// # Errors
+    ///
+    /// A sentence: the search cannot go on.
+    pub fn answered(
+        &mut self,
+        problem: &Problem,
+        candidates: &[Candidate],
+        answers: Vec<Option<Answer>>,
+    ) -> Result<bool, String> {
+        let pairs = candidates.iter().zip(answers);
+        let told: Vec<cmaes::Evaluation> = pairs
+            .map(|(candidate, answer)| self.evaluation(problem, candidate, answer))
+            .collect();
+        self.tell(&told)
+    }
+
+    fn draw(&mut self) -> Vec<Vec<f64>> {
+        self.search.ask(&mut self.rng)
+    }
+
+    fn candidate(&self, problem: &Problem, unit: Vec<f64>) -> Candidate {
+        self.objective.candidate(problem, &self.seen, &unit)
+    }
+
+    fn evaluation(
+        &mut self,
+        problem: &Problem,
+        candidate: &Candidate,
+        answer: Option<Answer>,
+    ) -> cmaes::Evaluation {
+        let is_printed = self.continuations == 0;
+        let seen = &mut self.seen;
+        self.objective
+            .evaluation(problem, seen, candidate, answer, is_printed)
+    }
+
+    /// False at the end of the run.
+    fn tell(&mut self, told: &[cmaes::Evaluation]) -> Result<bool, String> {
+        self.search
+            .tell(told, &mut self.rng)
+            .map_err(|error| error.to_string())?;
+        Ok(!self.search.is_finished() || self.continue_search()?)
+    }
+
     /// Ends a search whose budget is spent, and begins the one that continues the run; false at the
     /// end of the run.
-    fn continue_search(&mut self, settings: &Optimise) -> Result<bool, String> {
+    fn continue_search(&mut self) -> Result<bool, String> {
         let finished = self.search.clone().outcome();
         let outcome = finished.map_err(|error| error.to_string())?;
         self.evaluations += outcome.evaluations as u64;
@@ -210,11 +260,11 @@ impl State {
         }
         self.continuations += 1;
         let bounds = Bounds::unit(outcome.x.len()).map_err(|error| error.to_string())?;
-        let least = settings.evaluations / 2;
+        let least = self.settings.evaluations / 2;
         let mut options = RunOptions {
-            evaluations: settings.restart_at.unwrap_or(least).max(least) as usize,
+            evaluations: self.settings.restart_at.unwrap_or(least).max(least) as usize,
             restarts: Restarts::FromBest { planned: 0 },
-            ..settings.run(bounds)
+            ..self.settings.run(bounds)
         };
         // The constrained optimum lies near the penalised one: look there first.
         options.search.step /= 3.0;
@@ -224,10 +274,11 @@ impl State {
     }
 
     /// The result of a run that has ended.
-    fn result(self, run: &Run) -> RunResult {
+    #[must_use]
+    pub fn result(self) -> RunResult {
         RunResult {
-            approach: run.approach,
-            start: run.start,
+            approach: self.objective.approach(),
+            start: self.start,
             printed: self.seen.printed.map(|(_, found)| found),
             best: self.seen.best,
             continuations: self.continuations,

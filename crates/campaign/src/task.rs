@@ -9,7 +9,7 @@ use stats::streams::{Purpose, stream};
 
 use crate::Campaign;
 use crate::formulation::{Approach, Criteria, Design, Problem};
-use crate::optimise::{self, Checkpoint, RunResult, Saved};
+use crate::optimise::{self, Answer, RunResult};
 use crate::simulator::{NoAnswer, Prepared, Simulator, State};
 use crate::variant::Variant;
 
@@ -22,8 +22,30 @@ pub enum Source {
     Point(Design),
     /// A variant of a design, of which criteria and samples are wanted.
     Variant(Box<Variant>),
-    /// A run of an optimiser.
+    /// A run of an optimiser on the built-in simulator.
     Run(Run),
+    /// Candidates of a run on an external simulator.
+    Candidates(Vec<Candidate>),
+}
+
+/// A design that a run of an optimiser asks about.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Candidate {
+    /// Which evaluation of the run it is, from 0: the sample of the run's stream.
+    pub evaluation: u32,
+    /// The design.
+    pub design: Design,
+    /// Whether it may be the best design so far, by what is known without the simulator.
+    pub may_improve: bool,
+}
+
+/// What came of a candidate.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Evaluated {
+    /// The design.
+    pub design: Design,
+    /// What the simulator says of it; the error is why it cannot be simulated.
+    pub answer: Result<Answer, String>,
 }
 
 impl Source {
@@ -34,6 +56,10 @@ impl Source {
             Self::Design(design) | Self::Point(design) => size_of_val(design.values()),
             Self::Variant(variant) => size_of::<Variant>() + size_of_val(variant.design.values()),
             Self::Run(run) => run.model.as_deref().map_or(0, str::len),
+            Self::Candidates(candidates) => {
+                let bytes = |one: &Candidate| size_of_val(one.design.values());
+                candidates.iter().map(bytes).sum()
+            }
         }
     }
 }
@@ -90,6 +116,18 @@ impl Inputs {
                 run.base.values().iter().copied().for_each(&mut number);
                 hash.update(run.model.as_deref().unwrap_or_default());
             }
+            Source::Candidates(candidates) => {
+                for candidate in candidates {
+                    number(f64::from(candidate.evaluation));
+                    number(f64::from(u8::from(candidate.may_improve)));
+                    candidate
+                        .design
+                        .values()
+                        .iter()
+                        .copied()
+                        .for_each(&mut number);
+                }
+            }
         }
         let digest = hash.finalize();
         let first = digest.first_chunk().expect("SHA-256 has 32 bytes");
@@ -128,10 +166,10 @@ pub enum Output {
     Refused(String),
     /// Of a point: the response with random effects, from the unit's first sample on.
     Samples(Vec<f64>),
-    /// Of a run.
+    /// Of a run on the built-in simulator.
     Run(Box<RunResult>),
-    /// Of a run that was stopped: where it is.
-    Unfinished(Checkpoint),
+    /// Of candidates of a run, from the unit's first one on.
+    Evaluations(Vec<Evaluated>),
 }
 
 /// The name under which a panic of the simulator is recorded against a design.
@@ -141,8 +179,8 @@ pub const RULED_OUT: &str = "ruled-out";
 /// The name under which a result that is no number is recorded against a design.
 pub const NOT_A_NUMBER: &str = "not-a-number";
 
-/// Asked before every sample, and before every generation of a run, whether to go on; the argument gives what is finished by then, as an
-/// output that could be handed in.
+/// Asked before every sample and candidate, and before every generation of a run, whether to go on; the
+/// argument gives what is finished by then, as an output that could be reported.
 pub type KeepGoing<'a> = dyn Fn(&dyn Fn() -> Option<Output>) -> bool + 'a;
 
 /// Computes a unit.
@@ -152,13 +190,12 @@ pub type KeepGoing<'a> = dyn Fn(&dyn Fn() -> Option<Output>) -> bool + 'a;
 /// A sentence for the failure's record: the simulator failed, or refused a point, or the kriging model
 /// cannot be read. A design of the DoE that cannot be simulated is an output, not an error.
 pub fn compute(simulator: &dyn Simulator, unit: &Unit, source: &Source) -> Result<Output, String> {
-    let output = compute_until(simulator, unit, source, None, &|_| true)?;
+    let output = compute_until(simulator, unit, source, &|_| true)?;
     output.ok_or_else(|| "nothing was asked for".to_owned())
 }
 
 /// Computes a unit for as long as `keep_going` says, which is asked before every sample. What is
-/// finished by then is given, from the first sample on; nothing before the first is. A run goes on from
-/// `saved` if given, to the same result; it is asked before every generation, and gives its checkpoint.
+/// finished by then is given, from the first sample on; nothing before the first is.
 ///
 /// Whether a design is refused does not depend on how its samples are cut: it is decided by its
 /// analyses, which are the same for every unit. A sample for which the simulator panics or gives no
@@ -171,7 +208,6 @@ pub fn compute_until(
     simulator: &dyn Simulator,
     unit: &Unit,
     source: &Source,
-    saved: Option<Saved>,
     keep_going: &KeepGoing<'_>,
 ) -> Result<Option<Output>, String> {
     let stream = unit.stream;
@@ -226,8 +262,53 @@ pub fn compute_until(
             let samples_um = draw(problem, design.as_mut(), names, unit, &keep_going)?;
             Ok(output(&samples_um))
         }
-        Source::Run(run) => optimise::run_until(simulator, unit, run, saved, keep_going),
+        Source::Run(run) => {
+            let result = optimise::run_while(simulator, run, &|| keep_going(&|| None))?;
+            Ok(result.map(|result| Output::Run(Box::new(result))))
+        }
+        Source::Candidates(candidates) => evaluate(simulator, unit, candidates, keep_going),
     }
+}
+
+/// Asks about the candidates of a run that a unit covers; the error names the evaluation.
+fn evaluate(
+    simulator: &dyn Simulator,
+    unit: &Unit,
+    candidates: &[Candidate],
+    keep_going: &KeepGoing<'_>,
+) -> Result<Option<Output>, String> {
+    let (number, _) = unit.stream.run_parts();
+    let approach = Approach::numbered(number.into());
+    let approach = approach.ok_or_else(|| format!("{}: no such approach", unit.stream))?;
+    let mut evaluated = Vec::with_capacity(unit.samples.len());
+    let output = |evaluated: &[Evaluated]| {
+        (!evaluated.is_empty()).then(|| Output::Evaluations(evaluated.to_vec()))
+    };
+    for evaluation in unit.samples.clone() {
+        if !keep_going(&|| output(&evaluated)) {
+            break;
+        }
+        let failed = |error: String| format!("{}, evaluation {evaluation}: {error}", unit.stream);
+        let mut wanted = candidates.iter();
+        let candidate = wanted.find(|one| one.evaluation == evaluation);
+        let Candidate {
+            design,
+            may_improve,
+            ..
+        } = candidate.ok_or_else(|| failed("the lease has no such candidate".to_owned()))?;
+        let answer = || optimise::answer(simulator, approach, design, *may_improve);
+        let answer = match guarded(answer) {
+            Ok(Ok(answer)) => Ok(answer),
+            Ok(Err(NoAnswer::Refused(reason))) => Err(reason),
+            Ok(Err(NoAnswer::Failed(error))) => return Err(failed(error)),
+            Err(panic) => return Err(failed(format!("{SIMULATOR_PANIC}: {panic}"))),
+        };
+        evaluated.push(Evaluated {
+            design: design.clone(),
+            answer,
+        });
+    }
+    Ok(output(&evaluated))
 }
 
 /// What `work` gives, or the message of its panic.

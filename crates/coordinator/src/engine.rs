@@ -5,16 +5,18 @@ use std::sync::Arc;
 
 use anyhow::Context as _;
 use campaign::formulation::Problem;
-use campaign::task::Inputs;
+use campaign::optimise::RunResult;
+use campaign::task::{Inputs, Run};
 use campaign::{Campaign, Design};
 use stages::derived::{DERIVED_APPROACHES, is_derived};
 use stages::plan::{self, LocalStep, Next};
+use stages::searching::{Searches, Turn};
 use stages::state::{OpenDesign, VerifyPoint};
 use stages::wanted::{self, Asked};
 use stages::{names, references, snapshot};
-use store::Store;
+use store::{Batch, OptimiserRunRow, Store};
 use tokio_util::sync::CancellationToken;
-use tracing::warn;
+use tracing::{info, warn};
 
 use crate::board::Board;
 use crate::steps::Steps;
@@ -64,6 +66,7 @@ impl Engine {
     pub async fn run(&self, shutdown: &CancellationToken) -> anyhow::Result<Option<Ended>> {
         let references: &[VerifyPoint] = &references::points(&self.problem);
         let fit_failed = &mut None;
+        let searches = &mut Searches::default();
         let more = &mut snapshot::wants_more(&self.store, &self.campaign().sampling).await?;
         loop {
             if shutdown.is_cancelled() || self.board.is_drained() {
@@ -89,7 +92,9 @@ impl Engine {
                 state.enrichment = snapshot::enrichment(&self.store, &self.problem, base).await?;
             }
             let next = plan::next(&self.problem, &state);
-            self.post(&next, &state.open).await?;
+            if !self.post(&next, &state.open, searches).await? {
+                continue;
+            }
             self.board.open();
             if let Some(step) = next.local {
                 let step = self.do_step(step, base.as_ref(), fit_failed, more);
@@ -118,12 +123,26 @@ impl Engine {
         self.problem.campaign()
     }
 
-    /// Tells store and board what is missing.
-    async fn post(&self, next: &Next, open: &[OpenDesign]) -> anyhow::Result<()> {
+    /// Tells store and board what is missing; false if a run has ended meanwhile, so that something else is
+    /// missing.
+    async fn post(
+        &self,
+        next: &Next,
+        open: &[OpenDesign],
+        searches: &mut Searches,
+    ) -> anyhow::Result<bool> {
+        let mut asked = wanted::asked(&self.problem, &self.inputs, next, open);
+        if self.campaign().is_external() {
+            for run in &next.runs {
+                if !self.search(run, searches, &mut asked).await? {
+                    return Ok(false);
+                }
+            }
+        }
         let Asked {
             streams,
             mut generations,
-        } = wanted::asked(&self.problem, &self.inputs, next, open);
+        } = asked;
         for point in &next.points {
             self.board.name_point(point.number, &point.name);
         }
@@ -136,6 +155,54 @@ impl Engine {
             self.store.put_generations(&generations).await?;
         }
         self.board.want(streams);
+        Ok(true)
+    }
+
+    /// Asks for what is next in a run on an external simulator; false if it has ended.
+    async fn search(
+        &self,
+        run: &Run,
+        searches: &mut Searches,
+        asked: &mut Asked,
+    ) -> anyhow::Result<bool> {
+        let name = names::run_name(run.approach, run.start);
+        loop {
+            let turn = searches.turn(&self.store, &self.problem, &self.inputs, run);
+            match turn.await.with_context(|| name.clone())? {
+                Turn::Asks(wanted) => {
+                    asked.named(name, wanted);
+                    return Ok(true);
+                }
+                Turn::Finished(result) => {
+                    self.finish(run, &result).await?;
+                    return Ok(false);
+                }
+                Turn::Foreign => {
+                    info!(run = %name, "evaluations of another build or of other inputs: it begins anew");
+                    self.store.clear_evaluations(&name).await?;
+                }
+            }
+        }
+    }
+
+    /// Stores the result of a run on an external simulator.
+    async fn finish(&self, run: &Run, result: &RunResult) -> anyhow::Result<()> {
+        let times = self.store.job_times().await?;
+        let of_run = times
+            .iter()
+            .filter(|time| names::is_time_of_run(time.job, run.approach, run.start));
+        let row = OptimiserRunRow {
+            approach: run.approach.name().to_owned(),
+            start: run.start.into(),
+            result_json: serde_json::to_string(result)?,
+            simulator_calls: result.simulator_calls,
+            cpu_seconds: of_run.map(|time| time.cpu_seconds).sum(),
+        };
+        let batch = Batch {
+            runs: vec![row],
+            ..Batch::default()
+        };
+        self.store.writer()?.submit(batch).await?;
         Ok(())
     }
 

@@ -1,11 +1,13 @@
 //! From what workers hand in to rows of the store.
 
+use campaign::Approach;
 use campaign::formulation::Problem;
-use campaign::task::Output;
+use campaign::task::{Evaluated, Output};
 use ledger::{StreamId, Unit};
 use protocol::v2::UnitResult;
-use stages::names::{run_name, run_stream_name, stream_name, time_key};
-use store::{Batch, CriteriaRow, JobTimeRow, OptimiserRunRow, RunStateRow, SampleRow, VerifyRow};
+use stages::names::{run_name, stream_name, time_key};
+use stages::searching;
+use store::{Batch, CriteriaRow, JobTimeRow, OptimiserRunRow, SampleRow, VerifyRow};
 
 /// What a worker says of one unit, read and checked.
 #[derive(Debug, Clone, PartialEq)]
@@ -140,19 +142,17 @@ fn rows(
                 cpu_seconds,
             });
         }
-        Output::Unfinished(checkpoint) => {
-            let name = run_stream_name(stream).ok_or("is of a run that there is not")?;
-            batch.only_for = Some((name.clone(), unit.generation.0));
-            batch.states.push(RunStateRow {
-                stream: name,
-                generation: unit.generation.0,
-                build: identity::BUILD.to_owned(),
-                evaluations: checkpoint.evaluations,
-                cpu_seconds,
-                state: checkpoint.state,
-            });
-            // What it cost is counted when it is finished.
-            return Ok(batch);
+        Output::Evaluations(evaluated) => {
+            let (number, start) = stream.run_parts();
+            let approach = Approach::numbered(number.into());
+            let approach = approach.ok_or("is of an approach that there is not")?;
+            batch.only_for = Some((run_name(approach, start), unit.generation.0));
+            for (evaluation, evaluated) in unit.samples.clone().zip(evaluated) {
+                let checked = check_evaluation(problem, &evaluated);
+                checked.map_err(|why| format!("evaluation {evaluation} {why}"))?;
+                let row = searching::row(approach, start, evaluation, evaluated);
+                batch.evaluations.push(row);
+            }
         }
     }
     batch.times.push(JobTimeRow {
@@ -162,11 +162,33 @@ fn rows(
     Ok(batch)
 }
 
+/// Whether these can be the numbers of a candidate; if not, a sentence without subject.
+fn check_evaluation(problem: &Problem, evaluated: &Evaluated) -> Result<(), String> {
+    let Ok(answer) = &evaluated.answer else {
+        return Ok(());
+    };
+    let expected = problem.criteria().len();
+    let all = [Some(&answer.analysis.criteria), answer.worn.as_ref()];
+    for criteria in all.into_iter().flatten() {
+        let values = criteria.values();
+        if values.len() != expected {
+            return Err(format!("has {} criteria, not {expected}", values.len()));
+        }
+        if let Some(value) = values.iter().find(|value| !value.is_finite()) {
+            return Err(format!("has a criterion that is {value}"));
+        }
+    }
+    let mut samples = answer.samples_um.iter();
+    samples.try_for_each(|sample| problem.check_sample(*sample))
+}
+
 #[cfg(test)]
 mod tests {
-    use campaign::Campaign;
+    use campaign::optimise::Answer;
+    use campaign::simulator::Analysis;
+    use campaign::{Campaign, Criteria};
     use ledger::{Generation, Kind};
-    use stages::names::timed;
+    use stages::names::{is_time_of_run, timed};
 
     use super::*;
 
@@ -200,17 +222,38 @@ mod tests {
     }
 
     #[test]
-    fn the_state_of_a_run_is_stored_for_its_generation_and_costs_nothing_yet() {
-        let run = unit(StreamId::run(2, 1), 0..1);
-        let checkpoint = campaign::optimise::Checkpoint {
-            evaluations: 230,
-            state: vec![1, 2],
+    fn evaluations_of_a_run_are_stored_for_its_generation_and_checked() {
+        let run = unit(StreamId::run(2, 1), 30..32);
+        let problem = problem();
+        let answer = |criteria: usize| Answer {
+            analysis: Analysis {
+                value_um: 1.5,
+                criteria: Criteria::new(vec![1.0; criteria]),
+            },
+            worn: None,
+            samples_um: Vec::new(),
         };
-        let batch = of(&run, Ok(Output::Unfinished(checkpoint))).rows.unwrap();
+        let of_answers = |answers: [Result<Answer, String>; 2]| {
+            let evaluated = answers.map(|answer| Evaluated {
+                design: problem.base().clone(),
+                answer,
+            });
+            of(&run, Ok(Output::Evaluations(evaluated.to_vec()))).rows
+        };
+        let refused = Err("involute: no".to_owned());
+        let batch = of_answers([Ok(answer(problem.criteria().len())), refused.clone()]).unwrap();
         let name = "run archard 1".to_owned();
-        assert_eq!(batch.only_for, Some((name.clone(), 0xabcd_0000_1234)));
-        assert_eq!((batch.len(), &batch.states[0].stream), (1, &name));
-        assert_eq!(batch.states[0].evaluations, 230);
+        assert_eq!(batch.only_for, Some((name, 0xabcd_0000_1234)));
+        let numbers: Vec<u64> = batch.evaluations.iter().map(|row| row.evaluation).collect();
+        assert_eq!(numbers, [30, 31]);
+        assert_eq!(batch.evaluations[0].value, Some(1.5));
+        assert_eq!(
+            batch.evaluations[1].refused.as_deref(),
+            Some("involute: no")
+        );
+        assert!(is_time_of_run(batch.times[0].job, Approach::Baseline, 1));
+        let error = of_answers([Ok(answer(3)), refused]).unwrap_err();
+        assert!(error.contains("evaluation 30 has 3 criteria"), "{error}");
     }
 
     #[test]

@@ -93,22 +93,6 @@ impl<R: Recorder> Receiving<'_, R> {
         Ok(())
     }
 
-    /// Keeps where unfinished runs are. What cannot be kept costs time only, should the worker die.
-    pub(crate) async fn keep(&self, worker: &WorkerId, unfinished: &[UnitResult]) {
-        let mut brought = Brought::default();
-        for result in unfinished {
-            self.take(worker, result, &mut brought);
-        }
-        let of_runs = brought.parts.into_iter();
-        for part in of_runs.filter(|part| !part.batch.states.is_empty()) {
-            let stream = names::stream_name(part.unit.stream);
-            match self.recorder.record(part.batch).await {
-                Ok(_) => debug!(%stream, %worker, "the state of a run was kept"),
-                Err(error) => warn!(%stream, %worker, %error, "the state of a run was not kept"),
-            }
-        }
-    }
-
     /// Sorts out what came of a unit.
     fn take(&self, worker: &WorkerId, result: &UnitResult, brought: &mut Brought) {
         let read = match ingest::read(self.problem, result, |stream| self.board.point_name(stream))
@@ -250,7 +234,6 @@ impl Brought {
         let stream = names::stream_name(unit.stream);
         match outcome {
             Ok(receipt) if receipt.is_stale => debug!(%stream, %worker, "a stale result"),
-            Ok(_) if !part.batch.states.is_empty() => debug!(%stream, %worker, "a run was stopped"),
             Ok(_) if part.is_refused => self.refused.push((unit.stream, unit.generation)),
             Ok(_) => self.stored.push(unit),
             Err(refused) => {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use results::status::{self, Status};
-use store::{Batch, Receipt, RunStateRow, Store, Writer};
+use store::{Batch, Receipt, Store, Writer};
 use tokio::sync::watch;
 
 /// Where results go and where status comes from: the store, or a stand-in for it in tests whose
@@ -15,9 +15,6 @@ pub trait Recorder: Clone + Send + Sync + 'static {
 
     /// Whether the failure to which its worker gave this number is recorded.
     async fn knows_failure(&self, worker: &str, serial: u64) -> Result<bool, store::Error>;
-
-    /// Where an unfinished run is, by what it is called where generations are.
-    async fn run_state(&self, stream: &str) -> Result<Option<RunStateRow>, store::Error>;
 
     /// The digest of the simulator whose samples are held, which becomes `offered` if there is none.
     async fn pin_model(&self, offered: &str) -> Result<(), store::Error>;
@@ -84,10 +81,6 @@ impl Recorder for StoreRecorder {
 
     async fn knows_failure(&self, worker: &str, serial: u64) -> Result<bool, store::Error> {
         self.store.knows_failure(worker, serial).await
-    }
-
-    async fn run_state(&self, stream: &str) -> Result<Option<RunStateRow>, store::Error> {
-        self.store.run_state(stream).await
     }
 
     async fn pin_model(&self, offered: &str) -> Result<(), store::Error> {

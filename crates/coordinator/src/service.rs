@@ -10,11 +10,11 @@ use protocol::v2::{
     Directive, DrainRequest, DrainResponse, ExplainRequest, ExplainResponse, HeartbeatRequest,
     HeartbeatResponse, LeaseRequest, LeaseResponse, RegisterRequest, RegisterResponse,
     ReleaseRequest, ReleaseResponse, ReportRequest, ReportResponse, RetryRequest, RetryResponse,
-    RunState, StatusRequest, StatusResponse, WatchRequest, WatchResponse, campaign_server,
+    StatusRequest, StatusResponse, WatchRequest, WatchResponse, campaign_server,
 };
 use stages::names;
 use tonic::{Request, Response, Status};
-use tracing::{info, warn};
+use tracing::info;
 
 use crate::board::{Board, Course, Room};
 use crate::receiving::{Receiving, beginning};
@@ -120,16 +120,8 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
             seconds: request.seconds,
         };
         let grants = self.board.lease(&worker, room, wait).await;
-        let mut leases = Vec::with_capacity(grants.len());
-        for grant in &grants {
-            let mut lease = protocol::lease(grant);
-            if let Some((unit, _)) = grant.units.first() {
-                lease.run_state = self.run_state(unit).await;
-            }
-            leases.push(lease);
-        }
         Ok(Response::new(LeaseResponse {
-            leases,
+            leases: grants.iter().map(protocol::lease).collect(),
             directive: self.directive(&worker).into(),
         }))
     }
@@ -188,12 +180,6 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
             .map(|held| (held.id.unwrap_or_default().into(), held.started))
             .collect();
         let cancelled = self.board.heartbeat(&worker, &held);
-        let receiving = Receiving {
-            problem: &self.problem,
-            board: &self.board,
-            recorder: &self.recorder,
-        };
-        receiving.keep(&worker, &request.unfinished).await;
         Ok(Response::new(HeartbeatResponse {
             directive: self.directive(&worker).into(),
             cancelled: cancelled.into_iter().map(Into::into).collect(),
@@ -298,28 +284,6 @@ impl<R: Recorder> Service<R> {
                 Err(failed) => Err(Status::unavailable(format!("not stored: {failed}"))),
             },
         }
-    }
-
-    /// Where a run goes on that another worker began. Without a state, it begins anew.
-    async fn run_state(&self, unit: &Unit) -> Option<RunState> {
-        let name = names::run_stream_name(unit.stream)?;
-        let row = match self.recorder.run_state(&name).await {
-            Ok(row) => row?,
-            Err(error) => {
-                warn!(run = %name, %error, "the state of a run cannot be read: it begins anew");
-                return None;
-            }
-        };
-        if row.build != identity::BUILD || row.generation != unit.generation.0 {
-            info!(run = %name, build = %row.build,
-                "the state of a run is of another build or of other inputs: it begins anew");
-            return None;
-        }
-        Some(RunState {
-            evaluations: row.evaluations,
-            cpu_seconds: row.cpu_seconds,
-            state: row.state,
-        })
     }
 
     async fn status_json(&self) -> Result<String, Status> {

@@ -16,7 +16,7 @@ use campaign::task::{Inputs, Run, Source};
 use campaign::{Campaign, probe};
 use ledger::{Kind, StreamId};
 use results::status::Status;
-use store::{Batch, CriteriaRow, FailureKind, Receipt, RunStateRow};
+use store::{Batch, CriteriaRow, FailureKind, Receipt};
 use studies::simulations::{Answer, Request, Simulations};
 use tokio::runtime::Handle;
 use tokio::sync::Notify;
@@ -217,8 +217,6 @@ struct Collected {
     designs: BTreeMap<u64, Brought>,
     /// Results of runs as JSON, by approach and start.
     runs: BTreeMap<(String, u64), String>,
-    /// The latest states of unfinished runs, by their names.
-    states: BTreeMap<String, RunStateRow>,
     /// Failures by worker and the worker's number.
     failures: BTreeSet<(String, u64)>,
     /// What was tried in vain too often.
@@ -287,12 +285,6 @@ impl Recorder for Answers {
                 let key = (row.approach, row.start);
                 collected.runs.insert(key, row.result_json);
             }
-            for row in batch.states {
-                let held = collected.states.get(&row.stream);
-                if held.is_none_or(|held| held.evaluations < row.evaluations) {
-                    collected.states.insert(row.stream.clone(), row);
-                }
-            }
             for row in batch.failures {
                 if let Some(serial) = row.serial {
                     collected.failures.insert((row.worker, serial));
@@ -309,10 +301,6 @@ impl Recorder for Answers {
     async fn knows_failure(&self, worker: &str, serial: u64) -> Result<bool, store::Error> {
         let failure = (worker.to_owned(), serial);
         Ok(self.lock().failures.contains(&failure))
-    }
-
-    async fn run_state(&self, stream: &str) -> Result<Option<RunStateRow>, store::Error> {
-        Ok(self.lock().states.get(stream).cloned())
     }
 
     async fn pin_model(&self, offered: &str) -> Result<(), store::Error> {

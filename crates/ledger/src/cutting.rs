@@ -94,8 +94,12 @@ impl<P: Clone> Ledger<P> {
         let of_stream = free.map_or(0, |free| free.iter().map(Range::len).sum::<usize>()) as u64;
         let left = self.free.len() as u64 * (of_stream + DESIGN_WEIGHT);
         let share = left / (PARTS_PER_SLOT * slots.max(1) as u64);
-        // Cutting a cheap design only to end at the same moment would compute its criteria twice.
-        let whole = of_stream + DESIGN_WEIGHT;
+        // Cutting a cheap design only to end at the same moment would compute its criteria twice. The
+        // evaluations of a run have nothing in common.
+        let whole = match first.kind {
+            Kind::Run => 0,
+            Kind::Design | Kind::Point => of_stream + DESIGN_WEIGHT,
+        };
         affordable.min(share.max(whole)).max(DESIGN_WEIGHT + 1)
     }
 

@@ -8,7 +8,7 @@ use std::time::Duration;
 /// What a stream is; leased in this order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Kind {
-    /// A run of an optimiser: one result, no samples.
+    /// A run of an optimiser: one result, or the evaluations of a generation.
     Run,
     /// A design of the DoE.
     Design,
@@ -146,7 +146,7 @@ pub struct Unit {
     pub stream: StreamId,
     /// What its values depend on.
     pub generation: Generation,
-    /// The samples; `0..1` for a run.
+    /// The samples; of a run `0..1`, or evaluations.
     pub samples: Range<u32>,
 }
 

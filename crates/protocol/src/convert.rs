@@ -6,9 +6,10 @@
 use std::fmt;
 use std::sync::Arc;
 
-use campaign::optimise::{Checkpoint, MAX_STATE_BYTES};
-use campaign::task::{Output, Run, Source};
-use campaign::{Approach, Design};
+use campaign::optimise::Answer;
+use campaign::simulator::Analysis;
+use campaign::task::{Candidate, Evaluated, Output, Run, Source};
+use campaign::{Approach, Criteria, Design};
 use ledger::{Generation, Grant, Kind, LeaseId, StreamId, Unit};
 
 use crate::v2;
@@ -115,6 +116,15 @@ pub fn lease(grant: &Grant<Arc<Source>>) -> v2::Lease {
                 lease.base = Some(design_message(&run.base));
                 lease.model_json = run.model.as_deref().map(str::to_owned);
             }
+            Source::Candidates(candidates) => {
+                let wanted = candidates.iter();
+                let wanted = wanted.filter(|one| unit.samples.contains(&one.evaluation));
+                lease.candidates.extend(wanted.map(|one| v2::Candidate {
+                    evaluation: one.evaluation,
+                    design: Some(design_message(&one.design)),
+                    may_improve: one.may_improve,
+                }));
+            }
         }
     }
     lease
@@ -147,10 +157,12 @@ impl v2::Lease {
             let source = match unit.stream.kind {
                 Kind::Design => Source::Design(design()?),
                 Kind::Point => Source::Point(design()?),
+                Kind::Run if !self.candidates.is_empty() => {
+                    Source::Candidates(self.candidates(&unit)?)
+                }
                 Kind::Run => {
                     let (approach, start) = unit.stream.run_parts();
-                    let numbered = |known: &Approach| known.number() == u64::from(approach);
-                    let Some(approach) = Approach::ALL.into_iter().find(numbered) else {
+                    let Some(approach) = Approach::numbered(approach.into()) else {
                         return malformed("names an approach that there is not");
                     };
                     let Some(base) = &self.base else {
@@ -167,6 +179,25 @@ impl v2::Lease {
             Ok((unit, source))
         };
         self.units.iter().map(source).collect()
+    }
+
+    /// One candidate for each sample of the unit.
+    fn candidates(&self, unit: &Unit) -> Result<Vec<Candidate>, Malformed> {
+        let evaluations = self.candidates.iter().map(|one| one.evaluation);
+        if !evaluations.eq(unit.samples.clone()) {
+            return malformed("has not a candidate for each sample of its unit");
+        }
+        let candidates = self.candidates.iter().map(|one| {
+            let Some(design) = &one.design else {
+                return malformed("has a candidate without a design");
+            };
+            Ok(Candidate {
+                evaluation: one.evaluation,
+                design: Design::new(design.values.clone()),
+                may_improve: one.may_improve,
+            })
+        });
+        candidates.collect()
     }
 
     fn variants(&self) -> Result<Vec<(Unit, Source)>, Malformed> {
@@ -220,12 +251,9 @@ pub fn result(
             }
             Err(error) => result.error = Some(format!("the run cannot be written: {error}")),
         },
-        Ok(Some(Output::Unfinished(checkpoint))) => {
-            result.run_state = Some(v2::RunState {
-                evaluations: checkpoint.evaluations,
-                cpu_seconds,
-                state: checkpoint.state.clone(),
-            });
+        Ok(Some(Output::Evaluations(evaluated))) => {
+            result.evaluated = evaluated.iter().map(evaluated_message).collect();
+            result.samples_count(evaluated.len() as u32);
         }
         Ok(None) => {}
         Err(error) => result.error = Some(error.clone()),
@@ -234,6 +262,43 @@ pub fn result(
         result.samples_count(result.samples_um.len() as u32);
     }
     result
+}
+
+fn evaluated_message(evaluated: &Evaluated) -> v2::Evaluated {
+    let mut message = v2::Evaluated {
+        design: Some(design_message(&evaluated.design)),
+        ..v2::Evaluated::default()
+    };
+    match &evaluated.answer {
+        Ok(answer) => {
+            message.value = answer.analysis.value_um;
+            message.criteria = answer.analysis.criteria.values().to_vec();
+            let worn = answer.worn.as_ref();
+            message.worn_criteria = worn.map_or_else(Vec::new, |worn| worn.values().to_vec());
+            message.samples_um.clone_from(&answer.samples_um);
+        }
+        Err(reason) => message.refused = Some(reason.clone()),
+    }
+    message
+}
+
+fn evaluated(message: &v2::Evaluated) -> Result<Evaluated, Malformed> {
+    let Some(design) = &message.design else {
+        return malformed("has an evaluation without a design");
+    };
+    let worn = &message.worn_criteria;
+    let answer = || Answer {
+        analysis: Analysis {
+            value_um: message.value,
+            criteria: Criteria::new(message.criteria.clone()),
+        },
+        worn: (!worn.is_empty()).then(|| Criteria::new(worn.clone())),
+        samples_um: message.samples_um.clone(),
+    };
+    Ok(Evaluated {
+        design: Design::new(design.values.clone()),
+        answer: message.refused.clone().map_or_else(|| Ok(answer()), Err),
+    })
 }
 
 impl v2::UnitResult {
@@ -256,27 +321,21 @@ pub fn output(result: &v2::UnitResult) -> Result<(Unit, Result<Output, String>),
     let unit = Unit::try_from(unit)?;
     let said = [&result.refused, &result.run_json, &result.error];
     let said = said.iter().filter(|text| text.is_some()).count();
-    let said = said + usize::from(result.run_state.is_some());
+    let said = said + usize::from(!result.evaluated.is_empty());
     let has_samples = !result.responses.is_empty() || !result.samples_um.is_empty();
     if said + usize::from(has_samples) != 1 {
         return malformed(
-            "must be either samples or one of a refusal, a run, the state of a run and an error",
+            "must be either samples or one of a refusal, a run, evaluations and an error",
         );
     }
     if let Some(error) = &result.error {
         return Ok((unit, Err(error.clone())));
     }
     let output = match (unit.stream.kind, &result.run_json, &result.refused) {
-        (Kind::Run, None, None) => match &result.run_state {
-            Some(run) if (1..=MAX_STATE_BYTES).contains(&run.state.len()) => {
-                Output::Unfinished(Checkpoint {
-                    evaluations: run.evaluations,
-                    state: run.state.clone(),
-                })
-            }
-            Some(_) => return malformed("has a state of a run that is empty or too large"),
-            None => return malformed("is not what its unit asks for"),
-        },
+        (Kind::Run, None, None) if !result.evaluated.is_empty() => {
+            let evaluated = result.evaluated.iter().map(evaluated);
+            Output::Evaluations(evaluated.collect::<Result<_, _>>()?)
+        }
         (Kind::Run, Some(json), None) => match serde_json::from_str(json) {
             Ok(run) => Output::Run(run),
             Err(error) => return malformed(&format!("has a run that cannot be read: {error}")),
@@ -294,8 +353,9 @@ pub fn output(result: &v2::UnitResult) -> Result<(Unit, Result<Output, String>),
     };
     let count = match &output {
         Output::Design { samples_um, .. } | Output::Samples(samples_um) => samples_um.len(),
-        Output::Refused(_) | Output::Unfinished(_) => 0,
+        Output::Refused(_) => 0,
         Output::Run(_) => 1,
+        Output::Evaluations(evaluated) => evaluated.len(),
     };
     if count != unit.samples.len() {
         return malformed("has not as many samples as it says");
@@ -351,10 +411,23 @@ mod tests {
         let designs = vec![
             (StreamId::design(0), Source::Design(good.clone())),
             (StreamId::design(1), Source::Design(bad.clone())),
-            (StreamId::point(2), Source::Point(good)),
+            (StreamId::point(2), Source::Point(good.clone())),
             (run.stream(), Source::Run(run)),
         ];
-        let plain = Variant::new(bad, (Purpose::Wear, 7));
+        let plain = Variant::new(bad.clone(), (Purpose::Wear, 7));
+        // One that may improve, one that cannot be simulated.
+        let candidates = [good.clone(), bad.clone()].map(|design| Candidate {
+            evaluation: 0,
+            design,
+            may_improve: true,
+        });
+        for candidate in candidates {
+            for approach in [Approach::Nominal, Approach::Kriging, Approach::Direct] {
+                let stream = StreamId::run(approach.number() as u32, 1);
+                let source = Source::Candidates(vec![candidate.clone()]);
+                travel(&problem, &inputs, &[(stream, source)]);
+            }
+        }
         let variants = vec![
             (StreamId::design(0), Source::Variant(Box::new(variant))),
             (StreamId::design(1), Source::Variant(Box::new(plain))),
@@ -396,42 +469,14 @@ mod tests {
                         samples_um.len()
                     }
                     Ok(Output::Run(_)) => 1,
-                    Ok(Output::Refused(_) | Output::Unfinished(_)) | Err(_) => 0,
+                    Ok(Output::Evaluations(evaluated)) => evaluated.len(),
+                    Ok(Output::Refused(_)) | Err(_) => 0,
                 };
                 assert_eq!(covered.samples.len(), count);
                 seen += 1;
             }
         }
         assert_eq!(seen, sources.len());
-    }
-
-    #[test]
-    fn the_state_of_a_run_survives_and_has_a_limit() {
-        let unit = Unit {
-            stream: StreamId::run(3, 1),
-            generation: Generation(7),
-            samples: 0..1,
-        };
-        let of = |bytes| {
-            let checkpoint = Checkpoint {
-                evaluations: 230,
-                state: vec![5; bytes],
-            };
-            let outcome = Ok(Some(Output::Unfinished(checkpoint)));
-            (outcome.clone(), result(&unit, &outcome, 0.5))
-        };
-        let (sent, message) = of(MAX_STATE_BYTES);
-        let (covered, read) = output(&message).unwrap();
-        assert_eq!(read.map(Some), sent);
-        assert_eq!((covered.stream, covered.samples), (unit.stream, 0..0));
-        assert_eq!(message.run_state.as_ref().unwrap().cpu_seconds, 0.5);
-        for bytes in [0, MAX_STATE_BYTES + 1] {
-            let refused = output(&of(bytes).1).unwrap_err().to_string();
-            assert!(refused.contains("empty or too large"), "{refused}");
-        }
-        let mut both = message.clone();
-        both.error = Some("no licence".to_owned());
-        assert!(output(&both).is_err());
     }
 
     #[test]

@@ -233,6 +233,8 @@ pub enum Approach {
     BestOfDoe,
     /// The kriging mean of P90 after infill points were added and the model refitted.
     KrigingEnriched,
+    /// The percentile from the same random numbers at every design.
+    Direct,
 }
 
 impl Approach {
@@ -245,6 +247,7 @@ impl Approach {
             Self::Kriging => "Kriging",
             Self::BestOfDoe => "Best of the DoE",
             Self::KrigingEnriched => "Enriched kriging",
+            Self::Direct => "Direct search",
         }
     }
 
@@ -257,6 +260,7 @@ impl Approach {
             Self::Kriging => format!("kriging mean of {percentile}"),
             Self::KrigingEnriched => format!("kriging prediction of {percentile} after infill"),
             Self::BestOfDoe => format!("{percentile} estimated in the DoE"),
+            Self::Direct => format!("{percentile} from the search’s own samples"),
         }
     }
 }

@@ -44,7 +44,7 @@ mod tests {
         let run = |approach: Approach| StreamId::run(approach.number() as u32, 1);
         let point = |approach: Approach| StreamId::point(approach.number());
         for approach in Approach::ALL {
-            let learns = !matches!(approach, Approach::Nominal | Approach::Baseline);
+            let learns = APPROACHES.contains(&approach);
             assert_eq!(is_derived(run(approach)), learns, "{approach:?}");
             assert_eq!(is_derived(point(approach)), learns, "{approach:?}");
         }

@@ -11,6 +11,7 @@
 //!   [`rounds`] what was decided.
 //! - [`choosing`] ends an approach with a design; [`optima`] has the rows of these, [`cost`] what they took.
 //! - [`derived`] says what is forgotten when samples of the DoE change.
+//! - [`searching`] takes optimiser runs on an external simulator from generation to generation.
 //! - [`names`] has what streams are called in the store and in messages.
 //! - [`references`] has the designs that the paper prints.
 //!
@@ -30,6 +31,7 @@ pub mod plan;
 pub mod references;
 pub mod responses;
 pub mod rounds;
+pub mod searching;
 pub mod snapshot;
 pub mod state;
 pub mod statistics;

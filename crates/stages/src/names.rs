@@ -15,27 +15,24 @@ pub fn run_name(approach: Approach, start: u32) -> String {
 #[must_use]
 pub fn run_stream_name(stream: StreamId) -> Option<String> {
     let (number, start) = stream.run_parts();
-    let approach = Approach::ALL
-        .into_iter()
-        .find(|approach| approach.number() == u64::from(number))?;
+    let approach = Approach::numbered(number.into())?;
     (stream.kind == Kind::Run).then(|| run_name(approach, start))
 }
 
 /// A stream as people see it.
 #[must_use]
 pub fn stream_name(stream: StreamId) -> String {
-    let approach = |number: u64| Approach::ALL.into_iter().find(|a| a.number() == number);
     match stream.kind {
         Kind::Run => {
             let (number, start) = stream.run_parts();
-            let name = approach(number.into()).map_or("unknown", Approach::name);
+            let name = Approach::numbered(number.into()).map_or("unknown", Approach::name);
             format!("run-{name}-{start}")
         }
         Kind::Design => stream.to_string(),
         Kind::Point if infill::is_infill(stream.index) => {
             format!("infill-{}", infill::mark(stream.index))
         }
-        Kind::Point => match approach(stream.index) {
+        Kind::Point => match Approach::numbered(stream.index) {
             Some(approach) => format!("verify-{}", approach.name()),
             None => stream.to_string(),
         },
@@ -43,20 +40,26 @@ pub fn stream_name(stream: StreamId) -> String {
 }
 
 /// The key of what a unit cost, in the store: the kind 8 bits, then for samples 4 bits of nought, the
-/// stream's index 28 and the first sample 24; for a run the approach 8, the start 16 and a part of the
-/// generation 32.
+/// stream's index 28 and the first sample 24; for a run the approach 8, the start 16 and 32 that tell
+/// its units apart.
 #[must_use]
 pub fn time_key(unit: &Unit) -> u64 {
     let (stream, first) = (unit.stream, u64::from(unit.samples.start));
     match stream.kind {
         Kind::Run => {
             let (approach, start) = stream.run_parts();
-            let stamp = unit.generation.0 & 0xffff_ffff;
+            let stamp = unit.generation.0.wrapping_add(first) & 0xffff_ffff;
             1 << 56 | u64::from(approach) << 48 | u64::from(start) << 32 | stamp
         }
         Kind::Design => 2 << 56 | stream.index << 24 | first,
         Kind::Point => 3 << 56 | stream.index << 24 | first,
     }
+}
+
+/// Whether a time in the store was taken of a unit of this run.
+#[must_use]
+pub const fn is_time_of_run(job: u64, approach: Approach, start: u32) -> bool {
+    job >> 32 == 1 << 24 | approach.number() << 16 | start as u64
 }
 
 /// The kind of what a time in the store was taken of, and for samples the stream's index.
@@ -96,6 +99,13 @@ mod tests {
             timed(time_key(&unit))
         };
         assert_eq!(of(StreamId::run(3, 2)), Some((Kind::Run, 0)));
+        let unit = Unit {
+            stream: StreamId::run(3, 2),
+            generation: ledger::Generation(u64::MAX),
+            samples: 40..50,
+        };
+        let of_run = |start| is_time_of_run(time_key(&unit), Approach::Kriging, start);
+        assert!(of_run(2) && !of_run(1));
         assert_eq!(of(StreamId::design(7)), Some((Kind::Design, 7)));
         assert_eq!(of(StreamId::point(3)), Some((Kind::Point, 3)));
     }

@@ -80,7 +80,7 @@ pub fn next(problem: &Problem, state: &State) -> Next {
     for approach in optimised(problem) {
         let inputs = match approach {
             Approach::Nominal => Some((problem.base().clone(), None)),
-            Approach::Baseline => base.clone().map(|base| (base, None)),
+            Approach::Baseline | Approach::Direct => base.clone().map(|base| (base, None)),
             _ => base
                 .clone()
                 .zip(state.model.clone())

@@ -19,11 +19,13 @@ pub struct Asked {
     pub generations: Vec<(String, u64)>,
 }
 
-/// What `next` asks workers for; `open` are the designs that lack samples.
+/// What `next` asks workers for; `open` are the designs that lack samples. The runs of an external
+/// simulator are not among it: those are [asked by generations](crate::searching).
 #[must_use]
 pub fn asked(problem: &Problem, inputs: &Inputs, next: &Next, open: &[OpenDesign]) -> Asked {
     let mut asked = Asked::default();
-    for run in &next.runs {
+    let whole_runs = (!problem.campaign().is_external()).then_some(&next.runs);
+    for run in whole_runs.into_iter().flatten() {
         let wanted = inputs.wanted(run.stream(), Source::Run(run.clone()), 1);
         asked.named(names::run_name(run.approach, run.start), wanted);
     }
@@ -47,7 +49,8 @@ pub fn asked(problem: &Problem, inputs: &Inputs, next: &Next, open: &[OpenDesign
 }
 
 impl Asked {
-    fn named(&mut self, name: String, wanted: Wanted<Arc<Source>>) {
+    /// Adds a stream that the store knows by a name.
+    pub fn named(&mut self, name: String, wanted: Wanted<Arc<Source>>) {
         self.generations.push((name, wanted.generation.0));
         self.streams.push(wanted);
     }

@@ -16,7 +16,8 @@ use crate::connection::Connection;
 use crate::keyed::{self, Table};
 use crate::rounds::{InfillRow, RoundRow};
 use crate::rows::{
-    CampaignRow, CriteriaRow, DesignRow, ModelRow, OptimiserRunRow, OptimumRow, ResponseRow,
+    CampaignRow, CriteriaRow, DesignRow, EvaluationRow, ModelRow, OptimiserRunRow, OptimumRow,
+    ResponseRow,
 };
 use crate::{Error, samples, tally};
 
@@ -171,6 +172,11 @@ pub(crate) async fn rows(connection: &mut Connection<'_>) -> Result<(), Error> {
     sealed::<DesignRow>(connection).await?;
     sealed::<CriteriaRow>(connection).await?;
     sealed::<InfillRow>(connection).await
+}
+
+/// As [`rows`], for the evaluations of optimiser runs.
+pub(crate) async fn evaluations(connection: &mut Connection<'_>) -> Result<(), Error> {
+    sealed::<EvaluationRow>(connection).await
 }
 
 /// Compares the samples of the DoE with their digests.

@@ -235,6 +235,17 @@ pub enum Error {
         /// The run's index.
         start: u64,
     },
+    /// An evaluation is held with other values.
+    #[error(
+        "evaluation {evaluation} of {stream:?} is held with other values than those offered: an \
+         external simulator must answer the same to the same question"
+    )]
+    EvaluationConflict {
+        /// What the run is called.
+        stream: String,
+        /// Which evaluation.
+        evaluation: u64,
+    },
     /// The store was filled with another gear model.
     #[error(
         "the store was filled with model {held}, this program has model {offered}: use the program \
@@ -351,6 +362,7 @@ impl Error {
                 | Self::DesignConflict { .. }
                 | Self::CriteriaConflict { .. }
                 | Self::RunConflict { .. }
+                | Self::EvaluationConflict { .. }
                 | Self::ModelDigestConflict { .. }
                 | Self::OtherSeed { .. }
                 | Self::NotFinite { .. }

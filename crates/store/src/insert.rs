@@ -5,9 +5,7 @@ use crate::connection::Connection;
 use crate::keyed::{self, Keyed, Table};
 use crate::query;
 use crate::rounds;
-use crate::rows::{
-    Batch, CampaignRow, DesignRow, FailureRow, OptimiserRunRow, Receipt, ResponseRow, RunStateRow,
-};
+use crate::rows::{Batch, CampaignRow, DesignRow, FailureRow, Receipt, ResponseRow};
 use crate::samples;
 use crate::tally::{self, Tally};
 
@@ -133,10 +131,9 @@ pub(crate) async fn generations(
     Ok(new(rows.len() as u64))
 }
 
-/// Removes the samples of a point, or the state of a run.
+/// Removes the samples of a point.
 async fn remove_samples(connection: &mut Connection<'_>, point: &str) -> Result<(), Error> {
     for table in [
-        "DELETE FROM run_state WHERE stream = ?",
         "DELETE FROM verify_sample WHERE approach = ?",
         "DELETE FROM verify_tally WHERE approach = ?",
     ] {
@@ -163,16 +160,9 @@ async fn fresh_batches(
         tally.add_verify_sample(row);
     }
     let rows = owned(batches, |batch| &batch.runs);
-    for run in keyed::insert(connection, &rows, to).await? {
-        remove_state(connection, run).await?;
-    }
-    for (owner, row) in owned(batches, |batch| &batch.states) {
-        if state(connection, row).await? {
-            to[owner].new_rows += 1;
-        } else {
-            to[owner].duplicate_rows += 1;
-        }
-    }
+    keyed::insert(connection, &rows, to).await?;
+    let rows = owned(batches, |batch| &batch.evaluations);
+    keyed::insert(connection, &rows, to).await?;
     let rows = owned(batches, |batch| &batch.times);
     keyed::insert(connection, &rows, to).await?;
     for (owner, row) in owned(batches, |batch| &batch.failures) {
@@ -184,40 +174,6 @@ async fn fresh_batches(
     }
     tally.write(connection).await?;
     Ok(receipts)
-}
-
-/// Removes the state of a run that is finished.
-async fn remove_state(connection: &mut Connection<'_>, run: &OptimiserRunRow) -> Result<(), Error> {
-    let start = run.start.cast_signed();
-    let query = sqlx::query!(
-        "DELETE FROM run_state WHERE stream = 'run ' || ?1 || ' ' || ?2",
-        run.approach,
-        start
-    );
-    connection.execute(REMOVING, query).await.map(drop)
-}
-
-/// Stores the state of a run, unless the run is finished or a later state of it is held. Returns
-/// whether it was stored.
-async fn state(connection: &mut Connection<'_>, row: &RunStateRow) -> Result<bool, Error> {
-    let (generation, evaluations) = (row.generation.cast_signed(), row.evaluations.cast_signed());
-    let query = sqlx::query!(
-        "INSERT INTO run_state (stream, generation, build, evaluations, cpu_seconds, state)
-         SELECT ?1, ?2, ?3, ?4, ?5, ?6
-         WHERE NOT EXISTS (SELECT 1 FROM optimiser_run
-                           WHERE 'run ' || approach || ' ' || start = ?1)
-         ON CONFLICT (stream) DO UPDATE
-         SET generation = ?2, build = ?3, evaluations = ?4, cpu_seconds = ?5, state = ?6
-         WHERE evaluations < ?4 OR generation <> ?2 OR build <> ?3",
-        row.stream,
-        generation,
-        row.build,
-        evaluations,
-        row.cpu_seconds,
-        row.state,
-    );
-    let done = connection.insert("run_state", query).await?;
-    Ok(done.rows_affected() > 0)
 }
 
 /// The rows of one table, with the index of the batch that brings them.
@@ -312,7 +268,7 @@ pub(crate) async fn clear(
     for approach in approaches {
         for table in [
             "DELETE FROM optimiser_run WHERE approach = ?",
-            "DELETE FROM run_state WHERE stream LIKE 'run ' || ?1 || ' %'",
+            "DELETE FROM evaluation WHERE stream LIKE 'run ' || ?1 || ' %'",
             "DELETE FROM optimum WHERE approach = ?",
             "DELETE FROM stream_generation
              WHERE stream = ?1 OR stream LIKE 'run ' || ?1 || ' %'",
@@ -323,6 +279,16 @@ pub(crate) async fn clear(
         }
         remove_samples(connection, approach).await?;
     }
+    Ok(Receipt::default())
+}
+
+/// Removes the evaluations of a run.
+pub(crate) async fn no_evaluations(
+    connection: &mut Connection<'_>,
+    stream: &str,
+) -> Result<Receipt, Error> {
+    let query = sqlx::query!("DELETE FROM evaluation WHERE stream = ?", stream);
+    connection.execute(REMOVING, query).await?;
     Ok(Receipt::default())
 }
 
@@ -342,22 +308,6 @@ pub(crate) fn check(batch: &Batch) -> Result<(), Error> {
     batch.samples.iter().try_for_each(samples::check)?;
     all(&batch.verify)?;
     all(&batch.runs)?;
-    batch.states.iter().try_for_each(check_state)?;
+    all(&batch.evaluations)?;
     all(&batch.times)
-}
-
-fn check_state(row: &RunStateRow) -> Result<(), Error> {
-    if i64::try_from(row.evaluations).is_err() {
-        let column = "run_state.evaluations".to_owned();
-        let value = row.evaluations;
-        return Err(Error::TooLarge { column, value });
-    }
-    if !row.cpu_seconds.is_finite() {
-        return Err(Error::NotFinite {
-            column: "run_state.cpu_seconds".to_owned(),
-            key: row.stream.clone(),
-            value: row.cpu_seconds,
-        });
-    }
-    Ok(())
 }

@@ -348,9 +348,9 @@ pub(crate) async fn all<T: Table>(connection: &mut Connection<'_>) -> Result<Vec
 pub(crate) async fn all_where<T: Table>(
     connection: &mut Connection<'_>,
     filter: &str,
-    parameter: Value<'_>,
+    parameters: &[Value<'_>],
 ) -> Result<Vec<T>, Error> {
-    let arguments = arguments(connection, &[parameter])?;
+    let arguments = arguments(connection, parameters)?;
     collect(connection, filter, arguments).await
 }
 

@@ -68,9 +68,9 @@ pub use error::Error;
 pub use filesystem::network_file_system;
 pub use rounds::{InfillRow, NewRound, RoundRow};
 pub use rows::{
-    Batch, CampaignRow, CriteriaRow, DesignRow, FailureGroup, FailureKind, FailureRow, JobHistory,
-    JobTimeRow, MissingWork, ModelRow, OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow,
-    RunStateRow, SampleRow, VerifyRow,
+    Batch, CampaignRow, CriteriaRow, DesignRow, EvaluationRow, FailureGroup, FailureKind,
+    FailureRow, JobHistory, JobTimeRow, MissingWork, ModelRow, OptimiserRunRow, OptimumRow,
+    Progress, Receipt, ResponseRow, SampleRow, VerifyRow,
 };
 pub use store::Store;
 pub use writer::Writer;

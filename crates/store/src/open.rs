@@ -205,6 +205,7 @@ impl Store {
         let verdict = if size(&path)? <= COMPARE_AT_ONCE {
             check::quick_check(&mut connection).await?;
             check::rows(&mut connection).await?;
+            check::evaluations(&mut connection).await?;
             Verdict::sound()
         } else {
             Verdict::on_demand(reading.clone())

@@ -9,7 +9,7 @@ use crate::connection::Connection;
 use crate::keyed::{self, numbers};
 use crate::rows::{
     CampaignRow, DesignRow, FailureGroup, FailureKind, FailureRow, JobHistory, MissingWork,
-    Progress, RunStateRow,
+    Progress,
 };
 
 /// What fails when missing work cannot be found.
@@ -263,27 +263,6 @@ pub(crate) async fn generations(
     Ok(rows
         .map(|r| (r.stream, r.generation.cast_unsigned()))
         .collect())
-}
-
-pub(crate) async fn run_state(
-    connection: &mut Connection<'_>,
-    stream: &str,
-) -> Result<Option<RunStateRow>, Error> {
-    let query = sqlx::query!(
-        "SELECT generation, build, evaluations, cpu_seconds, state FROM run_state WHERE stream = ?",
-        stream
-    );
-    let row = connection
-        .optional("read the state of a run", query)
-        .await?;
-    Ok(row.map(|r| RunStateRow {
-        stream: stream.to_owned(),
-        generation: r.generation.cast_unsigned(),
-        build: r.build,
-        evaluations: r.evaluations.cast_unsigned(),
-        cpu_seconds: r.cpu_seconds,
-        state: r.state,
-    }))
 }
 
 pub(crate) async fn job_histories(

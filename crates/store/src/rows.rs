@@ -228,21 +228,25 @@ pub struct JobTimeRow {
     pub cpu_seconds: f64,
 }
 
-/// Where an optimiser run is that is not finished.
+/// What an external simulator says of a candidate of an optimiser run.
 #[derive(Debug, Clone, PartialEq)]
-pub struct RunStateRow {
+pub struct EvaluationRow {
     /// What the run is called where generations are.
     pub stream: String,
-    /// The digest of its inputs.
-    pub generation: u64,
-    /// The build of the program that wrote the state.
-    pub build: String,
-    /// Evaluations so far.
-    pub evaluations: u64,
-    /// Processor time so far, in seconds. Measured.
-    pub cpu_seconds: f64,
-    /// What the run goes on from, 1 MiB at most.
-    pub state: Vec<u8>,
+    /// Which evaluation of the run, from 0.
+    pub evaluation: u64,
+    /// The values of all variables.
+    pub x: Vec<f64>,
+    /// Why the design cannot be simulated; there is nothing else then.
+    pub refused: Option<String>,
+    /// The response without random effects, if the problem has a baseline.
+    pub value: Option<f64>,
+    /// What constraints are set on.
+    pub criteria: Option<Vec<f64>>,
+    /// The same in the baseline state, where it was asked for.
+    pub worn_criteria: Option<Vec<f64>>,
+    /// Of a direct search, the sampled response of a design that keeps the constraints.
+    pub samples: Option<Vec<f64>>,
 }
 
 /// Rows that are stored together or not at all.
@@ -256,8 +260,8 @@ pub struct Batch {
     pub verify: Vec<VerifyRow>,
     /// Optimiser runs.
     pub runs: Vec<OptimiserRunRow>,
-    /// States of unfinished runs. The one with most evaluations is kept, until its run is stored.
-    pub states: Vec<RunStateRow>,
+    /// Evaluations of optimiser runs.
+    pub evaluations: Vec<EvaluationRow>,
     /// What jobs cost.
     pub times: Vec<JobTimeRow>,
     /// Failures; appended, but for those that are known by their worker's number.
@@ -275,7 +279,7 @@ impl Batch {
         self.samples.append(&mut other.samples);
         self.verify.append(&mut other.verify);
         self.runs.append(&mut other.runs);
-        self.states.append(&mut other.states);
+        self.evaluations.append(&mut other.evaluations);
         self.times.append(&mut other.times);
         self.failures.append(&mut other.failures);
         self.only_for = self.only_for.take().or(other.only_for);
@@ -287,7 +291,7 @@ impl Batch {
             + self.samples.len()
             + self.verify.len()
             + self.runs.len()
-            + self.states.len()
+            + self.evaluations.len()
             + self.times.len()
             + self.failures.len()
     }

@@ -141,7 +141,7 @@ async fn held(
                 (SELECT max(first_sample) FROM sample_range
                  WHERE design = span.value ->> 0 AND first_sample <= span.value ->> 1), 0)
           AND held.first_sample + length(held.delta_ste_um) / 8 > span.value ->> 1)";
-    keyed::all_where(connection, filter, Value::Text(&spans)).await
+    keyed::all_where(connection, filter, &[Value::Text(&spans)]).await
 }
 
 fn agree(held: &SampleRow, offered: &SampleRow) -> Result<(), Error> {

@@ -32,6 +32,9 @@ const FIRST_WITH_RANGES: i64 = 7;
 /// program.
 const FIRST_WITH_LISTS: i64 = 9;
 
+/// The schema that brought the evaluations of optimiser runs.
+const FIRST_WITH_EVALUATIONS: i64 = 10;
+
 pub(crate) fn check_header(path: &Path) -> Result<(), Error> {
     let mut file = File::open(path).map_err(|e| Error::io("open", path, e))?;
     let mut head = Vec::with_capacity(SQLITE_MAGIC.len());
@@ -125,6 +128,9 @@ pub(crate) async fn read(
 
 /// Compares the rows of a store of a known schema with their digests, if they have any.
 pub(crate) async fn check_rows(connection: &mut Connection<'_>, found: i64) -> Result<(), Error> {
+    if found >= FIRST_WITH_EVALUATIONS {
+        check::evaluations(connection).await?;
+    }
     if found >= FIRST_WITH_LISTS {
         return check::rows(connection).await;
     }

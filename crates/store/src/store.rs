@@ -13,9 +13,9 @@ use crate::keyed::{self, Value};
 use crate::query;
 use crate::rounds::{InfillRow, NewRound, RoundRow};
 use crate::rows::{
-    CampaignRow, CriteriaRow, DesignRow, FailureGroup, FailureRow, JobHistory, JobTimeRow,
-    MissingWork, ModelRow, OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow,
-    RunStateRow, SampleRow, VerifyRow,
+    CampaignRow, CriteriaRow, DesignRow, EvaluationRow, FailureGroup, FailureRow, JobHistory,
+    JobTimeRow, MissingWork, ModelRow, OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow,
+    SampleRow, VerifyRow,
 };
 use crate::samples;
 use crate::tally;
@@ -225,7 +225,7 @@ impl Store {
     /// The model of this name, if there is one.
     pub async fn model(&self, name: &str) -> Result<Option<ModelRow>, Error> {
         let mut reader = self.reader().await?;
-        let models = keyed::all_where(&mut reader, "WHERE name = ?", Value::Text(name)).await?;
+        let models = keyed::all_where(&mut reader, "WHERE name = ?", &[Value::Text(name)]).await?;
         Ok(models.into_iter().next())
     }
 
@@ -244,10 +244,19 @@ impl Store {
         keyed::all(&mut self.reader().await?).await
     }
 
-    /// The state of an unfinished run, by what it is called where generations are. Whether it is of
-    /// the right generation and build is the caller's to see.
-    pub async fn run_state(&self, stream: &str) -> Result<Option<RunStateRow>, Error> {
-        query::run_state(&mut self.reader().await?, stream).await
+    /// The evaluations of a run, by what it is called where generations are, from the `first` one on.
+    pub async fn evaluations(&self, stream: &str, first: u64) -> Result<Vec<EvaluationRow>, Error> {
+        let mut reader = self.reader().await?;
+        let of_run = "WHERE stream = ? AND evaluation >= ?";
+        let parameters = [Value::Text(stream), Value::Count(first)];
+        keyed::all_where(&mut reader, of_run, &parameters).await
+    }
+
+    /// Removes the evaluations of a run, which another search asked for.
+    pub async fn clear_evaluations(&self, stream: &str) -> Result<(), Error> {
+        self.put(Rows::NoEvaluations(stream.to_owned()))
+            .await
+            .map(drop)
     }
 
     /// All optima.

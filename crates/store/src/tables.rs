@@ -8,8 +8,8 @@ use crate::columns::{OldCriteria, OldDesign, OldInfill};
 use crate::keyed::{Column, Keyed, Table, Value};
 use crate::rounds::{InfillRow, RoundRow};
 use crate::rows::{
-    CampaignRow, CriteriaRow, DesignRow, JobTimeRow, ModelRow, OptimiserRunRow, OptimumRow,
-    ResponseRow, VerifyRow,
+    CampaignRow, CriteriaRow, DesignRow, EvaluationRow, JobTimeRow, ModelRow, OptimiserRunRow,
+    OptimumRow, ResponseRow, VerifyRow,
 };
 use crate::samples::SampleRange;
 
@@ -57,6 +57,8 @@ table!(VerifyRow: "verify_sample", "read verification samples", 2 keys, sealed f
     approach sample delta_ste_um);
 table!(OptimiserRunRow: "optimiser_run", "read optimiser runs", 2 keys, sealed true,
     approach start result_json simulator_calls cpu_seconds);
+table!(EvaluationRow: "evaluation", "read evaluations", 2 keys, sealed true,
+    stream evaluation x refused value criteria worn_criteria samples);
 table!(ResponseRow: "response", "read responses", 1 keys, sealed true,
     design mean_um sd_um p90_um p90_variance_um2 lilliefors_p);
 table!(ModelRow: "model", "read models", 1 keys, sealed true,
@@ -202,6 +204,24 @@ impl Keyed for OptimiserRunRow {
                 start: offered.start,
             })
         }
+    }
+}
+
+impl Keyed for EvaluationRow {
+    type Key<'a> = (&'a str, u64);
+
+    fn key(&self) -> (&str, u64) {
+        (&self.stream, self.evaluation)
+    }
+
+    fn agree(held: &Self, offered: &Self) -> Result<(), Error> {
+        if held == offered {
+            return Ok(());
+        }
+        Err(Error::EvaluationConflict {
+            stream: offered.stream.clone(),
+            evaluation: offered.evaluation,
+        })
     }
 }
 

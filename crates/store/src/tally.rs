@@ -205,7 +205,7 @@ pub(crate) async fn verify_samples(
 ) -> Result<Vec<VerifyRow>, Error> {
     let mut moment = connection.begin("BEGIN").await?;
     let (filter, name) = ("WHERE approach = ?", Value::Text(point));
-    let rows: Vec<VerifyRow> = keyed::all_where(&mut moment, filter, name).await?;
+    let rows: Vec<VerifyRow> = keyed::all_where(&mut moment, filter, &[name]).await?;
     let held = points(&mut moment).await?;
     let held: BTreeMap<_, _> = held.into_iter().filter(|(name, _)| name == point).collect();
     compare_points(&moment, &rows, &held)?;

@@ -95,6 +95,8 @@ pub(crate) enum Rows {
     Extension(CampaignRow, Vec<String>),
     Clearing(Vec<String>),
     Generations(Vec<(String, u64)>),
+    /// Removes the evaluations of this run.
+    NoEvaluations(String),
 }
 
 impl Rows {
@@ -120,7 +122,8 @@ impl Rows {
             | Self::Round(_)
             | Self::ModelDigest(_)
             | Self::Extension(..)
-            | Self::Clearing(_) => 1,
+            | Self::Clearing(_)
+            | Self::NoEvaluations(_) => 1,
         }
     }
 }
@@ -344,6 +347,7 @@ async fn store(
             .await
             .map(one),
         [Rows::Generations(rows)] => insert::generations(connection, rows).await.map(one),
+        [Rows::NoEvaluations(stream)] => insert::no_evaluations(connection, stream).await.map(one),
         [Rows::Clearing(approaches)] => insert::clear(connection, approaches).await.map(one),
         batches => {
             let batches: Vec<&Batch> = batches.iter().filter_map(Rows::batch).collect();

@@ -6,12 +6,10 @@ mod outbox;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
 
 use campaign::task::Source;
 use ledger::{LeaseId, Unit};
-use prost::Message as _;
-use protocol::v2::{HeldLease, LeaseResult, LeaseState, RunState, UnitResult};
+use protocol::v2::{HeldLease, LeaseResult, LeaseState, UnitResult};
 use tokio::sync::Notify;
 
 use outbox::Outbox;
@@ -26,9 +24,6 @@ const LOW: f64 = 0.75;
 
 /// The most leases per slot, however short they are.
 const HELD_LEASES: usize = 2000;
-
-/// The most bytes of the states of runs in a heartbeat, unless one alone is larger.
-const STATE_BYTES: usize = 1 << 20;
 
 /// How much more work to ask for.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,8 +43,6 @@ pub(crate) struct Lease {
     pub(crate) seconds: f64,
     /// Whether the coordinator is to know at once that it has begun.
     pub(crate) announce: bool,
-    /// Where a run goes on that another worker began.
-    pub(crate) run_state: Option<RunState>,
 }
 
 #[derive(Debug)]
@@ -61,8 +54,6 @@ struct Held {
     done: Vec<UnitResult>,
     /// What is finished of the unit that is being computed, should there be no time for the rest.
     part: Option<UnitResult>,
-    /// When it was leased, or the state of its run was last given to a heartbeat.
-    told: Instant,
     /// How long it has taken so far, in seconds.
     seconds: f64,
 }
@@ -114,7 +105,6 @@ impl HeldLeases {
                 cancelled: Arc::default(),
                 done: Vec::new(),
                 part: None,
-                told: Instant::now(),
                 seconds: 0.0,
             };
             inner.computing.insert(id, held);
@@ -141,29 +131,6 @@ impl HeldLeases {
                 held.seconds = seconds;
             }
         });
-    }
-
-    /// The states of runs that the coordinator has not been told for `every`, as many as a heartbeat
-    /// bears. One that gets lost is followed by a later one.
-    pub(crate) fn unfinished(&self, every: Duration) -> Vec<UnitResult> {
-        self.with(|inner| {
-            let mut bytes = 0;
-            let mut due = Vec::new();
-            for held in inner.computing.values_mut() {
-                let part = held.part.as_ref();
-                let part = part.filter(|part| part.run_state.is_some());
-                let Some(part) = part.filter(|_| held.told.elapsed() >= every) else {
-                    continue;
-                };
-                bytes += part.encoded_len();
-                if bytes > STATE_BYTES && !due.is_empty() {
-                    break;
-                }
-                due.push(part.clone());
-                held.told = Instant::now();
-            }
-            due
-        })
     }
 
     /// Adds the result of a unit; a failure gets its number here.
@@ -342,7 +309,6 @@ mod tests {
             units: Vec::new(),
             seconds,
             announce: false,
-            run_state: None,
         })
     }
 
@@ -467,31 +433,6 @@ mod tests {
         // The sample that was in the way ends after all: the part has gone its way.
         held.finish(id(1));
         assert_eq!(held.results(ANY).0, results);
-    }
-
-    /// Large states take turns.
-    #[test]
-    fn a_heartbeat_tells_the_states_of_runs_now_and_then() {
-        let held = taken(1..=3);
-        for number in 1..=3 {
-            held.start(id(number));
-        }
-        let state = |bytes| UnitResult {
-            run_state: Some(RunState {
-                state: vec![1; bytes],
-                ..RunState::default()
-            }),
-            ..UnitResult::default()
-        };
-        held.keep(id(1), state(STATE_BYTES), 1.0);
-        held.keep(id(2), samples(1), 1.0);
-        held.keep(id(3), state(STATE_BYTES - 1), 1.0);
-        assert_eq!(held.unfinished(Duration::from_secs(60)), []);
-        std::thread::sleep(Duration::from_millis(40));
-        let every = Duration::from_millis(30);
-        assert_eq!(held.unfinished(every), [state(STATE_BYTES)]);
-        assert_eq!(held.unfinished(every), [state(STATE_BYTES - 1)]);
-        assert_eq!(held.give_up_all(), [], "every lease has a result to report");
     }
 
     #[test]

@@ -181,7 +181,7 @@ fn external(is_precise: bool) -> String {
 fn problem() -> String {
     let text = change(&shipped("ishigami"), "designs = 150", "designs = 60");
     let text = change(&text, "samples_per_design = 30", "samples_per_design = 200");
-    text + "\n[optimise]\nevaluations = 1500\nstarts = 2\n\n[verify]\nsamples = 2000\n\n[enrichment]\n\
+    text + "\n[optimise]\nevaluations = 200\nstarts = 2\ndirect = true\n\n[verify]\nsamples = 2000\n\n[enrichment]\n\
             criterion = \"expected-quantile-improvement\"\nsamples = 8000\nrounds = 3\n\
             points_per_round = 4\nsamples_per_point = 500\ntolerance = 0.001\n"
 }

@@ -59,6 +59,10 @@ pub struct Optimise {
     pub restart_at: Option<u32>,
     /// Independent runs.
     pub starts: u32,
+    /// Whether one more approach searches the percentile itself, without a model: at each design that
+    /// keeps the constraints as many samples as a design of the DoE gets.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub direct: bool,
 }
 
 /// How the optimiser starts again when a search has stopped; see [`cmaes::Restarts`].
@@ -144,6 +148,7 @@ impl Default for Optimise {
             restarts: Restarts::Ipop,
             restart_at: None,
             starts: 3,
+            direct: false,
         }
     }
 }

@@ -80,6 +80,8 @@ struct PenalisedOptimise {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     restart_at: Option<u32>,
     starts: u32,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    direct: bool,
     penalty: f64,
     reference_um: f64,
     failure_value: f64,
@@ -137,6 +139,7 @@ impl From<GearFile> for (u32, Campaign) {
             restarts,
             restart_at,
             starts,
+            direct,
             penalty,
             reference_um,
             failure_value,
@@ -172,6 +175,7 @@ impl From<GearFile> for (u32, Campaign) {
                 restarts,
                 restart_at,
                 starts,
+                direct,
             },
             verify: file.verify,
             simulator: file.simulator,
@@ -245,6 +249,7 @@ impl From<Campaign> for Written {
                     restarts: optimise.restarts,
                     restart_at: optimise.restart_at,
                     starts: optimise.starts,
+                    direct: optimise.direct,
                     penalty: sections.penalty.weight,
                     reference_um: sections.penalty.reference_um,
                     failure_value: sections.penalty.failure_value,

@@ -19,20 +19,23 @@ pub enum Approach {
     BestOfDoe,
     /// The kriging prediction of P90 after rounds of infill, for campaigns with an enrichment.
     EnrichedKriging,
+    /// The percentile itself, from the same random numbers at every design, without a model.
+    Direct,
 }
 
 impl Approach {
     /// All of them, those of the paper's Table 5 first and in its order.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 6] = [
         Self::Nominal,
         Self::Baseline,
         Self::Kriging,
         Self::BestOfDoe,
         Self::EnrichedKriging,
+        Self::Direct,
     ];
 
     /// The approaches that run an optimiser.
-    pub const OPTIMISED: [Self; 3] = [Self::Nominal, Self::Baseline, Self::Kriging];
+    pub const OPTIMISED: [Self; 4] = [Self::Nominal, Self::Baseline, Self::Kriging, Self::Direct];
 
     /// The name in the store and, of a gear campaign, in tables, exports and on the command line.
     #[must_use]
@@ -43,7 +46,15 @@ impl Approach {
             Self::Kriging => "kriging",
             Self::BestOfDoe => "best-of-doe",
             Self::EnrichedKriging => "enriched-kriging",
+            Self::Direct => "direct",
         }
+    }
+
+    /// The approach of this number.
+    #[must_use]
+    pub fn numbered(number: u64) -> Option<Self> {
+        let mut all = Self::ALL.into_iter();
+        all.find(|approach| approach.number() == number)
     }
 
     /// The number in the paper's Table 5; it also names random streams and jobs.
@@ -55,6 +66,7 @@ impl Approach {
             Self::Kriging => 3,
             Self::BestOfDoe => 4,
             Self::EnrichedKriging => 5,
+            Self::Direct => 6,
         }
     }
 }

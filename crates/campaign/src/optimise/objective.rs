@@ -1,29 +1,104 @@
 //! The criterion of a run, and what it remembers of the designs that it has evaluated.
 
 use cmaes::Evaluation;
-use serde::{Deserialize, Serialize};
+use stats::streams::{Purpose, stream};
 
 use super::Found;
 use crate::formulation::{Approach, Criteria, Design, Problem};
-use crate::simulator::{NoAnswer, Simulator, State};
+use crate::simulator::{Analysis, NoAnswer, Simulator, State};
 use crate::task::Run;
 
 /// The violation of a design that cannot be simulated, when ranked feasibility first: more than any real
 /// design's.
 const FAILURE_VIOLATION: f64 = 1e300;
 
+/// The random streams that all designs of a direct search share, so that two designs differ by what
+/// they are and not by chance. A design of a campaign is numbered below 2³².
+pub const COMMON: (Purpose, u64) = (Purpose::Wear, 1 << 40);
+
+/// A design that a search wants to know of.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Candidate {
+    /// The design; none where the point of the search's box stands for no design.
+    pub design: Option<Design>,
+    /// Whether the simulator is asked about it.
+    pub is_asked: bool,
+    /// Whether it may be the best design so far, by what is known without the simulator.
+    pub may_improve: bool,
+    /// The model's mean, of a search on a model.
+    predicted: Option<f64>,
+}
+
+/// What the simulator says of a candidate.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Answer {
+    /// The analysis that the approach searches by.
+    pub analysis: Analysis,
+    /// The criteria in the baseline state, where a gear pair that was searched without wear must keep
+    /// them worn, too.
+    pub worn: Option<Criteria>,
+    /// Of a direct search, the samples of a design that keeps all constraints.
+    pub samples_um: Vec<f64>,
+}
+
+/// Asks the simulator about a design that an approach may end with. `may_improve` says that it may be the
+/// best design so far.
+///
+/// # Errors
+///
+/// The design cannot be simulated, or the simulator failed.
+pub fn answer(
+    simulator: &dyn Simulator,
+    approach: Approach,
+    design: &Design,
+    may_improve: bool,
+) -> Result<Answer, NoAnswer> {
+    let problem = simulator.problem();
+    let mut prepared = simulator.prepare(design)?;
+    let state = match approach {
+        Approach::Baseline | Approach::Direct => State::Baseline,
+        _ => State::Nominal,
+    };
+    let analysis = prepared.analyse(state)?;
+    let is_feasible = problem.is_feasible(&analysis.criteria);
+    let mut answer = Answer {
+        analysis,
+        worn: None,
+        samples_um: Vec::new(),
+    };
+    if !is_feasible {
+        return Ok(answer);
+    }
+    if approach == Approach::Kriging && may_improve && problem.gears().is_some() {
+        // The search takes the pressure of the unworn pair, one call as in the paper. What is kept as
+        // an optimum must satisfy its limit worn, too; that costs a call now and then.
+        answer.worn = Some(prepared.analyse(State::Baseline)?.criteria);
+    }
+    if approach == Approach::Direct {
+        let campaign = problem.campaign();
+        let (purpose, number) = COMMON;
+        for sample in 0..campaign.sampling.samples_per_design {
+            let mut rng = stream(campaign.seed, purpose, number, u64::from(sample));
+            let drawn = prepared.sample(&mut rng).map_err(NoAnswer::Failed)?;
+            problem.check_sample(drawn).map_err(|why| {
+                let name = &problem.sampled().name;
+                NoAnswer::Failed(format!("{name} of sample {sample} {why}"))
+            })?;
+            answer.samples_um.push(drawn);
+        }
+    }
+    Ok(answer)
+}
+
 /// The criterion of one formulation.
-pub(super) struct Objective<'a> {
-    simulator: &'a dyn Simulator,
-    problem: &'a Problem,
+pub(super) struct Objective {
     approach: Approach,
     base: Design,
     model: Option<kriging::Surrogate>,
 }
 
 /// What a run remembers of the designs that it has evaluated.
-#[derive(Debug, Clone, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Seen {
     pub(super) simulator_calls: u64,
     /// The best design by the penalised objective, or the nearest to feasible where there is no penalty,
@@ -33,8 +108,8 @@ pub(super) struct Seen {
     pub(super) best: Option<Found>,
 }
 
-/// An evaluated design, before it is known whether it is an improvement.
-struct Candidate {
+/// An evaluated design.
+struct Evaluated {
     found: Found,
     violation: f64,
 }
@@ -46,16 +121,22 @@ impl Seen {
             self.printed = Some((value, found));
         }
     }
+
+    /// Whether a design with this criterion would be the best feasible one so far.
+    fn improves(&self, criterion_um: f64) -> bool {
+        let best = self.best.as_ref();
+        best.is_none_or(|best| criterion_um < best.criterion_um)
+    }
 }
 
 /// An evaluated design, to be ranked feasibility first; none cannot be simulated.
-fn ranked(candidate: Option<&Candidate>) -> Evaluation {
-    candidate.map_or(
+fn ranked(evaluated: Option<&Evaluated>) -> Evaluation {
+    evaluated.map_or(
         Evaluation {
             value: 0.0,
             violation: FAILURE_VIOLATION,
         },
-        |Candidate { found, violation }| Evaluation {
+        |Evaluated { found, violation }| Evaluation {
             value: found.criterion_um,
             // On the edge itself the violation is zero, but the inequalities are strict.
             violation: if found.feasible {
@@ -67,13 +148,13 @@ fn ranked(candidate: Option<&Candidate>) -> Evaluation {
     )
 }
 
-impl<'a> Objective<'a> {
+impl Objective {
     /// The objective of a run.
     ///
     /// # Errors
     ///
     /// A sentence: the model is missing or cannot be read, or the approach has no runs.
-    pub(super) fn new(simulator: &'a dyn Simulator, run: &Run) -> Result<Self, String> {
+    pub(super) fn new(run: &Run) -> Result<Self, String> {
         let model = match (run.approach, run.model.as_deref()) {
             (Approach::Kriging, Some(json)) => Some(
                 kriging::Surrogate::from_json(json)
@@ -86,126 +167,127 @@ impl<'a> Objective<'a> {
             _ => None,
         };
         Ok(Self {
-            simulator,
-            problem: simulator.problem(),
             approach: run.approach,
             base: run.base.clone(),
             model,
         })
     }
 
-    /// What the printed part of a run minimises: the penalised objective (5), in which designs that
-    /// cannot be simulated get the failure value. Without a penalty designs are ranked feasibility first,
-    /// and the nearest to feasible is kept.
-    ///
-    /// # Errors
-    ///
-    /// The simulator failed.
-    pub(super) fn printed(&self, seen: &mut Seen, unit: &[f64]) -> Result<Evaluation, String> {
-        let Some(penalty) = self.problem.penalty() else {
-            let candidate = self.evaluate(seen, unit)?;
-            let ranked = ranked(candidate.as_ref());
-            if let Some(candidate) = candidate {
-                seen.keep(candidate.violation, candidate.found);
-            }
-            return Ok(ranked);
-        };
-        let Some(candidate) = self.evaluate(seen, unit)? else {
-            return Ok(penalty.failure_value.into());
-        };
-        let value = penalty.objective(candidate.found.criterion_um, candidate.violation);
-        if !value.is_finite() {
-            return Ok(penalty.failure_value.into());
-        }
-        seen.keep(value, candidate.found);
-        Ok(value.into())
+    pub(super) const fn approach(&self) -> Approach {
+        self.approach
     }
 
-    /// The criterion and the violation, to be ranked feasibility first.
-    ///
-    /// # Errors
-    ///
-    /// The simulator failed.
-    pub(super) fn feasibility_first(
-        &self,
-        seen: &mut Seen,
-        unit: &[f64],
-    ) -> Result<Evaluation, String> {
-        Ok(ranked(self.evaluate(seen, unit)?.as_ref()))
-    }
-
-    /// Simulates a design and keeps it if it is the best feasible one so far; none when it cannot
-    /// be simulated.
-    fn evaluate(&self, seen: &mut Seen, unit: &[f64]) -> Result<Option<Candidate>, String> {
-        match self.try_evaluate(seen, unit) {
-            Ok(candidate) => Ok(candidate),
-            Err(NoAnswer::Refused(_)) => Ok(None),
-            Err(NoAnswer::Failed(error)) => {
-                Err(format!("simulator call {}: {error}", seen.simulator_calls))
-            }
-        }
-    }
-
-    fn try_evaluate(&self, seen: &mut Seen, unit: &[f64]) -> Result<Option<Candidate>, NoAnswer> {
-        let problem = self.problem;
-        let Some(design) = problem.point(self.approach, unit, &self.base) else {
-            return Ok(None);
-        };
-        let predicted = self
-            .model
+    /// The candidate at `unit` in the box of the search.
+    pub(super) fn candidate(&self, problem: &Problem, seen: &Seen, unit: &[f64]) -> Candidate {
+        let design = problem.point(self.approach, unit, &self.base);
+        let model = self.model.as_ref();
+        let predicted = design
             .as_ref()
-            .map(|model| model.mean(&problem.free_values(&design)));
-        let best = seen.best.as_ref().map(|best| best.criterion_um);
+            .and_then(|design| Some(model?.mean(&problem.free_values(design))));
+        let may_improve = predicted.is_none_or(|criterion_um| seen.improves(criterion_um));
         // Without constraints there is nothing to ask about a design that is no improvement.
-        if let Some(criterion_um) = predicted
-            && problem.criteria().is_empty()
-            && best.is_some_and(|best| criterion_um >= best)
-        {
-            let found = Found {
-                design,
-                criterion_um,
-                criteria: Criteria::new(Vec::new()),
-                feasible: true,
-            };
-            return Ok(Some(Candidate {
-                found,
+        let is_settled = predicted.is_some() && problem.criteria().is_empty() && !may_improve;
+        Candidate {
+            is_asked: design.is_some() && !is_settled,
+            design,
+            may_improve,
+            predicted,
+        }
+    }
+
+    /// The evaluation of a candidate; `answer` is none where it cannot be simulated or nothing was asked.
+    ///
+    /// The printed part of a run minimises the penalised objective (5), in which designs that cannot be
+    /// simulated get the failure value. Without a penalty, in a direct search, and after the printed
+    /// part, designs are ranked feasibility first.
+    pub(super) fn evaluation(
+        &self,
+        problem: &Problem,
+        seen: &mut Seen,
+        candidate: &Candidate,
+        answer: Option<Answer>,
+        is_printed: bool,
+    ) -> Evaluation {
+        let evaluated = self.evaluated(problem, seen, candidate, answer);
+        if !is_printed {
+            return ranked(evaluated.as_ref());
+        }
+        // A design that breaks a constraint has no samples, so a direct search has nothing to penalise.
+        let penalty = problem.penalty();
+        let Some(penalty) = penalty.filter(|_| self.approach != Approach::Direct) else {
+            let ranked = ranked(evaluated.as_ref());
+            if let Some(evaluated) = evaluated {
+                seen.keep(evaluated.violation, evaluated.found);
+            }
+            return ranked;
+        };
+        let Some(evaluated) = evaluated else {
+            return penalty.failure_value.into();
+        };
+        let value = penalty.objective(evaluated.found.criterion_um, evaluated.violation);
+        if !value.is_finite() {
+            return penalty.failure_value.into();
+        }
+        seen.keep(value, evaluated.found);
+        value.into()
+    }
+
+    /// What an answer says of a candidate, which is kept if it is the best feasible one so far; none when
+    /// it cannot be simulated.
+    fn evaluated(
+        &self,
+        problem: &Problem,
+        seen: &mut Seen,
+        candidate: &Candidate,
+        answer: Option<Answer>,
+    ) -> Option<Evaluated> {
+        let design = candidate.design.clone()?;
+        if !candidate.is_asked {
+            return Some(Evaluated {
+                found: Found {
+                    design,
+                    criterion_um: candidate.predicted?,
+                    criteria: Criteria::new(Vec::new()),
+                    feasible: true,
+                },
                 violation: 0.0,
-            }));
+            });
         }
         seen.simulator_calls += 1;
-        let mut prepared = self.simulator.prepare(&design)?;
-        let state = match self.approach {
-            Approach::Baseline => {
-                // Archard's wear rests on the unworn analysis.
-                seen.simulator_calls += u64::from(problem.gears().is_some());
-                State::Baseline
-            }
-            _ => State::Nominal,
-        };
-        let mut analysis = prepared.analyse(state)?;
-        let criterion_um = predicted.unwrap_or(analysis.value_um);
+        let answer = answer?;
+        let is_worn = matches!(self.approach, Approach::Baseline | Approach::Direct);
+        // Archard's wear rests on the unworn analysis.
+        seen.simulator_calls += u64::from(is_worn && problem.gears().is_some());
+        seen.simulator_calls += u64::from(answer.worn.is_some()) + answer.samples_um.len() as u64;
+        let analysis = answer.analysis;
         let violation = problem.violation(&analysis.criteria);
-        if !(criterion_um.is_finite() && violation.is_finite()) {
-            return Ok(None);
-        }
         let mut feasible = problem.is_feasible(&analysis.criteria);
-        let improves = best.is_none_or(|best| criterion_um < best);
-        if feasible && improves && self.approach == Approach::Kriging && problem.gears().is_some() {
-            // The search takes the pressure of the unworn pair, one call as in the paper. What is
-            // kept as an optimum must satisfy its limit worn, too; that costs a call now and then.
-            seen.simulator_calls += 1;
-            analysis = prepared.analyse(State::Baseline)?;
-            feasible = problem.is_feasible(&analysis.criteria);
+        let criterion_um = match self.approach {
+            // One that breaks a constraint is ranked by its violation alone.
+            Approach::Direct if !feasible => 0.0,
+            Approach::Direct => {
+                let percentile = problem.campaign().sampling.verified(&answer.samples_um);
+                percentile.map_or(f64::NAN, |percentile| percentile.p90)
+            }
+            _ => candidate.predicted.unwrap_or(analysis.value_um),
+        };
+        if !(criterion_um.is_finite() && violation.is_finite()) {
+            return None;
+        }
+        let mut criteria = analysis.criteria;
+        if let Some(worn) = answer.worn {
+            feasible = problem.is_feasible(&worn);
+            criteria = worn;
         }
         let found = Found {
             design,
             criterion_um,
-            criteria: analysis.criteria,
+            criteria,
             feasible,
         };
-        if feasible && improves {
+        if feasible && seen.improves(criterion_um) {
             seen.best = Some(found.clone());
         }
-        Ok(Some(Candidate { found, violation }))
+        Some(Evaluated { found, violation })
     }
 }

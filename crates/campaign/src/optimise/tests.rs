@@ -1,11 +1,6 @@
-use std::cell::Cell;
-
-use ledger::Generation;
-
 use super::*;
 use crate::Campaign;
 use crate::file::{OfGears, Restarts, Written};
-use crate::formulation::Problem;
 
 fn problem(change: impl FnOnce(&mut Campaign)) -> Problem {
     let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
@@ -119,93 +114,58 @@ fn a_kriging_run_needs_a_model_that_can_be_read() {
     assert!(error.contains("cannot be read"), "{error}");
 }
 
-fn unit(run: &Run) -> Unit {
-    Unit {
-        stream: run.stream(),
-        generation: Generation(0xabcd),
-        samples: 0..1,
-    }
-}
-
-/// What comes of a run that is stopped after so many generations.
-fn stopped_after(problem: &Problem, run: &Run, saved: Option<Saved>, generations: u32) -> Output {
-    let asked = Cell::new(0);
-    let keep_going = |_: &dyn Fn() -> Option<Output>| {
-        asked.set(asked.get() + 1);
-        asked.get() <= generations
-    };
-    let output = run_until(problem, &unit(run), run, saved, &keep_going);
-    output.unwrap().expect("a generation was evaluated")
-}
-
-/// A weight that is too small makes the run continue, so that it is stopped there, too.
-#[test]
-fn a_run_that_is_stopped_again_and_again_ends_as_one_that_is_not() {
-    for restarts in [Restarts::FromBest, Restarts::Ipop, Restarts::Bipop] {
-        let problem = problem(|campaign| {
-            campaign.gears_mut().unwrap().penalty.weight = 1e-3;
-            campaign.optimise.evaluations = 2000;
-            campaign.optimise.restarts = restarts;
-            campaign.optimise.restart_at = (restarts == Restarts::FromBest).then_some(1000);
-        });
-        let run = of(&problem, Approach::Baseline, 0, None);
-        let mut saved = None;
-        let mut evaluations = Vec::new();
-        let result = loop {
-            match stopped_after(&problem, &run, saved, 23) {
-                Output::Unfinished(checkpoint) => {
-                    let read = Saved::read(&checkpoint.state, &unit(&run)).unwrap();
-                    assert_eq!(read.evaluations(), checkpoint.evaluations);
-                    evaluations.push(checkpoint.evaluations);
-                    saved = Some(read);
-                }
-                Output::Run(result) => break *result,
-                other => panic!("{other:?}"),
-            }
+/// A run whose generations are answered by somebody else, the last candidate first, as workers may.
+fn by_generations(problem: &Problem, of: &Run) -> RunResult {
+    let mut search = Search::new(problem, of).unwrap();
+    loop {
+        let candidates = search.ask(problem);
+        let ask = |one: &Candidate| {
+            let design = one.design.as_ref().filter(|_| one.is_asked)?;
+            answer(problem, of.approach, design, one.may_improve).ok()
         };
-        assert!(evaluations.is_sorted() && evaluations.len() > 5);
-        assert!(evaluations.iter().any(|at| *at > 2000), "{evaluations:?}");
-        let whole = super::run(&problem, &run).unwrap();
-        assert_eq!(result, whole);
-        let json = |result: &RunResult| serde_json::to_string(result).unwrap();
-        assert_eq!(json(&result), json(&whole), "to the bit");
+        let mut answers: Vec<_> = candidates.iter().rev().map(ask).collect();
+        answers.reverse();
+        if !search.answered(problem, &candidates, answers).unwrap() {
+            return search.result();
+        }
+    }
+}
+
+/// Also where the weight is too small, so that the run continues, and where most designs cannot be
+/// simulated.
+#[test]
+fn a_run_by_generations_ends_as_one_that_a_worker_computes() {
+    let problem = problem(|campaign| {
+        campaign.gears_mut().unwrap().penalty.weight = 1e-3;
+        campaign.optimise.direct = true;
+        campaign.sampling.samples_per_design = 10;
+    });
+    for approach in [Approach::Nominal, Approach::Baseline, Approach::Direct] {
+        let wanted = of(&problem, approach, 0, None);
+        let result = by_generations(&problem, &wanted);
+        assert_eq!(result, run(&problem, &wanted).unwrap(), "{approach:?}");
+        assert!(result.continuations > 0 || approach != Approach::Baseline);
     }
 }
 
 #[test]
-fn a_state_that_is_damaged_or_of_another_run_is_refused() {
-    let problem = problem(|_| {});
-    let run = of(&problem, Approach::Baseline, 0, None);
-    let Output::Unfinished(checkpoint) = stopped_after(&problem, &run, None, 3) else {
-        panic!("the run cannot have ended");
-    };
-    let good = checkpoint.state;
-    let refusal = |state: &[u8], unit: &Unit| Saved::read(state, unit).unwrap_err();
-    for place in [0, 31, 32, good.len() / 2, good.len() - 1] {
-        let mut flipped = good.clone();
-        flipped[place] ^= 1;
-        assert!(refusal(&flipped, &unit(&run)).contains("damaged"));
-    }
-    for length in [0, 31, good.len() - 1] {
-        assert!(refusal(&good[..length], &unit(&run)).contains("damaged"));
-    }
-    let other = Unit {
-        generation: Generation(0xabce),
-        ..unit(&run)
-    };
-    let error = refusal(&good, &other);
-    assert!(
-        error.contains("is of run-2-0, generation 000000000000abcd"),
-        "{error}"
-    );
-    let other = of(&problem, Approach::Baseline, 1, None);
-    assert!(refusal(&good, &unit(&other)).contains("and not of run-2-1"));
-}
-
-#[test]
-fn nothing_is_saved_before_the_first_generation() {
-    let problem = problem(|_| {});
-    let run = of(&problem, Approach::Baseline, 0, None);
-    let output = run_until(&problem, &unit(&run), &run, None, &|_| false);
-    assert_eq!(output, Ok(None));
+fn a_direct_search_minimises_the_percentile_of_designs_that_keep_the_constraints() {
+    let problem = problem(|campaign| {
+        campaign.optimise.direct = true;
+        campaign.optimise.evaluations = 800;
+        campaign.sampling.samples_per_design = 12;
+    });
+    let result = run(&problem, &of(&problem, Approach::Direct, 0, None)).unwrap();
+    let best = result.best.expect("800 designs reach the feasible region");
+    assert!(problem.is_feasible(&best.criteria));
+    let again = answer(&problem, Approach::Direct, &best.design, true).unwrap();
+    assert_eq!(again.samples_um.len(), 12);
+    let percentile = stats::percentile_p90(&again.samples_um).unwrap();
+    assert_eq!(percentile.p90, best.criterion_um);
+    // Two analyses of a design, and samples of those that keep the constraints alone.
+    let most = 14 * result.evaluations;
+    assert!((2 * result.evaluations..most).contains(&result.simulator_calls));
+    let values = result.history.iter().map(|(_, value)| *value);
+    let met = values.filter(|value| *value > best.criterion_um).count();
+    assert!(met > 3, "it improved again and again: {:?}", result.history);
 }

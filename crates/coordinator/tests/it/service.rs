@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use campaign::formulation::Problem;
-use campaign::task::{Inputs, Run, Source, compute};
+use campaign::task::{Candidate, Inputs, Source, compute};
 use campaign::{Approach, Campaign, Design, probe};
 use coordinator::board::Board;
 use coordinator::recorder::StoreRecorder;
@@ -16,11 +16,11 @@ use protocol::v2::campaign_server::Campaign as _;
 use protocol::v2::{
     Directive, DrainRequest, ExplainRequest, HeartbeatRequest, HeldLease, Lease, LeaseRequest,
     LeaseResult, LeaseState, RegisterRequest, ReleaseRequest, ReportRequest, RetryRequest,
-    RunState, Unit, UnitResult, WatchRequest,
+    UnitResult, WatchRequest,
 };
 use results::status::Status;
 use stages::names;
-use store::{Batch, CampaignRow, DesignRow, FailureKind, Store};
+use store::{CampaignRow, DesignRow, FailureKind, Store};
 use tempfile::TempDir;
 use tonic::Request;
 
@@ -188,7 +188,6 @@ async fn strangers_are_asked_to_register_and_store_nothing() {
     let request = HeartbeatRequest {
         worker_id: "stranger".to_owned(),
         held: Vec::new(),
-        unfinished: Vec::new(),
     };
     let heartbeat = bench
         .service
@@ -299,79 +298,55 @@ async fn what_a_partial_result_leaves_undone_is_leased_again() {
     assert_eq!(units[0].0.samples, 4..10);
 }
 
-/// A worker is killed in the middle of a run; the next one goes on there, but not with a state of
-/// another build.
+/// Three workers share the candidates of a generation, one of which brings a part of what it had.
 #[tokio::test]
-async fn a_run_goes_on_where_its_worker_was() {
+async fn the_candidates_of_a_generation_are_shared() {
     let bench = bench().await;
-    let run = Run {
-        approach: Approach::Baseline,
-        start: 1,
-        base: bench.problem.base().clone(),
-        model: None,
-    };
-    let name = names::run_name(run.approach, run.start);
     let inputs = Inputs::new(bench.problem.campaign(), None);
-    let stream = run.stream();
-    let wanted = inputs.wanted(stream, Source::Run(run), 1);
+    let stream = StreamId::run(Approach::Baseline.number() as u32, 1);
+    let candidates = (0..10).map(|evaluation| {
+        let x = X.map(|x| x + 1e-3 * f64::from(evaluation));
+        Candidate {
+            evaluation,
+            design: bench.problem.design(&x, bench.problem.base()),
+            may_improve: true,
+        }
+    });
+    let source = Source::Candidates(candidates.collect());
+    let wanted = inputs.wanted(stream, source, 10);
+    let name = names::run_name(Approach::Baseline, 1);
     let generation = [(name.clone(), wanted.generation.0)];
     bench.store.put_generations(&generation).await.unwrap();
     bench.board.want(vec![wanted]);
-    let lease = async |worker: &str| {
+    let mut held = Vec::new();
+    for worker in ["first", "second", "third"] {
         bench.register(bench.introduction(worker)).await.unwrap();
         let (leases, _) = bench.lease(worker).await;
         assert_eq!(leases[0].units().unwrap()[0].0.stream, stream);
-        leases[0].clone()
+        held.push((worker, leases[0].clone()));
+    }
+    let counts = held.iter().map(|(_, lease)| lease.candidates.len());
+    let counts: Vec<usize> = counts.collect();
+    assert!(
+        counts.iter().all(|count| (1..=4).contains(count)),
+        "{counts:?}"
+    );
+    let numbers = async || {
+        let rows = bench.store.evaluations(&name, 0).await.unwrap();
+        rows.iter().map(|row| row.evaluation).collect::<Vec<_>>()
     };
-    let first = lease("first").await;
-    assert_eq!(first.run_state, None);
-    let of = |evaluations| UnitResult {
-        unit: first.units.first().map(|unit| Unit { count: 0, ..*unit }),
-        cpu_seconds: 2.5,
-        run_state: Some(RunState {
-            evaluations,
-            cpu_seconds: 2.5,
-            state: vec![1, 2, 3],
-        }),
-        ..UnitResult::default()
-    };
-    let heartbeat = HeartbeatRequest {
-        worker_id: "first".to_owned(),
-        held: Vec::new(),
-        unfinished: vec![of(230), UnitResult::default()],
-    };
-    bench
-        .service
-        .heartbeat(Request::new(heartbeat))
-        .await
-        .unwrap();
-    // Stopped by its worker, which leaves: it is free again, without blame, and no result.
-    let stopped = LeaseResult {
-        id: first.id,
-        results: vec![of(250)],
-        wall_seconds: 3.0,
-    };
-    bench.report("first", stopped).await;
-    assert!(bench.store.failures().await.unwrap().is_empty());
-    assert!(bench.store.optimiser_runs().await.unwrap().is_empty());
-    assert!(bench.store.job_times().await.unwrap().is_empty());
-    let second = lease("second").await;
-    assert_eq!(second.run_state, of(250).run_state);
-
-    let mut row = bench.store.run_state(&name).await.unwrap().unwrap();
-    row.build = "another".to_owned();
-    let batch = Batch {
-        states: vec![row],
-        ..Batch::default()
-    };
-    bench.store.writer().unwrap().submit(batch).await.unwrap();
-    let release = ReleaseRequest {
-        worker_id: "second".to_owned(),
-        leases: second.id.into_iter().collect(),
-        leaving: true,
-    };
-    bench.service.release(Request::new(release)).await.unwrap();
-    assert_eq!(lease("third").await.run_state, None);
+    for (worker, lease) in held {
+        bench.report(worker, bench.answer(&lease)).await;
+    }
+    let stored = numbers().await;
+    assert_eq!(stored.len(), counts.iter().sum::<usize>());
+    while numbers().await.len() < 10 {
+        let (leases, _) = bench.lease("first").await;
+        bench.report("first", bench.answer(&leases[0])).await;
+    }
+    assert_eq!(numbers().await, (0..10).collect::<Vec<_>>());
+    let rows = bench.store.evaluations(&name, 0).await.unwrap();
+    assert!(rows.iter().all(|row| row.criteria.is_some()));
 }
 
 /// A worker is cut off while the optimum that it samples is chosen anew: with the samples of the old
@@ -581,7 +556,6 @@ async fn what_is_given_back_goes_to_the_next_worker_without_blame() {
             id: leases[0].id,
             started: true,
         }],
-        unfinished: Vec::new(),
     };
     let heartbeat = bench
         .service

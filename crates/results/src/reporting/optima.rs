@@ -27,6 +27,7 @@ const fn report_approach(approach: Approach) -> report::Approach {
         Approach::Kriging => report::Approach::Kriging,
         Approach::BestOfDoe => report::Approach::BestOfDoe,
         Approach::EnrichedKriging => report::Approach::KrigingEnriched,
+        Approach::Direct => report::Approach::Direct,
     }
 }
 

@@ -1,6 +1,7 @@
 //! The store on real files.
 
 mod damage;
+mod evaluations;
 mod extending;
 #[cfg(all(unix, feature = "failpoints"))]
 mod failpoints;
@@ -9,7 +10,6 @@ mod ranges;
 mod reading;
 mod refusal;
 mod rounds;
-mod run_states;
 mod schemas;
 mod writing;
 

@@ -74,7 +74,7 @@ async fn every_table_gives_back_what_was_put() {
                 at_unix_ms: None,
             },
         ],
-        states: vec![],
+        evaluations: vec![],
         only_for: None,
     };
     let responses = [

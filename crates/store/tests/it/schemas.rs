@@ -14,8 +14,8 @@ use store::{
     OptimumRow, ResponseRow, SampleRow, Store, VerifyRow,
 };
 
+use crate::evaluations::{self, evaluation};
 use crate::rounds::new_round;
-use crate::run_states;
 use crate::{
     beside, campaign, design, execute, feasible, folder, infeasible, newest_migration, open, read,
 };
@@ -84,7 +84,7 @@ fn all_rows() -> Batch {
                 at_unix_ms: (i > 0).then_some(1_700_000_000_000 + i64::from(i)),
             })
             .collect(),
-        states: vec![],
+        evaluations: vec![],
         only_for: None,
     }
 }
@@ -147,20 +147,21 @@ async fn every_released_schema_is_brought_up_to_date() {
         let store = open(&path).await;
         holds_every_row(&store).await;
         holds_rounds(&store, schema >= 3).await;
-        holds_run_state(&store, schema >= 8).await;
+        holds_evaluations(&store, schema >= 10).await;
         store.close().await.unwrap();
         // Once is enough, and readers are welcome now.
         let store = Store::open_read_only(&path).await.unwrap();
         holds_every_row(&store).await;
         holds_rounds(&store, schema >= 3).await;
-        holds_run_state(&store, schema >= 8).await;
+        holds_evaluations(&store, schema >= 10).await;
     }
 }
 
-async fn holds_run_state(store: &Store, has_one: bool) {
-    let expected = run_states::state(7, 230);
-    let held = store.run_state(&expected.stream).await.unwrap();
-    assert_eq!(held, has_one.then_some(expected));
+async fn holds_evaluations(store: &Store, has_any: bool) {
+    let expected = evaluation(7);
+    let held = store.evaluations(&expected.stream, 0).await.unwrap();
+    let expected: Vec<_> = has_any.then_some(expected).into_iter().collect();
+    assert_eq!(held, expected);
 }
 
 async fn holds_rounds(store: &Store, has_any: bool) {
@@ -372,10 +373,10 @@ async fn makes_the_fixture() {
     for round in 0..2 {
         store.put_round(&new_round(round, &[])).await.unwrap();
     }
-    let state = run_states::state(7, 230);
-    let wanted = [(state.stream.clone(), state.generation)];
-    store.put_generations(&wanted).await.unwrap();
-    run_states::put(&store, state).await;
+    evaluations::want(&store, 7).await;
+    evaluations::put(&store, 7, vec![evaluation(7)])
+        .await
+        .unwrap();
     store.pin_model_digest("abc").await.unwrap();
     store.close().await.unwrap();
     std::fs::copy(&path, fixture(newest_migration())).unwrap();

@@ -27,7 +27,7 @@ async fn the_same_rows_again_are_duplicates() {
             cpu_seconds: 0.25,
         }],
         failures: Vec::new(),
-        states: vec![],
+        evaluations: vec![],
         only_for: None,
     };
     let writer = store.writer().unwrap();

@@ -369,7 +369,7 @@ fn a_stopped_task_keeps_its_finished_samples() {
     };
     let backend = backend("");
     let (output, seconds) = backend.with(&problem(), |simulator| {
-        compute_until(simulator, &unit(THREE), &source(), None, &keep_going)
+        compute_until(simulator, &unit(THREE), &source(), &keep_going)
     });
     // Asked before the design and before each of its samples.
     let whole = run(&backend, THREE).unwrap();

@@ -5,7 +5,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use campaign::optimise::Saved;
 use campaign::task::{Output, Source, compute_until};
 use gateway::link::cause;
 use ledger::{LeaseId, Unit};
@@ -28,10 +27,6 @@ const LEASE_WAIT: Duration = Duration::from_secs(5);
 const KEEP_EVERY: Duration = Duration::from_secs(1);
 /// The most samples between two looks at the clock.
 const MAX_STRIDE: u32 = 64;
-
-/// A heartbeat in so many tells the states of runs: every 30 s where a lease lasts as long. What is
-/// computed since is lost with the worker.
-const STATES_EVERY: u32 = 6;
 
 /// How long a lease waits until the coordinator knows that it begins.
 const ANNOUNCE_TIMEOUT: Duration = Duration::from_secs(5);
@@ -131,7 +126,6 @@ pub(super) async fn lease(shared: Arc<Shared>, pool: rayon::ThreadPool) -> Resul
                 units,
                 seconds: lease.seconds,
                 announce: lease.announce,
-                run_state: lease.run_state,
             });
             if shared.held.take(&lease) {
                 let shared = Arc::clone(&shared);
@@ -194,36 +188,13 @@ impl Computing<'_> {
                     } else {
                         thread_seconds() - self.before
                     };
-                    let cpu_seconds = self.seconds_before() + spent;
-                    let part = protocol::result(self.unit, &Ok(Some(output)), cpu_seconds);
+                    let part = protocol::result(self.unit, &Ok(Some(output)), spent);
                     let seconds = self.began.elapsed().as_secs_f64();
                     self.shared.held.keep(self.lease.id, part, seconds);
                 }
             }
         }
         true
-    }
-
-    /// Where a run goes on, if another worker began it and left a state that can be used.
-    fn saved(&self) -> Option<Saved> {
-        let state = &self.lease.run_state.as_ref()?.state;
-        let stream = self.unit.stream;
-        match Saved::read(state, self.unit) {
-            Ok(saved) => {
-                info!(%stream, evaluations = saved.evaluations(), "a run goes on where it was");
-                Some(saved)
-            }
-            Err(reason) => {
-                warn!(%stream, "the saved state of a run {reason}; the run begins anew");
-                None
-            }
-        }
-    }
-
-    /// Processor time that other workers have spent on a run, in seconds.
-    fn seconds_before(&self) -> f64 {
-        let run_state = self.lease.run_state.as_ref();
-        run_state.map_or(0.0, |run_state| run_state.cpu_seconds)
     }
 }
 
@@ -278,10 +249,9 @@ fn attempt(
     let Computing { shared, unit, .. } = computing;
     let go_on = |so_far: &dyn Fn() -> Option<Output>| computing.go_on(so_far);
     let backend = &registered.backend;
-    let saved = computing.saved();
     let guarded = std::panic::AssertUnwindSafe(|| {
         backend.with(&registered.problem, |simulator| {
-            compute_until(simulator, unit, source, saved, &go_on)
+            compute_until(simulator, unit, source, &go_on)
         })
     });
     let (outcome, program_seconds) = std::panic::catch_unwind(guarded).unwrap_or_else(|_| {
@@ -292,8 +262,7 @@ fn attempt(
         (Err(error), 0.0)
     });
     // What an external program takes is somebody else's time on the processor.
-    let own_seconds = thread_seconds() - computing.before + program_seconds;
-    let cpu_seconds = computing.seconds_before() + own_seconds;
+    let cpu_seconds = thread_seconds() - computing.before + program_seconds;
     if let Err(error) = &outcome {
         if backend.is_external() && shared.leaves_within(AFTERTHOUGHT) {
             // Whoever asked this worker to leave has ended the program as well.
@@ -424,7 +393,6 @@ pub(super) async fn heartbeat(
         let request = HeartbeatRequest {
             worker_id: shared.worker_id.clone(),
             held: shared.held.states(),
-            unfinished: shared.held.unfinished(STATES_EVERY * period),
         };
         // One that hangs must not keep the next one from being in time.
         let call = tokio::time::timeout(2 * period, client.heartbeat(request)).await;

@@ -1,0 +1,181 @@
+//! Optimiser runs on an external simulator: the coordinator holds the search, and workers evaluate a
+//! generation of candidates at a time.
+//!
+//! The store keeps every evaluation, so a search is a function of its inputs and of what is stored. What
+//! is held here only spares computing it again for each generation.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use campaign::formulation::Problem;
+use campaign::optimise::{Answer, Candidate, RunResult, Search};
+use campaign::simulator::Analysis;
+use campaign::task::{self, Inputs, Run, Source};
+use campaign::{Approach, Criteria};
+use ledger::{Generation, StreamId, Wanted};
+use store::{EvaluationRow, Store};
+
+use crate::names;
+
+/// The searches of a campaign.
+#[derive(Default)]
+pub struct Searches {
+    held: BTreeMap<StreamId, Held>,
+}
+
+/// What is next in a run.
+pub enum Turn {
+    /// Candidates are to be evaluated.
+    Asks(Wanted<Arc<Source>>),
+    /// The run is finished.
+    Finished(Box<RunResult>),
+    /// The store holds evaluations of another search, as of another build: they are to be removed.
+    Foreign,
+}
+
+struct Held {
+    /// The digest of the run's inputs.
+    of: Generation,
+    search: Search,
+    /// The current generation, whose first evaluation has this number.
+    candidates: Vec<Candidate>,
+    first: u32,
+}
+
+impl Held {
+    fn new(problem: &Problem, run: &Run, of: Generation) -> Result<Self, String> {
+        let mut search = Search::new(problem, run)?;
+        Ok(Self {
+            of,
+            candidates: search.ask(problem),
+            search,
+            first: 0,
+        })
+    }
+
+    /// The candidates that workers are asked about, with their evaluations' numbers.
+    fn asked(&self) -> impl Iterator<Item = (u32, &Candidate)> {
+        let numbered = (self.first..).zip(&self.candidates);
+        numbered.filter(|(_, one)| one.is_asked && one.design.is_some())
+    }
+}
+
+impl Searches {
+    /// Takes a run as far as the stored evaluations go.
+    ///
+    /// # Errors
+    ///
+    /// The store cannot be read, or the search cannot go on.
+    pub async fn turn(
+        &mut self,
+        store: &Store,
+        problem: &Problem,
+        inputs: &Inputs,
+        run: &Run,
+    ) -> anyhow::Result<Turn> {
+        let stream = run.stream();
+        let of = inputs.generation(stream, &Source::Run(run.clone()));
+        let mut held = match self.held.remove(&stream) {
+            Some(held) if held.of == of => held,
+            _ => Held::new(problem, run, of).map_err(anyhow::Error::msg)?,
+        };
+        let name = names::run_name(run.approach, run.start);
+        let rows = store.evaluations(&name, held.first.into()).await?;
+        let mut rows: BTreeMap<u64, EvaluationRow> =
+            rows.into_iter().map(|row| (row.evaluation, row)).collect();
+        loop {
+            let mut missing = Vec::new();
+            for (evaluation, candidate) in held.asked() {
+                match rows.get(&evaluation.into()) {
+                    Some(row) => {
+                        let design = candidate.design.as_ref();
+                        if design.is_none_or(|design| design.values() != row.x) {
+                            return Ok(Turn::Foreign);
+                        }
+                    }
+                    None => missing.push(evaluation..evaluation + 1),
+                }
+            }
+            if !missing.is_empty() {
+                let wanted = wanted(inputs, stream, &held, missing);
+                self.held.insert(stream, held);
+                return Ok(Turn::Asks(wanted));
+            }
+            let numbers = u64::from(held.first)..;
+            let answers = numbers.zip(&held.candidates);
+            let answers = answers.map(|(number, _)| rows.remove(&number).and_then(answer));
+            let answers: Vec<Option<Answer>> = answers.collect();
+            let goes_on = held.search.answered(problem, &held.candidates, answers);
+            if !goes_on.map_err(anyhow::Error::msg)? {
+                return Ok(Turn::Finished(Box::new(held.search.result())));
+            }
+            held.first += held.candidates.len() as u32;
+            held.candidates = held.search.ask(problem);
+        }
+    }
+}
+
+/// What workers are asked for: the candidates of which nothing is stored.
+fn wanted(
+    inputs: &Inputs,
+    stream: StreamId,
+    held: &Held,
+    missing: Vec<std::ops::Range<u32>>,
+) -> Wanted<Arc<Source>> {
+    let candidates = held.asked().filter_map(|(evaluation, candidate)| {
+        Some(task::Candidate {
+            evaluation,
+            design: candidate.design.clone()?,
+            may_improve: candidate.may_improve,
+        })
+    });
+    let source = Source::Candidates(candidates.collect());
+    let end = held.first + held.candidates.len() as u32;
+    Wanted {
+        missing,
+        ..inputs.wanted(stream, source, end)
+    }
+}
+
+/// What a row says; none of a design that cannot be simulated.
+fn answer(row: EvaluationRow) -> Option<Answer> {
+    let criteria = Criteria::new(row.criteria?);
+    Some(Answer {
+        analysis: Analysis {
+            value_um: row.value.unwrap_or(f64::NAN),
+            criteria,
+        },
+        worn: row.worn_criteria.map(Criteria::new),
+        samples_um: row.samples.unwrap_or_default(),
+    })
+}
+
+/// The row of an evaluation.
+#[must_use]
+pub fn row(
+    approach: Approach,
+    start: u32,
+    evaluation: u32,
+    evaluated: task::Evaluated,
+) -> EvaluationRow {
+    let mut row = EvaluationRow {
+        stream: names::run_name(approach, start),
+        evaluation: evaluation.into(),
+        x: evaluated.design.values().to_vec(),
+        refused: None,
+        value: None,
+        criteria: None,
+        worn_criteria: None,
+        samples: None,
+    };
+    match evaluated.answer {
+        Ok(answer) => {
+            row.value = Some(answer.analysis.value_um).filter(|value| value.is_finite());
+            row.criteria = Some(answer.analysis.criteria.values().to_vec());
+            row.worn_criteria = answer.worn.map(|worn| worn.values().to_vec());
+            row.samples = Some(answer.samples_um).filter(|samples| !samples.is_empty());
+        }
+        Err(reason) => row.refused = Some(reason),
+    }
+    row
+}
