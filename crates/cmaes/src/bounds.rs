@@ -1,28 +1,11 @@
 //! The box of admissible designs, and its scaling to the unit box.
 
-use serde::{Deserialize, Serialize};
-
 use crate::Error;
 
 /// One closed interval per variable, in the caller's units.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "Vec<(f64, f64)>", into = "Vec<(f64, f64)>")]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Bounds {
     intervals: Vec<(f64, f64)>,
-}
-
-impl TryFrom<Vec<(f64, f64)>> for Bounds {
-    type Error = Error;
-
-    fn try_from(intervals: Vec<(f64, f64)>) -> Result<Self, Error> {
-        Self::new(intervals)
-    }
-}
-
-impl From<Bounds> for Vec<(f64, f64)> {
-    fn from(bounds: Bounds) -> Self {
-        bounds.intervals
-    }
 }
 
 impl Bounds {

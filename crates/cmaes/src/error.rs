@@ -86,10 +86,4 @@ pub enum Error {
         /// How many designs were tried.
         evaluations: usize,
     },
-    /// A stored search does not fit together.
-    #[error("stored search is damaged: {what}")]
-    State {
-        /// What is wrong with it.
-        what: &'static str,
-    },
 }

@@ -2,21 +2,16 @@
 
 use std::cmp::Ordering;
 
-use serde::{Deserialize, Serialize};
-
 /// The result of evaluating one candidate. A plain `f64` converts, with no violation.
 ///
 /// The order is feasibility first: a feasible candidate is better than any infeasible one;
 /// feasible candidates are compared by value, infeasible ones by violation. An evaluation with NaN
 /// or +∞ in either field is a failed one: worse than all others, and all failed ones are equal.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Evaluation {
     /// The objective, to be minimised.
-    #[serde(with = "crate::any_number")]
     pub value: f64,
     /// How far the constraints are missed, summed as the caller sees fit; 0 or less is feasible.
-    #[serde(with = "crate::any_number")]
     pub violation: f64,
 }
 

@@ -9,7 +9,7 @@
 //! - [`CmaEs`] is the strategy itself, with an ask-and-tell interface: the caller evaluates.
 //! - [`Run`] strings searches together until a budget is spent, with [`Restarts`] from the best
 //!   design so far (as in the gear paper), with growing populations (IPOP) or with two regimes
-//!   (BIPOP). Both are saved and resumed with serde, to the bit.
+//!   (BIPOP).
 //! - [`minimise_run`] drives a run whose objective is a function of the caller's.
 //!
 //! Variables are scaled by their range: inside, the search works in the unit box, so a step of 0.3
@@ -29,7 +29,6 @@
 //! - N. Hansen and A. Ostermeier, *Completely derandomized self-adaptation in evolution
 //!   strategies*, Evolutionary Computation 9(2), 2001.
 
-mod any_number;
 mod bounds;
 mod error;
 mod evaluation;
@@ -37,7 +36,6 @@ mod minimise;
 mod options;
 mod parameters;
 mod run;
-mod state;
 mod stop;
 mod strategy;
 

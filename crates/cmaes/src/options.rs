@@ -1,12 +1,9 @@
 //! The settings of one search.
 
-use serde::{Deserialize, Serialize};
-
 use crate::{Bounds, Error};
 
 /// The settings of a [`CmaEs`](crate::CmaEs). Start from [`Options::new`] and change what you need.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Options {
     /// The candidates of one generation, λ.
     pub population: usize,

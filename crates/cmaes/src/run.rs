@@ -2,14 +2,11 @@
 
 use std::fmt;
 
-use rand::{Rng, RngExt as _};
-use serde::{Deserialize, Serialize};
-
 use crate::{CmaEs, Error, Evaluation, Options, Stop};
+use rand::{Rng, RngExt as _};
 
 /// Where and how a run starts again after a search has stopped.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", tag = "restarts", deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Restarts {
     /// From the best design so far, with the same population and the initial step; as long as all
     /// designs have failed, from a uniformly drawn point.
@@ -29,8 +26,7 @@ pub enum Restarts {
 }
 
 /// How to spend a budget of evaluations.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct RunOptions {
     /// The first search's settings.
     pub search: Options,
@@ -41,8 +37,7 @@ pub struct RunOptions {
 }
 
 /// Why a run restarted.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Cause {
     /// The options said so.
     Planned,
@@ -63,8 +58,7 @@ impl fmt::Display for Cause {
 }
 
 /// One restart of a run.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Restart {
     /// The evaluations spent before it.
     pub evaluations: usize,
@@ -93,11 +87,7 @@ pub struct Outcome {
 }
 
 /// A run in progress, with an ask-and-tell interface. It ends when its budget is spent.
-///
-/// Written and read with serde, it goes on to the bit as if it had never been interrupted, provided
-/// that each generation gets a random stream of its own, named by [`Run::generation`].
-#[derive(Debug, Clone, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone)]
 pub struct Run {
     options: RunOptions,
     search: CmaEs,
@@ -113,8 +103,7 @@ pub struct Run {
 }
 
 /// The bookkeeping of restarts with growing populations.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone)]
 struct Turns {
     /// The evaluations before the current search.
     begun_at: usize,

@@ -3,13 +3,10 @@
 use std::collections::VecDeque;
 use std::fmt;
 
-use serde::{Deserialize, Serialize};
-
 use crate::Evaluation;
 
 /// Why a search should end (the tutorial's section B.3).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", tag = "stop")]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Stop {
     /// Every candidate of the last `generations` generations failed (NaN or +∞).
     AllFailed {
@@ -25,31 +22,26 @@ pub enum Stop {
     /// The values of the window and of the last generation differ by less than the tolerance.
     ValueTolerance {
         /// Largest minus smallest value.
-        #[serde(with = "crate::any_number")]
         spread: f64,
     },
     /// The step in every variable is below the tolerance, or no longer changes the mean.
     StepTooSmall {
         /// The longest step of any variable, as a fraction of its range.
-        #[serde(with = "crate::any_number")]
         step: f64,
     },
     /// The step grew 10 000-fold: there is no minimum at the scale of the initial step.
     StepTooLarge {
         /// The longest step along any principal axis, as a fraction of the range.
-        #[serde(with = "crate::any_number")]
         step: f64,
     },
     /// The covariance matrix has a condition number above 10¹⁴: beyond it, rounding decides.
     IllConditioned {
         /// Largest over smallest eigenvalue.
-        #[serde(with = "crate::any_number")]
         condition: f64,
     },
     /// The covariance matrix lost its positive eigenvalues, or is not finite.
     DegenerateCovariance {
         /// The smallest eigenvalue, NaN if there is none.
-        #[serde(with = "crate::any_number")]
         smallest: f64,
     },
 }
@@ -79,7 +71,7 @@ impl fmt::Display for Stop {
 }
 
 /// The best evaluations of the last generations, from which stagnation is read.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Window {
     bests: VecDeque<Evaluation>,
     length: usize,
@@ -93,11 +85,6 @@ impl Window {
             bests: VecDeque::with_capacity(length),
             length,
         }
-    }
-
-    /// Whether this is a window that such a search could have.
-    pub(crate) fn fits(&self, dimension: usize, population: usize) -> bool {
-        self.length == Self::new(dimension, population).length && self.bests.len() <= self.length
     }
 
     /// Records a generation (sorted, best first) and says whether the window has gone flat.

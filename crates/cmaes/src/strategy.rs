@@ -1,14 +1,11 @@
 //! The strategy: drawing candidates, and learning from their ranks.
 
+use crate::parameters::Parameters;
+use crate::stop::Window;
+use crate::{Error, Evaluation, Options, Stop};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use rand::{Rng, RngExt as _};
 use rand_distr::StandardNormal;
-use serde::{Deserialize, Serialize};
-
-use crate::parameters::Parameters;
-use crate::state::Stored;
-use crate::stop::Window;
-use crate::{Error, Evaluation, Options, Stop};
 
 /// Growth of the step after which a search counts as diverging (the tutorial's `TolXUp`).
 const LARGEST_GROWTH: f64 = 1e4;
@@ -41,46 +38,41 @@ const LARGEST_CONDITION: f64 = 1e14;
 /// diverges. (Of 101 seeds in 2 to 11 variables with the optimum in a corner, at two bounds or at
 /// one, every one converged; with a limit of one half or nine tenths, some did not.)
 ///
-/// **Saving.** A search is written and read with serde, whole and to the bit, even between asking
-/// and telling. The random stream is the caller's: give every generation its own, named by
-/// [`CmaEs::generation`], and a search that was read goes on as if it had never been written.
-///
 /// **Invariant.** Mean and candidates are within the bounds, all coordinates finite.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-#[serde(try_from = "Stored", into = "Stored")]
+#[derive(Debug, Clone)]
 pub struct CmaEs {
-    pub(crate) options: Options,
+    options: Options,
     parameters: Parameters,
-    pub(crate) mean: DVector<f64>,
-    pub(crate) sigma: f64,
+    mean: DVector<f64>,
+    sigma: f64,
     /// C, of which the lower triangle is kept up to date.
-    pub(crate) covariance: DMatrix<f64>,
+    covariance: DMatrix<f64>,
     /// B: eigenvectors of the covariance, as columns.
-    pub(crate) axes: DMatrix<f64>,
+    axes: DMatrix<f64>,
     /// D: square roots of its eigenvalues.
-    pub(crate) lengths: DVector<f64>,
-    pub(crate) p_sigma: DVector<f64>,
-    pub(crate) p_c: DVector<f64>,
-    pub(crate) generation: usize,
-    pub(crate) decomposed_at: usize,
-    pub(crate) evaluations: usize,
-    pub(crate) asked: Vec<Candidate>,
-    pub(crate) best: Option<(Vec<f64>, Evaluation)>,
-    pub(crate) window: Window,
-    pub(crate) stop: Option<Stop>,
+    lengths: DVector<f64>,
+    p_sigma: DVector<f64>,
+    p_c: DVector<f64>,
+    generation: usize,
+    decomposed_at: usize,
+    evaluations: usize,
+    asked: Vec<Candidate>,
+    best: Option<(Vec<f64>, Evaluation)>,
+    window: Window,
+    stop: Option<Stop>,
 }
 
 /// A candidate waiting for its evaluation.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Candidate {
+struct Candidate {
     /// D⁻¹Bᵀy: the step in the distribution's own measure.
-    pub(crate) z: DVector<f64>,
+    z: DVector<f64>,
     /// (x − m)/σ in the unit box, shortened if x was moved to the boundary.
-    pub(crate) y: DVector<f64>,
+    y: DVector<f64>,
     /// x in the caller's units.
-    pub(crate) x: Vec<f64>,
+    x: Vec<f64>,
     /// Whether an earlier draw was out of bounds.
-    pub(crate) redrawn: bool,
+    redrawn: bool,
 }
 
 impl CmaEs {
@@ -113,29 +105,6 @@ impl CmaEs {
             mean,
             options,
         })
-    }
-
-    /// The search that `stored` describes, whose parts have been checked.
-    pub(crate) fn restored(stored: Stored) -> Self {
-        let n = stored.mean.len();
-        Self {
-            parameters: Parameters::new(&stored.options),
-            mean: DVector::from_vec(stored.mean),
-            sigma: stored.sigma,
-            covariance: DMatrix::from_vec(n, n, stored.covariance),
-            axes: DMatrix::from_vec(n, n, stored.axes),
-            lengths: DVector::from_vec(stored.lengths),
-            p_sigma: DVector::from_vec(stored.p_sigma),
-            p_c: DVector::from_vec(stored.p_c),
-            generation: stored.generation,
-            decomposed_at: stored.decomposed_at,
-            evaluations: stored.evaluations,
-            asked: stored.asked.into_iter().map(Into::into).collect(),
-            best: stored.best,
-            window: stored.window,
-            stop: stored.stop,
-            options: stored.options,
-        }
     }
 
     /// Draws the next generation: λ candidates of d coordinates, in the caller's units.
@@ -458,5 +427,42 @@ fn add_product(matrix: &mut DMatrix<f64>, weight: f64, v: &DVector<f64>) {
     let columns = matrix.as_mut_slice().chunks_exact_mut(v.len());
     for (j, column) in columns.enumerate() {
         add(&mut column[j..], weight * v[j], &v[j..]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use stats::streams::{Purpose, stream};
+
+    use super::*;
+    use crate::Bounds;
+
+    /// Rounding can cost a covariance its positive eigenvalues; here it is spoilt instead.
+    #[test]
+    fn a_covariance_that_is_not_definite_is_called_so() {
+        let bounds = Bounds::unit(2).unwrap();
+        let mut search = CmaEs::new(&[0.3; 2], Options::new(bounds)).unwrap();
+        let mut rng = stream(1, Purpose::Test, 0, 0);
+        let mut generations = |search: &mut CmaEs, most: usize| {
+            for _ in 0..most {
+                let told: Vec<f64> = search.ask(&mut rng).iter().map(|x| x[0] + x[1]).collect();
+                search.tell(&told).unwrap();
+                if search.stop().is_some() {
+                    break;
+                }
+            }
+        };
+        generations(&mut search, 5);
+        // Eigenvalues 3 and −1.
+        search.covariance = DMatrix::from_row_slice(2, 2, &[1.0, 2.0, 2.0, 1.0]);
+        generations(&mut search, 10);
+        let stop = search.stop();
+        assert!(
+            matches!(stop, Some(Stop::DegenerateCovariance { smallest }) if smallest < 0.0),
+            "{stop:?}"
+        );
+        // The last good distribution is still there to draw from.
+        let candidates = search.ask(&mut rng);
+        assert!(candidates.iter().flatten().all(|v| (0.0..=1.0).contains(v)));
     }
 }

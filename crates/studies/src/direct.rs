@@ -14,16 +14,13 @@
 use campaign::Variant;
 use campaign::file::CorrectionsSection;
 use campaign::formulation::{Criteria, Design, GearCriteria, GearVariables, Problem};
+use campaign::optimise::COMMON;
 use cmaes::{Bounds, Evaluation, Run};
 use gear::{Corrections, Member, TipRelief};
 use rand::RngExt as _;
 use stats::streams::{Purpose, stream};
 
 use crate::simulations::{Answer, Request, Simulations};
-
-/// The random streams that all designs of a search share. A design of a campaign is numbered below
-/// 2³².
-pub const COMMON: (Purpose, u64) = (Purpose::Wear, 1 << 40);
 
 /// Random streams of direct searches; approaches and printed designs are numbered far below.
 const STREAMS: u64 = 1 << 20;

@@ -15,13 +15,13 @@ use campaign::Campaign;
 use campaign::file::Sampling;
 use campaign::formulation::Problem;
 use campaign::formulation::gears::VARIABLE_NAMES;
+use campaign::optimise::COMMON;
 use campaign::{Design, Variant, WearFactors};
 use report::Percentile;
 use results::percentile::percentile;
 use stats::streams::{Purpose, stream};
 use stats::{Index, Sensitivity, SensitivityPlan};
 
-use crate::direct::COMMON;
 use crate::finished::Optimum;
 use crate::simulations::{Answer, Request, Simulations};
 use crate::table::{Table, Written, exact, with_interval, write};

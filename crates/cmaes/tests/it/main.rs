@@ -5,7 +5,6 @@ mod budget;
 mod functions;
 mod restarts;
 mod robustness;
-mod saving;
 
 use cmaes::{Bounds, CmaEs, Evaluation, Options, Restarts, RunOptions, Stop};
 use stats::streams::{Purpose, StreamRng, stream};
