@@ -1,5 +1,7 @@
 //! Tables of a store as CSV or JSON, units in the names of their columns.
 
+mod designs;
+
 use std::collections::BTreeMap;
 use std::io::Write;
 
@@ -18,11 +20,11 @@ use crate::rows::{Format, RowWriter};
 /// A table that can be exported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Table {
-    /// The DoE with the criteria of its designs.
+    /// The DoE: whether each design is simulable and feasible, its criteria, and why one has no samples.
     Designs,
     /// Every sample.
     Samples,
-    /// The percentile of every feasible design.
+    /// The percentile of every sampled design.
     Responses,
     /// The kriging model's leave-one-out predictions.
     Loo,
@@ -61,7 +63,7 @@ pub async fn write(
     let mut out = RowWriter::new(out, format, name);
     match table {
         Table::Model => {}
-        Table::Designs => designs(store, problem, &mut out).await?,
+        Table::Designs => designs::write(store, problem, &mut out).await?,
         Table::Samples => samples(store, problem, &mut out).await?,
         Table::Responses => responses(store, problem, &mut out).await?,
         Table::Loo => leave_one_out(store, problem, &mut out).await?,
@@ -100,38 +102,6 @@ async fn failures<W: Write>(store: &Store, out: &mut RowWriter<W>) -> anyhow::Re
         let attempt = row.attempt.to_string();
         let kind = row.kind.as_str();
         out.write_record([&row.job, &attempt, &row.worker, kind, &row.error])?;
-    }
-    Ok(())
-}
-
-async fn designs<W: Write>(
-    store: &Store,
-    problem: &Problem,
-    out: &mut RowWriter<W>,
-) -> anyhow::Result<()> {
-    let responses = problem.responses();
-    let mut header = vec!["design"];
-    header.extend(problem.free_names());
-    header.extend(["feasible", "reason"]);
-    header.extend(responses.iter().map(|response| &*response.name));
-    out.write_record(&header)?;
-    let criteria: BTreeMap<u64, store::CriteriaRow> = store
-        .criteria()
-        .await?
-        .into_iter()
-        .map(|row| (row.design, row))
-        .collect();
-    for row in store.designs().await? {
-        let mut record = vec![row.design.to_string()];
-        record.extend(row.x.iter().copied().map(number));
-        let known = criteria.get(&row.design);
-        record.push(known.map_or_else(String::new, |row| u8::from(row.feasible).to_string()));
-        record.push(known.and_then(|row| row.reason.clone()).unwrap_or_default());
-        match known.and_then(|row| row.responses.as_deref()) {
-            Some(values) => record.extend(values.iter().copied().map(number)),
-            None => record.extend(std::iter::repeat_n(String::new(), responses.len())),
-        }
-        out.write_record(&record)?;
     }
     Ok(())
 }
