@@ -49,7 +49,7 @@ pub async fn write(
     store: &Store,
     table: Table,
     format: Format,
-    mut out: impl Write,
+    mut out: impl Write + Send,
 ) -> anyhow::Result<()> {
     if table == Table::Model {
         writeln!(out, "{}", model::stored(store).await?.to_json()?)?;
@@ -60,7 +60,7 @@ pub async fn write(
     let problem = &Problem::new(campaign);
     let name = table.to_possible_value();
     let name = name.as_ref().map_or("", |value| value.get_name());
-    let mut out = RowWriter::new(out, format, name);
+    let mut out = RowWriter::new(out, format, name, units(problem));
     match table {
         Table::Model => {}
         Table::Designs => designs::write(store, problem, &mut out).await?,
@@ -75,6 +75,23 @@ pub async fn write(
     out.finish()
 }
 
+/// The columns about the sampled response, as [`column`] takes them.
+const STATISTICS: [&str; 13] = [
+    "criterion",
+    "expected_improvement",
+    "mean",
+    "observed",
+    "predicted",
+    "predicted_high",
+    "predicted_low",
+    "sd",
+    "{p}",
+    "{p}_converged_difference",
+    "{p}_high",
+    "{p}_low",
+    "{p}_variance",
+];
+
 /// The name of a column about the sampled response: of a gear pair with µm, otherwise without a unit,
 /// as the user's own names are. `{p}` stands for the percentile's.
 pub(crate) fn column(problem: &Problem, what: &str) -> String {
@@ -87,6 +104,38 @@ pub(crate) fn column(problem: &Problem, what: &str) -> String {
     }
 }
 
+/// The units of columns, by their names.
+fn units(problem: &Problem) -> BTreeMap<String, String> {
+    let sampled = problem.sampled();
+    let squared = match &*sampled.unit {
+        "" => String::new(),
+        unit => format!("{unit}²"),
+    };
+    let statistics = STATISTICS.map(|what| {
+        let is_squared = what.ends_with("variance");
+        let unit = if is_squared {
+            &*squared
+        } else {
+            &*sampled.unit
+        };
+        (column(problem, what), unit.to_owned())
+    });
+    let quantities = [problem.variables(), problem.responses(), problem.criteria()];
+    let quantities = quantities.into_iter().flatten().chain([sampled]);
+    let quantities = quantities.map(|quantity| {
+        let unit = match &*quantity.unit {
+            "" => modelling::Quantity::new(&quantity.name).unit,
+            unit => Some(unit.to_owned()),
+        };
+        (quantity.name.to_string(), unit.unwrap_or_default())
+    });
+    let cost = ("cpu_seconds".to_owned(), "s".to_owned());
+    let mut units: BTreeMap<String, String> = statistics.into_iter().chain([cost]).collect();
+    units.extend(quantities);
+    units.retain(|_, unit| !unit.is_empty());
+    units
+}
+
 fn number(value: f64) -> String {
     // The shortest digits that read back as the same number.
     format!("{value}")
@@ -96,7 +145,7 @@ fn optional(value: Option<f64>) -> String {
     value.map_or_else(String::new, number)
 }
 
-async fn failures<W: Write>(store: &Store, out: &mut RowWriter<W>) -> anyhow::Result<()> {
+async fn failures<W: Write + Send>(store: &Store, out: &mut RowWriter<W>) -> anyhow::Result<()> {
     out.write_record(["job", "attempt", "worker", "kind", "error"])?;
     for row in store.failures().await? {
         let attempt = row.attempt.to_string();
@@ -106,7 +155,7 @@ async fn failures<W: Write>(store: &Store, out: &mut RowWriter<W>) -> anyhow::Re
     Ok(())
 }
 
-async fn samples<W: Write>(
+async fn samples<W: Write + Send>(
     store: &Store,
     problem: &Problem,
     out: &mut RowWriter<W>,
@@ -124,7 +173,7 @@ async fn samples<W: Write>(
         .await
 }
 
-async fn responses<W: Write>(
+async fn responses<W: Write + Send>(
     store: &Store,
     problem: &Problem,
     out: &mut RowWriter<W>,
@@ -145,7 +194,7 @@ async fn responses<W: Write>(
     Ok(())
 }
 
-async fn leave_one_out<W: Write>(
+async fn leave_one_out<W: Write + Send>(
     store: &Store,
     problem: &Problem,
     out: &mut RowWriter<W>,
@@ -170,7 +219,7 @@ async fn leave_one_out<W: Write>(
     Ok(())
 }
 
-async fn rounds<W: Write>(
+async fn rounds<W: Write + Send>(
     store: &Store,
     problem: &Problem,
     out: &mut RowWriter<W>,
@@ -221,7 +270,7 @@ async fn rounds<W: Write>(
     Ok(())
 }
 
-async fn infill<W: Write>(
+async fn infill<W: Write + Send>(
     store: &Store,
     problem: &Problem,
     out: &mut RowWriter<W>,
@@ -249,7 +298,7 @@ async fn infill<W: Write>(
     Ok(())
 }
 
-async fn optima<W: Write>(
+async fn optima<W: Write + Send>(
     store: &Store,
     problem: &Problem,
     out: &mut RowWriter<W>,

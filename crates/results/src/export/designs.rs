@@ -13,7 +13,7 @@ use store::{CriteriaRow, FailureKind, ResponseRow, Store};
 use super::number;
 use crate::rows::RowWriter;
 
-pub(super) async fn write<W: Write>(
+pub(super) async fn write<W: Write + Send>(
     store: &Store,
     problem: &Problem,
     out: &mut RowWriter<W>,
