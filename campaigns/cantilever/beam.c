@@ -1,10 +1,18 @@
-/* Displacement and area of a cantilever beam: reads beam.in, writes beam.out. */
+/* A cantilever beam under a horizontal and a vertical load at its tip: reads beam.in, writes beam.out.
+ *
+ * area                 width times thickness, in²
+ * displacement         of the tip, in
+ * overstress           the stress at the root less the yield strength, psi: above 0 the beam yields
+ * displacement_beta_3  the largest displacement over all loads and moduli that lie 3 standard deviations
+ *                      from their means (first-order reliability method), in; without a seed only */
 
 #include <math.h>
 #include <stdint.h>
 #include <stdio.h>
 
 static const double length = 100.0; /* in */
+static const double horizontal_mean = 500.0, vertical_mean = 1000.0, load_sd = 100.0; /* lb */
+static const double modulus_mean = 2.9e7, modulus_sd = 1.45e6;                        /* psi */
 
 static uint64_t state;
 
@@ -22,6 +30,34 @@ static double normal(double mean, double sd) {
     return mean + sd * radius * cos(6.283185307179586 * uniform());
 }
 
+static double displacement_of(double width, double thickness, double horizontal, double vertical,
+                              double modulus) {
+    double sideways = horizontal / (width * width);
+    double downwards = vertical / (thickness * thickness);
+    return 4.0 * length * length * length / (modulus * width * thickness) *
+           sqrt(sideways * sideways + downwards * downwards);
+}
+
+/* The largest displacement `beta` standard deviations from the means: the point where the gradient of ln
+ * displacement points away from the means, found by repetition. */
+static double displacement_at(double beta, double width, double thickness) {
+    double u[3] = {0.0, 0.0, 0.0};
+    double horizontal, vertical, modulus;
+    for (int i = 0;; i++) {
+        horizontal = horizontal_mean + load_sd * u[0];
+        vertical = vertical_mean + load_sd * u[1];
+        modulus = modulus_mean + modulus_sd * u[2];
+        if (i == 50) return displacement_of(width, thickness, horizontal, vertical, modulus);
+        double sideways = horizontal / pow(width, 4), downwards = vertical / pow(thickness, 4);
+        double squared = horizontal * sideways + vertical * downwards;
+        double gradient[3] = {load_sd * sideways / squared, load_sd * downwards / squared,
+                              -modulus_sd / modulus};
+        double steepness = sqrt(gradient[0] * gradient[0] + gradient[1] * gradient[1] +
+                                gradient[2] * gradient[2]);
+        for (int j = 0; j < 3; j++) u[j] = beta * gradient[j] / steepness;
+    }
+}
+
 int main(void) {
     double width, thickness;
     unsigned long seed;
@@ -32,21 +68,23 @@ int main(void) {
     }
     fclose(in);
 
-    double horizontal = 500.0, vertical = 1000.0, modulus = 2.9e7; /* lb, lb, psi */
+    double horizontal = horizontal_mean, vertical = vertical_mean, modulus = modulus_mean;
+    double strength = 40000.0; /* psi */
     if (seed != 0) {
         state = seed * 11400714819323198485u;
         for (int i = 0; i < 8; i++) uniform();
-        horizontal = normal(horizontal, 100.0);
-        vertical = normal(vertical, 100.0);
-        modulus = normal(modulus, 1.45e6);
+        horizontal = normal(horizontal, load_sd);
+        vertical = normal(vertical, load_sd);
+        modulus = normal(modulus, modulus_sd);
+        strength = normal(strength, 2000.0);
     }
-    double sideways = horizontal / (width * width);
-    double downwards = vertical / (thickness * thickness);
-    double displacement = 4.0 * length * length * length / (modulus * width * thickness) *
-                          sqrt(sideways * sideways + downwards * downwards);
 
     FILE *out = fopen("beam.out", "w");
     if (!out) return 3;
-    fprintf(out, "area = %.17g\ndisplacement = %.17g\n", width * thickness, displacement);
+    fprintf(out, "area = %.17g\ndisplacement = %.17g\noverstress = %.17g\n", width * thickness,
+            displacement_of(width, thickness, horizontal, vertical, modulus),
+            6.0 * length * (vertical / (width * thickness * thickness) +
+                            horizontal / (width * width * thickness)) - strength);
+    if (seed == 0) fprintf(out, "displacement_beta_3 = %.17g\n", displacement_at(3.0, width, thickness));
     return fclose(out) ? 3 : 0;
 }

@@ -605,6 +605,18 @@ fn a_program_that_fails_on_one_design_spoils_no_other() {
         assert!(failures.contains(part), "no {part:?} in {failures}");
     }
     assert_eq!(status["designs"]["done"], 19, "{status}");
-    let feasible = status["designs"]["feasible"].as_u64().unwrap();
-    assert_eq!(status["samples"]["done"], 25 * feasible);
+    let simulable = status["designs"]["simulable"].as_u64().unwrap();
+    assert_eq!(status["samples"]["done"], 25 * simulable);
+    // The design that has no samples says why, in its row.
+    let table = [
+        "export", "--db", "store.db", "--table", "designs", "--out", "-",
+    ];
+    let designs = sandbox.coordinator(&table);
+    assert_code(&designs, 0);
+    let designs = printed(&designs);
+    let quarantined = designs.lines().filter(|row| row.contains("quarantined: "));
+    let quarantined: Vec<&str> = quarantined.collect();
+    assert_eq!(quarantined.len(), 1, "{designs}");
+    assert!(quarantined[0].contains(",,,0,"), "{quarantined:?}");
+    assert!(quarantined[0].contains("exit status: 7"), "{quarantined:?}");
 }

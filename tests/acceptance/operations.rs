@@ -31,8 +31,8 @@ fn a_campaign_made_larger_keeps_what_it_has() {
     let status = sandbox.status("c.db").unwrap();
     assert_eq!(status["finished"], true, "{status}");
     assert_eq!(status["designs"]["done"], 90);
-    let feasible = status["designs"]["feasible"].as_u64().unwrap();
-    assert_eq!(status["samples"]["done"], 9 * feasible);
+    let simulable = status["designs"]["simulable"].as_u64().unwrap();
+    assert_eq!(status["samples"]["done"], 9 * simulable);
     let after = export(&sandbox, "c.db", "after.csv");
     assert!(
         before.iter().all(|row| after.contains(row)),
@@ -60,8 +60,8 @@ fn a_campaign_grows_again_and_again() {
         let status = sandbox.status("c.db").unwrap();
         assert_eq!(status["finished"], true, "{status}");
         assert_eq!(status["designs"]["done"], n);
-        let feasible = status["designs"]["feasible"].as_u64().unwrap();
-        assert_eq!(status["samples"]["done"], 6 * feasible);
+        let simulable = status["designs"]["simulable"].as_u64().unwrap();
+        assert_eq!(status["samples"]["done"], 6 * simulable);
 
         let after = export(&sandbox, "c.db", &format!("{n}.csv"));
         let held: BTreeSet<&String> = after.iter().collect();
@@ -71,7 +71,7 @@ fn a_campaign_grows_again_and_again() {
             .iter()
             .map(|row| row.split(',').take(2).collect())
             .collect();
-        assert_eq!(keys.len() as u64, 6 * feasible + 1);
+        assert_eq!(keys.len() as u64, 6 * simulable + 1);
         assert_eq!(after.len(), keys.len());
 
         // The store holds the design as it was grown: the same command finds nothing to do.

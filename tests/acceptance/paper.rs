@@ -16,8 +16,8 @@ fn the_full_campaign_gives_the_documented_figures() {
     let status = sandbox.status("paper.db").expect("the default store");
     assert_eq!(status["finished"], true, "{status}");
     assert_eq!(status["designs"]["done"], 3000);
-    let feasible = status["designs"]["feasible"].as_u64().unwrap();
-    assert_eq!(status["samples"]["done"], 30 * feasible);
+    let simulable = status["designs"]["simulable"].as_u64().unwrap();
+    assert_eq!(status["samples"]["done"], 30 * simulable);
     assert!(sandbox.path("paper-report/report.html").exists());
 
     let output = sandbox.coordinator(&["compare", "--db", "paper.db"]);

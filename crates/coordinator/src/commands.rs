@@ -330,7 +330,7 @@ async fn conduct(plan: Plan) -> anyhow::Result<u8> {
             if !given_up.is_empty() {
                 warn!(streams = %given_up.join(", "), "finished, but some samples were given up");
                 Ok(exit::INCOMPLETE)
-            } else if status.designs.feasible == status.designs.ruled_out {
+            } else if status.designs.simulable == status.designs.ruled_out {
                 warn!("finished, but no design got samples; the report says why");
                 Ok(exit::NOT_SIMULABLE)
             } else {

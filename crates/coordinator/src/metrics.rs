@@ -101,9 +101,9 @@ impl Collector for Snapshot {
             &level(designs.wanted as f64),
         )?;
         put(
-            "designs_feasible",
+            "designs_simulable",
             "Designs that can be simulated",
-            &level(designs.feasible as f64),
+            &level(designs.simulable as f64),
         )?;
         put(
             "optimiser_runs",

@@ -94,7 +94,7 @@ impl Steps {
                 Ok(Some(wanting))
             }
             Computed::Responses(rows) => {
-                info!(feasible = rows.len(), "responses computed");
+                info!(designs = rows.len(), "responses computed");
                 self.store.put_responses(&rows, samples).await?;
                 Ok(None)
             }

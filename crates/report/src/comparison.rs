@@ -206,10 +206,10 @@ pub fn comparison_markdown(
     );
     let _ = writeln!(
         page,
-        "- **Feasible designs.** {} of {} here, {} of {} in the paper.\n",
-        header.feasible,
+        "- **Simulable designs.** {} of {} here, {} of {} in the paper.\n",
+        header.simulable,
         header.designs,
-        paper::FEASIBLE,
+        paper::SIMULABLE,
         paper::DESIGNS
     );
     page += "| where | what | paper | ours | gap |\n|---|---|---:|---:|---:|\n";

@@ -14,7 +14,7 @@ pub struct ReportData {
     pub limits: Limits,
     /// The preliminary designs (Tables 1 and 2).
     pub preliminary: Vec<PreliminaryDesign>,
-    /// The feasible designs of the experiment, in design order (Table 3, Figures 4 and 5).
+    /// The simulable designs of the experiment, in design order (Table 3, Figures 4 and 5).
     pub doe: Vec<DoePoint>,
     /// Designs of similar ΔSTE under Archard's wear (Table 4).
     pub similar: Vec<SimilarDesign>,
@@ -52,9 +52,9 @@ pub struct Header {
     /// What the percentile is called: P90.
     pub percentile: String,
     /// How many of the n designs could be simulated.
-    pub feasible: usize,
+    pub simulable: usize,
     /// Why the others could not, with how many designs each reason concerns.
-    pub infeasible: Vec<InfeasibleReason>,
+    pub refused: Vec<Refusals>,
     /// Calls of the gear simulator in the whole campaign.
     pub simulator_calls: u64,
     /// CPU time by stage, in the order of the stages.
@@ -63,9 +63,9 @@ pub struct Header {
     pub facts: Vec<(String, String)>,
 }
 
-/// One reason why designs could not be simulated.
+/// The designs that were refused for one reason: they could not be simulated.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct InfeasibleReason {
+pub struct Refusals {
     /// The simulator's reason.
     pub reason: String,
     /// How many designs it concerns.
@@ -125,7 +125,7 @@ pub struct PreliminaryDesign {
     pub p90_variance_um2: f64,
 }
 
-/// The responses of one feasible design.
+/// The responses of one simulable design.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DoePoint {
     /// ΔSTE without wear, µm.

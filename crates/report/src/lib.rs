@@ -32,9 +32,9 @@ pub use charts::{
 pub use comparison::{Comparison, comparison_markdown, comparisons};
 pub use data::{
     Approach, ApproachResult, Constraints, DoePoint, Enrichment, EnrichmentRound, GearDrawing,
-    GearOutline, Header, InfeasibleReason, KrigingFit, LeaveOneOut, Limits, ModelFigure,
-    OptimiserRun, Optimum, PairConstraint, PairPage, Parameter, Percentile, PreliminaryDesign,
-    PressureCurves, PrintedDesign, PrintedFigures, ReportData, SimilarDesign, StageCost, SteCurves,
+    GearOutline, Header, KrigingFit, LeaveOneOut, Limits, ModelFigure, OptimiserRun, Optimum,
+    PairConstraint, PairPage, Parameter, Percentile, PreliminaryDesign, PressureCurves,
+    PrintedDesign, PrintedFigures, Refusals, ReportData, SimilarDesign, StageCost, SteCurves,
     WearProfiles,
 };
 pub use error::Error;

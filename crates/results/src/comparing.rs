@@ -165,7 +165,7 @@ pub fn remark(row: &Comparison) -> Option<String> {
         "With Archard's law and stiff teeth it stays below half of print. The signed law brings it to \
          0.8, and with prismatic beams to 0.99."
     } else if starts("Table 3") {
-        "The statistics depend on which designs count as feasible, and the paper's simulator refused \
+        "The statistics depend on which designs count as simulable, and the paper's simulator refused \
          27.5 % of them for reasons that it does not print. The least and the greatest value hang on \
          single designs."
     } else if starts("Figure 7") {

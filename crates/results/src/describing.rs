@@ -25,10 +25,10 @@ pub fn describe(status: &Status) -> String {
     let _ = writeln!(text, "stage           {}", status.stage_name());
     let _ = writeln!(
         text,
-        "designs         {} of {} done, {} can be simulated{}",
+        "designs         {} of {} done, {} simulable{}",
         designs.done,
         designs.wanted,
-        designs.feasible,
+        designs.simulable,
         match designs.ruled_out {
             0 => String::new(),
             count => format!(", {count} of them ruled out by constraints"),

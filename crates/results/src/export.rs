@@ -1,5 +1,7 @@
 //! Tables of a store as CSV or JSON, units in the names of their columns.
 
+mod designs;
+
 use std::collections::BTreeMap;
 use std::io::Write;
 
@@ -18,11 +20,11 @@ use crate::rows::{Format, RowWriter};
 /// A table that can be exported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Table {
-    /// The DoE with the criteria of its designs.
+    /// The DoE: whether each design is simulable and feasible, its criteria, and why one has no samples.
     Designs,
     /// Every sample.
     Samples,
-    /// The percentile of every feasible design.
+    /// The percentile of every sampled design.
     Responses,
     /// The kriging model's leave-one-out predictions.
     Loo,
@@ -47,7 +49,7 @@ pub async fn write(
     store: &Store,
     table: Table,
     format: Format,
-    mut out: impl Write,
+    mut out: impl Write + Send,
 ) -> anyhow::Result<()> {
     if table == Table::Model {
         writeln!(out, "{}", model::stored(store).await?.to_json()?)?;
@@ -58,10 +60,10 @@ pub async fn write(
     let problem = &Problem::new(campaign);
     let name = table.to_possible_value();
     let name = name.as_ref().map_or("", |value| value.get_name());
-    let mut out = RowWriter::new(out, format, name);
+    let mut out = RowWriter::new(out, format, name, units(problem));
     match table {
         Table::Model => {}
-        Table::Designs => designs(store, problem, &mut out).await?,
+        Table::Designs => designs::write(store, problem, &mut out).await?,
         Table::Samples => samples(store, problem, &mut out).await?,
         Table::Responses => responses(store, problem, &mut out).await?,
         Table::Loo => leave_one_out(store, problem, &mut out).await?,
@@ -72,6 +74,23 @@ pub async fn write(
     }
     out.finish()
 }
+
+/// The columns about the sampled response, as [`column`] takes them.
+const STATISTICS: [&str; 13] = [
+    "criterion",
+    "expected_improvement",
+    "mean",
+    "observed",
+    "predicted",
+    "predicted_high",
+    "predicted_low",
+    "sd",
+    "{p}",
+    "{p}_converged_difference",
+    "{p}_high",
+    "{p}_low",
+    "{p}_variance",
+];
 
 /// The name of a column about the sampled response: of a gear pair with µm, otherwise without a unit,
 /// as the user's own names are. `{p}` stands for the percentile's.
@@ -85,6 +104,38 @@ pub(crate) fn column(problem: &Problem, what: &str) -> String {
     }
 }
 
+/// The units of columns, by their names.
+fn units(problem: &Problem) -> BTreeMap<String, String> {
+    let sampled = problem.sampled();
+    let squared = match &*sampled.unit {
+        "" => String::new(),
+        unit => format!("{unit}²"),
+    };
+    let statistics = STATISTICS.map(|what| {
+        let is_squared = what.ends_with("variance");
+        let unit = if is_squared {
+            &*squared
+        } else {
+            &*sampled.unit
+        };
+        (column(problem, what), unit.to_owned())
+    });
+    let quantities = [problem.variables(), problem.responses(), problem.criteria()];
+    let quantities = quantities.into_iter().flatten().chain([sampled]);
+    let quantities = quantities.map(|quantity| {
+        let unit = match &*quantity.unit {
+            "" => modelling::Quantity::new(&quantity.name).unit,
+            unit => Some(unit.to_owned()),
+        };
+        (quantity.name.to_string(), unit.unwrap_or_default())
+    });
+    let cost = ("cpu_seconds".to_owned(), "s".to_owned());
+    let mut units: BTreeMap<String, String> = statistics.into_iter().chain([cost]).collect();
+    units.extend(quantities);
+    units.retain(|_, unit| !unit.is_empty());
+    units
+}
+
 fn number(value: f64) -> String {
     // The shortest digits that read back as the same number.
     format!("{value}")
@@ -94,7 +145,7 @@ fn optional(value: Option<f64>) -> String {
     value.map_or_else(String::new, number)
 }
 
-async fn failures<W: Write>(store: &Store, out: &mut RowWriter<W>) -> anyhow::Result<()> {
+async fn failures<W: Write + Send>(store: &Store, out: &mut RowWriter<W>) -> anyhow::Result<()> {
     out.write_record(["job", "attempt", "worker", "kind", "error"])?;
     for row in store.failures().await? {
         let attempt = row.attempt.to_string();
@@ -104,39 +155,7 @@ async fn failures<W: Write>(store: &Store, out: &mut RowWriter<W>) -> anyhow::Re
     Ok(())
 }
 
-async fn designs<W: Write>(
-    store: &Store,
-    problem: &Problem,
-    out: &mut RowWriter<W>,
-) -> anyhow::Result<()> {
-    let responses = problem.responses();
-    let mut header = vec!["design"];
-    header.extend(problem.free_names());
-    header.extend(["feasible", "reason"]);
-    header.extend(responses.iter().map(|response| &*response.name));
-    out.write_record(&header)?;
-    let criteria: BTreeMap<u64, store::CriteriaRow> = store
-        .criteria()
-        .await?
-        .into_iter()
-        .map(|row| (row.design, row))
-        .collect();
-    for row in store.designs().await? {
-        let mut record = vec![row.design.to_string()];
-        record.extend(row.x.iter().copied().map(number));
-        let known = criteria.get(&row.design);
-        record.push(known.map_or_else(String::new, |row| u8::from(row.feasible).to_string()));
-        record.push(known.and_then(|row| row.reason.clone()).unwrap_or_default());
-        match known.and_then(|row| row.responses.as_deref()) {
-            Some(values) => record.extend(values.iter().copied().map(number)),
-            None => record.extend(std::iter::repeat_n(String::new(), responses.len())),
-        }
-        out.write_record(&record)?;
-    }
-    Ok(())
-}
-
-async fn samples<W: Write>(
+async fn samples<W: Write + Send>(
     store: &Store,
     problem: &Problem,
     out: &mut RowWriter<W>,
@@ -154,7 +173,7 @@ async fn samples<W: Write>(
         .await
 }
 
-async fn responses<W: Write>(
+async fn responses<W: Write + Send>(
     store: &Store,
     problem: &Problem,
     out: &mut RowWriter<W>,
@@ -175,7 +194,7 @@ async fn responses<W: Write>(
     Ok(())
 }
 
-async fn leave_one_out<W: Write>(
+async fn leave_one_out<W: Write + Send>(
     store: &Store,
     problem: &Problem,
     out: &mut RowWriter<W>,
@@ -200,7 +219,7 @@ async fn leave_one_out<W: Write>(
     Ok(())
 }
 
-async fn rounds<W: Write>(
+async fn rounds<W: Write + Send>(
     store: &Store,
     problem: &Problem,
     out: &mut RowWriter<W>,
@@ -251,7 +270,7 @@ async fn rounds<W: Write>(
     Ok(())
 }
 
-async fn infill<W: Write>(
+async fn infill<W: Write + Send>(
     store: &Store,
     problem: &Problem,
     out: &mut RowWriter<W>,
@@ -279,7 +298,7 @@ async fn infill<W: Write>(
     Ok(())
 }
 
-async fn optima<W: Write>(
+async fn optima<W: Write + Send>(
     store: &Store,
     problem: &Problem,
     out: &mut RowWriter<W>,

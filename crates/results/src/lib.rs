@@ -3,7 +3,7 @@
 //!
 //! - [`status`] says how far a campaign is; [`live`] has what only a running coordinator knows of it, and
 //!   [`describing`] puts both into words.
-//! - [`export`] writes the store's tables as [`rows`] of CSV or JSON, [`model`] is its kriging model, and
+//! - [`export`] writes the store's tables as [`rows`] of CSV, JSON or Parquet, [`model`] is its kriging model, and
 //!   [`pair_file`] an optimum as a pair file.
 //! - [`reporting`] gathers the data of the report; [`comparing`] puts the paper's figures beside ours.
 //! - [`mod@percentile`] estimates P90 with its interval from fresh samples.
@@ -15,6 +15,8 @@ pub mod export;
 pub mod live;
 pub mod model;
 pub mod pair_file;
+#[cfg(feature = "parquet")]
+mod parquet;
 pub mod percentile;
 pub mod reporting;
 pub mod rows;

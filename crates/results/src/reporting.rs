@@ -15,8 +15,8 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use campaign::{Approach, Campaign};
 use report::{
-    DoePoint, Header, InfeasibleReason, KrigingFit, LeaveOneOut, Limits, Parameter, ReportData,
-    StageCost, WearProfiles,
+    DoePoint, Header, KrigingFit, LeaveOneOut, Limits, Parameter, Refusals, ReportData, StageCost,
+    WearProfiles,
 };
 use stages::cost::{infill_seconds, sampling_calls};
 use stages::names;
@@ -106,14 +106,14 @@ fn header(sources: &Sources, samples_digest: String, times: &[store::JobTimeRow]
         let code = reason.split(':').next().unwrap_or(reason);
         *reasons.entry(code).or_default() += 1;
     }
-    let mut infeasible: Vec<InfeasibleReason> = reasons
+    let mut refused: Vec<Refusals> = reasons
         .into_iter()
-        .map(|(reason, count)| InfeasibleReason {
+        .map(|(reason, count)| Refusals {
             reason: reason.to_owned(),
             count,
         })
         .collect();
-    infeasible.sort_by(|a, b| b.count.cmp(&a.count).then(a.reason.cmp(&b.reason)));
+    refused.sort_by(|a, b| b.count.cmp(&a.count).then(a.reason.cmp(&b.reason)));
 
     let mut stages: BTreeMap<_, f64> = BTreeMap::new();
     for time in times {
@@ -167,8 +167,8 @@ fn header(sources: &Sources, samples_digest: String, times: &[store::JobTimeRow]
         designs: campaign.doe.designs as usize,
         samples_per_design: campaign.sampling.samples_per_design as usize,
         percentile: campaign.sampling.percentile_name(),
-        feasible: sources.criteria.iter().filter(|row| row.feasible).count(),
-        infeasible,
+        simulable: sources.criteria.iter().filter(|row| row.feasible).count(),
+        refused,
         simulator_calls: sampling + optimising + enriching + verifying,
         stages: costs,
         facts: facts::facts(sources),

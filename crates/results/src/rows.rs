@@ -1,5 +1,6 @@
-//! Rows of tables as CSV or as JSON.
+//! Rows of tables as CSV, JSON or Parquet.
 
+use std::collections::BTreeMap;
 use std::io::Write;
 
 use anyhow::Context as _;
@@ -28,6 +29,45 @@ const TEXT: [&str; 14] = [
     "worker",
 ];
 
+/// Columns that hold whole numbers.
+#[cfg(feature = "parquet")]
+const WHOLE: [&str; 10] = [
+    "attempt",
+    "design",
+    "failed",
+    "feasible",
+    "points",
+    "round",
+    "sample",
+    "samples",
+    "simulable",
+    "simulator_calls",
+];
+
+/// What a column holds.
+#[cfg(feature = "parquet")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// Text.
+    Text,
+    /// Whole numbers or nothing.
+    Whole,
+    /// Numbers or nothing.
+    Number,
+}
+
+/// What the column of this name holds.
+#[cfg(feature = "parquet")]
+pub(crate) fn kind(column: &str) -> Kind {
+    if TEXT.contains(&column) {
+        Kind::Text
+    } else if WHOLE.contains(&column) {
+        Kind::Whole
+    } else {
+        Kind::Number
+    }
+}
+
 /// The form of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 pub enum Format {
@@ -36,12 +76,15 @@ pub enum Format {
     Csv,
     /// One JSON object, with `schema_version` and the rows as objects
     Json,
+    /// A Parquet file, units in its metadata
+    #[cfg(feature = "parquet")]
+    Parquet,
 }
 
-/// Writes the rows of a table in either form; the first record is the header.
-pub struct RowWriter<W: Write>(Form<W>);
+/// Writes the rows of a table in any form; the first record is the header.
+pub struct RowWriter<W: Write + Send>(Form<W>);
 
-enum Form<W: Write> {
+enum Form<W: Write + Send> {
     Csv(Box<csv::Writer<W>>),
     Json {
         out: W,
@@ -49,11 +92,18 @@ enum Form<W: Write> {
         header: Option<Vec<String>>,
         rows: u64,
     },
+    #[cfg(feature = "parquet")]
+    Parquet(Box<crate::parquet::ParquetWriter<W>>),
 }
 
-impl<W: Write> RowWriter<W> {
-    /// A writer of the table of this name.
-    pub fn new(out: W, format: Format, table: &str) -> Self {
+impl<W: Write + Send> RowWriter<W> {
+    /// A writer of the table of this name; `units` are those of its columns, for the forms that have a place
+    /// for them.
+    #[cfg_attr(
+        not(feature = "parquet"),
+        expect(unused_variables, reason = "the other forms have no place for units")
+    )]
+    pub fn new(out: W, format: Format, table: &str, units: BTreeMap<String, String>) -> Self {
         Self(match format {
             Format::Csv => Form::Csv(Box::new(csv::Writer::from_writer(out))),
             Format::Json => Form::Json {
@@ -62,6 +112,11 @@ impl<W: Write> RowWriter<W> {
                 header: None,
                 rows: 0,
             },
+            #[cfg(feature = "parquet")]
+            Format::Parquet => {
+                let writer = crate::parquet::ParquetWriter::new(out, table, units);
+                Form::Parquet(Box::new(writer))
+            }
         })
     }
 
@@ -106,6 +161,11 @@ impl<W: Write> RowWriter<W> {
                     }
                 }
             }
+            #[cfg(feature = "parquet")]
+            Form::Parquet(out) => {
+                let fields: Vec<String> = record.map(|field| field.as_ref().to_owned()).collect();
+                out.write_record(&fields)?;
+            }
         }
         Ok(())
     }
@@ -122,6 +182,8 @@ impl<W: Write> RowWriter<W> {
                 writeln!(out, "\n]}}")?;
                 out.flush()?;
             }
+            #[cfg(feature = "parquet")]
+            Form::Parquet(out) => out.finish()?,
         }
         Ok(())
     }
@@ -168,7 +230,7 @@ mod tests {
 
     fn written(format: Format, rows: &[&[&str]]) -> anyhow::Result<String> {
         let mut bytes = Vec::new();
-        let mut out = RowWriter::new(&mut bytes, format, "failures");
+        let mut out = RowWriter::new(&mut bytes, format, "failures", BTreeMap::new());
         for row in rows {
             out.write_record(*row)?;
         }

@@ -81,7 +81,7 @@ pub struct Designs {
     /// Designs whose criteria are stored.
     pub done: u64,
     /// Those of them that could be simulated.
-    pub feasible: u64,
+    pub simulable: u64,
     /// Those of them that get no samples, because their constraints rule them out.
     #[serde(default)]
     pub ruled_out: u64,
@@ -198,7 +198,7 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
     };
     let groups = store.failure_groups().await?.into_iter();
     Ok(Status {
-        schema_version: 2,
+        schema_version: 3,
         campaign: row.name,
         campaign_digest: row.digest,
         program_version: row.program_version,
@@ -208,7 +208,7 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
             wanted,
             made: progress.designs,
             done: progress.criteria_done,
-            feasible: progress.feasible,
+            simulable: progress.feasible,
             ruled_out: progress.ruled_out,
         },
         samples: Samples {
@@ -320,23 +320,23 @@ impl Status {
     }
 
     /// About how many samples of the DoE are missing: of the designs that have not been tried, as
-    /// many are taken to be feasible as of the others.
+    /// many are taken to get samples as of the others.
     #[must_use]
     pub fn missing(&self) -> f64 {
         let Designs {
             wanted,
             done,
-            feasible,
+            simulable,
             ruled_out,
             ..
         } = self.designs;
-        let feasible = feasible.saturating_sub(ruled_out);
+        let sampled = simulable.saturating_sub(ruled_out);
         let share = if done > 0 {
-            feasible as f64 / done as f64
+            sampled as f64 / done as f64
         } else {
             1.0
         };
-        let expected = (feasible as f64 + share * wanted.saturating_sub(done) as f64)
+        let expected = (sampled as f64 + share * wanted.saturating_sub(done) as f64)
             * self.samples.per_design as f64;
         (expected - self.samples.done as f64).max(0.0)
     }

@@ -5,6 +5,9 @@ use campaign::formulation::{Design, Problem, Quantity};
 use serde_json::{Map, Value};
 use store::{OptimumRow, Store};
 
+use crate::plan;
+use crate::state::State;
+
 /// The approach of that name.
 #[must_use]
 pub fn approach_of(name: &str) -> Option<Approach> {
@@ -33,6 +36,18 @@ pub fn design_from_json(problem: &Problem, json: &str) -> Option<Design> {
     let value = |variable: &Quantity| object.get(&*variable.name)?.as_f64();
     let values: Option<Vec<f64>> = problem.variables().iter().map(value).collect();
     values.map(Design::new)
+}
+
+/// The variables that the DoE leaves alone, once they are known, from the chosen optima.
+#[must_use]
+pub fn base(problem: &Problem, rows: &[OptimumRow]) -> Option<Design> {
+    let known =
+        |row: &OptimumRow| Some((approach_of(&row.approach)?, optimum_design(problem, row)));
+    let state = State {
+        optima: rows.iter().filter_map(known).collect(),
+        ..State::default()
+    };
+    plan::base(problem, &state)
 }
 
 /// The optima in the order of the paper's Table 5.

@@ -278,8 +278,10 @@ impl Campaign {
                  constraints of thousands of candidates itself, with the built-in model",
             ),
             Kind::External(sections) if !sections.constraints.is_empty() => Some(
-                "absent beside [[constraints]]: the coordinator would have to evaluate those of \
-                 thousands of candidates itself",
+                "absent beside [[constraints]]: the coordinator cannot ask the program for the \
+                 constraints of thousands of candidates, and the samples of an infill point bring no \
+                 constraint values that would show whether its design is feasible; more doe.designs \
+                 take its place",
             ),
             _ => None,
         };

@@ -62,7 +62,7 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
         Some(measure(&problem)?)
     };
     let Measured {
-        sampled: feasible,
+        sampled,
         design_seconds,
         sample_seconds,
         ..
@@ -73,8 +73,8 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
         sample_seconds: f64::NAN,
     });
 
-    let feasible = n as f64 * feasible;
-    let sampling = n as f64 * design_seconds + feasible * k as f64 * sample_seconds;
+    let sampled = n as f64 * sampled;
+    let sampling = n as f64 * design_seconds + sampled * k as f64 * sample_seconds;
     let runs = problem.optimiser_runs();
     let analyses = (runs * evaluations) as f64;
     let optimising = analyses * design_seconds;
@@ -85,7 +85,7 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
         doe::Method::Maximin => 6.0 * n as f64 / 3000.0,
         _ => 0.0,
     };
-    let fitting = 10.0 * (feasible / 3000.0).powi(3);
+    let fitting = 10.0 * (sampled / 3000.0).powi(3);
     let mut rows = vec![
         (
             "doe",
@@ -106,7 +106,7 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
         (
             "fit",
             if measured.is_some() {
-                format!("about {feasible:.0} designs that get samples")
+                format!("about {sampled:.0} designs that get samples")
             } else {
                 format!("at most {n} designs")
             },
@@ -124,7 +124,7 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
         ),
     ];
     if let Some(section) = &campaign.enrichment {
-        let left = (f64::from(section.samples) - feasible * k as f64).max(0.0);
+        let left = (f64::from(section.samples) - sampled * k as f64).max(0.0);
         let points = left / f64::from(section.samples_per_point);
         let what = format!(
             "at most {} rounds of {} points, {} samples with the DoE's",

@@ -295,6 +295,15 @@ fn a_campaigns_results_are_for_programs_and_overwrite_nothing() {
             .filter_map(Value::as_str)
             .collect();
         assert_eq!(text.lines().next().unwrap(), columns.join(","));
+        #[cfg(feature = "parquet")]
+        {
+            let file = format!("{table}.parquet");
+            assert_code(&export(table, &[&file, "--format", "parquet"]), 0);
+            let printed = export(table, &["-", "--format", "parquet"]);
+            assert_eq!(printed.stdout, std::fs::read(sandbox.path(&file)).unwrap());
+            let rows = parquet_rows(&sandbox.path(&file), &columns);
+            assert_eq!(rows, text.lines().count() - 1, "{table}");
+        }
     }
     let model = json(&export("model", &["-"]));
     assert_eq!(model["inputs"][0]["name"], "x_p");
@@ -373,4 +382,20 @@ fn a_log_level_that_there_is_not_is_refused() {
         "{said}"
     );
     assert!(!sandbox.path("new.toml").exists());
+}
+
+/// How many rows a Parquet file has, whose columns have to be `columns`.
+#[cfg(feature = "parquet")]
+fn parquet_rows(path: &std::path::Path, columns: &[&str]) -> usize {
+    use parquet::file::reader::{FileReader as _, SerializedFileReader};
+
+    let file = SerializedFileReader::new(std::fs::File::open(path).unwrap()).unwrap();
+    let schema = file.metadata().file_metadata().schema_descr();
+    let names: Vec<&str> = schema
+        .columns()
+        .iter()
+        .map(|column| column.name())
+        .collect();
+    assert_eq!(names, columns);
+    file.get_row_iter(None).unwrap().map(Result::unwrap).count()
 }

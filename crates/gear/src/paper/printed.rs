@@ -7,7 +7,7 @@
 /// Points of the paper's design of experiments (section III.C).
 pub const DESIGNS: usize = 3000;
 /// Designs of it that the paper's simulator could analyse (section III.C).
-pub const FEASIBLE: usize = 2175;
+pub const SIMULABLE: usize = 2175;
 /// Monte Carlo samples per design (section III.C).
 pub const SAMPLES: usize = 30;
 /// Monte Carlo samples behind an accurate percentile (Tables 1, 4 and 5).

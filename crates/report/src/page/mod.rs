@@ -20,7 +20,7 @@ use rows::{ApproachRow, ComparedDesign, PreliminaryRow, ResponseRow, SimilarRow,
 
 /// The report as one HTML page that loads nothing and runs nothing.
 ///
-/// Missing parts appear as sentences: an experiment without feasible designs or an approach without
+/// Missing parts appear as sentences: an experiment without simulable designs or an approach without
 /// a design makes a shorter report, not an error.
 ///
 /// # Errors
@@ -51,7 +51,7 @@ struct Page<'a> {
     paper_samples: usize,
     headline: String,
     tiles: Vec<(String, String)>,
-    infeasible: Vec<(String, String, String)>,
+    refused: Vec<(String, String, String)>,
     stages: Vec<(String, String)>,
     stages_total: String,
     wear: Figure,
@@ -116,8 +116,8 @@ impl<'a> Page<'a> {
             paper_samples: paper::ACCURATE_SAMPLES,
             headline: headline(data),
             tiles: tiles(header, paper),
-            infeasible: header
-                .infeasible
+            refused: header
+                .refused
                 .iter()
                 .map(|reason| {
                     let share = reason.count as f64 / header.designs as f64;
@@ -262,15 +262,15 @@ fn headline(data: &ReportData) -> String {
 }
 
 fn tiles(header: &Header, compare: bool) -> Vec<(String, String)> {
-    let mut feasible = count(header.feasible as u64);
+    let mut simulable = count(header.simulable as u64);
     if header.designs > 0 {
-        let share = header.feasible as f64 / header.designs as f64;
-        feasible.push_str(&format!(" ({})", percent(share)));
+        let share = header.simulable as f64 / header.designs as f64;
+        simulable.push_str(&format!(" ({})", percent(share)));
     }
     if compare {
-        feasible.push_str(&format!(
+        simulable.push_str(&format!(
             "; paper {} of {}",
-            paper::FEASIBLE,
+            paper::SIMULABLE,
             paper::DESIGNS
         ));
     }
@@ -282,7 +282,7 @@ fn tiles(header: &Header, compare: bool) -> Vec<(String, String)> {
             "Samples per design k",
             count(header.samples_per_design as u64),
         ),
-        ("Feasible designs", feasible),
+        ("Simulable designs", simulable),
         ("Simulator calls", count(header.simulator_calls)),
     ]
     .map(|(label, value)| (label.to_owned(), value))

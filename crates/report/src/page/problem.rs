@@ -23,7 +23,7 @@ pub fn render_problem(data: &ProblemReport) -> Result<String, Error> {
         headline: headline(data),
         tiles: tiles(header, false),
         refused: header
-            .infeasible
+            .refused
             .iter()
             .map(|row| {
                 let designs = count(row.count as u64);

@@ -92,7 +92,7 @@ fn enrichment() -> Enrichment {
 }
 
 fn header() -> Header {
-    let reason = |reason: &str, count| InfeasibleReason {
+    let reason = |reason: &str, count| Refusals {
         reason: reason.to_owned(),
         count,
     };
@@ -110,8 +110,8 @@ fn header() -> Header {
         designs: 3000,
         samples_per_design: 30,
         percentile: "P90".to_owned(),
-        feasible: 2175,
-        infeasible: vec![
+        simulable: 2175,
+        refused: vec![
             reason("contact beyond a base tangent point", 611),
             reason("involute equation has no solution", 142),
             reason("a mesh position has no pair in contact", 72),

@@ -21,8 +21,8 @@ fn empty() -> ReportData {
             designs: 0,
             samples_per_design: 0,
             percentile: "P90".to_owned(),
-            feasible: 0,
-            infeasible: Vec::new(),
+            simulable: 0,
+            refused: Vec::new(),
             simulator_calls: 0,
             stages: Vec::new(),
             facts: Vec::new(),
@@ -65,7 +65,7 @@ fn an_empty_page_says_so_in_words() {
         "No optimiser run was recorded.",
         "No wear profile was recorded.",
         "No preliminary design was simulated.",
-        "The experiment has no feasible design",
+        "The experiment has no simulable design",
         "No kriging model was fitted.",
         "The printed designs were not computed.",
     ] {
@@ -113,7 +113,7 @@ fn text_from_outside_is_escaped_everywhere() {
     data.header.campaign = evil();
     data.header.program_version = evil();
     data.header.samples_digest = evil();
-    data.header.infeasible[0].reason = evil();
+    data.header.refused[0].reason = evil();
     data.header.stages[0].stage = evil();
     data.header.facts.push((evil(), evil()));
     data.notes.push(evil());
@@ -147,7 +147,7 @@ fn numbers_reach_the_tables() {
     let text = markup::text(&page);
     for expected in [
         "2009",                              // seed
-        "2175 (72.5 %); paper 2175 of 3000", // feasible share
+        "2175 (72.5 %); paper 2175 of 3000", // simulable share
         "211\u{202f}584",                    // simulator calls
         "5.24 5.82 0.45 0.41 5.90 6.34",     // Table 1, design 1, ours and the paper's alternating
         "0.012 0.010 0.11 0.10",             // Table 2, design 1

@@ -39,7 +39,7 @@ pub(super) fn notes(sources: &Sources, failures: &[store::FailureRow]) -> Vec<St
         let count = panics(name);
         if count > 0 {
             notes.push(format!(
-                "{count} designs {what}; they are recorded as infeasible."
+                "{count} designs {what}; they are recorded as not simulable."
             ));
         }
     }

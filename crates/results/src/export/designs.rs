@@ -1,0 +1,225 @@
+//! The table of designs: what is known of each, and why one without samples has none.
+
+use std::collections::BTreeMap;
+use std::io::Write;
+
+use campaign::file::Sampling;
+use campaign::formulation::{Design, Problem};
+use campaign::simulator::State;
+use ledger::StreamId;
+use stages::{names, optima};
+use store::{CriteriaRow, FailureKind, ResponseRow, Store};
+
+use super::number;
+use crate::rows::RowWriter;
+
+pub(super) async fn write<W: Write + Send>(
+    store: &Store,
+    problem: &Problem,
+    out: &mut RowWriter<W>,
+) -> anyhow::Result<()> {
+    let responses = problem.responses();
+    let mut header = vec!["design"];
+    header.extend(problem.free_names());
+    header.extend(["simulable", "feasible", "samples", "reason"]);
+    header.extend(responses.iter().map(|response| &*response.name));
+    out.write_record(&header)?;
+    let known = Known::read(store, problem).await?;
+    for row in store.designs().await? {
+        let of_design = known.of(row.design);
+        let criteria = of_design.criteria;
+        let flag = |holds: Option<bool>| {
+            holds.map_or_else(String::new, |holds| u8::from(holds).to_string())
+        };
+        let feasible = criteria.and_then(|criteria| known.is_feasible(problem, &row.x, criteria));
+        let mut record = vec![row.design.to_string()];
+        record.extend(row.x.iter().copied().map(number));
+        record.push(flag(criteria.map(|criteria| criteria.feasible)));
+        record.push(flag(feasible));
+        record.push(of_design.samples.to_string());
+        record.push(of_design.reason(&problem.campaign().sampling));
+        match criteria.and_then(|row| row.responses.as_deref()) {
+            Some(values) => record.extend(values.iter().copied().map(number)),
+            None => record.extend(std::iter::repeat_n(String::new(), responses.len())),
+        }
+        out.write_record(&record)?;
+    }
+    Ok(())
+}
+
+/// What the store knows of all designs.
+struct Known {
+    /// The variables that all designs share, once they are known.
+    base: Option<Design>,
+    criteria: BTreeMap<u64, CriteriaRow>,
+    responses: BTreeMap<u64, ResponseRow>,
+    samples: BTreeMap<u64, u64>,
+    /// The error with which a job was quarantined last.
+    quarantined: BTreeMap<String, String>,
+}
+
+/// What the store knows of one design.
+struct OfDesign<'a> {
+    criteria: Option<&'a CriteriaRow>,
+    response: Option<&'a ResponseRow>,
+    samples: u64,
+    quarantined: Option<&'a str>,
+}
+
+impl Known {
+    async fn read(store: &Store, problem: &Problem) -> anyhow::Result<Self> {
+        let criteria = store.criteria().await?;
+        let responses = store.responses().await?;
+        let failures = store.failures().await?.into_iter();
+        let quarantined = failures.filter(|row| row.kind == FailureKind::Quarantine);
+        Ok(Self {
+            base: optima::base(problem, &store.optima().await?),
+            criteria: criteria.into_iter().map(|row| (row.design, row)).collect(),
+            responses: responses.into_iter().map(|row| (row.design, row)).collect(),
+            samples: store.sampled_counts().await?.into_iter().collect(),
+            quarantined: quarantined.map(|row| (row.job, row.error)).collect(),
+        })
+    }
+
+    fn of(&self, design: u64) -> OfDesign<'_> {
+        let stream = u32::try_from(design).map(StreamId::design);
+        let job = stream.map(names::stream_name).unwrap_or_default();
+        OfDesign {
+            criteria: self.criteria.get(&design),
+            response: self.responses.get(&design),
+            samples: self.samples.get(&design).copied().unwrap_or(0),
+            quarantined: self.quarantined.get(&job).map(String::as_str),
+        }
+    }
+
+    /// Whether all constraints hold in the baseline state, by which the best of the DoE is chosen; none
+    /// where the variables that all designs share are not known yet.
+    fn is_feasible(&self, problem: &Problem, x: &[f64], row: &CriteriaRow) -> Option<bool> {
+        let Some(responses) = row.responses.as_deref() else {
+            return Some(false);
+        };
+        let design = problem.design(x, self.base.as_ref()?);
+        let analysis = problem.analysis(&design, responses, State::Baseline)?;
+        Some(problem.is_feasible(&analysis.criteria))
+    }
+}
+
+impl OfDesign<'_> {
+    /// Why the design has no samples, or fewer than it should have; empty where it has them.
+    fn reason(&self, sampling: &Sampling) -> String {
+        if let Some(reason) = self.criteria.and_then(|row| row.reason.as_deref()) {
+            return reason.to_owned();
+        }
+        let (samples, wanted) = (self.samples, u64::from(sampling.samples_per_design));
+        // A design that was quarantined before it reached the precision has a response of the samples
+        // that it got.
+        let is_precise = sampling.precision_um.is_none_or(|precision| {
+            samples >= u64::from(sampling.samples_max())
+                || self
+                    .response
+                    .is_some_and(|row| row.p90_variance_um2.sqrt() <= precision)
+        });
+        if self.criteria.is_some() && samples >= wanted && is_precise {
+            return String::new();
+        }
+        if let Some(error) = self.quarantined {
+            return format!("quarantined: {error}");
+        }
+        match (self.criteria, self.response) {
+            (None, _) => "not simulated yet".to_owned(),
+            (Some(_), None) if samples < wanted => {
+                format!("not sampled yet: {samples} of {wanted} samples")
+            }
+            (Some(_), None) => {
+                format!("not sampled to the precision yet: {samples} samples")
+            }
+            (Some(_), Some(_)) => String::new(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use campaign::Campaign;
+
+    use super::*;
+
+    fn sampling(precision_um: Option<f64>) -> Sampling {
+        let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
+        campaign.sampling.precision_um = precision_um;
+        campaign.sampling
+    }
+
+    fn reason(
+        sampling: &Sampling,
+        criteria: Option<Option<&str>>,
+        samples: u64,
+        variance: Option<f64>,
+        quarantined: Option<&str>,
+    ) -> String {
+        let criteria = criteria.map(|reason| CriteriaRow {
+            feasible: true,
+            reason: reason.map(str::to_owned),
+            ..CriteriaRow::default()
+        });
+        let response = variance.map(|p90_variance_um2| ResponseRow {
+            design: 0,
+            mean_um: 1.0,
+            sd_um: 1.0,
+            p90_um: 2.0,
+            p90_variance_um2,
+            lilliefors_p: None,
+        });
+        let of_design = OfDesign {
+            criteria: criteria.as_ref(),
+            response: response.as_ref(),
+            samples,
+            quarantined,
+        };
+        of_design.reason(sampling)
+    }
+
+    #[test]
+    fn whatever_is_not_sampled_says_why() {
+        let plain = sampling(None);
+        let (new, simulated) = (None, Some(None));
+        assert_eq!(reason(&plain, new, 0, None, None), "not simulated yet");
+        let failed = Some("no licence");
+        assert_eq!(
+            reason(&plain, new, 0, None, failed),
+            "quarantined: no licence"
+        );
+        assert_eq!(
+            reason(&plain, simulated, 12, None, None),
+            "not sampled yet: 12 of 30 samples"
+        );
+        assert_eq!(
+            reason(&plain, simulated, 12, None, failed),
+            "quarantined: no licence"
+        );
+        assert_eq!(
+            reason(&plain, Some(Some("undercut: deep")), 0, None, None),
+            "undercut: deep"
+        );
+        // A retry cured it.
+        assert_eq!(reason(&plain, simulated, 30, Some(1.0), failed), "");
+    }
+
+    #[test]
+    fn a_design_that_lacks_its_precision_says_why() {
+        let precise = sampling(Some(0.1));
+        let of =
+            |samples, variance, failed| reason(&precise, Some(None), samples, variance, failed);
+        assert_eq!(
+            of(60, None, None),
+            "not sampled to the precision yet: 60 samples"
+        );
+        assert_eq!(of(60, Some(0.01), Some("no licence")), "");
+        assert_eq!(
+            of(60, Some(0.04), Some("no licence")),
+            "quarantined: no licence"
+        );
+        let most = u64::from(precise.samples_max());
+        assert_eq!(of(most, Some(0.04), None), "");
+    }
+}
