@@ -113,6 +113,15 @@ fn a_direct_search_finds_ishigamis_least_percentile() {
     let optima = status["optima"].as_array().expect("a list");
     let names: Vec<_> = optima.iter().map(|o| o["approach"].as_str()).collect();
     assert!(names.contains(&Some("direct")), "{names:?}");
+    let table = "export --db i.db --table evaluations --out -";
+    let table: Vec<&str> = table.split(' ').collect();
+    let table = sandbox.coordinator(&table);
+    assert_code(&table, 0);
+    let table = printed(&table);
+    let of_direct = table.lines().filter(|line| line.starts_with("direct,0,"));
+    assert_eq!(of_direct.count(), 600);
+    let header = "approach,start,evaluation,x1,x2,x3,simulable,reason,y,samples,p90";
+    assert!(table.starts_with(header), "{table:.200}");
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Tables of a store as CSV or JSON, units in the names of their columns.
 
 mod designs;
+mod evaluations;
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -34,6 +35,8 @@ pub enum Table {
     Rounds,
     /// The infill points, with the percentile of the samples that each brought.
     Infill,
+    /// What an external simulator said of each candidate of the optimiser's runs.
+    Evaluations,
     /// Everything that went wrong, in its order, with all that was said about it.
     Failures,
     /// The kriging model with its inputs and their bounds, as `fit --out` writes one: one JSON object.
@@ -70,6 +73,7 @@ pub async fn write(
         Table::Optima => optima(store, problem, &mut out).await?,
         Table::Rounds => rounds(store, problem, &mut out).await?,
         Table::Infill => infill(store, problem, &mut out).await?,
+        Table::Evaluations => evaluations::write(store, problem, &mut out).await?,
         Table::Failures => failures(store, &mut out).await?,
     }
     out.finish()

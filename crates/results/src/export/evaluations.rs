@@ -1,0 +1,60 @@
+//! What an external simulator said of the candidates of the optimiser's runs.
+
+use std::io::Write;
+
+use campaign::Approach;
+use campaign::formulation::Problem;
+use stages::names::run_name;
+use store::{EvaluationRow, Store};
+
+use super::{column, number, optional};
+use crate::rows::RowWriter;
+
+/// A row for each evaluation, in the order of approaches, starts and evaluations.
+pub(super) async fn write<W: Write + Send>(
+    store: &Store,
+    problem: &Problem,
+    out: &mut RowWriter<W>,
+) -> anyhow::Result<()> {
+    let mut header = vec!["approach", "start", "evaluation"];
+    header.extend(problem.variables().iter().map(|variable| &*variable.name));
+    // The response without random effects.
+    header.extend(["simulable", "reason", &*problem.sampled().name]);
+    header.extend(problem.criteria().iter().map(|criterion| &*criterion.name));
+    let percentile = column(problem, "{p}");
+    header.extend(["samples", &percentile]);
+    out.write_record(&header)?;
+    for approach in Approach::OPTIMISED {
+        for start in 0..problem.campaign().optimise.starts {
+            let name = run_name(approach, start);
+            for row in store.evaluations(&name, 0).await? {
+                let first = [
+                    problem.approach_name(approach).to_owned(),
+                    start.to_string(),
+                ];
+                let rest = record(problem, row);
+                out.write_record(first.into_iter().chain(rest).collect::<Vec<_>>())?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The columns of an evaluation after those that name its run.
+fn record(problem: &Problem, row: EvaluationRow) -> Vec<String> {
+    let mut record = vec![row.evaluation.to_string()];
+    record.extend(row.x.iter().copied().map(number));
+    record.push(u8::from(row.refused.is_none()).to_string());
+    record.push(row.refused.unwrap_or_default());
+    record.push(optional(row.value));
+    // Those that decide whether the design is feasible.
+    match row.worn_criteria.or(row.criteria) {
+        Some(criteria) => record.extend(criteria.into_iter().map(number)),
+        None => record.extend(problem.criteria().iter().map(|_| String::new())),
+    }
+    let samples = row.samples.unwrap_or_default();
+    let percentile = problem.campaign().sampling.verified(&samples).ok();
+    record.push(samples.len().to_string());
+    record.push(optional(percentile.map(|percentile| percentile.p90)));
+    record
+}
