@@ -30,7 +30,7 @@ pub(crate) struct ParquetWriter<W: Write + Send> {
 enum State<W: Write + Send> {
     New(W),
     Begun {
-        file: SerializedFileWriter<W>,
+        file: Box<SerializedFileWriter<W>>,
         columns: Vec<Column>,
     },
     /// The header could not be written.
@@ -130,6 +130,7 @@ fn begin<W: Write + Send>(
         .set_key_value_metadata(Some(metadata.to_vec()))
         .build();
     let file = SerializedFileWriter::new(out, Arc::new(schema), Arc::new(properties))?;
+    let file = Box::new(file);
     Ok(State::Begun { file, columns })
 }
 

@@ -23,13 +23,12 @@ use campaign::formulation::{Design, Problem, Quantity};
 use campaign::probe;
 use campaign::simulator::{Analysis, NoAnswer, Prepared, Simulator, State};
 use rand::Rng as _;
-use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 use stats::streams::StreamRng;
 
 use crate::error::Error;
 pub use files::FileMode;
-use messages::{Answer, Described, Numbers};
+use messages::{Answer, Content, Described, Numbers};
 use program::Program;
 
 /// How long a program may take to get ready, at least.
@@ -292,7 +291,7 @@ impl Session<'_> {
         }
     }
 
-    fn exchange<T: DeserializeOwned>(
+    fn exchange<T: Content>(
         &self,
         request: Map<String, Value>,
         timeout: Duration,

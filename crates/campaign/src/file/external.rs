@@ -126,7 +126,13 @@ impl ExternalSections {
             named(&section, &variable.name, &variable.unit)?;
             let (low, high) = (variable.low, variable.high);
             source.require(
-                low.is_finite() && high.is_finite() && low < high && (high - low).is_finite(),
+                low.is_finite(),
+                &format!("{section}.low"),
+                low,
+                "a finite number",
+            )?;
+            source.require(
+                high.is_finite() && low < high && (high - low).is_finite(),
                 &format!("{section}.high"),
                 high,
                 &format!("a finite number above low, which is {low:?}"),

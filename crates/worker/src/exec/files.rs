@@ -283,6 +283,10 @@ fn results(text: &str) -> Result<Results, String> {
         });
         match parsed {
             Some(Ok((name, value))) => {
+                let line_number = number + 1;
+                if numbers.contains_key(&name) {
+                    return Err(format!(", line {line_number}: {name} has a value already"));
+                }
                 numbers.insert(name, value);
             }
             Some(Err(reason)) => return Ok(Results::Refused(reason)),
@@ -320,6 +324,7 @@ mod tests {
         for (text, why) in [
             ("y = 1\nz 2", ", line 2: \"z 2\" is not of the form"),
             ("y = one", ", line 1: "),
+            ("y = 1\n\ny = 2", ", line 3: y has a value already"),
             ("{\"y\": \"one\"}", ": y is \"one\", which is no number"),
             ("{\"y\": ", " is no JSON object: EOF"),
         ] {

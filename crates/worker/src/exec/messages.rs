@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 
 use campaign::formulation::Problem;
 use serde::Deserialize;
-use serde::de::DeserializeOwned;
 use serde_json::{Map, Value, json};
 
 /// The version of this protocol, which both sides name at the start.
@@ -29,6 +28,32 @@ pub(super) struct Described {
 
 /// The answer to `evaluate` and to `sample`.
 pub(super) type Numbers = BTreeMap<String, f64>;
+
+/// What an answer may hold besides its id.
+pub(super) trait Content: Sized {
+    /// Takes it from the answer.
+    ///
+    /// # Errors
+    ///
+    /// What is wrong with the answer.
+    fn of(answer: Map<String, Value>) -> Result<Self, String>;
+}
+
+impl Content for Described {
+    fn of(answer: Map<String, Value>) -> Result<Self, String> {
+        serde_json::from_value(Value::Object(answer)).map_err(|error| error.to_string())
+    }
+}
+
+impl Content for Numbers {
+    fn of(answer: Map<String, Value>) -> Result<Self, String> {
+        let number = |(name, value): (String, Value)| match value.as_f64() {
+            Some(number) => Ok((name, number)),
+            None => Err(format!("{name:?} is {value}, which is no number")),
+        };
+        answer.into_iter().map(number).collect()
+    }
+}
 
 /// What an answer says.
 #[derive(Debug, PartialEq)]
@@ -114,8 +139,15 @@ pub(super) fn line(mut request: Map<String, Value>, id: u64) -> String {
 /// # Errors
 ///
 /// What is wrong with it.
-pub(super) fn read<T: DeserializeOwned>(line: &[u8], id: u64) -> Result<Answer<T>, String> {
-    let value: Value = serde_json::from_slice(line).map_err(|error| error.to_string())?;
+pub(super) fn read<T: Content>(line: &[u8], id: u64) -> Result<Answer<T>, String> {
+    let value: Value = serde_json::from_slice(line).map_err(|error| {
+        let text = String::from_utf8_lossy(line);
+        let odd = ["NaN", "Infinity"];
+        match odd.into_iter().find(|odd| text.contains(odd)) {
+            Some(odd) => format!("{odd} is no number in JSON: {error}"),
+            None => format!("it is no JSON: {error}"),
+        }
+    })?;
     let Value::Object(mut answer) = value else {
         return Err("it is no JSON object".to_owned());
     };
@@ -147,9 +179,7 @@ pub(super) fn read<T: DeserializeOwned>(line: &[u8], id: u64) -> Result<Answer<T
             )
         };
     }
-    serde_json::from_value(Value::Object(answer))
-        .map(Answer::Given)
-        .map_err(|error| error.to_string())
+    T::of(answer).map(Answer::Given)
 }
 
 impl Described {
@@ -250,9 +280,12 @@ mod tests {
                 "request 6 instead of 7",
             ),
             (r#"{"id": 7}"#, "no \"delta_ste_um\", which was asked for"),
-            (r#"{"delta_ste_um": NaN, "id": 7}"#, "expected value"),
+            (r#"{"delta_ste_um": NaN, "id": 7}"#, "NaN is no number"),
             (r#"{"delta_ste_um": 1e999, "id": 7}"#, "out of range"),
-            (r#"{"delta_ste_um": "0.1", "id": 7}"#, "invalid type"),
+            (
+                r#"{"delta_ste_um": "0.1", "id": 7}"#,
+                "\"delta_ste_um\" is \"0.1\", which is no number",
+            ),
             (
                 r#"{"delta_ste_um": 0.1, "id": 7, "mood": 1}"#,
                 "\"mood\", which is none of the campaign's names",

@@ -263,9 +263,12 @@ fn nonsense_ends_the_process_and_is_quoted() {
     for (nonsense, why) in [
         (
             "echo hello",
-            "nonsense (expected value at line 1 column 1): hello",
+            "nonsense (it is no JSON: expected value at line 1 column 1): hello",
         ),
-        ("answer '\"delta_ste_um\":NaN'", "nonsense (expected value"),
+        (
+            "answer '\"delta_ste_um\":NaN'",
+            "nonsense (NaN is no number in JSON",
+        ),
         (
             "id=99; answer '\"delta_ste_um\":1'",
             "it answers request 99 instead of 4",
