@@ -45,7 +45,7 @@ impl LinearResponse {
 
     /// Its value for the sample that is drawn from `rng`, µm.
     pub fn of_sample(&self, rng: &mut StreamRng) -> f64 {
-        let coefficients = gear::wear_coefficients(rng, self.slopes.len());
+        let coefficients = gear::draw_coefficients(rng, self.slopes.len());
         self.slopes
             .iter()
             .zip(coefficients)
