@@ -27,17 +27,17 @@ pub const TOLERANCE_IN_SD: f64 = 3.0;
 
 /// A flank tolerance class of ISO 1328-1:2013, from 1, the finest, to 11.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct FlankClass(u8);
+pub struct FlankClass(u32);
 
 impl FlankClass {
     /// The finest class.
-    pub const FINEST: u8 = 1;
+    pub const FINEST: u32 = 1;
     /// The coarsest class.
-    pub const COARSEST: u8 = 11;
+    pub const COARSEST: u32 = 11;
 
     /// The class of this number; none outside 1 to 11.
     #[must_use]
-    pub fn new(number: u8) -> Option<Self> {
+    pub fn new(number: u32) -> Option<Self> {
         (Self::FINEST..=Self::COARSEST)
             .contains(&number)
             .then_some(Self(number))
@@ -45,7 +45,7 @@ impl FlankClass {
 
     /// The class's number.
     #[must_use]
-    pub const fn number(self) -> u8 {
+    pub const fn number(self) -> u32 {
         self.0
     }
 

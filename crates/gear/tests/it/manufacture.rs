@@ -15,7 +15,7 @@ const NONE: Wear = Wear {
     ..WEAR
 };
 
-fn class(number: u8) -> FlankClass {
+fn class(number: u32) -> FlankClass {
     FlankClass::new(number).expect("the tests' classes exist")
 }
 
