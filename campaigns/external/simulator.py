@@ -158,6 +158,8 @@ class Simulator:
             self.campaign, self.teeth = request["campaign"], request["teeth"]
             if "max_depth_um" not in self.campaign["wear"]:
                 return {"error": "wear.law must be \"archard\": this model knows no other"}
+            if "manufacture" in self.campaign:
+                return {"error": "[manufacture] must be absent: this model knows no slope deviations"}
             return {"protocol": PROTOCOL, "version": VERSION}
         pair = Pair(self.campaign, self.teeth, request["design"])
         if kind == "evaluate":

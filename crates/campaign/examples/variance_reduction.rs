@@ -79,7 +79,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             continue;
         }
         design += 1;
-        let mut sampler = pair.sampler(gears.wear());
+        let mut sampler = gears.sampler(&pair);
         let modes = sampler.modes();
         let draws: Vec<f64> = (0..REFERENCE)
             .map(|sample| sampler.draw(&mut stream(2, Purpose::Test, design, sample)))

@@ -35,7 +35,7 @@ pub use material::{Grade, Material};
 pub(crate) use pair::gear_size;
 pub use pair::{PairFile, PairSection};
 pub use sampling::{ControlVariate, PercentileRule, Sampling, WearCoefficients};
-pub use sections::{Load, SimulatorKind, SimulatorSection, Wear, WearLaw};
+pub use sections::{Load, Manufacture, SimulatorKind, SimulatorSection, Wear, WearLaw};
 pub use settings::{Doe, Optimise, Restarts, Verify};
 
 /// Why a campaign or pair file was refused.

@@ -95,13 +95,13 @@ pub trait Prepared {
     /// which samples are drawn together depends on how the campaign is cut into jobs.
     fn sample(&mut self, rng: &mut StreamRng) -> Result<f64, String>;
 
-    /// How many standard normal coefficients the random wear is made of; none where it is not
-    /// known how a simulator makes it.
+    /// How many standard normal coefficients the random flanks are made of; none where it is not
+    /// known how a simulator makes them.
     fn modes(&mut self) -> usize {
         0
     }
 
-    /// ΔSTE in µm with the random wear of these coefficients, as many as [`modes`](Self::modes).
+    /// ΔSTE in µm with the random flanks of these coefficients, as many as [`modes`](Self::modes).
     ///
     /// # Errors
     ///
@@ -187,7 +187,8 @@ impl Prepared for BuiltIn<'_> {
 
 impl BuiltIn<'_> {
     fn sampler(&mut self) -> &mut gear::Sampler {
+        let class = self.gears.flank_class();
         self.sampler
-            .get_or_insert_with(|| self.pair.sampler(&self.wear))
+            .get_or_insert_with(|| self.pair.sampler_of_class(&self.wear, class))
     }
 }

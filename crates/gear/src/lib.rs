@@ -4,9 +4,10 @@
 //! compliance of their teeth and the unworn analysis; every refusal names its reason. From the
 //! pair follow contact ratio, specific sliding, interference, root stress and Hertz pressure, the
 //! transmission error of the pair worn by Archard's law ([`Pair::archard`]), and as many randomly
-//! worn versions as wanted ([`Pair::sampler`]). [`Pair::with_corrections`] adds tip relief and
-//! crowning, [`Pair::converged`] is the reference solution, and [`rating`] holds ISO 6336's nominal
-//! figures for comparison.
+//! worn versions as wanted, of perfect flanks ([`Pair::sampler`]) or of flanks of a tolerance class
+//! ([`Pair::sampler_of_class`]). [`Pair::with_corrections`] adds tip relief and crowning,
+//! [`Pair::converged`] is the reference solution, and [`rating`] holds ISO 6336's nominal figures for
+//! comparison.
 //!
 //! # Method
 //! The loaded contact is one of thin slices that do not feel each other (or, with
@@ -95,7 +96,8 @@
 //!   greatest load that the unworn pair carries at s. Wear moves load, but the approach changes only
 //!   by the logarithm of it: a load three times as great makes the pair 5 % stiffer.
 //! - **Dynamics, friction, misalignment, pitch errors**: the transmission error is static, for
-//!   parallel axes. Near a resonance the dynamic one differs.
+//!   parallel axes. Near a resonance the dynamic one differs. Of manufacture only the profile slope is
+//!   known, the same on all teeth of a gear ([`FlankClass`]).
 //! - **Contact outside the line of action** of tips that engage early under load: `hertz-beam` is
 //!   stiff enough not to show it; with soft teeth it lengthens the path of contact.
 //! - **Feedback of wear on itself**: wear follows the unworn pressure, as for the first
@@ -111,6 +113,7 @@ mod field;
 mod geometry;
 mod input;
 mod involute;
+mod manufacture;
 mod mesh;
 mod outline;
 mod pair;
@@ -141,6 +144,7 @@ pub use input::{
     Discretisation, Kernel, Material, Member, PairInput, Rack, Size, TipRule, ToothModel, Wear,
     WearLaw,
 };
+pub use manufacture::{FlankClass, TOLERANCE_IN_SD};
 pub use outline::{Placement, gear_outline, mesh_placement};
 pub use pair::{Analysis, Pair, RootStress, Worn};
-pub use sampler::{Sampler, WearProfile, wear_coefficients};
+pub use sampler::{Sampler, WearProfile, draw_coefficients};

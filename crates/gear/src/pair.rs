@@ -22,6 +22,7 @@ use crate::corrections::Corrections;
 use crate::error::{Error, Infeasible, InputError};
 use crate::geometry::{Geometry, Interference, Sliding, tangent_length};
 use crate::input::{Discretisation, Member, PairInput, ToothModel, Wear, WearLaw};
+use crate::manufacture::FlankClass;
 use crate::mesh::{Mesh, Scratch};
 use crate::path::{Path, Touch};
 use crate::rating::stress_correction;
@@ -446,7 +447,14 @@ impl Pair {
     /// NaN samples, never a panic.
     #[must_use]
     pub fn sampler(&self, wear: &Wear) -> Sampler {
-        Sampler::new(self, wear)
+        self.sampler_of_class(wear, None)
+    }
+
+    /// As [`sampler`](Self::sampler), for gears whose profile slopes deviate at random within the
+    /// tolerance of this [class](FlankClass); without one they do not deviate.
+    #[must_use]
+    pub fn sampler_of_class(&self, wear: &Wear, class: Option<FlankClass>) -> Sampler {
+        Sampler::new(self, wear, class)
     }
 
     /// Mean wear depth on each flank at the nodes, mm: [`WearLaw`].

@@ -1,8 +1,9 @@
-//! Random wear: one ΔSTE per draw.
+//! Random flanks: one ΔSTE per draw.
 //!
 //! The gap of a sample is g(s) = W(s) [Θ1(θ1) + Θ2(θ2)] with W the depth of [`WearLaw`],
 //! θ1 = s/r_b1 and θ2 = (L − s)/r_b2 the roll angles of the two gears and Θ1, Θ2 independent fields
-//! (see `field`). A multiplier below zero counts as zero.
+//! (see `field`). A multiplier below zero counts as zero. Profile slope deviations (see `manufacture`)
+//! are one more random term of g where they are asked for.
 
 use std::sync::Arc;
 
@@ -11,6 +12,7 @@ use rand_distr::{Distribution as _, StandardNormal};
 
 use crate::field::Field;
 use crate::input::{Member, Wear, WearLaw};
+use crate::manufacture::{FlankClass, SlopeDeviations};
 use crate::mesh::{Mesh, Scratch};
 use crate::pair::{Pair, take_lowest};
 
@@ -21,20 +23,25 @@ pub struct WearProfile {
     pub roll: [Vec<f64>; 2],
     /// Wear depth on that gear's flank, mm; negative where material is added.
     pub depth: [Vec<f64>; 2],
-    /// ΔSTE of the pair worn like this, µm.
+    /// Profile slope deviations f_Hα of both gears, mm; zero without a
+    /// [flank class](Pair::sampler_of_class).
+    pub slope_deviation: [f64; 2],
+    /// ΔSTE of the pair with these deviations and worn like this, µm.
     pub delta_ste_um: f64,
 }
 
 /// Draws randomly worn versions of one pair.
 ///
 /// A draw takes standard normals from the generator in a fixed order, the modes of the pinion's
-/// field and then those of the gear's, so equal generators give equal samples bit for bit.
+/// field, those of the gear's, and then one for each gear's slope deviation if these are random, so
+/// equal generators give equal samples bit for bit, and equal wear with and without deviations.
 #[derive(Debug, Clone)]
 pub struct Sampler {
     mesh: Arc<Mesh>,
     fields: [Field; 2],
     roll: [Vec<f64>; 2],
     depth: Vec<f64>,
+    slopes: Option<SlopeDeviations>,
     /// Whether the depth may be negative.
     signed: bool,
     relief: Vec<f64>,
@@ -42,13 +49,14 @@ pub struct Sampler {
     scale: f64,
     normals: Vec<f64>,
     theta: [Vec<f64>; 2],
+    slope_deviation: [f64; 2],
     gap: Vec<f64>,
     scratch: Scratch,
 }
 
 /// The coefficients behind one [`Sampler::draw`] from a generator in the same state, for a sampler
 /// of so many [`modes`](Sampler::modes).
-pub fn wear_coefficients<R: Rng + ?Sized>(
+pub fn draw_coefficients<R: Rng + ?Sized>(
     rng: &mut R,
     modes: usize,
 ) -> impl Iterator<Item = f64> + '_ {
@@ -56,7 +64,7 @@ pub fn wear_coefficients<R: Rng + ?Sized>(
 }
 
 impl Sampler {
-    pub(crate) fn new(pair: &Pair, wear: &Wear) -> Self {
+    pub(crate) fn new(pair: &Pair, wear: &Wear, class: Option<FlankClass>) -> Self {
         let geometry = pair.geometry();
         let roll = Member::BOTH.map(|member| -> Vec<f64> {
             pair.mesh
@@ -79,20 +87,24 @@ impl Sampler {
             fields,
             roll,
             depth: pair.depth(wear),
+            slopes: class.map(|class| SlopeDeviations::new(class, geometry, pair.path())),
             signed: matches!(wear.law, WearLaw::Signed { .. }),
             relief: pair.relief.clone(),
             scale: pair.to_ste_um(1.0),
             normals: Vec::new(),
             theta: [Vec::new(), Vec::new()],
+            slope_deviation: [0.0; 2],
             gap: Vec::new(),
             scratch: Scratch::default(),
         }
     }
 
-    /// Number of random numbers behind a draw: the modes of both fields.
+    /// Number of random numbers behind a draw: the modes of both fields, and two for random slope
+    /// deviations.
     #[must_use]
     pub fn modes(&self) -> usize {
-        self.fields[0].rank() + self.fields[1].rank()
+        let slopes = self.slopes.as_ref().map_or(0, |_| SlopeDeviations::MODES);
+        self.fields[0].rank() + self.fields[1].rank() + slopes
     }
 
     /// Share of the variance of each gear's multiplier, [pinion, gear], that the truncated
@@ -107,7 +119,7 @@ impl Sampler {
     pub fn draw<R: Rng + ?Sized>(&mut self, rng: &mut R) -> f64 {
         let mut normals = std::mem::take(&mut self.normals);
         normals.clear();
-        normals.extend(wear_coefficients(rng, self.modes()));
+        normals.extend(draw_coefficients(rng, self.modes()));
         let delta_ste_um = self.at(&normals);
         self.normals = normals;
         delta_ste_um
@@ -116,7 +128,8 @@ impl Sampler {
     /// How much ΔSTE in µm changes with each coefficient: the secant from one standard deviation
     /// below Archard's wear to one above. ΔSTE has kinks, so that there is no derivative; over the
     /// scatter of the wear it is all but linear in most designs, which makes the sum of slopes times
-    /// coefficients a strong control variate. Two analyses for each of the [`modes`](Self::modes).
+    /// coefficients a strong control variate. Over slope deviations as large as the wear is deep it is
+    /// not, and the control is weaker. Two analyses for each of the [`modes`](Self::modes).
     pub fn slopes(&mut self) -> Vec<f64> {
         let mut coefficients = vec![0.0; self.modes()];
         (0..coefficients.len())
@@ -132,7 +145,7 @@ impl Sampler {
     }
 
     /// ΔSTE in µm of the pair worn according to the coefficients of the fields' modes, those of the
-    /// pinion's field first; standard normal coefficients make it a [`draw`](Self::draw), and zeros
+    /// pinion's field first and those of the slope deviations last; standard normal coefficients make it a [`draw`](Self::draw), and zeros
     /// Archard's wear. Coefficients that are missing count as zero, more than
     /// [`modes`](Self::modes) are not looked at.
     pub fn at(&mut self, coefficients: &[f64]) -> f64 {
@@ -150,7 +163,11 @@ impl Sampler {
                 .zip(self.theta[0].iter().zip(&self.theta[1]))
                 .map(|((depth, relief), (a, b))| relief + depth * (a + b)),
         );
-        if self.signed {
+        if let Some(slopes) = &self.slopes {
+            self.slope_deviation = slopes.of(rest);
+            slopes.add_to(&mut self.gap, self.slope_deviation);
+        }
+        if self.signed || self.slopes.is_some() {
             take_lowest(&mut self.gap);
         }
         let extremes = self.mesh.solve(&self.gap, &mut self.scratch);
@@ -170,6 +187,7 @@ impl Sampler {
         WearProfile {
             roll: self.roll.clone(),
             depth: [worn(&self.theta[0]), worn(&self.theta[1])],
+            slope_deviation: self.slope_deviation,
             delta_ste_um,
         }
     }

@@ -555,7 +555,7 @@ fn a_draw_is_the_response_at_its_coefficients_and_all_but_linear_in_them() {
     for sample in 0..200 {
         let rng = || stream(1, Purpose::Test, 0, sample);
         let drawn = sampler.draw(&mut rng());
-        let coefficients: Vec<f64> = crate::wear_coefficients(&mut rng(), modes).collect();
+        let coefficients: Vec<f64> = crate::draw_coefficients(&mut rng(), modes).collect();
         assert_eq!(drawn, sampler.at(&coefficients));
         let control: f64 = slopes.iter().zip(&coefficients).map(|(a, b)| a * b).sum();
         linear += control * control;

@@ -5,7 +5,7 @@ use campaign::formulation::Problem;
 use gear::Pair;
 use stats::streams::{Purpose, stream};
 
-/// Samples of both percentiles, from the same wear.
+/// Samples of both percentiles, from the same random numbers.
 const SAMPLES: u64 = 100;
 /// Relative change of ΔSTE at which a grid counts as converged.
 const TOLERANCE: f64 = 1e-5;
@@ -15,11 +15,10 @@ const TOLERANCE: f64 = 1e-5;
 pub(crate) fn difference_um(problem: &Problem, design: &Design) -> Option<f64> {
     let built_in = !problem.campaign().is_external();
     let gears = problem.gears().filter(|_| built_in)?;
-    let wear = gears.wear();
     let coarse = gears.pair(design).ok()?;
-    let fine = Pair::converged(&gears.pair_input(design), wear, TOLERANCE).ok()?;
+    let fine = Pair::converged(&gears.pair_input(design), gears.wear(), TOLERANCE).ok()?;
     let p90 = |pair: &Pair| {
-        let mut sampler = pair.sampler(wear);
+        let mut sampler = gears.sampler(pair);
         let seed = problem.campaign().seed;
         let samples: Vec<f64> = (0..SAMPLES)
             .map(|sample| sampler.draw(&mut stream(seed, Purpose::Verify, 0, sample)))

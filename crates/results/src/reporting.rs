@@ -228,7 +228,7 @@ fn wear(sources: &Sources) -> Option<WearProfiles> {
     let gears = sources.problem.gears()?;
     let pair = gears.pair(&variables).ok()?;
     let wear = gears.wear();
-    let mut sampler = pair.sampler(wear);
+    let mut sampler = gears.sampler(&pair);
     let seed = sources.campaign.seed;
     let profiles: Vec<gear::WearProfile> = (0..WEAR_PROFILES)
         .map(|index| sampler.draw_profile(&mut stream(seed, Purpose::Test, 2, index)))
@@ -242,8 +242,12 @@ fn wear(sources: &Sources) -> Option<WearProfiles> {
     } else {
         return None;
     };
+    let slopes = match gears.flank_class() {
+        Some(_) => ", without its slope deviations",
+        None => "",
+    };
     Some(WearProfiles {
-        subject: format!("pinion flank of the design of approach “{name}”"),
+        subject: format!("pinion flank of the design of approach “{name}”{slopes}"),
         roll_angle_rad: roll,
         archard_um,
         random_um: profiles

@@ -1,5 +1,5 @@
 //! The linear part of ΔSTE as a control variate of its samples: ΔSTE is all but linear in the wear of
-//! most designs, and the distribution of a sum of normal coefficients is known.
+//! most designs, though not in large slope deviations, and the distribution of a sum of normal coefficients is known.
 
 use campaign::formulation::Design;
 use campaign::formulation::gears::Gears;
@@ -12,14 +12,15 @@ pub struct LinearResponse {
 }
 
 impl LinearResponse {
-    /// The linear response of a design: how much ΔSTE in µm changes with each coefficient of its wear.
+    /// The linear response of a design: how much ΔSTE in µm changes with each coefficient of its wear
+    /// and its slope deviations.
     ///
     /// # Errors
     ///
     /// Why the design cannot be simulated.
     pub fn of(gears: &Gears, design: &Design) -> Result<Self, gear::Error> {
         let pair = gears.pair(design)?;
-        let slopes = pair.sampler(gears.wear()).slopes();
+        let slopes = gears.sampler(&pair).slopes();
         Ok(Self { slopes })
     }
 
@@ -29,7 +30,7 @@ impl LinearResponse {
         2 * self.slopes.len() as u64
     }
 
-    /// Its mean and standard deviation over the wear, µm.
+    /// Its mean and standard deviation, µm.
     #[must_use]
     pub fn moments(&self) -> stats::Control {
         stats::Control {
@@ -45,7 +46,7 @@ impl LinearResponse {
 
     /// Its value for the sample that is drawn from `rng`, µm.
     pub fn of_sample(&self, rng: &mut StreamRng) -> f64 {
-        let coefficients = gear::wear_coefficients(rng, self.slopes.len());
+        let coefficients = gear::draw_coefficients(rng, self.slopes.len());
         self.slopes
             .iter()
             .zip(coefficients)

@@ -83,7 +83,7 @@ fn draw(
     count: u32,
 ) -> Vec<f64> {
     let seed = problem.campaign().seed;
-    let mut sampler = pair.sampler(gears(problem).wear());
+    let mut sampler = gears(problem).sampler(pair);
     (0..count)
         .map(|index| sampler.draw(&mut stream(seed, purpose, number, u64::from(index))))
         .collect()

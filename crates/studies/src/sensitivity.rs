@@ -140,7 +140,8 @@ pub fn scenarios(
 }
 
 /// First-order and total indices of P90 (from the common samples of the campaign's number), and of
-/// the ΔSTE of one worn pair, whose wear field is one input more.
+/// the ΔSTE of one worn pair, whose wear field is one input more, together with the slope deviations
+/// of a campaign with a flank class.
 ///
 /// # Errors
 ///
@@ -179,7 +180,12 @@ pub fn indices(
             samples: number..number + 1,
         }
     };
-    let with_field = [&inputs[..], &["wear field".to_owned()]].concat();
+    // Both come from the sample's one stream.
+    let field = match gears.flank_class() {
+        Some(_) => "wear field and profile slopes",
+        None => "wear field",
+    };
+    let with_field = [&inputs[..], &[field.to_owned()]].concat();
     let analyse = |output: &str, inputs, number, request: &dyn Fn(&[f64]) -> Request| {
         analyse(
             simulations,
@@ -456,6 +462,32 @@ mod tests {
             format!("{error:#}").contains("does not depend"),
             "{error:#}"
         );
+    }
+
+    /// Slope deviations move what is sampled, and are named with the field that they are drawn with.
+    #[test]
+    fn slope_deviations_are_part_of_the_random_input() {
+        let (perfect, optimum) = figure_9();
+        let mut campaign = perfect.campaign().clone();
+        let manufacture = campaign::file::Manufacture { flank_class: 9 };
+        campaign.gears_mut().unwrap().manufacture = Some(manufacture);
+        let problem = Problem::new(campaign);
+        let rows = scenarios(&InProcess(&problem), &problem, &optimum).unwrap();
+        let as_designed = percentile(&problem.campaign().sampling, &optimum.fresh);
+        assert!(rows[0].p90.value_um > as_designed.value_um);
+        let tolerances = Tolerances {
+            modules: 0.01,
+            scenario: 0.2,
+            rows: 64,
+        };
+        let total = |problem: &Problem, name: &str| {
+            let found = indices(&InProcess(problem), problem, &optimum, &tolerances).unwrap();
+            let of_one = &found[1];
+            assert_eq!(of_one.inputs[9], name);
+            of_one.sensitivity.total[9].value * of_one.sensitivity.variance
+        };
+        let with = total(&problem, "wear field and profile slopes");
+        assert!(with > 1.2 * total(&perfect, "wear field"), "{with}");
     }
 
     #[test]

@@ -26,7 +26,7 @@ pub enum WearChoice {
     None,
     /// Archard's wear, the mean of the random one.
     Archard,
-    /// Archard's wear times random fields, many samples.
+    /// Archard's wear times random fields, on flanks of the file's class, many samples.
     Random,
 }
 
@@ -89,6 +89,8 @@ pub struct Figures {
     ste_um: Curve,
     delta_ste_um: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
+    manufacture: Option<Scatter>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     samples_um: Option<Vec<f64>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     mean_um: Option<f64>,
@@ -96,6 +98,24 @@ pub struct Figures {
     sd_um: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     p90_um: Option<f64>,
+}
+
+/// The scatter of manufacture in the samples: profile slopes, and nothing else.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+struct Scatter {
+    /// Flank tolerance class of ISO 1328-1.
+    flank_class: u32,
+    /// f_HαT of each gear; its deviation lies within ± that, three standard deviations.
+    slope_tolerance_um: [f64; 2],
+}
+
+impl Scatter {
+    fn of(class: gear::FlankClass, geometry: &Geometry) -> Self {
+        Self {
+            flank_class: class.number(),
+            slope_tolerance_um: class.slope_tolerances(geometry).map(|mm| 1e3 * mm),
+        }
+    }
 }
 
 /// Nominal stresses by ISO 6336, method B with all application, dynamic and distribution factors 1, and the
@@ -201,7 +221,7 @@ fn figures(pair: &Pair, file: &PairFile, request: Request) -> anyhow::Result<Fig
         WearChoice::Archard | WearChoice::Random => pair.archard(&wear).analysis,
     };
     let samples_um = (request.wear == WearChoice::Random).then(|| {
-        let mut sampler = pair.sampler(&wear);
+        let mut sampler = file.sampler(pair);
         (0..request.samples)
             .map(|index| {
                 sampler.draw(&mut stream(
@@ -263,6 +283,10 @@ fn figures(pair: &Pair, file: &PairFile, request: Request) -> anyhow::Result<Fig
             value: analysis.ste_um,
         },
         delta_ste_um: analysis.delta_ste_um,
+        manufacture: file
+            .flank_class()
+            .filter(|_| samples_um.is_some())
+            .map(|class| Scatter::of(class, geometry)),
         samples_um,
         mean_um: percentile.map(|percentile| percentile.mean),
         sd_um: percentile.map(|percentile| percentile.sd),

@@ -76,7 +76,11 @@ impl Kind {
     fn texts(self, seed: u64) -> Vec<String> {
         let is_even = seed.is_multiple_of(2);
         match self {
-            Self::Plain => vec![model(law(small_campaign(40, 6000), is_even), is_even)],
+            Self::Plain => {
+                let text = model(law(small_campaign(40, 6000), is_even), is_even);
+                let section = "\n[manufacture]\nflank_class = 7\n";
+                vec![if is_even { text } else { text + section }]
+            }
             Self::Precise => {
                 let precision = "precision_um = 0.005\nsamples_max = 8000\nskip_violation = 2.0\n\
                                  percentile = \"chosen\"\nsamples_per_design = 1500 ";

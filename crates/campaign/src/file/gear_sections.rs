@@ -6,7 +6,9 @@ use super::corrections::{CorrectionsSection, WITHOUT_CROWNING};
 use super::pair::sizes;
 use super::sections::parse_name;
 use super::validate::Source;
-use super::{Bounds, FileError, FrozenSection, GearLimits, Load, Material, Wear, advice};
+use super::{
+    Bounds, FileError, FrozenSection, GearLimits, Load, Manufacture, Material, Wear, advice,
+};
 
 /// What a gear campaign says besides what every campaign says.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,6 +21,8 @@ pub struct GearSections {
     pub material: Material,
     /// `[wear]`
     pub wear: Wear,
+    /// `[manufacture]`
+    pub manufacture: Option<Manufacture>,
     /// `[bounds]`
     pub bounds: Bounds,
     /// `[frozen]`, optional.
@@ -102,6 +106,8 @@ impl GearSections {
         self.load.validate(source)?;
         self.material.validate(source)?;
         self.wear.validate(source)?;
+        self.manufacture
+            .map_or(Ok(()), |section| section.validate(source))?;
         self.constraints.validate(source)?;
         let pair = &self.pair;
         let sizes_given = pair.centre_distance_mm.is_some() && pair.normal_module_mm.is_some();

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::corrections::{PairCorrections, WITHOUT_CROWNING};
 use super::sections::parse_name;
 use super::validate::Source;
-use super::{FileError, GearLimits, GearSections, Load, Material, Wear, advice};
+use super::{FileError, GearLimits, GearSections, Load, Manufacture, Material, Wear, advice};
 use crate::formulation::GearVariables;
 
 #[cfg(test)]
@@ -25,6 +25,9 @@ pub struct PairFile {
     /// `[wear]`, optional.
     #[serde(default)]
     pub wear: Wear,
+    /// `[manufacture]`, optional: gears without slope deviations if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub manufacture: Option<Manufacture>,
     /// `[corrections]`, optional: flanks as the tools leave them if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub corrections: Option<PairCorrections>,
@@ -93,7 +96,8 @@ impl PairFile {
         Ok(this)
     }
 
-    /// The pair file of one design of a gear campaign, with the campaign's load, material, wear and limits.
+    /// The pair file of one design of a gear campaign, with the campaign's load, material, wear, flank
+    /// class and limits.
     #[must_use]
     pub fn of_design(sections: &GearSections, design: &GearVariables) -> Self {
         let pair = &sections.pair;
@@ -121,6 +125,7 @@ impl PairFile {
             load: sections.load,
             material: sections.material,
             wear: sections.wear.clone(),
+            manufacture: sections.manufacture,
             corrections: None,
             constraints: Some(sections.constraints),
         }
@@ -164,6 +169,8 @@ impl PairFile {
         self.load.validate(source)?;
         self.material.validate(source)?;
         self.wear.validate(source)?;
+        self.manufacture
+            .map_or(Ok(()), |section| section.validate(source))?;
         if let Some(constraints) = &self.constraints {
             constraints.validate(source)?;
         }
@@ -203,6 +210,18 @@ impl PairFile {
         self.corrections
             .as_ref()
             .map_or_else(gear::Corrections::default, PairCorrections::to_gear)
+    }
+
+    /// The flank class of both gears, if the file gives one.
+    #[must_use]
+    pub fn flank_class(&self) -> Option<gear::FlankClass> {
+        self.manufacture.and_then(|section| section.to_gear())
+    }
+
+    /// Draws random flanks of the file's pair: worn, and of its flank class.
+    #[must_use]
+    pub fn sampler(&self, pair: &gear::Pair) -> gear::Sampler {
+        pair.sampler_of_class(&self.wear.to_gear(), self.flank_class())
     }
 
     /// The limits that the file gives; none are given without a `[constraints]`.

@@ -51,6 +51,14 @@ impl WearLaw {
     }
 }
 
+/// `[manufacture]`, optional: flanks as designed if absent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Manufacture {
+    /// Flank tolerance class of both gears by ISO 1328-1, from 1 to 11; see [`gear::FlankClass`].
+    pub flank_class: u32,
+}
+
 impl Default for Wear {
     /// Archard's law with the paper's random field.
     fn default() -> Self {
@@ -68,6 +76,34 @@ impl Default for Wear {
 impl Load {
     pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
         source.between("load.pinion_torque_nm", self.pinion_torque_nm, 0.0, 1e12)
+    }
+}
+
+impl Manufacture {
+    pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
+        let (finest, coarsest) = (gear::FlankClass::FINEST, gear::FlankClass::COARSEST);
+        source.count(
+            "manufacture.flank_class",
+            self.flank_class,
+            finest,
+            coarsest,
+        )
+    }
+
+    /// What is random besides the wear, and what is left out, in words.
+    #[must_use]
+    pub fn describe(&self) -> String {
+        format!(
+            "flank class {} of ISO 1328-1: profile slopes deviate at random, alike on all teeth of a \
+             gear; no pitch, form or helix deviations, no dynamics",
+            self.flank_class
+        )
+    }
+
+    /// The simulator's class; none for a number that validation refuses.
+    #[must_use]
+    pub fn to_gear(&self) -> Option<gear::FlankClass> {
+        gear::FlankClass::new(self.flank_class)
     }
 }
 

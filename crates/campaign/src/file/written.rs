@@ -8,9 +8,9 @@ use serde::{Deserialize, Serialize};
 use super::settings::Restarts;
 use super::{
     Bounds, Campaign, ConstraintSection, CorrectionsSection, Doe, Enrichment, ExternalSections,
-    FrozenSection, GearLimits, GearSections, Kind, Kriging, Load, Material, Optimise, Pair,
-    Penalty, Report, ResponseSection, Sampling, SimulatorKind, SimulatorSection, VariableSection,
-    Verify, Wear,
+    FrozenSection, GearLimits, GearSections, Kind, Kriging, Load, Manufacture, Material, Optimise,
+    Pair, Penalty, Report, ResponseSection, Sampling, SimulatorKind, SimulatorSection,
+    VariableSection, Verify, Wear,
 };
 
 /// What a file says it is.
@@ -48,6 +48,8 @@ pub(super) struct GearFile {
     load: Load,
     material: Material,
     wear: Wear,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    manufacture: Option<Manufacture>,
     bounds: Bounds,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     frozen: Option<FrozenSection>,
@@ -149,6 +151,7 @@ impl From<GearFile> for (u32, Campaign) {
             load: file.load,
             material: file.material,
             wear: file.wear,
+            manufacture: file.manufacture,
             bounds: file.bounds,
             frozen: file.frozen,
             constraints: file.constraints,
@@ -235,6 +238,7 @@ impl From<Campaign> for Written {
                 load: sections.load,
                 material: sections.material,
                 wear: sections.wear,
+                manufacture: sections.manufacture,
                 bounds: sections.bounds,
                 frozen: sections.frozen,
                 doe,

@@ -64,6 +64,20 @@ impl Gears {
         }
     }
 
+    /// The flank class of both gears, if the campaign gives one.
+    #[must_use]
+    pub fn flank_class(&self) -> Option<gear::FlankClass> {
+        self.sections
+            .manufacture
+            .and_then(|section| section.to_gear())
+    }
+
+    /// Draws random flanks of a pair: worn, and of the campaign's flank class.
+    #[must_use]
+    pub fn sampler(&self, pair: &gear::Pair) -> gear::Sampler {
+        pair.sampler_of_class(&self.wear, self.flank_class())
+    }
+
     /// The wear field.
     #[must_use]
     pub const fn wear(&self) -> &gear::Wear {

@@ -49,6 +49,33 @@ fn analysis(problem: &Problem, pair: &gear::Pair, analysis: &gear::Analysis) -> 
     }
 }
 
+/// With a flank class the deterministic analyses stay, and samples deviate as the gear model's do.
+#[test]
+fn a_flank_class_changes_the_samples_alone() {
+    let perfect = problem();
+    let mut campaign = perfect.campaign().clone();
+    campaign.gears_mut().unwrap().manufacture = Some(crate::file::Manufacture { flank_class: 6 });
+    let problem = Problem::new(campaign);
+    let source = Source::Design(asked());
+    let parts = |problem: &Problem| match compute(problem, &design(2..7), &source).unwrap() {
+        Output::Design {
+            responses,
+            samples_um,
+            ..
+        } => (responses, samples_um),
+        other => panic!("{other:?}"),
+    };
+    let (with, without) = (parts(&problem), parts(&perfect));
+    assert_eq!(with.0, without.0);
+    assert!(with.1.iter().zip(&without.1).all(|(a, b)| a != b));
+    let gears = problem.gears().unwrap();
+    let pair = gears.pair(&asked()).unwrap();
+    let mut sampler = pair.sampler_of_class(gears.wear(), gear::FlankClass::new(6));
+    let seed = problem.campaign().seed;
+    let drawn = (2..7).map(|index| sampler.draw(&mut stream(seed, Purpose::Wear, 3, index)));
+    assert_eq!(with.1, drawn.collect::<Vec<f64>>());
+}
+
 /// What workers compute is what the gear model computes, to the last bit.
 #[test]
 fn units_ask_the_built_in_model_and_nothing_else() {
@@ -58,7 +85,7 @@ fn units_ask_the_built_in_model_and_nothing_else() {
     let pair = gears.pair(&asked).unwrap();
     let unworn = pair.unworn();
     let worn = pair.archard(gears.wear()).analysis;
-    let mut sampler = pair.sampler(gears.wear());
+    let mut sampler = gears.sampler(&pair);
     let seed = problem.campaign().seed;
     let samples_um = (2..7)
         .map(|index| sampler.draw(&mut stream(seed, Purpose::Wear, 3, index)))

@@ -26,6 +26,9 @@ struct Plan {
     seed: u64,
     #[serde(skip_serializing_if = "Option::is_none")]
     teeth: Option<[u32; 2]>,
+    /// What is random besides the wear, and what is left out, in words.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    manufacture: Option<String>,
     /// In their order.
     stages: Vec<Stage>,
     /// The sum of the stages' estimates, if there are any.
@@ -146,6 +149,10 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
         campaign: campaign.name.clone(),
         seed: campaign.seed,
         teeth: campaign.gears().map(|sections| sections.pair.teeth()),
+        manufacture: campaign
+            .gears()
+            .and_then(|sections| sections.manufacture)
+            .map(|manufacture| manufacture.describe()),
         core_seconds: stages.iter().map(|stage| stage.core_seconds).sum(),
         stages,
         nothing_to_sample: measured
@@ -195,6 +202,9 @@ fn describe(plan: &Plan) -> String {
         None => "\nAn external program simulates, so there is no estimate of how long it takes.\n"
             .to_owned(),
     };
+    if let Some(manufacture) = &plan.manufacture {
+        text += &format!("\n{manufacture}\n");
+    }
     for warning in &plan.warnings {
         text += &format!("\nwarning: {warning}\n");
     }

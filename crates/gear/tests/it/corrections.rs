@@ -8,7 +8,7 @@ use stats::streams::{Purpose, stream};
 
 use crate::support::{WEAR, balance, figure_7, linear, plain};
 
-fn corrected(input: &PairInput, corrections: &Corrections) -> Pair {
+pub(crate) fn corrected(input: &PairInput, corrections: &Corrections) -> Pair {
     Pair::with_corrections(input, corrections, &Discretisation::default())
         .expect("the test's design is feasible")
 }
@@ -22,7 +22,7 @@ fn relief(amount: f64, length: f64, shape: ReliefShape) -> TipRelief {
 }
 
 /// Both tips relieved, differently, and the face crowned.
-fn everything() -> Corrections {
+pub(crate) fn everything() -> Corrections {
     Corrections::default()
         .with_tip_relief(Member::Pinion, relief(0.006, 2.5, ReliefShape::Linear))
         .with_tip_relief(Member::Gear, relief(0.004, 3.5, ReliefShape::Parabolic))
@@ -49,7 +49,7 @@ fn no_correction_changes_no_bit() {
 }
 
 /// δ/cos β_b in µm at the phase `phi` mm from slices that know their place on the face.
-fn slice_sum(pair: &Pair, worn: &dyn Fn(f64) -> f64, phi: f64) -> f64 {
+pub(crate) fn slice_sum(pair: &Pair, worn: &dyn Fn(f64) -> f64, phi: f64) -> f64 {
     const SLICES: usize = 8000;
     let (g, corrections) = (pair.geometry(), pair.corrections());
     let dz = g.face_width / SLICES as f64;

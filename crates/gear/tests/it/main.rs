@@ -9,6 +9,7 @@ mod general;
 mod infeasible;
 mod invariants;
 mod laws;
+mod manufacture;
 mod paper;
 mod reference;
 mod slices;

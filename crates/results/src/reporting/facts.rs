@@ -20,6 +20,9 @@ pub(super) fn facts(sources: &Sources) -> Vec<(String, String)> {
             facts.push(("tooth model".to_owned(), model));
         }
         facts.push(("wear".to_owned(), wear(&sections.wear)));
+        if let Some(manufacture) = &sections.manufacture {
+            facts.push(("manufacture".to_owned(), manufacture.describe()));
+        }
     }
     if let Some(evenness) = designs::evenness(&sources.problem, &sources.designs) {
         facts.push(("design of experiments".to_owned(), evenness));

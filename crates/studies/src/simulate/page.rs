@@ -94,7 +94,7 @@ impl Curves {
             worn_mpa = worn.pressure;
         }
         if subject.request.wear == WearChoice::Random {
-            let mut sampler = pair.sampler(&wear);
+            let mut sampler = subject.file.sampler(pair);
             let seed = subject.request.seed;
             random_um = (0..WEAR_PROFILES.min(u64::from(subject.request.samples)))
                 .map(|index| sampler.draw_profile(&mut stream(seed, Purpose::Wear, 0, index)))
@@ -209,10 +209,14 @@ fn page(
             worn_mpa,
         },
         wear: (!curves.depth_um.is_empty()).then(|| WearProfiles {
-            subject:
-                "Flank of the pinion; the mean wear of the mate is as deep at the same place of \
-                      the path of contact."
-                    .to_owned(),
+            subject: format!(
+                "Flank of the pinion; the mean wear of the mate is as deep at the same place of the \
+                 path of contact.{}",
+                match figures.manufacture {
+                    Some(_) => " Slope deviations are not drawn.",
+                    None => "",
+                }
+            ),
             roll_angle_rad: curves.roll[0].clone(),
             archard_um: curves.depth_um.clone(),
             random_um: curves.random_um.clone(),

@@ -54,6 +54,58 @@ fn a_sound_pair_holds_the_default_constraints() {
     assert!(describe(&sound).ends_with("feasible: all 6 constraints hold\n"));
 }
 
+/// The class acts on random flanks alone, and says what the scatter has and has not.
+#[test]
+fn a_flank_class_scatters_random_samples_and_is_named() {
+    let text = format!("{PAIR}[manufacture]\nflank_class = 6\n");
+    let parsed = |text: &str| PairFile::parse("p.toml", text).unwrap();
+    let (of_class, perfect) = (parsed(&text), parsed(PAIR));
+    for wear in [WearChoice::None, WearChoice::Archard] {
+        let request = Request { wear, ..UNWORN };
+        assert_eq!(
+            run(&of_class, request).unwrap(),
+            run(&perfect, request).unwrap()
+        );
+    }
+    let random = Request {
+        wear: WearChoice::Random,
+        ..UNWORN
+    };
+    let (with, without) = (
+        run(&of_class, random).unwrap(),
+        run(&perfect, random).unwrap(),
+    );
+    let json = to_json(&with).unwrap();
+    // 0.4 m + 0.001 d + 4 = 4.8 + 0.046 or 0.074, times the root of two.
+    let tolerances = [23.0, 37.0].map(|z| (4.8 + 0.002 * z) * 2_f64.sqrt());
+    let manufacture = &json["manufacture"];
+    assert_eq!(manufacture["flank_class"], 6);
+    for gear in 0..2 {
+        let tolerance = manufacture["slope_tolerance_um"][gear].as_f64().unwrap();
+        assert!((tolerance - tolerances[gear]).abs() < 1e-9, "{tolerance}");
+    }
+    assert!(to_json(&without).unwrap().get("manufacture").is_none());
+    let spread = |simulation: &Simulation| simulation.figures.clone().unwrap().sd_um.unwrap();
+    assert!(spread(&with) > 1.2 * spread(&without));
+    for part in [
+        "6: profile slopes within ±6.85, ±6.89 µm",
+        "pitch, form and helix deviations, dynamics",
+    ] {
+        assert!(describe(&with).contains(part), "{}", describe(&with));
+        assert!(!describe(&without).contains(part));
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let subject = Subject {
+        title: "p",
+        program_version: "1.2.3",
+        file: &of_class,
+        request: random,
+    };
+    let page = write_page(&subject, &with, folder.path()).unwrap().unwrap();
+    let html = std::fs::read_to_string(page).unwrap();
+    assert!(html.contains("Slope deviations are not drawn.") && html.contains("±6.85"));
+}
+
 #[test]
 fn every_limit_of_the_file_is_held_against_its_figure() {
     let figures = |simulation: &Simulation| simulation.figures.clone().unwrap();

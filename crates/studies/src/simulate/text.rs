@@ -108,6 +108,20 @@ pub(super) fn rows(figures: &Figures) -> Vec<(&'static str, String)> {
         format!("{stiffness:.3} N/(mm µm)"),
     );
     line("ΔSTE", format!("{:.4} µm", figures.delta_ste_um));
+    if let Some(scatter) = &figures.manufacture {
+        let [pinion, mate] = scatter.slope_tolerance_um;
+        line(
+            "flank class of ISO 1328-1",
+            format!(
+                "{}: profile slopes within ±{pinion:.2}, ±{mate:.2} µm",
+                scatter.flank_class
+            ),
+        );
+        line(
+            "not in the random ΔSTE",
+            "pitch, form and helix deviations, dynamics".to_owned(),
+        );
+    }
     if let (Some(mean), Some(sd), Some(p90)) = (figures.mean_um, figures.sd_um, figures.p90_um) {
         line(
             "ΔSTE with random wear",

@@ -111,6 +111,50 @@ fn the_shipped_files_are_valid() {
 }
 
 #[test]
+fn an_absent_flank_class_changes_no_digest_and_a_given_one_does() {
+    let with = |section: &str| {
+        let text = format!("{}\n{section}", Campaign::WEAR);
+        Campaign::parse("c.toml", &text).map_err(|error| error.to_string())
+    };
+    let perfect = with("").unwrap();
+    assert!(!perfect.to_json().contains("manufacture"));
+    let six = with("[manufacture]\nflank_class = 6\n").unwrap();
+    assert_ne!(six.digest(), perfect.digest());
+    assert_ne!(six.values_digest(), perfect.values_digest());
+    assert_eq!(Campaign::from_json(&six.to_json()).unwrap(), six);
+    assert!(!six.extends(&perfect) && !perfect.extends(&six));
+    assert_eq!(
+        six.changes_from(&perfect),
+        [r#"manufacture: not given there, {"flank_class":6} here"#]
+    );
+    // The normal percentile of the shipped file suits its wear alone.
+    assert!(perfect.warnings().is_empty());
+    let warnings = six.warnings();
+    assert!(
+        warnings.len() == 1 && warnings[0].contains("percentile = \"chosen\""),
+        "{warnings:?}"
+    );
+    let line = Campaign::WEAR.lines().count() + 3;
+    for (class, what) in [
+        ("0", "is 0,"),
+        ("12", "is 12,"),
+        ("-1", ""),
+        ("5.0", ""),
+        ("\"6\"", ""),
+    ] {
+        let error = with(&format!("[manufacture]\nflank_class = {class}\n")).unwrap_err();
+        assert!(
+            error.starts_with(&format!("c.toml, line {line}: ")),
+            "{error}"
+        );
+        assert!(
+            error.contains("flank_class") && error.contains(what),
+            "{error}"
+        );
+    }
+}
+
+#[test]
 fn a_law_of_wear_has_its_own_number_and_the_default_changes_no_digest() {
     let with = |wear: &str| {
         let text = Campaign::WEAR

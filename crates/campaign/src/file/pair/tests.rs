@@ -29,6 +29,8 @@ max_depth_um = 3.5
 kernel = "squared-exponential"
 range_rad = 0.2
 variance = 0.01
+[manufacture]
+flank_class = 6
 [corrections]
 tip_relief_um = [6.0, 4.0]
 tip_relief_length_mm = [2.0, 1.5]
@@ -107,6 +109,11 @@ fn the_pair_file_of_a_design_is_the_campaigns_simulator_input() {
         assert_eq!(&file.wear.to_gear(), gears.wear());
         assert_eq!(file.corrections(), gear::Corrections::default());
         assert_eq!(file.limits(), sections.constraints);
+        assert_eq!(file.flank_class(), gears.flank_class());
+        let mut of_class = sections.clone();
+        of_class.manufacture = Some(Manufacture { flank_class: 6 });
+        let file = parse(&PairFile::of_design(&of_class, &design.gears()).to_toml()).unwrap();
+        assert_eq!(file.flank_class(), gear::FlankClass::new(6));
     }
     let full = parse(FULL).unwrap();
     assert_eq!(parse(&full.to_toml()).unwrap(), full);
@@ -205,6 +212,26 @@ fn bad_values_are_refused_by_line_and_key_in_the_files_units() {
             "tip_relief_length_mm = [2.0, 1.5]",
             "tip_relief_length_mm = [0.0, 1.5]",
             "corrections.tip_relief_length_mm is 0.0",
+        ),
+        (
+            "flank_class = 6",
+            "flank_class = 12",
+            "line 25: manufacture.flank_class is 12, but must be a whole number from 1 to 11",
+        ),
+        (
+            "flank_class = 6",
+            "flank_class = 0",
+            "line 25: manufacture.flank_class is 0",
+        ),
+        (
+            "flank_class = 6",
+            "flank_class = 6.5",
+            "line 25: flank_class: invalid type",
+        ),
+        (
+            "flank_class = 6",
+            "",
+            "line 24: missing field `flank_class`",
         ),
         ("\"parabolic\"", "\"round\"", "linear, parabolic"),
         (
