@@ -8,7 +8,7 @@ use crate::cutting::{DESIGN_WEIGHT, TARGET_SECONDS, UNKNOWN_SECONDS, weight};
 use crate::ledger::{Ledger, SURVEY_PERIOD};
 use crate::ranges::{common, overlap};
 use crate::state::{Lease, Stream};
-use crate::types::{Delivery, Grant, LeaseId, StreamId, Unit, Vanished, WorkerId};
+use crate::types::{Delivery, Grant, Kind, LeaseId, StreamId, Unit, Vanished, WorkerId};
 
 /// How much a new measurement counts against the earlier ones.
 const LEARNING_RATE: f64 = 0.3;
@@ -41,6 +41,17 @@ impl<P: Clone> Ledger<P> {
         }
     }
 
+    /// What a worker is told that units take. Nobody is to hold a second lease of candidates while other
+    /// workers have none: the next generation waits for the last of them.
+    fn as_held(&self, units: &[Unit], seconds: f64) -> f64 {
+        let is_run = units.iter().any(|unit| unit.stream.kind == Kind::Run);
+        if is_run && self.options.long_samples {
+            seconds.max(UNKNOWN_SECONDS)
+        } else {
+            seconds
+        }
+    }
+
     pub(crate) fn grant(&mut self, worker: &WorkerId, units: Vec<Unit>, now: Duration) -> Grant<P> {
         self.newest += 1;
         let id = LeaseId {
@@ -55,7 +66,7 @@ impl<P: Clone> Ledger<P> {
         let granted = Grant {
             lease: id,
             units: sources.collect(),
-            seconds,
+            seconds: self.as_held(&units, seconds),
             announce: units.iter().any(|unit| {
                 let stream = self.streams.get(&unit.stream);
                 stream.is_some_and(|stream| stream.has_lapsed)

@@ -87,3 +87,28 @@ fn runs_come_before_designs_and_designs_before_points() {
     assert_eq!(kinds, [Kind::Run, Kind::Design, Kind::Point]);
     assert_eq!(StreamId::run(2, 1).run_parts(), (2, 1));
 }
+
+/// A generation waits for its last candidate, so a worker that held several would keep others idle.
+#[test]
+fn candidates_of_a_run_are_not_held_ahead_however_short_they_are() {
+    let options = Options {
+        long_samples: true,
+        ..Options::default()
+    };
+    let mut ledger = ledger(options, 0, 0, &["a", "b", "c", "d", "e"]);
+    for generation in 0..3 {
+        let evaluations = 10 * generation as u32..10 * (generation as u32 + 1);
+        ledger.want(wanted(StreamId::run(2, 0), generation, evaluations));
+        let mut granted = Vec::new();
+        while let Some(grant) = ledger.lease(&worker("a"), at(0.0)) {
+            // Of a worker that asks for two seconds of work, one fills its slot.
+            assert!(grant.seconds >= 2.0, "{}", grant.seconds);
+            assert!(samples(&grant) <= 2, "ten candidates for five workers");
+            granted.push(grant);
+        }
+        assert_eq!(granted.iter().map(samples).sum::<usize>(), 10);
+        for grant in granted {
+            ledger.deliver(&worker("a"), grant.lease, &all_of(&grant), at(0.0));
+        }
+    }
+}
