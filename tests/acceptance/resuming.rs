@@ -126,7 +126,7 @@ fn a_run_on_an_external_simulator_that_is_stopped_goes_on() {
     });
 }
 
-/// Every evaluation takes a tenth of a second, so ten workers are almost ten times as fast as one: they
+/// Every evaluation takes a tenth of a second. Ten workers
 /// compute the candidates of a generation at the same time.
 #[test]
 fn the_workers_share_the_candidates_of_a_generation() {
