@@ -3,7 +3,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
-use ledger::{Generation, History, StreamId, Unit, Wanted};
+use ledger::{Generation, History, Kind, StreamId, Unit, Wanted};
 use sha2::{Digest as _, Sha256};
 use stats::streams::{Purpose, stream};
 
@@ -24,7 +24,8 @@ pub enum Source {
     Variant(Box<Variant>),
     /// A run of an optimiser on the built-in simulator.
     Run(Run),
-    /// Candidates of a run on an external simulator.
+    /// Candidates of a run on an external simulator, or an infill point whose constraints only such a
+    /// simulator knows.
     Candidates(Vec<Candidate>),
 }
 
@@ -270,15 +271,19 @@ pub fn compute_until(
     }
 }
 
-/// Asks about the candidates of a run that a unit covers; the error names the evaluation.
+/// Asks about the candidates that a unit covers, of a run or of an infill point; the error names the
+/// evaluation.
 fn evaluate(
     simulator: &dyn Simulator,
     unit: &Unit,
     candidates: &[Candidate],
     keep_going: &KeepGoing<'_>,
 ) -> Result<Option<Output>, String> {
-    let (number, _) = unit.stream.run_parts();
-    let approach = Approach::numbered(number.into());
+    let approach = match unit.stream.kind {
+        // Of an infill point, whose constraints are asked for before its samples.
+        Kind::Point => Some(Approach::EnrichedKriging),
+        _ => Approach::numbered(unit.stream.run_parts().0.into()),
+    };
     let approach = approach.ok_or_else(|| format!("{}: no such approach", unit.stream))?;
     let mut evaluated = Vec::with_capacity(unit.samples.len());
     let output = |evaluated: &[Evaluated]| {

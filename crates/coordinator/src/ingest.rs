@@ -1,11 +1,10 @@
 //! From what workers hand in to rows of the store.
 
-use campaign::Approach;
 use campaign::formulation::Problem;
 use campaign::task::{Evaluated, Output};
-use ledger::{StreamId, Unit};
+use ledger::{Kind, StreamId, Unit};
 use protocol::v2::UnitResult;
-use stages::names::{run_name, stream_name, time_key};
+use stages::names::{run_name, run_stream_name, stream_name, time_key};
 use stages::searching;
 use store::{Batch, CriteriaRow, JobTimeRow, OptimiserRunRow, SampleRow, VerifyRow};
 
@@ -143,14 +142,15 @@ fn rows(
             });
         }
         Output::Evaluations(evaluated) => {
-            let (number, start) = stream.run_parts();
-            let approach = Approach::numbered(number.into());
-            let approach = approach.ok_or("is of an approach that there is not")?;
-            batch.only_for = Some((run_name(approach, start), unit.generation.0));
+            let name = match stream.kind {
+                Kind::Point => point(stream).ok_or("is of a point that nobody asked for")?,
+                _ => run_stream_name(stream).ok_or("is of an approach that there is not")?,
+            };
+            batch.only_for = Some((name.clone(), unit.generation.0));
             for (evaluation, evaluated) in unit.samples.clone().zip(evaluated) {
                 let checked = check_evaluation(problem, &evaluated);
                 checked.map_err(|why| format!("evaluation {evaluation} {why}"))?;
-                let row = searching::row(approach, start, evaluation, evaluated);
+                let row = searching::row(name.clone(), evaluation, evaluated);
                 batch.evaluations.push(row);
             }
         }
@@ -186,8 +186,8 @@ fn check_evaluation(problem: &Problem, evaluated: &Evaluated) -> Result<(), Stri
 mod tests {
     use campaign::optimise::Answer;
     use campaign::simulator::Analysis;
-    use campaign::{Campaign, Criteria};
-    use ledger::{Generation, Kind};
+    use campaign::{Approach, Campaign, Criteria};
+    use ledger::Generation;
     use stages::names::{is_time_of_run, timed};
 
     use super::*;

@@ -16,7 +16,7 @@ use stages::fitting::{self, ModelSummary, P90_MODEL};
 use stages::linear::LinearResponse;
 use stages::rounds::{self, Round};
 use stages::statistics::{Collector, Computed};
-use stages::{choosing, designs, responses};
+use stages::{choosing, constraints, designs, responses};
 use store::{InfillRow, OptimumRow, Store};
 use tokio::sync::{Mutex, MutexGuard};
 use tracing::{debug, info, warn};
@@ -179,8 +179,7 @@ impl Steps {
 
     /// Decides the next round and stores it; its points are posted after that.
     pub(crate) async fn decide_round(&self, base: Design) -> anyhow::Result<()> {
-        let sampling = self.problem.campaign().sampling;
-        let rows = Rows::read(&self.store, &sampling).await?;
+        let rows = Rows::read(&self.store, &self.problem).await?;
         let problem = Arc::clone(&self.problem);
         let decide = move || rows.decide(&problem, &base);
         let (decided, cpu_seconds) = blocking(decide).await?;
@@ -189,9 +188,16 @@ impl Steps {
         for note in &decision.notes {
             debug!(round = new.row.round, "{note}");
         }
-        if !new.failed.is_empty() {
+        let ruled_out = new.failed.iter().filter(|one| one.violation > 0.0).count();
+        if ruled_out > 0 {
+            info!(
+                points = ruled_out,
+                "infill points of the last round break a constraint and get no samples"
+            );
+        }
+        if new.failed.len() > ruled_out {
             warn!(
-                points = new.failed.len(),
+                points = new.failed.len() - ruled_out,
                 "infill points of the last round have failed"
             );
         }
@@ -266,9 +272,14 @@ impl Steps {
         let sampling = self.sampling_cost(Some(base)).await?;
         let control = self.control_analyses(base.clone(), &infill).await?;
         let times = self.store.job_times().await?;
-        let cost = cost::enrichment(sampling, &rounds, &infill, control, &times);
+        let cost = cost::enrichment(&self.problem, sampling, &rounds, &infill, control, &times);
         let last = rounds.into_iter().last().context("there is no round")?;
-        rounds::recommended(&self.problem, base, &Round::read(last)?, cost)
+        let last = Round::read(last)?;
+        let told = match &last.recommendation {
+            Some(best) => constraints::criteria_at(&self.store, &self.problem, base, &best.x).await?,
+            None => None,
+        };
+        rounds::recommended(&self.problem, base, &last, told, cost)
     }
 
     /// The analyses that the control variates of infill points took.

@@ -105,7 +105,7 @@ pub fn lease(grant: &Grant<Arc<Source>>) -> v2::Lease {
         announce: grant.announce,
         ..v2::Lease::default()
     };
-    for (unit, source) in &grant.units {
+    for (number, (unit, source)) in (0..).zip(&grant.units) {
         lease.units.push(unit.into());
         match &**source {
             Source::Design(design) | Source::Point(design) => {
@@ -123,6 +123,7 @@ pub fn lease(grant: &Grant<Arc<Source>>) -> v2::Lease {
                     evaluation: one.evaluation,
                     design: Some(design_message(&one.design)),
                     may_improve: one.may_improve,
+                    unit: number,
                 }));
             }
         }
@@ -148,8 +149,12 @@ impl v2::Lease {
         }
         let mut designs = self.designs.iter();
         let model: Option<Arc<str>> = self.model_json.as_deref().map(Into::into);
-        let source = |unit: &v2::Unit| {
+        let source = |(number, unit): (u32, &v2::Unit)| {
             let unit = Unit::try_from(unit)?;
+            if self.candidates.iter().any(|one| one.unit == number) {
+                let candidates = self.candidates(number, &unit)?;
+                return Ok((unit, Source::Candidates(candidates)));
+            }
             let mut design = || match designs.next() {
                 Some(design) => Ok(Design::new(design.values.clone())),
                 None => malformed("has not a design for each of its units"),
@@ -157,9 +162,6 @@ impl v2::Lease {
             let source = match unit.stream.kind {
                 Kind::Design => Source::Design(design()?),
                 Kind::Point => Source::Point(design()?),
-                Kind::Run if !self.candidates.is_empty() => {
-                    Source::Candidates(self.candidates(&unit)?)
-                }
                 Kind::Run => {
                     let (approach, start) = unit.stream.run_parts();
                     let Some(approach) = Approach::numbered(approach.into()) else {
@@ -178,16 +180,17 @@ impl v2::Lease {
             };
             Ok((unit, source))
         };
-        self.units.iter().map(source).collect()
+        (0..).zip(&self.units).map(source).collect()
     }
 
-    /// One candidate for each sample of the unit.
-    fn candidates(&self, unit: &Unit) -> Result<Vec<Candidate>, Malformed> {
-        let evaluations = self.candidates.iter().map(|one| one.evaluation);
+    /// One candidate for each sample of the unit with this number.
+    fn candidates(&self, number: u32, unit: &Unit) -> Result<Vec<Candidate>, Malformed> {
+        let of_unit = || self.candidates.iter().filter(|one| one.unit == number);
+        let evaluations = of_unit().map(|one| one.evaluation);
         if !evaluations.eq(unit.samples.clone()) {
             return malformed("has not a candidate for each sample of its unit");
         }
-        let candidates = self.candidates.iter().map(|one| {
+        let candidates = of_unit().map(|one| {
             let Some(design) = &one.design else {
                 return malformed("has a candidate without a design");
             };
@@ -332,7 +335,7 @@ pub fn output(result: &v2::UnitResult) -> Result<(Unit, Result<Output, String>),
         return Ok((unit, Err(error.clone())));
     }
     let output = match (unit.stream.kind, &result.run_json, &result.refused) {
-        (Kind::Run, None, None) if !result.evaluated.is_empty() => {
+        (Kind::Run | Kind::Point, None, None) if !result.evaluated.is_empty() => {
             let evaluated = result.evaluated.iter().map(evaluated);
             Output::Evaluations(evaluated.collect::<Result<_, _>>()?)
         }
@@ -428,6 +431,18 @@ mod tests {
                 travel(&problem, &inputs, &[(stream, source)]);
             }
         }
+        // Points, one of which is asked about before its samples.
+        let asked = Candidate {
+            evaluation: 0,
+            design: good.clone(),
+            may_improve: true,
+        };
+        let points = [
+            (StreamId::point(7), Source::Point(good.clone())),
+            (StreamId::point(8), Source::Candidates(vec![asked])),
+            (StreamId::point(9), Source::Point(good.clone())),
+        ];
+        travel(&problem, &inputs, &points);
         let variants = vec![
             (StreamId::design(0), Source::Variant(Box::new(variant))),
             (StreamId::design(1), Source::Variant(Box::new(plain))),

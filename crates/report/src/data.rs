@@ -449,8 +449,10 @@ pub struct EnrichmentRound {
     pub further_turns: u64,
     /// Samples asked for.
     pub samples: u64,
-    /// Points whose samples were given up.
+    /// Points whose samples were quarantined.
     pub failed: u64,
+    /// Points that broke a constraint and got no samples.
+    pub ruled_out: u64,
     /// The most that was expected of an observation, µm.
     pub expected_improvement_um: f64,
     /// The model's prediction for the recommended design, µm.

@@ -58,6 +58,7 @@ pub fn describe(status: &Status) -> String {
             samples,
             points,
             failed,
+            ruled_out,
             ended,
         } = enrichment;
         let state = if *ended {
@@ -65,13 +66,14 @@ pub fn describe(status: &Status) -> String {
         } else {
             format!("{} of {} samples", samples.done, samples.wanted)
         };
-        let failed = match failed {
+        let of_them = |count: &u64, what: &str| match count {
             0 => String::new(),
-            failed => format!(", {failed} of them failed"),
+            count => format!(", {count} of them {what}"),
         };
+        let unsampled = of_them(failed, "failed") + &of_them(ruled_out, "ruled out by constraints");
         let _ = writeln!(
             text,
-            "enrichment      round {round}: {state}; {points} infill points{failed}"
+            "enrichment      round {round}: {state}; {points} infill points{unsampled}"
         );
     }
     for optimum in &status.optima {

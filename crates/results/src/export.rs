@@ -240,6 +240,7 @@ async fn rounds<W: Write + Send>(
         "points",
         "samples",
         "failed",
+        "ruled_out",
         &improvement,
         &predicted,
         &low,
@@ -257,8 +258,19 @@ async fn rounds<W: Write + Send>(
         out.write_record([
             (row.round + 1).to_string(),
             points().count().to_string(),
-            points().map(|point| point.samples).sum::<u64>().to_string(),
-            points().filter(|point| point.failed).count().to_string(),
+            points()
+                .filter(|point| !point.is_ruled_out())
+                .map(|point| point.samples)
+                .sum::<u64>()
+                .to_string(),
+            points()
+                .filter(|point| point.has_failed())
+                .count()
+                .to_string(),
+            points()
+                .filter(|point| point.is_ruled_out())
+                .count()
+                .to_string(),
             optional(row.expected_improvement_um),
             optional(best.map(|best| best.predicted_um)),
             optional(best.map(|best| best.interval_um.0)),

@@ -116,6 +116,9 @@ pub struct Enrichment {
     pub points: u64,
     /// See `points`.
     pub failed: u64,
+    /// Infill points that got no samples because they break a constraint.
+    #[serde(default)]
+    pub ruled_out: u64,
     /// Whether there will be no more rounds.
     pub ended: bool,
 }
@@ -252,7 +255,8 @@ async fn enrichment(
             wanted: of_last.map(|row| row.samples).sum(),
         },
         points: infill.len() as u64,
-        failed: infill.iter().filter(|row| row.failed).count() as u64,
+        failed: infill.iter().filter(|row| row.has_failed()).count() as u64,
+        ruled_out: infill.iter().filter(|row| row.is_ruled_out()).count() as u64,
         ended: last.stop_json.is_some(),
     }))
 }

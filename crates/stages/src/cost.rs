@@ -7,7 +7,8 @@ use ledger::Kind;
 use rayon::prelude::*;
 use store::{CriteriaRow, InfillRow, JobTimeRow, RoundRow};
 
-use crate::infill::bits;
+use crate::constraints;
+use crate::infill::{MORE, bits};
 use crate::linear::LinearResponse;
 use crate::names;
 
@@ -48,9 +49,10 @@ pub fn sampling(
     }
 }
 
-/// What the DoE, the infill samples and the rounds' decisions cost.
+/// What the DoE, the infill points and the rounds' decisions cost.
 #[must_use]
 pub fn enrichment(
+    problem: &Problem,
     sampling: Cost,
     rounds: &[RoundRow],
     infill: &[InfillRow],
@@ -61,8 +63,11 @@ pub fn enrichment(
     let searching: u64 = rounds.iter().map(|round| round.simulator_calls).sum();
     let sampled = infill.iter().filter(|row| !row.failed);
     let samples: u64 = sampled.map(|row| row.samples).sum();
+    let is_asked = |row: &&InfillRow| row.reason != MORE && constraints::are_asked(problem);
+    let evaluations = infill.iter().filter(is_asked).count() as u64;
+    let calls = searching + evaluations + samples + control_analyses;
     Cost {
-        simulator_calls: sampling.simulator_calls + searching + samples + control_analyses,
+        simulator_calls: sampling.simulator_calls + calls,
         cpu_seconds: sampling.cpu_seconds
             + rounds.iter().map(|round| round.cpu_seconds).sum::<f64>()
             + infill_seconds(times, &numbers),

@@ -7,15 +7,19 @@ use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::Context as _;
-use campaign::file::{ControlVariate, Sampling};
+use campaign::Criteria;
+use campaign::file::ControlVariate;
 use campaign::formulation::{Design, Problem};
 use campaign::simulator;
 use enrich::{Decision, Infill, Known, Reason, RoundRecord, Sampled, State};
 use rayon::prelude::*;
 use stats::streams::Purpose;
-use store::{CriteriaRow, DesignRow, InfillRow, NewRound, ResponseRow, RoundRow, Store};
+use store::{
+    CriteriaRow, DesignRow, EvaluationRow, InfillRow, NewRound, ResponseRow, RoundRow, Store, Unsampled,
+};
 
-use crate::infill::{self, REACH, bits, options, point_name, point_number};
+use crate::constraints;
+use crate::infill::{self, MORE, REACH, bits, options, point_name, point_number};
 use crate::linear::LinearResponse;
 use crate::responses::{self, Samples};
 use crate::snapshot::{infill_samples, response_counts};
@@ -34,6 +38,8 @@ pub struct Rows {
     samples: BTreeMap<u64, Vec<f64>>,
     /// The samples of the designs at which infill points lie.
     of_designs: BTreeMap<u64, Vec<f64>>,
+    /// What an external program said of the constraints of infill points.
+    evaluations: BTreeMap<u64, EvaluationRow>,
 }
 
 impl Rows {
@@ -42,7 +48,8 @@ impl Rows {
     /// # Errors
     ///
     /// The store cannot be read, or the samples of a design make no response.
-    pub async fn read(store: &Store, sampling: &Sampling) -> anyhow::Result<Self> {
+    pub async fn read(store: &Store, problem: &Problem) -> anyhow::Result<Self> {
+        let sampling = &problem.campaign().sampling;
         let mut rows = Self {
             designs: store.designs().await?,
             criteria: store.criteria().await?,
@@ -57,6 +64,9 @@ impl Rows {
             if held.len() as u64 == row.samples {
                 rows.samples
                     .insert(row.infill, held.into_values().collect());
+            }
+            if let Some(evaluation) = constraints::evaluation(store, row).await? {
+                rows.evaluations.insert(row.infill, evaluation);
             }
         }
         let sampled: BTreeSet<Vec<u64>> = rows.infill.iter().map(|row| bits(&row.x)).collect();
@@ -74,18 +84,42 @@ impl Rows {
         Ok(rows)
     }
 
-    /// The points that are not sampled although their round is over: they were given up.
-    fn lost(&self) -> Vec<u64> {
-        let lost = |row: &&InfillRow| !row.failed && !self.samples.contains_key(&row.infill);
-        self.infill
-            .iter()
-            .filter(lost)
-            .map(|row| row.infill)
+    /// The points that have no samples although their round is over.
+    fn unsampled(&self, problem: &Problem) -> Vec<Unsampled> {
+        let unsampled = |row: &&InfillRow| !row.failed && !self.samples.contains_key(&row.infill);
+        let points = self.infill.iter().filter(unsampled);
+        let violation = |row: &InfillRow| {
+            let evaluation = self.evaluations.get(&row.infill)?;
+            constraints::violation_of(problem, evaluation)
+        };
+        points
+            .map(|row| Unsampled {
+                infill: row.infill,
+                violation: violation(row).unwrap_or(0.0),
+            })
             .collect()
     }
 
-    fn has_failed(&self, row: &InfillRow) -> bool {
-        row.failed || !self.samples.contains_key(&row.infill)
+    /// Marks the points that have no samples although their round is over.
+    fn settle(&mut self, unsampled: &[Unsampled]) {
+        for one in unsampled {
+            let row = &mut self.infill[one.infill as usize];
+            (row.failed, row.violation) = (true, one.violation);
+        }
+    }
+
+    /// The designs whose criteria are known, with these.
+    fn evaluated(&self, problem: &Problem, base: &Design) -> Vec<(Vec<f64>, Criteria)> {
+        let of_doe = self.criteria.iter().filter_map(|row| {
+            let design = self.designs.get(row.design as usize)?;
+            let criteria = constraints::of_design(problem, base, design, row)?;
+            Some((design.x.clone(), criteria))
+        });
+        let of_infill = self.infill.iter().filter_map(|row| {
+            let criteria = self.evaluations.get(&row.infill)?.criteria.clone()?;
+            Some((row.x.clone(), Criteria::new(criteria)))
+        });
+        of_doe.chain(of_infill).collect()
     }
 
     /// How many samples were asked for so far.
@@ -94,7 +128,8 @@ impl Rows {
             .responses
             .iter()
             .filter_map(|r| self.counts.get(&r.design));
-        let of_infill = self.infill.iter().map(|row| row.samples);
+        let asked = self.infill.iter().filter(|row| !row.is_ruled_out());
+        let of_infill = asked.map(|row| row.samples);
         of_doe.copied().chain(of_infill).sum()
     }
 
@@ -141,7 +176,7 @@ impl Rows {
                 baseline_um: infill::baseline_um(problem, &worn),
             });
         }
-        for row in self.infill.iter().filter(|row| !self.has_failed(row)) {
+        for row in self.infill.iter().filter(|row| !row.failed) {
             let place = *places.entry(bits(&row.x)).or_insert_with(|| {
                 sampled.push(Sampled {
                     x: row.x.to_vec(),
@@ -178,7 +213,7 @@ impl Rows {
                 entry.variance_um2 = row.p90_variance_um2;
             }
         }
-        let failed = self.infill.iter().filter(|row| self.has_failed(row));
+        let failed = self.infill.iter().filter(|row| row.has_failed());
         State {
             sampled,
             failed: failed
@@ -194,7 +229,7 @@ impl Rows {
         RoundRecord {
             expected_improvement_um: round.expected_improvement_um,
             asked: of_round.clone().count() as u32,
-            failed: of_round.filter(|row| self.has_failed(row)).count() as u32,
+            failed: of_round.filter(|row| row.has_failed()).count() as u32,
         }
     }
 
@@ -203,15 +238,26 @@ impl Rows {
     /// # Errors
     ///
     /// The campaign has no enrichment, or the model cannot be fitted.
-    pub fn decide(&self, problem: &Problem, base: &Design) -> anyhow::Result<(NewRound, Decision)> {
+    pub fn decide(
+        mut self,
+        problem: &Problem,
+        base: &Design,
+    ) -> anyhow::Result<(NewRound, Decision)> {
         let section = problem.campaign().enrichment.as_ref();
         let section = section.context("the campaign has no enrichment")?;
+        let unsampled = self.unsampled(problem);
+        self.settle(&unsampled);
         let left = u64::from(section.samples).saturating_sub(self.asked());
         // At most what the budget says, which has 32 bits.
         let options = options(problem, section, left as u32)?;
         let state = self.state(problem, base);
         let calls = Cell::new(0);
+        let models = constraints::are_asked(problem)
+            .then(|| constraints::Models::fit(problem, &self.evaluated(problem, base)));
         let exact = |x: &[f64]| -> Option<Known> {
+            if let Some(models) = &models {
+                return Some(models.known(problem, x));
+            }
             let (known, took) = infill::known(problem, &problem.design(x, base))?;
             calls.set(calls.get() + took);
             Some(known)
@@ -233,7 +279,7 @@ impl Rows {
                     design, samples, ..
                 } => {
                     let entry = &state.sampled[*design];
-                    (&entry.x, Some(entry.violation), *samples, "more")
+                    (&entry.x, Some(entry.violation), *samples, MORE)
                 }
             };
             let number = point_number(index, x, &taken);
@@ -267,12 +313,11 @@ impl Rows {
             simulator_calls: calls.get(),
             cpu_seconds: 0.0,
         };
-        let failed = self.lost();
         Ok((
             NewRound {
                 row,
                 infill,
-                failed,
+                failed: unsampled,
             },
             decision,
         ))

@@ -17,6 +17,9 @@ pub(crate) const FIRST: u64 = 1 << 27;
 /// that far out says little of the response within them.
 pub const REACH: f64 = 1.0;
 
+/// [`InfillRow::reason`](store::InfillRow::reason) of more samples at a sampled design.
+pub const MORE: &str = "more";
+
 /// A design's variables as a key.
 #[must_use]
 pub(crate) fn bits(x: &[f64]) -> Vec<u64> {

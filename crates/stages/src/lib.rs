@@ -8,7 +8,7 @@
 //!   computes their control variate, and [`statistics`] makes the responses of the whole DoE.
 //! - [`fitting`] fits the kriging model to the responses.
 //! - [`deciding`] decides rounds of infill from the store's rows; [`infill`] has their points and settings,
-//!   [`rounds`] what was decided.
+//!   [`rounds`] what was decided, [`constraints`] what stands in for the constraints of an external program.
 //! - [`choosing`] ends an approach with a design; [`optima`] has the rows of these, [`cost`] what they took.
 //! - [`derived`] says what is forgotten when samples of the DoE change.
 //! - [`searching`] takes optimiser runs on an external simulator from generation to generation.
@@ -18,6 +18,7 @@
 //! Nothing here reads a clock or writes to a store.
 
 pub mod choosing;
+pub mod constraints;
 pub mod cost;
 pub mod deciding;
 pub mod derived;

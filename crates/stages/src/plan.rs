@@ -130,6 +130,7 @@ pub fn verify_points(campaign: &Campaign, state: &State) -> Vec<VerifyPoint> {
             design: design.clone()?,
             wanted: campaign.verify.samples,
             stored: state.verified.get(approach).cloned().unwrap_or_default(),
+            asks_criteria: false,
         })
     });
     optima
@@ -340,6 +341,7 @@ mod tests {
             design: design.clone(),
             wanted: 30,
             stored: (0..stored).collect(),
+            asks_criteria: false,
         }
     }
 

@@ -38,6 +38,7 @@ pub fn points(problem: &Problem) -> Vec<VerifyPoint> {
             design: design(place),
             wanted: problem.campaign().verify.samples,
             stored: std::collections::BTreeSet::new(),
+            asks_criteria: false,
         })
         .filter(|point| gears.pair(&point.design).is_ok())
         .collect()

@@ -1,5 +1,6 @@
 //! Rounds of infill that were decided, and what the last one recommends.
 
+use anyhow::Context as _;
 use campaign::formulation::Problem;
 use campaign::optimise::Found;
 use campaign::simulator::{Simulator as _, State};
@@ -38,15 +39,17 @@ impl Round {
     }
 }
 
-/// The row of the design that the last round recommends.
+/// The row of the design that the last round recommends; `told` are its criteria where only an external
+/// program knows them.
 ///
 /// # Errors
 ///
-/// The round was decided for another problem.
+/// The round was decided for another problem, or the criteria are missing.
 pub fn recommended(
     problem: &Problem,
     base: &Design,
     last: &Round,
+    told: Option<Criteria>,
     cost: Cost,
 ) -> anyhow::Result<OptimumRow> {
     let approach = Approach::EnrichedKriging;
@@ -59,10 +62,9 @@ pub fn recommended(
         "a recommendation of another problem"
     );
     let design = problem.design(&best.x, base);
-    // Another problem has an enrichment only where it has no criteria.
     let criteria = match problem.gears() {
         Some(_) => problem.prepare(&design)?.analyse(State::Baseline)?.criteria,
-        None => Criteria::new(Vec::new()),
+        None => told.context("the recommended design was never evaluated")?,
     };
     let found = Found {
         design,

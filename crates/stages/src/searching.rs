@@ -11,7 +11,7 @@ use campaign::formulation::Problem;
 use campaign::optimise::{Answer, Candidate, RunResult, Search};
 use campaign::simulator::Analysis;
 use campaign::task::{self, Inputs, Run, Source};
-use campaign::{Approach, Criteria};
+use campaign::Criteria;
 use ledger::{Generation, StreamId, Wanted};
 use store::{EvaluationRow, Store};
 
@@ -150,16 +150,11 @@ fn answer(row: EvaluationRow) -> Option<Answer> {
     })
 }
 
-/// The row of an evaluation.
+/// The row of an evaluation, of a run or an infill point under its name in the store.
 #[must_use]
-pub fn row(
-    approach: Approach,
-    start: u32,
-    evaluation: u32,
-    evaluated: task::Evaluated,
-) -> EvaluationRow {
+pub fn row(stream: String, evaluation: u32, evaluated: task::Evaluated) -> EvaluationRow {
     let mut row = EvaluationRow {
-        stream: names::run_name(approach, start),
+        stream,
         evaluation: evaluation.into(),
         x: evaluated.design.values().to_vec(),
         refused: None,

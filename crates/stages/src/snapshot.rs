@@ -6,7 +6,9 @@ use campaign::file::Sampling;
 use campaign::formulation::{Design, Problem};
 use store::{InfillRow, Store};
 
+use crate::constraints;
 use crate::fitting::P90_MODEL;
+use crate::infill::MORE;
 use crate::optima::{approach_of, optimum_design};
 use crate::responses::{self, Sampled};
 use crate::state::{OpenDesign, Progress, State, VerifyPoint};
@@ -112,7 +114,20 @@ pub async fn enrichment(
     let mut points = Vec::new();
     for row in store.infill().await? {
         if row.round == last.round {
+            let is_new = row.reason != MORE;
+            let asks_criteria = is_new && constraints::are_asked(problem);
+            let evaluation = match asks_criteria {
+                true => constraints::evaluation(store, &row).await?,
+                false => None,
+            };
+            if let Some(evaluation) = &evaluation
+                && constraints::violation_of(problem, evaluation) != Some(0.0)
+            {
+                // It cannot be simulated or breaks a constraint: nothing is to be waited for.
+                continue;
+            }
             points.push(VerifyPoint {
+                asks_criteria: asks_criteria && evaluation.is_none(),
                 stored: infill_samples(store, &row).await?.keys().copied().collect(),
                 name: row.name,
                 number: row.number,

@@ -20,13 +20,15 @@ pub struct VerifyPoint {
     pub wanted: u32,
     /// Which of its samples are stored.
     pub stored: BTreeSet<u32>,
+    /// Whether the simulator is asked for its constraints first: of an infill point that may break some.
+    pub asks_criteria: bool,
 }
 
 impl VerifyPoint {
-    /// Whether no sample is missing.
+    /// Whether nothing is missing.
     #[must_use]
     pub fn is_complete(&self) -> bool {
-        (0..self.wanted).all(|sample| self.stored.contains(&sample))
+        !self.asks_criteria && (0..self.wanted).all(|sample| self.stored.contains(&sample))
     }
 }
 

@@ -6,7 +6,7 @@ use campaign::formulation::Problem;
 use campaign::task::{Inputs, Source};
 use ledger::{StreamId, Wanted};
 
-use crate::names;
+use crate::{constraints, names};
 use crate::plan::Next;
 use crate::state::OpenDesign;
 
@@ -40,9 +40,17 @@ pub fn asked(problem: &Problem, inputs: &Inputs, next: &Next, open: &[OpenDesign
         }
     }
     for point in &next.points {
-        let source = Source::Point(point.design.clone());
-        let mut wanted = inputs.wanted(StreamId::point(point.number), source, point.wanted);
-        wanted.missing = ledger::gaps(&point.stored, point.wanted);
+        let stream = StreamId::point(point.number);
+        let wanted = if point.asks_criteria {
+            constraints::asked(inputs, point)
+        } else {
+            let source = Source::Point(point.design.clone());
+            let missing = ledger::gaps(&point.stored, point.wanted);
+            Wanted {
+                missing,
+                ..inputs.wanted(stream, source, point.wanted)
+            }
+        };
         asked.named(point.name.clone(), wanted);
     }
     asked

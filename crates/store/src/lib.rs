@@ -66,7 +66,7 @@ mod writer;
 
 pub use error::Error;
 pub use filesystem::network_file_system;
-pub use rounds::{InfillRow, NewRound, RoundRow};
+pub use rounds::{InfillRow, NewRound, RoundRow, Unsampled};
 pub use rows::{
     Batch, CampaignRow, CriteriaRow, DesignRow, EvaluationRow, FailureGroup, FailureKind,
     FailureRow, JobHistory, JobTimeRow, MissingWork, ModelRow, OptimiserRunRow, OptimumRow,

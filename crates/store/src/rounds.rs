@@ -40,24 +40,47 @@ pub struct InfillRow {
     pub reason: String,
     /// Its variables, in the order of [`DesignRow::x`](crate::DesignRow::x).
     pub x: Vec<f64>,
-    /// How far the exact constraints are missed.
+    /// How far the exact constraints are missed; while only models of the constraints are known, 0.
     pub violation: f64,
     /// How many samples it gets.
     pub samples: u64,
-    /// Whether they were given up, as the round after found.
+    /// Whether it got none, as the round after found: it failed, or it is [ruled out](Self::is_ruled_out).
     pub failed: bool,
 }
 
-/// A round as it is written: what it decided, the points it asks for, and which earlier points
-/// (by [`InfillRow::infill`]) it found to have failed.
+impl InfillRow {
+    /// Whether the simulator was asked for the point's constraints and one is broken.
+    #[must_use]
+    pub fn is_ruled_out(&self) -> bool {
+        self.failed && self.violation > 0.0
+    }
+
+    /// Whether it got no samples for another reason than a broken constraint.
+    #[must_use]
+    pub fn has_failed(&self) -> bool {
+        self.failed && self.violation <= 0.0
+    }
+}
+
+/// An earlier point that got no samples.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Unsampled {
+    /// [`InfillRow::infill`] of the point.
+    pub infill: u64,
+    /// How far it misses the constraints, as far as is known.
+    pub violation: f64,
+}
+
+/// A round as it is written: what it decided, the points it asks for, and which earlier points got no
+/// samples.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NewRound {
     /// What it decided.
     pub row: RoundRow,
     /// Its points.
     pub infill: Vec<InfillRow>,
-    /// The points before it that have failed.
-    pub failed: Vec<u64>,
+    /// The points before it that got no samples.
+    pub failed: Vec<Unsampled>,
 }
 
 pub(crate) async fn insert(
@@ -72,8 +95,14 @@ pub(crate) async fn insert(
     }
     if !new.failed.is_empty() {
         let mut failed: Vec<InfillRow> = keyed::all(connection).await?;
-        failed.retain(|point| new.failed.contains(&point.infill));
-        failed.iter_mut().for_each(|point| point.failed = true);
+        failed.retain_mut(|point| {
+            let mut unsampled = new.failed.iter();
+            let Some(unsampled) = unsampled.find(|one| one.infill == point.infill) else {
+                return false;
+            };
+            (point.failed, point.violation) = (true, unsampled.violation);
+            true
+        });
         keyed::replace(connection, &failed).await?;
     }
     Ok(Receipt {
@@ -88,6 +117,7 @@ pub(crate) async fn clear(connection: &mut Connection<'_>) -> Result<(), Error> 
         "DELETE FROM verify_sample WHERE approach IN (SELECT name FROM infill)",
         "DELETE FROM verify_tally WHERE approach IN (SELECT name FROM infill)",
         "DELETE FROM stream_generation WHERE stream IN (SELECT name FROM infill)",
+        "DELETE FROM evaluation WHERE stream IN (SELECT name FROM infill)",
         "DELETE FROM infill",
         "DELETE FROM enrichment_round",
     ] {

@@ -292,20 +292,9 @@ impl Campaign {
 
     /// Whether the coordinator can decide rounds of infill.
     fn infill_is_possible(&self, source: Source<'_>) -> Result<(), FileError> {
-        let expected = match &self.kind {
-            Kind::Gears(_) if self.is_external() => Some(
-                "absent when simulator.kind is \"external\": the coordinator evaluates the \
-                 constraints of thousands of candidates itself, with the built-in model",
-            ),
-            Kind::External(sections) if !sections.constraints.is_empty() => Some(
-                "absent beside [[constraints]]: the coordinator cannot ask the program for the \
-                 constraints of thousands of candidates, and the samples of an infill point bring no \
-                 constraint values that would show whether its design is feasible; more doe.designs \
-                 take its place",
-            ),
-            _ => None,
-        };
-        if let Some(expected) = expected {
+        if self.gears().is_some() && self.is_external() {
+            let expected = "absent when simulator.kind is \"external\": the coordinator evaluates the \
+                            constraints of thousands of candidates itself, with the built-in model";
             return Err(source.refuse("enrichment", "present", expected));
         }
         source.require(

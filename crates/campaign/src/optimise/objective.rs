@@ -56,7 +56,7 @@ pub fn answer(
     let problem = simulator.problem();
     let mut prepared = simulator.prepare(design)?;
     let state = match approach {
-        Approach::Baseline | Approach::Direct => State::Baseline,
+        Approach::Baseline | Approach::Direct | Approach::EnrichedKriging => State::Baseline,
         _ => State::Nominal,
     };
     let analysis = prepared.analyse(state)?;

@@ -49,6 +49,13 @@ fn effort(enrichment: &Enrichment) -> String {
     if failed > 0 {
         text += &format!(" {} of the points failed.", count(failed));
     }
+    let ruled_out: u64 = rounds.iter().map(|round| round.ruled_out).sum();
+    if ruled_out > 0 {
+        text += &format!(
+            " {} of the points broke a constraint and got no samples.",
+            count(ruled_out)
+        );
+    }
     text
 }
 

@@ -75,6 +75,7 @@ fn enrichment() -> Enrichment {
             further_turns: 3 * round,
             samples: 720,
             failed: u64::from(round > 2),
+            ruled_out: 0,
             expected_improvement_um: 0.2 / (round * round * round) as f64,
             predicted_um,
             low_um: predicted_um - 0.06 / round as f64,

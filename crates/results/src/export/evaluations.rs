@@ -1,4 +1,4 @@
-//! What an external simulator said of the candidates of the optimiser's runs.
+//! What an external simulator said of the candidates of the optimiser's runs and of infill points.
 
 use std::io::Write;
 
@@ -10,7 +10,7 @@ use store::{EvaluationRow, Store};
 use super::{column, number, optional};
 use crate::rows::RowWriter;
 
-/// A row for each evaluation, in the order of approaches, starts and evaluations.
+/// A row for each evaluation, in the order of approaches, starts and evaluations, infill points last.
 pub(super) async fn write<W: Write + Send>(
     store: &Store,
     problem: &Problem,
@@ -35,6 +35,19 @@ pub(super) async fn write<W: Write + Send>(
                 let rest = record(problem, row);
                 out.write_record(first.into_iter().chain(rest).collect::<Vec<_>>())?;
             }
+        }
+    }
+    // Infill points whose constraints only the simulator knows, by their number in the enrichment.
+    for point in store.infill().await? {
+        for row in store.evaluations(&point.name, 0).await? {
+            let name = problem.approach_name(Approach::EnrichedKriging);
+            let rest = EvaluationRow {
+                evaluation: point.infill,
+                ..row
+            };
+            let first = [name.to_owned(), String::new()];
+            let rest = record(problem, rest);
+            out.write_record(first.into_iter().chain(rest).collect::<Vec<_>>())?;
         }
     }
     Ok(())

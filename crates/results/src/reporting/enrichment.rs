@@ -2,6 +2,7 @@
 
 use campaign::Approach;
 use report::{Enrichment, EnrichmentRound};
+use stages::infill::MORE;
 use stages::rounds::Round;
 use stages::snapshot::response_counts;
 use store::Store;
@@ -27,14 +28,18 @@ pub(super) async fn enrichment(
             let points = sources.infill.iter();
             points.filter(|point| point.round == round.row.round)
         };
-        let further = points().filter(|point| point.reason == "more").count() as u64;
+        let further = points().filter(|point| point.reason == MORE).count() as u64;
         let best = round.recommendation.as_ref();
         rounds.push(EnrichmentRound {
             round: round.row.round + 1,
             new_designs: points().count() as u64 - further,
             further_turns: further,
-            samples: points().map(|point| point.samples).sum(),
-            failed: points().filter(|point| point.failed).count() as u64,
+            samples: points()
+                .filter(|point| !point.is_ruled_out())
+                .map(|point| point.samples)
+                .sum(),
+            failed: points().filter(|point| point.has_failed()).count() as u64,
+            ruled_out: points().filter(|point| point.is_ruled_out()).count() as u64,
             expected_improvement_um: round.row.expected_improvement_um.unwrap_or(f64::NAN),
             predicted_um: best.map_or(f64::NAN, |best| best.predicted_um),
             low_um: best.map_or(f64::NAN, |best| best.interval_um.0),

@@ -1,6 +1,6 @@
 //! Rounds of infill points: written once, all or nothing, and cleared with what they rest on.
 
-use store::{Batch, Error, InfillRow, NewRound, RoundRow, Store, VerifyRow};
+use store::{Batch, Error, InfillRow, NewRound, RoundRow, Store, Unsampled, VerifyRow};
 
 use crate::{campaign, folder, open, store_with};
 
@@ -15,6 +15,13 @@ fn point(infill: u64, round: u64) -> InfillRow {
         violation: 0.0,
         samples: 30,
         failed: false,
+    }
+}
+
+fn unsampled(infill: u64) -> Unsampled {
+    Unsampled {
+        infill,
+        violation: 0.25 * infill as f64,
     }
 }
 
@@ -33,7 +40,7 @@ pub(crate) fn new_round(round: u64, failed: &[u64]) -> NewRound {
         infill: (3 * round..3 * round + 3)
             .map(|i| point(i, round))
             .collect(),
-        failed: failed.to_vec(),
+        failed: failed.iter().map(|&infill| unsampled(infill)).collect(),
     }
 }
 
@@ -72,7 +79,8 @@ async fn a_round_is_held_with_its_points_and_marks_those_that_failed() {
         [first.row.clone(), second.row.clone()]
     );
     let mut points: Vec<InfillRow> = first.infill.into_iter().chain(second.infill).collect();
-    points[1].failed = true;
+    (points[1].failed, points[1].violation) = (true, 0.25);
+    assert!(points[1].is_ruled_out() && !points[1].has_failed());
     assert_eq!(store.infill().await.unwrap(), points);
 }
 

@@ -1,0 +1,149 @@
+//! The constraints of infill points where only an external program knows them.
+//!
+//! The program cannot be asked about the thousands of candidates of a round, so kriging models of the
+//! criteria stand in for it there: M. J. Sasena, P. Papalambros, P. Goovaerts, *Exploration of
+//! metamodeling sampling criteria for constrained global optimization*, Engineering Optimization 34 (2002),
+//! with the models' means as constraints. Each point that a round chooses is then evaluated by the program
+//! before it gets samples. A point that breaks a constraint gets none: its values refine the models of the
+//! next round. A recommended design is always one that was evaluated, so no model decides whether it is
+//! feasible.
+
+use campaign::Criteria;
+use campaign::formulation::{Design, Problem};
+use campaign::simulator::State;
+use campaign::task::{Candidate, Inputs, Source};
+use enrich::Known;
+use kriging::{Data, FitOptions, Model};
+use ledger::{StreamId, Wanted};
+use std::sync::Arc;
+use store::{CriteriaRow, DesignRow, EvaluationRow, InfillRow, Store};
+
+use crate::infill::{bits, violation};
+use crate::state::VerifyPoint;
+
+/// Whether only the program knows the constraints of a design.
+#[must_use]
+pub(crate) fn are_asked(problem: &Problem) -> bool {
+    problem.gears().is_none() && !problem.criteria().is_empty()
+}
+
+/// What a worker is asked of a point before its samples: one evaluation, numbered as the sample after the
+/// last one, so that its time is kept apart from theirs.
+pub(crate) fn asked(inputs: &Inputs, point: &VerifyPoint) -> Wanted<Arc<Source>> {
+    let candidate = Candidate {
+        evaluation: point.wanted,
+        design: point.design.clone(),
+        may_improve: true,
+    };
+    let source = Source::Candidates(vec![candidate]);
+    let number = point.wanted..point.wanted + 1;
+    Wanted {
+        missing: std::iter::once(number.clone()).collect(),
+        ..inputs.wanted(StreamId::point(point.number), source, number.end)
+    }
+}
+
+/// What the program said of a point, if it was asked.
+pub(crate) async fn evaluation(
+    store: &Store,
+    point: &InfillRow,
+) -> Result<Option<EvaluationRow>, store::Error> {
+    Ok(store.evaluations(&point.name, 0).await?.into_iter().next())
+}
+
+/// By how much an evaluated point misses the constraints; none if it cannot be simulated.
+pub(crate) fn violation_of(problem: &Problem, evaluation: &EvaluationRow) -> Option<f64> {
+    let criteria = evaluation.criteria.clone().map(Criteria::new)?;
+    Some(violation(problem, &criteria))
+}
+
+/// The criteria that the program gave for the design at `x`, of the DoE or an infill point.
+///
+/// # Errors
+///
+/// The store cannot be read.
+pub async fn criteria_at(
+    store: &Store,
+    problem: &Problem,
+    base: &Design,
+    x: &[f64],
+) -> Result<Option<Criteria>, store::Error> {
+    let place = bits(x);
+    for design in store.designs().await? {
+        if bits(&design.x) == place {
+            let rows = store.criteria().await?;
+            let row = rows.into_iter().find(|row| row.design == design.design);
+            let criteria = row.and_then(|row| of_design(problem, base, &design, &row));
+            if criteria.is_some() {
+                return Ok(criteria);
+            }
+        }
+    }
+    for point in store.infill().await? {
+        if bits(&point.x) == place
+            && let Some(row) = evaluation(store, &point).await?
+        {
+            return Ok(row.criteria.map(Criteria::new));
+        }
+    }
+    Ok(None)
+}
+
+/// The criteria of a design of the DoE, if it could be simulated.
+pub(crate) fn of_design(
+    problem: &Problem,
+    base: &Design,
+    design: &DesignRow,
+    row: &CriteriaRow,
+) -> Option<Criteria> {
+    let responses = row.responses.as_ref()?;
+    let design = problem.design(&design.x, base);
+    let analysis = problem.analysis(&design, responses, State::Baseline)?;
+    Some(analysis.criteria)
+}
+
+/// Models of the criteria, in their problem's order.
+pub(crate) struct Models {
+    /// None of a criterion that cannot be modelled, as with too few designs.
+    models: Vec<Option<Model>>,
+}
+
+impl Models {
+    /// Fits a model to each criterion at the evaluated designs.
+    pub(crate) fn fit(problem: &Problem, evaluated: &[(Vec<f64>, Criteria)]) -> Self {
+        let campaign = problem.campaign();
+        let x: Vec<f64> = evaluated.iter().flat_map(|(x, _)| x).copied().collect();
+        let exact = vec![0.0; evaluated.len()];
+        let options = FitOptions {
+            // A validated campaign names a kernel.
+            kernel: campaign.kriging.kernel.parse().unwrap_or_default(),
+            seed: campaign.seed,
+            starts: 5,
+            ..FitOptions::default()
+        };
+        let fit = |criterion: usize| {
+            let values = evaluated.iter().map(|(_, all)| all.values()[criterion]);
+            let data = Data {
+                x: &x,
+                d: problem.dimension(),
+                y: &values.collect::<Vec<_>>(),
+                noise_variance: &exact,
+            };
+            kriging::fit(&data, &options).ok()
+        };
+        Self {
+            models: (0..problem.criteria().len()).map(fit).collect(),
+        }
+    }
+
+    /// What is expected of a design. Nothing is held against it where a criterion has no model: the
+    /// program will tell.
+    pub(crate) fn known(&self, problem: &Problem, x: &[f64]) -> Known {
+        let means: Option<Vec<f64>> = self
+            .models
+            .iter()
+            .map(|model| Some(model.as_ref()?.mean(x)))
+            .collect();
+        Known::from(means.map_or(0.0, |means| violation(problem, &Criteria::new(means))))
+    }
+}
