@@ -10,11 +10,15 @@ pub(crate) async fn blocking<T: Send + 'static>(
     let timed = move || -> anyhow::Result<(T, f64)> {
         let pool = rayon::ThreadPoolBuilder::new().build()?;
         let result = pool.install(work);
-        let times = pool.broadcast(|_| {
-            let time = clock_gettime(ClockId::ThreadCPUTime);
-            time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
-        });
+        let times = pool.broadcast(|_| thread_seconds());
         Ok((result, times.iter().sum()))
     };
     tokio::task::spawn_blocking(timed).await?
+}
+
+/// CPU time of this thread, seconds.
+#[must_use]
+pub fn thread_seconds() -> f64 {
+    let time = clock_gettime(ClockId::ThreadCPUTime);
+    time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
 }

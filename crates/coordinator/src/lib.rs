@@ -11,7 +11,7 @@
 //! - `leases` takes back what silent workers hold.
 
 pub mod board;
-mod compute;
+pub mod compute;
 pub mod engine;
 pub mod ingest;
 mod leases;

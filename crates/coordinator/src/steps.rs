@@ -276,7 +276,9 @@ impl Steps {
         let last = rounds.into_iter().last().context("there is no round")?;
         let last = Round::read(last)?;
         let told = match &last.recommendation {
-            Some(best) => constraints::criteria_at(&self.store, &self.problem, base, &best.x).await?,
+            Some(best) => {
+                constraints::criteria_at(&self.store, &self.problem, base, &best.x).await?
+            }
             None => None,
         };
         rounds::recommended(&self.problem, base, &last, told, cost)

@@ -52,6 +52,14 @@ pub fn describe(status: &Status) -> String {
         "optimiser runs  {} of {}",
         optimiser_runs.done, optimiser_runs.wanted
     );
+    for run in &status.unfinished_runs {
+        let Progress { done, wanted } = run.evaluations;
+        let _ = writeln!(
+            text,
+            "                {}: {done} of {wanted} evaluations",
+            run.name
+        );
+    }
     if let Some(enrichment) = &status.enrichment {
         let Enrichment {
             round,

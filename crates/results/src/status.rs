@@ -39,6 +39,10 @@ pub struct Status {
     pub digests_checked: bool,
     /// Finished runs of optimisers and how many there will be.
     pub optimiser_runs: Progress,
+    /// Runs on an external simulator that have begun and are not finished; those on the built-in one take
+    /// seconds and are not among them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub unfinished_runs: Vec<UnfinishedRun>,
     /// The rounds of infill; absent before the first one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub enrichment: Option<Enrichment>,
@@ -103,6 +107,15 @@ pub struct Progress {
     pub done: u64,
     /// How many there will be.
     pub wanted: u64,
+}
+
+/// A run of an optimiser that is not finished.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct UnfinishedRun {
+    /// Its approach and start.
+    pub name: String,
+    /// Evaluations, of those that it has without continuations.
+    pub evaluations: Progress,
 }
 
 /// The rounds of infill.
@@ -225,6 +238,7 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
             done: progress.optimiser_runs,
             wanted: problem.optimiser_runs(),
         },
+        unfinished_runs: unfinished_runs(store, &problem).await?,
         enrichment,
         unit: problem.sampled().unit.to_string(),
         optima,
@@ -232,6 +246,19 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
         failure_groups: groups.map(FailureGroup::from).collect(),
         live: None,
     })
+}
+
+async fn unfinished_runs(
+    store: &Store,
+    problem: &campaign::formulation::Problem,
+) -> Result<Vec<UnfinishedRun>, store::Error> {
+    let wanted = u64::from(problem.campaign().optimise.evaluations);
+    let runs = store.unfinished_runs().await?.into_iter();
+    let run = |(name, done): (String, u64)| UnfinishedRun {
+        name: name.trim_start_matches("run ").to_owned(),
+        evaluations: Progress { done, wanted },
+    };
+    Ok(runs.map(run).collect())
 }
 
 async fn enrichment(

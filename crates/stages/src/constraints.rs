@@ -8,6 +8,8 @@
 //! next round. A recommended design is always one that was evaluated, so no model decides whether it is
 //! feasible.
 
+use std::sync::Arc;
+
 use campaign::Criteria;
 use campaign::formulation::{Design, Problem};
 use campaign::simulator::State;
@@ -15,7 +17,6 @@ use campaign::task::{Candidate, Inputs, Source};
 use enrich::Known;
 use kriging::{Data, FitOptions, Model};
 use ledger::{StreamId, Wanted};
-use std::sync::Arc;
 use store::{CriteriaRow, DesignRow, EvaluationRow, InfillRow, Store};
 
 use crate::infill::{bits, violation};
@@ -145,5 +146,83 @@ impl Models {
             .map(|model| Some(model.as_ref()?.mean(x)))
             .collect();
         Known::from(means.map_or(0.0, |means| violation(problem, &Criteria::new(means))))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use campaign::Campaign;
+
+    use super::*;
+
+    fn beam() -> Problem {
+        let text = include_str!("../../../campaigns/cantilever/campaign.toml");
+        Problem::new(Campaign::parse("campaign.toml", text).unwrap())
+    }
+
+    /// The area at `count` points of the box, which fill it evenly enough.
+    fn evaluated(count: u32) -> Vec<(Vec<f64>, Criteria)> {
+        let fraction = |i: u32, irrational: f64| (f64::from(i + 1) * irrational).fract();
+        let place = |i: u32| {
+            [
+                1.0 + 3.0 * fraction(i, 0.7549),
+                1.0 + 3.0 * fraction(i, 0.5698),
+            ]
+        };
+        (0..count)
+            .map(place)
+            .map(|[w, t]| (vec![w, t], Criteria::new(vec![w * t])))
+            .collect()
+    }
+
+    #[test]
+    fn models_tell_feasible_designs_from_others_but_for_those_at_the_limit() {
+        let problem = beam();
+        assert!(are_asked(&problem));
+        let models = Models::fit(&problem, &evaluated(30));
+        let (mut feasible, mut others) = (0, 0);
+        for (x, criteria) in evaluated(230).split_off(30) {
+            let area = criteria.values()[0];
+            let expected = models.known(&problem, &x).violation;
+            if (area - 9.5).abs() > 0.05 {
+                assert_eq!(expected > 0.0, area > 9.5, "{x:?}: {area}, {expected}");
+                *(if area > 9.5 {
+                    &mut others
+                } else {
+                    &mut feasible
+                }) += 1;
+            }
+        }
+        assert!(feasible > 50 && others > 10, "{feasible} {others}");
+    }
+
+    #[test]
+    fn without_a_model_nothing_is_held_against_a_design() {
+        let problem = beam();
+        for known in [0, 1] {
+            let models = Models::fit(&problem, &evaluated(known));
+            assert_eq!(models.known(&problem, &[4.0, 4.0]).violation, 0.0);
+        }
+    }
+
+    #[test]
+    fn a_point_is_evaluated_before_its_samples_and_apart_from_them() {
+        let problem = beam();
+        let point = VerifyPoint {
+            name: "infill-0000".into(),
+            number: 1 << 27,
+            design: Design::new(vec![2.0, 3.0]),
+            wanted: 30,
+            stored: std::collections::BTreeSet::new(),
+            asks_criteria: true,
+        };
+        assert!(!point.is_complete());
+        let inputs = Inputs::new(problem.campaign(), None);
+        let wanted = asked(&inputs, &point);
+        assert_eq!(wanted.missing, [30..31]);
+        let Source::Candidates(candidates) = &*wanted.source else {
+            panic!("{:?}", wanted.source);
+        };
+        assert_eq!((candidates.len(), candidates[0].evaluation), (1, 30));
     }
 }

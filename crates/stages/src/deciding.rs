@@ -15,7 +15,8 @@ use enrich::{Decision, Infill, Known, Reason, RoundRecord, Sampled, State};
 use rayon::prelude::*;
 use stats::streams::Purpose;
 use store::{
-    CriteriaRow, DesignRow, EvaluationRow, InfillRow, NewRound, ResponseRow, RoundRow, Store, Unsampled,
+    CriteriaRow, DesignRow, EvaluationRow, InfillRow, NewRound, ResponseRow, RoundRow, Store,
+    Unsampled,
 };
 
 use crate::constraints;

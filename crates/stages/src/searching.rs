@@ -7,11 +7,11 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use campaign::Criteria;
 use campaign::formulation::Problem;
 use campaign::optimise::{Answer, Candidate, RunResult, Search};
 use campaign::simulator::Analysis;
 use campaign::task::{self, Inputs, Run, Source};
-use campaign::Criteria;
 use ledger::{Generation, StreamId, Wanted};
 use store::{EvaluationRow, Store};
 

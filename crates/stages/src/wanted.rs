@@ -6,9 +6,9 @@ use campaign::formulation::Problem;
 use campaign::task::{Inputs, Source};
 use ledger::{StreamId, Wanted};
 
-use crate::{constraints, names};
 use crate::plan::Next;
 use crate::state::OpenDesign;
+use crate::{constraints, names};
 
 /// What workers are asked for.
 #[derive(Debug, Clone, Default)]

@@ -211,6 +211,24 @@ pub(crate) async fn verify_counts(
         .collect())
 }
 
+/// How many evaluations there are of each run that is not finished, by the run's name.
+pub(crate) async fn unfinished_runs(
+    connection: &mut Connection<'_>,
+) -> Result<Vec<(String, u64)>, Error> {
+    let query = sqlx::query!(
+        r#"SELECT stream AS "stream!: String", count(*) AS "evaluations!: i64" FROM evaluation
+           WHERE stream LIKE 'run %' AND NOT EXISTS (
+               SELECT 1 FROM optimiser_run
+               WHERE stream = 'run ' || optimiser_run.approach || ' ' || optimiser_run.start)
+           GROUP BY stream ORDER BY stream"#
+    );
+    let rows = connection.all("count evaluations", query).await?;
+    Ok(rows
+        .into_iter()
+        .map(|r| (r.stream, index(r.evaluations)))
+        .collect())
+}
+
 pub(crate) async fn failures(connection: &mut Connection<'_>) -> Result<Vec<FailureRow>, Error> {
     let rows = connection
         .all(

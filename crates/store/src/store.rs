@@ -295,6 +295,12 @@ impl Store {
         tally::verify_samples(&mut self.reader().await?, approach).await
     }
 
+    /// How many evaluations there are of each run on an external simulator that is not finished, by the
+    /// run's name.
+    pub async fn unfinished_runs(&self) -> Result<Vec<(String, u64)>, Error> {
+        query::unfinished_runs(&mut self.reader().await?).await
+    }
+
     /// How many samples there are at the optimum of each approach that has any, by approach.
     pub async fn verify_counts(&self) -> Result<Vec<(String, u64)>, Error> {
         query::verify_counts(&mut self.reader().await?).await

@@ -107,7 +107,7 @@ impl Kind {
             Self::External => vec![external(true)],
             Self::Licence => vec![external(is_even)],
             Self::Problem => vec![problem()],
-            Self::Files => vec![shipped("cantilever")],
+            Self::Files => vec![files()],
         }
     }
 }
@@ -188,6 +188,16 @@ fn problem() -> String {
     text + "\n[optimise]\nevaluations = 200\nstarts = 2\ndirect = true\n\n[verify]\nsamples = 2000\n\n[enrichment]\n\
             criterion = \"expected-quantile-improvement\"\nsamples = 8000\nrounds = 3\n\
             points_per_round = 4\nsamples_per_point = 500\ntolerance = 0.001\n"
+}
+
+/// The example of a program that is asked through files, with infill beside its constraint.
+fn files() -> String {
+    change(
+        &shipped("cantilever"),
+        "evaluations = 300",
+        "evaluations = 100",
+    ) + "\n[enrichment]\ncriterion = \"expected-quantile-improvement\"\nsamples = 2000\nrounds = 3\n\
+           points_per_round = 4\nsamples_per_point = 60\ntolerance = 0.001\n"
 }
 
 fn change(text: &str, from: &str, to: &str) -> String {

@@ -270,7 +270,9 @@ impl Campaign {
         self.simulator.validate(source)?;
         match &self.kind {
             Kind::Gears(sections) => sections.validate(source, self.is_external())?,
-            Kind::External(sections) => sections.validate(source)?,
+            Kind::External(sections) => {
+                sections.validate(source, &self.sampling.percentile_column())?;
+            }
         }
         if let Some(enrichment) = &self.enrichment {
             enrichment.validate(source)?;

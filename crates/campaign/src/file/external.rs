@@ -81,12 +81,37 @@ pub enum Aim {
 }
 
 /// What requests, answers and exported tables call something else.
-const RESERVED: [&str; 7] = [
-    "id", "refused", "error", "design", "sample", "seed", "request",
+const RESERVED: [&str; 21] = [
+    "id",
+    "refused",
+    "error",
+    "design",
+    "sample",
+    "seed",
+    "request",
+    "simulable",
+    "feasible",
+    "samples",
+    "reason",
+    "point",
+    "round",
+    "violation",
+    "failed",
+    "approach",
+    "start",
+    "evaluation",
+    "criterion",
+    "simulator_calls",
+    "cpu_seconds",
 ];
 
 impl ExternalSections {
-    pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
+    /// Checks the sections; `percentile` is what columns with the percentile begin with.
+    pub(super) fn validate(&self, source: Source<'_>, percentile: &str) -> Result<(), FileError> {
+        let is_column = |name: &str| {
+            let rest = name.strip_prefix(percentile);
+            rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
+        };
         let mut names = BTreeSet::new();
         let mut named = |section: &str, name: &str, unit: &str| {
             let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
@@ -97,7 +122,7 @@ impl ExternalSections {
                 "1 to 64 letters, digits, hyphens or underscores",
             )?;
             source.require(
-                !RESERVED.contains(&name),
+                !RESERVED.contains(&name) && !is_column(name),
                 &format!("{section}.name"),
                 name,
                 "another name: requests, answers and tables use this one for something else",
