@@ -64,6 +64,7 @@ pub fn recommended(
     let design = problem.design(&best.x, base);
     let criteria = match problem.gears() {
         Some(_) => problem.prepare(&design)?.analyse(State::Baseline)?.criteria,
+        None if problem.criteria().is_empty() => Criteria::new(Vec::new()),
         None => told.context("the recommended design was never evaluated")?,
     };
     let found = Found {
