@@ -347,7 +347,7 @@ async fn conduct(plan: Plan) -> anyhow::Result<u8> {
 async fn write_report(arguments: arguments::Report) -> anyhow::Result<u8> {
     let store = Store::open_read_only(&arguments.db).await?;
     output::refuse_report_of_another(&arguments.out, &[store.campaign().await?.digest])?;
-    let report = reporting::write(&store, &arguments.out).await?;
+    let report = reporting::write(&store, &arguments.out, &coordinator::made::made()).await?;
     print(&format!("{}\n", report.display()))?;
     Ok(exit::OK)
 }

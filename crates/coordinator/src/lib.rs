@@ -8,6 +8,7 @@
 //! - [`server`] opens the store and runs it all; [`study`] runs the simulations of a study, without a
 //!   store. [`serving`] is what both have beside the board: the port, and [`local`] workers of the same
 //!   process.
+//! - [`made`] says where and when a report is made.
 //! - `leases` takes back what silent workers hold.
 
 pub mod board;
@@ -16,6 +17,7 @@ pub mod engine;
 pub mod ingest;
 mod leases;
 pub mod local;
+pub mod made;
 pub mod metrics;
 mod pace;
 mod receiving;

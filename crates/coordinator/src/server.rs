@@ -218,7 +218,7 @@ async fn run_open(
         if let Err(damaged) = store.checked().await {
             break Err(Error::Store(damaged));
         }
-        let report = reporting::write(store, &plan.out)
+        let report = reporting::write(store, &plan.out, &crate::made::made())
             .await
             .map_err(Error::from)?;
         info!(report = %report.display(), "report written");

@@ -10,7 +10,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         .ok_or("give the path of the page to write")?;
     let mut results = data::plausible();
     results.header.campaign = "Demonstration with synthetic data".to_owned();
-    std::fs::write(page, report::render(&results)?)?;
+    std::fs::write(page, report::render(&results)?.html)?;
     if let Some(picture) = arguments.next() {
         let best = results
             .approaches

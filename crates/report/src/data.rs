@@ -3,11 +3,15 @@
 //! A value that could not be computed is `f64::NAN`; it appears as a dash in the tables and is left
 //! out of the charts. An empty list appears as a sentence that says so.
 
+use crate::summary::Summary;
+
 /// Everything that one report shows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReportData {
     /// Which campaign, how large, at what cost.
     pub header: Header,
+    /// The head of the report.
+    pub summary: Summary,
     /// Whether the campaign is the paper's, so that its printed figures belong beside the results.
     pub compare_with_paper: bool,
     /// Bounds of the constraints, to mark what breaks them.
@@ -194,6 +198,32 @@ pub struct KrigingFit {
     pub leave_one_out: Vec<LeaveOneOut>,
     /// What a reader ought to know of the fit, in sentences.
     pub warnings: Vec<String>,
+    /// The model along each variable through the recommended design.
+    pub slices: Vec<Slice>,
+    /// The share of each variable in the variance of the model's mean over the box.
+    pub indices: Vec<VariableIndices>,
+}
+
+/// A model along one variable, with all others at the recommended design.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Slice {
+    /// The variable and its unit.
+    pub variable: String,
+    /// Where the recommended design lies.
+    pub at: f64,
+    /// Value of the variable, mean, lower and upper end of the 95 % interval.
+    pub points: Vec<[f64; 4]>,
+}
+
+/// Sobol' indices of one variable.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VariableIndices {
+    /// The variable.
+    pub variable: String,
+    /// First-order index, 0 to 1: what it does by itself.
+    pub first: f64,
+    /// Total index, 0 to 1: what it does together with the others, too.
+    pub total: f64,
 }
 
 /// One fitted parameter.

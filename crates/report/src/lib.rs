@@ -22,6 +22,7 @@ mod number;
 mod page;
 pub mod paper;
 mod problem;
+mod summary;
 mod svg;
 
 pub use charts::{
@@ -34,9 +35,10 @@ pub use data::{
     Approach, ApproachResult, Constraints, DoePoint, Enrichment, EnrichmentRound, GearDrawing,
     GearOutline, Header, KrigingFit, LeaveOneOut, Limits, ModelFigure, OptimiserRun, Optimum,
     PairConstraint, PairPage, Parameter, Percentile, PreliminaryDesign, PressureCurves,
-    PrintedDesign, PrintedFigures, Refusals, ReportData, SimilarDesign, StageCost, SteCurves,
-    WearProfiles,
+    PrintedDesign, PrintedFigures, Refusals, ReportData, SimilarDesign, Slice, StageCost,
+    SteCurves, VariableIndices, WearProfiles,
 };
 pub use error::Error;
-pub use page::{campaign_digest, render, render_pair, render_problem};
+pub use page::{ChartFile, Rendered, campaign_digest, render, render_pair, render_problem};
 pub use problem::{NamedValue, ProblemOptimum, ProblemReport};
+pub use summary::{Margin, Recommended, Summary};

@@ -1,12 +1,15 @@
 //! What the report of a campaign with a problem of the user's is made from: names, units and numbers.
 
 use crate::data::{Header, KrigingFit, Percentile};
+use crate::summary::Summary;
 
 /// Everything that the report of an external campaign shows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ProblemReport {
     /// Which campaign, how large, at what cost.
     pub header: Header,
+    /// The head of the report.
+    pub summary: Summary,
     /// What is minimised is the percentile of this response.
     pub response: String,
     /// Its unit; empty for a number without one.

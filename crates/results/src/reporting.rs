@@ -3,21 +3,20 @@
 mod choice;
 mod enrichment;
 mod facts;
+mod model;
 mod notes;
 mod optima;
 mod printed;
 mod problem;
 mod sources;
+mod summary;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use campaign::{Approach, Campaign};
-use report::{
-    DoePoint, Header, KrigingFit, LeaveOneOut, Limits, Parameter, Refusals, ReportData, StageCost,
-    WearProfiles,
-};
+use report::{DoePoint, Header, Limits, Refusals, ReportData, StageCost, Summary, WearProfiles};
 use stages::cost::{infill_seconds, sampling_calls};
 use stages::names;
 use stages::optima::optimum_design;
@@ -33,27 +32,57 @@ const WEAR_PROFILES: u64 = 10;
 /// The file's name in the report's folder.
 pub const FILE: &str = "report.html";
 
-/// Writes [`FILE`] into the folder `out`, which is made if need be; returns its path.
+/// The folder of the charts in the report's folder.
+pub const CHARTS: &str = "charts";
+
+/// Writes [`FILE`] into the folder `out`, which is made if need be, and its charts into [`CHARTS`]; returns
+/// the page's path. `made` says where and when, as (label, value).
 ///
 /// # Errors
 ///
-/// The store cannot be read or the file cannot be written.
-pub async fn write(store: &Store, out: &Path) -> anyhow::Result<PathBuf> {
+/// The store cannot be read or a file cannot be written.
+pub async fn write(
+    store: &Store,
+    out: &Path,
+    made: &[(String, String)],
+) -> anyhow::Result<PathBuf> {
     let sources = Sources::read(store).await?;
-    let html = if sources.problem.gears().is_some() {
-        report::render(&gather(store).await?)?
+    let status = crate::status::read(store).await?;
+    let summary = summary::summary(&sources, &status, made)?;
+    let rendered = if sources.problem.gears().is_some() {
+        report::render(&gathered(store, &sources, summary).await?)?
     } else {
-        report::render_problem(&problem::gather(store, &sources).await?)?
+        report::render_problem(&problem::gather(store, &sources, summary).await?)?
     };
-    std::fs::create_dir_all(out)
-        .with_context(|| format!("cannot make the folder {}", out.display()))?;
+    let charts = out.join(CHARTS);
+    std::fs::create_dir_all(&charts)
+        .with_context(|| format!("cannot make the folder {}", charts.display()))?;
+    for chart in &rendered.charts {
+        // Names of variables may hold what names of files may not.
+        let plain = |c: char| {
+            if c.is_alphanumeric() || "-_".contains(c) {
+                c
+            } else {
+                '-'
+            }
+        };
+        let name: String = chart.name.chars().map(plain).collect();
+        replace(&charts.join(format!("{name}.svg")), &chart.svg)?;
+        if let Some(csv) = &chart.csv {
+            replace(&charts.join(format!("{name}.csv")), csv)?;
+        }
+    }
     let path = out.join(FILE);
-    // Written beside and renamed, so that a report is never half one.
-    let draft = out.join(format!("{FILE}.part"));
-    std::fs::write(&draft, html)
-        .and_then(|()| std::fs::rename(&draft, &path))
-        .with_context(|| format!("cannot write {}", path.display()))?;
+    replace(&path, &rendered.html)?;
     Ok(path)
+}
+
+/// Writes a file beside and renames it, so that it is never half one.
+fn replace(path: &Path, text: &str) -> anyhow::Result<()> {
+    let draft = path.with_added_extension("part");
+    std::fs::write(&draft, text)
+        .and_then(|()| std::fs::rename(&draft, path))
+        .with_context(|| format!("cannot write {}", path.display()))
 }
 
 /// Gathers the data of a gear campaign's report.
@@ -63,34 +92,46 @@ pub async fn write(store: &Store, out: &Path) -> anyhow::Result<PathBuf> {
 /// The store cannot be read, or holds what this version cannot read.
 pub async fn gather(store: &Store) -> anyhow::Result<ReportData> {
     let sources = Sources::read(store).await?;
+    let status = crate::status::read(store).await?;
+    let summary = summary::summary(&sources, &status, &[])?;
+    gathered(store, &sources, summary).await
+}
+
+async fn gathered(
+    store: &Store,
+    sources: &Sources,
+    summary: Summary,
+) -> anyhow::Result<ReportData> {
     let digest = store.samples_digest().await?;
     let times = store.job_times().await?;
     let compare = sources.problem.campaign().compares_with_paper();
+    let best = summary::best(sources).map(|(_, design)| design);
     Ok(ReportData {
-        header: header(&sources, digest, &times),
+        header: header(sources, digest, &times),
+        summary,
         compare_with_paper: compare,
         limits: limits(sources.problem.campaign()),
         preliminary: if compare {
-            printed::preliminary(&sources)
+            printed::preliminary(sources)
         } else {
             Vec::new()
         },
-        doe: doe(&sources),
+        doe: doe(sources),
         similar: if compare {
-            printed::similar(&sources)
+            printed::similar(sources)
         } else {
             Vec::new()
         },
-        wear: wear(&sources),
-        kriging: kriging(&sources),
-        approaches: optima::approaches(&sources)?,
-        enrichment: enrichment::enrichment(store, &sources).await?,
+        wear: wear(sources),
+        kriging: model::kriging(sources, best.as_ref())?,
+        approaches: optima::approaches(sources)?,
+        enrichment: enrichment::enrichment(store, sources).await?,
         printed: if compare {
-            printed::printed_designs(&sources)
+            printed::printed_designs(sources)
         } else {
             Vec::new()
         },
-        notes: notes::notes(&sources, &store.failures().await?),
+        notes: notes::notes(sources, &store.failures().await?),
     })
 }
 
@@ -255,60 +296,4 @@ fn wear(sources: &Sources) -> Option<WearProfiles> {
             .map(|profile| micrometres(&profile.depth[0]))
             .collect(),
     })
-}
-
-fn kriging(sources: &Sources) -> Vec<KrigingFit> {
-    let Some(model) = &sources.model else {
-        return Vec::new();
-    };
-    let percentile = sources.problem.campaign().sampling.percentile_name();
-    let parameter = |name: &str, value: f64, unit: &str| Parameter {
-        name: name.to_owned(),
-        value,
-        unit: unit.to_owned(),
-    };
-    let unit = &*sources.problem.sampled().unit;
-    let squared = match unit {
-        "" => String::new(),
-        unit => format!("{unit}²"),
-    };
-    let mut parameters = vec![
-        parameter("µ", model.mu_um, unit),
-        parameter("σ²", model.sigma2_um2, &squared),
-        parameter("−log likelihood", model.negative_log_likelihood, ""),
-    ];
-    let names = sources.problem.free_names();
-    parameters.extend(names.zip(&model.ranges).map(|(name, range)| {
-        parameter(&format!("range in {name}"), range.unwrap_or(f64::NAN), "")
-    }));
-    let observed: BTreeMap<u64, f64> = sources
-        .responses
-        .iter()
-        .map(|row| (row.design, row.p90_um))
-        .collect();
-    let leave_one_out = model
-        .residuals_um
-        .iter()
-        .enumerate()
-        .filter_map(|(i, (design, residual))| {
-            let observed_um = *observed.get(design)?;
-            Some(LeaveOneOut {
-                design: *design,
-                standardised: model.standardised.get(i).copied(),
-                observed_um,
-                predicted_um: observed_um - residual,
-            })
-        })
-        .collect();
-    vec![KrigingFit {
-        title: format!("{percentile} over {} designs", model.points),
-        unit: unit.to_owned(),
-        kernel: model.kernel.clone(),
-        parameters,
-        q2: model.q2,
-        rmse_um: model.rmse_um,
-        coverage_90: model.coverage90,
-        warnings: model.warnings.clone(),
-        leave_one_out,
-    }]
 }

@@ -3,6 +3,7 @@
 
 mod gears;
 mod intervals;
+mod model;
 mod pressure;
 mod rounds;
 mod runs;
@@ -17,9 +18,10 @@ use crate::svg::{Axis, Chart, Mark, Picture, Scale, Series};
 
 pub(crate) use gears::gears;
 pub use intervals::{PercentileSeries, chart_front, chart_teeth};
+pub(crate) use model::{residuals, slice};
 pub(crate) use pressure::pressure;
 pub(crate) use rounds::{expected_improvement, prediction};
-pub(crate) use runs::{convergence, ste};
+pub(crate) use runs::{convergence, spectrum, ste};
 pub use scatter::{Extent, Response};
 pub(crate) use scatter::{leave_one_out, responses};
 

@@ -125,6 +125,68 @@ pub(crate) fn ste(curves: &SteCurves) -> Result<Picture, Error> {
     )
 }
 
+/// The most harmonics of the mesh frequency that are shown.
+const ORDERS: usize = 8;
+
+/// The amplitudes of the static transmission error at multiples of the mesh frequency.
+pub(crate) fn spectrum(curves: &SteCurves) -> Result<Picture, Error> {
+    let mut series = Vec::new();
+    let kinds = [
+        ("unworn", &curves.unworn_um, 0),
+        ("with Archard’s wear", &curves.worn_um, 1),
+    ];
+    for (name, values, colour) in kinds {
+        // The last point of a closed curve is the first one again.
+        let Some((_, period)) = values.split_last() else {
+            continue;
+        };
+        // At the frequency of every other point an amplitude has no meaning.
+        let orders = ORDERS.min(period.len().saturating_sub(1) / 2);
+        // Beside each other where they share an order.
+        let shift = 0.08 * f64::from(2 * colour as i32 - 1);
+        let points = (1..=orders).map(|n| [n as f64 + shift, amplitude(period, n)]);
+        let points: Vec<[f64; 2]> = points.collect();
+        series.extend(points.iter().map(|&[x, y]| Series {
+            name: None,
+            mark: Mark::Guide,
+            colour,
+            points: vec![[x, 0.0], [x, y]],
+        }));
+        series.push(Series {
+            name: Some(name.to_owned()),
+            mark: Mark::Rings,
+            colour,
+            points,
+        });
+    }
+    let chart = Chart {
+        title: "Spectrum of the static transmission error".to_owned(),
+        x: axis("mesh order", Scale::Whole),
+        y: axis("amplitude (µm)", Scale::Linear),
+        series,
+        size: HALF,
+    };
+    draw(
+        chart,
+        "spectrum of the static transmission error",
+        "no curve has a finite value",
+    )
+}
+
+/// The amplitude of the `order`-th harmonic of evenly spaced values over one period.
+fn amplitude(period: &[f64], order: usize) -> f64 {
+    let n = period.len() as f64;
+    let step = std::f64::consts::TAU * order as f64 / n;
+    let part = |f: fn(f64) -> f64| {
+        let terms = period
+            .iter()
+            .enumerate()
+            .map(|(k, v)| v * f(step * k as f64));
+        terms.sum::<f64>()
+    };
+    2.0 / n * part(f64::cos).hypot(part(f64::sin))
+}
+
 /// A staircase through the points: a best value holds until the next one.
 fn steps(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let mut out: Vec<[f64; 2]> = Vec::with_capacity(2 * points.len());
@@ -152,6 +214,18 @@ fn value_at(points: &[[f64; 2]], at: f64) -> Option<[f64; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn harmonics_have_their_own_amplitudes() {
+        let wave = |k: u32| {
+            let t = std::f64::consts::TAU * f64::from(k) / 24.0;
+            5.0 + 0.7 * (t + 0.3).cos() + 0.2 * (3.0 * t).sin()
+        };
+        let period: Vec<f64> = (0..24).map(wave).collect();
+        for (order, expected) in [(1, 0.7), (2, 0.0), (3, 0.2)] {
+            assert!((amplitude(&period, order) - expected).abs() < 1e-12);
+        }
+    }
 
     #[test]
     fn a_plateau_costs_no_points() {

@@ -1,6 +1,6 @@
 //! The enrichment: what its rounds did, and how its prediction fared.
 
-use super::{Figure, figure};
+use super::figure::{Figure, figure};
 use crate::charts;
 use crate::data::Enrichment;
 use crate::error::Error;
@@ -22,8 +22,14 @@ impl EnrichmentView {
         ];
         Ok(Self {
             sentences: sentences.into_iter().filter(|s| !s.is_empty()).collect(),
-            prediction: figure(charts::prediction(enrichment, percentile))?,
-            expected: figure(charts::expected_improvement(enrichment))?,
+            prediction: figure(
+                "enrichment-prediction",
+                charts::prediction(enrichment, percentile),
+            )?,
+            expected: figure(
+                "enrichment-expected",
+                charts::expected_improvement(enrichment),
+            )?,
         })
     }
 }

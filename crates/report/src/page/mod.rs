@@ -1,6 +1,8 @@
 //! The page: everything as text, ready for the template, which only arranges it.
 
 mod enrichment;
+mod figure;
+mod kriging;
 mod pair;
 mod problem;
 mod rows;
@@ -8,17 +10,30 @@ mod rows;
 use askama::Template;
 
 use crate::charts::{self, Extent, Response};
-use crate::data::{ApproachResult, Header, KrigingFit, ReportData};
+use crate::data::{ApproachResult, Header, ReportData};
 use crate::error::Error;
-use crate::number::{self, count, fixed, percent, seconds, significant};
+use crate::number::{self, count, percent, seconds, significant};
 use crate::paper;
-use crate::svg::{self, Picture};
+use crate::summary::SummaryView;
+use crate::svg;
 use enrichment::EnrichmentView;
+pub use figure::ChartFile;
+use figure::{Figure, figure};
+use kriging::{KrigingView, kriging_view};
 pub use pair::render_pair;
 pub use problem::render_problem;
 use rows::{ApproachRow, ComparedDesign, PreliminaryRow, ResponseRow, SimilarRow, Value};
 
-/// The report as one HTML page that loads nothing and runs nothing.
+/// A report: one HTML page that loads nothing and runs nothing, and its charts as files.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Rendered {
+    /// The page.
+    pub html: String,
+    /// Its charts.
+    pub charts: Vec<ChartFile>,
+}
+
+/// The report of a gear campaign.
 ///
 /// Missing parts appear as sentences: an experiment without simulable designs or an approach without
 /// a design makes a shorter report, not an error.
@@ -26,8 +41,12 @@ use rows::{ApproachRow, ComparedDesign, PreliminaryRow, ResponseRow, SimilarRow,
 /// # Errors
 /// [`Error::LengthMismatch`] if lists of one curve differ in length, [`Error::UnknownFigure`] if a
 /// printed design is not one of Figures 6 to 10, [`Error::Template`] if the template fails.
-pub fn render(data: &ReportData) -> Result<String, Error> {
-    Ok(Page::new(data)?.render()?)
+pub fn render(data: &ReportData) -> Result<Rendered, Error> {
+    let page = Page::new(data)?;
+    Ok(Rendered {
+        html: page.render()?,
+        charts: page.figures().filter_map(|f| f.file.clone()).collect(),
+    })
 }
 
 /// The digest of the campaign whose report begins with `html`, as [`render`] wrote it; none if this is no
@@ -49,7 +68,7 @@ struct Page<'a> {
     /// Whether the paper's columns are shown.
     paper: bool,
     paper_samples: usize,
-    headline: String,
+    summary: SummaryView,
     tiles: Vec<(String, String)>,
     refused: Vec<(String, String, String)>,
     stages: Vec<(String, String)>,
@@ -70,21 +89,6 @@ struct Page<'a> {
     notes: Vec<(String, String)>,
 }
 
-/// A chart, or the sentence that stands in its place.
-struct Figure {
-    svg: Option<String>,
-    sentence: String,
-}
-
-struct KrigingView {
-    title: String,
-    kernel: String,
-    quality: Vec<(String, String)>,
-    warnings: Vec<String>,
-    parameters: Vec<(String, String, String)>,
-    figure: Figure,
-}
-
 struct OptimumView {
     anchor: String,
     title: String,
@@ -92,21 +96,33 @@ struct OptimumView {
     failed: bool,
     gears: Figure,
     ste: Figure,
+    spectrum: Figure,
 }
 
 impl<'a> Page<'a> {
+    /// All figures, in the order of the page.
+    fn figures(&self) -> impl Iterator<Item = &Figure> {
+        let enrichment = self.enrichment.iter();
+        let optima = self.optima.iter();
+        self.convergence
+            .iter()
+            .chain(enrichment.flat_map(|e| [&e.prediction, &e.expected]))
+            .chain(optima.flat_map(|o| [&o.gears, &o.ste, &o.spectrum]))
+            .chain(std::iter::once(&self.wear))
+            .chain(&self.scatter)
+            .chain(&self.zoom)
+            .chain(self.kriging.iter().flat_map(KrigingView::figures))
+    }
+
     fn new(data: &'a ReportData) -> Result<Self, Error> {
         use Response::{Archard, Percentile, Unworn};
         let paper = data.compare_with_paper;
         let header = &data.header;
-        let responses = |x, y, extent| {
-            figure(charts::responses(
-                &data.doe,
-                &header.percentile,
-                x,
-                y,
-                extent,
-            ))
+        let responses = |name, x, y, extent| {
+            figure(
+                name,
+                charts::responses(&data.doe, &header.percentile, x, y, extent),
+            )
         };
         Ok(Self {
             header,
@@ -114,7 +130,7 @@ impl<'a> Page<'a> {
             chart_css: svg::CSS,
             paper,
             paper_samples: paper::ACCURATE_SAMPLES,
-            headline: headline(data),
+            summary: SummaryView::new(&data.summary, &nothing_found(&header.percentile)),
             tiles: tiles(header, paper),
             refused: header
                 .refused
@@ -142,21 +158,30 @@ impl<'a> Page<'a> {
                     .sum(),
             ),
             wear: match &data.wear {
-                Some(profiles) => {
-                    figure(charts::wear(profiles, charts::FULL))?.with_sentence(&profiles.subject)
-                }
+                Some(profiles) => figure("wear", charts::wear(profiles, charts::FULL))?
+                    .with_sentence(&profiles.subject),
                 None => Figure::missing("No wear profile was recorded."),
             },
             preliminary: rows::preliminary(data),
             responses: rows::responses(data),
             doe_is_empty: data.doe.is_empty(),
             scatter: vec![
-                responses(Unworn, Archard, Extent::Logarithmic)?,
-                responses(Unworn, Percentile, Extent::Logarithmic)?,
+                responses("doe-unworn-archard", Unworn, Archard, Extent::Logarithmic)?,
+                responses(
+                    "doe-unworn-percentile",
+                    Unworn,
+                    Percentile,
+                    Extent::Logarithmic,
+                )?,
             ],
             zoom: vec![
-                responses(Archard, Percentile, Extent::Full)?,
-                responses(Archard, Percentile, Extent::Zoom)?,
+                responses("doe-archard-percentile", Archard, Percentile, Extent::Full)?,
+                responses(
+                    "doe-archard-percentile-zoom",
+                    Archard,
+                    Percentile,
+                    Extent::Zoom,
+                )?,
             ],
             similar: rows::similar(data),
             kriging: data
@@ -169,7 +194,13 @@ impl<'a> Page<'a> {
                 .approaches
                 .iter()
                 .filter(|result| !result.runs.is_empty())
-                .map(|result| figure(charts::convergence(result)))
+                .enumerate()
+                .map(|(i, result)| {
+                    figure(
+                        &format!("convergence-{}", i + 1),
+                        charts::convergence(result),
+                    )
+                })
                 .collect::<Result<_, _>>()?,
             enrichment: data
                 .enrichment
@@ -203,62 +234,9 @@ impl<'a> Page<'a> {
     }
 }
 
-impl Figure {
-    fn missing(sentence: &str) -> Self {
-        Self {
-            svg: None,
-            sentence: sentence.to_owned(),
-        }
-    }
-
-    fn with_sentence(mut self, sentence: &str) -> Self {
-        if self.svg.is_some() {
-            self.sentence = sentence.to_owned();
-        }
-        self
-    }
-}
-
-/// A chart for the page. Nothing to draw is a sentence, any other error stays one.
-fn figure(picture: Result<Picture, Error>) -> Result<Figure, Error> {
-    match picture {
-        Ok(picture) => Ok(Figure {
-            svg: Some(picture.inline()),
-            sentence: String::new(),
-        }),
-        Err(Error::NothingToDraw { why, .. }) => Ok(Figure {
-            svg: None,
-            sentence: format!("Nothing to draw: {why}."),
-        }),
-        Err(other) => Err(other),
-    }
-}
-
-/// The result in a sentence or two.
-fn headline(data: &ReportData) -> String {
-    let best = data
-        .approaches
-        .iter()
-        .filter_map(|result| Some((result.approach, result.outcome.as_ref().ok()?)))
-        .filter(|(_, optimum)| optimum.feasible && optimum.p90.value_um.is_finite())
-        .min_by(|a, b| a.1.p90.value_um.total_cmp(&b.1.p90.value_um));
-    match best {
-        Some((approach, optimum)) => format!(
-            "The lowest verified {} of a feasible design is {} µm (95 % interval {} to {} µm, {} \
-             samples), found by the approach “{}”.",
-            data.header.percentile,
-            significant(optimum.p90.value_um, 3),
-            significant(optimum.p90.low_um, 3),
-            significant(optimum.p90.high_um, 3),
-            count(optimum.p90.samples as u64),
-            approach.label(),
-        ),
-        None if data.approaches.is_empty() => "No approach has been run.".to_owned(),
-        None => format!(
-            "No approach ended on a feasible design with a verified {}.",
-            data.header.percentile
-        ),
-    }
+/// What stands in the place of a recommendation.
+fn nothing_found(percentile: &str) -> String {
+    format!("No approach ended on a feasible design with a verified {percentile}.")
 }
 
 fn tiles(header: &Header, compare: bool) -> Vec<(String, String)> {
@@ -291,51 +269,6 @@ fn tiles(header: &Header, compare: bool) -> Vec<(String, String)> {
     tiles
 }
 
-/// A number with its unit, if it has one.
-fn with_unit(value: f64, digits: usize, unit: &str) -> String {
-    format!("{} {unit}", significant(value, digits))
-        .trim_end()
-        .to_owned()
-}
-
-fn kriging_view(fit: &KrigingFit) -> Result<KrigingView, Error> {
-    let standardised = fit.leave_one_out.iter();
-    let standardised = standardised.filter_map(|p| Some((p.design, p.standardised?)));
-    let largest = standardised.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
-    let largest = largest.map(|(design, residual)| {
-        (
-            "Largest standardised residual".to_owned(),
-            format!("{} (design {design})", fixed(residual, 1)),
-        )
-    });
-    Ok(KrigingView {
-        title: fit.title.clone(),
-        kernel: fit.kernel.clone(),
-        warnings: fit.warnings.clone(),
-        quality: [
-            ("Q²".to_owned(), fixed(fit.q2, 3)),
-            ("RMSE".to_owned(), with_unit(fit.rmse_um, 3, &fit.unit)),
-            (
-                "Within the 90 % interval".to_owned(),
-                percent(fit.coverage_90),
-            ),
-            (
-                "Observations".to_owned(),
-                count(fit.leave_one_out.len() as u64),
-            ),
-        ]
-        .into_iter()
-        .chain(largest)
-        .collect(),
-        parameters: fit
-            .parameters
-            .iter()
-            .map(|p| (p.name.clone(), significant(p.value, 4), p.unit.clone()))
-            .collect(),
-        figure: figure(charts::leave_one_out(fit))?,
-    })
-}
-
 fn optimum_view(
     index: usize,
     result: &ApproachResult,
@@ -349,6 +282,7 @@ fn optimum_view(
         failed: result.outcome.is_err(),
         gears: Figure::missing("No outline was recorded for this design."),
         ste: Figure::missing("No transmission error curve was recorded for this design."),
+        spectrum: Figure::missing(""),
     };
     match &result.outcome {
         Err(reason) => {
@@ -372,10 +306,14 @@ fn optimum_view(
                 },
             );
             if let Some(drawing) = &optimum.drawing {
-                view.gears = figure(charts::gears(drawing))?;
+                view.gears = figure(&format!("{}-gears", view.anchor), charts::gears(drawing))?;
             }
             if let Some(curves) = &optimum.ste {
-                view.ste = figure(charts::ste(curves))?;
+                view.ste = figure(&format!("{}-ste", view.anchor), charts::ste(curves))?;
+                view.spectrum = figure(
+                    &format!("{}-spectrum", view.anchor),
+                    charts::spectrum(curves),
+                )?;
             }
         }
     }

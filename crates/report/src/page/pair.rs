@@ -2,10 +2,11 @@
 
 use askama::Template;
 
-use super::{Figure, figure, with_unit};
+use super::figure::{Figure, figure};
 use crate::charts;
 use crate::data::PairPage;
 use crate::error::Error;
+use crate::summary::with_unit;
 use crate::svg;
 
 /// One gear pair as one HTML page that loads nothing and runs nothing.
@@ -32,12 +33,12 @@ pub fn render_pair(data: &PairPage) -> Result<String, Error> {
                 holds: constraint.holds,
             })
             .collect(),
-        section: figure(charts::gears(&data.drawing))?,
-        ste: figure(charts::ste(&data.ste))?,
-        pressure: figure(charts::pressure(&data.pressure))?,
+        section: figure("section", charts::gears(&data.drawing))?,
+        ste: figure("ste", charts::ste(&data.ste))?,
+        pressure: figure("pressure", charts::pressure(&data.pressure))?,
         wear: match &data.wear {
             Some(profiles) => {
-                let chart = figure(charts::wear(profiles, charts::HALF))?;
+                let chart = figure("wear", charts::wear(profiles, charts::HALF))?;
                 Some(chart.with_sentence(&profiles.subject))
             }
             None => None,

@@ -2,25 +2,27 @@
 
 use askama::Template;
 
+use super::kriging::{KrigingView, kriging_view};
 use super::rows::{limited, named};
-use super::{KrigingView, Value, kriging_view, tiles, with_unit};
+use super::{Rendered, Value, nothing_found, tiles};
 use crate::error::Error;
 use crate::number::{count, percent, significant};
 use crate::problem::{ProblemOptimum, ProblemReport};
+use crate::summary::{SummaryView, with_unit};
 use crate::svg;
 
-/// The report as one HTML page that loads nothing and runs nothing.
+/// The report of a campaign with a problem of the user's.
 ///
 /// # Errors
 /// [`Error::Template`] if the template fails.
-pub fn render_problem(data: &ProblemReport) -> Result<String, Error> {
+pub fn render_problem(data: &ProblemReport) -> Result<Rendered, Error> {
     let header = &data.header;
     let share = |designs: usize| percent(designs as f64 / header.designs as f64);
     let page = Page {
         data,
         page_css: include_str!("../../templates/report.css"),
         chart_css: svg::CSS,
-        headline: headline(data),
+        summary: SummaryView::new(&data.summary, &nothing_found(&header.percentile)),
         tiles: tiles(header, false),
         refused: header
             .refused
@@ -41,7 +43,12 @@ pub fn render_problem(data: &ProblemReport) -> Result<String, Error> {
             .map(kriging_view)
             .collect::<Result<_, _>>()?,
     };
-    Ok(page.render()?)
+    let figures = page.kriging.iter().flat_map(KrigingView::figures);
+    let charts = figures.filter_map(|figure| figure.file.clone()).collect();
+    Ok(Rendered {
+        html: page.render()?,
+        charts,
+    })
 }
 
 #[derive(Template)]
@@ -50,7 +57,7 @@ struct Page<'a> {
     data: &'a ProblemReport,
     page_css: &'static str,
     chart_css: &'static str,
-    headline: String,
+    summary: SummaryView,
     tiles: Vec<(String, String)>,
     refused: Vec<(String, String, String)>,
     optima: Vec<Row<'a>>,
@@ -87,30 +94,4 @@ impl<'a> Row<'a> {
             calls: count(optimum.simulator_calls),
         }
     }
-}
-
-/// The result in a sentence.
-fn headline(data: &ProblemReport) -> String {
-    let best = data
-        .optima
-        .iter()
-        .filter(|row| row.design.is_ok() && row.p90.value_um.is_finite())
-        .min_by(|a, b| a.p90.value_um.total_cmp(&b.p90.value_um));
-    let Some(best) = best else {
-        return format!(
-            "No approach ended on a feasible design with a verified {}.",
-            data.header.percentile
-        );
-    };
-    format!(
-        "The lowest verified {} of {} is {} (95 % interval {} to {}, {} samples), found by \
-         the approach “{}”.",
-        data.header.percentile,
-        data.response,
-        with_unit(best.p90.value_um, 4, &data.unit),
-        significant(best.p90.low_um, 4),
-        significant(best.p90.high_um, 4),
-        count(best.p90.samples as u64),
-        best.approach,
-    )
 }

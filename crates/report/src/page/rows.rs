@@ -240,7 +240,7 @@ pub(super) fn limited((value, holds): &(NamedValue, bool)) -> Value {
 
 /// A quantity with its name, as in `tip land = 0.62 mm`.
 pub(super) fn named(value: &NamedValue) -> String {
-    let number = super::with_unit(value.value, DIGITS, &value.unit);
+    let number = crate::summary::with_unit(value.value, DIGITS, &value.unit);
     format!("{} = {number}", value.name)
 }
 

@@ -137,6 +137,7 @@ impl Canvas {
             height,
             label: label.to_owned(),
             body: self.body,
+            data: None,
         }
     }
 
@@ -173,9 +174,54 @@ pub(crate) struct Picture {
     height: f64,
     label: String,
     body: String,
+    /// What is drawn, of a chart.
+    data: Option<Table>,
+}
+
+/// The points of a chart.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Table {
+    /// The labels of both axes.
+    pub(crate) axes: [String; 2],
+    /// The name of each series with its points.
+    pub(crate) series: Vec<(String, Vec<[f64; 2]>)>,
+}
+
+impl Table {
+    /// How many points there are.
+    pub(crate) fn len(&self) -> usize {
+        self.series.iter().map(|(_, points)| points.len()).sum()
+    }
+
+    /// The table as CSV.
+    pub(crate) fn csv(&self) -> String {
+        let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
+        let [x, y] = &self.axes;
+        let mut csv = format!("series,{},{}\n", quoted(x), quoted(y));
+        for (name, points) in &self.series {
+            for [x, y] in points {
+                // Writing to a String cannot fail.
+                let _ = writeln!(csv, "{},{x},{y}", quoted(name));
+            }
+        }
+        csv
+    }
 }
 
 impl Picture {
+    /// With the points that it shows.
+    pub(crate) fn with_data(self, data: Table) -> Self {
+        Self {
+            data: Some(data),
+            ..self
+        }
+    }
+
+    /// The points that it shows, of a chart.
+    pub(crate) const fn data(&self) -> Option<&Table> {
+        self.data.as_ref()
+    }
+
     /// The picture as an element of a page that already has the chart style.
     pub(crate) fn inline(&self) -> String {
         self.write("", "")

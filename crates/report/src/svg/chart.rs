@@ -1,7 +1,7 @@
 //! A chart with two axes.
 
 use super::axis::{Ruler, Scale};
-use super::canvas::{Anchor, Canvas, Picture, text_width};
+use super::canvas::{Anchor, Canvas, Picture, Table, text_width};
 use super::clip::{Window, clip_polyline};
 
 /// Values beyond this size are left out, as those that are not finite are: no response of a gear
@@ -129,7 +129,17 @@ impl Chart {
             "{}. Horizontal: {}. Vertical: {}.",
             self.title, self.x.label, self.y.label
         );
-        Some(canvas.finish(width, height, &label))
+        Some(canvas.finish(width, height, &label).with_data(self.table()))
+    }
+
+    /// The points of all series but guides.
+    fn table(&self) -> Table {
+        let series = self.series.iter().filter(|s| s.mark != Mark::Guide);
+        let name = |s: &Series| s.name.clone().unwrap_or_default();
+        Table {
+            axes: [self.x.label.clone(), self.y.label.clone()],
+            series: series.map(|s| (name(s), s.points.clone())).collect(),
+        }
     }
 
     /// The series without what the axes cannot show. A line is not interrupted by a left-out point.

@@ -10,7 +10,7 @@ mod chart;
 mod clip;
 
 pub(crate) use axis::Scale;
-pub(crate) use canvas::{Canvas, Picture, text_width};
+pub(crate) use canvas::{Canvas, Picture, Table, escape, text_width};
 pub(crate) use chart::{Axis, Chart, Mark, Series, drawable};
 pub(crate) use clip::{Window, clip_polygon, clip_polyline};
 

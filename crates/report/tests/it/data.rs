@@ -28,6 +28,7 @@ pub(crate) fn plausible() -> ReportData {
     let leave_one_out = leave_one_out(&doe);
     ReportData {
         header: header(),
+        summary: summary(),
         compare_with_paper: true,
         limits: Limits::default(),
         preliminary: preliminary(),
@@ -53,6 +54,12 @@ pub(crate) fn plausible() -> ReportData {
                     .to_owned(),
             ],
             leave_one_out,
+            slices: vec![slice()],
+            indices: vec![VariableIndices {
+                variable: "x_p".to_owned(),
+                first: 0.31,
+                total: 0.46,
+            }],
         }],
         approaches: approaches(),
         enrichment: Some(enrichment()),
@@ -438,4 +445,48 @@ fn inverse_involute(value: f64) -> f64 {
         }
     }
     low
+}
+
+fn slice() -> Slice {
+    let point = |k: u32| {
+        let x = f64::from(k) / 30.0;
+        let mean = 1.5 + (x - 0.4).powi(2);
+        [x, mean, mean - 0.2, mean + 0.2]
+    };
+    Slice {
+        variable: "x_p".to_owned(),
+        at: 0.4,
+        points: (0..=30).map(point).collect(),
+    }
+}
+
+/// The head of the report: the best feasible design is that of the DoE.
+pub(crate) fn summary() -> Summary {
+    let named = |name: &str, unit: &str, value: f64| NamedValue {
+        name: name.to_owned(),
+        unit: unit.to_owned(),
+        value,
+    };
+    Summary {
+        missing: Vec::new(),
+        inputs: vec![("Teeth".to_owned(), "20 / 20".to_owned())],
+        made: vec![("Machine".to_owned(), "bench".to_owned())],
+        recommended: Some(Recommended {
+            approach: "Best of the DoE".to_owned(),
+            what: "P90 of ΔSTE".to_owned(),
+            unit: "µm".to_owned(),
+            percentile: percentile(3.42),
+            variables: vec![named("x_p", "", 0.41)],
+            margins: vec![Margin {
+                value: named("contact pressure", "MPa", 1400.0),
+                relation: "<".to_owned(),
+                limit: 1550.0,
+                margin: 150.0,
+            }],
+            simulator_calls: 81_000,
+            cpu_seconds: 12.0,
+            not_ranked: vec!["Without wear".to_owned()],
+        }),
+        left_out: "Dynamics.".to_owned(),
+    }
 }

@@ -27,6 +27,7 @@ fn empty() -> ReportData {
             stages: Vec::new(),
             facts: Vec::new(),
         },
+        summary: Summary::default(),
         compare_with_paper: true,
         limits: Limits::default(),
         preliminary: Vec::new(),
@@ -43,11 +44,11 @@ fn empty() -> ReportData {
 
 #[test]
 fn a_full_page_is_well_formed_and_shows_every_chart() {
-    let page = render(&plausible()).unwrap();
+    let page = render(&plausible()).unwrap().html;
     check(&page);
-    // 3 convergence charts, 2 of the enrichment, 4 gear drawings, 4 STE curves, wear, 2 + 2 scatter
-    // plots, kriging.
-    assert_eq!(element_count(&page, "svg"), 19);
+    // 3 convergence charts, 2 of the enrichment, 4 gear drawings, 4 STE curves and their spectra, wear, 2 + 2
+    // scatter plots, kriging: leave-one-out, residuals, a slice.
+    assert_eq!(element_count(&page, "svg"), 25);
     assert!(
         !page.contains("class=\"empty\""),
         "a part of a full report is missing"
@@ -56,15 +57,13 @@ fn a_full_page_is_well_formed_and_shows_every_chart() {
 
 #[test]
 fn an_empty_page_says_so_in_words() {
-    let page = render(&empty()).unwrap();
+    let page = render(&empty()).unwrap().html;
     check(&page);
     assert_eq!(element_count(&page, "svg"), 0);
     for sentence in [
         "No approach has been run.",
         "No stage has recorded its cost.",
         "No optimiser run was recorded.",
-        "No wear profile was recorded.",
-        "No preliminary design was simulated.",
         "The experiment has no simulable design",
         "No kriging model was fitted.",
         "The printed designs were not computed.",
@@ -76,7 +75,7 @@ fn an_empty_page_says_so_in_words() {
 
 #[test]
 fn the_page_loads_nothing_and_runs_nothing() {
-    let page = render(&plausible()).unwrap().to_lowercase();
+    let page = render(&plausible()).unwrap().html.to_lowercase();
     for forbidden in [
         "http:",
         "https:",
@@ -103,6 +102,27 @@ fn the_page_loads_nothing_and_runs_nothing() {
 #[test]
 fn equal_data_give_equal_bytes() {
     assert_eq!(render(&plausible()).unwrap(), render(&plausible()).unwrap());
+}
+
+#[test]
+fn every_chart_is_a_file_of_its_own_with_its_data() {
+    let rendered = render(&plausible()).unwrap();
+    assert_eq!(rendered.charts.len(), 25);
+    let names: std::collections::BTreeSet<&str> =
+        rendered.charts.iter().map(|chart| &*chart.name).collect();
+    assert_eq!(names.len(), 25, "{names:?}");
+    for chart in &rendered.charts {
+        assert!(chart.svg.starts_with("<svg xmlns="), "{}", chart.name);
+    }
+    let slice = rendered
+        .charts
+        .iter()
+        .find(|chart| chart.name == "kriging-x_p");
+    let csv = slice.and_then(|chart| chart.csv.as_ref()).unwrap();
+    assert!(csv.starts_with("series,\"x_p\",\"model (µm)\"\n"), "{csv}");
+    assert!(csv.contains("\"mean\",0.4,1.5\n"), "{csv}");
+    // Few points stand in the page, too, for those who do not see the chart.
+    assert!(markup::text(&rendered.html).contains("recommended 0.40000 1.5000"));
 }
 
 #[test]
@@ -133,7 +153,7 @@ fn text_from_outside_is_escaped_everywhere() {
     if let Ok(figures) = &mut data.printed[1].outcome {
         figures.pressure_mpa.note = evil();
     }
-    let page = render(&data).unwrap();
+    let page = render(&data).unwrap().html;
     check(&page);
     assert!(!page.contains("<script"));
     // The title twice (head and heading), and once for each of the others; the failed approach
@@ -143,7 +163,7 @@ fn text_from_outside_is_escaped_everywhere() {
 
 #[test]
 fn numbers_reach_the_tables() {
-    let page = render(&plausible()).unwrap();
+    let page = render(&plausible()).unwrap().html;
     let text = markup::text(&page);
     for expected in [
         "2009",                              // seed
@@ -172,13 +192,21 @@ fn numbers_reach_the_tables() {
 #[test]
 fn the_headline_names_the_best_feasible_design_only() {
     // Archard's design has the lowest P90 of the synthetic data, but breaks the slip limit.
-    let page = render(&plausible()).unwrap();
-    assert!(page.contains("is 3.42 µm") && page.contains("“Best of the DoE”"));
+    let page = render(&plausible()).unwrap().html;
+    assert!(page.contains("3.42 µm (95 % interval") && page.contains("“Best of the DoE”"));
+    assert!(markup::text(&page).contains("1550.0 MPa 150 MPa (9.7 %)"));
     let mut data = plausible();
+    data.summary.missing = vec!["75 of 120 designs sampled".to_owned()];
+    let page = render(&data).unwrap().html;
+    check(&page);
+    assert!(page.contains("Unfinished: 75 of 120 designs sampled."));
+    assert!(!markup::text(&page).contains("150 MPa"));
+    let mut data = plausible();
+    data.summary.recommended = None;
     for result in &mut data.approaches {
         result.outcome = Err("stopped".to_owned());
     }
-    let page = render(&data).unwrap();
+    let page = render(&data).unwrap().html;
     check(&page);
     assert!(page.contains("No approach ended on a feasible design"));
     assert!(page.contains("This approach has no design: stopped"));
@@ -190,7 +218,7 @@ fn other_campaigns_have_no_paper_columns() {
         compare_with_paper: false,
         ..plausible()
     };
-    let page = render(&data).unwrap();
+    let page = render(&data).unwrap().html;
     check(&page);
     let text = markup::text(&page);
     for absent in ["in the paper", "paper", "6.38", "42.70", "Figure 6"] {
@@ -203,7 +231,7 @@ fn other_campaigns_have_no_paper_columns() {
 fn the_papers_figures_stand_beside_its_own_designs_only() {
     let mut data = plausible();
     data.preliminary[0].variables[0] += 0.01;
-    let text = markup::text(&render(&data).unwrap());
+    let text = markup::text(&render(&data).unwrap().html);
     assert!(text.contains("5.24 – 0.45 – 5.90 –"));
     assert!(text.contains("5.60 6.22"));
 }
@@ -224,7 +252,7 @@ fn values_that_are_not_finite_are_dashes() {
         };
         optimum.constraints.pressure_mpa = f64::NAN;
     }
-    let page = render(&data).unwrap();
+    let page = render(&data).unwrap().html;
     check(&page);
     for raw in ["NaN", ">inf<", "inf "] {
         let at = page
@@ -238,7 +266,7 @@ fn values_that_are_not_finite_are_dashes() {
 
 #[test]
 fn the_enrichment_is_told_in_sentences() {
-    let text = markup::text(&render(&plausible()).unwrap());
+    let text = markup::text(&render(&plausible()).unwrap().html);
     for expected in [
         "4 rounds asked for 66 new designs and 30 further turns",
         "2880 samples beside the 10\u{202f}500 of the DoE, 13\u{202f}380 in all. 2 of the points failed.",
@@ -251,20 +279,20 @@ fn the_enrichment_is_told_in_sentences() {
     let mut data = plausible();
     let enrichment = data.enrichment.as_mut().unwrap();
     enrichment.verified_um = Some(1.5);
-    let page = render(&data).unwrap();
+    let page = render(&data).unwrap().html;
     assert!(page.contains("which lies outside"));
     // Before the first round, and where no model could be fitted.
     let enrichment = data.enrichment.as_mut().unwrap();
     enrichment.rounds.truncate(1);
     enrichment.rounds[0].predicted_um = f64::NAN;
     enrichment.rounds[0].expected_improvement_um = f64::NAN;
-    check(&render(&data).unwrap());
+    check(&render(&data).unwrap().html);
     data.enrichment.as_mut().unwrap().rounds.clear();
-    let page = render(&data).unwrap();
+    let page = render(&data).unwrap().html;
     check(&page);
     assert!(page.contains("No round has been decided yet."));
     data.enrichment = None;
-    assert!(!render(&data).unwrap().contains("id=\"enrichment\""));
+    assert!(!render(&data).unwrap().html.contains("id=\"enrichment\""));
 }
 
 #[test]

@@ -20,7 +20,8 @@ use crate::percentile::percentile;
 /// Points on each flank of a drawn gear.
 const OUTLINE_POINTS: usize = 24;
 
-const fn report_approach(approach: Approach) -> report::Approach {
+/// The report's name of an approach.
+pub(super) const fn report_approach(approach: Approach) -> report::Approach {
     match approach {
         Approach::Nominal => report::Approach::WithoutWear,
         Approach::Baseline => report::Approach::ArchardWear,

@@ -2,26 +2,32 @@
 
 use campaign::formulation::Constraint;
 use campaign::{Criteria, Design};
-use report::{NamedValue, ProblemOptimum, ProblemReport};
+use report::{NamedValue, ProblemOptimum, ProblemReport, Summary};
 use stages::optima::{approach_of, optimum_design};
 use store::{OptimumRow, Store};
 
 use super::sources::Sources;
-use super::{header, kriging, notes};
+use super::{header, model, notes, summary};
 use crate::percentile::percentile;
 
 /// Gathers the data of an external campaign's report.
-pub(super) async fn gather(store: &Store, sources: &Sources) -> anyhow::Result<ProblemReport> {
+pub(super) async fn gather(
+    store: &Store,
+    sources: &Sources,
+    summary: Summary,
+) -> anyhow::Result<ProblemReport> {
     let digest = store.samples_digest().await?;
     let times = store.job_times().await?;
     let sampled = sources.problem.sampled();
+    let best = summary::best(sources).map(|(_, design)| design);
     let optima = sources.optima.iter().map(|row| optimum(sources, row));
     Ok(ProblemReport {
         header: header(sources, digest, &times),
+        summary,
         response: sampled.name.to_string(),
         unit: sampled.unit.to_string(),
         optima: optima.collect::<anyhow::Result<_>>()?,
-        kriging: kriging(sources),
+        kriging: model::kriging(sources, best.as_ref())?,
         notes: notes::notes(sources, &store.failures().await?),
     })
 }

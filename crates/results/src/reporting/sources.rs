@@ -29,6 +29,8 @@ pub(super) struct Sources {
     pub(super) optima: Vec<OptimumRow>,
     pub(super) runs: Vec<OptimiserRunRow>,
     pub(super) model: Option<ModelSummary>,
+    /// The model itself, as JSON.
+    pub(super) model_json: Option<String>,
     pub(super) infill: Vec<InfillRow>,
     pub(super) rounds: Vec<RoundRow>,
     /// Fresh samples by point.
@@ -54,6 +56,7 @@ impl Sources {
             );
         }
         let responses = store.responses().await?;
+        let model = store.model(P90_MODEL).await?;
         Ok(Self {
             campaign: row,
             designs: store.designs().await?,
@@ -65,10 +68,11 @@ impl Sources {
             samples: store.progress().await?.samples,
             optima: store.optima().await?,
             runs: store.optimiser_runs().await?,
-            model: match store.model(P90_MODEL).await? {
+            model: match &model {
                 Some(row) => Some(serde_json::from_str(&row.summary_json)?),
                 None => None,
             },
+            model_json: model.map(|row| row.json),
             fresh,
             problem,
         })

@@ -1,0 +1,155 @@
+//! The kriging model, for the report: its quality, its parameters, and what it says.
+
+use std::collections::BTreeMap;
+
+use campaign::Design;
+use kriging::Surrogate;
+use report::{KrigingFit, LeaveOneOut, Parameter, Slice, VariableIndices};
+use stats::SensitivityPlan;
+use stats::streams::{Purpose, stream};
+
+use super::sources::Sources;
+
+/// Points of a slice.
+const POINTS: usize = 31;
+/// Rows of the plan for Sobol' indices.
+const ROWS: usize = 512;
+/// Names the random numbers of the indices' intervals, which the report does not show.
+const STREAM: u64 = 3;
+
+/// The model of the percentile, if there is one, with slices through `through`.
+pub(super) fn kriging(
+    sources: &Sources,
+    through: Option<&Design>,
+) -> anyhow::Result<Vec<KrigingFit>> {
+    let Some(model) = &sources.model else {
+        return Ok(Vec::new());
+    };
+    let problem = &sources.problem;
+    let percentile = problem.campaign().sampling.percentile_name();
+    let parameter = |name: &str, value: f64, unit: &str| Parameter {
+        name: name.to_owned(),
+        value,
+        unit: unit.to_owned(),
+    };
+    let unit = &*problem.sampled().unit;
+    let squared = match unit {
+        "" => String::new(),
+        unit => format!("{unit}²"),
+    };
+    let mut parameters = vec![
+        parameter("µ", model.mu_um, unit),
+        parameter("σ²", model.sigma2_um2, &squared),
+        parameter("−log likelihood", model.negative_log_likelihood, ""),
+    ];
+    parameters.extend(
+        problem
+            .free_names()
+            .zip(&model.ranges)
+            .map(|(name, range)| {
+                parameter(&format!("range in {name}"), range.unwrap_or(f64::NAN), "")
+            }),
+    );
+    let surrogate = match &sources.model_json {
+        Some(json) => Some(Surrogate::from_json(json)?),
+        None => None,
+    };
+    let slices = match (&surrogate, through) {
+        (Some(surrogate), Some(design)) => slices(sources, surrogate, design)?,
+        _ => Vec::new(),
+    };
+    let indices = match &surrogate {
+        Some(surrogate) => indices(sources, surrogate)?,
+        None => Vec::new(),
+    };
+    Ok(vec![KrigingFit {
+        title: format!("{percentile} over {} designs", model.points),
+        unit: unit.to_owned(),
+        kernel: model.kernel.clone(),
+        parameters,
+        q2: model.q2,
+        rmse_um: model.rmse_um,
+        coverage_90: model.coverage90,
+        warnings: model.warnings.clone(),
+        leave_one_out: leave_one_out(sources),
+        slices,
+        indices,
+    }])
+}
+
+fn leave_one_out(sources: &Sources) -> Vec<LeaveOneOut> {
+    let Some(model) = &sources.model else {
+        return Vec::new();
+    };
+    let responses = sources.responses.iter();
+    let observed: BTreeMap<u64, f64> = responses.map(|row| (row.design, row.p90_um)).collect();
+    let residuals = model.residuals_um.iter().enumerate();
+    residuals
+        .filter_map(|(i, (design, residual))| {
+            let observed_um = *observed.get(design)?;
+            Some(LeaveOneOut {
+                design: *design,
+                standardised: model.standardised.get(i).copied(),
+                observed_um,
+                predicted_um: observed_um - residual,
+            })
+        })
+        .collect()
+}
+
+/// The model along each variable of the DoE, with the others at a design.
+fn slices(sources: &Sources, surrogate: &Surrogate, design: &Design) -> anyhow::Result<Vec<Slice>> {
+    let centre = sources.problem.free_values(design);
+    let coordinates = sources.problem.coordinates().iter().enumerate();
+    coordinates
+        .map(|(j, coordinate)| {
+            let [low, high] = coordinate.range;
+            let value = |k: usize| low + (high - low) * k as f64 / (POINTS - 1) as f64;
+            let x = (0..POINTS).flat_map(|k| {
+                let mut x = centre.clone();
+                x[j] = value(k);
+                x
+            });
+            let predictions = surrogate.predict_many(&x.collect::<Vec<_>>())?;
+            let points = predictions.into_iter().enumerate().map(|(k, prediction)| {
+                let ends = [0.025, 0.975].map(|level| surrogate.quantile(prediction, level));
+                [value(k), prediction.mean, ends[0], ends[1]]
+            });
+            let label = match &*coordinate.unit {
+                "" => coordinate.name.to_string(),
+                unit => format!("{} ({unit})", coordinate.name),
+            };
+            Ok(Slice {
+                variable: label,
+                at: centre[j],
+                points: points.collect(),
+            })
+        })
+        .collect()
+}
+
+/// Sobol' indices of the model's mean over the box of the DoE; none of a model that does not vary.
+fn indices(sources: &Sources, surrogate: &Surrogate) -> anyhow::Result<Vec<VariableIndices>> {
+    let problem = &sources.problem;
+    let seed = problem.campaign().seed;
+    let Ok(plan) = SensitivityPlan::new(problem.dimension(), ROWS, seed as u32) else {
+        // Of one variable among more than the sequence has dimensions nothing is said.
+        return Ok(Vec::new());
+    };
+    let points = (0..plan.len()).flat_map(|index| problem.free_point(&plan.point(index)));
+    let outputs = surrogate.means(&points.collect::<Vec<_>>())?;
+    let rng = &mut stream(seed, Purpose::Test, STREAM, 0);
+    let Ok(found) = plan.analyse(&outputs, 40, rng) else {
+        return Ok(Vec::new());
+    };
+    let names = problem.free_names();
+    let both = found.first.iter().zip(&found.total);
+    Ok(names
+        .zip(both)
+        .map(|(name, (first, total))| VariableIndices {
+            variable: name.to_owned(),
+            first: first.value,
+            total: total.value,
+        })
+        .collect())
+}

@@ -1,0 +1,216 @@
+//! The head of a report: what was put in, what is missing, and which design is recommended.
+
+use campaign::file::GearSections;
+use campaign::formulation::Constraint;
+use campaign::{Approach, Criteria, Design};
+use report::{Margin, NamedValue, Recommended, Summary};
+use stages::optima::{approach_of, optimum_design};
+use store::OptimumRow;
+
+use super::optima::report_approach;
+use super::sources::Sources;
+use crate::percentile::percentile;
+use crate::status::{Progress, Status};
+
+/// The head of the report of a campaign; `made` says where and when the report was made.
+pub(super) fn summary(
+    sources: &Sources,
+    status: &Status,
+    made: &[(String, String)],
+) -> anyhow::Result<Summary> {
+    Ok(Summary {
+        missing: missing(status),
+        inputs: inputs(sources),
+        made: made.to_vec(),
+        recommended: match best(sources) {
+            Some((row, design)) => Some(recommended(sources, row, &design)?),
+            None => None,
+        },
+        left_out: left_out(sources),
+    })
+}
+
+/// What an unfinished campaign lacks.
+fn missing(status: &Status) -> Vec<String> {
+    if status.finished {
+        return Vec::new();
+    }
+    let of = |progress: Progress, what: &str| {
+        let Progress { done, wanted } = progress;
+        (done < wanted).then(|| format!("{done} of {wanted} {what}"))
+    };
+    let designs = Progress {
+        done: status.designs.done,
+        wanted: status.designs.wanted,
+    };
+    let verified = Progress {
+        done: status.optima.iter().map(|o| o.verified.done).sum(),
+        wanted: status.optima.iter().map(|o| o.verified.wanted).sum(),
+    };
+    let complete = status
+        .optima
+        .iter()
+        .any(|o| o.verified.wanted > 0 && o.verified.done >= o.verified.wanted);
+    let verified = if complete {
+        of(verified, "verification samples taken")
+    } else {
+        Some("no optimum verified yet".to_owned())
+    };
+    [
+        of(designs, "designs sampled"),
+        of(status.optimiser_runs, "optimiser runs done"),
+        verified,
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
+}
+
+/// The feasible optimum with the lowest verified percentile, among the approaches that move the variables
+/// of the DoE.
+pub(super) fn best(sources: &Sources) -> Option<(&OptimumRow, Design)> {
+    let sampling = &sources.problem.campaign().sampling;
+    let value = |row: &OptimumRow| {
+        let fresh = sources.fresh.get(&row.approach)?;
+        let value = percentile(sampling, fresh).value_um;
+        value.is_finite().then_some(value)
+    };
+    let ranked = sources.optima.iter().filter(|row| {
+        let approach = approach_of(&row.approach);
+        row.feasible && approach.is_some_and(|approach| is_ranked(sources, approach))
+    });
+    let (row, _) = ranked
+        .filter_map(|row| Some((row, value(row)?)))
+        .min_by(|a, b| a.1.total_cmp(&b.1))?;
+    Some((row, optimum_design(&sources.problem, row)?))
+}
+
+/// Whether an approach moves the variables that the DoE moves.
+fn is_ranked(sources: &Sources, approach: Approach) -> bool {
+    sources.problem.dimension_of(approach) == sources.problem.dimension()
+}
+
+fn recommended(
+    sources: &Sources,
+    row: &OptimumRow,
+    design: &Design,
+) -> anyhow::Result<Recommended> {
+    let problem = &sources.problem;
+    let sampling = &problem.campaign().sampling;
+    let criteria: Option<Criteria> = serde_json::from_str(&row.criteria_json)?;
+    let constraints = criteria.map_or_else(Vec::new, |criteria| problem.constraints(&criteria));
+    let fresh = sources.fresh.get(&row.approach);
+    let response = match problem.gears() {
+        Some(_) => "ΔSTE".to_owned(),
+        None => problem.sampled().name.to_string(),
+    };
+    let variables = problem.variables().iter().zip(design.values());
+    let others = sources.optima.iter().filter_map(|row| {
+        let approach = approach_of(&row.approach)?;
+        (!is_ranked(sources, approach)).then(|| label(sources, approach))
+    });
+    Ok(Recommended {
+        approach: approach_of(&row.approach)
+            .map_or_else(|| row.approach.clone(), |a| label(sources, a)),
+        what: format!("{} of {response}", sampling.percentile_name()),
+        unit: problem.sampled().unit.to_string(),
+        percentile: percentile(sampling, fresh.map_or(&[][..], Vec::as_slice)),
+        variables: variables
+            .map(|(variable, value)| NamedValue {
+                name: variable.name.to_string(),
+                unit: variable.unit.to_string(),
+                value: *value,
+            })
+            .collect(),
+        margins: constraints.into_iter().map(margin).collect(),
+        simulator_calls: row.simulator_calls,
+        cpu_seconds: row.cpu_seconds,
+        not_ranked: others.collect(),
+    })
+}
+
+/// What the report calls an approach.
+fn label(sources: &Sources, approach: Approach) -> String {
+    match sources.problem.gears() {
+        Some(_) => report_approach(approach).label().to_owned(),
+        None => sources.problem.approach_name(approach).to_owned(),
+    }
+}
+
+fn margin(constraint: Constraint) -> Margin {
+    Margin {
+        relation: constraint.bound.sign().to_owned(),
+        limit: constraint.limit,
+        // No zero with a sign.
+        margin: 0.0 - constraint.excess,
+        value: super::problem::limited(constraint).0,
+    }
+}
+
+/// What the campaign file says, for a reader who does not have it.
+fn inputs(sources: &Sources) -> Vec<(String, String)> {
+    let problem = &sources.problem;
+    let mut inputs: Vec<(String, String)> = Vec::new();
+    if let Some(sections) = problem.campaign().gears() {
+        gears(sections, &mut inputs);
+    }
+    let ranges = problem.coordinates().iter().map(|coordinate| {
+        let [low, high] = coordinate.range;
+        let range = format!("{low} to {high} {}", coordinate.unit);
+        (coordinate.name.to_string(), range.trim_end().to_owned())
+    });
+    inputs.extend(ranges.map(|(name, range)| (format!("Range of {name}"), range)));
+    inputs
+}
+
+fn gears(sections: &GearSections, inputs: &mut Vec<(String, String)>) {
+    let pair = &sections.pair;
+    let mut add = |label: &str, value: String| inputs.push((label.to_owned(), value));
+    let mate = match (pair.gear_teeth, pair.gear_ratio) {
+        (Some(teeth), _) => teeth.to_string(),
+        (None, Some(ratio)) => format!("⌊{}/{ratio}⌋", pair.pinion_teeth),
+        (None, None) => String::new(),
+    };
+    add("Teeth", format!("{} / {mate}", pair.pinion_teeth));
+    if let Some(module) = pair.normal_module_mm {
+        add("Normal module", format!("{module} mm"));
+    }
+    if let Some(distance) = pair.centre_distance_mm {
+        add("Centre distance", format!("{distance} mm"));
+    }
+    add("Pressure angle", format!("{}°", pair.pressure_angle_deg));
+    add("Face width", format!("{} mm", pair.face_width_mm));
+    let torque = sections.load.pinion_torque_nm;
+    add("Torque on the pinion", format!("{torque} N·m"));
+    let material = &sections.material;
+    let name = material
+        .name
+        .map_or_else(String::new, |name| format!("{name}: "));
+    let (e, nu) = (material.youngs_modulus_gpa, material.poisson_ratio);
+    let (yields, pressure) = (material.yield_mpa, material.hertz_limit_mpa);
+    add(
+        "Material",
+        format!(
+            "{name}E {e} GPa, ν {nu}, yield stress {yields} MPa, permissible pressure {pressure} MPa"
+        ),
+    );
+}
+
+/// What the recommended number does not include.
+fn left_out(sources: &Sources) -> String {
+    let campaign = sources.problem.campaign();
+    let Some(sections) = campaign.gears() else {
+        return String::new();
+    };
+    let manufacture = match sections.manufacture {
+        Some(_) => "pitch and form deviations",
+        None => "deviations of manufacture",
+    };
+    if campaign.is_external() {
+        return String::new();
+    }
+    format!(
+        "{manufacture}, dynamics, friction, misalignment, and the deflection of shafts, bearings and \
+         gear bodies."
+    )
+}
