@@ -1,5 +1,6 @@
 //! The page: everything as text, ready for the template, which only arranges it.
 
+mod atlas;
 mod enrichment;
 mod pair;
 mod problem;
@@ -13,6 +14,7 @@ use crate::error::Error;
 use crate::number::{self, count, fixed, percent, seconds, significant};
 use crate::paper;
 use crate::svg::{self, Picture};
+pub use atlas::render_atlas;
 use enrichment::EnrichmentView;
 pub use pair::render_pair;
 pub use problem::render_problem;
