@@ -18,7 +18,7 @@ pub(super) const ENTRIES: [Entry; 9] = [
         id: "percentile-skewed",
         title: "The interval of m + z s under skewed samples",
         input: "4 to 30 samples of a normal, an exponential and a log-normal distribution, 4000 times each",
-        instead: "The interval promises 95 % of normal samples only. For skewed samples m + z s aims at another \
+        instead: "The interval promises 95 % for normal samples only. For skewed samples m + z s aims at another \
                   number, so that more samples do not help: `percentile = \"chosen\"` changes the estimator \
                   where the samples are seen not to be normal.",
         check: skewed,
@@ -38,7 +38,8 @@ pub(super) const ENTRIES: [Entry; 9] = [
         title: "An outlier of a million",
         input: "30 normal samples, one of them 10⁶",
         instead: "Normality is rejected. The percentile of the order statistics still leans on the outlier, \
-                  a 29th as much as m + z s, and its variance says so.",
+                  a quarter as much as m + z s, and its variance says so: its standard error is as large as \
+                  itself.",
         check: outlier,
         ..Entry::blank(Method::Statistics)
     },
@@ -152,8 +153,8 @@ fn skewed(found: &mut Outcome) -> Result<(), Failed> {
     let least = |curve: &[[f64; 2]]| curve.iter().map(|p| p[1]).fold(100.0, f64::min);
     // Of 4000 intervals, 95 % have a standard error of 0.35 %.
     found.at_least("least coverage of normal samples, 4 to 30", least(&coverage[0].1), "%", 93.0);
-    found.at_least("coverage of exponential samples at 30", at(&coverage[1].1, 30.0), "%", 80.0);
-    found.at_least("coverage of log-normal samples at 30", at(&coverage[2].1, 30.0), "%", 70.0);
+    found.at_least("coverage of exponential samples at 30", at(&coverage[1].1, 30.0), "%", 65.0);
+    found.at_least("coverage of log-normal samples at 30", at(&coverage[2].1, 30.0), "%", 45.0);
     found.figure("coverage of log-normal samples at 4", at(&coverage[2].1, 4.0), "%");
     found.at_least("log-normal samples rejected as normal at 30", at(&rejected[2].1, 30.0), "%", 90.0);
     found.figure("log-normal samples rejected as normal at 4", at(&rejected[2].1, 4.0), "%");
@@ -225,10 +226,10 @@ fn outlier(found: &mut Outcome) -> Result<(), Failed> {
         order.method == Estimator::HarrellDavis,
     );
     let normal = percentile_p90(&samples)?;
-    found.at_most("percentile of order statistics over m + z s", order.p90 / normal.p90, "", 0.2);
+    found.at_most("percentile of order statistics over m + z s", order.p90 / normal.p90, "", 0.3);
     found.figure("m + z s", normal.p90, "");
     found.figure("percentile of order statistics", order.p90, "");
-    found.at_least("its standard error over it", order.variance.sqrt() / order.p90, "", 0.5);
+    found.at_least("its standard error over it", order.variance.sqrt() / order.p90, "", 0.9);
     Ok(())
 }
 
