@@ -160,6 +160,7 @@ fn view(entry: &Entry, outcome: &Outcome) -> AtlasEntry {
         }
     }
     let told = outcome.detections().iter().map(|d| d.message.clone());
+    let told = told.filter(|message| !message.is_empty());
     let promises = outcome.promises().iter();
     AtlasEntry {
         id: entry.id.to_owned(),

@@ -12,7 +12,7 @@ pub(crate) type Failed = Box<dyn std::error::Error>;
 pub struct Detection {
     /// Its name in the code.
     pub name: String,
-    /// Its message.
+    /// Its message; empty for a state that has none.
     pub message: String,
 }
 
@@ -105,6 +105,11 @@ impl Outcome {
         if !self.detections.contains(&detection) {
             self.detections.push(detection);
         }
+    }
+
+    /// Records a state of the code that has no message.
+    pub(crate) fn named(&mut self, name: impl Into<String>) {
+        self.detected(name, "");
     }
 
     /// Records warnings, notes or reasons, and asserts that those `expected` are among them.

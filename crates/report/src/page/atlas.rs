@@ -6,6 +6,7 @@ use super::{Figure, figure, with_unit};
 use crate::atlas::{AtlasEntry, AtlasPage};
 use crate::error::Error;
 use crate::number::count;
+use crate::problem::NamedValue;
 use crate::svg;
 
 /// The stability atlas as one HTML page that loads nothing and runs nothing.
@@ -81,9 +82,15 @@ impl<'a> View<'a> {
             figures: entry
                 .figures
                 .iter()
-                .map(|figure| (figure.name.as_str(), with_unit(figure.value, 3, &figure.unit)))
+                .map(|figure| (figure.name.as_str(), value_of(figure)))
                 .collect(),
             charts: drawn.collect::<Result<_, _>>()?,
         })
     }
+}
+
+/// A figure with three digits; a whole number of things has no decimals.
+fn value_of(figure: &NamedValue) -> String {
+    let is_whole = figure.value.fract() == 0.0 && figure.value.abs() < 1e6;
+    with_unit(figure.value, if is_whole { 1 } else { 3 }, &figure.unit)
 }

@@ -1,7 +1,10 @@
 //! Gear pairs on the way to their edges: sweeps that end where no pair exists.
 
+use campaign::Campaign;
+use campaign::file::GearLimits;
+use campaign::formulation::gears::{GearCriteria, constraints};
 use gear::{
-    Corrections, Discretisation, Error, Geometry, Infeasible, Kernel, Member, Pair, PairInput,
+    Corrections, Discretisation, Error, Infeasible, Kernel, Member, Pair, PairInput,
     ReliefShape, Size, TipRelief, TipRule, ToothModel, Wear, WearLaw,
     paper::{self, MATERIAL, WEAR},
 };
@@ -17,7 +20,7 @@ pub(super) const ENTRIES: [Entry; 10] = [
         title: "A tip that runs to an apex",
         input: "A pinion of 14 teeth whose profile shift grows from 0.2 to 1.2 with the addendum of a full tooth",
         instead: "The tooth ends in the apex where its flanks meet, and the pair is simulated with that tip. \
-                  `tip_land_min_modules` keeps designs away from it.",
+                  `tip_land_min_modules`, here 0.2, keeps designs away from it.",
         check: apex,
         ..Entry::blank(Method::Gears)
     },
@@ -153,10 +156,31 @@ fn largest_jump(points: &[[f64; 2]]) -> f64 {
     steps.fold(0.0, f64::max) / span
 }
 
-/// Thickness of the tooth at its tip circle over the module.
-fn tip_land(geometry: &Geometry, i: usize) -> f64 {
-    let tangent = ((geometry.r_a[i] / geometry.r_b[i]).powi(2) - 1.0).max(0.0).sqrt();
-    2.0 * geometry.r_a[i] * (geometry.psi_b[i] - (tangent - tangent.atan())) / geometry.normal_module
+/// Thickness of the pinion's tooth at its tip circle over the module.
+fn tip_land(pair: &Pair) -> Option<f64> {
+    let criteria = GearCriteria::of_pair(pair, 0.0, true);
+    Some(criteria.details?.tip_land_mm[0] / criteria.normal_module_mm)
+}
+
+/// Records the constraints that a pair breaks under the paper's limits, with a tip land of 0.2 modules, and
+/// asserts that the `expected` one is among them.
+pub(super) fn broken(found: &mut Outcome, pair: &Pair, expected: &str) -> Result<(), Failed> {
+    let paper = Campaign::parse("paper.toml", Campaign::PAPER)?;
+    let sections = paper.gears().ok_or("the paper’s campaign has gears")?;
+    let limits = GearLimits {
+        tip_land_min_modules: Some(0.2),
+        ..sections.constraints
+    };
+    let criteria = GearCriteria::of_pair(pair, pair.unworn().hertz_pressure_mpa, true);
+    let mut is_broken = false;
+    for constraint in constraints(&limits, &sections.material, &criteria) {
+        if !constraint.holds() {
+            is_broken |= constraint.name == expected;
+            found.detected(constraint.name.to_string(), &constraint);
+        }
+    }
+    found.holds(&format!("the constraint {expected} is broken"), is_broken);
+    Ok(())
 }
 
 fn all_finite(curve: &[[f64; 2]]) -> bool {
@@ -174,13 +198,12 @@ fn apex(found: &mut Outcome) -> Result<(), Failed> {
             tip_radius: [0.0; 2],
             ..plain()
         })?;
-        let geometry = pair.geometry();
-        if geometry.pointed[0] && pointed_from.is_nan() {
+        if pair.geometry().pointed[0] && pointed_from.is_nan() {
             pointed_from = shift;
-            found.detected("pointed", "the tooth ends in the apex where its two flanks meet");
+            broken(found, &pair, "pinion tip land")?;
         }
         ste.push([shift, pair.unworn().delta_ste_um]);
-        land.push([shift, tip_land(geometry, 0)]);
+        land.push([shift, tip_land(&pair).ok_or("criteria without details")?]);
     }
     found.at_least("profile shift at which the tip is an apex", pointed_from, "", 0.3);
     found.holds("ΔSTE is a number all the way", all_finite(&ste));
@@ -289,6 +312,7 @@ fn base_tangent(found: &mut Outcome) -> Result<(), Failed> {
     let names = matches!(&beyond, Err(Error::Infeasible(Infeasible::ContactBeyondBase { .. })));
     found.holds("the last pair stands where the base tangent point is touched", names);
     refused(found, beyond, "contact-beyond-base");
+    broken(found, &pair(&input(low))?, "specific sliding")?;
     let (mut sliding, mut pressure, mut ste) = (Vec::new(), Vec::new(), Vec::new());
     for i in 0..=40 {
         let dedendum = low - (low - 0.4) * 10_f64.powf(-f64::from(i) / 4.0);

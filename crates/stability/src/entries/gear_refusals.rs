@@ -5,7 +5,7 @@ use gear::{
     paper::{self, FIGURE_7},
 };
 
-use super::gear_edges::{pair, plain, refused};
+use super::gear_edges::{broken, pair, plain, refused};
 use crate::outcome::{Failed, Outcome};
 use crate::{Entry, Method};
 
@@ -187,6 +187,7 @@ fn below_form_circle(found: &mut Outcome) -> Result<(), Failed> {
     let margin = interference.flank_margin.into_iter().fold(f64::MAX, f64::min);
     found.at_most("flank margin", margin, "mm", 0.0);
     found.holds("the interference is not clear", !interference.is_clear());
+    broken(found, &pair, "mate flank margin")?;
     let delta = pair.unworn().delta_ste_um;
     found.at_least("ΔSTE all the same", delta, "µm", 0.0);
     Ok(())

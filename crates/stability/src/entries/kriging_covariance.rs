@@ -26,9 +26,9 @@ pub(super) const ENTRIES: [Entry; 11] = [
         title: "Squared exponential on dense grids",
         input: "sin 5x + x² without noise at 5 to 160 evenly spaced points, fitted with the squared \
                 exponential and with Matérn 5/2",
-        instead: "Where the matrix is singular to rounding it gets jitter, which is said; the error then stops falling, \
-                  but does not grow. The squared exponential needs it from ten points or so, Matérn 5/2 where points \
-                  are dense for the long range of so smooth a function.",
+        instead: "Where the matrix is singular to rounding it gets jitter, which is said; the error then stops falling. \
+                  Matérn 5/2, the default, needs it too, at four times as many points: so smooth a function \
+                  has a long range, and its points are dense in it.",
         check: dense_grid,
         ..Entry::blank(Method::Kriging)
     },
@@ -212,7 +212,7 @@ fn condition(found: &mut Outcome) -> Result<(), Failed> {
         "",
     );
     found.chart(
-        "Condition number of the covariance of 30 points",
+        "Condition number of 30 points, by kernel and nugget",
         ("spacing over range", Scale::Log),
         ("condition number", Scale::Log),
         curves,

@@ -174,17 +174,10 @@ fn beat(ledger: &mut Ledger<()>, worker: &WorkerId, id: LeaseId, now: Duration) 
     ledger.heartbeat(worker, &[(id, true)], now)
 }
 
-/// Records leases that ran out.
+/// Records leases that ran out after they had begun.
 fn vanished(found: &mut Outcome, vanished: &[Vanished]) {
-    for one in vanished.iter().take(1) {
-        let count = vanished.len();
-        let fate = match (one.is_split, one.given_up) {
-            (true, _) => "each of its streams gets a lease of its own",
-            (_, true) => "it is given up",
-            _ => "it is free again",
-        };
-        let message = format!("{count} ran out; {} of {}: {fate}", one.stream, one.worker);
-        found.detected(variant(one), message);
+    if let Some(one) = vanished.first() {
+        found.named(variant(one));
     }
 }
 
@@ -374,7 +367,7 @@ fn crash(found: &mut Outcome) -> Result<(), Failed> {
     }
     found.at_least("designs given up", ledger.given_up().count() as f64, "", 1.0);
     for (stream, error) in ledger.given_up() {
-        found.detected("given up", format!("{stream}: {error}"));
+        found.detected("given_up", format!("{stream}: {error}"));
     }
     explained(found, &ledger, now);
     let other = lease(&mut ledger, &workers[0], now)?;
@@ -395,7 +388,9 @@ fn shared(found: &mut Outcome) -> Result<(), Failed> {
     let grant = lease(&mut ledger, &a, at(0.0))?;
     found.at_least("designs of the lease", grant.units.len() as f64, "", 2.0);
     beat(&mut ledger, &a, grant.lease, at(0.0));
-    vanished(found, &ledger.expire(at(60.0)));
+    let gone = ledger.expire(at(60.0));
+    vanished(found, &gone);
+    found.holds("the lease is split", gone.iter().any(|one| one.is_split && !one.given_up));
     let suspects: Vec<StreamId> = units(&grant).iter().map(|unit| unit.stream).collect();
     let mut largest = 0;
     while let Some(next) = ledger.lease(&b, at(60.0)) {
@@ -421,7 +416,7 @@ fn failures(found: &mut Outcome) -> Result<(), Failed> {
                 waits.push(wait.as_secs_f64());
                 now += wait;
             }
-            [Failure::GivenUp] => found.detected(variant(&Failure::GivenUp), "no load path"),
+            [given_up @ Failure::GivenUp] => found.named(variant(&given_up)),
             _ => return Err(format!("unexpected: {outcomes:?}").into()),
         }
     }
@@ -477,7 +472,7 @@ fn stale(found: &mut Outcome) -> Result<(), Failed> {
     let old = lease(&mut before, &a, at(0.0))?;
     before.want(wanted(point, 2, 8));
     let answer = before.accept(&units(&old)[0]);
-    found.detected(variant(&answer), "results of another generation are counted and dropped");
+    found.named(variant(&answer));
     found.holds("the samples of the earlier optimum are stale", answer == Accepted::Stale);
     found.at_least("results counted as stale", before.counts().stale as f64, "", 1.0);
 
