@@ -22,12 +22,20 @@ fn the_atlas_keeps_its_promises_and_its_page_says_what_was_run() {
     let promises = read("atlas/promises.csv");
     for entry in entries {
         let id = entry["id"].as_str().expect("a name");
-        assert!(page.contains(&format!("id=\"{id}\"")), "{id} is not on the page");
+        assert!(
+            page.contains(&format!("id=\"{id}\"")),
+            "{id} is not on the page"
+        );
         for detected in entry["detected"].as_array().expect("a list") {
             let name = detected["name"].as_str().expect("a name");
-            assert!(page.contains(&format!("<code>{name}</code>")), "{id}: {name}");
+            assert!(
+                page.contains(&format!("<code>{name}</code>")),
+                "{id}: {name}"
+            );
         }
-        let of_entry = promises.lines().filter(|line| line.starts_with(&format!("{id},")));
+        let of_entry = promises
+            .lines()
+            .filter(|line| line.starts_with(&format!("{id},")));
         let listed = entry["promises"].as_array().expect("a list");
         assert!(!listed.is_empty());
         assert_eq!(of_entry.count(), listed.len(), "{id}");
@@ -36,7 +44,11 @@ fn the_atlas_keeps_its_promises_and_its_page_says_what_was_run() {
     let charts = page.matches("<svg").count();
     assert_eq!(page.matches("role=\"img\" aria-label=\"").count(), charts);
     let files = std::fs::read_dir(sandbox.path("atlas")).expect("a folder");
-    assert_eq!(files.count(), charts + 3, "the page, two tables, one for each chart");
+    assert_eq!(
+        files.count(),
+        charts + 3,
+        "the page, two tables, one for each chart"
+    );
 
     let again = sandbox.coordinator(&arguments);
     assert_code(&again, 4);

@@ -83,7 +83,11 @@ impl Kernel {
         let factor = self.length_factor();
         let columns: Vec<[f64; 1]> = distances.iter().map(|h| [h * factor]).collect();
         let mut correlation = [0.0];
-        self.correlations(&vec![0.0; distances.len()], |j| &columns[j], &mut correlation);
+        self.correlations(
+            &vec![0.0; distances.len()],
+            |j| &columns[j],
+            &mut correlation,
+        );
         correlation[0]
     }
 

@@ -178,11 +178,15 @@ impl Outcome {
 pub(crate) fn variant(value: &impl Debug) -> String {
     let text = format!("{value:?}");
     let is_name = |c: char| c.is_alphanumeric() || c == '_';
-    text.split(|c| !is_name(c)).next().unwrap_or_default().to_owned()
+    text.split(|c| !is_name(c))
+        .next()
+        .unwrap_or_default()
+        .to_owned()
 }
 
-/// A limit as a sentence shows it.
+/// A limit as a sentence shows it, to three digits.
 fn with_unit(value: f64, unit: &str) -> String {
+    let value = format!("{value:.2e}").parse().unwrap_or(value);
     let is_plain = value == 0.0 || (1e-3..1e6).contains(&value.abs());
     let number = if is_plain {
         format!("{value}")
@@ -214,5 +218,6 @@ mod tests {
     fn limits_are_short() {
         assert_eq!(with_unit(0.02, "µm"), "0.02 µm");
         assert_eq!(with_unit(1e-9, ""), "1e-9");
+        assert_eq!(with_unit(0.114_089_849, ""), "0.114");
     }
 }

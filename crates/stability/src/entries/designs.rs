@@ -1,6 +1,8 @@
 //! Designs of experiments at the edges of their sizes.
 
-use doe::{Design, Error, Method as Kind, Options, SOBOL_POINTS, enlarge, maximin, random_lhs, sobol};
+use doe::{
+    Design, Error, Method as Kind, Options, SOBOL_POINTS, enlarge, maximin, random_lhs, sobol,
+};
 use report::Scale;
 
 use crate::outcome::{Failed, Outcome};
@@ -63,10 +65,18 @@ fn sizes(found: &mut Outcome) -> Result<(), Failed> {
 fn few_points(found: &mut Outcome) -> Result<(), Failed> {
     for n in [2, 5] {
         let design = maximin(n, 20, &quick())?;
-        found.holds(&format!("{n} points in 20 variables are a Latin hypercube"), design.is_latin());
+        found.holds(
+            &format!("{n} points in 20 variables are a Latin hypercube"),
+            design.is_latin(),
+        );
         let random = random_lhs(n, 20, 5)?.min_distance();
         let gain = design.min_distance() / random;
-        found.at_least(&format!("smallest distance over a random one’s, {n} points"), gain, "", 1.0);
+        found.at_least(
+            &format!("smallest distance over a random one’s, {n} points"),
+            gain,
+            "",
+            1.0,
+        );
     }
     Ok(())
 }
@@ -91,7 +101,10 @@ fn grown(found: &mut Outcome) -> Result<(), Failed> {
             0.2,
         );
         if step == 150 {
-            found.holds("grown by 150, every stratum holds one point", design.is_stratified());
+            found.holds(
+                "grown by 150, every stratum holds one point",
+                design.is_stratified(),
+            );
         }
         curves.push((name, curve));
     }

@@ -141,7 +141,10 @@ impl Scene {
         let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
         let k = f64::from(samples);
         let sum: f64 = (0..samples).map(|_| normal()).sum();
-        ((self.response)(x) + self.noise * sum / k, self.noise * self.noise / k)
+        (
+            (self.response)(x) + self.noise * sum / k,
+            self.noise * self.noise / k,
+        )
     }
 
     fn decide(&self, state: &State, options: &Options) -> Result<Decision, enrich::Error> {
@@ -153,7 +156,9 @@ impl Scene {
         for infill in &decision.infill {
             match infill {
                 Infill::New { x, samples, .. } => self.add(state, x.clone(), *samples),
-                Infill::More { design, samples, .. } => {
+                Infill::More {
+                    design, samples, ..
+                } => {
                     let total = state.sampled[*design].samples + samples;
                     let x = state.sampled[*design].x.clone();
                     let (response, variance) = self.observe(&x, *design, total);
@@ -213,10 +218,24 @@ fn cliff(found: &mut Outcome) -> Result<(), Failed> {
     let best = last.recommendation.ok_or("nothing is recommended")?;
     let truth = (scene.response)(&best.x);
     // The least response is 1.3 µm, on the edge.
-    found.at_most("response of the recommended design above the least", truth - 1.3, "µm", 0.2);
+    found.at_most(
+        "response of the recommended design above the least",
+        truth - 1.3,
+        "µm",
+        0.2,
+    );
     let error = (best.predicted_um - truth).abs();
-    found.at_most("error of its prediction in half-widths", error / best.half_width_um(), "", 2.0);
-    found.figure("samples taken", state.sampled.iter().map(|s| f64::from(s.samples)).sum(), "");
+    found.at_most(
+        "error of its prediction in half-widths",
+        error / best.half_width_um(),
+        "",
+        2.0,
+    );
+    found.figure(
+        "samples taken",
+        state.sampled.iter().map(|s| f64::from(s.samples)).sum(),
+        "",
+    );
     Ok(())
 }
 
@@ -234,7 +253,12 @@ fn noise_only(found: &mut Outcome) -> Result<(), Failed> {
     let second = scene.decide(&state, &options)?;
     let best = second.recommendation.ok_or("nothing is recommended")?;
     let error = (best.predicted_um - 10.0).abs();
-    found.at_most("error of the recommended prediction in half-widths", error / best.half_width_um(), "", 2.0);
+    found.at_most(
+        "error of the recommended prediction in half-widths",
+        error / best.half_width_um(),
+        "",
+        2.0,
+    );
     found.figure("half-width of its interval", best.half_width_um(), "µm");
     found.holds("two rounds of noise do not converge", second.stop.is_none());
     Ok(())
@@ -259,16 +283,29 @@ fn not_numbers(found: &mut Outcome) -> Result<(), Failed> {
     let decision = SLOPE.decide(&state, &SLOPE.options()?)?;
     found.warned(&decision.notes, &["NotNumbers"]);
     let nearest = new_designs(&decision)
-        .map(|(x, _)| x.iter().zip(&bad).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max))
+        .map(|(x, _)| {
+            x.iter()
+                .zip(&bad)
+                .map(|(a, b)| (a - b).abs())
+                .fold(0.0, f64::max)
+        })
         .fold(1.0, f64::min);
-    found.at_least("distance of new designs from the failure, in ranges", nearest, "", 0.01);
+    found.at_least(
+        "distance of new designs from the failure, in ranges",
+        nearest,
+        "",
+        0.01,
+    );
     let nothing = Scene {
         response: |_| f64::NAN,
         ..FLAT
     };
     let decision = nothing.decide(&nothing.state(20), &nothing.options()?)?;
     found.warned(&decision.notes, &["NoModel"]);
-    found.holds("without a number left, space is filled", fills_space(&decision));
+    found.holds(
+        "without a number left, space is filled",
+        fills_space(&decision),
+    );
     Ok(())
 }
 
@@ -285,8 +322,17 @@ fn only_failures(found: &mut Outcome) -> Result<(), Failed> {
         found.warned(&decision.notes, &["RoundFailed"]);
         let ends = decision.stop == Some(Stop::OnlyFailures);
         found.warned(&decision.stop, &[]);
-        found.holds(&format!("after round {rounds} it {}", if rounds == 2 { "ends" } else { "goes on" }), ends == (rounds == 2));
-        found.holds("a design is still recommended", decision.recommendation.is_some());
+        found.holds(
+            &format!(
+                "after round {rounds} it {}",
+                if rounds == 2 { "ends" } else { "goes on" }
+            ),
+            ends == (rounds == 2),
+        );
+        found.holds(
+            "a design is still recommended",
+            decision.recommendation.is_some(),
+        );
     }
     Ok(())
 }
@@ -324,9 +370,15 @@ fn repeated(found: &mut Outcome) -> Result<(), Failed> {
     let decision = scene.decide(&state, &options)?;
     found.warned(&decision.notes, &["Merged"]);
     let merges = |note: &Note| matches!(note, Note::Merged { entries: 3 });
-    found.holds("the three copies are merged", decision.notes.iter().any(merges));
+    found.holds(
+        "the three copies are merged",
+        decision.notes.iter().any(merges),
+    );
     let is_more = |infill: &Infill| matches!(infill, Infill::More { design: 23, .. });
     let all = !decision.infill.is_empty() && decision.infill.iter().all(is_more);
-    found.holds("every observation is more samples of the one feasible design", all);
+    found.holds(
+        "every observation is more samples of the one feasible design",
+        all,
+    );
     Ok(())
 }

@@ -5,7 +5,7 @@ use gear::{
     paper::{self, FIGURE_7},
 };
 
-use super::gear_edges::{broken, pair, plain, refused};
+use super::gear_scene::{broken, pair, plain, refused};
 use crate::outcome::{Failed, Outcome};
 use crate::{Entry, Method};
 
@@ -40,7 +40,7 @@ pub(super) const ENTRIES: [Entry; 5] = [
     Entry {
         id: "gear-crowning",
         title: "Crowning where the model has no place for it",
-        input: "Crowning with `whole-face-beam`, and with a contact ratio above 100",
+        input: "Crowning with “whole-face-beam”, and with a contact ratio above 100",
         instead: "Both are refused: the first has one gap for the whole face, the second would take too long.",
         check: crowning,
         ..Entry::blank(Method::Gears)
@@ -184,10 +184,13 @@ fn below_form_circle(found: &mut Outcome) -> Result<(), Failed> {
     input.tool_addendum[0] = 0.9;
     let pair = pair(&input)?;
     let interference = pair.interference();
-    let margin = interference.flank_margin.into_iter().fold(f64::MAX, f64::min);
+    let margin = interference
+        .flank_margin
+        .into_iter()
+        .fold(f64::MAX, f64::min);
     found.at_most("flank margin", margin, "mm", 0.0);
     found.holds("the interference is not clear", !interference.is_clear());
-    broken(found, &pair, "mate flank margin")?;
+    broken(found, &pair, "pinion flank margin")?;
     let delta = pair.unworn().delta_ste_um;
     found.at_least("ΔSTE all the same", delta, "µm", 0.0);
     Ok(())
@@ -195,9 +198,8 @@ fn below_form_circle(found: &mut Outcome) -> Result<(), Failed> {
 
 fn crowning(found: &mut Outcome) -> Result<(), Failed> {
     let crowned = Corrections::default().with_crowning(0.005);
-    let with_crowning = |input: &PairInput| {
-        Pair::with_corrections(input, &crowned, &Discretisation::default())
-    };
+    let with_crowning =
+        |input: &PairInput| Pair::with_corrections(input, &crowned, &Discretisation::default());
     let whole = PairInput {
         tooth_model: ToothModel::WholeFaceBeam,
         ..plain()
@@ -208,7 +210,10 @@ fn crowning(found: &mut Outcome) -> Result<(), Failed> {
         ..plain()
     };
     refused(found, with_crowning(&wide), "crowning");
-    found.holds("a plain pair takes crowning", with_crowning(&plain()).is_ok());
+    found.holds(
+        "a plain pair takes crowning",
+        with_crowning(&plain()).is_ok(),
+    );
     Ok(())
 }
 

@@ -5,7 +5,7 @@ use kriging::{
 };
 use report::Scale;
 
-use super::kriging_covariance::{grid, model, normal, random_points, rmse};
+use super::kriging_scene::{grid, model, normal, random_points, rmse};
 use crate::outcome::{Failed, Outcome};
 use crate::{Entry, Method};
 
@@ -84,7 +84,7 @@ pub(super) const ENTRIES: [Entry; 10] = [
         title: "A response that spans decades",
         input: "exp(12 x) at 15 points, from 1 to 160 000",
         instead: "Nothing is said: the model of the response itself predicts values below zero and misses the \
-                  small ones by orders of magnitude. `response = \"log\"` models the logarithm.",
+                  small ones by orders of magnitude. “response = log” models the logarithm.",
         check: decades,
         ..Entry::blank(Method::Kriging)
     },
@@ -156,20 +156,35 @@ fn contradiction(found: &mut Outcome) -> Result<(), Failed> {
     let with_nugget = model(&x, 1, &y, 0.0, &estimated_nugget())?;
     found.warned(with_nugget.warnings(), &[]);
     let at = with_nugget.mean(&[x[10]]) - y[10];
-    found.figure("prediction above the first of the two, with a nugget", at, "");
-    found.at_most("error with an estimated nugget", rmse(&with_nugget, wave), "", 0.15);
+    found.figure(
+        "prediction above the first of the two, with a nugget",
+        at,
+        "",
+    );
+    found.at_most(
+        "error with an estimated nugget",
+        rmse(&with_nugget, wave),
+        "",
+        0.15,
+    );
     Ok(())
 }
 
 fn duplicates(found: &mut Outcome) -> Result<(), Failed> {
     let x: Vec<f64> = grid(10).iter().flat_map(|&x| [x; 8]).collect();
     let noise = normal(80, 11);
-    let y: Vec<f64> = x.iter().zip(&noise).map(|(&x, z)| wave(x) + 0.1 * z).collect();
+    let y: Vec<f64> = x
+        .iter()
+        .zip(&noise)
+        .map(|(&x, z)| wave(x) + 0.1 * z)
+        .collect();
     let merged = model(&x, 1, &y, 0.01, &FitOptions::default())?;
     found.warned(merged.warnings(), &["MergedDuplicates"]);
     let means: Vec<f64> = y.chunks(8).map(|y| y.iter().sum::<f64>() / 8.0).collect();
     let of_means = model(&grid(10), 1, &means, 0.01 / 8.0, &FitOptions::default())?;
-    let differences = grid(101).into_iter().map(|x| (merged.mean(&[x]) - of_means.mean(&[x])).abs());
+    let differences = grid(101)
+        .into_iter()
+        .map(|x| (merged.mean(&[x]) - of_means.mean(&[x])).abs());
     found.at_most(
         "largest difference from the model of the means",
         differences.fold(0.0, f64::max),
@@ -183,7 +198,11 @@ fn duplicates(found: &mut Outcome) -> Result<(), Failed> {
 fn contradictory_duplicates(found: &mut Outcome) -> Result<(), Failed> {
     let x: Vec<f64> = grid(15).iter().flat_map(|&x| [x; 2]).collect();
     let signs = [-0.1, 0.1].into_iter().cycle();
-    let y: Vec<f64> = x.iter().zip(signs).map(|(&x, sign)| wave(x) + sign).collect();
+    let y: Vec<f64> = x
+        .iter()
+        .zip(signs)
+        .map(|(&x, sign)| wave(x) + sign)
+        .collect();
     let fitted = model(&x, 1, &y, 0.0, &FitOptions::default())?;
     found.warned(fitted.warnings(), &["ContradictoryDuplicates"]);
     found.at_most("error", rmse(&fitted, wave), "", 0.05);
@@ -194,7 +213,11 @@ fn outlier(found: &mut Outcome) -> Result<(), Failed> {
     let n = 40;
     let x = grid(n);
     let noise = normal(n, 12);
-    let sound: Vec<f64> = x.iter().zip(&noise).map(|(&x, z)| wave(x) + 0.01 * z).collect();
+    let sound: Vec<f64> = x
+        .iter()
+        .zip(&noise)
+        .map(|(&x, z)| wave(x) + 0.01 * z)
+        .collect();
     let mut y = sound.clone();
     y[17] += 1e6;
     let variance = 1e-4;
@@ -205,10 +228,19 @@ fn outlier(found: &mut Outcome) -> Result<(), Failed> {
     let left: Vec<usize> = (0..n).filter(|i| !named.contains(i)).collect();
     let take = |values: &[f64]| left.iter().map(|&i| values[i]).collect::<Vec<f64>>();
     let without = model(&take(&x), 1, &take(&y), variance, &FitOptions::default())?;
-    found.at_most("error without the observations named", rmse(&without, wave), "", 0.02);
+    found.at_most(
+        "error without the observations named",
+        rmse(&without, wave),
+        "",
+        0.02,
+    );
     found.figure("error with the outlier", rmse(&with, wave), "");
     let with_nugget = model(&x, 1, &y, variance, &estimated_nugget())?;
-    found.figure("error with the outlier and an estimated nugget", rmse(&with_nugget, wave), "");
+    found.figure(
+        "error with the outlier and an estimated nugget",
+        rmse(&with_nugget, wave),
+        "",
+    );
     Ok(())
 }
 
@@ -217,14 +249,22 @@ fn ignored_coordinate(found: &mut Outcome) -> Result<(), Failed> {
     let fitted = model(&x, 2, &waves(&grid(25)), 0.0, &FitOptions::default())?;
     found.warned(fitted.warnings(), &["IgnoredCoordinate"]);
     let difference = fitted.mean(&[0.42, -1e6]) - fitted.mean(&[0.42, 0.3]);
-    found.at_most("difference that the coordinate makes", difference.abs(), "", 0.0);
+    found.at_most(
+        "difference that the coordinate makes",
+        difference.abs(),
+        "",
+        0.0,
+    );
     Ok(())
 }
 
 fn one_point(found: &mut Outcome) -> Result<(), Failed> {
     let x = [0.5; 4];
     let y = [1.0, 1.1, 0.9, 1.0];
-    found.refused(model(&x, 1, &y, 0.01, &FitOptions::default()), "TooFewPoints");
+    found.refused(
+        model(&x, 1, &y, 0.01, &FitOptions::default()),
+        "TooFewPoints",
+    );
     found.refused(model(&x, 1, &y, 0.01, &estimated_nugget()), "TooFewPoints");
     Ok(())
 }
@@ -274,13 +314,25 @@ fn decades(found: &mut Outcome) -> Result<(), Failed> {
     let (plain, log) = (fitted(Response::Plain)?, fitted(Response::Log)?);
     let curve = |model: &Surrogate| -> Vec<[f64; 2]> {
         let at = grid(200);
-        at.iter().map(|&x| [x, (model.mean(&[x]) / truth(x) - 1.0).abs()]).collect()
+        at.iter()
+            .map(|&x| [x, (model.mean(&[x]) / truth(x) - 1.0).abs()])
+            .collect()
     };
     let worst = |curve: &[[f64; 2]]| curve.iter().map(|p| p[1]).fold(0.0, f64::max);
     let (of_plain, of_log) = (curve(&plain), curve(&log));
     found.warned(plain.warnings(), &[]);
-    found.at_most("largest relative error, logarithm", worst(&of_log), "", 1e-3);
-    found.at_least("largest relative error, response itself", worst(&of_plain), "", 0.1);
+    found.at_most(
+        "largest relative error, logarithm",
+        worst(&of_log),
+        "",
+        1e-3,
+    );
+    found.at_least(
+        "largest relative error, response itself",
+        worst(&of_plain),
+        "",
+        0.1,
+    );
     found.chart(
         "Relative error of the two models",
         ("x", Scale::Linear),
@@ -295,7 +347,11 @@ fn approximate(found: &mut Outcome) -> Result<(), Failed> {
     let x = random_points(n, 2, 13);
     let truth = |x: &[f64]| (5.0 * x[0]).sin() + (3.0 * x[1]).cos();
     let noise = normal(n, 13);
-    let y: Vec<f64> = x.chunks(2).zip(&noise).map(|(x, z)| truth(x) + 0.05 * z).collect();
+    let y: Vec<f64> = x
+        .chunks(2)
+        .zip(&noise)
+        .map(|(x, z)| truth(x) + 0.05 * z)
+        .collect();
     let variances = vec![0.0025; n];
     let data = Data {
         x: &x,
@@ -317,7 +373,10 @@ fn approximate(found: &mut Outcome) -> Result<(), Failed> {
     };
     found.refused(approximate(trend), "ExactOnly");
     found.refused(approximate(estimated_nugget()), "ExactOnly");
-    let (exact, near) = (fit(&data, &FitOptions::default())?, approximate(FitOptions::default())?);
+    let (exact, near) = (
+        fit(&data, &FitOptions::default())?,
+        approximate(FitOptions::default())?,
+    );
     let differences = x.chunks(2).map(|x| (exact.mean(x) - near.mean(x)).abs());
     found.at_most(
         "largest difference from the exact model",

@@ -1,19 +1,15 @@
-//! Leases under pauses, steps of the clock, crashes and failures.
+//! Leases under pauses, steps of the clock and restarts.
 
-use std::time::Duration;
-
-use ledger::{
-    Accepted, Delivery, Failure, Generation, Grant, History, LeaseId, Ledger, Options, StreamId,
-    Unit, Vanished, Wanted, WorkerId,
-};
+use ledger::{Accepted, Grant, Ledger, Options, StreamId, WorkerId};
 use rand::RngExt as _;
 use report::Scale;
 use stats::streams::{Purpose, StreamRng, stream};
 
+use super::lease_scene::{LEASE, all_of, at, beat, lease, ledger, names, units, vanished, wanted};
 use crate::outcome::{Failed, Outcome, variant};
 use crate::{Entry, Method};
 
-pub(super) const ENTRIES: [Entry; 10] = [
+pub(super) const ENTRIES: [Entry; 6] = [
     Entry {
         id: "lease-paused-worker",
         title: "A worker that sleeps past its lease",
@@ -59,39 +55,6 @@ pub(super) const ENTRIES: [Entry; 10] = [
         ..Entry::blank(Method::Leases)
     },
     Entry {
-        id: "lease-crash",
-        title: "A design that kills its workers",
-        input: "Three workers that fall silent over the same design, then a retry",
-        instead: "The design is given up, the campaign goes on without it, and a retry gives it another chance.",
-        check: crash,
-        ..Entry::blank(Method::Leases)
-    },
-    Entry {
-        id: "lease-shared",
-        title: "A lease of several designs that kills its worker",
-        input: "60 short designs, of which one worker holds several when it falls silent",
-        instead: "Nobody knows which design it was: none is blamed, and each of them gets a lease of its own.",
-        check: shared,
-        ..Entry::blank(Method::Leases)
-    },
-    Entry {
-        id: "lease-failures",
-        title: "A design that fails again and again",
-        input: "A simulator that returns an error three times",
-        instead: "The design waits 1 s, then 4 s, and is given up with its error at the third failure.",
-        check: failures,
-        ..Entry::blank(Method::Leases)
-    },
-    Entry {
-        id: "lease-bad-worker",
-        title: "A worker on which everything fails",
-        input: "A worker that fails three designs in a row, beside a sound one, and alone",
-        instead: "It gets nothing for a while, which doubles each time. Alone it is suspended three times at most, since \
-                  then the designs are to blame.",
-        check: bad_worker,
-        ..Entry::blank(Method::Leases)
-    },
-    Entry {
         id: "lease-stale",
         title: "Results of an earlier generation",
         input: "Samples of an optimum that was chosen anew meanwhile, and samples that a restarted coordinator does not know \
@@ -103,170 +66,6 @@ pub(super) const ENTRIES: [Entry; 10] = [
     },
 ];
 
-const LEASE: Duration = Duration::from_secs(30);
-const ONE: StreamId = StreamId::design(0);
-
-fn at(seconds: f64) -> Duration {
-    Duration::from_secs_f64(seconds)
-}
-
-fn wanted(stream: StreamId, generation: u64, samples: u32) -> Wanted<()> {
-    Wanted {
-        stream,
-        generation: Generation(generation),
-        source: (),
-        samples,
-        missing: std::iter::once(0..samples).collect(),
-        history: History::default(),
-    }
-}
-
-/// A ledger that wants samples of designs, and these workers; each lease has one design.
-fn ledger(designs: u32, samples: u32, workers: &[WorkerId]) -> Ledger<()> {
-    let options = Options {
-        bundle: false,
-        ..Options::default()
-    };
-    with_options(options, designs, samples, workers)
-}
-
-fn with_options(options: Options, designs: u32, samples: u32, workers: &[WorkerId]) -> Ledger<()> {
-    let mut ledger = Ledger::new(options, 1);
-    for design in 0..designs {
-        ledger.want(wanted(StreamId::design(design), 7, samples));
-    }
-    for worker in workers {
-        ledger.register(worker, "here", 1, Duration::ZERO);
-    }
-    ledger
-}
-
-fn names<const N: usize>(names: [&str; N]) -> [WorkerId; N] {
-    names.map(WorkerId::from)
-}
-
-fn lease(ledger: &mut Ledger<()>, worker: &WorkerId, now: Duration) -> Result<Grant<()>, Failed> {
-    Ok(ledger.lease(worker, now).ok_or("nothing was leased")?)
-}
-
-fn units(grant: &Grant<()>) -> Vec<Unit> {
-    grant.units.iter().map(|(unit, ())| unit.clone()).collect()
-}
-
-fn all_of(grant: &Grant<()>) -> Delivery {
-    Delivery {
-        stored: units(grant),
-        seconds: 0.1,
-        ..Delivery::default()
-    }
-}
-
-fn failure_of(grant: &Grant<()>) -> Delivery {
-    let failed = grant.units.iter();
-    Delivery {
-        failed: failed.map(|(unit, ())| (unit.stream, "no load path".to_owned())).collect(),
-        ..Delivery::default()
-    }
-}
-
-/// A heartbeat for a lease that has begun; the leases that nobody needs.
-fn beat(ledger: &mut Ledger<()>, worker: &WorkerId, id: LeaseId, now: Duration) -> Vec<LeaseId> {
-    ledger.heartbeat(worker, &[(id, true)], now)
-}
-
-/// Records leases that ran out after they had begun.
-fn vanished(found: &mut Outcome, vanished: &[Vanished]) {
-    if let Some(one) = vanished.first() {
-        found.named(variant(one));
-    }
-}
-
-/// Records what the coordinator answers to `coordinator explain`.
-fn explained(found: &mut Outcome, ledger: &Ledger<()>, now: Duration) {
-    for explanation in ledger.explain(now) {
-        found.detected(variant(&explanation), &explanation);
-    }
-}
-
-fn paused_worker(found: &mut Outcome) -> Result<(), Failed> {
-    let [a] = names(["a"]);
-    let mut ledger = ledger(1, 10, std::slice::from_ref(&a));
-    let grant = lease(&mut ledger, &a, at(0.0))?;
-    beat(&mut ledger, &a, grant.lease, at(1.0));
-    let now = at(1.0) + 2 * LEASE;
-    vanished(found, &ledger.expire(now));
-    found.figure("designs free after it ran out", ledger.counts().free as f64, "");
-    let cancelled = beat(&mut ledger, &a, grant.lease, now);
-    found.holds("its next heartbeat takes the lease up", cancelled.is_empty());
-    found.at_most("designs free after that", ledger.counts().free as f64, "", 0.0);
-    ledger.deliver(&a, grant.lease, &all_of(&grant), now);
-    found.holds("its samples settle the design", ledger.is_idle() && !ledger.has_work());
-    Ok(())
-}
-
-fn replaced_worker(found: &mut Outcome) -> Result<(), Failed> {
-    let [a, b, c] = names(["a", "b", "c"]);
-    let mut ledger = ledger(1, 10, &[a.clone(), b.clone(), c.clone()]);
-    let first = lease(&mut ledger, &a, at(0.0))?;
-    beat(&mut ledger, &a, first.lease, at(1.0));
-    let now = at(1.0) + 2 * LEASE;
-    vanished(found, &ledger.expire(now));
-    let second = lease(&mut ledger, &b, now)?;
-    beat(&mut ledger, &b, second.lease, now);
-    let goes_on = beat(&mut ledger, &a, first.lease, now).is_empty();
-    found.holds("the one that woke may go on beside the other", goes_on);
-    found.holds("a third one gets nothing", ledger.lease(&c, now).is_none());
-    let late = now + at(5.0);
-    ledger.deliver(&a, first.lease, &all_of(&first), late);
-    let cancelled = beat(&mut ledger, &b, second.lease, late);
-    found.holds("the other is told to stop", cancelled == [second.lease]);
-    // What it brings all the same is compared with what is stored.
-    found.holds("a copy is accepted for comparison", ledger.accept(&units(&second)[0]) == Accepted::Yes);
-    Ok(())
-}
-
-fn clock_forward(found: &mut Outcome) -> Result<(), Failed> {
-    let workers: Vec<WorkerId> = (0..50).map(|i| WorkerId::from(format!("w{i}").as_str())).collect();
-    let mut ledger = ledger(50, 10, &workers);
-    let mut grants = Vec::new();
-    for worker in &workers {
-        let grant = lease(&mut ledger, worker, at(0.0))?;
-        beat(&mut ledger, worker, grant.lease, at(1.0));
-        grants.push(grant);
-    }
-    let now = at(3600.0);
-    let gone = ledger.expire(now);
-    found.at_least("leases that ran out at once", gone.len() as f64, "", 50.0);
-    vanished(found, &gone);
-    let mut cancelled = 0;
-    for (worker, grant) in workers.iter().zip(&grants) {
-        cancelled += beat(&mut ledger, worker, grant.lease, now).len();
-    }
-    found.at_most("leases that are not taken up again", cancelled as f64, "", 0.0);
-    found.at_most("designs free for others", ledger.counts().free as f64, "", 0.0);
-    for (worker, grant) in workers.iter().zip(&grants) {
-        ledger.deliver(worker, grant.lease, &all_of(grant), now);
-    }
-    found.holds("everything is settled", ledger.is_idle() && !ledger.has_work());
-    found.at_most("designs given up", ledger.given_up().count() as f64, "", 0.0);
-    Ok(())
-}
-
-fn clock_back(found: &mut Outcome) -> Result<(), Failed> {
-    let [a] = names(["a"]);
-    let mut ledger = ledger(1, 10, std::slice::from_ref(&a));
-    let grant = lease(&mut ledger, &a, at(1000.0))?;
-    beat(&mut ledger, &a, grant.lease, at(1000.0));
-    let is_kept = beat(&mut ledger, &a, grant.lease, at(100.0)).is_empty();
-    found.holds("the heartbeat at 100 s keeps the lease", is_kept);
-    let early = ledger.expire(at(100.0)).len() + ledger.expire(at(1029.0)).len();
-    found.at_most("leases that run out before 1030 s", early as f64, "", 0.0);
-    let due = ledger.expire(at(1031.0));
-    found.at_least("leases that run out after it", due.len() as f64, "", 1.0);
-    vanished(found, &due);
-    Ok(())
-}
-
 /// A worker of the simulation.
 #[derive(Clone, Default)]
 struct Pausing {
@@ -277,7 +76,9 @@ struct Pausing {
 
 /// Seconds until all samples are there, share of samples computed twice, and designs given up at the end.
 fn campaign_with_pauses(pause: f64) -> Result<[f64; 3], Failed> {
-    let ids: Vec<WorkerId> = (0..20).map(|i| WorkerId::from(format!("w{i}").as_str())).collect();
+    let ids: Vec<WorkerId> = (0..20)
+        .map(|i| WorkerId::from(format!("w{i}").as_str()))
+        .collect();
     let (designs, samples) = (300, 10);
     let mut ledger = ledger(designs, samples, &ids);
     let mut rng: StreamRng = stream(26, Purpose::Test, pause as u64, 0);
@@ -295,10 +96,16 @@ fn campaign_with_pauses(pause: f64) -> Result<[f64; 3], Failed> {
                     continue;
                 }
                 // One that nobody needs any more is dropped with what was computed of it.
-                computed += grant.units.iter().map(|(unit, ())| unit.samples.len()).sum::<usize>();
+                computed += grant
+                    .units
+                    .iter()
+                    .map(|(unit, ())| unit.samples.len())
+                    .sum::<usize>();
                 if is_needed {
                     let mut delivery = all_of(grant);
-                    delivery.stored.retain(|unit| ledger.accept(unit) == Accepted::Yes);
+                    delivery
+                        .stored
+                        .retain(|unit| ledger.accept(unit) == Accepted::Yes);
                     delivery.seconds = 5.0;
                     ledger.deliver(id, grant.lease, &delivery, at(now));
                 }
@@ -320,7 +127,11 @@ fn campaign_with_pauses(pause: f64) -> Result<[f64; 3], Failed> {
             return Ok([now, twice, counts.given_up as f64]);
         }
     }
-    Err(format!("with pauses of {pause} s the campaign does not end: {:?}", ledger.counts()).into())
+    Err(format!(
+        "with pauses of {pause} s the campaign does not end: {:?}",
+        ledger.counts()
+    )
+    .into())
 }
 
 /// Says that a worker has begun with what it was just leased.
@@ -330,16 +141,148 @@ fn beat_new(ledger: &mut Ledger<()>, id: &WorkerId, worker: &Pausing, now: f64) 
     }
 }
 
+fn paused_worker(found: &mut Outcome) -> Result<(), Failed> {
+    let [a] = names(["a"]);
+    let mut ledger = ledger(1, 10, std::slice::from_ref(&a));
+    let grant = lease(&mut ledger, &a, at(0.0))?;
+    beat(&mut ledger, &a, grant.lease, at(1.0));
+    let now = at(1.0) + 2 * LEASE;
+    vanished(found, &ledger.expire(now));
+    found.figure(
+        "designs free after it ran out",
+        ledger.counts().free as f64,
+        "",
+    );
+    let cancelled = beat(&mut ledger, &a, grant.lease, now);
+    found.holds(
+        "its next heartbeat takes the lease up",
+        cancelled.is_empty(),
+    );
+    found.at_most(
+        "designs free after that",
+        ledger.counts().free as f64,
+        "",
+        0.0,
+    );
+    ledger.deliver(&a, grant.lease, &all_of(&grant), now);
+    found.holds(
+        "its samples settle the design",
+        ledger.is_idle() && !ledger.has_work(),
+    );
+    Ok(())
+}
+
+fn replaced_worker(found: &mut Outcome) -> Result<(), Failed> {
+    let [a, b, c] = names(["a", "b", "c"]);
+    let mut ledger = ledger(1, 10, &[a.clone(), b.clone(), c.clone()]);
+    let first = lease(&mut ledger, &a, at(0.0))?;
+    beat(&mut ledger, &a, first.lease, at(1.0));
+    let now = at(1.0) + 2 * LEASE;
+    vanished(found, &ledger.expire(now));
+    let second = lease(&mut ledger, &b, now)?;
+    beat(&mut ledger, &b, second.lease, now);
+    let goes_on = beat(&mut ledger, &a, first.lease, now).is_empty();
+    found.holds("the one that woke may go on beside the other", goes_on);
+    found.holds("a third one gets nothing", ledger.lease(&c, now).is_none());
+    let late = now + at(5.0);
+    ledger.deliver(&a, first.lease, &all_of(&first), late);
+    let cancelled = beat(&mut ledger, &b, second.lease, late);
+    found.holds("the other is told to stop", cancelled == [second.lease]);
+    // What it brings all the same is compared with what is stored.
+    found.holds(
+        "a copy is accepted for comparison",
+        ledger.accept(&units(&second)[0]) == Accepted::Yes,
+    );
+    Ok(())
+}
+
+fn clock_forward(found: &mut Outcome) -> Result<(), Failed> {
+    let workers: Vec<WorkerId> = (0..50)
+        .map(|i| WorkerId::from(format!("w{i}").as_str()))
+        .collect();
+    let mut ledger = ledger(50, 10, &workers);
+    let mut grants = Vec::new();
+    for worker in &workers {
+        let grant = lease(&mut ledger, worker, at(0.0))?;
+        beat(&mut ledger, worker, grant.lease, at(1.0));
+        grants.push(grant);
+    }
+    let now = at(3600.0);
+    let gone = ledger.expire(now);
+    found.at_least("leases that ran out at once", gone.len() as f64, "", 50.0);
+    vanished(found, &gone);
+    let mut cancelled = 0;
+    for (worker, grant) in workers.iter().zip(&grants) {
+        cancelled += beat(&mut ledger, worker, grant.lease, now).len();
+    }
+    found.at_most(
+        "leases that are not taken up again",
+        cancelled as f64,
+        "",
+        0.0,
+    );
+    found.at_most(
+        "designs free for others",
+        ledger.counts().free as f64,
+        "",
+        0.0,
+    );
+    for (worker, grant) in workers.iter().zip(&grants) {
+        ledger.deliver(worker, grant.lease, &all_of(grant), now);
+    }
+    found.holds(
+        "everything is settled",
+        ledger.is_idle() && !ledger.has_work(),
+    );
+    found.at_most(
+        "designs given up",
+        ledger.given_up().count() as f64,
+        "",
+        0.0,
+    );
+    Ok(())
+}
+
+fn clock_back(found: &mut Outcome) -> Result<(), Failed> {
+    let [a] = names(["a"]);
+    let mut ledger = ledger(1, 10, std::slice::from_ref(&a));
+    let grant = lease(&mut ledger, &a, at(1000.0))?;
+    beat(&mut ledger, &a, grant.lease, at(1000.0));
+    let is_kept = beat(&mut ledger, &a, grant.lease, at(100.0)).is_empty();
+    found.holds("the heartbeat at 100 s keeps the lease", is_kept);
+    let early = ledger.expire(at(100.0)).len() + ledger.expire(at(1029.0)).len();
+    found.at_most("leases that run out before 1030 s", early as f64, "", 0.0);
+    let due = ledger.expire(at(1031.0));
+    found.at_least("leases that run out after it", due.len() as f64, "", 1.0);
+    vanished(found, &due);
+    Ok(())
+}
+
 fn pauses(found: &mut Outcome) -> Result<(), Failed> {
     let (mut twice, mut seconds) = (Vec::new(), Vec::new());
-    for pause in [5.0, 10.0, 20.0, 29.0, 35.0, 45.0, 60.0, 90.0, 120.0, 180.0, 240.0] {
+    for pause in [
+        5.0, 10.0, 20.0, 29.0, 35.0, 45.0, 60.0, 90.0, 120.0, 180.0, 240.0,
+    ] {
         let [needed, share, given_up] = campaign_with_pauses(pause)?;
         twice.push([pause, share]);
         seconds.push([pause, needed]);
-        found.holds(&format!("with pauses of {pause} s nothing is given up"), given_up == 0.0);
+        found.holds(
+            &format!("with pauses of {pause} s nothing is given up"),
+            given_up == 0.0,
+        );
     }
-    found.at_most("samples computed twice, pauses below a lease", twice[3][1], "%", 5.0);
-    found.at_most("samples computed twice, pauses of 240 s", twice[10][1], "%", 40.0);
+    found.at_most(
+        "samples computed twice, pauses below a lease",
+        twice[3][1],
+        "%",
+        5.0,
+    );
+    found.at_most(
+        "samples computed twice, pauses of 240 s",
+        twice[10][1],
+        "%",
+        40.0,
+    );
     found.figure("time of the campaign, pauses of 5 s", seconds[0][1], "s");
     found.figure("time of the campaign, pauses of 240 s", seconds[10][1], "s");
     found.chart(
@@ -348,119 +291,6 @@ fn pauses(found: &mut Outcome) -> Result<(), Failed> {
         ("computed twice (%)", Scale::Linear),
         vec![("one lease in five pauses", twice)],
     );
-    Ok(())
-}
-
-fn crash(found: &mut Outcome) -> Result<(), Failed> {
-    let workers = names(["a", "b", "c"]);
-    let mut ledger = ledger(2, 1, &workers);
-    let mut now = at(0.0);
-    // The second design is computed meanwhile.
-    for worker in &workers {
-        let grant = lease(&mut ledger, worker, now)?;
-        if grant.units[0].0.stream != ONE {
-            return Err("the first design was expected first".into());
-        }
-        beat(&mut ledger, worker, grant.lease, now);
-        now += 2 * LEASE;
-        vanished(found, &ledger.expire(now));
-    }
-    found.at_least("designs given up", ledger.given_up().count() as f64, "", 1.0);
-    for (stream, error) in ledger.given_up() {
-        found.detected("given_up", format!("{stream}: {error}"));
-    }
-    explained(found, &ledger, now);
-    let other = lease(&mut ledger, &workers[0], now)?;
-    found.holds("the campaign goes on with the other design", other.units[0].0.stream != ONE);
-    ledger.deliver(&workers[0], other.lease, &all_of(&other), now);
-    found.holds("a retry gives it back", ledger.retry() == [ONE]);
-    let again = lease(&mut ledger, &workers[1], now)?;
-    ledger.deliver(&workers[1], again.lease, &all_of(&again), now);
-    found.at_most("designs given up after the retry", ledger.given_up().count() as f64, "", 0.0);
-    Ok(())
-}
-
-fn shared(found: &mut Outcome) -> Result<(), Failed> {
-    let [a, b] = names(["a", "b"]);
-    let mut ledger = with_options(Options::default(), 60, 4, &[a.clone(), b.clone()]);
-    let first = lease(&mut ledger, &a, at(0.0))?;
-    ledger.deliver(&a, first.lease, &all_of(&first), at(0.0));
-    let grant = lease(&mut ledger, &a, at(0.0))?;
-    found.at_least("designs of the lease", grant.units.len() as f64, "", 2.0);
-    beat(&mut ledger, &a, grant.lease, at(0.0));
-    let gone = ledger.expire(at(60.0));
-    vanished(found, &gone);
-    found.holds("the lease is split", gone.iter().any(|one| one.is_split && !one.given_up));
-    let suspects: Vec<StreamId> = units(&grant).iter().map(|unit| unit.stream).collect();
-    let mut largest = 0;
-    while let Some(next) = ledger.lease(&b, at(60.0)) {
-        if next.units.iter().any(|(unit, ())| suspects.contains(&unit.stream)) {
-            largest = largest.max(next.units.len());
-        }
-    }
-    found.at_most("designs of a lease with one of them, afterwards", largest as f64, "", 1.0);
-    found.at_most("designs given up", ledger.given_up().count() as f64, "", 0.0);
-    Ok(())
-}
-
-fn failures(found: &mut Outcome) -> Result<(), Failed> {
-    let [a] = names(["a"]);
-    let mut ledger = ledger(1, 1, std::slice::from_ref(&a));
-    let mut now = at(0.0);
-    let mut waits = Vec::new();
-    for _ in 0..3 {
-        let grant = lease(&mut ledger, &a, now)?;
-        let (outcomes, _) = ledger.deliver(&a, grant.lease, &failure_of(&grant), now);
-        match outcomes[..] {
-            [Failure::Retry(wait)] => {
-                waits.push(wait.as_secs_f64());
-                now += wait;
-            }
-            [given_up @ Failure::GivenUp] => found.named(variant(&given_up)),
-            _ => return Err(format!("unexpected: {outcomes:?}").into()),
-        }
-    }
-    found.holds("it waits 1 s, then 4 s", waits == [1.0, 4.0]);
-    found.at_least("designs given up", ledger.given_up().count() as f64, "", 1.0);
-    explained(found, &ledger, now);
-    Ok(())
-}
-
-fn bad_worker(found: &mut Outcome) -> Result<(), Failed> {
-    let [bad, good] = names(["bad", "good"]);
-    let fail_three = |ledger: &mut Ledger<()>, now| -> Result<Option<Duration>, Failed> {
-        let mut until = None;
-        for _ in 0..3 {
-            let Some(grant) = ledger.lease(&bad, now) else {
-                break;
-            };
-            until = until.or(ledger.deliver(&bad, grant.lease, &failure_of(&grant), now).1);
-        }
-        Ok(until)
-    };
-    let mut beside = ledger(40, 1, &[bad.clone(), good.clone()]);
-    beside.see(&good, at(1.0));
-    let until = fail_three(&mut beside, at(1.0))?.ok_or("it was not suspended")?;
-    found.figure("suspended for", (until - at(1.0)).as_secs_f64(), "s");
-    found.holds("the bad one gets nothing", beside.lease(&bad, at(2.0)).is_none());
-    found.holds("the sound one gets work", beside.lease(&good, at(2.0)).is_some());
-    explained(found, &beside, at(2.0));
-    let again = fail_three(&mut beside, until)?.ok_or("it was not suspended again")?;
-    let ratio = (again - until).as_secs_f64() / (until - at(1.0)).as_secs_f64();
-    found.holds("the second time is twice as long", (ratio - 2.0).abs() < 1e-9);
-
-    let mut alone = ledger(40, 1, std::slice::from_ref(&bad));
-    let (mut now, mut suspensions) = (at(1.0), 0.0);
-    for _ in 0..10 {
-        match fail_three(&mut alone, now)? {
-            Some(until) => {
-                suspensions += 1.0;
-                now = until;
-            }
-            None => now += at(1.0),
-        }
-    }
-    found.at_most("suspensions of one that is alone", suspensions, "", 3.0);
     Ok(())
 }
 
@@ -473,18 +303,32 @@ fn stale(found: &mut Outcome) -> Result<(), Failed> {
     before.want(wanted(point, 2, 8));
     let answer = before.accept(&units(&old)[0]);
     found.named(variant(&answer));
-    found.holds("the samples of the earlier optimum are stale", answer == Accepted::Stale);
-    found.at_least("results counted as stale", before.counts().stale as f64, "", 1.0);
+    found.holds(
+        "the samples of the earlier optimum are stale",
+        answer == Accepted::Stale,
+    );
+    found.at_least(
+        "results counted as stale",
+        before.counts().stale as f64,
+        "",
+        1.0,
+    );
 
     let held = lease(&mut before, &a, at(1.0))?;
     let mut restarted = Ledger::new(Options::default(), 2);
     restarted.want(wanted(point, 2, 8));
     restarted.register(&a, "here", 1, at(0.0));
     restarted.close_until(at(30.0));
-    found.holds("after a restart nothing is leased at first", restarted.lease(&a, at(1.0)).is_none());
+    found.holds(
+        "after a restart nothing is leased at first",
+        restarted.lease(&a, at(1.0)).is_none(),
+    );
     let is_taken = restarted.adopt(&a, held.lease, &units(&held), at(1.0));
     found.holds("what a worker holds is taken over", is_taken);
     restarted.deliver(&a, held.lease, &all_of(&held), at(2.0));
-    found.holds("and settles the point", restarted.is_idle() && !restarted.has_work());
+    found.holds(
+        "and settles the point",
+        restarted.is_idle() && !restarted.has_work(),
+    );
     Ok(())
 }

@@ -6,8 +6,8 @@ use report::Scale;
 use stats::streams::{Purpose, StreamRng, stream};
 use stats::{
     ChoiceRule, Control, EXACT_Z90, Method as Estimator, PAPER_Z90, Percentile, SensitivityPlan,
-    SequentialRule, VarianceFormula, choose_p90, control_variate_p90, harrell_davis_p90, lilliefors,
-    mean_sd, p90_interval, percentile_p90, samples_needed,
+    SequentialRule, VarianceFormula, choose_p90, control_variate_p90, harrell_davis_p90,
+    lilliefors, mean_sd, p90_interval, percentile_p90, samples_needed,
 };
 
 use crate::outcome::{Failed, Outcome, variant};
@@ -19,7 +19,7 @@ pub(super) const ENTRIES: [Entry; 9] = [
         title: "The interval of m + z s under skewed samples",
         input: "4 to 30 samples of a normal, an exponential and a log-normal distribution, 4000 times each",
         instead: "The interval promises 95 % for normal samples only. For skewed samples m + z s aims at another \
-                  number, so that more samples do not help: `percentile = \"chosen\"` changes the estimator \
+                  number, so that more samples do not help: “percentile = chosen” changes the estimator \
                   where the samples are seen not to be normal.",
         check: skewed,
         ..Entry::blank(Method::Statistics)
@@ -149,15 +149,44 @@ fn skewed(found: &mut Outcome) -> Result<(), Failed> {
         coverage.push((name, covered));
         rejected.push((name, seen));
     }
-    let at = |curve: &[[f64; 2]], k: f64| curve.iter().find(|p| p[0] == k).map_or(f64::NAN, |p| p[1]);
+    let at =
+        |curve: &[[f64; 2]], k: f64| curve.iter().find(|p| p[0] == k).map_or(f64::NAN, |p| p[1]);
     let least = |curve: &[[f64; 2]]| curve.iter().map(|p| p[1]).fold(100.0, f64::min);
     // Of 4000 intervals, 95 % have a standard error of 0.35 %.
-    found.at_least("least coverage of normal samples, 4 to 30", least(&coverage[0].1), "%", 93.0);
-    found.at_least("coverage of exponential samples at 30", at(&coverage[1].1, 30.0), "%", 65.0);
-    found.at_least("coverage of log-normal samples at 30", at(&coverage[2].1, 30.0), "%", 45.0);
-    found.figure("coverage of log-normal samples at 4", at(&coverage[2].1, 4.0), "%");
-    found.at_least("log-normal samples rejected as normal at 30", at(&rejected[2].1, 30.0), "%", 90.0);
-    found.figure("log-normal samples rejected as normal at 4", at(&rejected[2].1, 4.0), "%");
+    found.at_least(
+        "least coverage of normal samples, 4 to 30",
+        least(&coverage[0].1),
+        "%",
+        93.0,
+    );
+    found.at_least(
+        "coverage of exponential samples at 30",
+        at(&coverage[1].1, 30.0),
+        "%",
+        65.0,
+    );
+    found.at_least(
+        "coverage of log-normal samples at 30",
+        at(&coverage[2].1, 30.0),
+        "%",
+        45.0,
+    );
+    found.figure(
+        "coverage of log-normal samples at 4",
+        at(&coverage[2].1, 4.0),
+        "%",
+    );
+    found.at_least(
+        "log-normal samples rejected as normal at 30",
+        at(&rejected[2].1, 30.0),
+        "%",
+        90.0,
+    );
+    found.figure(
+        "log-normal samples rejected as normal at 4",
+        at(&rejected[2].1, 4.0),
+        "%",
+    );
     found.chart(
         "Coverage of the 95 % interval of m + z s",
         ("samples", Scale::Linear),
@@ -198,15 +227,29 @@ fn chosen(found: &mut Outcome) -> Result<(), Failed> {
         switched.push(share(changes));
     }
     let last = |curve: &[[f64; 2]]| curve[curve.len() - 1][1];
-    found.at_least("coverage of the chosen estimator at 100", last(&chosen), "%", 85.0);
+    found.at_least(
+        "coverage of the chosen estimator at 100",
+        last(&chosen),
+        "%",
+        85.0,
+    );
     found.figure("coverage of m + z s at 100", last(&plain), "%");
     found.figure("coverage of the chosen estimator at 10", chosen[0][1], "%");
-    found.at_least("share of Harrell and Davis’s estimator at 100", last(&switched), "%", 99.0);
+    found.at_least(
+        "share of Harrell and Davis’s estimator at 100",
+        last(&switched),
+        "%",
+        99.0,
+    );
     found.chart(
         "Coverage of the 95 % interval, log-normal samples",
         ("samples", Scale::Log),
         ("coverage (%)", Scale::Linear),
-        vec![("m + z s", plain), ("chosen", chosen), ("share of order statistics", switched)],
+        vec![
+            ("m + z s", plain),
+            ("chosen", chosen),
+            ("share of order statistics", switched),
+        ],
     );
     Ok(())
 }
@@ -226,10 +269,20 @@ fn outlier(found: &mut Outcome) -> Result<(), Failed> {
         order.method == Estimator::HarrellDavis,
     );
     let normal = percentile_p90(&samples)?;
-    found.at_most("percentile of order statistics over m + z s", order.p90 / normal.p90, "", 0.3);
+    found.at_most(
+        "percentile of order statistics over m + z s",
+        order.p90 / normal.p90,
+        "",
+        0.3,
+    );
     found.figure("m + z s", normal.p90, "");
     found.figure("percentile of order statistics", order.p90, "");
-    found.at_least("its standard error over it", order.variance.sqrt() / order.p90, "", 0.9);
+    found.at_least(
+        "its standard error over it",
+        order.variance.sqrt() / order.p90,
+        "",
+        0.9,
+    );
     Ok(())
 }
 
@@ -239,14 +292,22 @@ fn too_few(found: &mut Outcome) -> Result<(), Failed> {
     found.refused(harrell_davis_p90(&nine), "TooFewSamples");
     found.refused(lilliefors(&[1.0, 2.0, 3.0]), "TooFewSamples");
     let choice = choose_p90(&nine, &ChoiceRule::default())?.chosen;
-    found.holds("of nine samples m + z s is chosen", choice.method == Estimator::Normal);
+    found.holds(
+        "of nine samples m + z s is chosen",
+        choice.method == Estimator::Normal,
+    );
     Ok(())
 }
 
 fn equal(found: &mut Outcome) -> Result<(), Failed> {
     let samples = [2.5; 30];
     let percentile = percentile_p90(&samples)?;
-    found.at_most("error of the percentile", (percentile.p90 - 2.5).abs(), "", 0.0);
+    found.at_most(
+        "error of the percentile",
+        (percentile.p90 - 2.5).abs(),
+        "",
+        0.0,
+    );
     found.at_most("variance", percentile.variance, "", 0.0);
     found.refused(lilliefors(&samples), "Constant");
     let choice = choose_p90(&samples, &ChoiceRule::default())?.chosen;
@@ -262,11 +323,20 @@ fn cancellation(found: &mut Outcome) -> Result<(), Failed> {
     let near: Vec<f64> = far.iter().map(|y| y - 1e9).collect();
     let (_, sd) = mean_sd(&far)?;
     let (_, expected) = mean_sd(&near)?;
-    found.at_most("relative error of the standard deviation", (sd / expected - 1.0).abs(), "", 1e-12);
+    found.at_most(
+        "relative error of the standard deviation",
+        (sd / expected - 1.0).abs(),
+        "",
+        1e-12,
+    );
     let n = far.len() as f64;
     let (sum, squares) = far.iter().fold((0.0, 0.0), |(s, q), y| (s + y, q + y * y));
     let textbook: f64 = ((squares - sum * sum / n) / (n - 1.0)).max(0.0);
-    found.figure("standard deviation by the textbook formula", textbook.sqrt(), "");
+    found.figure(
+        "standard deviation by the textbook formula",
+        textbook.sqrt(),
+        "",
+    );
     Ok(())
 }
 
@@ -297,7 +367,12 @@ fn sequential(found: &mut Outcome) -> Result<(), Failed> {
             bias += percentile_p90(&samples)?.p90 - PAPER_Z90;
         }
         let mean = bias / f64::from(times);
-        found.at_most(&format!("bias downwards, first batch of {batch}"), -mean, "σ", limit);
+        found.at_most(
+            &format!("bias downwards, first batch of {batch}"),
+            -mean,
+            "σ",
+            limit,
+        );
         let each = taken as f64 / f64::from(times);
         found.figure(&format!("samples taken, first batch of {batch}"), each, "");
     }
@@ -319,7 +394,12 @@ fn useless_control(found: &mut Outcome) -> Result<(), Failed> {
         largest = largest.max(with.correlation.abs());
     }
     let ratio = (mean_sd(&controlled)?.1 / mean_sd(&plain)?.1).powi(2);
-    found.at_most("variance with the control over that without", ratio, "", 1.15);
+    found.at_most(
+        "variance with the control over that without",
+        ratio,
+        "",
+        1.15,
+    );
     found.figure("largest correlation by chance", largest, "");
     Ok(())
 }
@@ -327,7 +407,10 @@ fn useless_control(found: &mut Outcome) -> Result<(), Failed> {
 fn constant_output(found: &mut Outcome) -> Result<(), Failed> {
     let plan = SensitivityPlan::new(2, 64, 0)?;
     let mut rng = rng(2400);
-    found.refused(plan.analyse(&vec![1.0; plan.len()], 100, &mut rng), "OutOfRange");
+    found.refused(
+        plan.analyse(&vec![1.0; plan.len()], 100, &mut rng),
+        "OutOfRange",
+    );
     let mut outputs: Vec<f64> = (0..plan.len()).map(|i| plan.point(i)[0]).collect();
     for output in outputs.iter_mut().step_by(2) {
         *output = f64::NAN;
