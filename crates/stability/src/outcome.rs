@@ -74,12 +74,16 @@ impl Outcome {
         });
     }
 
-    /// Asserts what a sentence says.
+    /// Asserts what a sentence says; one that is asserted more than once is kept if it always holds.
     pub(crate) fn holds(&mut self, sentence: &str, is_kept: bool) {
-        self.promises.push(Promise {
-            sentence: sentence.to_owned(),
-            is_kept,
-        });
+        let mut known = self.promises.iter_mut();
+        match known.find(|promise| promise.sentence == sentence) {
+            Some(promise) => promise.is_kept &= is_kept,
+            None => self.promises.push(Promise {
+                sentence: sentence.to_owned(),
+                is_kept,
+            }),
+        }
     }
 
     /// Records a figure and asserts that it is a number of at most `limit`.
@@ -207,11 +211,12 @@ mod tests {
         outcome.refused(doe::random_lhs(5, 3, 0), "Points");
         assert_eq!(outcome.detections()[0].name, "Points");
         assert!(outcome.detections()[0].message.contains("1 points"));
+        // One sentence, which did not hold both times.
         let kept: Vec<bool> = outcome.promises().iter().map(|p| p.is_kept).collect();
-        assert_eq!(kept, [true, false]);
+        assert_eq!(kept, [false]);
         outcome.warned(&[kriging::Warning::ConstantResponse], &["Jitter"]);
         assert_eq!(outcome.detections()[1].name, "ConstantResponse");
-        assert!(!outcome.promises()[2].is_kept);
+        assert!(!outcome.promises()[1].is_kept);
     }
 
     #[test]

@@ -44,7 +44,7 @@ pub(super) const ENTRIES: [Entry; 8] = [
         input: "Σ 10^(p i/5) xᵢ² in 6 variables around an inner point, p from 0 to 18: condition numbers up to 10¹⁸; \
                 30 000 evaluations, 5 seeds",
         instead: "The search stops where its covariance matrix has a condition number above 10¹⁴ and starts again \
-                  from the best design. Up to 10¹⁴ the minimum is found; beyond it the run ends in the valley, short of \
+                  from the best design. Up to 10¹² the minimum is found to rounding; beyond it the run ends in the valley, short of \
                   the minimum.",
         check: ill_conditioned,
         ..Entry::blank(Method::Search)
