@@ -36,7 +36,7 @@ pub(super) const ENTRIES: [Entry; 6] = [
         title: "A random field rougher than its expansion",
         input: "Exponential correlation with ranges from 1 rad to 10⁻³ rad of roll angle",
         instead: "The expansion has 64 modes for each gear at most. What it loses is returned as a share of the variance; \
-                  below a hundredth of the flank it is most of it.",
+                  with a range of 10⁻³ rad it is most of it.",
         check: rough_field,
         ..Entry::blank(Method::Gears)
     },
@@ -52,8 +52,8 @@ pub(super) const ENTRIES: [Entry; 6] = [
         id: "gear-coarse-grid",
         title: "A grid that is too coarse",
         input: "4 × 4 to 128 × 64 cells and phases, for the paper’s optimum without wear",
-        instead: "Nodes are added where the solution has kinks, so that even the coarsest grid is off by some per cent at \
-                  most. The default is 64 × 32.",
+        instead: "Nodes are added where the solution has kinks, so that even 4 × 4 is off by an eighth only. The default \
+                  is 64 × 32.",
         check: coarse_grid,
         ..Entry::blank(Method::Gears)
     },

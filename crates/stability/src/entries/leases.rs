@@ -49,7 +49,7 @@ pub(super) const ENTRIES: [Entry; 6] = [
     Entry {
         id: "lease-pauses",
         title: "Many workers that pause at random",
-        input: "20 workers, 300 designs of 10 samples, a lease in five with a pause of 5 to 240 s, leases of 30 s",
+        input: "20 workers, 300 designs of 10 samples of 0.5 s, a lease in five with a pause of 5 to 240 s, leases of 30 s",
         instead: "Every sample arrives. A pause longer than a lease costs samples that are computed twice.",
         check: pauses,
         ..Entry::blank(Method::Leases)
@@ -65,6 +65,9 @@ pub(super) const ENTRIES: [Entry; 6] = [
         ..Entry::blank(Method::Leases)
     },
 ];
+
+/// What a sample of the simulated campaign takes.
+const SAMPLE_SECONDS: f64 = 0.5;
 
 /// A worker of the simulation.
 #[derive(Clone, Default)]
@@ -96,27 +99,26 @@ fn campaign_with_pauses(pause: f64) -> Result<[f64; 3], Failed> {
                     continue;
                 }
                 // One that nobody needs any more is dropped with what was computed of it.
-                computed += grant
-                    .units
-                    .iter()
-                    .map(|(unit, ())| unit.samples.len())
-                    .sum::<usize>();
+                computed += samples_of(grant);
                 if is_needed {
                     let mut delivery = all_of(grant);
                     delivery
                         .stored
                         .retain(|unit| ledger.accept(unit) == Accepted::Yes);
-                    delivery.seconds = 5.0;
+                    delivery.seconds = SAMPLE_SECONDS * samples_of(grant) as f64;
                     ledger.deliver(id, grant.lease, &delivery, at(now));
                 }
-                worker.held = None;
             }
             worker.held = ledger.lease(id, at(now));
-            if worker.held.is_some() {
-                let pauses = rng.random::<f64>() < 0.2;
-                beat_new(&mut ledger, id, worker, now);
-                worker.silent_until = if pauses { now + pause } else { now };
-                worker.done_at = now + 5.0 + if pauses { pause } else { 0.0 };
+            if let Some(grant) = &worker.held {
+                beat(&mut ledger, id, grant.lease, at(now));
+                let pause = if rng.random::<f64>() < 0.2 {
+                    pause
+                } else {
+                    0.0
+                };
+                worker.silent_until = now + pause;
+                worker.done_at = now + pause + SAMPLE_SECONDS * samples_of(grant) as f64;
             }
         }
         ledger.expire(at(now));
@@ -134,11 +136,12 @@ fn campaign_with_pauses(pause: f64) -> Result<[f64; 3], Failed> {
     .into())
 }
 
-/// Says that a worker has begun with what it was just leased.
-fn beat_new(ledger: &mut Ledger<()>, id: &WorkerId, worker: &Pausing, now: f64) {
-    if let Some(grant) = &worker.held {
-        beat(ledger, id, grant.lease, at(now));
-    }
+fn samples_of(grant: &Grant<()>) -> usize {
+    grant
+        .units
+        .iter()
+        .map(|(unit, ())| unit.samples.len())
+        .sum()
 }
 
 fn paused_worker(found: &mut Outcome) -> Result<(), Failed> {
