@@ -20,5 +20,6 @@ mod problems;
 mod resuming;
 mod security;
 mod shipped;
+mod stability;
 mod stopping;
 mod studies;

@@ -19,7 +19,7 @@ mod modelling;
 mod studies;
 pub(crate) use self::modelling::{Fit, Predict};
 pub(crate) use self::studies::{
-    Corrections, FinishedCampaign, Pareto, Sensitivity, StudyWorkers, Sweep,
+    Corrections, FinishedCampaign, Pareto, Sensitivity, Stability, StudyWorkers, Sweep,
 };
 
 /// Plans a Monte Carlo campaign of gear designs, leases its jobs to workers, and writes the report.
@@ -68,6 +68,8 @@ pub(crate) enum Command {
     Compare(Compare),
     /// Simulate one gear pair
     Simulate(Simulate),
+    /// Run the inputs on which methods fail, and write what is detected and what is done instead
+    Stability(Stability),
     /// Validate a campaign file and say what it would do
     Check(Check),
     /// Write a commented campaign file to start from

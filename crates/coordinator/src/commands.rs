@@ -31,6 +31,7 @@ mod checking;
 mod modelling;
 mod output;
 mod simulating;
+mod stability;
 mod steering;
 mod studies;
 
@@ -60,6 +61,7 @@ pub(crate) async fn execute(command: Command) -> anyhow::Result<u8> {
         Command::Fit(arguments) => modelling::fit(&arguments),
         Command::Predict(arguments) => modelling::predict(&arguments).await,
         Command::Simulate(arguments) => simulating::simulate(&arguments),
+        Command::Stability(arguments) => stability::stability(&arguments),
         Command::Check(arguments) => checking::check(&arguments),
         Command::Init(arguments) => init(&arguments),
         Command::Keygen(arguments) => make_keys(&arguments),

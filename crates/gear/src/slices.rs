@@ -226,14 +226,17 @@ impl<'a> Gap<'a> {
             return full;
         }
         let mut delta = if guess > 0.0 { guess } else { full };
+        let mut has_restarted = false;
         for _ in 0..MAX_STEPS {
             let (force, rate) = self.force(delta, spans, valleys, touching, gap_area);
             if rate <= 0.0 || rate.is_nan() {
                 // Nothing touches: the guess was below every gap. With all slices counted as
-                // touching δ can only be too large, which is the side Newton falls from.
-                if delta == full {
+                // touching δ can only be too large, which is the side Newton falls from. If it falls to
+                // where nothing touches, the load is zero to rounding, and δ is the lowest gap.
+                if delta == full || has_restarted {
                     break;
                 }
+                has_restarted = true;
                 delta = full;
                 continue;
             }

@@ -77,6 +77,20 @@ impl Kernel {
         }
     }
 
+    /// The correlation of two points whose distance in coordinate j is `distances[j]` times its range.
+    #[must_use]
+    pub fn correlation(self, distances: &[f64]) -> f64 {
+        let factor = self.length_factor();
+        let columns: Vec<[f64; 1]> = distances.iter().map(|h| [h * factor]).collect();
+        let mut correlation = [0.0];
+        self.correlations(
+            &vec![0.0; distances.len()],
+            |j| &columns[j],
+            &mut correlation,
+        );
+        correlation[0]
+    }
+
     /// a θ/h of the table above.
     pub(crate) fn length_factor(self) -> f64 {
         match self {
@@ -117,6 +131,24 @@ impl FromStr for Kernel {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn correlations_are_those_of_the_table() {
+        let root_5 = 5.0_f64.sqrt() * 0.5;
+        let matern = (1.0 + root_5 + root_5 * root_5 / 3.0) * (-root_5).exp();
+        for (kernel, expected) in [
+            (Kernel::Matern52, matern),
+            (Kernel::SquaredExponential, (-0.125_f64).exp()),
+            (Kernel::Exponential, (-0.5_f64).exp()),
+        ] {
+            assert!((kernel.correlation(&[0.5]) - expected).abs() < 1e-15);
+            // A product over the coordinates.
+            let both = kernel.correlation(&[0.5, 0.5]);
+            assert!((both - expected * expected).abs() < 1e-15);
+        }
+        let radial = Kernel::RadialExponential.correlation(&[0.3, 0.4]);
+        assert!((radial - (-0.5_f64).exp()).abs() < 1e-15);
+    }
 
     #[test]
     fn names_round_trip() {

@@ -1,8 +1,8 @@
 //! Charts and the HTML report.
 //!
 //! [`render`] turns [`ReportData`] into one self-contained HTML page: style and charts are inline,
-//! nothing is loaded and nothing runs, so the page can be mailed, archived and printed. The
-//! [`render_pair`] does the same for one gear pair. The
+//! nothing is loaded and nothing runs, so the page can be mailed, archived and printed.
+//! [`render_pair`] does the same for one gear pair, and [`render_atlas`] for the stability atlas. The
 //! `chart_*` functions return the same charts as files of their own. Everything is a pure function
 //! of its input: equal data give equal bytes.
 //!
@@ -14,6 +14,7 @@
 //! Units are those of the field names: µm for transmission errors and wear, mm for lengths, MPa for
 //! stresses, radians for roll angles, degrees for the helix angle.
 
+mod atlas;
 mod charts;
 mod comparison;
 mod data;
@@ -25,6 +26,7 @@ mod problem;
 mod summary;
 mod svg;
 
+pub use atlas::{AtlasEntry, AtlasMethod, AtlasPage};
 pub use charts::{
     Extent, PercentileSeries, Response, chart_convergence, chart_expected_improvement, chart_front,
     chart_gears, chart_leave_one_out, chart_prediction, chart_pressure, chart_responses, chart_ste,
@@ -39,6 +41,9 @@ pub use data::{
     SteCurves, VariableIndices, WearProfiles,
 };
 pub use error::Error;
-pub use page::{ChartFile, Rendered, campaign_digest, render, render_pair, render_problem};
+pub use page::{
+    ChartFile, Rendered, campaign_digest, render, render_atlas, render_pair, render_problem,
+};
 pub use problem::{NamedValue, ProblemOptimum, ProblemReport};
 pub use summary::{Margin, Recommended, Summary};
+pub use svg::{Axis, Chart, Mark, Scale, Series};

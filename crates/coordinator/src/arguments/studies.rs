@@ -140,6 +140,16 @@ pub(crate) struct Pareto {
     pub(crate) json: bool,
 }
 
+#[derive(Debug, Args)]
+pub(crate) struct Stability {
+    /// The folder of the page and its tables; one that is not empty is refused
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// Print one JSON object instead of a line for each entry
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
 fn approach(text: &str) -> Result<String, String> {
     match optima::approach_of(text) {
         Some(approach) => Ok(approach.name().to_owned()),

@@ -188,6 +188,26 @@ fn the_right_relief_quietens_a_spur_pair() {
     assert!(much > 1.5 * right, "{much} against {right}");
 }
 
+/// Without load the relieved flanks touch where the gap is lowest, which is the limit of light loads.
+#[test]
+fn a_relieved_pair_without_load_is_the_limit_of_light_loads() {
+    let corrections = Corrections::default()
+        .with_tip_relief(Member::Pinion, relief(0.02, 2.0, ReliefShape::Linear))
+        .with_tip_relief(Member::Gear, relief(0.02, 2.0, ReliefShape::Linear));
+    for helix_angle in [0.0, 15_f64.to_radians()] {
+        let delta = |pinion_torque: f64| {
+            let input = PairInput {
+                helix_angle,
+                pinion_torque,
+                ..plain()
+            };
+            corrected(&input, &corrections).unworn().delta_ste_um
+        };
+        let (none, light) = (delta(0.0), delta(1e-3));
+        assert!((none - light).abs() < 1e-3, "{helix_angle}: {none} {light}");
+    }
+}
+
 #[test]
 fn corrections_follow_their_gear() {
     let input = figure_7();

@@ -1,5 +1,6 @@
 //! The page: everything as text, ready for the template, which only arranges it.
 
+mod atlas;
 mod enrichment;
 mod figure;
 mod kriging;
@@ -16,6 +17,7 @@ use crate::number::{self, count, percent, seconds, significant};
 use crate::paper;
 use crate::summary::SummaryView;
 use crate::svg;
+pub use atlas::render_atlas;
 use enrichment::EnrichmentView;
 pub use figure::ChartFile;
 use figure::{Figure, figure};

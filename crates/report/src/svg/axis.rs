@@ -4,7 +4,8 @@ use crate::number;
 
 /// How values are spread along an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Scale {
+pub enum Scale {
+    /// In proportion.
     Linear,
     /// Linear, with ticks at whole numbers only.
     Whole,

@@ -15,17 +15,18 @@ pub(crate) fn drawable(value: f64, scale: Scale) -> bool {
 
 /// One axis.
 #[derive(Debug, Clone)]
-pub(crate) struct Axis {
+pub struct Axis {
     /// Quantity and unit.
-    pub(crate) label: String,
-    pub(crate) scale: Scale,
+    pub label: String,
+    /// How values are spread along it.
+    pub scale: Scale,
     /// The range to show; the data's own range if `None`.
-    pub(crate) range: Option<(f64, f64)>,
+    pub range: Option<(f64, f64)>,
 }
 
 /// How a series looks.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Mark {
+pub enum Mark {
     /// A line, with its dash pattern (empty for a full line).
     Curve(&'static str),
     /// A thin line, with its dash pattern.
@@ -40,26 +41,30 @@ pub(crate) enum Mark {
 
 /// One series.
 #[derive(Debug, Clone)]
-pub(crate) struct Series {
+pub struct Series {
     /// Its entry in the legend, if it has one.
-    pub(crate) name: Option<String>,
-    pub(crate) mark: Mark,
+    pub name: Option<String>,
+    /// How it looks.
+    pub mark: Mark,
     /// Index into the palette.
-    pub(crate) colour: usize,
-    pub(crate) points: Vec<[f64; 2]>,
+    pub colour: usize,
+    /// Abscissa and ordinate of each point.
+    pub points: Vec<[f64; 2]>,
 }
 
 /// A chart.
 #[derive(Debug, Clone)]
-pub(crate) struct Chart {
+pub struct Chart {
     /// Shown above the chart and read aloud.
-    pub(crate) title: String,
-    pub(crate) x: Axis,
-    pub(crate) y: Axis,
+    pub title: String,
+    /// The horizontal axis.
+    pub x: Axis,
+    /// The vertical axis.
+    pub y: Axis,
     /// Drawn in order, the last on top.
-    pub(crate) series: Vec<Series>,
+    pub series: Vec<Series>,
     /// Width and height, px.
-    pub(crate) size: [f64; 2],
+    pub size: [f64; 2],
 }
 
 const PALETTE: usize = 6;

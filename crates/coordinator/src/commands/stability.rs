@@ -1,0 +1,38 @@
+//! `coordinator stability`: the inputs on which methods fail, run and measured.
+
+use ::stability::Atlas;
+use protocol::exit;
+use results::rows::SCHEMA_VERSION;
+use serde_json::json;
+use studies::table;
+use tracing::info;
+
+use super::output::{print_either, refuse_taken};
+use crate::arguments;
+
+/// The name of the page in its folder.
+const PAGE: &str = "index.html";
+
+/// Runs all entries of the atlas, prints a line for each, and writes the page and its tables.
+pub(super) fn stability(arguments: &arguments::Stability) -> anyhow::Result<u8> {
+    let out = &arguments.out;
+    refuse_taken(out)?;
+    let atlas = Atlas::run();
+    for (name, table) in atlas.tables()? {
+        table::write(out, &name, table)?;
+    }
+    table::write(out, PAGE, atlas.page(identity::BUILD)?)?;
+    let json = json!({
+        "schema_version": SCHEMA_VERSION,
+        "folder": out.display().to_string(),
+        "kept": atlas.is_kept(),
+        "entries": atlas.to_json(),
+    });
+    print_either(arguments.json, &json, || atlas.describe())?;
+    info!("wrote {}", out.join(PAGE).display());
+    Ok(if atlas.is_kept() {
+        exit::OK
+    } else {
+        exit::FAILURE
+    })
+}

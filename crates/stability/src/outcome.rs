@@ -1,0 +1,228 @@
+//! What an entry found.
+
+use std::fmt::{Debug, Display};
+
+use report::{Axis, Chart, Mark, NamedValue, Scale, Series};
+
+/// Why an entry could not run to its end.
+pub(crate) type Failed = Box<dyn std::error::Error>;
+
+/// A warning, a refusal or a reason that the code returned.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Detection {
+    /// Its name in the code.
+    pub name: String,
+    /// Its message; empty for a state that has none.
+    pub message: String,
+}
+
+/// An assertion of an entry.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Promise {
+    /// What was asserted.
+    pub sentence: String,
+    /// Whether it holds.
+    pub is_kept: bool,
+}
+
+/// What an entry found: what was detected, what was measured, what was promised.
+#[derive(Debug, Clone, Default)]
+pub struct Outcome {
+    detections: Vec<Detection>,
+    figures: Vec<NamedValue>,
+    promises: Vec<Promise>,
+    charts: Vec<Chart>,
+}
+
+impl Outcome {
+    /// What the code returned, each once.
+    #[must_use]
+    pub fn detections(&self) -> &[Detection] {
+        &self.detections
+    }
+
+    /// What was measured.
+    #[must_use]
+    pub fn figures(&self) -> &[NamedValue] {
+        &self.figures
+    }
+
+    /// What was asserted.
+    #[must_use]
+    pub fn promises(&self) -> &[Promise] {
+        &self.promises
+    }
+
+    /// Curves.
+    #[must_use]
+    pub fn charts(&self) -> &[Chart] {
+        &self.charts
+    }
+
+    /// Whether every promise was kept.
+    #[must_use]
+    pub fn is_kept(&self) -> bool {
+        self.promises.iter().all(|promise| promise.is_kept)
+    }
+
+    /// Records a figure.
+    pub(crate) fn figure(&mut self, name: &str, value: f64, unit: &str) {
+        self.figures.push(NamedValue {
+            name: name.to_owned(),
+            unit: unit.to_owned(),
+            value,
+        });
+    }
+
+    /// Asserts what a sentence says; one that is asserted more than once is kept if it always holds.
+    pub(crate) fn holds(&mut self, sentence: &str, is_kept: bool) {
+        let mut known = self.promises.iter_mut();
+        match known.find(|promise| promise.sentence == sentence) {
+            Some(promise) => promise.is_kept &= is_kept,
+            None => self.promises.push(Promise {
+                sentence: sentence.to_owned(),
+                is_kept,
+            }),
+        }
+    }
+
+    /// Records a figure and asserts that it is a number of at most `limit`.
+    pub(crate) fn at_most(&mut self, name: &str, value: f64, unit: &str, limit: f64) {
+        self.figure(name, value, unit);
+        let limit_text = with_unit(limit, unit);
+        self.holds(&format!("{name} is at most {limit_text}"), value <= limit);
+    }
+
+    /// Records a figure and asserts that it is a number of at least `limit`.
+    pub(crate) fn at_least(&mut self, name: &str, value: f64, unit: &str, limit: f64) {
+        self.figure(name, value, unit);
+        let limit_text = with_unit(limit, unit);
+        self.holds(&format!("{name} is at least {limit_text}"), value >= limit);
+    }
+
+    /// Records what the code returned, under its name.
+    pub(crate) fn detected(&mut self, name: impl Into<String>, message: impl Display) {
+        let detection = Detection {
+            name: name.into(),
+            message: message.to_string(),
+        };
+        if !self.detections.contains(&detection) {
+            self.detections.push(detection);
+        }
+    }
+
+    /// Records a state of the code that has no message.
+    pub(crate) fn named(&mut self, name: impl Into<String>) {
+        self.detected(name, "");
+    }
+
+    /// Records warnings, notes or reasons, and asserts that those `expected` are among them.
+    pub(crate) fn warned<'a, W: Debug + Display + 'a>(
+        &mut self,
+        warnings: impl IntoIterator<Item = &'a W>,
+        expected: &[&str],
+    ) {
+        let mut names = Vec::new();
+        for warning in warnings {
+            let name = variant(warning);
+            self.detected(name.clone(), warning);
+            names.push(name);
+        }
+        for expected in expected {
+            let is_there = names.iter().any(|name| name == expected);
+            self.holds(&format!("{expected} is named"), is_there);
+        }
+    }
+
+    /// Records the refusal of something, and asserts that it is the `expected` one.
+    pub(crate) fn refused<T, E: Debug + Display>(&mut self, result: Result<T, E>, expected: &str) {
+        let is_expected = match result {
+            Ok(_) => false,
+            Err(error) => {
+                let name = variant(&error);
+                self.detected(name.clone(), &error);
+                name == expected
+            }
+        };
+        self.holds(&format!("it is refused as {expected}"), is_expected);
+    }
+
+    /// Adds a chart of curves, each with its name.
+    pub(crate) fn chart(
+        &mut self,
+        title: &str,
+        x: (&str, Scale),
+        y: (&str, Scale),
+        curves: Vec<(&str, Vec<[f64; 2]>)>,
+    ) {
+        // Curves are told apart by their dashes, too.
+        const DASHES: [&str; 5] = ["", "7 3", "2 3", "9 3 2 3", "4 2"];
+        let axis = |(label, scale): (&str, Scale)| Axis {
+            label: label.to_owned(),
+            scale,
+            range: None,
+        };
+        let series = (0..).zip(curves).map(|(colour, (name, points))| Series {
+            name: Some(name.to_owned()),
+            mark: Mark::Curve(DASHES[colour % DASHES.len()]),
+            colour,
+            points,
+        });
+        self.charts.push(Chart {
+            title: title.to_owned(),
+            x: axis(x),
+            y: axis(y),
+            series: series.collect(),
+            size: [480.0, 340.0],
+        });
+    }
+}
+
+/// The name of an enum's variant, or of a structure.
+pub(crate) fn variant(value: &impl Debug) -> String {
+    let text = format!("{value:?}");
+    let is_name = |c: char| c.is_alphanumeric() || c == '_';
+    text.split(|c| !is_name(c))
+        .next()
+        .unwrap_or_default()
+        .to_owned()
+}
+
+/// A limit as a sentence shows it, to three digits.
+fn with_unit(value: f64, unit: &str) -> String {
+    let value = format!("{value:.2e}").parse().unwrap_or(value);
+    let is_plain = value == 0.0 || (1e-3..1e6).contains(&value.abs());
+    let number = if is_plain {
+        format!("{value}")
+    } else {
+        format!("{value:e}")
+    };
+    format!("{number} {unit}").trim_end().to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_come_from_the_code() {
+        let mut outcome = Outcome::default();
+        outcome.refused(doe::random_lhs(1, 3, 0), "Points");
+        outcome.refused(doe::random_lhs(5, 3, 0), "Points");
+        assert_eq!(outcome.detections()[0].name, "Points");
+        assert!(outcome.detections()[0].message.contains("1 points"));
+        // One sentence, which did not hold both times.
+        let kept: Vec<bool> = outcome.promises().iter().map(|p| p.is_kept).collect();
+        assert_eq!(kept, [false]);
+        outcome.warned(&[kriging::Warning::ConstantResponse], &["Jitter"]);
+        assert_eq!(outcome.detections()[1].name, "ConstantResponse");
+        assert!(!outcome.promises()[1].is_kept);
+    }
+
+    #[test]
+    fn limits_are_short() {
+        assert_eq!(with_unit(0.02, "µm"), "0.02 µm");
+        assert_eq!(with_unit(1e-9, ""), "1e-9");
+        assert_eq!(with_unit(0.114_089_849, ""), "0.114");
+    }
+}
