@@ -1,6 +1,6 @@
 //! The service files under `deploy/`, as far as they repeat what the programs say.
 
-use acceptance::root;
+use acceptance::{Sandbox, assert_code, free_address, printed, root, skipped};
 use protocol::exit;
 
 /// What cannot get better by starting the program again.
@@ -47,9 +47,190 @@ fn systemd_starts_nothing_again_that_cannot_get_better() {
 
 #[test]
 fn kubernetes_agrees_with_systemd() {
-    let text = read("kubernetes/pitchline.yaml");
-    for final_codes in [&FINAL_FOR_COORDINATOR[..], &FINAL_FOR_WORKER] {
-        let values = format!("values: {final_codes:?}");
-        assert_eq!(text.matches(&values).count(), 1, "{values}");
+    let text = read("kubernetes/workers.yaml");
+    let of = |values: &[u8]| text.matches(&format!("values: {values:?}")).count();
+    assert_eq!(of(&FINAL_FOR_WORKER), 1);
+    assert_eq!(of(&[exit::INTERRUPTED]), 1);
+}
+
+/// The words that follow `mark` on its lines.
+fn words_after<'a>(text: &'a str, mark: &str) -> Vec<&'a str> {
+    let rest = text
+        .lines()
+        .filter_map(|line| Some(line.split_once(mark)?.1));
+    rest.filter_map(|rest| {
+        rest.split([' ', ',', '}', '"'])
+            .find(|word| !word.is_empty())
+    })
+    .collect()
+}
+
+/// What a manifest of Kubernetes may get wrong although it is well formed.
+fn contradictions(manifests: &str, readme: &str) -> Vec<String> {
+    let mut wrong = Vec::new();
+    for image in words_after(manifests, "image: ") {
+        if image != "pitchline:0.1.0" {
+            wrong.push(format!("image {image}"));
+        }
+    }
+    for secret in words_after(manifests, "secretName: ") {
+        if !readme.contains(&format!("secret generic {secret} ")) {
+            wrong.push(format!("secret {secret} is not made"));
+        }
+    }
+    let mounted = words_after(manifests, "- { name: ");
+    for volume in words_after(manifests, "        - name: ") {
+        let is_container = ["keys", "coordinator", "worker"].contains(&volume);
+        if !is_container && !mounted.contains(&volume) {
+            wrong.push(format!("volume {volume} is not mounted"));
+        }
+    }
+    let (parallelism, completions) = (
+        words_after(manifests, "parallelism: "),
+        words_after(manifests, "completions: "),
+    );
+    if parallelism != completions {
+        wrong.push(format!(
+            "{parallelism:?} pods at a time, {completions:?} in all"
+        ));
+    }
+    wrong
+}
+
+#[test]
+fn manifests_do_not_contradict_each_other() {
+    let files = ["coordinator.yaml", "workers.yaml", "network.yaml"];
+    let manifests: String = files
+        .map(|file| read(&format!("kubernetes/{file}")))
+        .concat();
+    let readme = read("README.md");
+    assert_eq!(contradictions(&manifests, &readme), [""; 0]);
+    // A mistake is found.
+    for (from, to) in [
+        ("image: pitchline:0.1.0", "image: pitchline:0.2.0"),
+        (
+            "secretName: pitchline-worker",
+            "secretName: pitchline-workers",
+        ),
+        ("completions: 4", "completions: 5"),
+        (
+            "{ name: campaign, mountPath",
+            "{ name: campaigns, mountPath",
+        ),
+    ] {
+        let planted = manifests.replacen(from, to, 1);
+        assert_ne!(planted, manifests, "{from}");
+        assert!(!contradictions(&planted, &readme).is_empty(), "{from}");
+    }
+    // One tag for containers, too.
+    let compose = read("docker/compose.yaml");
+    let images = words_after(&compose, "image: ");
+    assert!(
+        images.iter().all(|image| *image == "pitchline:0.1.0"),
+        "{images:?}"
+    );
+    assert!(read("kubernetes/kustomization.yaml").contains("newTag: 0.1.0"));
+}
+
+/// Runs systemd-analyze; none where it is not installed.
+fn systemd_analyze(arguments: &[&str]) -> Option<std::process::Output> {
+    let output = std::process::Command::new("systemd-analyze")
+        .args(arguments)
+        .output();
+    match output {
+        Ok(output) => Some(output),
+        Err(_) => {
+            skipped("systemd-analyze is not installed");
+            None
+        }
+    }
+}
+
+#[test]
+fn systemd_takes_the_units_and_they_expose_little() {
+    let sandbox = Sandbox::new();
+    for (program, unit) in [
+        ("coordinator", "pitchline-coordinator.service"),
+        ("worker", "pitchline-worker.service"),
+    ] {
+        let text = read(&format!("systemd/{unit}"));
+        let installed = format!("/usr/local/bin/{program}");
+        let built = acceptance::binary(program);
+        let text = text.replace(&installed, built.to_str().expect("UTF-8"));
+        let file = sandbox.write(unit, &text);
+        let file = file.to_str().expect("UTF-8");
+        let Some(verified) = systemd_analyze(&["verify", file]) else {
+            return;
+        };
+        assert_code(&verified, 0);
+        // In tenths: 10.0 is unconfined.
+        let security = ["security", "--offline=yes", "--threshold=25", file];
+        let security = systemd_analyze(&security).expect("it is installed");
+        assert!(security.status.success(), "{}", printed(&security));
+    }
+}
+
+#[test]
+fn a_service_manager_hears_when_the_coordinator_is_ready_and_that_it_lives() {
+    let sandbox = Sandbox::new();
+    let socket = sandbox.path("notify");
+    let manager = std::os::unix::net::UnixDatagram::bind(&socket).expect("a socket");
+    manager
+        .set_read_timeout(Some(std::time::Duration::from_secs(60)))
+        .expect("a time limit");
+    let hear = || {
+        let mut message = [0; 256];
+        let length = manager.recv(&mut message).expect("a message in time");
+        String::from_utf8_lossy(&message[..length])
+            .trim()
+            .to_owned()
+    };
+    let campaign = sandbox.campaign("c.toml", &[]);
+    let campaign = campaign.to_str().expect("UTF-8");
+    let address = free_address().to_string();
+    let serve = [
+        "serve",
+        campaign,
+        "--db",
+        "c.db",
+        "--listen",
+        &address,
+        "--insecure",
+    ];
+    let path = socket.to_str().expect("UTF-8");
+    let variables = [("NOTIFY_SOCKET", path), ("WATCHDOG_USEC", "900000")];
+    let running = sandbox.start_with("coordinator", &serve, &variables);
+    assert_eq!(hear(), "READY=1");
+    for _ in 0..3 {
+        assert_eq!(hear(), "WATCHDOG=1");
+    }
+    // A port that is taken is a failed start, of which nothing is said but the exit code.
+    let other = [
+        "serve",
+        campaign,
+        "--db",
+        "d.db",
+        "--listen",
+        &address,
+        "--insecure",
+    ];
+    let refused = sandbox.run_with("coordinator", &other, &[("NOTIFY_SOCKET", path)]);
+    assert_code(&refused, exit::CANNOT_LISTEN.into());
+    running.kill();
+    manager.set_nonblocking(true).expect("a socket");
+    let mut message = [0; 256];
+    while let Ok(length) = manager.recv(&mut message) {
+        assert!(!message[..length].starts_with(b"READY"), "a taken port");
+    }
+}
+
+#[test]
+fn batch_scripts_are_bash() {
+    for script in ["slurm/coordinator.sbatch", "slurm/workers.sbatch"] {
+        let checked = std::process::Command::new("bash")
+            .arg("-n")
+            .arg(root().join("deploy").join(script))
+            .status();
+        assert!(checked.expect("bash").success(), "{script}");
     }
 }

@@ -1,4 +1,7 @@
-//! What the coordinator and the worker do alike on a terminal: log, progress bars, signals, help.
+//! What the coordinator and the worker do alike towards whoever started them: log, progress bars, signals,
+//! help, and what a service manager is told.
+
+pub mod service;
 
 use std::io::{IsTerminal as _, Write as _};
 use std::sync::OnceLock;

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use console::service::Watchdog;
 use ledger::Vanished;
 use stages::names;
 use store::{Batch, FailureKind, FailureRow};
@@ -23,6 +24,7 @@ const EXPIRY_PERIOD: Duration = Duration::from_millis(200);
 pub(crate) async fn watch<R: Recorder>(board: &Board, recorder: &R) -> Result<(), store::Error> {
     let mut period = tokio::time::interval(EXPIRY_PERIOD);
     period.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut watchdog = Watchdog::from_environment();
     let mut last = Instant::now();
     let mut patient_until = last;
     loop {
@@ -34,16 +36,17 @@ pub(crate) async fn watch<R: Recorder>(board: &Board, recorder: &R) -> Result<()
             patient_until = now + half_a_lease;
         }
         last = now;
-        if now < patient_until {
-            continue;
+        if now >= patient_until {
+            for vanished in board.expire() {
+                let batch = Batch {
+                    failures: vec![failure(vanished)],
+                    ..Batch::default()
+                };
+                recorder.record(batch).await?;
+            }
         }
-        for vanished in board.expire() {
-            let batch = Batch {
-                failures: vec![failure(vanished)],
-                ..Batch::default()
-            };
-            recorder.record(batch).await?;
-        }
+        // Whoever comes here has the board's lock and a writer that goes on.
+        watchdog.feed();
     }
 }
 

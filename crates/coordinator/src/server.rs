@@ -177,6 +177,7 @@ async fn run_open(
     let mut serving = Serving::start(service, ports.opened, &plan.workers)?;
     let hang_up = serving.hang_up();
     info!(store = %plan.db.display(), campaign = %plan.campaign.name, "serving");
+    console::service::ready();
     if let Some(listener) = ports.metrics {
         let (board, recorder) = (Arc::clone(&board), recorder.clone());
         tokio::spawn(metrics::serve(listener, board, recorder, hang_up.clone()));
