@@ -8,15 +8,16 @@ use std::time::Duration;
 use campaign::task::Source;
 use ledger::{
     Accepted, Delivery, Failure, Grant, History, Kind, LeaseId, Ledger, Options, StreamId, Unit,
-    Vanished, Wanted, WorkerId,
+    Vanished, Wanted, WorkerId, WorkerStatus,
 };
 use protocol::MAX_MESSAGE_BYTES;
 use results::live::Running;
 use stages::names;
+use stages::searching::Progress;
 use tokio::sync::Notify;
 use tokio::time::Instant;
 
-use crate::pace::Pace;
+use crate::pace::{Meter, Runs};
 
 /// The most bytes of models in an answer, unless one alone is larger.
 const BYTES_PER_ANSWER: usize = MAX_MESSAGE_BYTES / 8;
@@ -47,7 +48,14 @@ struct Inner {
     points: BTreeMap<u64, String>,
     /// What went wrong before this coordinator started, by the streams' names.
     histories: BTreeMap<String, History>,
-    pace: Pace,
+    /// How fast samples are stored, of all workers and of each.
+    meter: Meter,
+    meters: BTreeMap<WorkerId, Meter>,
+    /// How long whole runs of optimisers take, and how fast the searches on an external simulator go.
+    runs: Runs,
+    evaluations: Meter,
+    /// How far those searches are.
+    searches: Vec<Progress>,
     /// Workers whose results are being stored.
     reporting: BTreeSet<WorkerId>,
     /// Whether the first plan is posted: before, nobody can be told what is needed.
@@ -83,7 +91,11 @@ impl Board {
                 ledger: Ledger::new(options, epoch),
                 points: BTreeMap::new(),
                 histories: BTreeMap::new(),
-                pace: Pace::default(),
+                meter: Meter::default(),
+                meters: BTreeMap::new(),
+                runs: Runs::default(),
+                evaluations: Meter::default(),
+                searches: Vec::new(),
                 reporting: BTreeSet::new(),
                 is_ready: false,
                 course: Course::Work,
@@ -395,10 +407,20 @@ impl Board {
                 seconds,
                 ..delivery
             };
-            let sampled = delivery.stored.iter();
-            let sampled = sampled.filter(|unit| unit.stream.kind != Kind::Run);
-            let samples = sampled.map(|unit| unit.samples.len() as u64).sum();
-            inner.pace.count(now, samples);
+            let of_run = |unit: &&Unit| unit.stream.kind == Kind::Run;
+            let (runs, sampled): (Vec<&Unit>, Vec<&Unit>) =
+                delivery.stored.iter().partition(of_run);
+            let count = |units: &[&Unit]| units.iter().map(|unit| unit.samples.len() as u64).sum();
+            let samples = count(&sampled);
+            inner.meter.count(now, samples);
+            let own = inner.meters.entry(worker.clone()).or_default();
+            own.count(now, samples);
+            if !inner.searches.is_empty() {
+                inner.evaluations.count(now, count(&runs));
+            } else if !runs.is_empty() {
+                // A lease has one whole run, or none.
+                inner.runs.count(seconds);
+            }
             let (failures, until) = inner.ledger.deliver(worker, lease, &delivery, now);
             (failures, until.map(|until| until.saturating_sub(now)))
         })
@@ -468,17 +490,29 @@ impl Board {
         reasons.iter().map(ToString::to_string).collect()
     }
 
+    /// Notes how far the searches on an external simulator are.
+    pub fn show_searches(&self, searches: Vec<Progress>) {
+        self.lock().searches = searches;
+    }
+
     /// What only the running coordinator knows.
     #[must_use]
     pub fn live(&self) -> Running {
         let now = self.now();
         let inner = self.lock();
+        let rate = |worker: WorkerStatus| {
+            let meter = inner.meters.get(&worker.worker);
+            let rate = meter.map_or(0.0, |meter| meter.pace(now).per_second);
+            (worker, rate)
+        };
         Running {
-            workers: inner.ledger.workers().collect(),
+            workers: inner.ledger.workers().map(rate).collect(),
             now,
             counts: inner.ledger.counts(),
-            samples_per_second: inner.pace.per_second(now),
-            run_seconds: inner.ledger.usual_seconds(Kind::Run),
+            pace: inner.meter.pace(now),
+            run_seconds: inner.runs.seconds(),
+            evaluations: inner.evaluations.pace(now),
+            searches: inner.searches.clone(),
             is_draining: inner.ledger.is_draining(),
         }
     }

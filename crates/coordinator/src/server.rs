@@ -19,7 +19,6 @@ use crate::board::{Board, Course};
 use crate::engine::{Ended, Engine};
 use crate::leases;
 use crate::local::LocalWorkers;
-use crate::metrics;
 use crate::recorder::{Recorder as _, StoreRecorder};
 use crate::service::Service;
 use crate::serving::{Error, OpenPort, Port, Serving, farewell, listen};
@@ -52,8 +51,8 @@ pub struct Plan {
     pub keep_serving: bool,
     /// How long a worker may be silent before others get what it holds.
     pub lease: Duration,
-    /// Where metrics are served, if anywhere.
-    pub metrics: Option<SocketAddr>,
+    /// Where the live page is served, if anywhere.
+    pub http: Option<SocketAddr>,
 }
 
 /// Sees how far a campaign is, twice a second.
@@ -102,8 +101,8 @@ pub async fn run(
         Some(port) => Some(OpenPort::new(port, &plan.campaign.name).await?),
         None => None,
     };
-    let metrics = match plan.metrics {
-        Some(address) => Some(listen(address).await?),
+    let http = match plan.http {
+        Some(address) => Some(listen("--http", address).await?),
         None => None,
     };
     let store = Store::create_or_open_with(&plan.db, &row, |held| {
@@ -127,7 +126,7 @@ pub async fn run(
         &problem,
         model_digest,
         &store,
-        Ports { opened, metrics },
+        Ports { opened, http },
         observer,
         &shutdown,
     )
@@ -141,7 +140,7 @@ pub async fn run(
 /// What is listened on.
 struct Ports {
     opened: Option<OpenPort>,
-    metrics: Option<TcpListener>,
+    http: Option<TcpListener>,
 }
 
 async fn run_open(
@@ -177,9 +176,12 @@ async fn run_open(
     let mut serving = Serving::start(service, ports.opened, &plan.workers)?;
     let hang_up = serving.hang_up();
     info!(store = %plan.db.display(), campaign = %plan.campaign.name, "serving");
-    if let Some(listener) = ports.metrics {
-        let (board, recorder) = (Arc::clone(&board), recorder.clone());
-        tokio::spawn(metrics::serve(listener, board, recorder, hang_up.clone()));
+    if let Some(listener) = ports.http {
+        let address = listener.local_addr().map_err(anyhow::Error::from)?;
+        info!(url = %format!("http://{address}"), "live page");
+        let board = Arc::clone(&board);
+        let site = live::Site::new(store.clone(), Some(Box::new(move || board.live())));
+        tokio::spawn(live::serve(listener, site, hang_up.clone()));
     }
     if let Some(observer) = observer {
         let (board, stop) = (Arc::clone(&board), hang_up.clone());

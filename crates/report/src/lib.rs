@@ -25,9 +25,9 @@ mod problem;
 mod svg;
 
 pub use charts::{
-    Extent, PercentileSeries, Response, chart_convergence, chart_expected_improvement, chart_front,
-    chart_gears, chart_leave_one_out, chart_prediction, chart_pressure, chart_responses, chart_ste,
-    chart_teeth, chart_wear,
+    Extent, PercentileSeries, Response, ResponseMap, chart_convergence, chart_expected_improvement,
+    chart_front, chart_gears, chart_leave_one_out, chart_map, chart_prediction, chart_pressure,
+    chart_responses, chart_ste, chart_teeth, chart_wear,
 };
 pub use comparison::{Comparison, comparison_markdown, comparisons};
 pub use data::{
@@ -38,5 +38,5 @@ pub use data::{
     WearProfiles,
 };
 pub use error::Error;
-pub use page::{campaign_digest, render, render_pair, render_problem};
+pub use page::{PAGE_STYLE, campaign_digest, render, render_pair, render_problem};
 pub use problem::{NamedValue, ProblemOptimum, ProblemReport};

@@ -18,6 +18,9 @@ pub use pair::render_pair;
 pub use problem::render_problem;
 use rows::{ApproachRow, ComparedDesign, PreliminaryRow, ResponseRow, SimilarRow, Value};
 
+/// The style of the report's pages, light and dark, for other pages that are to look like them.
+pub const PAGE_STYLE: &str = include_str!("../../templates/report.css");
+
 /// The report as one HTML page that loads nothing and runs nothing.
 ///
 /// Missing parts appear as sentences: an experiment without simulable designs or an approach without
@@ -110,7 +113,7 @@ impl<'a> Page<'a> {
         };
         Ok(Self {
             header,
-            page_css: include_str!("../../templates/report.css"),
+            page_css: PAGE_STYLE,
             chart_css: svg::CSS,
             paper,
             paper_samples: paper::ACCURATE_SAMPLES,
@@ -169,7 +172,7 @@ impl<'a> Page<'a> {
                 .approaches
                 .iter()
                 .filter(|result| !result.runs.is_empty())
-                .map(|result| figure(charts::convergence(result)))
+                .map(|result| figure(charts::convergence(result.approach.label(), &result.runs)))
                 .collect::<Result<_, _>>()?,
             enrichment: data
                 .enrichment

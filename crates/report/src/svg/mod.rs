@@ -11,7 +11,7 @@ mod clip;
 
 pub(crate) use axis::Scale;
 pub(crate) use canvas::{Canvas, Picture, text_width};
-pub(crate) use chart::{Axis, Chart, Mark, Series, drawable};
+pub(crate) use chart::{Axis, Chart, Mark, PALETTE, Series, drawable};
 pub(crate) use clip::{Window, clip_polygon, clip_polyline};
 
 /// The style of every chart; a page that holds inline charts includes it once.
