@@ -29,6 +29,9 @@ pub const LEASE: Duration = Duration::from_secs(30);
 /// takes those that a short absence has not made patient.
 const GRACE: Duration = Duration::from_millis(500);
 
+/// How long open pages may take to fetch the last numbers when a coordinator ends.
+const PAGE_ENDS: Duration = Duration::from_secs(2);
+
 /// How often an observer sees the status.
 const OBSERVING_PERIOD: Duration = Duration::from_millis(500);
 
@@ -176,13 +179,21 @@ async fn run_open(
     let mut serving = Serving::start(service, ports.opened, &plan.workers)?;
     let hang_up = serving.hang_up();
     info!(store = %plan.db.display(), campaign = %plan.campaign.name, "serving");
-    if let Some(listener) = ports.http {
-        let address = listener.local_addr().map_err(anyhow::Error::from)?;
-        info!(url = %format!("http://{address}"), "live page");
-        let board = Arc::clone(&board);
-        let site = live::Site::new(store.clone(), Some(Box::new(move || board.live())));
-        tokio::spawn(live::serve(listener, site, hang_up.clone()));
-    }
+    let page = match ports.http {
+        Some(listener) => {
+            let address = listener.local_addr().map_err(anyhow::Error::from)?;
+            info!(url = %format!("http://{address}"), "live page");
+            let board = Arc::clone(&board);
+            let site = live::Site::new(store.clone(), Some(Box::new(move || board.live())));
+            let page = live::serve(listener, site, hang_up.clone());
+            Some(tokio::spawn(async move {
+                if let Err(error) = page.await {
+                    warn!(%error, "the live page has ended");
+                }
+            }))
+        }
+        None => None,
+    };
     if let Some(observer) = observer {
         let (board, stop) = (Arc::clone(&board), hang_up.clone());
         tokio::spawn(stop.run_until_cancelled_owned(observe(observer, board, recorder.clone())));
@@ -241,6 +252,10 @@ async fn run_open(
     serving
         .end(matches!(outcome, Ok(Outcome::Finished { .. })))
         .await;
+    if let Some(page) = page {
+        // A browser that reads nothing does not keep a coordinator.
+        let _ = tokio::time::timeout(PAGE_ENDS, page).await;
+    }
     outcome
 }
 

@@ -5,8 +5,9 @@
 const PERIOD = 3000;
 // Screen readers hear of the progress at most this often.
 const SPOKEN_PERIOD = 30000;
-// A browser that gave up a connection for good is told to try again.
+// A lost connection is tried again after this time, and that of a finished campaign seldom.
 const AGAIN = 2000;
+const AGAIN_FINISHED = 30000;
 
 const STAGES = {
   doe: "Design of experiments",
@@ -297,19 +298,19 @@ let fetchedAt = -Infinity;
 let planned = 0;
 
 // Fetches all views now, or when enough time has passed.
-async function fetchViews() {
-  if (fetching) return;
-  const wait = fetchedAt + PERIOD - performance.now();
-  if (wait > 0) {
-    if (!planned) planned = setTimeout(() => { planned = 0; fetchViews(); }, wait);
+async function fetchViews(isLast) {
+  const wait = isLast ? 0 : fetchedAt + PERIOD - performance.now();
+  if (fetching || wait > 0) {
+    if (!planned) planned = setTimeout(() => { planned = 0; fetchViews(); }, Math.max(wait, 100));
     return;
   }
   fetching = true;
   fetchedAt = performance.now();
   try {
     for (const [name, show] of VIEWS) await view(name, show);
-  } catch {
-    // The next change of the status tries again; a lost connection is said where it is noticed.
+  } catch (error) {
+    // A lost connection, a TypeError, is said where it is noticed.
+    if (!(error instanceof TypeError)) connection(error.message, true);
   } finally {
     fetching = false;
   }
@@ -318,6 +319,7 @@ async function fetchViews() {
 // Listening
 
 let source = null;
+let isFinished = false;
 
 function connection(text, isLost) {
   say(at("connection"), text);
@@ -328,21 +330,22 @@ function listen() {
   source = new EventSource("api/v1/events");
   source.addEventListener("status", (event) => {
     const status = JSON.parse(event.data);
-    const how = status.finished ? "The campaign is finished."
-      : status.live ? "Connected: the page follows the campaign." : "The store as it is; no coordinator was asked.";
-    connection(how, false);
+    // A coordinator may end with its campaign: what is to be seen is fetched at once.
+    const isLast = status.finished && !isFinished;
+    isFinished = status.finished;
+    connection(isFinished ? "The campaign is finished."
+      : status.live ? "Connected: the page follows the campaign."
+        : "The store alone was asked: what workers do is not known.", false);
     showStatus(status);
-    fetchViews();
+    fetchViews(isLast);
   });
   source.addEventListener("trouble", (event) => {
     connection(`The store cannot be read: ${JSON.parse(event.data).error}`, true);
   });
   source.addEventListener("error", () => {
-    connection("Connection lost: the numbers are those of the last moment. Trying again …", true);
-    if (source.readyState === EventSource.CLOSED) {
-      source.close();
-      setTimeout(listen, AGAIN);
-    }
+    source.close();
+    if (!isFinished) connection("Connection lost: the numbers are the last ones. Trying again …", true);
+    setTimeout(() => { if (!document.hidden && source.readyState === EventSource.CLOSED) listen(); }, isFinished ? AGAIN_FINISHED : AGAIN);
   });
 }
 

@@ -34,8 +34,8 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; c
 
 /// How often somebody who listens hears something, so that a line that is cut is noticed.
 const HEARTBEAT: Duration = Duration::from_secs(10);
-/// After this time a browser that lost the connection tries again.
-const RETRY: Duration = Duration::from_secs(1);
+/// After the last status, pages that are open have this long to fetch the views that go with it.
+const FAREWELL: Duration = Duration::from_secs(1);
 
 /// Serves a site on `listener` until `stop`.
 ///
@@ -48,25 +48,18 @@ pub async fn serve(
     stop: CancellationToken,
 ) -> std::io::Result<()> {
     let is_loopback = listener.local_addr()?.ip().is_loopback();
-    let sender = {
-        let (site, stop) = (Arc::clone(&site), stop.clone());
-        tokio::spawn(async move { site.send_changes(&stop).await })
+    let router = router(Arc::clone(&site), is_loopback);
+    let ended = async move {
+        if site.send_changes(&stop).await {
+            tokio::time::sleep(FAREWELL).await;
+        }
     };
-    let router = router(site, stop.clone(), is_loopback);
-    let served = axum::serve(listener, router)
-        .with_graceful_shutdown(stop.cancelled_owned())
-        .await;
-    sender.abort();
-    served
+    axum::serve(listener, router)
+        .with_graceful_shutdown(ended)
+        .await
 }
 
-#[derive(Clone)]
-struct Served {
-    site: Arc<Site>,
-    stop: CancellationToken,
-}
-
-fn router(site: Arc<Site>, stop: CancellationToken, is_loopback: bool) -> Router {
+fn router(site: Arc<Site>, is_loopback: bool) -> Router {
     let text = |media: &'static str, text: &'static str| {
         get(move || async move { ([(header::CONTENT_TYPE, media)], text) })
     };
@@ -83,14 +76,14 @@ fn router(site: Arc<Site>, stop: CancellationToken, is_loopback: bool) -> Router
         .route("/api/v1/map/{x}/{y}", get(map))
         .route("/api/v1/events", get(events));
     for view in View::ALL {
-        let answer = move |State(served): State<Served>, headers: HeaderMap| async move {
-            json(&*served.site.body(view).await, &headers)
+        let answer = move |State(site): State<Arc<Site>>, headers: HeaderMap| async move {
+            json(&*site.body(view).await, &headers)
         };
         router = router.route(&format!("/api/v1/{}", view.name()), get(answer));
     }
     let router = router
         .fallback(nothing)
-        .with_state(Served { site, stop })
+        .with_state(site)
         .layer(middleware::map_response(guarded));
     if is_loopback {
         router.layer(middleware::from_fn(refuse_other_names))
@@ -152,11 +145,11 @@ fn json(body: &Body, headers: &HeaderMap) -> Response {
 }
 
 async fn map(
-    State(served): State<Served>,
+    State(site): State<Arc<Site>>,
     Path((x, y)): Path<(usize, usize)>,
     headers: HeaderMap,
 ) -> Response {
-    match served.site.map(x, y).await {
+    match site.map(x, y).await {
         Some(map) => json(&Body::of(&map), &headers),
         None => nothing().await.into_response(),
     }
@@ -173,15 +166,15 @@ async fn nothing() -> (StatusCode, String) {
 }
 
 /// Whether the store can be read.
-async fn healthz(State(served): State<Served>) -> Response {
-    match &*served.site.status().await {
+async fn healthz(State(site): State<Arc<Site>>) -> Response {
+    match &*site.status().await {
         Ok(_) => "ok\n".into_response(),
         Err(error) => (StatusCode::SERVICE_UNAVAILABLE, format!("{error}\n")).into_response(),
     }
 }
 
-async fn scrape(State(served): State<Served>) -> Response {
-    match &*served.site.status().await {
+async fn scrape(State(site): State<Arc<Site>>) -> Response {
+    match &*site.status().await {
         Ok(status) => {
             let text = metrics::render(status.clone());
             ([(header::CONTENT_TYPE, metrics::MEDIA_TYPE)], text).into_response()
@@ -190,27 +183,29 @@ async fn scrape(State(served): State<Served>) -> Response {
     }
 }
 
-/// The status now, and whenever it changes.
+/// The status now, whenever it changes, and when the server ends.
 async fn events(
-    State(Served { site, stop }): State<Served>,
+    State(site): State<Arc<Site>>,
 ) -> Sse<impl Stream<Item = Result<Event, Infallible>>> {
     let mut changes = site.listen();
-    // What it holds may be long past: nobody may have listened.
-    changes.mark_unchanged();
+    // What was sent last may be long past: nobody may have listened.
+    let is_over = changes.borrow_and_update().is_last;
     let first = site.body(View::Status).await;
-    let later = stream::unfold(changes, |mut changes| async move {
+    let later = stream::unfold((changes, is_over), |(mut changes, is_over)| async move {
+        if is_over {
+            return None;
+        }
         changes.changed().await.ok()?;
-        let body = changes.borrow_and_update().clone();
-        Some((body, changes))
+        let sent = changes.borrow_and_update().clone();
+        Some((sent.status?, (changes, sent.is_last)))
     });
-    let bodies = stream::once(std::future::ready(Some(first))).chain(later);
-    let events = bodies.filter_map(|body| async move {
-        let body = body?;
+    let events = stream::once(std::future::ready(first)).chain(later);
+    let events = events.map(|body| {
         let name = if body.is_ok { "status" } else { "trouble" };
-        let data = String::from_utf8_lossy(&body.json).into_owned();
-        Some(Ok(Event::default().event(name).retry(RETRY).data(data)))
+        Ok(Event::default()
+            .event(name)
+            .data(String::from_utf8_lossy(&body.json)))
     });
-    let events = events.take_until(stop.cancelled_owned());
     Sse::new(events).keep_alive(KeepAlive::new().interval(HEARTBEAT))
 }
 

@@ -1,7 +1,7 @@
 //! Reads the store for the views, and keeps each for a moment.
 //!
 //! The status has a lock of its own and every other view shares one, so a site holds at most two of the
-//! store's reading connections, whatever number of pages is open. A view is kept for a second, and for
+//! store's reading connections, whatever number of pages is open. A view is kept for half a second, and for
 //! twenty times as long as it took to make: a large store costs at most a twentieth of a processor.
 
 use std::collections::BTreeMap;
@@ -26,8 +26,10 @@ use tokio_util::sync::CancellationToken;
 use crate::designs::Designs;
 use crate::views::{self, Candidate, Map, Responses};
 
-/// A view is kept for at least this long.
-const KEPT: Duration = Duration::from_secs(1);
+/// Changes of the status are sent so often.
+const SENT: Duration = Duration::from_secs(1);
+/// A view is kept for at least this long: less than a period, so that what is sent is new.
+const KEPT: Duration = Duration::from_millis(500);
 /// A view is kept for at least so many times what it took to make.
 const IDLE_SHARE: u32 = 20;
 
@@ -110,6 +112,10 @@ impl<T> Kept<T> {
         Some((Arc::clone(&held.0), Instant::now() < held.1))
     }
 
+    fn drop_it(&self) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = None;
+    }
+
     fn keep(&self, made: T, began: Instant) -> Arc<T> {
         let (made, now) = (Arc::new(made), Instant::now());
         let until = now + (IDLE_SHARE * (now - began)).max(KEPT);
@@ -129,7 +135,16 @@ pub struct Site {
     responses: Kept<Responses>,
     work: tokio::sync::Mutex<Work>,
     /// The last status that was sent to those who listen.
-    sent: watch::Sender<Option<Arc<Body>>>,
+    sent: watch::Sender<Sent>,
+}
+
+/// What those who listen are sent.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Sent {
+    /// The status; none before the first one.
+    pub(crate) status: Option<Arc<Body>>,
+    /// Whether the server ends: nothing comes after it.
+    pub(crate) is_last: bool,
 }
 
 /// What is remembered between two readings.
@@ -152,7 +167,7 @@ impl Site {
             bodies: std::array::from_fn(|_| Kept::default()),
             responses: Kept::default(),
             work: tokio::sync::Mutex::default(),
-            sent: watch::Sender::new(None),
+            sent: watch::Sender::default(),
         })
     }
 
@@ -181,17 +196,17 @@ impl Site {
 
     /// A view as JSON, at most a moment old; an older one while it is being made anew.
     pub async fn body(&self, view: View) -> Arc<Body> {
+        if let Some(make) = of_status(view) {
+            return Arc::new(match &*self.status().await {
+                Ok(status) => make(status),
+                Err(error) => Body::error(error),
+            });
+        }
         let kept = &self.bodies[view as usize];
         let stale = match kept.get() {
             Some((body, true)) => return body,
             stale => stale.map(|(body, _)| body),
         };
-        let of_status = matches!(view, View::Status | View::Workers | View::Failures);
-        let began = Instant::now();
-        if of_status {
-            let status = self.status().await;
-            return kept.keep(of_status_view(view, &status), began);
-        }
         let work = self.work.try_lock();
         let mut work = match (work, stale) {
             (Ok(work), _) => work,
@@ -215,13 +230,14 @@ impl Site {
     }
 
     /// Those who listen to changes of the status.
-    pub(crate) fn listen(&self) -> watch::Receiver<Option<Arc<Body>>> {
+    pub(crate) fn listen(&self) -> watch::Receiver<Sent> {
         self.sent.subscribe()
     }
 
-    /// Sends the status to those who listen whenever it has changed, at most once a second.
-    pub(crate) async fn send_changes(&self, stop: &CancellationToken) {
-        let mut period = tokio::time::interval(KEPT);
+    /// Sends the status to those who listen whenever it has changed, at most once a second, and as it is
+    /// when `stop` comes. Returns whether anybody listens then.
+    pub(crate) async fn send_changes(&self, stop: &CancellationToken) -> bool {
+        let mut period = tokio::time::interval(SENT);
         period.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
         while stop.run_until_cancelled(period.tick()).await.is_some() {
             if self.sent.receiver_count() == 0 {
@@ -229,13 +245,19 @@ impl Site {
             }
             let body = self.body(View::Status).await;
             self.sent.send_if_modified(|sent| {
-                let is_news = sent.as_ref().is_none_or(|sent| sent.tag != body.tag);
+                let is_news = sent.status.as_ref().is_none_or(|old| old.tag != body.tag);
                 if is_news {
-                    *sent = Some(Arc::clone(&body));
+                    sent.status = Some(Arc::clone(&body));
                 }
                 is_news
             });
         }
+        self.status.drop_it();
+        self.sent.send_replace(Sent {
+            status: Some(self.body(View::Status).await),
+            is_last: true,
+        });
+        self.sent.receiver_count() > 0
     }
 
     async fn make(&self, view: View, work: &mut Work) -> anyhow::Result<Body> {
@@ -354,12 +376,13 @@ async fn in_background<V: Serialize>(
     Ok(made?)
 }
 
-fn of_status_view(view: View, status: &Result<Status, String>) -> Body {
-    match (status, view) {
-        (Err(error), _) => Body::error(error),
-        (Ok(status), View::Workers) => Body::of(&views::workers(status)),
-        (Ok(status), View::Failures) => Body::of(&views::failures(status)),
-        (Ok(status), _) => Body::of(status),
+/// How a view is made of the status, if it is.
+fn of_status(view: View) -> Option<fn(&Status) -> Body> {
+    match view {
+        View::Status => Some(|status| Body::of(status)),
+        View::Workers => Some(|status| Body::of(&views::workers(status))),
+        View::Failures => Some(|status| Body::of(&views::failures(status))),
+        View::Best | View::Responses | View::Convergence | View::Rounds => None,
     }
 }
 
