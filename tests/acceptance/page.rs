@@ -5,21 +5,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use acceptance::browser::Browser;
-use acceptance::http::{Answer, Events, LOCALHOST, get};
+use acceptance::http::{Answer, Events, LOCALHOST, VIEWS, get};
 use acceptance::{Running, Sandbox, assert_code, free_address, quick_campaign, small_campaign};
 use serde_json::{Value, json};
 
 const PATIENCE: Duration = Duration::from_secs(60);
-const VIEWS: [&str; 7] = [
-    "status",
-    "workers",
-    "failures",
-    "best",
-    "responses",
-    "convergence",
-    "rounds",
-];
-
 fn ask(address: SocketAddr, path: &str) -> Answer {
     let since = Instant::now();
     loop {
@@ -369,7 +359,7 @@ fn it_fits_and_is_readable(browser: &mut Browser) {
         const luminance = (colour) => colour.match(/[\\d.]+/g).slice(0, 3).map((part) => part / 255)
             .map((part) => part <= 0.04045 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4)
             .reduce((sum, part, place) => sum + part * [0.2126, 0.7152, 0.0722][place], 0);
-        const back = luminance(getComputedStyle(document.body).backgroundColor);
+        const back = luminance(getComputedStyle(document.documentElement).backgroundColor);
         const ratio = (one) => {
             const fore = luminance(getComputedStyle(one).color);
             return (Math.max(fore, back) + 0.05) / (Math.min(fore, back) + 0.05);

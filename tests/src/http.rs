@@ -9,6 +9,17 @@ use serde_json::Value;
 /// The header of a browser on the same machine.
 pub const LOCALHOST: &[(&str, &str)] = &[("host", "localhost")];
 
+/// The views of the page at `/api/v1/`.
+pub const VIEWS: [&str; 7] = [
+    "status",
+    "workers",
+    "failures",
+    "best",
+    "responses",
+    "convergence",
+    "rounds",
+];
+
 /// What the page answered.
 #[derive(Debug, Clone)]
 pub struct Answer {

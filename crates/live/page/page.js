@@ -36,6 +36,10 @@ function withUnit(value, unit) {
   return unit ? `${number(value)} ${unit}` : number(value);
 }
 
+function count(number, noun) {
+  return `${whole.format(number)} ${noun}${number === 1 ? "" : "s"}`;
+}
+
 function span(seconds) {
   if (seconds < 90) return `${seconds.toFixed(0)} s`;
   if (seconds < 5400) return `${(seconds / 60).toFixed(0)} min`;
@@ -152,7 +156,7 @@ function showStatus(status) {
     const percent = ` ${Math.floor(100 * share)} %`;
     return [
       [STAGES[stage.name] || stage.name, "", "row"],
-      [STATES[stage.state] || stage.state, "text"],
+      [stage.state === "ahead" && stage.done > 0 ? "begun" : STATES[stage.state] || stage.state, "text"],
       [[bar, percent], "text"],
       [whole.format(stage.done)],
       [stage.wanted > 0 ? whole.format(stage.wanted) : "–"],
@@ -182,7 +186,7 @@ function showWorkers(view) {
   at("workers-box").hidden = view.workers.length === 0;
   say(at("workers-note"), !view.running
     ? "The store alone was asked: it does not know the workers."
-    : view.workers.length === 0 ? "No worker has registered." : `${view.workers.length} workers.`);
+    : view.workers.length === 0 ? "No worker has registered." : `${count(view.workers.length, "worker")}.`);
   fill(at("workers-table"), view.workers.map((worker) => [
     [worker.host, "", "row"],
     [whole.format(worker.slots)],
@@ -197,7 +201,7 @@ function showWorkers(view) {
 
 function showFailures(view) {
   at("failures-box").hidden = view.groups.length === 0;
-  say(at("failures-note"), view.failures === 0 ? "Nothing has failed." : `${whole.format(view.failures)} on record.`);
+  say(at("failures-note"), view.failures === 0 ? "Nothing has failed." : `${count(view.failures, "failure")} on record.`);
   fill(at("failures-table"), view.groups.map((group) => [
     [whole.format(group.count)],
     [group.kind, "text"],
@@ -214,37 +218,37 @@ function showBest(view) {
   if (!best) return say(at("best-value"), "");
   say(at("best-value"), `${view.percentile} of ${view.response} = ${withUnit(best.value, view.unit)}` +
     ` (95 % interval ${number(best.low)} to ${withUnit(best.high, view.unit)}, ${whole.format(best.samples)} samples): ${best.name}.`);
-  fill(at("variables"), best.variables.map((one) => [[one.name, "", "row"], [number(one.value)], [one.unit, "text"]]));
+  fill(at("variables"), best.variables.map((one) => [[one.name, "", "row"], [withUnit(one.value, one.unit)]]));
   at("constraints-box").hidden = best.constraints.length === 0;
   fill(at("constraints"), best.constraints.map((one) => [
     [one.name, "", "row"],
-    [number(one.value), one.holds ? "" : "mark"],
-    [`${one.relation} ${number(one.limit)}`],
-    [one.unit, "text"],
+    [withUnit(one.value, one.unit), one.holds ? "" : "mark"],
+    [`${one.relation} ${withUnit(one.limit, one.unit)}`],
     [one.holds ? "holds" : "▲ broken", one.holds ? "text" : "text mark"],
   ]));
 }
 
-function showResponses(view) {
-  const shown = view.points.length < view.designs ? `, ${whole.format(view.points.length)} of them shown` : "";
-  say(at("map-note"), view.designs === 0
-    ? "No design has a response yet."
-    : `${view.percentile} of ${whole.format(view.designs)} designs${shown}.` +
-      (view.preliminary ? " Preliminary: of each design’s first samples." : ""));
-  at("axes").hidden = view.coordinates.length < 2;
-  const selects = [at("axis-x"), at("axis-y")];
-  const names = view.coordinates.map((one) => (one.unit ? `${one.name} (${one.unit})` : one.name));
-  selects.forEach((select, place) => {
-    if (select.options.length === names.length) return;
-    select.replaceChildren(...names.map((name, index) => element("option", name, { value: index })));
-    select.selectedIndex = Math.min(place, names.length - 1);
-  });
-  return view.designs > 0 ? showMap() : undefined;
+function fetchMap() {
+  const [x, y] = [at("axis-x"), at("axis-y")].map((select) => Math.max(select.selectedIndex, 0));
+  return view(`map/${x}/${y}`, showMap);
 }
 
-async function showMap() {
-  const [x, y] = [at("axis-x"), at("axis-y")].map((select) => Math.max(select.selectedIndex, 0));
-  await view(`map/${x}/${y}`, (map) => figures(at("map-chart"), map.chart ? [map.chart] : []));
+function showMap(view) {
+  const shown = view.shown < view.designs ? `, ${whole.format(view.shown)} of them shown` : "";
+  say(at("map-note"), view.designs === 0
+    ? "No design has a response yet."
+    : `${view.percentile} of ${count(view.designs, "design")}${shown}.` +
+      (view.preliminary ? " Preliminary: of each design’s first samples." : ""));
+  at("axes").hidden = view.coordinates.length < 2;
+  if (at("axis-x").options.length !== view.coordinates.length) {
+    const names = view.coordinates.map((one) => (one.unit ? `${one.name} (${one.unit})` : one.name));
+    [at("axis-x"), at("axis-y")].forEach((select, place) => {
+      select.replaceChildren(...names.map((name, index) => element("option", name, { value: index })));
+      select.selectedIndex = Math.min(place, names.length - 1);
+    });
+    return fetchMap();
+  }
+  figures(at("map-chart"), view.chart ? [view.chart] : []);
 }
 
 function showConvergence(view) {
@@ -256,7 +260,7 @@ function showRounds(view) {
   at("rounds").hidden = at("rounds-link").hidden = !view.enriches;
   say(at("rounds-note"), view.rounds.length === 0
     ? "No round has been decided yet."
-    : `${view.rounds.length} rounds. ${view.stop || "The enrichment goes on; its prediction is not verified."}`);
+    : `${count(view.rounds.length, "round")}. ${view.stop || "The enrichment goes on; its prediction is not verified."}`);
   figures(at("rounds-charts"), view.charts);
   fill(at("rounds-table"), view.rounds.map((round) => [
     [whole.format(round.round)],
@@ -288,7 +292,6 @@ const VIEWS = [
   ["workers", showWorkers],
   ["failures", showFailures],
   ["best", showBest],
-  ["responses", showResponses],
   ["convergence", showConvergence],
   ["rounds", showRounds],
 ];
@@ -308,6 +311,7 @@ async function fetchViews(isLast) {
   fetchedAt = performance.now();
   try {
     for (const [name, show] of VIEWS) await view(name, show);
+    await fetchMap();
   } catch (error) {
     // A lost connection, a TypeError, is said where it is noticed.
     if (!(error instanceof TypeError)) connection(error.message, true);
@@ -349,8 +353,8 @@ function listen() {
   });
 }
 
-at("axis-x").addEventListener("change", showMap);
-at("axis-y").addEventListener("change", showMap);
+at("axis-x").addEventListener("change", fetchMap);
+at("axis-y").addEventListener("change", fetchMap);
 // A browser opens few connections to one server: pages that nobody sees hold none.
 document.addEventListener("visibilitychange", () => {
   if (document.hidden) source.close();

@@ -71,9 +71,10 @@ pub struct StageProgress {
     /// `done`, `current` or `ahead`. What needs no samples, such as runs of an optimiser on a
     /// deterministic criterion, is done before its stage is the current one.
     pub state: String,
-    /// How much is done, and how much there will be as far as that is known.
-    #[serde(flatten)]
-    pub progress: Progress,
+    /// How much is done.
+    pub done: u64,
+    /// How much there will be, as far as that is known.
+    pub wanted: u64,
     /// What is counted.
     pub of: String,
 }
@@ -324,7 +325,7 @@ impl Status {
         };
         if let (Some(progress), Some(stage)) = (evaluations, self.stages.iter_mut().find(is_search))
         {
-            stage.progress = progress;
+            (stage.done, stage.wanted) = (progress.done, progress.wanted);
             stage.of = "evaluations of the runs that go on".to_owned();
         }
         self.live = Some(Live::of(running, missing));
@@ -384,7 +385,8 @@ impl Status {
                 StageProgress {
                     name: name.to_owned(),
                     state: state.to_owned(),
-                    progress: Progress { done, wanted },
+                    done,
+                    wanted,
                     of: of.to_owned(),
                 }
             })

@@ -176,7 +176,7 @@ impl Soak {
             .peekable();
         let mut progress = Progress::default();
         let (mut acts, mut looks, mut healed) = (0, 0, false);
-        let mut next_look = LOOK;
+        let (mut next_look, mut next_visit) = (LOOK, LOOK);
         let time = loop {
             let now = since.elapsed();
             if let Some(code) = cluster.ended.take() {
@@ -228,6 +228,10 @@ impl Soak {
                     LOOK.max(4 * took)
                 };
                 next_look = since.elapsed() + pause;
+            }
+            if now >= next_visit {
+                cluster.visit()?;
+                next_visit = since.elapsed() + LOOK;
             }
             cluster.look()?;
             if std::mem::take(&mut cluster.is_dismissed) && !course.takes_turn() {

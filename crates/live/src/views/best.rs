@@ -54,9 +54,12 @@ pub struct BestDesign {
 /// A constraint of a design.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Limit {
-    /// The constrained quantity and its value.
-    #[serde(flatten)]
-    pub quantity: Named,
+    /// The constrained quantity.
+    pub name: String,
+    /// Its unit; empty for a number without one.
+    pub unit: String,
+    /// Its value.
+    pub value: f64,
     /// How the value must stand to the limit: `<`, `≤`, `>` or `≥`.
     pub relation: &'static str,
     /// The limit.
@@ -156,11 +159,9 @@ pub fn of_design(problem: &Problem, candidate: &Candidate) -> Option<BestDesign>
 
 fn limit(constraint: &Constraint) -> Limit {
     Limit {
-        quantity: Named {
-            name: constraint.name.to_string(),
-            unit: constraint.unit.trim_start().to_owned(),
-            value: constraint.value,
-        },
+        name: constraint.name.to_string(),
+        unit: constraint.unit.trim_start().to_owned(),
+        value: constraint.value,
         relation: constraint.bound.sign(),
         limit: constraint.limit,
         holds: constraint.holds(),

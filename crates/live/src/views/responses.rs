@@ -6,7 +6,7 @@ use serde::Serialize;
 use super::{Chart, SCHEMA_VERSION, rounded};
 
 /// The most points: more would say no more in a chart, and cost every page their transfer.
-const POINTS: usize = 2000;
+const POINTS: usize = 3000;
 /// The least percentiles that stand in a map's table.
 const ROWS: usize = 20;
 /// Digits of coordinates and percentiles.
@@ -67,10 +67,12 @@ pub fn responses(
     preliminary: bool,
 ) -> Responses {
     let designs = points.len();
-    let stride = designs.div_ceil(POINTS).max(1);
+    let shown = designs.min(POINTS);
+    // Of `designs` places `shown` begin a new share of the whole.
+    let is_chosen = |place: usize| place * shown % designs < shown;
     let chosen = points
         .enumerate()
-        .filter(|(place, point)| place % stride == 0 || Some(point.design) == best)
+        .filter(|(place, point)| is_chosen(*place) || Some(point.design) == best)
         .map(|(_, point)| Point {
             x: point.x.iter().map(|x| rounded(*x, DIGITS)).collect(),
             value: rounded(point.value, DIGITS),
@@ -94,11 +96,21 @@ pub fn responses(
     }
 }
 
-/// The percentile over two of the coordinates.
+/// The percentile over two of the coordinates: what a page shows, without every point in numbers.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Map {
     /// The version of this object.
     pub schema_version: u32,
+    /// The percentile's name.
+    pub percentile: String,
+    /// What the DoE moves.
+    pub coordinates: Vec<Coordinate>,
+    /// As in [`Responses`].
+    pub preliminary: bool,
+    /// How many designs have a percentile.
+    pub designs: usize,
+    /// How many of them are in the chart.
+    pub shown: usize,
     /// The chart with the designs of the least percentiles; none before any design has one.
     pub chart: Option<Chart>,
 }
@@ -147,6 +159,11 @@ pub fn map(responses: &Responses, x: usize, y: usize) -> Option<Map> {
     ];
     Some(Map {
         schema_version: SCHEMA_VERSION,
+        percentile: responses.percentile.clone(),
+        coordinates: responses.coordinates.clone(),
+        preliminary: responses.preliminary,
+        designs: responses.designs,
+        shown: responses.points.len(),
         chart: Chart::new(drawn, &columns, rows.collect()),
     })
 }
@@ -177,12 +194,11 @@ mod tests {
     fn many_points_are_thinned_and_the_best_stays() {
         let campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
         let problem = Problem::new(campaign);
-        let few = responses(&problem, points(2000), Some(7), false);
-        assert_eq!((few.designs, few.points.len()), (2000, 2000));
-        let many = responses(&problem, points(6001), Some(6001 - 2), true);
-        assert_eq!(many.designs, 6001);
-        assert!(many.points.len() <= POINTS + 1, "{}", many.points.len());
-        assert!(many.points.iter().any(|point| point.design == 5999));
+        let few = responses(&problem, points(3000), Some(7), false);
+        assert_eq!((few.designs, few.points.len()), (3000, 3000));
+        let many = responses(&problem, points(6001), Some(5998), true);
+        assert_eq!((many.designs, many.points.len()), (6001, POINTS + 1));
+        assert!(many.points.iter().any(|point| point.design == 5998));
 
         let map = super::map(&many, 0, 5).unwrap().chart.unwrap();
         assert_eq!(map.svg.matches("h0").count(), many.points.len());
