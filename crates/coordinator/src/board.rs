@@ -17,7 +17,7 @@ use stages::searching::Progress;
 use tokio::sync::Notify;
 use tokio::time::Instant;
 
-use crate::pace::{Meter, Runs};
+use crate::pace::{Meters, Runs};
 
 /// The most bytes of models in an answer, unless one alone is larger.
 const BYTES_PER_ANSWER: usize = MAX_MESSAGE_BYTES / 8;
@@ -48,13 +48,12 @@ struct Inner {
     points: BTreeMap<u64, String>,
     /// What went wrong before this coordinator started, by the streams' names.
     histories: BTreeMap<String, History>,
-    /// How fast samples are stored, of all workers and of each.
-    meter: Meter,
-    meters: BTreeMap<WorkerId, Meter>,
-    /// How long whole runs of optimisers take, and how fast the searches on an external simulator go.
+    /// How fast results come, of all workers and of each.
+    meters: Meters,
+    of_workers: BTreeMap<WorkerId, Meters>,
+    /// How long whole runs of optimisers take.
     runs: Runs,
-    evaluations: Meter,
-    /// How far those searches are.
+    /// How far the searches on an external simulator are.
     searches: Vec<Progress>,
     /// Workers whose results are being stored.
     reporting: BTreeSet<WorkerId>,
@@ -91,10 +90,9 @@ impl Board {
                 ledger: Ledger::new(options, epoch),
                 points: BTreeMap::new(),
                 histories: BTreeMap::new(),
-                meter: Meter::default(),
-                meters: BTreeMap::new(),
+                meters: Meters::default(),
+                of_workers: BTreeMap::new(),
                 runs: Runs::default(),
-                evaluations: Meter::default(),
                 searches: Vec::new(),
                 reporting: BTreeSet::new(),
                 is_ready: false,
@@ -407,18 +405,12 @@ impl Board {
                 seconds,
                 ..delivery
             };
-            let of_run = |unit: &&Unit| unit.stream.kind == Kind::Run;
-            let (runs, sampled): (Vec<&Unit>, Vec<&Unit>) =
-                delivery.stored.iter().partition(of_run);
-            let count = |units: &[&Unit]| units.iter().map(|unit| unit.samples.len() as u64).sum();
-            let samples = count(&sampled);
-            inner.meter.count(now, samples);
-            let own = inner.meters.entry(worker.clone()).or_default();
-            own.count(now, samples);
-            if !inner.searches.is_empty() {
-                inner.evaluations.count(now, count(&runs));
-            } else if !runs.is_empty() {
-                // A lease has one whole run, or none.
+            inner.meters.count(now, &delivery.stored);
+            let own = inner.of_workers.entry(worker.clone()).or_default();
+            own.count(now, &delivery.stored);
+            let of_run = |unit: &Unit| unit.stream.kind == Kind::Run;
+            // A lease has one whole run, or none.
+            if inner.searches.is_empty() && delivery.stored.iter().any(of_run) {
                 inner.runs.count(seconds);
             }
             let (failures, until) = inner.ledger.deliver(worker, lease, &delivery, now);
@@ -501,17 +493,16 @@ impl Board {
         let now = self.now();
         let inner = self.lock();
         let rate = |worker: WorkerStatus| {
-            let meter = inner.meters.get(&worker.worker);
-            let rate = meter.map_or(0.0, |meter| meter.pace(now).per_second);
+            let own = inner.of_workers.get(&worker.worker);
+            let rate = own.map_or(0.0, |own| own.paces(now).samples_per_second());
             (worker, rate)
         };
         Running {
             workers: inner.ledger.workers().map(rate).collect(),
             now,
             counts: inner.ledger.counts(),
-            pace: inner.meter.pace(now),
+            paces: inner.meters.paces(now),
             run_seconds: inner.runs.seconds(),
-            evaluations: inner.evaluations.pace(now),
             searches: inner.searches.clone(),
             is_draining: inner.ledger.is_draining(),
         }

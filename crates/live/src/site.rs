@@ -112,7 +112,7 @@ impl<T> Kept<T> {
         Some((Arc::clone(&held.0), Instant::now() < held.1))
     }
 
-    fn drop_it(&self) {
+    fn forget(&self) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = None;
     }
 
@@ -252,7 +252,7 @@ impl Site {
                 is_news
             });
         }
-        self.status.drop_it();
+        self.status.forget();
         self.sent.send_replace(Sent {
             status: Some(self.body(View::Status).await),
             is_last: true,

@@ -1,8 +1,9 @@
 //! What only a running coordinator knows.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
-use ledger::{Counts, WorkerStatus};
+use ledger::{Counts, Kind, WorkerStatus};
 use serde::{Deserialize, Serialize};
 use stages::searching::Progress;
 
@@ -17,7 +18,7 @@ const GONE: Duration = Duration::from_secs(15);
 /// A rate with its 95 % interval.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Pace {
-    /// Samples stored per second, lately.
+    /// Samples or evaluations per second, lately.
     pub per_second: f64,
     /// The interval is from `per_second / factor` to `per_second * factor`; none while too little is
     /// known.
@@ -50,6 +51,22 @@ impl Pace {
     }
 }
 
+/// The rate of each kind of work; of runs it is that of the evaluations on an external simulator.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Paces(pub BTreeMap<Kind, Pace>);
+
+impl Paces {
+    fn of(&self, kind: Kind) -> Pace {
+        self.0.get(&kind).copied().unwrap_or_default()
+    }
+
+    /// Samples stored per second, lately, those of designs and those of points.
+    #[must_use]
+    pub fn samples_per_second(&self) -> f64 {
+        self.of(Kind::Design).per_second + self.of(Kind::Point).per_second
+    }
+}
+
 /// How long the runs of optimisers took that ended lately, in seconds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RunSeconds {
@@ -70,13 +87,11 @@ pub struct Running {
     pub now: Duration,
     /// Streams and leases by state.
     pub counts: Counts,
-    /// The rate at which samples are stored.
-    pub pace: Pace,
+    /// The rates at which results come.
+    pub paces: Paces,
     /// What a run of an optimiser takes, once one has ended.
     pub run_seconds: Option<RunSeconds>,
-    /// The rate of the evaluations that searches on an external simulator ask for.
-    pub evaluations: Pace,
-    /// How far those searches are; none where workers compute whole runs.
+    /// How far the searches on an external simulator are; none where workers compute whole runs.
     pub searches: Vec<Progress>,
     /// Whether leasing was stopped.
     pub is_draining: bool,
@@ -137,12 +152,10 @@ pub struct Worker {
 /// What a stage lacks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Left {
-    /// So many samples, with the standard error of that number.
-    Samples(f64, f64),
+    /// So many samples or evaluations, with the standard error of that number.
+    Counted(Kind, f64, f64),
     /// So many runs of optimisers, by workers that compute whole runs.
     Runs(f64),
-    /// So many evaluations on an external simulator.
-    Evaluations(f64),
 }
 
 /// A time with the interval that it lies in.
@@ -157,8 +170,7 @@ impl Left {
     /// How long it takes at the rate of late; none while too little is known, or with no slot to do it.
     fn span(self, running: &Running, slots: f64) -> Option<Span> {
         match self {
-            Self::Samples(samples, error) => running.pace.span(samples, error),
-            Self::Evaluations(evaluations) => running.evaluations.span(evaluations, 0.0),
+            Self::Counted(kind, count, error) => running.paces.of(kind).span(count, error),
             Self::Runs(runs) => {
                 let took = running.run_seconds.filter(|_| slots > 0.0)?;
                 Some(Span {
@@ -199,7 +211,7 @@ impl Live {
             jobs_leased: count(running.counts.leased),
             jobs_done: running.counts.delivered,
             jobs_given_up: count(running.counts.given_up),
-            samples_per_second: running.pace.per_second,
+            samples_per_second: running.paces.samples_per_second(),
             eta_seconds: span.map(|span| span.seconds),
             eta_low_seconds: span.map(|span| span.low),
             eta_high_seconds: span.map(|span| span.high),

@@ -4,6 +4,7 @@ use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
 use campaign::Campaign;
+use ledger::Kind;
 use serde::{Deserialize, Serialize};
 use stages::optima;
 use store::Store;
@@ -311,14 +312,14 @@ impl Status {
         let missing = match self.stage.as_str() {
             "sample" => {
                 let (samples, error) = self.missing();
-                Some(Left::Samples(samples, error))
+                Some(Left::Counted(Kind::Design, samples, error))
             }
             "enrich" => self
                 .enrichment
-                .map(|enrichment| Left::Samples(left(enrichment.samples), 0.0)),
-            "verify" => Some(Left::Samples(left(self.verified()), 0.0)),
+                .map(|enrichment| Left::Counted(Kind::Point, left(enrichment.samples), 0.0)),
+            "verify" => Some(Left::Counted(Kind::Point, left(self.verified()), 0.0)),
             "optimise" => Some(match evaluations {
-                Some(evaluations) => Left::Evaluations(left(evaluations)),
+                Some(evaluations) => Left::Counted(Kind::Run, left(evaluations), 0.0),
                 None => Left::Runs(left(self.optimiser_runs)),
             }),
             _ => None,

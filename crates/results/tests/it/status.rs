@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use campaign::Campaign;
-use ledger::{Counts, WorkerId, WorkerStatus};
-use results::live::{Pace, RunSeconds, Running};
+use ledger::{Counts, Kind, StreamId, WorkerId, WorkerStatus};
+use results::live::{Pace, Paces, RunSeconds, Running};
 use results::status::{Optimum, Progress, Status, read};
 use store::{CampaignRow, Store};
 
@@ -27,6 +27,16 @@ async fn status() -> Status {
 }
 
 /// A coordinator with one worker of four slots that was heard of `silent` seconds ago.
+/// 50 samples of designs, 25 of points and 2 evaluations a second.
+fn paces(factor: Option<f64>) -> Paces {
+    let kinds = [(Kind::Design, 50.0), (Kind::Point, 25.0), (Kind::Run, 2.0)];
+    Paces(
+        kinds
+            .map(|(kind, rate)| (kind, Pace::of(rate, factor)))
+            .into(),
+    )
+}
+
 fn running(silent: u64) -> Running {
     let now = Duration::from_secs(1000);
     Running {
@@ -46,13 +56,12 @@ fn running(silent: u64) -> Running {
         )],
         now,
         counts: Counts::default(),
-        pace: Pace::of(50.0, Some(1.1)),
+        paces: paces(Some(1.1)),
         run_seconds: Some(RunSeconds {
             mean: 6.0,
             shortest: 5.0,
             longest: 7.0,
         }),
-        evaluations: Pace::default(),
         searches: Vec::new(),
         is_draining: false,
     }
@@ -75,6 +84,27 @@ async fn time_to_go_is_that_of_the_stage() {
     let silent = live(&status, running(60));
     assert_eq!(silent.eta_seconds, None, "its only worker is gone");
 
+    // Two searches on an external simulator.
+    let search = |start, evaluations| stages::searching::Progress {
+        stream: StreamId::run(3, start),
+        evaluations,
+        budget: 300,
+        history: Vec::new(),
+    };
+    let searching = Running {
+        searches: vec![search(0, 100), search(1, 60)],
+        ..running(1)
+    };
+    let searched = status.clone().with(searching);
+    let stage = searched
+        .stages
+        .iter()
+        .find(|stage| stage.name == "optimise");
+    let stage = stage.unwrap();
+    assert_eq!((stage.done, stage.wanted), (160, 600));
+    assert!(stage.of.starts_with("evaluations"), "{stage:?}");
+    assert_eq!(searched.live.unwrap().eta_seconds, Some(440.0 / 2.0));
+
     status.stage = "verify".to_owned();
     let optimum = |done| Optimum {
         approach: "kriging".to_owned(),
@@ -82,16 +112,16 @@ async fn time_to_go_is_that_of_the_stage() {
         verified: Progress { done, wanted: 1000 },
     };
     status.optima = vec![optimum(400), optimum(1000)];
-    assert_eq!(of_stage(&status), Some(600.0 / 50.0));
+    assert_eq!(of_stage(&status), Some(600.0 / 25.0));
     let fresh = live(&status, running(1));
     let (low, high) = (
         fresh.eta_low_seconds.unwrap(),
         fresh.eta_high_seconds.unwrap(),
     );
-    assert!((low - 12.0 / 1.1).abs() < 1e-9 && (high - 12.0 * 1.1).abs() < 1e-9);
-    assert_eq!(fresh.time_to_go().unwrap(), "12 s (11 s to 13 s)");
+    assert!((low - 24.0 / 1.1).abs() < 1e-9 && (high - 24.0 * 1.1).abs() < 1e-9);
+    assert_eq!(fresh.time_to_go().unwrap(), "24 s (22 s to 26 s)");
     let vague = Running {
-        pace: Pace::of(50.0, None),
+        paces: paces(None),
         ..running(1)
     };
     assert_eq!(
@@ -103,7 +133,7 @@ async fn time_to_go_is_that_of_the_stage() {
     status.stage = "fit".to_owned();
     assert_eq!(of_stage(&status), None, "nobody knows");
     let idle = Running {
-        pace: Pace::default(),
+        paces: Paces::default(),
         ..running(1)
     };
     status.stage = "verify".to_owned();
