@@ -294,8 +294,8 @@ mod tests {
                 continue;
             };
             known += 1;
-            // The mean rate of the last half of it.
-            let later = 127_600.0;
+            // The mean rate from 6.9 s on.
+            let later = 132_000.0;
             let holds = pace.per_second / factor < later && later < pace.per_second * factor;
             assert!(holds, "{pace:?} at {seconds}");
         }

@@ -107,7 +107,8 @@ function figures(target, charts) {
     const made = Object.assign(figure(chart), { shown: key });
     if (!old) return void target.append(made);
     old.shown = key;
-    old.replaceChild(made.firstChild, old.firstChild);
+    const [picture, next] = [old.firstChild, made.firstChild];
+    [picture.src, picture.alt] = [next.src, next.alt];
     const [details, fresh] = [old, made].map((one) => one.querySelector("details"));
     if (details && fresh) details.querySelector("table").replaceWith(fresh.querySelector("table"));
     else if (fresh) old.append(fresh);
@@ -300,6 +301,11 @@ let fetching = false;
 let fetchedAt = -Infinity;
 let planned = 0;
 
+// A lost connection, a TypeError, is said where it is noticed.
+function trouble(error) {
+  if (!(error instanceof TypeError)) connection(error.message, true);
+}
+
 // Fetches all views now, or when enough time has passed.
 async function fetchViews(isLast) {
   const wait = isLast ? 0 : fetchedAt + PERIOD - performance.now();
@@ -313,8 +319,7 @@ async function fetchViews(isLast) {
     for (const [name, show] of VIEWS) await view(name, show);
     await fetchMap();
   } catch (error) {
-    // A lost connection, a TypeError, is said where it is noticed.
-    if (!(error instanceof TypeError)) connection(error.message, true);
+    trouble(error);
   } finally {
     fetching = false;
   }
@@ -353,8 +358,7 @@ function listen() {
   });
 }
 
-at("axis-x").addEventListener("change", fetchMap);
-at("axis-y").addEventListener("change", fetchMap);
+for (const id of ["axis-x", "axis-y"]) at(id).addEventListener("change", () => fetchMap().catch(trouble));
 // A browser opens few connections to one server: pages that nobody sees hold none.
 document.addEventListener("visibilitychange", () => {
   if (document.hidden) source.close();

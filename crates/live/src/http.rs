@@ -150,7 +150,7 @@ async fn map(
     headers: HeaderMap,
 ) -> Response {
     match site.map(x, y).await {
-        Some(map) => json(&Body::of(&map), &headers),
+        Some(map) => json(&map, &headers),
         None => nothing().await.into_response(),
     }
 }

@@ -24,7 +24,7 @@ use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
 use crate::designs::Designs;
-use crate::views::{self, Candidate, Map, Responses};
+use crate::views::{self, Candidate, Responses};
 
 /// Changes of the status are sent so often.
 const SENT: Duration = Duration::from_secs(1);
@@ -223,10 +223,13 @@ impl Site {
     }
 
     /// The map over two coordinates; none if there are no such.
-    pub async fn map(&self, x: usize, y: usize) -> Option<Map> {
-        self.body(View::Responses).await;
+    pub async fn map(&self, x: usize, y: usize) -> Option<Body> {
+        let body = self.body(View::Responses).await;
+        if !body.is_ok {
+            return Some(Body::clone(&body));
+        }
         let (responses, _) = self.responses.get()?;
-        views::map(&responses, x, y)
+        views::map(&responses, x, y).map(|map| Body::of(&map))
     }
 
     /// Those who listen to changes of the status.
@@ -252,7 +255,9 @@ impl Site {
                 is_news
             });
         }
+        // The last views are of this moment.
         self.status.forget();
+        self.bodies.iter().for_each(Kept::forget);
         self.sent.send_replace(Sent {
             status: Some(self.body(View::Status).await),
             is_last: true,
