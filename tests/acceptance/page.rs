@@ -289,7 +289,6 @@ fn the_page_works_in_a_browser() {
     ask(http, "/healthz");
     browser.resize(1280, 900);
     browser.open(&format!("http://{http}/"));
-    browser.wait_for("document.readyState === 'complete'");
     browser.wait_for("document.querySelectorAll('#tiles div').length > 5");
     browser.wait_for(&format!("{SAMPLES} > 0"));
     let first = browser.value(SAMPLES).as_f64().unwrap();
@@ -417,8 +416,9 @@ fn it_has_names_and_takes_the_keyboard(browser: &mut Browser) {
     for _ in 0..30 {
         browser.press_tab();
         let [name, outline] = [0, 1].map(|place| browser.value(focused)[place].to_string());
-        assert_ne!(
-            outline, "\"none\"",
+        // Behind the last one the keyboard leaves the page.
+        assert!(
+            name == "\"BODY\"" || outline != "\"none\"",
             "{name} does not show that it has the focus"
         );
         reached.push(name);

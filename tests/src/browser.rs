@@ -135,9 +135,10 @@ impl Browser {
         self.complaints.push(complaint.to_string());
     }
 
-    /// Opens an address.
+    /// Opens an address, and waits until the page is loaded.
     pub fn open(&mut self, url: &str) {
         self.call("Page.navigate", &json!({ "url": url }));
+        self.wait_for("document.readyState === 'complete'");
     }
 
     /// The value of an expression in the page.
