@@ -240,7 +240,7 @@ function showMap(view) {
     ? "No design has a response yet."
     : `${view.percentile} of ${count(view.designs, "design")}${shown}.` +
       (view.preliminary ? " Preliminary: of each design’s first samples." : ""));
-  at("axes").hidden = view.coordinates.length < 2;
+  at("axes").hidden = view.coordinates.length < 2 || view.designs === 0;
   if (at("axis-x").options.length !== view.coordinates.length) {
     const names = view.coordinates.map((one) => (one.unit ? `${one.name} (${one.unit})` : one.name));
     [at("axis-x"), at("axis-y")].forEach((select, place) => {
@@ -262,6 +262,7 @@ function showRounds(view) {
   say(at("rounds-note"), view.rounds.length === 0
     ? "No round has been decided yet."
     : `${count(view.rounds.length, "round")}. ${view.stop || "The enrichment goes on; its prediction is not verified."}`);
+  at("rounds-box").hidden = view.rounds.length === 0;
   figures(at("rounds-charts"), view.charts);
   fill(at("rounds-table"), view.rounds.map((round) => [
     [whole.format(round.round)],

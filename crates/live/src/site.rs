@@ -384,7 +384,7 @@ async fn in_background<V: Serialize>(
 /// How a view is made of the status, if it is.
 fn of_status(view: View) -> Option<fn(&Status) -> Body> {
     match view {
-        View::Status => Some(|status| Body::of(status)),
+        View::Status => Some(Body::of),
         View::Workers => Some(|status| Body::of(&views::workers(status))),
         View::Failures => Some(|status| Body::of(&views::failures(status))),
         View::Best | View::Responses | View::Convergence | View::Rounds => None,

@@ -65,7 +65,9 @@ pub fn rounds(enrichment: Option<&Enrichment>, percentile: &str) -> Rounds {
             ]
         })
         .collect();
-    let charts = enrichment.map_or_else(Vec::new, |enrichment| {
+    // Before the first round there is only the tolerance to draw.
+    let begun = enrichment.filter(|_| !rounds.is_empty());
+    let charts = begun.map_or_else(Vec::new, |enrichment| {
         let prediction = Chart::new(
             report::chart_prediction(enrichment, percentile),
             &["round", "predicted", "95 % interval from", "to"],
