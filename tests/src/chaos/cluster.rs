@@ -113,8 +113,8 @@ pub(crate) struct Cluster {
     pub(crate) setup: Setup,
     address: SocketAddr,
     http: SocketAddr,
-    /// How often the page was asked.
-    visits: usize,
+    /// How often the page has answered.
+    pub(crate) visits: usize,
     proxies: Vec<Proxy>,
     coordinator: Option<Process>,
     workers: Vec<Option<Process>>,
@@ -309,13 +309,13 @@ impl Cluster {
         if !self.serves() {
             return Ok(());
         }
-        self.visits += 1;
         let path = format!("/api/v1/{}", VIEWS[self.visits % VIEWS.len()]);
         // It may be about to listen, or to end.
         let Ok(answer) = http::get(self.http, LOCALHOST, &path, PATIENCE) else {
             return Ok(());
         };
         if answer.code == 200 && answer.json()["schema_version"].is_u64() {
+            self.visits += 1;
             return Ok(());
         }
         Err(Violation(format!(

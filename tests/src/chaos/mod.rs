@@ -48,6 +48,8 @@ pub struct Round {
     pub acts: usize,
     /// Looks at the progress.
     pub looks: usize,
+    /// Views that the live page gave.
+    pub visits: usize,
     /// Results that came when their stream had changed, and were dropped.
     pub stale: usize,
     /// From the start of the coordinator to its good end.
@@ -244,12 +246,14 @@ impl Soak {
             }
             std::thread::sleep(Duration::from_millis(10));
         };
+        let visits = cluster.visits;
         cluster.end()?;
         progress.advance(&self.programs.status(folder, DB)?, course.takes_turn())?;
         Ok(Round {
             kind,
             acts,
             looks,
+            visits,
             stale: stale(folder),
             time,
         })
