@@ -10,5 +10,6 @@ fn random_faults_leave_no_trace_in_the_results() {
     for (round, kind) in [(0, Kind::Plain), (1, Kind::Licence)] {
         let done = soak.round(round, Some(kind)).unwrap();
         assert!(done.acts > 0 && done.looks > 0, "undisturbed: {done:?}");
+        assert!(done.visits > 0, "the live page never answered: {done:?}");
     }
 }

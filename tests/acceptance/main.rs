@@ -13,6 +13,7 @@ mod faults;
 mod leaving;
 mod namespaces;
 mod operations;
+mod page;
 mod paper;
 mod place;
 mod precision;

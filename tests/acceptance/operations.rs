@@ -1,9 +1,9 @@
 //! Looking at a running campaign, steering it, and making it larger.
 
 use std::collections::BTreeSet;
-use std::io::{Read as _, Write as _};
-use std::net::TcpStream;
+use std::time::Duration;
 
+use acceptance::http::{LOCALHOST, get};
 use acceptance::{Sandbox, assert_code, free_address, printed, small_campaign};
 
 use crate::place::{DB, Place};
@@ -89,7 +89,8 @@ fn a_running_campaign_can_be_asked_and_drained() {
     // Far more jobs than a worker ever holds, each of a few milliseconds: the campaign is never run
     // to its end, and what is out when it is drained comes in soon.
     let file = sandbox.write("long.toml", &small_campaign(1500, 4000));
-    let (address, metrics) = (free_address().to_string(), free_address().to_string());
+    let (address, page) = (free_address().to_string(), free_address());
+    let http = page.to_string();
     let url = format!("https://{address}");
     let serve = [
         "serve",
@@ -98,8 +99,8 @@ fn a_running_campaign_can_be_asked_and_drained() {
         "c.db",
         "--listen",
         &address,
-        "--metrics",
-        &metrics,
+        "--http",
+        &http,
         "--log-format",
         "json",
     ];
@@ -123,14 +124,9 @@ fn a_running_campaign_can_be_asked_and_drained() {
     assert!(status["live"]["samples_per_second"].as_f64() > Some(0.0));
     assert!(ask(&["status"]).contains("samples per second"));
 
-    let mut stream = TcpStream::connect(&metrics).unwrap();
-    stream
-        .write_all(b"GET /metrics HTTP/1.1\r\nhost: here\r\nconnection: close\r\n\r\n")
-        .unwrap();
-    let mut page = String::new();
-    stream.read_to_string(&mut page).unwrap();
+    let metrics = get(page, LOCALHOST, "/metrics", Duration::from_secs(30)).unwrap();
     for line in ["pitchline_samples_total ", "pitchline_workers 1", "# EOF"] {
-        assert!(page.contains(line), "no {line:?} in\n{page}");
+        assert!(metrics.body.contains(line), "no {line:?} in\n{metrics:?}");
     }
 
     assert!(ask(&["drain"]).contains("draining"));

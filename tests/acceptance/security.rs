@@ -314,13 +314,18 @@ fn half_of_a_guard_is_refused_and_leaves_nothing_behind() {
         assert_code(&output, 2);
         assert!(errors(&output).contains(part), "{}", errors(&output));
     }
-    // Metrics have no guard at all.
-    let metrics = [&serve[..], &["--metrics", "0.0.0.0:9400"]].concat();
-    let output = sandbox.coordinator(&metrics);
-    assert_code(&output, 2);
-    for part in ["--metrics 0.0.0.0:9400", "127.0.0.1:9400", "--insecure"] {
-        let message = errors(&output);
-        assert!(message.contains(part), "no {part:?} in {message}");
+    // The live page and the metrics have no guard at all.
+    for command in [
+        &serve[..],
+        &["run", file, "--db", "c.db"],
+        &["view", "--db", "c.db"],
+    ] {
+        let output = sandbox.coordinator(&[command, &["--http", "0.0.0.0:9400"]].concat());
+        assert_code(&output, 2);
+        for part in ["--http 0.0.0.0:9400", "127.0.0.1:9400", "--insecure"] {
+            let message = errors(&output);
+            assert!(message.contains(part), "no {part:?} in {message}");
+        }
     }
     let half = [&serve[..], &tls, &["--token-file", "keys/worker.token"]].concat();
     let output = sandbox.coordinator(&half);

@@ -1,7 +1,9 @@
 //! What the acceptance suite needs to drive the real programs: their binaries, processes that end
 //! with the test, and campaign files made from the shipped ones.
 
+pub mod browser;
 pub mod chaos;
+pub mod http;
 
 use std::io::Read as _;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};

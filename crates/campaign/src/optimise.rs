@@ -239,8 +239,7 @@ impl Search {
         let outcome = finished.map_err(|error| error.to_string())?;
         self.evaluations += outcome.evaluations as u64;
         if self.continuations == 0 {
-            let improved = outcome.history.iter();
-            self.history = improved.map(|(at, e)| (*at as u64, e.value)).collect();
+            self.history = values(&outcome.history);
             let restarts = outcome.restarts.iter();
             let unplanned = restarts.filter(|restart| restart.cause != cmaes::Cause::Planned);
             self.restarts = unplanned
@@ -273,6 +272,27 @@ impl Search {
         Ok(true)
     }
 
+    /// Evaluations so far.
+    #[must_use]
+    pub fn evaluations(&self) -> u64 {
+        self.evaluations + self.search.evaluations() as u64
+    }
+
+    /// With how many evaluations the search ends, unless it has to continue then.
+    #[must_use]
+    pub fn budget(&self) -> u64 {
+        self.evaluations + self.search.budget() as u64
+    }
+
+    /// The improvements so far, as in [`RunResult`].
+    #[must_use]
+    pub fn history(&self) -> Vec<(u64, f64)> {
+        match self.continuations {
+            0 => values(self.search.history()),
+            _ => self.history.clone(),
+        }
+    }
+
     /// The result of a run that has ended.
     #[must_use]
     pub fn result(self) -> RunResult {
@@ -288,4 +308,9 @@ impl Search {
             restarts: self.restarts,
         }
     }
+}
+
+fn values(history: &[(usize, cmaes::Evaluation)]) -> Vec<(u64, f64)> {
+    let improved = history.iter();
+    improved.map(|(at, e)| (*at as u64, e.value)).collect()
 }

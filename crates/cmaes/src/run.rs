@@ -298,6 +298,18 @@ impl Run {
         self.evaluations
     }
 
+    /// The number of evaluations with which the run ends.
+    #[must_use]
+    pub fn budget(&self) -> usize {
+        self.options.evaluations
+    }
+
+    /// Every improvement so far: the evaluation (from 1) that brought it, and its result.
+    #[must_use]
+    pub fn history(&self) -> &[(usize, Evaluation)] {
+        &self.history
+    }
+
     /// Every restart so far.
     #[must_use]
     pub fn restarts(&self) -> &[Restart] {

@@ -102,6 +102,11 @@ pub fn complain(sentence: &str) {
     let _ = writeln!(std::io::stderr(), "error: {sentence}");
 }
 
+/// Says on standard error, whatever is logged, what somebody must know to use a program.
+pub fn announce(sentence: &str) {
+    let _ = writeln!(std::io::stderr(), "{sentence}");
+}
+
 /// The end of `--help`: environment and exit codes.
 #[must_use]
 pub fn help_footer() -> String {

@@ -42,6 +42,8 @@ pub(crate) enum Command {
     Serve(Serve),
     /// Say how far a campaign is, also while it runs
     Status(Status),
+    /// Serve the live page of a campaign from its store alone, also while it runs or when it is finished
+    View(View),
     /// Say why nothing, or nothing more, is being computed
     Explain(Explain),
     /// Lease no more jobs; the coordinator ends when those that are out are in
@@ -97,6 +99,9 @@ pub(crate) struct Run {
     /// The folder of the report [default: NAME-report]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
+    /// Serve a live page at http://ADDR, such as 127.0.0.1:8080; loopback only
+    #[arg(long, value_name = "ADDR")]
+    pub(crate) http: Option<SocketAddr>,
 }
 
 /// Where workers and commands of other processes connect.
@@ -143,9 +148,10 @@ pub(crate) struct Serve {
     /// The folder of the report [default: NAME-report]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// Serve metrics for Prometheus at http://ADDR/metrics; loopback only, unless --insecure
-    #[arg(long, value_name = "ADDR")]
-    pub(crate) metrics: Option<SocketAddr>,
+    /// Serve a live page at http://ADDR, with its data at /api/v1/status and the like, and metrics for
+    /// Prometheus at /metrics; loopback only, unless --insecure
+    #[arg(long, value_name = "ADDR", alias = "metrics")]
+    pub(crate) http: Option<SocketAddr>,
     /// Stay up when the campaign is finished, until a signal or a drain comes
     #[arg(long)]
     pub(crate) keep_serving: bool,
@@ -172,6 +178,16 @@ pub(crate) struct Status {
     /// Print again whenever something has changed, until the campaign is finished
     #[arg(long)]
     pub(crate) watch: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct View {
+    /// The store, which is only read
+    #[arg(long, value_name = "FILE")]
+    pub(crate) db: PathBuf,
+    /// Where to serve the page; loopback only [default: 127.0.0.1 at a free port]
+    #[arg(long, value_name = "ADDR")]
+    pub(crate) http: Option<SocketAddr>,
 }
 
 #[derive(Debug, Args)]

@@ -8,15 +8,16 @@ use std::time::Duration;
 use campaign::task::Source;
 use ledger::{
     Accepted, Delivery, Failure, Grant, History, Kind, LeaseId, Ledger, Options, StreamId, Unit,
-    Vanished, Wanted, WorkerId,
+    Vanished, Wanted, WorkerId, WorkerStatus,
 };
 use protocol::MAX_MESSAGE_BYTES;
 use results::live::Running;
 use stages::names;
+use stages::searching::Progress;
 use tokio::sync::Notify;
 use tokio::time::Instant;
 
-use crate::pace::Pace;
+use crate::pace::{Meters, Runs};
 
 /// The most bytes of models in an answer, unless one alone is larger.
 const BYTES_PER_ANSWER: usize = MAX_MESSAGE_BYTES / 8;
@@ -47,7 +48,13 @@ struct Inner {
     points: BTreeMap<u64, String>,
     /// What went wrong before this coordinator started, by the streams' names.
     histories: BTreeMap<String, History>,
-    pace: Pace,
+    /// How fast results come, of all workers and of each.
+    meters: Meters,
+    of_workers: BTreeMap<WorkerId, Meters>,
+    /// How long whole runs of optimisers take.
+    runs: Runs,
+    /// How far the searches on an external simulator are.
+    searches: Vec<Progress>,
     /// Workers whose results are being stored.
     reporting: BTreeSet<WorkerId>,
     /// Whether the first plan is posted: before, nobody can be told what is needed.
@@ -83,7 +90,10 @@ impl Board {
                 ledger: Ledger::new(options, epoch),
                 points: BTreeMap::new(),
                 histories: BTreeMap::new(),
-                pace: Pace::default(),
+                meters: Meters::default(),
+                of_workers: BTreeMap::new(),
+                runs: Runs::default(),
+                searches: Vec::new(),
                 reporting: BTreeSet::new(),
                 is_ready: false,
                 course: Course::Work,
@@ -395,10 +405,14 @@ impl Board {
                 seconds,
                 ..delivery
             };
-            let sampled = delivery.stored.iter();
-            let sampled = sampled.filter(|unit| unit.stream.kind != Kind::Run);
-            let samples = sampled.map(|unit| unit.samples.len() as u64).sum();
-            inner.pace.count(now, samples);
+            inner.meters.count(now, &delivery.stored);
+            let own = inner.of_workers.entry(worker.clone()).or_default();
+            own.count(now, &delivery.stored);
+            let of_run = |unit: &Unit| unit.stream.kind == Kind::Run;
+            // A lease has one whole run, or none.
+            if inner.searches.is_empty() && delivery.stored.iter().any(of_run) {
+                inner.runs.count(seconds);
+            }
             let (failures, until) = inner.ledger.deliver(worker, lease, &delivery, now);
             (failures, until.map(|until| until.saturating_sub(now)))
         })
@@ -468,17 +482,28 @@ impl Board {
         reasons.iter().map(ToString::to_string).collect()
     }
 
+    /// Notes how far the searches on an external simulator are.
+    pub fn show_searches(&self, searches: Vec<Progress>) {
+        self.lock().searches = searches;
+    }
+
     /// What only the running coordinator knows.
     #[must_use]
     pub fn live(&self) -> Running {
         let now = self.now();
         let inner = self.lock();
+        let rate = |worker: WorkerStatus| {
+            let own = inner.of_workers.get(&worker.worker);
+            let rate = own.map_or(0.0, |own| own.paces(now).samples_per_second());
+            (worker, rate)
+        };
         Running {
-            workers: inner.ledger.workers().collect(),
+            workers: inner.ledger.workers().map(rate).collect(),
             now,
             counts: inner.ledger.counts(),
-            samples_per_second: inner.pace.per_second(now),
-            run_seconds: inner.ledger.usual_seconds(Kind::Run),
+            paces: inner.meters.paces(now),
+            run_seconds: inner.runs.seconds(),
+            searches: inner.searches.clone(),
             is_draining: inner.ledger.is_draining(),
         }
     }

@@ -3,7 +3,6 @@
 use std::ffi::OsStr;
 use std::fs;
 use std::io::Write as _;
-use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
@@ -34,6 +33,7 @@ mod simulating;
 mod stability;
 mod steering;
 mod studies;
+mod viewing;
 
 use self::output::{FileAccess, create_new, print, print_either};
 
@@ -48,6 +48,7 @@ pub(crate) async fn execute(command: Command) -> anyhow::Result<u8> {
         Command::Run(arguments) => run(arguments).await,
         Command::Serve(arguments) => serve(arguments).await,
         Command::Status(arguments) => steering::status(arguments).await,
+        Command::View(arguments) => viewing::view(arguments).await,
         Command::Explain(arguments) => steering::explain(&arguments).await,
         Command::Drain(arguments) => steering::drain(&arguments).await,
         Command::Retry(arguments) => steering::retry(&arguments).await,
@@ -164,6 +165,7 @@ async fn run(arguments: arguments::Run) -> anyhow::Result<u8> {
         ),
     };
     let campaign = Campaign::parse(&name, &text)?;
+    viewing::refuse_open(arguments.http, false)?;
     let db = arguments
         .db
         .unwrap_or_else(|| PathBuf::from(format!("{}.db", campaign.name)));
@@ -179,7 +181,7 @@ async fn run(arguments: arguments::Run) -> anyhow::Result<u8> {
         port: None,
         keep_serving: false,
         lease: server::LEASE,
-        metrics: None,
+        http: arguments.http,
     };
     conduct(plan).await
 }
@@ -222,9 +224,7 @@ fn local_workers(
 async fn serve(arguments: arguments::Serve) -> anyhow::Result<u8> {
     let text = read(&arguments.campaign)?;
     let campaign = Campaign::parse(&arguments.campaign.display().to_string(), &text)?;
-    if !arguments.port.insecure {
-        refuse_open_metrics(arguments.metrics)?;
-    }
+    viewing::refuse_open(arguments.http, arguments.port.insecure)?;
     let port = port(arguments.port, &campaign.name)?;
     refuse_network_store(&arguments.db, arguments.allow_network_store)?;
     let workers = local_workers(&campaign, &arguments.simulator, arguments.workers)?;
@@ -237,7 +237,7 @@ async fn serve(arguments: arguments::Serve) -> anyhow::Result<u8> {
         port: Some(port),
         keep_serving: arguments.keep_serving,
         lease: Duration::from_secs(arguments.lease),
-        metrics: arguments.metrics,
+        http: arguments.http,
     };
     conduct(plan).await
 }
@@ -259,20 +259,6 @@ fn port(arguments: arguments::PortArguments, name: &str) -> anyhow::Result<Port>
         listen: arguments.listen,
         security,
     })
-}
-
-/// Metrics are served to whoever asks, in clear: they name workers and tell what fails.
-fn refuse_open_metrics(address: Option<SocketAddr>) -> anyhow::Result<()> {
-    match address {
-        Some(address) if !address.ip().is_loopback() => Err(Usage(format!(
-            "--metrics {address} is reachable by others and has neither encryption nor tokens: give \
-             127.0.0.1:{} and fetch them from this machine or through a tunnel, or accept the risk \
-             with --insecure",
-            address.port()
-        ))
-        .into()),
-        _ => Ok(()),
-    }
 }
 
 /// A store must be able to lock its file and to sync it, which network file systems promise rather

@@ -138,6 +138,7 @@ impl Engine {
                     return Ok(false);
                 }
             }
+            self.board.show_searches(searches.progress().collect());
         }
         let Asked {
             streams,

@@ -4,7 +4,6 @@
 //!   the jobs on the [`board`].
 //! - [`board`] holds the ledger behind one lock, with real time and bells; [`service`] is the gRPC face
 //!   of it; [`ingest`] turns what workers hand in into rows, which a [`recorder`] stores.
-//! - [`metrics`] shows the same to Prometheus.
 //! - [`server`] opens the store and runs it all; [`study`] runs the simulations of a study, without a
 //!   store. [`serving`] is what both have beside the board: the port, and [`local`] workers of the same
 //!   process.
@@ -18,7 +17,6 @@ pub mod ingest;
 mod leases;
 pub mod local;
 pub mod made;
-pub mod metrics;
 mod pace;
 mod receiving;
 pub mod recorder;

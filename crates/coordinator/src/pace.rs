@@ -1,47 +1,205 @@
-//! How many samples came in lately.
+//! The rate at which samples are stored, with an interval from its scatter, and how long runs of
+//! optimisers take.
+//!
+//! Deliveries are counted in batches. A batch ends with the first delivery a second or more after the end
+//! of the batch before, so a batch of a fast simulator holds a second of samples and one of a slow
+//! simulator holds a single delivery. The rate is the ratio estimator R = Σaᵢ/Σdᵢ over the last [`KEPT`]
+//! batches of aᵢ samples and dᵢ seconds; its variance is that of the linearised ratio,
+//! n/(n−1) Σ(aᵢ − R dᵢ)²/(Σdᵢ)² (W. G. Cochran, *Sampling Techniques*, 3rd ed., 1977, section 6.3).
+//! When the last [`LEAST`] batches have another rate than the earlier ones, by [`CHANGED`] standard errors
+//! of the difference, the earlier ones are forgotten: workers came or left, or samples take longer now.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
-/// What "lately" means.
-const WINDOW: Duration = Duration::from_secs(20);
+use ledger::{Kind, Unit};
+use results::live::{Pace, Paces};
 
-/// Counts are kept in steps of this length.
-const STEP: Duration = Duration::from_millis(500);
+/// A batch lasts at least this long.
+const BATCH: Duration = Duration::from_secs(1);
+/// How many batches an estimate rests on at most.
+const KEPT: usize = 20;
+/// How long so many batches last at least, in seconds.
+const SHORTEST: f64 = KEPT as f64 * BATCH.as_secs_f64();
+/// With fewer batches the scatter says too little.
+const LEAST: usize = 5;
+/// See the module.
+const CHANGED: f64 = 4.0;
+/// With a larger standard error, relative to the rate, the rate is not known.
+const ROUGHEST: f64 = 0.5;
+/// The 97.5 % quantile of Student's t with 4 to 19 degrees of freedom (n − 1 for n batches).
+const STUDENT: [f64; KEPT - LEAST + 1] = [
+    2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131, 2.120,
+    2.110, 2.101, 2.093,
+];
+/// How many runs of optimisers a mean rests on at most.
+const RUNS_KEPT: usize = 20;
 
-/// A count over the last [`WINDOW`].
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Pace {
-    /// (start of a step, what was counted in it), ascending.
-    steps: VecDeque<(Duration, u64)>,
-    /// When something was counted first.
-    since: Option<Duration>,
+/// Samples stored in some time.
+#[derive(Debug, Clone, Copy)]
+struct Batch {
+    seconds: f64,
+    samples: f64,
 }
 
-impl Pace {
-    pub(crate) fn count(&mut self, now: Duration, amount: u64) {
-        self.since.get_or_insert(now);
-        match self.steps.back_mut() {
-            Some((start, count)) if now < *start + STEP => *count += amount,
-            _ => self.steps.push_back((now, amount)),
+/// Counts what is stored.
+#[derive(Debug, Clone, Default)]
+struct Meter {
+    /// The last batches, the oldest first.
+    batches: VecDeque<Batch>,
+    /// The end of the last batch, or the first delivery; none before that.
+    since: Option<Duration>,
+    /// What was counted after it.
+    open: u64,
+}
+
+impl Meter {
+    /// Counts a delivery. When the work behind the first delivery began is not known, so it only starts
+    /// the clock, and so does the first one after a long silence.
+    fn count(&mut self, now: Duration, samples: u64) {
+        if samples == 0 {
+            return;
         }
-        while self
-            .steps
-            .front()
-            .is_some_and(|(start, _)| *start + WINDOW < now)
-        {
-            self.steps.pop_front();
+        let Some(since) = self.since.filter(|_| !self.is_silent(now)) else {
+            *self = Self {
+                since: Some(now),
+                ..Self::default()
+            };
+            return;
+        };
+        self.open += samples;
+        let lasted = now.saturating_sub(since);
+        if lasted < BATCH {
+            return;
+        }
+        if self.batches.len() == KEPT {
+            self.batches.pop_front();
+        }
+        self.batches.push_back(Batch {
+            seconds: lasted.as_secs_f64(),
+            samples: std::mem::take(&mut self.open) as f64,
+        });
+        self.since = Some(now);
+        self.forget_another_rate();
+    }
+
+    /// Forgets batches of another rate than that of the last ones.
+    fn forget_another_rate(&mut self) {
+        let batches = self.batches.make_contiguous();
+        let Some(earlier) = batches.len().checked_sub(LEAST).filter(|n| *n >= LEAST) else {
+            return;
+        };
+        let (before, after) = batches.split_at(earlier);
+        let (before, after) = (Ratio::of(before), Ratio::of(after));
+        let error = before.error.hypot(after.error);
+        if (after.value - before.value).abs() > CHANGED * error {
+            self.batches.drain(..earlier);
         }
     }
 
-    /// Per second over the window, or since the first count if that is less long ago.
-    pub(crate) fn per_second(&self, now: Duration) -> f64 {
-        let Some(since) = self.since else {
-            return 0.0;
+    /// Whether the last batch ended longer ago than all batches together lasted, and than as many short
+    /// ones would.
+    fn is_silent(&self, now: Duration) -> bool {
+        let silence = now.saturating_sub(self.since.unwrap_or_default());
+        let lasted: f64 = self.batches.iter().map(|batch| batch.seconds).sum();
+        // Before a batch has ended, nobody knows what is long.
+        !self.batches.is_empty() && silence.as_secs_f64() > lasted.max(SHORTEST)
+    }
+
+    /// The rate now; nought after a silence.
+    fn pace(&self, now: Duration) -> Pace {
+        let Some(since) = self.since.filter(|_| !self.is_silent(now)) else {
+            return Pace::default();
         };
-        let span = now.saturating_sub(since).clamp(STEP, WINDOW);
-        let recent = self.steps.iter().filter(|(start, _)| *start + span >= now);
-        recent.map(|(_, count)| *count).sum::<u64>() as f64 / span.as_secs_f64()
+        let waited = now.saturating_sub(since).max(BATCH).as_secs_f64();
+        let batches: Vec<Batch> = self.batches.iter().copied().collect();
+        let ratio = Ratio::of(&batches);
+        let with_open = (ratio.samples + self.open as f64) / (ratio.seconds + waited);
+        if batches.is_empty() {
+            return Pace::of(with_open, None);
+        }
+        // The batch that is open has no end yet. It counts when even so it lowers the rate.
+        let per_second = ratio.value.min(with_open);
+        let degrees = batches.len().checked_sub(LEAST);
+        let factor = degrees
+            .and_then(|more| STUDENT.get(more))
+            .and_then(|student| {
+                let relative = (ratio.error / ratio.value).hypot(1.0 - per_second / ratio.value);
+                (relative <= ROUGHEST).then(|| (student * relative).exp())
+            });
+        Pace::of(per_second, factor)
+    }
+}
+
+/// Samples per second of some batches.
+struct Ratio {
+    samples: f64,
+    seconds: f64,
+    value: f64,
+    /// The standard error of `value`.
+    error: f64,
+}
+
+impl Ratio {
+    fn of(batches: &[Batch]) -> Self {
+        let samples: f64 = batches.iter().map(|batch| batch.samples).sum();
+        let seconds: f64 = batches.iter().map(|batch| batch.seconds).sum();
+        let value = samples / seconds;
+        let off = |batch: &Batch| (batch.samples - value * batch.seconds).powi(2);
+        let squares: f64 = batches.iter().map(off).sum();
+        let n = batches.len() as f64;
+        Self {
+            samples,
+            seconds,
+            value,
+            error: (n / (n - 1.0) * squares).sqrt() / seconds,
+        }
+    }
+}
+
+/// A meter for each kind of work: what one kind takes says nothing of another, and while one is computed
+/// another may have to wait.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Meters(BTreeMap<Kind, Meter>);
+
+impl Meters {
+    pub(crate) fn count(&mut self, now: Duration, units: &[Unit]) {
+        let mut counts: BTreeMap<Kind, u64> = BTreeMap::new();
+        for unit in units {
+            *counts.entry(unit.stream.kind).or_default() += unit.samples.len() as u64;
+        }
+        for (kind, count) in counts {
+            self.0.entry(kind).or_default().count(now, count);
+        }
+    }
+
+    /// The rates now.
+    pub(crate) fn paces(&self, now: Duration) -> Paces {
+        let paces = self.0.iter().map(|(kind, meter)| (*kind, meter.pace(now)));
+        Paces(paces.collect())
+    }
+}
+
+/// How long the last runs of optimisers took, in seconds.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Runs(VecDeque<f64>);
+
+impl Runs {
+    pub(crate) fn count(&mut self, seconds: f64) {
+        if self.0.len() == RUNS_KEPT {
+            self.0.pop_front();
+        }
+        self.0.push_back(seconds);
+    }
+
+    /// The mean and the shortest and the longest of them; none before one has ended.
+    pub(crate) fn seconds(&self) -> Option<results::live::RunSeconds> {
+        let of = |pick: fn(f64, f64) -> f64| self.0.iter().copied().reduce(pick);
+        Some(results::live::RunSeconds {
+            mean: self.0.iter().sum::<f64>() / self.0.len() as f64,
+            shortest: of(f64::min)?,
+            longest: of(f64::max)?,
+        })
     }
 }
 
@@ -49,17 +207,160 @@ impl Pace {
 mod tests {
     use super::*;
 
-    #[test]
-    fn the_rate_is_that_of_the_last_seconds() {
-        let mut pace = Pace::default();
-        assert_eq!(pace.per_second(Duration::from_secs(1)), 0.0);
-        for tenth in 0..600 {
-            let rate = if tenth < 300 { 50 } else { 10 };
-            pace.count(Duration::from_millis(100 * tenth), rate);
+    fn at(seconds: f64) -> Duration {
+        Duration::from_secs_f64(seconds)
+    }
+
+    /// Deliveries of `samples` every `every` seconds from `from` to `to`.
+    fn deliver(meter: &mut Meter, (from, to): (f64, f64), every: f64, samples: u64) {
+        let count = ((to - from) / every).round() as u32;
+        for number in 1..=count {
+            meter.count(at(from + every * f64::from(number)), samples);
         }
-        let rate = pace.per_second(Duration::from_secs(60));
-        assert!((rate - 100.0).abs() < 5.0, "{rate} per second");
-        let long_after = pace.per_second(Duration::from_secs(200));
-        assert_eq!(long_after, 0.0);
+    }
+
+    fn interval(pace: Pace) -> (f64, f64) {
+        let factor = pace.factor.expect("the rate is known");
+        (pace.per_second / factor, pace.per_second * factor)
+    }
+
+    #[test]
+    fn a_steady_rate_is_known_after_five_batches() {
+        let mut meter = Meter::default();
+        assert_eq!(meter.pace(at(1.0)), Pace::default());
+        deliver(&mut meter, (0.0, 4.0), 0.1, 5);
+        assert_eq!(meter.pace(at(4.0)).factor, None, "too little is known");
+        deliver(&mut meter, (4.0, 60.0), 0.1, 5);
+        let pace = meter.pace(at(60.0));
+        assert!((pace.per_second - 50.0).abs() < 2.0, "{pace:?}");
+        assert!(pace.factor.unwrap() < 1.1, "{pace:?}");
+    }
+
+    /// Samples that came to the store (s, samples), seen every 10 ms, of `campaigns/wear.toml` with 1500 samples
+    /// of each design on two cores that others used, too. The first leases are short.
+    const SEEN: [(f64, u64); 42] = [
+        (0.0, 100),
+        (0.02, 230),
+        (0.56, 38670),
+        (0.95, 40500),
+        (1.33, 40500),
+        (1.73, 45000),
+        (2.07, 43500),
+        (2.35, 30000),
+        (2.67, 40500),
+        (3.03, 45000),
+        (3.3, 40500),
+        (3.68, 39000),
+        (4.02, 40500),
+        (4.34, 43500),
+        (4.67, 40500),
+        (5.01, 45000),
+        (5.27, 39000),
+        (5.6, 42000),
+        (5.93, 40500),
+        (6.27, 43500),
+        (6.57, 40500),
+        (6.9, 40500),
+        (7.3, 40500),
+        (7.56, 37500),
+        (7.91, 40500),
+        (8.24, 43500),
+        (8.56, 40500),
+        (8.86, 39000),
+        (9.21, 46500),
+        (9.5, 43500),
+        (9.83, 40500),
+        (10.16, 40500),
+        (10.48, 39000),
+        (10.79, 40500),
+        (11.08, 45000),
+        (11.4, 40500),
+        (11.68, 39000),
+        (11.96, 39000),
+        (12.26, 40500),
+        (12.52, 43500),
+        (12.85, 39000),
+        (13.14, 45000),
+    ];
+
+    #[test]
+    fn a_real_start_makes_no_estimate_that_misses_what_follows() {
+        let mut meter = Meter::default();
+        let mut known = 0;
+        for (seconds, samples) in SEEN {
+            meter.count(at(seconds), samples);
+            let pace = meter.pace(at(seconds));
+            let Some(factor) = pace.factor else {
+                continue;
+            };
+            known += 1;
+            // The mean rate from 6.9 s on.
+            let later = 132_000.0;
+            let holds = pace.per_second / factor < later && later < pace.per_second * factor;
+            assert!(holds, "{pace:?} at {seconds}");
+        }
+        assert!(known > 20, "the rate is known at {known} of 42 moments");
+    }
+
+    #[test]
+    fn a_worker_that_leaves_changes_the_rate_within_seconds() {
+        let mut meter = Meter::default();
+        deliver(&mut meter, (0.0, 30.0), 0.1, 100);
+        deliver(&mut meter, (30.0, 37.5), 0.1, 50);
+        let (low, high) = interval(meter.pace(at(37.5)));
+        assert!(
+            low < 500.0 && high > 500.0 && high < 800.0,
+            "{low} to {high}"
+        );
+        // As many again come.
+        deliver(&mut meter, (37.5, 45.0), 0.1, 150);
+        let (low, high) = interval(meter.pace(at(45.0)));
+        assert!(
+            low > 1000.0 && low < 1500.0 && high > 1500.0,
+            "{low} to {high}"
+        );
+    }
+
+    #[test]
+    fn the_rate_falls_when_all_workers_leave_and_begins_anew_when_they_come_back() {
+        let mut meter = Meter::default();
+        deliver(&mut meter, (0.0, 30.0), 0.1, 100);
+        let steady = meter.pace(at(30.0)).per_second;
+        let later = meter.pace(at(36.0));
+        assert!(later.per_second < 0.85 * steady, "{later:?}");
+        assert!(later.factor.is_none_or(|factor| factor > 1.5), "{later:?}");
+        assert_eq!(meter.pace(at(60.0)), Pace::default());
+        // The silence is no batch.
+        deliver(&mut meter, (300.0, 307.0), 0.1, 10);
+        let again = meter.pace(at(307.0));
+        assert!((again.per_second - 100.0).abs() < 10.0, "{again:?}");
+    }
+
+    /// Four workers, each of whose samples takes ten minutes.
+    #[test]
+    fn hours_between_deliveries_are_batches_like_seconds() {
+        let mut meter = Meter::default();
+        for round in 0..12 {
+            for worker in 0..4 {
+                meter.count(at(f64::from(round) * 600.0 + f64::from(worker) * 150.0), 1);
+            }
+        }
+        let pace = meter.pace(at(7000.0));
+        assert!((pace.per_second - 4.0 / 600.0).abs() < 1e-3, "{pace:?}");
+        assert!(pace.factor.unwrap() < 1.2, "{pace:?}");
+    }
+
+    #[test]
+    fn runs_have_a_mean_and_a_range() {
+        let mut runs = Runs::default();
+        assert_eq!(runs.seconds(), None);
+        for seconds in 0..40 {
+            runs.count(f64::from(seconds));
+        }
+        let found = runs.seconds().unwrap();
+        assert_eq!(
+            (found.shortest, found.mean, found.longest),
+            (20.0, 29.5, 39.0)
+        );
     }
 }

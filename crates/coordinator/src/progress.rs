@@ -29,20 +29,14 @@ impl Progress {
     pub(crate) fn show(&self, status: &Status) {
         let (position, length, message) = match status.stage.as_str() {
             "sample" => {
-                let left = status.missing().round() as u64;
+                let left = status.missing().0.round() as u64;
                 let done = status.samples.done;
                 (done, done + left, pace(status.live.as_ref()))
             }
             "verify" => {
-                let verified = status.optima.iter().map(|optimum| optimum.verified);
-                let sum = verified.fold((0, 0), |(done, wanted), progress| {
-                    (done + progress.done, wanted + progress.wanted)
-                });
-                (
-                    sum.0,
-                    sum.1,
-                    format!("fresh samples{}", to_go(status.live.as_ref())),
-                )
+                let verified = status.verified();
+                let message = format!("fresh samples{}", to_go(status.live.as_ref()));
+                (verified.done, verified.wanted, message)
             }
             "enrich" => {
                 let round = status.enrichment.map(|enrichment| enrichment.samples);
@@ -70,15 +64,14 @@ impl Drop for Progress {
 }
 
 fn pace(live: Option<&Live>) -> String {
-    let rate = live.map_or_else(String::new, |live| {
-        format!(", {:.0} per second", live.samples_per_second)
-    });
-    format!("samples{rate}{}", to_go(live))
+    let rate = live.map_or_else(
+        || "samples".to_owned(),
+        |live| results::describing::rate(live.samples_per_second),
+    );
+    format!("{rate}{}", to_go(live))
 }
 
 fn to_go(live: Option<&Live>) -> String {
-    let eta = live.and_then(|live| live.eta_seconds);
-    eta.map_or_else(String::new, |seconds| {
-        format!(", {} to go", results::describing::span(seconds))
-    })
+    let time = live.and_then(Live::time_to_go);
+    time.map_or_else(String::new, |time| format!(", to go: {time}"))
 }

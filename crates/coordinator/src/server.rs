@@ -19,7 +19,6 @@ use crate::board::{Board, Course};
 use crate::engine::{Ended, Engine};
 use crate::leases;
 use crate::local::LocalWorkers;
-use crate::metrics;
 use crate::recorder::{Recorder as _, StoreRecorder};
 use crate::service::Service;
 use crate::serving::{Error, OpenPort, Port, Serving, farewell, listen};
@@ -29,6 +28,9 @@ pub const LEASE: Duration = Duration::from_secs(30);
 /// How long after a restart nothing is leased, so that workers can say what they hold: as long as it
 /// takes those that a short absence has not made patient.
 const GRACE: Duration = Duration::from_millis(500);
+
+/// How long open pages may take to fetch the last numbers when a coordinator ends.
+const PAGE_ENDS: Duration = Duration::from_secs(2);
 
 /// How often an observer sees the status.
 const OBSERVING_PERIOD: Duration = Duration::from_millis(500);
@@ -52,8 +54,8 @@ pub struct Plan {
     pub keep_serving: bool,
     /// How long a worker may be silent before others get what it holds.
     pub lease: Duration,
-    /// Where metrics are served, if anywhere.
-    pub metrics: Option<SocketAddr>,
+    /// Where the live page is served, if anywhere.
+    pub http: Option<SocketAddr>,
 }
 
 /// Sees how far a campaign is, twice a second.
@@ -102,8 +104,8 @@ pub async fn run(
         Some(port) => Some(OpenPort::new(port, &plan.campaign.name).await?),
         None => None,
     };
-    let metrics = match plan.metrics {
-        Some(address) => Some(listen(address).await?),
+    let http = match plan.http {
+        Some(address) => Some(listen("--http", address).await?),
         None => None,
     };
     let store = Store::create_or_open_with(&plan.db, &row, |held| {
@@ -127,7 +129,7 @@ pub async fn run(
         &problem,
         model_digest,
         &store,
-        Ports { opened, metrics },
+        Ports { opened, http },
         observer,
         &shutdown,
     )
@@ -141,7 +143,7 @@ pub async fn run(
 /// What is listened on.
 struct Ports {
     opened: Option<OpenPort>,
-    metrics: Option<TcpListener>,
+    http: Option<TcpListener>,
 }
 
 async fn run_open(
@@ -178,10 +180,21 @@ async fn run_open(
     let hang_up = serving.hang_up();
     info!(store = %plan.db.display(), campaign = %plan.campaign.name, "serving");
     console::service::ready();
-    if let Some(listener) = ports.metrics {
-        let (board, recorder) = (Arc::clone(&board), recorder.clone());
-        tokio::spawn(metrics::serve(listener, board, recorder, hang_up.clone()));
-    }
+    let page = match ports.http {
+        Some(listener) => {
+            let address = listener.local_addr().map_err(anyhow::Error::from)?;
+            info!(url = %format!("http://{address}"), "live page");
+            let board = Arc::clone(&board);
+            let site = live::Site::new(store.clone(), Some(Box::new(move || board.live())));
+            let page = live::serve(listener, site, hang_up.clone());
+            Some(tokio::spawn(async move {
+                if let Err(error) = page.await {
+                    warn!(%error, "the live page has ended");
+                }
+            }))
+        }
+        None => None,
+    };
     if let Some(observer) = observer {
         let (board, stop) = (Arc::clone(&board), hang_up.clone());
         tokio::spawn(stop.run_until_cancelled_owned(observe(observer, board, recorder.clone())));
@@ -240,6 +253,10 @@ async fn run_open(
     serving
         .end(matches!(outcome, Ok(Outcome::Finished { .. })))
         .await;
+    if let Some(page) = page {
+        // A browser that reads nothing does not keep a coordinator.
+        let _ = tokio::time::timeout(PAGE_ENDS, page).await;
+    }
     outcome
 }
 

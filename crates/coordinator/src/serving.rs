@@ -54,8 +54,10 @@ pub enum Error {
     #[error(transparent)]
     Access(#[from] AccessError),
     /// The address cannot be listened on.
-    #[error("cannot listen on {address}: choose another --listen address, or stop what uses it")]
+    #[error("cannot listen on {address}: choose another {option} address, or stop what uses it")]
     Listen {
+        /// The option that gives the address.
+        option: &'static str,
         /// The address.
         address: SocketAddr,
         /// What the system said.
@@ -66,10 +68,19 @@ pub enum Error {
     Other(#[from] anyhow::Error),
 }
 
-pub(crate) async fn listen(address: SocketAddr) -> Result<TcpListener, Error> {
+/// Listens on the address that an option gives.
+///
+/// # Errors
+///
+/// [`Error::Listen`].
+pub async fn listen(option: &'static str, address: SocketAddr) -> Result<TcpListener, Error> {
     TcpListener::bind(address)
         .await
-        .map_err(|source| Error::Listen { address, source })
+        .map_err(|source| Error::Listen {
+            option,
+            address,
+            source,
+        })
 }
 
 /// A port that is bound, and the access file that is locked, but not yet written.
@@ -96,15 +107,16 @@ impl OpenPort {
         };
         let everywhere = |port| SocketAddr::from((Ipv4Addr::UNSPECIFIED, port));
         let listener = match (port.listen, access.as_ref().and_then(Held::last_port)) {
-            (Some(address), _) => listen(address).await?,
+            (Some(address), _) => listen("--listen", address).await?,
             // Workers that wait for this coordinator try that port first.
-            (None, Some(last)) => match listen(everywhere(last)).await {
+            (None, Some(last)) => match listen("--listen", everywhere(last)).await {
                 Ok(listener) => listener,
-                Err(_) => listen(everywhere(0)).await?,
+                Err(_) => listen("--listen", everywhere(0)).await?,
             },
-            (None, None) => listen(everywhere(0)).await?,
+            (None, None) => listen("--listen", everywhere(0)).await?,
         };
         let address = listener.local_addr().map_err(|source| Error::Listen {
+            option: "--listen",
             address: everywhere(0),
             source,
         })?;

@@ -3,10 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use crate::cutting::weight;
 use crate::options::Options;
 use crate::state::{Lease, Stream};
-use crate::types::{Counts, Generation, Group, Kind, LeaseId, StreamId, Unit, WorkerStatus};
+use crate::types::{Counts, Generation, Group, Kind, LeaseId, StreamId, WorkerStatus};
 use crate::workers::Workers;
 
 /// What means looking at all leases, or at all workers, is worked out so often: not for each of a
@@ -146,16 +145,6 @@ impl<P: Clone> Ledger<P> {
             given_up: self.given_up.len(),
             stale: self.stale,
         }
-    }
-
-    /// What a lease of this kind usually takes, in seconds, once one was delivered.
-    pub fn usual_seconds(&self, kind: Kind) -> Option<f64> {
-        let unit = Unit {
-            stream: StreamId { kind, index: 0 },
-            generation: Generation::default(),
-            samples: 0..1,
-        };
-        self.pace.get(&kind).map(|pace| pace * weight(&[unit]))
     }
 
     /// The registered workers, by name.

@@ -453,6 +453,8 @@ pub struct PairConstraint {
 /// Rounds of infill points near the optimum, on top of the DoE.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Enrichment {
+    /// The unit of the percentile; empty for a number without one.
+    pub unit: String,
     /// The rounds, in their order.
     pub rounds: Vec<EnrichmentRound>,
     /// δ of the stopping rule, µm.

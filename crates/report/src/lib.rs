@@ -28,9 +28,9 @@ mod svg;
 
 pub use atlas::{AtlasEntry, AtlasMethod, AtlasPage};
 pub use charts::{
-    Extent, PercentileSeries, Response, chart_convergence, chart_expected_improvement, chart_front,
-    chart_gears, chart_leave_one_out, chart_prediction, chart_pressure, chart_responses, chart_ste,
-    chart_teeth, chart_wear,
+    Extent, PercentileSeries, Response, ResponseMap, chart_convergence, chart_expected_improvement,
+    chart_front, chart_gears, chart_leave_one_out, chart_map, chart_prediction, chart_pressure,
+    chart_responses, chart_ste, chart_teeth, chart_wear,
 };
 pub use comparison::{Comparison, comparison_markdown, comparisons};
 pub use data::{
@@ -42,7 +42,8 @@ pub use data::{
 };
 pub use error::Error;
 pub use page::{
-    ChartFile, Rendered, campaign_digest, render, render_atlas, render_pair, render_problem,
+    ChartFile, PAGE_STYLE, Rendered, campaign_digest, render, render_atlas, render_pair,
+    render_problem,
 };
 pub use problem::{NamedValue, ProblemOptimum, ProblemReport};
 pub use summary::{Margin, Recommended, Summary};

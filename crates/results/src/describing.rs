@@ -128,12 +128,12 @@ fn describe_live(live: &Live, text: &mut String) {
         if live.draining { "; draining" } else { "" }
     );
     let eta = live
-        .eta_seconds
-        .map_or_else(String::new, |seconds| format!(", {} to go", span(seconds)));
+        .time_to_go()
+        .map_or_else(String::new, |time| format!(", to go: {time}"));
     let _ = writeln!(
         text,
-        "rate            {:.0} samples per second{eta}",
-        live.samples_per_second
+        "rate            {}{eta}",
+        rate(live.samples_per_second)
     );
     for worker in &live.workers {
         let Worker {
@@ -144,13 +144,25 @@ fn describe_live(live: &Live, text: &mut String) {
             failed,
             silent_seconds,
             set_aside,
+            samples_per_second,
         } = worker;
         let aside = if *set_aside { ", set aside" } else { "" };
         let _ = writeln!(
             text,
             "worker          {host}: {slots} slots, {leased} jobs, {completed} done, {failed} \
-             failed, heard of {silent_seconds:.1} s ago{aside}"
+             failed, {}, heard of {silent_seconds:.1} s ago{aside}",
+            rate(*samples_per_second)
         );
+    }
+}
+
+/// A rate for people.
+#[must_use]
+pub fn rate(per_second: f64) -> String {
+    match per_second {
+        r if r >= 10.0 || r <= 0.0 => format!("{r:.0} samples per second"),
+        r if r >= 0.1 => format!("{r:.2} samples per second"),
+        r => format!("{:.1} samples per hour", 3600.0 * r),
     }
 }
 

@@ -1,26 +1,98 @@
 //! What only a running coordinator knows.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
-use ledger::{Counts, WorkerStatus};
+use ledger::{Counts, Kind, WorkerStatus};
 use serde::{Deserialize, Serialize};
+use stages::searching::Progress;
+
+use crate::describing::span;
+
+/// The deviate of a two-sided 95 % interval.
+const Z95: f64 = 1.96;
 
 /// After this long without a word, a worker is taken not to help any more.
 const GONE: Duration = Duration::from_secs(15);
 
+/// A rate with its 95 % interval.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Pace {
+    /// Samples or evaluations per second, lately.
+    pub per_second: f64,
+    /// The interval is from `per_second / factor` to `per_second * factor`; none while too little is
+    /// known.
+    pub factor: Option<f64>,
+}
+
+impl Pace {
+    /// The rate with the factor of its interval.
+    #[must_use]
+    pub const fn of(per_second: f64, factor: Option<f64>) -> Self {
+        Self { per_second, factor }
+    }
+
+    /// How long so many take, a number with this standard error; none while too little is known.
+    fn span(self, count: f64, error: f64) -> Option<Span> {
+        let factor = self.factor.filter(|_| self.per_second > 0.0)?;
+        // Relative errors add up as logarithms.
+        let of_count = if count > 0.0 {
+            Z95 * error / count
+        } else {
+            0.0
+        };
+        let factor = factor.ln().hypot(of_count).exp();
+        let seconds = count / self.per_second;
+        Some(Span {
+            seconds,
+            low: seconds / factor,
+            high: seconds * factor,
+        })
+    }
+}
+
+/// The rate of each kind of work; of runs it is that of the evaluations on an external simulator.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Paces(pub BTreeMap<Kind, Pace>);
+
+impl Paces {
+    fn of(&self, kind: Kind) -> Pace {
+        self.0.get(&kind).copied().unwrap_or_default()
+    }
+
+    /// Samples stored per second, lately, those of designs and those of points.
+    #[must_use]
+    pub fn samples_per_second(&self) -> f64 {
+        self.of(Kind::Design).per_second + self.of(Kind::Point).per_second
+    }
+}
+
+/// How long the runs of optimisers took that ended lately, in seconds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RunSeconds {
+    /// Their mean.
+    pub mean: f64,
+    /// The shortest.
+    pub shortest: f64,
+    /// The longest.
+    pub longest: f64,
+}
+
 /// The state of a running coordinator at one moment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Running {
-    /// The registered workers.
-    pub workers: Vec<WorkerStatus>,
+    /// The registered workers, each with the samples per second that it delivered lately.
+    pub workers: Vec<(WorkerStatus, f64)>,
     /// When this was so.
     pub now: Duration,
     /// Streams and leases by state.
     pub counts: Counts,
-    /// Samples stored per second, lately.
-    pub samples_per_second: f64,
-    /// What a run of an optimiser takes, in seconds, once one has ended.
-    pub run_seconds: Option<f64>,
+    /// The rates at which results come.
+    pub paces: Paces,
+    /// What a run of an optimiser takes, once one has ended.
+    pub run_seconds: Option<RunSeconds>,
+    /// How far the searches on an external simulator are; none where workers compute whole runs.
+    pub searches: Vec<Progress>,
     /// Whether leasing was stopped.
     pub is_draining: bool,
 }
@@ -40,8 +112,15 @@ pub struct Live {
     /// Samples stored per second, lately.
     pub samples_per_second: f64,
     /// Seconds until the stage ends at the rate of late, while samples of the DoE, of a round of
-    /// infill or of the optima are taken or optimisers run.
+    /// infill or of the optima are taken or optimisers run; absent while too little is known.
     pub eta_seconds: Option<f64>,
+    /// The 95 % interval of `eta_seconds`, from the scatter of the rate and of what is left; of runs of
+    /// optimisers the range from the shortest and the longest of late.
+    #[serde(default)]
+    pub eta_low_seconds: Option<f64>,
+    /// See `eta_low_seconds`.
+    #[serde(default)]
+    pub eta_high_seconds: Option<f64>,
     /// Whether leasing was stopped.
     pub draining: bool,
     /// The workers.
@@ -65,26 +144,57 @@ pub struct Worker {
     pub silent_seconds: f64,
     /// Whether it gets nothing for a while, having failed too many.
     pub set_aside: bool,
+    /// Samples per second that it delivered lately.
+    #[serde(default)]
+    pub samples_per_second: f64,
+}
+
+/// What a stage lacks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Left {
+    /// So many samples or evaluations, with the standard error of that number.
+    Counted(Kind, f64, f64),
+    /// So many runs of optimisers, by workers that compute whole runs.
+    Runs(f64),
+}
+
+/// A time with the interval that it lies in.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Span {
+    seconds: f64,
+    low: f64,
+    high: f64,
+}
+
+impl Left {
+    /// How long it takes at the rate of late; none while too little is known, or with no slot to do it.
+    fn span(self, running: &Running, slots: f64) -> Option<Span> {
+        match self {
+            Self::Counted(kind, count, error) => running.paces.of(kind).span(count, error),
+            Self::Runs(runs) => {
+                let took = running.run_seconds.filter(|_| slots > 0.0)?;
+                Some(Span {
+                    seconds: runs * took.mean / slots,
+                    // Those that run may be about to end, or have just begun.
+                    low: (runs - slots).max(0.0) / slots * took.shortest,
+                    high: (runs / slots).ceil() * took.longest,
+                })
+            }
+        }
+    }
 }
 
 impl Live {
-    /// What the status shows of `running`. The time to go follows from the samples that the stage lacks,
-    /// or from the runs of optimisers that are missing.
+    /// What the status shows of `running`. The time to go follows from what the stage lacks.
     #[must_use]
-    pub fn of(running: Running, samples_left: Option<f64>, runs_left: Option<f64>) -> Self {
+    pub fn of(running: Running, left: Option<Left>) -> Self {
         let silent_for = |seen: Duration| running.now.saturating_sub(seen);
-        let present = running.workers.iter();
+        let present = running.workers.iter().map(|(worker, _)| worker);
         let present = present.filter(|worker| silent_for(worker.last_seen) < GONE);
         let slots: usize = present.map(|worker| worker.slots).sum();
-        let rate = running.samples_per_second;
-        let eta_seconds = match (runs_left, running.run_seconds) {
-            (Some(runs), Some(seconds)) if slots > 0 => Some(runs * seconds / slots as f64),
-            _ => samples_left
-                .filter(|_| rate > 0.0)
-                .map(|samples| samples / rate),
-        };
+        let span = left.and_then(|left| left.span(&running, slots as f64));
         let count = |count: usize| count as u64;
-        let workers = running.workers.into_iter().map(|worker| Worker {
+        let workers = running.workers.into_iter().map(|(worker, rate)| Worker {
             host: worker.host,
             slots: u32::try_from(worker.slots).unwrap_or(u32::MAX),
             leased: count(worker.leased),
@@ -94,16 +204,32 @@ impl Live {
             set_aside: worker
                 .suspended_until
                 .is_some_and(|until| until > running.now),
+            samples_per_second: rate,
         });
         Self {
             jobs_queued: count(running.counts.free + running.counts.waiting),
             jobs_leased: count(running.counts.leased),
             jobs_done: running.counts.delivered,
             jobs_given_up: count(running.counts.given_up),
-            samples_per_second: rate,
-            eta_seconds,
+            samples_per_second: running.paces.samples_per_second(),
+            eta_seconds: span.map(|span| span.seconds),
+            eta_low_seconds: span.map(|span| span.low),
+            eta_high_seconds: span.map(|span| span.high),
             draining: running.is_draining,
             workers: workers.collect(),
         }
+    }
+
+    /// The time to go with its interval for people, as in `12 min (10 min to 15 min)`; none while too
+    /// little is known.
+    #[must_use]
+    pub fn time_to_go(&self) -> Option<String> {
+        let about = span(self.eta_seconds?);
+        let ends = self.eta_low_seconds.zip(self.eta_high_seconds);
+        let ends = ends.map(|(low, high)| (span(low), span(high)));
+        Some(match ends {
+            Some((low, high)) if low != high => format!("{about} ({low} to {high})"),
+            _ => about,
+        })
     }
 }

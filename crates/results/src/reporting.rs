@@ -23,7 +23,8 @@ use stages::optima::optimum_design;
 use stats::streams::{Purpose, stream};
 use store::Store;
 
-pub use self::optima::{drawing, ste};
+pub use self::enrichment::rounds;
+pub use self::optima::{drawing, run, ste};
 use self::sources::Sources;
 
 /// Random wear profiles in Figure 2.

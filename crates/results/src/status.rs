@@ -1,13 +1,15 @@
 //! How far a campaign is, read from its store.
 
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
 use campaign::Campaign;
+use ledger::Kind;
 use serde::{Deserialize, Serialize};
 use stages::optima;
 use store::Store;
 
-use crate::live::{Live, Running};
+use crate::live::{Left, Live, Running};
 
 /// What `coordinator status --json` prints.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -24,6 +26,9 @@ pub struct Status {
     pub finished: bool,
     /// The first stage that is not: `doe`, `sample`, `fit`, `optimise`, `enrich`, `verify` or `done`.
     pub stage: String,
+    /// Every stage of the campaign in order, with how far it is.
+    #[serde(default)]
+    pub stages: Vec<StageProgress>,
     /// Designs of the DoE: wanted, made, simulated or refused, and those that can be simulated.
     pub designs: Designs,
     /// Samples of the DoE.
@@ -46,6 +51,9 @@ pub struct Status {
     /// The rounds of infill; absent before the first one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub enrichment: Option<Enrichment>,
+    /// What the percentile is called that is minimised: P90.
+    #[serde(default)]
+    pub percentile: String,
     /// The unit of the optima's criteria; empty for a number without one.
     #[serde(default = "micrometres")]
     pub unit: String,
@@ -58,6 +66,22 @@ pub struct Status {
     /// What only the running coordinator knows; absent when the store alone was asked.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub live: Option<Live>,
+}
+
+/// How far one stage is.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StageProgress {
+    /// `doe`, `sample`, `fit`, `optimise`, `enrich` or `verify`.
+    pub name: String,
+    /// `done`, `current` or `ahead`. What needs no samples, such as runs of an optimiser on a
+    /// deterministic criterion, is done before its stage is the current one.
+    pub state: String,
+    /// How much is done.
+    pub done: u64,
+    /// How much there will be, as far as that is known.
+    pub wanted: u64,
+    /// What is counted.
+    pub of: String,
 }
 
 /// Failures with one cause.
@@ -213,13 +237,14 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
         "sample"
     };
     let groups = store.failure_groups().await?.into_iter();
-    Ok(Status {
+    let mut status = Status {
         schema_version: 3,
         campaign: row.name,
         campaign_digest: row.digest,
         program_version: row.program_version,
         finished: stage == "done",
         stage: stage.to_owned(),
+        stages: Vec::new(),
         designs: Designs {
             wanted,
             made: progress.designs,
@@ -240,12 +265,16 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
         },
         unfinished_runs: unfinished_runs(store, &problem).await?,
         enrichment,
+        percentile: campaign.sampling.percentile_name(),
         unit: problem.sampled().unit.to_string(),
         optima,
         failures: progress.failures,
         failure_groups: groups.map(FailureGroup::from).collect(),
         live: None,
-    })
+    };
+    let to_verify = problem.approaches().count() as u64 * verify;
+    status.stages = status.each_stage(to_verify, campaign.enrichment.is_some());
+    Ok(status)
 }
 
 async fn unfinished_runs(
@@ -303,25 +332,97 @@ impl From<store::FailureGroup> for FailureGroup {
 impl Status {
     /// Adds what the running coordinator knows.
     #[must_use]
-    pub fn with(self, running: Running) -> Self {
+    pub fn with(mut self, running: Running) -> Self {
         let left = |progress: Progress| progress.wanted.saturating_sub(progress.done) as f64;
+        let searches = running.searches.iter().map(|search| Progress {
+            done: search.evaluations,
+            wanted: search.budget,
+        });
+        let evaluations = searches.reduce(sum);
+        let is_search = |stage: &&mut StageProgress| stage.name == "optimise";
         let missing = match self.stage.as_str() {
-            "sample" => Some(self.missing()),
-            "enrich" => self.enrichment.map(|enrichment| left(enrichment.samples)),
-            "verify" => Some(
-                self.optima
-                    .iter()
-                    .map(|optimum| left(optimum.verified))
-                    .sum(),
-            ),
+            "sample" => {
+                let (samples, error) = self.missing();
+                Some(Left::Counted(Kind::Design, samples, error))
+            }
+            "enrich" => self
+                .enrichment
+                .map(|enrichment| Left::Counted(Kind::Point, left(enrichment.samples), 0.0)),
+            "verify" => Some(Left::Counted(Kind::Point, left(self.verified()), 0.0)),
+            "optimise" => Some(match evaluations {
+                Some(evaluations) => Left::Counted(Kind::Run, left(evaluations), 0.0),
+                None => Left::Runs(left(self.optimiser_runs)),
+            }),
             _ => None,
         };
-        let runs_left = (self.stage == "optimise").then(|| left(self.optimiser_runs));
-        let live = Live::of(running, missing, runs_left);
-        Self {
-            live: Some(live),
-            ..self
+        if let (Some(progress), Some(stage)) = (evaluations, self.stages.iter_mut().find(is_search))
+        {
+            (stage.done, stage.wanted) = (progress.done, progress.wanted);
+            stage.of = "evaluations of the runs that go on".to_owned();
         }
+        self.live = Some(Live::of(running, missing));
+        self
+    }
+
+    /// Fresh samples of all optima chosen so far.
+    #[must_use]
+    pub fn verified(&self) -> Progress {
+        let all = self.optima.iter().map(|optimum| optimum.verified);
+        all.fold(Progress { done: 0, wanted: 0 }, sum)
+    }
+
+    /// The stages of a campaign that verifies with at most so many samples, with an enrichment or without.
+    fn each_stage(&self, to_verify: u64, enriches: bool) -> Vec<StageProgress> {
+        let all_chosen = ["verify", "done"].contains(&&*self.stage);
+        let names = ["doe", "sample", "fit", "optimise", "enrich", "verify"];
+        let names = names
+            .into_iter()
+            .filter(|name| enriches || *name != "enrich");
+        let current = names.clone().position(|name| name == self.stage);
+        names
+            .enumerate()
+            .map(|(place, name)| {
+                // A finished campaign has no current stage.
+                let state = match current.map(|current| place.cmp(&current)) {
+                    None | Some(Ordering::Less) => "done",
+                    Some(Ordering::Equal) => "current",
+                    Some(Ordering::Greater) => "ahead",
+                };
+                let is_done = u64::from(state == "done");
+                let (done, wanted, of) = match name {
+                    "doe" => (self.designs.made, self.designs.wanted, "designs"),
+                    "sample" if state == "done" => {
+                        (self.samples.done, self.samples.done, "samples")
+                    }
+                    "sample" => {
+                        let left = self.missing().0.round() as u64;
+                        (self.samples.done, self.samples.done + left, "samples")
+                    }
+                    "fit" => (is_done, 1, "models"),
+                    "optimise" => {
+                        let Progress { done, wanted } = self.optimiser_runs;
+                        (done, wanted, "runs")
+                    }
+                    "enrich" => {
+                        let samples = self.enrichment.map(|enrichment| enrichment.samples);
+                        let (done, wanted) = samples.map_or((0, 0), |s| (s.done, s.wanted));
+                        (done, wanted, "samples of the round")
+                    }
+                    _ => {
+                        let Progress { done, wanted } = self.verified();
+                        let wanted = if all_chosen { wanted } else { to_verify };
+                        (done, wanted, "fresh samples")
+                    }
+                };
+                StageProgress {
+                    name: name.to_owned(),
+                    state: state.to_owned(),
+                    done,
+                    wanted,
+                    of: of.to_owned(),
+                }
+            })
+            .collect()
     }
 
     /// The stage, for people: of rounds of infill, which one.
@@ -350,10 +451,10 @@ impl Status {
         })
     }
 
-    /// About how many samples of the DoE are missing: of the designs that have not been tried, as
-    /// many are taken to get samples as of the others.
+    /// About how many samples of the DoE are missing, with the standard error of that number: of the
+    /// designs that have not been tried, as many are taken to get samples as of the others.
     #[must_use]
-    pub fn missing(&self) -> f64 {
+    pub fn missing(&self) -> (f64, f64) {
         let Designs {
             wanted,
             done,
@@ -362,13 +463,23 @@ impl Status {
             ..
         } = self.designs;
         let sampled = simulable.saturating_sub(ruled_out);
-        let share = if done > 0 {
-            sampled as f64 / done as f64
+        let (share, variance) = if done > 0 {
+            let share = sampled as f64 / done as f64;
+            (share, share * (1.0 - share) / done as f64)
         } else {
-            1.0
+            (1.0, 0.0)
         };
-        let expected = (sampled as f64 + share * wanted.saturating_sub(done) as f64)
-            * self.samples.per_design as f64;
-        (expected - self.samples.done as f64).max(0.0)
+        let untried = wanted.saturating_sub(done) as f64;
+        let per_design = self.samples.per_design as f64;
+        let expected = (sampled as f64 + share * untried) * per_design;
+        let left = (expected - self.samples.done as f64).max(0.0);
+        (left, untried * per_design * variance.sqrt())
+    }
+}
+
+fn sum(a: Progress, b: Progress) -> Progress {
+    Progress {
+        done: a.done + b.done,
+        wanted: a.wanted + b.wanted,
     }
 }

@@ -23,6 +23,19 @@ pub struct Searches {
     held: BTreeMap<StreamId, Held>,
 }
 
+/// How far a search is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Progress {
+    /// The run.
+    pub stream: StreamId,
+    /// Evaluations so far.
+    pub evaluations: u64,
+    /// With how many evaluations it ends, unless it has to continue then.
+    pub budget: u64,
+    /// The improvements so far, as in [`RunResult`].
+    pub history: Vec<(u64, f64)>,
+}
+
 /// What is next in a run.
 pub enum Turn {
     /// Candidates are to be evaluated.
@@ -61,6 +74,16 @@ impl Held {
 }
 
 impl Searches {
+    /// How far the searches are that go on.
+    pub fn progress(&self) -> impl Iterator<Item = Progress> {
+        self.held.iter().map(|(stream, held)| Progress {
+            stream: *stream,
+            evaluations: held.search.evaluations(),
+            budget: held.search.budget(),
+            history: held.search.history(),
+        })
+    }
+
     /// Takes a run as far as the stored evaluations go.
     ///
     /// # Errors

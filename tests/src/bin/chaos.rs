@@ -89,11 +89,12 @@ fn run(arguments: &Arguments) -> Result<u64, Violation> {
                 count.stale += done.stale;
                 count.seconds += done.time.as_secs_f64();
                 println!(
-                    "round {round}: ok, {}, {} acts, {} looks, {} stale results, campaign {:.1} s, \
+                    "round {round}: ok, {}, {} acts, {} looks, {} views, {} stale results, campaign {:.1} s, \
                      {:.1} s in all",
                     done.kind.name(),
                     done.acts,
                     done.looks,
+                    done.visits,
                     done.stale,
                     done.time.as_secs_f64(),
                     since.elapsed().as_secs_f64()

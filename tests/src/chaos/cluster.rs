@@ -14,6 +14,7 @@ use super::plan::{Act, RELIEF, WORKERS, Who};
 use super::programs::{ACCESS, Programs, Serving};
 use super::proxy::{Fault, Proxy};
 use crate::free_address;
+use crate::http::{self, LOCALHOST, VIEWS};
 
 /// The campaign is finished.
 const FINISHED: i32 = 0;
@@ -111,6 +112,9 @@ pub(crate) struct Setup {
 pub(crate) struct Cluster {
     pub(crate) setup: Setup,
     address: SocketAddr,
+    http: SocketAddr,
+    /// How often the page has answered.
+    pub(crate) visits: usize,
     proxies: Vec<Proxy>,
     coordinator: Option<Process>,
     workers: Vec<Option<Process>>,
@@ -133,6 +137,8 @@ impl Cluster {
         let mut cluster = Self {
             setup,
             address,
+            http: free_address(),
+            visits: 0,
             proxies: proxies.map_err(|error| Violation(format!("no proxy: {error}")))?,
             coordinator: None,
             workers: (0..=RELIEF).map(|_| None).collect(),
@@ -147,10 +153,11 @@ impl Cluster {
         Ok(cluster)
     }
 
-    fn serving(&self, listen: SocketAddr) -> Serving<'_> {
+    fn serving(&self, [listen, http]: [SocketAddr; 2]) -> Serving<'_> {
         Serving {
             file: &self.setup.file,
             listen,
+            http,
             stays: self.setup.stays,
         }
     }
@@ -160,7 +167,7 @@ impl Cluster {
         let folder = &self.setup.folder;
         let (name, command) = match who {
             Who::Coordinator => {
-                let serving = self.serving(self.address);
+                let serving = self.serving([self.address, self.http]);
                 let command = self.setup.programs.coordinator(folder, ACCESS, serving);
                 (format!("coordinator-{}", self.started), command)
             }
@@ -269,7 +276,7 @@ impl Cluster {
         let has_lock = holds_a_lock(first.child.id());
         let anywhere = SocketAddr::from(([127, 0, 0, 1], 0));
         let (programs, folder) = (&self.setup.programs, &self.setup.folder);
-        let command = programs.coordinator(folder, INTRUDERS_ACCESS, self.serving(anywhere));
+        let command = programs.coordinator(folder, INTRUDERS_ACCESS, self.serving([anywhere; 2]));
         let log = folder.join("intruder.log");
         let mut intruder = Process::start(command, folder, "intruder".to_owned())?;
         // One that opens the store before the first, which has just been started, serves: the first
@@ -295,6 +302,26 @@ impl Cluster {
             )));
         }
         Ok(())
+    }
+
+    /// Asks for the next view of the page. Whoever is answered gets a view, whatever happens meanwhile.
+    pub(crate) fn visit(&mut self) -> Result<(), Violation> {
+        if !self.serves() {
+            return Ok(());
+        }
+        let path = format!("/api/v1/{}", VIEWS[self.visits % VIEWS.len()]);
+        // It may be about to listen, or to end.
+        let Ok(answer) = http::get(self.http, LOCALHOST, &path, PATIENCE) else {
+            return Ok(());
+        };
+        if answer.code == 200 && answer.json()["schema_version"].is_u64() {
+            self.visits += 1;
+            return Ok(());
+        }
+        Err(Violation(format!(
+            "{path} is {} {}",
+            answer.code, answer.body
+        )))
     }
 
     /// Notices processes that have ended by themselves.

@@ -48,6 +48,8 @@ pub struct Round {
     pub acts: usize,
     /// Looks at the progress.
     pub looks: usize,
+    /// Views that the live page gave.
+    pub visits: usize,
     /// Results that came when their stream had changed, and were dropped.
     pub stale: usize,
     /// From the start of the coordinator to its good end.
@@ -176,7 +178,7 @@ impl Soak {
             .peekable();
         let mut progress = Progress::default();
         let (mut acts, mut looks, mut healed) = (0, 0, false);
-        let mut next_look = LOOK;
+        let (mut next_look, mut next_visit) = (LOOK, LOOK);
         let time = loop {
             let now = since.elapsed();
             if let Some(code) = cluster.ended.take() {
@@ -229,6 +231,10 @@ impl Soak {
                 };
                 next_look = since.elapsed() + pause;
             }
+            if now >= next_visit {
+                cluster.visit()?;
+                next_visit = since.elapsed() + LOOK;
+            }
             cluster.look()?;
             if std::mem::take(&mut cluster.is_dismissed) && !course.takes_turn() {
                 let status = self.programs.status(folder, DB)?;
@@ -240,12 +246,14 @@ impl Soak {
             }
             std::thread::sleep(Duration::from_millis(10));
         };
+        let visits = cluster.visits;
         cluster.end()?;
         progress.advance(&self.programs.status(folder, DB)?, course.takes_turn())?;
         Ok(Round {
             kind,
             acts,
             looks,
+            visits,
             stale: stale(folder),
             time,
         })

@@ -21,6 +21,8 @@ pub(crate) struct Serving<'a> {
     pub(crate) file: &'a Path,
     /// The address to listen on.
     pub(crate) listen: SocketAddr,
+    /// The address of its page.
+    pub(crate) http: SocketAddr,
     /// Whether the coordinator stays when the campaign is finished.
     pub(crate) stays: bool,
 }
@@ -101,6 +103,7 @@ impl Programs {
         command.arg("serve").arg(serving.file);
         command.args(["--db", DB, "--out", "report", "--lease", "3"]);
         command.args(["--access", access, "--listen", &serving.listen.to_string()]);
+        command.args(["--http", &serving.http.to_string()]);
         if serving.stays {
             command.arg("--keep-serving");
         }

@@ -309,7 +309,7 @@ async fn serve(arguments: &[String]) -> anyhow::Result<()> {
         }),
         keep_serving: false,
         lease: server::LEASE,
-        metrics: None,
+        http: None,
     };
     server::run(plan, None, CancellationToken::new()).await?;
     Ok(())

@@ -53,7 +53,7 @@ pub(super) async fn sweep(arguments: arguments::Sweep) -> anyhow::Result<u8> {
             port: None,
             keep_serving: false,
             lease: server::LEASE,
-            metrics: None,
+            http: None,
         };
         let progress = Progress::new();
         let observer: server::Observer = Box::new(move |status| progress.show(status));

@@ -470,7 +470,7 @@ async fn a_failure_reported_again_counts_once() {
     assert_eq!(restarted.live().counts.leased, 1, "it is taken over");
     bench.report("w", failure(&leases[0], 1)).await;
     assert_eq!(restarted.live().counts.leased, 0, "and free for others");
-    assert_eq!(restarted.live().workers[0].failed, 0);
+    assert_eq!(restarted.live().workers[0].0.failed, 0);
     assert_eq!(bench.store.failures().await.unwrap().len(), 1);
 
     // Another failure counts, also of the same design by the same worker; an overtaken copy of the
@@ -479,7 +479,7 @@ async fn a_failure_reported_again_counts_once() {
     bench.report("w", failure(&leases[0], 1)).await;
     assert_eq!(restarted.live().counts.leased, 1);
     bench.report("w", failure(&again[0], 2)).await;
-    assert_eq!(restarted.live().workers[0].failed, 1);
+    assert_eq!(restarted.live().workers[0].0.failed, 1);
     assert_eq!(bench.store.job_histories().await.unwrap()[0].failures, 2);
 }
 
@@ -489,7 +489,7 @@ async fn what_a_worker_says_of_itself_is_bounded() {
     let mut request = bench.introduction("w");
     request.host = "\u{e4}".repeat(10_000);
     bench.register(request.clone()).await.unwrap();
-    let host = bench.board.live().workers[0].host.clone();
+    let host = bench.board.live().workers[0].0.host.clone();
     assert!(host.len() <= 256 && host.len() >= 255, "{}", host.len());
     assert!(
         host.chars().all(|c| c == '\u{e4}'),

@@ -3,6 +3,7 @@
 
 mod gears;
 mod intervals;
+mod map;
 mod model;
 mod pressure;
 mod rounds;
@@ -10,7 +11,7 @@ mod runs;
 mod scatter;
 
 use crate::data::{
-    ApproachResult, DoePoint, Enrichment, GearDrawing, KrigingFit, PressureCurves, SteCurves,
+    DoePoint, Enrichment, GearDrawing, KrigingFit, OptimiserRun, PressureCurves, SteCurves,
     WearProfiles,
 };
 use crate::error::Error;
@@ -18,6 +19,7 @@ use crate::svg::{Axis, Chart, Mark, Picture, Scale, Series};
 
 pub(crate) use gears::gears;
 pub use intervals::{PercentileSeries, chart_front, chart_teeth};
+pub use map::{ResponseMap, chart_map};
 pub(crate) use model::{residuals, slice};
 pub(crate) use pressure::pressure;
 pub(crate) use rounds::{expected_improvement, prediction};
@@ -67,8 +69,8 @@ pub fn chart_leave_one_out(fit: &KrigingFit) -> Result<String, Error> {
 ///
 /// # Errors
 /// [`Error::NothingToDraw`] without a run that recorded a finite value.
-pub fn chart_convergence(result: &ApproachResult) -> Result<String, Error> {
-    convergence(result).map(|picture| picture.standalone())
+pub fn chart_convergence(title: &str, runs: &[OptimiserRun]) -> Result<String, Error> {
+    convergence(title, runs).map(|picture| picture.standalone())
 }
 
 /// The gears in mesh around the pitch point, to scale, as an SVG file.
@@ -98,7 +100,7 @@ pub fn chart_pressure(curves: &PressureCurves) -> Result<String, Error> {
     pressure(curves).map(|picture| picture.standalone())
 }
 
-/// The predicted `percentile` (its name, such as P90) of the recommended design in µm against the rounds of the enrichment, as an SVG
+/// The predicted `percentile` (its name, such as P90) of the recommended design against the rounds of the enrichment, as an SVG
 /// file.
 ///
 /// # Errors
@@ -107,7 +109,7 @@ pub fn chart_prediction(enrichment: &Enrichment, percentile: &str) -> Result<Str
     prediction(enrichment, percentile).map(|picture| picture.standalone())
 }
 
-/// The most that is expected of a further observation in µm against the rounds of the enrichment, as
+/// The most that is expected of a further observation against the rounds of the enrichment, as
 /// an SVG file.
 ///
 /// # Errors
@@ -156,6 +158,14 @@ fn axis(label: impl Into<String>, scale: Scale) -> Axis {
         label: label.into(),
         scale,
         range: None,
+    }
+}
+
+/// A quantity and its unit, if it has one.
+fn with_unit(what: &str, unit: &str) -> String {
+    match unit {
+        "" => what.to_owned(),
+        unit => format!("{what} ({unit})"),
     }
 }
 

@@ -1,6 +1,6 @@
 //! The rounds of an enrichment.
 
-use super::{HALF, axis, draw};
+use super::{HALF, axis, draw, with_unit};
 use crate::data::Enrichment;
 use crate::error::Error;
 use crate::svg::{Chart, Mark, Picture, Scale, Series};
@@ -33,7 +33,7 @@ pub(crate) fn prediction(enrichment: &Enrichment, percentile: &str) -> Result<Pi
     let chart = Chart {
         title: format!("{percentile} of the recommended design"),
         x: axis("round", Scale::Linear),
-        y: axis(format!("{percentile} (µm)"), Scale::Linear),
+        y: axis(with_unit(percentile, &enrichment.unit), Scale::Linear),
         series,
         size: HALF,
     };
@@ -66,7 +66,10 @@ pub(crate) fn expected_improvement(enrichment: &Enrichment) -> Result<Picture, E
     let chart = Chart {
         title: "What a further observation may gain".to_owned(),
         x: axis("round", Scale::Linear),
-        y: axis("expected improvement (µm)", Scale::Log),
+        y: axis(
+            with_unit("expected improvement", &enrichment.unit),
+            Scale::Log,
+        ),
         series,
         size: HALF,
     };

@@ -1,7 +1,7 @@
 //! Lines over evaluations and over the mesh phase.
 
 use super::{HALF, axis, draw, same_length};
-use crate::data::{ApproachResult, SteCurves};
+use crate::data::{OptimiserRun, SteCurves};
 use crate::error::Error;
 use crate::number;
 use crate::svg::{Chart, Mark, Picture, Scale, Series};
@@ -14,10 +14,10 @@ const DASHES: [&str; 4] = ["", "8 3", "3 2", "10 3 2 3"];
 const LOG_FROM_RATIO: f64 = 8.0;
 
 /// See [`super::chart_convergence`].
-pub(crate) fn convergence(result: &ApproachResult) -> Result<Picture, Error> {
+pub(crate) fn convergence(title: &str, runs: &[OptimiserRun]) -> Result<Picture, Error> {
     let mut series = Vec::new();
     let mut rings = Vec::new();
-    for (i, run) in result.runs.iter().enumerate() {
+    for (i, run) in runs.iter().enumerate() {
         let points: Vec<[f64; 2]> = run
             .best
             .iter()
@@ -54,7 +54,7 @@ pub(crate) fn convergence(result: &ApproachResult) -> Result<Picture, Error> {
     };
     series.extend(rings);
     let chart = Chart {
-        title: result.approach.label().to_owned(),
+        title: title.to_owned(),
         x: axis("evaluations", Scale::Linear),
         y: axis("best penalised objective", scale),
         series,

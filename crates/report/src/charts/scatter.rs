@@ -1,6 +1,6 @@
 //! Scatter plots: responses against each other, predictions against observations.
 
-use super::{HALF, axis, draw};
+use super::{HALF, axis, draw, with_unit};
 use crate::data::{DoePoint, KrigingFit};
 use crate::error::Error;
 use crate::svg::{Axis, Chart, Mark, Picture, Scale, Series, drawable};
@@ -105,14 +105,13 @@ pub(crate) fn leave_one_out(fit: &KrigingFit) -> Result<Picture, Error> {
         .iter()
         .map(|p| [p.observed_um, p.predicted_um]);
     let points = drawable_pairs(pairs, Scale::Linear);
-    let with_unit = |what: &str| match fit.unit.as_str() {
-        "" => what.to_owned(),
-        unit => format!("{what} ({unit})"),
-    };
     let chart = Chart {
         title: "Leave-one-out predictions".to_owned(),
-        x: axis(with_unit("observed"), Scale::Linear),
-        y: axis(with_unit("predicted from the others"), Scale::Linear),
+        x: axis(with_unit("observed", &fit.unit), Scale::Linear),
+        y: axis(
+            with_unit("predicted from the others", &fit.unit),
+            Scale::Linear,
+        ),
         series: vec![
             diagonal(&points, "perfect prediction"),
             Series {

@@ -26,6 +26,9 @@ pub use pair::render_pair;
 pub use problem::render_problem;
 use rows::{ApproachRow, ComparedDesign, PreliminaryRow, ResponseRow, SimilarRow, Value};
 
+/// The style of the report's pages, light and dark, for other pages that are to look like them.
+pub const PAGE_STYLE: &str = include_str!("../../templates/report.css");
+
 /// A report: one HTML page that loads nothing and runs nothing, and its charts as files.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Rendered {
@@ -128,7 +131,7 @@ impl<'a> Page<'a> {
         };
         Ok(Self {
             header,
-            page_css: include_str!("../../templates/report.css"),
+            page_css: PAGE_STYLE,
             chart_css: svg::CSS,
             paper,
             paper_samples: paper::ACCURATE_SAMPLES,
@@ -198,10 +201,8 @@ impl<'a> Page<'a> {
                 .filter(|result| !result.runs.is_empty())
                 .enumerate()
                 .map(|(i, result)| {
-                    figure(
-                        &format!("convergence-{}", i + 1),
-                        charts::convergence(result),
-                    )
+                    let chart = charts::convergence(result.approach.label(), &result.runs);
+                    figure(&format!("convergence-{}", i + 1), chart)
                 })
                 .collect::<Result<_, _>>()?,
             enrichment: data

@@ -17,7 +17,7 @@ use crate::svg;
 pub fn render_pair(data: &PairPage) -> Result<String, Error> {
     let page = Page {
         data,
-        page_css: include_str!("../../templates/report.css"),
+        page_css: super::PAGE_STYLE,
         chart_css: svg::CSS,
         constraints: data
             .constraints

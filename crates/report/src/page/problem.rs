@@ -20,7 +20,7 @@ pub fn render_problem(data: &ProblemReport) -> Result<Rendered, Error> {
     let share = |designs: usize| percent(designs as f64 / header.designs as f64);
     let page = Page {
         data,
-        page_css: include_str!("../../templates/report.css"),
+        page_css: super::PAGE_STYLE,
         chart_css: svg::CSS,
         summary: SummaryView::new(&data.summary, &nothing_found(&header.percentile)),
         tiles: tiles(header, false),

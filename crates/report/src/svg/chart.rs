@@ -33,6 +33,8 @@ pub enum Mark {
     Thin(&'static str),
     /// Half-transparent dots.
     Dots,
+    /// Dots in a shade of the sequential palette, from the least (0) to the greatest (5).
+    Shades,
     /// Rings, to mark points of another series.
     Rings,
     /// A grey dashed line that does not count for the axes' ranges.
@@ -67,7 +69,8 @@ pub struct Chart {
     pub size: [f64; 2],
 }
 
-const PALETTE: usize = 6;
+/// Colours of either palette.
+pub(crate) const PALETTE: usize = 6;
 const MARGIN: f64 = 10.0;
 const LINE: f64 = 17.0;
 
@@ -177,6 +180,7 @@ impl Chart {
                 Mark::Thin(dash) => canvas.lines(&ends, &format!("thin s{colour}"), dash),
                 Mark::Guide => canvas.lines(&ends, "guide", ""),
                 Mark::Dots => canvas.circle(middle, 3.0, &format!("f{colour}")),
+                Mark::Shades => canvas.circle(middle, 4.0, &format!("q{colour}")),
                 Mark::Rings => canvas.circle(middle, 3.5, &format!("ring s{colour}")),
             }
             canvas.label([at[0] + SAMPLE + 5.0, at[1]], name);
@@ -212,6 +216,7 @@ fn draw_series(
         }
         Mark::Guide => canvas.lines(&clip_polyline(&points, frame), "guide", ""),
         Mark::Dots => canvas.dots(&inside().collect::<Vec<_>>(), &format!("dots s{colour}")),
+        Mark::Shades => canvas.dots(&inside().collect::<Vec<_>>(), &format!("shades p{colour}")),
         Mark::Rings => {
             for p in inside() {
                 canvas.circle(p, 3.5, &format!("ring s{colour}"));

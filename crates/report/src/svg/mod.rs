@@ -11,8 +11,8 @@ mod clip;
 
 pub use axis::Scale;
 pub(crate) use canvas::{Canvas, Picture, Table, escape, text_width};
-pub(crate) use chart::drawable;
 pub use chart::{Axis, Chart, Mark, Series};
+pub(crate) use chart::{PALETTE, drawable};
 pub(crate) use clip::{Window, clip_polygon, clip_polyline};
 
 /// The style of every chart; a page that holds inline charts includes it once.

@@ -74,7 +74,7 @@ fn every_chart_is_a_picture_of_its_own() {
         )
         .unwrap(),
         chart_leave_one_out(&data.kriging[0]).unwrap(),
-        chart_convergence(&data.approaches[0]).unwrap(),
+        chart_convergence("Without wear", &data.approaches[0].runs).unwrap(),
         chart_gears(optimum.drawing.as_ref().unwrap()).unwrap(),
         chart_ste(optimum.ste.as_ref().unwrap()).unwrap(),
     ];
@@ -183,11 +183,11 @@ fn a_run_without_values_is_nothing_to_draw() {
         run.restarts = vec![1, 6000];
     }
     assert!(matches!(
-        chart_convergence(&result),
+        chart_convergence("one", &result.runs),
         Err(Error::NothingToDraw { .. })
     ));
     result.runs[1].best = vec![(1, f64::INFINITY), (7, 3.0)];
-    check_picture(&chart_convergence(&result).unwrap());
+    check_picture(&chart_convergence("one", &result.runs).unwrap());
 }
 
 #[test]

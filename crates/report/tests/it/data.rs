@@ -90,6 +90,7 @@ fn enrichment() -> Enrichment {
         }
     });
     Enrichment {
+        unit: "µm".to_owned(),
         rounds: rounds.collect(),
         tolerance_um: 0.01,
         stop: "The enrichment has converged.".to_owned(),

@@ -1,11 +1,12 @@
 //! The rounds of infill, for the report.
 
 use campaign::Approach;
+use campaign::formulation::Problem;
 use report::{Enrichment, EnrichmentRound};
 use stages::infill::MORE;
 use stages::rounds::Round;
 use stages::snapshot::response_counts;
-use store::Store;
+use store::{InfillRow, RoundRow, Store};
 
 use super::sources::Sources;
 
@@ -17,17 +18,39 @@ pub(super) async fn enrichment(
     store: &Store,
     sources: &Sources,
 ) -> anyhow::Result<Option<Enrichment>> {
-    let Some(section) = &sources.problem.campaign().enrichment else {
+    if sources.problem.campaign().enrichment.is_none() {
+        return Ok(None);
+    }
+    let fresh = sources.fresh.get(Approach::EnrichedKriging.name());
+    let fresh = fresh.map_or(&[][..], Vec::as_slice);
+    let rounds = rounds(&sources.problem, &sources.rounds, &sources.infill, fresh)?;
+    let counts = response_counts(store, &sources.problem.campaign().sampling).await?;
+    Ok(rounds.map(|enrichment| Enrichment {
+        doe_samples: counts.values().sum(),
+        ..enrichment
+    }))
+}
+
+/// What the rounds of infill in the store did, with fresh samples of the recommended design; how many
+/// samples the DoE had before is left at 0. None without an enrichment.
+///
+/// # Errors
+///
+/// A round is not what this version writes.
+pub fn rounds(
+    problem: &Problem,
+    rows: &[RoundRow],
+    infill: &[InfillRow],
+    fresh: &[f64],
+) -> anyhow::Result<Option<Enrichment>> {
+    let Some(section) = &problem.campaign().enrichment else {
         return Ok(None);
     };
     let mut rounds = Vec::new();
     let (mut stop, mut recommendation) = (String::new(), None);
-    for row in &sources.rounds {
+    for row in rows {
         let round = Round::read(row.clone())?;
-        let points = || {
-            let points = sources.infill.iter();
-            points.filter(|point| point.round == round.row.round)
-        };
+        let points = || infill.iter().filter(|point| point.round == row.round);
         let further = points().filter(|point| point.reason == MORE).count() as u64;
         let best = round.recommendation.as_ref();
         rounds.push(EnrichmentRound {
@@ -51,15 +74,13 @@ pub(super) async fn enrichment(
             .map_or_else(String::new, ToString::to_string);
         recommendation = round.recommendation;
     }
-    let fresh = sources.fresh.get(Approach::EnrichedKriging.name());
-    let fresh = fresh.map_or(&[][..], Vec::as_slice);
-    let verified = sources.problem.campaign().sampling.verified(fresh).ok();
-    let counts = response_counts(store, &sources.problem.campaign().sampling).await?;
+    let verified = problem.campaign().sampling.verified(fresh).ok();
     Ok(Some(Enrichment {
+        unit: problem.sampled().unit.to_string(),
         rounds,
         tolerance_um: section.tolerance_um,
         stop,
-        doe_samples: counts.values().sum(),
+        doe_samples: 0,
         verified_um: verified.map(|percentile| percentile.p90),
         interval_of_estimate_um: recommendation.zip(verified).map(|(best, verified)| {
             // Both are uncertain, the model and the verification.

@@ -10,7 +10,7 @@ use report::{
     SteCurves,
 };
 use stages::optima::{approach_of, optimum_design};
-use store::OptimumRow;
+use store::{OptimiserRunRow, OptimumRow};
 
 use super::problem::limited;
 use super::sources::Sources;
@@ -67,23 +67,28 @@ pub(super) fn approaches(sources: &Sources) -> anyhow::Result<Vec<ApproachResult
 }
 
 fn runs(sources: &Sources, approach: Approach) -> anyhow::Result<Vec<OptimiserRun>> {
-    let planned = sources.problem.campaign().optimise.restart_at;
-    sources
+    let of_approach = sources
         .runs
         .iter()
-        .filter(|row| row.approach == approach.name())
-        .map(|row| {
-            let run: RunResult = serde_json::from_str(&row.result_json)?;
-            let mut restarts: Vec<u64> = run.restarts.iter().map(|(at, _)| *at).collect();
-            restarts.extend(planned.map(u64::from));
-            restarts.sort_unstable();
-            Ok(OptimiserRun {
-                start: row.start as usize + 1,
-                best: run.history,
-                restarts,
-            })
-        })
-        .collect()
+        .filter(|row| row.approach == approach.name());
+    of_approach.map(|row| run(&sources.problem, row)).collect()
+}
+
+/// A finished run of an optimiser, for [`report::chart_convergence`].
+///
+/// # Errors
+///
+/// The row is not what this version writes.
+pub fn run(problem: &Problem, row: &OptimiserRunRow) -> anyhow::Result<OptimiserRun> {
+    let run: RunResult = serde_json::from_str(&row.result_json)?;
+    let mut restarts: Vec<u64> = run.restarts.iter().map(|(at, _)| *at).collect();
+    restarts.extend(problem.campaign().optimise.restart_at.map(u64::from));
+    restarts.sort_unstable();
+    Ok(OptimiserRun {
+        start: row.start as usize + 1,
+        best: run.history,
+        restarts,
+    })
 }
 
 fn optimum(

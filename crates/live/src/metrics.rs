@@ -1,15 +1,7 @@
 //! Metrics for Prometheus: what a dashboard or an alarm would watch.
 //!
-//! Nothing is counted here. A scrape asks the board and the store, which know it all anyway.
+//! Nothing is counted here: a scrape takes what the status says.
 
-use std::sync::Arc;
-
-use anyhow::Context as _;
-use axum::Router;
-use axum::extract::State;
-use axum::http::StatusCode;
-use axum::response::{IntoResponse, Response};
-use axum::routing::get;
 use prometheus_client::collector::Collector;
 use prometheus_client::encoding::text::encode;
 use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric};
@@ -18,45 +10,9 @@ use prometheus_client::metrics::gauge::ConstGauge;
 use prometheus_client::registry::Registry;
 use results::live::Live;
 use results::status::Status;
-use tokio::net::TcpListener;
-use tokio_util::sync::CancellationToken;
-
-use crate::board::Board;
-use crate::recorder::Recorder;
 
 /// The media type of what Prometheus reads.
-const MEDIA_TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
-
-/// Answers `GET /metrics` on `listener` until `stop`.
-///
-/// # Errors
-///
-/// The listener fails.
-pub async fn serve<R: Recorder>(
-    listener: TcpListener,
-    board: Arc<Board>,
-    recorder: R,
-    stop: CancellationToken,
-) -> anyhow::Result<()> {
-    let router = Router::new()
-        .route("/metrics", get(scrape::<R>))
-        .with_state((board, recorder));
-    axum::serve(listener, router)
-        .with_graceful_shutdown(stop.cancelled_owned())
-        .await
-        .context("the metrics server")
-}
-
-async fn scrape<R: Recorder>(State((board, recorder)): State<(Arc<Board>, R)>) -> Response {
-    match recorder.status().await {
-        Ok(None) => StatusCode::NOT_FOUND.into_response(),
-        Ok(Some(status)) => {
-            let text = render(status.with(board.live()));
-            ([("content-type", MEDIA_TYPE)], text).into_response()
-        }
-        Err(error) => (StatusCode::SERVICE_UNAVAILABLE, format!("{error:#}\n")).into_response(),
-    }
-}
+pub(crate) const MEDIA_TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
 
 /// The metrics of a campaign in the text format of OpenMetrics.
 #[must_use]

@@ -1,0 +1,44 @@
+//! The live page: who may have it, and that of a store without a coordinator.
+
+use std::net::{Ipv4Addr, SocketAddr};
+
+use coordinator::serving::listen;
+use protocol::exit;
+use store::Store;
+use tokio_util::sync::CancellationToken;
+
+use super::Usage;
+use crate::arguments;
+
+/// Refuses an address that others reach: the page is served to whoever asks, in clear.
+pub(super) fn refuse_open(address: Option<SocketAddr>, is_accepted: bool) -> Result<(), Usage> {
+    match address {
+        Some(address) if !address.ip().is_loopback() && !is_accepted => {
+            let port = address.port();
+            Err(Usage(format!(
+                "--http {address} is reachable by others and has neither encryption nor tokens: give \
+                 127.0.0.1:{port}, and look from another machine through a tunnel, as with ssh -L \
+                 {port}:127.0.0.1:{port} HOST; `serve` accepts the risk with --insecure"
+            )))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// `coordinator view`.
+pub(super) async fn view(arguments: arguments::View) -> anyhow::Result<u8> {
+    refuse_open(arguments.http, false)?;
+    let store = Store::open_read_only(&arguments.db).await?;
+    let anywhere = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
+    let listener = listen("--http", arguments.http.unwrap_or(anywhere)).await?;
+    console::announce(&format!(
+        "the page of {} is at http://{}; Ctrl-C ends it",
+        arguments.db.display(),
+        listener.local_addr()?
+    ));
+    let stop = CancellationToken::new();
+    tokio::spawn(console::watch_signals(stop.clone(), "stopping"));
+    live::serve(listener, live::Site::new(store.clone(), None), stop).await?;
+    store.close().await?;
+    Ok(exit::OK)
+}

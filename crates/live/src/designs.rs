@@ -1,0 +1,170 @@
+//! The designs of the DoE with their percentiles, also while they are sampled.
+//!
+//! The campaign computes its responses when all samples are there. Until then this holds a percentile of
+//! each design that has its first samples, by the campaign's own rule but without a control variate. A
+//! percentile is computed once, and few at a time, so that looking at a large campaign costs little.
+
+use std::collections::BTreeMap;
+
+use campaign::Approach;
+use campaign::formulation::{Design, Problem};
+use stages::choosing;
+use stages::cost::Cost;
+use stages::optima::{approach_of, optimum_design};
+use stages::responses::{Samples, response_of};
+use stages::state::State;
+use store::{CriteriaRow, DesignRow, OptimumRow, Progress, ResponseRow, Store};
+
+use crate::views::{Candidate, Point};
+
+/// The deviate of a two-sided 95 % interval.
+const Z95: f64 = 1.959_963_984_540_054;
+/// Preliminary percentiles of so many designs are computed at a time, …
+const DESIGNS_AT_ONCE: usize = 500;
+/// … and of not many more samples than these.
+const SAMPLES_AT_ONCE: usize = 100_000;
+
+/// The designs that have a percentile.
+#[derive(Debug, Default)]
+pub(crate) struct Designs {
+    /// What the store held when it was read.
+    seen: Option<Progress>,
+    designs: Vec<DesignRow>,
+    criteria: Vec<CriteriaRow>,
+    /// The campaign's responses; empty before it has them.
+    responses: Vec<ResponseRow>,
+    /// Percentiles of first samples; none of samples that make none.
+    preliminary: BTreeMap<u64, Option<ResponseRow>>,
+    /// Whether more designs have their first samples than are in `preliminary`.
+    is_behind: bool,
+}
+
+impl Designs {
+    /// Reads what is new in the store.
+    ///
+    /// # Errors
+    ///
+    /// The store cannot be read.
+    pub(crate) async fn refresh(
+        &mut self,
+        store: &Store,
+        problem: &Problem,
+    ) -> Result<(), store::Error> {
+        let now = store.progress().await?;
+        let is_new = self.seen.as_ref() != Some(&now);
+        if is_new {
+            if self.designs.len() as u64 != now.designs {
+                self.designs = store.designs().await?;
+            }
+            self.criteria = store.criteria().await?;
+            self.responses = store.responses().await?;
+            self.seen = Some(now);
+        }
+        if !self.responses.is_empty() {
+            self.preliminary.clear();
+            self.is_behind = false;
+        } else if is_new || self.is_behind {
+            self.estimate(store, problem).await?;
+        }
+        Ok(())
+    }
+
+    async fn estimate(&mut self, store: &Store, problem: &Problem) -> Result<(), store::Error> {
+        let sampling = &problem.campaign().sampling;
+        let wanted = sampling.samples_per_design as usize;
+        let counts = store.sampled_counts().await?;
+        let mut waiting = counts
+            .into_iter()
+            .filter(|(_, held)| *held >= wanted as u64)
+            .map(|(design, _)| design)
+            .filter(|design| !self.preliminary.contains_key(design))
+            .collect::<Vec<u64>>()
+            .into_iter();
+        let at_once = (SAMPLES_AT_ONCE / wanted.max(1)).clamp(1, DESIGNS_AT_ONCE);
+        for design in waiting.by_ref().take(at_once) {
+            let held = store.samples_of(design).await?;
+            let first = held.iter().zip(0..wanted as u64);
+            let first = first.take_while(|((sample, _), place)| sample == place);
+            let values: Vec<f64> = first.map(|((_, value), _)| *value).collect();
+            let row = response_of(design, Samples::plain(&values), sampling).ok();
+            self.preliminary
+                .insert(design, row.filter(|_| values.len() == wanted));
+        }
+        self.is_behind = waiting.len() > 0;
+        Ok(())
+    }
+
+    /// Whether the percentiles are of first samples.
+    pub(crate) fn is_preliminary(&self) -> bool {
+        self.responses.is_empty()
+    }
+
+    /// The percentiles, by design.
+    pub(crate) fn responses(&self) -> Vec<ResponseRow> {
+        if self.responses.is_empty() {
+            self.preliminary.values().flatten().copied().collect()
+        } else {
+            self.responses.clone()
+        }
+    }
+
+    /// Each design that has a percentile.
+    pub(crate) fn points(&self) -> Vec<Point> {
+        let rows = self.responses();
+        let point = |row: &ResponseRow| {
+            let design = self.designs.get(row.design as usize)?;
+            Some(Point {
+                design: row.design,
+                x: design.x.clone(),
+                value: row.p90_um,
+            })
+        };
+        rows.iter().filter_map(point).collect()
+    }
+
+    /// The design of the least percentile that keeps every constraint, as the campaign chooses it; a row
+    /// that is not feasible if there is none.
+    ///
+    /// # Errors
+    ///
+    /// The row cannot be written.
+    pub(crate) fn best(
+        &self,
+        problem: &Problem,
+        optima: &[OptimumRow],
+    ) -> anyhow::Result<Candidate> {
+        let state = State {
+            optima: optima
+                .iter()
+                .filter_map(|row| Some((approach_of(&row.approach)?, optimum_design(problem, row))))
+                .collect::<BTreeMap<Approach, Option<Design>>>(),
+            ..State::default()
+        };
+        // Without a base there are no samples either.
+        let base = stages::plan::base(problem, &state);
+        let base = base.unwrap_or_else(|| problem.base().clone());
+        let responses = self.responses();
+        let row = choosing::choose_of_doe(
+            problem,
+            &base,
+            &self.designs,
+            &self.criteria,
+            &responses,
+            Cost::default(),
+        )?;
+        let response = responses
+            .iter()
+            .find(|response| row.feasible && response.p90_um.total_cmp(&row.criterion_um).is_eq());
+        let half = response.map_or(f64::NAN, |response| Z95 * response.p90_variance_um2.sqrt());
+        Ok(Candidate {
+            percentile: report::Percentile {
+                value_um: response.map_or(f64::NAN, |response| response.p90_um),
+                low_um: response.map_or(f64::NAN, |response| response.p90_um - half),
+                high_um: response.map_or(f64::NAN, |response| response.p90_um + half),
+                samples: problem.campaign().sampling.samples_per_design as usize,
+            },
+            design: Some(response.map_or(0, |response| response.design)),
+            row,
+        })
+    }
+}

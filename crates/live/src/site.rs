@@ -1,0 +1,418 @@
+//! Reads the store for the views, and keeps each for a moment.
+//!
+//! The status has a lock of its own and every other view shares one, so a site holds at most two of the
+//! store's reading connections, whatever number of pages is open. A view is kept for half a second, and for
+//! twenty times as long as it took to make: a large store costs at most a twentieth of a processor.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use axum::body::Bytes;
+use campaign::formulation::Problem;
+use campaign::{Approach, Campaign};
+use report::OptimiserRun;
+use results::live::Running;
+use results::percentile::percentile;
+use results::reporting;
+use results::status::{self, Status};
+use serde::Serialize;
+use stages::optima::approach_of;
+use store::{OptimumRow, Store};
+use tokio::sync::watch;
+use tokio::time::Instant;
+use tokio_util::sync::CancellationToken;
+
+use crate::designs::Designs;
+use crate::views::{self, Candidate, Responses};
+
+/// Changes of the status are sent so often.
+const SENT: Duration = Duration::from_secs(1);
+/// A view is kept for at least this long: less than a period, so that what is sent is new.
+const KEPT: Duration = Duration::from_millis(500);
+/// A view is kept for at least so many times what it took to make.
+const IDLE_SHARE: u32 = 20;
+
+/// Asks a running coordinator.
+pub type Ask = Box<dyn Fn() -> Running + Send + Sync>;
+
+/// A view of the campaign.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum View {
+    /// What `coordinator status --json` prints.
+    Status,
+    /// The workers with their rates.
+    Workers,
+    /// What went wrong, by cause.
+    Failures,
+    /// The best design so far.
+    Best,
+    /// The percentile of each design.
+    Responses,
+    /// The optimiser's runs.
+    Convergence,
+    /// The rounds of an enrichment.
+    Rounds,
+}
+
+impl View {
+    /// All views.
+    pub const ALL: [Self; 7] = [
+        Self::Status,
+        Self::Workers,
+        Self::Failures,
+        Self::Best,
+        Self::Responses,
+        Self::Convergence,
+        Self::Rounds,
+    ];
+
+    /// Its name in the address, as in `/api/v1/status`.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Status => "status",
+            Self::Workers => "workers",
+            Self::Failures => "failures",
+            Self::Best => "best",
+            Self::Responses => "responses",
+            Self::Convergence => "convergence",
+            Self::Rounds => "rounds",
+        }
+    }
+}
+
+/// A view as JSON, or the error that stands in its place.
+#[derive(Debug, Clone)]
+pub struct Body {
+    /// The JSON.
+    pub json: Bytes,
+    /// Whether it is the view.
+    pub is_ok: bool,
+    /// Equal for equal JSON.
+    pub tag: String,
+}
+
+/// Something that is made again when it is too old.
+#[derive(Debug)]
+struct Kept<T>(Mutex<Option<(Arc<T>, Instant)>>);
+
+impl<T> Default for Kept<T> {
+    fn default() -> Self {
+        Self(Mutex::new(None))
+    }
+}
+
+impl<T> Kept<T> {
+    /// What is kept, and whether it is still good.
+    fn get(&self) -> Option<(Arc<T>, bool)> {
+        // A pair is replaced as a whole.
+        let held = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let held = held.as_ref()?;
+        Some((Arc::clone(&held.0), Instant::now() < held.1))
+    }
+
+    fn forget(&self) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = None;
+    }
+
+    fn keep(&self, made: T, began: Instant) -> Arc<T> {
+        let (made, now) = (Arc::new(made), Instant::now());
+        let until = now + (IDLE_SHARE * (now - began)).max(KEPT);
+        let mut held = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        *held = Some((Arc::clone(&made), until));
+        made
+    }
+}
+
+/// A campaign that can be looked at.
+pub struct Site {
+    store: Store,
+    running: Option<Ask>,
+    status: Kept<Result<Status, String>>,
+    reading_status: tokio::sync::Mutex<()>,
+    bodies: [Kept<Body>; View::ALL.len()],
+    responses: Kept<Responses>,
+    work: tokio::sync::Mutex<Work>,
+    /// The last status that was sent to those who listen.
+    sent: watch::Sender<Sent>,
+}
+
+/// What those who listen are sent.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Sent {
+    /// The status; none before the first one.
+    pub(crate) status: Option<Arc<Body>>,
+    /// Whether the server ends: nothing comes after it.
+    pub(crate) is_last: bool,
+}
+
+/// What is remembered between two readings.
+#[derive(Debug, Default)]
+struct Work {
+    /// The digest of the campaign, and its problem.
+    problem: Option<(String, Arc<Problem>)>,
+    designs: Designs,
+}
+
+impl Site {
+    /// A site of this store; `running` asks the coordinator that fills it, if there is one.
+    #[must_use]
+    pub fn new(store: Store, running: Option<Ask>) -> Arc<Self> {
+        Arc::new(Self {
+            store,
+            running,
+            status: Kept::default(),
+            reading_status: tokio::sync::Mutex::default(),
+            bodies: std::array::from_fn(|_| Kept::default()),
+            responses: Kept::default(),
+            work: tokio::sync::Mutex::default(),
+            sent: watch::Sender::default(),
+        })
+    }
+
+    /// The status, at most a moment old.
+    ///
+    /// # Errors
+    ///
+    /// The store could not be read, in words.
+    pub async fn status(&self) -> Arc<Result<Status, String>> {
+        if let Some((status, true)) = self.status.get() {
+            return status;
+        }
+        let _reading = self.reading_status.lock().await;
+        if let Some((status, true)) = self.status.get() {
+            return status;
+        }
+        let began = Instant::now();
+        let read = status::read(&self.store).await;
+        let read = read.map(|status| match &self.running {
+            Some(ask) => status.with(ask()),
+            None => status,
+        });
+        self.status
+            .keep(read.map_err(|error| format!("{error:#}")), began)
+    }
+
+    /// A view as JSON, at most a moment old; an older one while it is being made anew.
+    pub async fn body(&self, view: View) -> Arc<Body> {
+        if let Some(make) = of_status(view) {
+            return Arc::new(match &*self.status().await {
+                Ok(status) => make(status),
+                Err(error) => Body::error(error),
+            });
+        }
+        let kept = &self.bodies[view as usize];
+        let stale = match kept.get() {
+            Some((body, true)) => return body,
+            stale => stale.map(|(body, _)| body),
+        };
+        let work = self.work.try_lock();
+        let mut work = match (work, stale) {
+            (Ok(work), _) => work,
+            (Err(_), Some(stale)) => return stale,
+            (Err(_), None) => self.work.lock().await,
+        };
+        if let Some((body, true)) = kept.get() {
+            return body;
+        }
+        let began = Instant::now();
+        let made = self.make(view, &mut work).await;
+        let body = made.unwrap_or_else(|error| Body::error(&format!("{error:#}")));
+        kept.keep(body, began)
+    }
+
+    /// The map over two coordinates; none if there are no such.
+    pub async fn map(&self, x: usize, y: usize) -> Option<Body> {
+        let body = self.body(View::Responses).await;
+        if !body.is_ok {
+            return Some(Body::clone(&body));
+        }
+        let (responses, _) = self.responses.get()?;
+        views::map(&responses, x, y).map(|map| Body::of(&map))
+    }
+
+    /// Those who listen to changes of the status.
+    pub(crate) fn listen(&self) -> watch::Receiver<Sent> {
+        self.sent.subscribe()
+    }
+
+    /// Sends the status to those who listen whenever it has changed, at most once a second, and as it is
+    /// when `stop` comes. Returns whether anybody listens then.
+    pub(crate) async fn send_changes(&self, stop: &CancellationToken) -> bool {
+        let mut period = tokio::time::interval(SENT);
+        period.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
+        while stop.run_until_cancelled(period.tick()).await.is_some() {
+            if self.sent.receiver_count() == 0 {
+                continue;
+            }
+            let body = self.body(View::Status).await;
+            self.sent.send_if_modified(|sent| {
+                let is_news = sent.status.as_ref().is_none_or(|old| old.tag != body.tag);
+                if is_news {
+                    sent.status = Some(Arc::clone(&body));
+                }
+                is_news
+            });
+        }
+        // The last views are of this moment.
+        self.status.forget();
+        self.bodies.iter().for_each(Kept::forget);
+        self.sent.send_replace(Sent {
+            status: Some(self.body(View::Status).await),
+            is_last: true,
+        });
+        self.sent.receiver_count() > 0
+    }
+
+    async fn make(&self, view: View, work: &mut Work) -> anyhow::Result<Body> {
+        let problem = self.problem(work).await?;
+        match view {
+            View::Best => self.best(&problem, work).await,
+            View::Responses => self.all_responses(&problem, work).await,
+            View::Convergence => self.convergence(problem).await,
+            _ => self.rounds(&problem).await,
+        }
+    }
+
+    /// The problem of the campaign in the store, which may have grown.
+    async fn problem(&self, work: &mut Work) -> anyhow::Result<Arc<Problem>> {
+        let row = self.store.campaign().await?;
+        if let Some((digest, problem)) = &work.problem
+            && *digest == row.digest
+        {
+            return Ok(Arc::clone(problem));
+        }
+        let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
+        let problem = Arc::new(Problem::new(campaign));
+        *work = Work {
+            problem: Some((row.digest, Arc::clone(&problem))),
+            ..Work::default()
+        };
+        Ok(problem)
+    }
+
+    async fn best(&self, problem: &Arc<Problem>, work: &mut Work) -> anyhow::Result<Body> {
+        work.designs.refresh(&self.store, problem).await?;
+        let finished = matches!(&*self.status().await, Ok(status) if status.finished);
+        let optima = self.store.optima().await?;
+        let mut candidates = vec![work.designs.best(problem, &optima)?];
+        for row in optima {
+            candidates.extend(self.verified(problem, row).await?);
+        }
+        let estimates = work.designs.responses().len();
+        let problem = Arc::clone(problem);
+        in_background(move || views::best(&problem, finished, &candidates, estimates)).await
+    }
+
+    /// An optimum that has all its fresh samples.
+    async fn verified(
+        &self,
+        problem: &Problem,
+        row: OptimumRow,
+    ) -> anyhow::Result<Option<Candidate>> {
+        let campaign = problem.campaign();
+        let fresh = self.store.verify_samples(&row.approach).await?;
+        if !row.feasible || fresh.len() < campaign.verify.samples as usize {
+            return Ok(None);
+        }
+        let fresh: Vec<f64> = fresh.iter().map(|sample| sample.delta_ste_um).collect();
+        Ok(Some(Candidate {
+            percentile: percentile(&campaign.sampling, &fresh),
+            design: None,
+            row,
+        }))
+    }
+
+    async fn all_responses(&self, problem: &Problem, work: &mut Work) -> anyhow::Result<Body> {
+        let began = Instant::now();
+        work.designs.refresh(&self.store, problem).await?;
+        let best = work.designs.best(problem, &self.store.optima().await?)?;
+        let best = best.design.filter(|_| best.row.feasible);
+        let points = work.designs.points().into_iter();
+        let is_preliminary = work.designs.is_preliminary();
+        let responses = views::responses(problem, points, best, is_preliminary);
+        let responses = self.responses.keep(responses, began);
+        in_background(move || responses).await
+    }
+
+    async fn convergence(&self, problem: Arc<Problem>) -> anyhow::Result<Body> {
+        // Before the rows are read: a search that ends in between is shown as it was.
+        let searches = self.running.as_ref().map(|ask| ask().searches);
+        let rows = self.store.optimiser_runs().await?;
+        let mut runs = BTreeMap::new();
+        for search in searches.into_iter().flatten() {
+            let (number, start) = search.stream.run_parts();
+            let run = OptimiserRun {
+                start: start as usize + 1,
+                best: search.history,
+                restarts: Vec::new(),
+            };
+            if let Some(approach) = Approach::numbered(number.into()) {
+                runs.insert((approach, run.start), (run, false));
+            }
+        }
+        for row in rows {
+            let run = reporting::run(&problem, &row)?;
+            if let Some(approach) = approach_of(&row.approach) {
+                runs.insert((approach, run.start), (run, true));
+            }
+        }
+        in_background(move || views::convergence(&problem, runs)).await
+    }
+
+    async fn rounds(&self, problem: &Problem) -> anyhow::Result<Body> {
+        let rows = self.store.rounds().await?;
+        let infill = self.store.infill().await?;
+        let name = Approach::EnrichedKriging.name();
+        let fresh = self.store.verify_samples(name).await?;
+        let fresh: Vec<f64> = fresh.iter().map(|sample| sample.delta_ste_um).collect();
+        let enrichment = reporting::rounds(problem, &rows, &infill, &fresh)?;
+        let percentile = problem.campaign().sampling.percentile_name();
+        in_background(move || views::rounds(enrichment.as_ref(), &percentile)).await
+    }
+}
+
+/// Makes and writes a view where no call of a worker waits for it.
+async fn in_background<V: Serialize>(
+    make: impl FnOnce() -> V + Send + 'static,
+) -> anyhow::Result<Body> {
+    let made = tokio::task::spawn_blocking(move || Body::of(&make())).await;
+    Ok(made?)
+}
+
+/// How a view is made of the status, if it is.
+fn of_status(view: View) -> Option<fn(&Status) -> Body> {
+    match view {
+        View::Status => Some(Body::of),
+        View::Workers => Some(|status| Body::of(&views::workers(status))),
+        View::Failures => Some(|status| Body::of(&views::failures(status))),
+        View::Best | View::Responses | View::Convergence | View::Rounds => None,
+    }
+}
+
+impl Body {
+    pub(crate) fn of(view: &impl Serialize) -> Self {
+        match serde_json::to_string(view) {
+            Ok(json) => Self::new(json, true),
+            Err(error) => Self::error(&error.to_string()),
+        }
+    }
+
+    fn error(error: &str) -> Self {
+        let schema_version = views::SCHEMA_VERSION;
+        let json = serde_json::json!({ "schema_version": schema_version, "error": error });
+        Self::new(json.to_string(), false)
+    }
+
+    fn new(json: String, is_ok: bool) -> Self {
+        use std::hash::{DefaultHasher, Hasher as _};
+        let mut hasher = DefaultHasher::new();
+        hasher.write(json.as_bytes());
+        Self {
+            tag: format!("\"{:016x}\"", hasher.finish()),
+            json: json.into(),
+            is_ok,
+        }
+    }
+}

@@ -1,0 +1,211 @@
+//! The percentile over the design space, as far as it is known.
+
+use campaign::formulation::Problem;
+use serde::Serialize;
+
+use super::{Chart, SCHEMA_VERSION, rounded};
+
+/// The most points: more would say no more in a chart, and cost every page their transfer.
+const POINTS: usize = 3000;
+/// The least percentiles that stand in a map's table.
+const ROWS: usize = 20;
+/// Digits of coordinates and percentiles.
+const DIGITS: i32 = 6;
+
+/// The designs that have a percentile.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Responses {
+    /// The version of this object.
+    pub schema_version: u32,
+    /// The percentile's name.
+    pub percentile: String,
+    /// The response's name.
+    pub response: String,
+    /// Its unit; empty for a number without one.
+    pub unit: String,
+    /// What the DoE moves, in the order of each point's `x`.
+    pub coordinates: Vec<Coordinate>,
+    /// Whether the percentiles are preliminary: of each design's first samples, without what the campaign
+    /// makes of them when all are there.
+    pub preliminary: bool,
+    /// How many designs have a percentile.
+    pub designs: usize,
+    /// So many of them at most, evenly chosen; the best is always among them.
+    pub points: Vec<Point>,
+    /// The design of the least percentile that keeps every constraint.
+    pub best: Option<u64>,
+}
+
+/// Something that the DoE moves.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Coordinate {
+    /// Its name.
+    pub name: String,
+    /// Its unit where the name does not say it; empty for a number without one.
+    pub unit: String,
+    /// `[low, high]`.
+    pub range: [f64; 2],
+}
+
+/// A design with its percentile.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Point {
+    /// The design's number.
+    pub design: u64,
+    /// Its coordinates.
+    pub x: Vec<f64>,
+    /// The percentile.
+    pub value: f64,
+}
+
+/// The view of all `points`.
+#[must_use]
+pub fn responses(
+    problem: &Problem,
+    points: impl ExactSizeIterator<Item = Point>,
+    best: Option<u64>,
+    preliminary: bool,
+) -> Responses {
+    let designs = points.len();
+    let shown = designs.min(POINTS);
+    // Of `designs` places `shown` begin a new share of the whole.
+    let is_chosen = |place: usize| place * shown % designs < shown;
+    let chosen = points
+        .enumerate()
+        .filter(|(place, point)| is_chosen(*place) || Some(point.design) == best)
+        .map(|(_, point)| Point {
+            x: point.x.iter().map(|x| rounded(*x, DIGITS)).collect(),
+            value: rounded(point.value, DIGITS),
+            ..point
+        });
+    let coordinates = problem.coordinates().iter().map(|coordinate| Coordinate {
+        name: coordinate.name.to_string(),
+        unit: coordinate.unit.to_string(),
+        range: coordinate.range,
+    });
+    Responses {
+        schema_version: SCHEMA_VERSION,
+        percentile: problem.campaign().sampling.percentile_name(),
+        response: problem.sampled().name.to_string(),
+        unit: problem.sampled().unit.to_string(),
+        coordinates: coordinates.collect(),
+        preliminary,
+        designs,
+        points: chosen.collect(),
+        best,
+    }
+}
+
+/// The percentile over two of the coordinates: what a page shows, without every point in numbers.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Map {
+    /// The version of this object.
+    pub schema_version: u32,
+    /// The percentile's name.
+    pub percentile: String,
+    /// What the DoE moves.
+    pub coordinates: Vec<Coordinate>,
+    /// As in [`Responses`].
+    pub preliminary: bool,
+    /// How many designs have a percentile.
+    pub designs: usize,
+    /// How many of them are in the chart.
+    pub shown: usize,
+    /// The chart with the designs of the least percentiles; none before any design has one.
+    pub chart: Option<Chart>,
+}
+
+/// The map over the coordinates of these numbers; none if there are no such.
+#[must_use]
+pub fn map(responses: &Responses, x: usize, y: usize) -> Option<Map> {
+    let label = |place: usize| {
+        let coordinate = responses.coordinates.get(place)?;
+        Some(with_unit(&coordinate.name, &coordinate.unit))
+    };
+    let labels = [label(x)?, label(y)?];
+    let of_response = format!("{} of {}", responses.percentile, responses.response);
+    let place = |point: &Point| Some([*point.x.get(x)?, *point.x.get(y)?]);
+    let triple = |point: &Point| place(point).map(|[x, y]| [x, y, point.value]);
+    let mut least: Vec<&Point> = responses.points.iter().collect();
+    least.sort_by(|a, b| a.value.total_cmp(&b.value));
+    let best = responses.points.iter();
+    let best = best
+        .filter(|point| Some(point.design) == responses.best)
+        .find_map(place);
+    let drawn = report::chart_map(&report::ResponseMap {
+        x: labels[0].clone(),
+        y: labels[1].clone(),
+        response: with_unit(&of_response, &responses.unit),
+        points: responses.points.iter().filter_map(triple).collect(),
+        best,
+    });
+    let rows = least.iter().take(ROWS).filter_map(|point| {
+        let [x, y, value] = triple(point)?;
+        Some(
+            [
+                point.design.to_string(),
+                x.to_string(),
+                y.to_string(),
+                value.to_string(),
+            ]
+            .to_vec(),
+        )
+    });
+    let columns = [
+        "design, the least first",
+        &labels[0],
+        &labels[1],
+        &with_unit(&responses.percentile, &responses.unit),
+    ];
+    Some(Map {
+        schema_version: SCHEMA_VERSION,
+        percentile: responses.percentile.clone(),
+        coordinates: responses.coordinates.clone(),
+        preliminary: responses.preliminary,
+        designs: responses.designs,
+        shown: responses.points.len(),
+        chart: Chart::new(drawn, &columns, rows.collect()),
+    })
+}
+
+/// A quantity and its unit, if it has one.
+fn with_unit(name: &str, unit: &str) -> String {
+    match unit {
+        "" => name.to_owned(),
+        unit => format!("{name} ({unit})"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use campaign::Campaign;
+
+    use super::*;
+
+    fn points(count: u64) -> impl ExactSizeIterator<Item = Point> {
+        (0..count as usize).map(|design| Point {
+            design: design as u64,
+            x: vec![0.1 * design as f64; 6],
+            value: 10_000.0 - design as f64,
+        })
+    }
+
+    #[test]
+    fn many_points_are_thinned_and_the_best_stays() {
+        let campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
+        let problem = Problem::new(campaign);
+        let few = responses(&problem, points(3000), Some(7), false);
+        assert_eq!((few.designs, few.points.len()), (3000, 3000));
+        let many = responses(&problem, points(6001), Some(5998), true);
+        assert_eq!((many.designs, many.points.len()), (6001, POINTS + 1));
+        assert!(many.points.iter().any(|point| point.design == 5998));
+
+        let map = super::map(&many, 0, 5).unwrap().chart.unwrap();
+        assert_eq!(map.svg.matches("h0").count(), many.points.len());
+        assert_eq!((map.rows.len(), map.columns.len()), (ROWS, 4));
+        assert_eq!(map.rows[0][0], "6000");
+        assert_eq!(super::map(&many, 0, 6), None, "there are six coordinates");
+        let none = responses(&problem, points(0), None, false);
+        assert_eq!(super::map(&none, 0, 1).unwrap().chart, None);
+    }
+}
