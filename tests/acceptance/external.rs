@@ -371,7 +371,7 @@ fn a_design_that_was_given_up_gets_another_chance_when_it_is_asked_for() {
     let whole = finished(&sandbox, DB);
     assert_eq!(whole["designs"]["done"], 20, "{whole}");
     let again = place.ask(&["retry"]);
-    assert!(again.contains("nothing was given up"), "{again}");
+    assert!(again.contains("nothing was quarantined"), "{again}");
     coordinator.terminate();
     assert_eq!(coordinator.finish().0.code(), Some(0));
 
@@ -417,7 +417,7 @@ fn samples_that_always_fail_end_a_campaign_that_wants_more_of_them() {
         assert_eq!(ended.code(), Some(13), "{said}");
         let computed = said.matches("responses computed").count();
         assert!(computed <= 1, "computed {computed} times: {said}");
-        assert!(said.contains("given up streams=design-"), "{said}");
+        assert!(said.contains("quarantined streams=design-"), "{said}");
     }
 }
 

@@ -236,7 +236,7 @@ fn whoever_watches_sees_the_end() {
     assert_eq!(last["finished"], true, "{last}");
     assert_eq!(worker.finish().0.code(), Some(0));
     let again = place.ask(&["retry"]);
-    assert!(again.contains("nothing was given up"), "{again}");
+    assert!(again.contains("nothing was quarantined"), "{again}");
     coordinator.terminate();
     assert_eq!(coordinator.finish().0.code(), Some(0));
 }

@@ -232,12 +232,12 @@ fn run(
         .lock()
         .unwrap_or_else(PoisonError::into_inner);
     assert!(
-        !vanished.iter().any(|vanished| vanished.given_up),
+        !vanished.iter().any(|vanished| vanished.quarantined),
         "{vanished:?}"
     );
     assert!(lasting > LEASE || vanished.is_empty(), "{vanished:?}");
     let board = world.board().expect("it ran");
-    assert!(board.given_up().is_empty());
+    assert!(board.quarantined().is_empty());
     world.memory.with(|stored| {
         assert_eq!(stored.conflicts, 0);
         assert_eq!(stored.failures, []);
@@ -470,7 +470,7 @@ fn calls_that_come_twice_and_in_another_order_change_nothing() {
             assert!(stored.samples == expected(&world.problem));
         });
         let counts = world.board().expect("it ran").live().counts;
-        assert_eq!((counts.free, counts.leased, counts.given_up), (0, 0, 0));
+        assert_eq!((counts.free, counts.leased, counts.quarantined), (0, 0, 0));
     }
 }
 

@@ -252,7 +252,7 @@ pub fn compute_until(
                 seed: simulator.problem().campaign().seed,
                 purpose: Purpose::Verify,
                 design: stream.index,
-                // As many fresh samples as the file says, which judge all ways alike.
+                // As many verification samples as the file says, which judge all ways alike.
                 coefficients: stats::Sampling::Independent,
             };
             let output = |samples_um: &[f64]| {

@@ -48,7 +48,7 @@ pub(crate) enum Command {
     Explain(Explain),
     /// Lease no more jobs; the coordinator ends when those that are out are in
     Drain(Drain),
-    /// Give jobs that were given up another chance
+    /// Give jobs that were quarantined another chance
     Retry(Retry),
     /// Run a campaign for each of several numbers of teeth, and compare
     Sweep(Sweep),

@@ -225,11 +225,15 @@ impl Board {
         vanished
     }
 
-    /// What was given up.
+    /// What was quarantined.
     #[must_use]
-    pub fn given_up(&self) -> BTreeSet<StreamId> {
+    pub fn quarantined(&self) -> BTreeSet<StreamId> {
         let inner = self.lock();
-        inner.ledger.given_up().map(|(stream, _)| stream).collect()
+        inner
+            .ledger
+            .quarantined()
+            .map(|(stream, _)| stream)
+            .collect()
     }
 
     /// A future that ends when one more group of streams is settled.
@@ -430,7 +434,7 @@ impl Board {
 
     // For clients.
 
-    /// Gives what was given up another chance, and returns it.
+    /// Gives what was quarantined another chance, and returns it.
     pub fn retry(&self) -> Vec<StreamId> {
         let retried = self.change(|inner, _| {
             let retried = inner.ledger.retry();

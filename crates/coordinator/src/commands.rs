@@ -305,7 +305,10 @@ async fn conduct(plan: Plan) -> anyhow::Result<u8> {
     let progress = Progress::new();
     let observer: server::Observer = Box::new(move |status| progress.show(status));
     match server::run(plan, Some(observer), shutdown).await? {
-        Outcome::Finished { given_up, report } => {
+        Outcome::Finished {
+            quarantined,
+            report,
+        } => {
             let store = Store::open_read_only(&db).await?;
             let status = status::read(&store).await?;
             let evenness = designs::evenness(&problem, &store.designs().await?);
@@ -315,8 +318,8 @@ async fn conduct(plan: Plan) -> anyhow::Result<u8> {
                 describe(&status),
                 report.display()
             ))?;
-            if !given_up.is_empty() {
-                warn!(streams = %given_up.join(", "), "finished, but some samples were given up");
+            if !quarantined.is_empty() {
+                warn!(streams = %quarantined.join(", "), "finished, but some samples were quarantined");
                 Ok(exit::INCOMPLETE)
             } else if status.designs.simulable == status.designs.ruled_out {
                 warn!("finished, but no design got samples; the report says why");

@@ -36,8 +36,8 @@ pub struct Engine {
 /// How a campaign ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Ended {
-    /// The names of what was given up.
-    pub given_up: Vec<String>,
+    /// The names of what was quarantined.
+    pub quarantined: Vec<String>,
 }
 
 impl Engine {
@@ -75,13 +75,13 @@ impl Engine {
             // Before the state is read: what is settled in between must not be slept through.
             let settled = self.board.watch();
             let mut state = snapshot::load(&self.store, &self.problem, references, more).await?;
-            state.given_up = self.board.given_up();
+            state.quarantined = self.board.quarantined();
             state.fit_failed = fit_failed.is_some();
             let base = plan::base(&self.problem, &state);
             if state.has_outdated_responses {
                 if !self
                     .steps
-                    .responses_stay(base.as_ref(), &state.given_up)
+                    .responses_stay(base.as_ref(), &state.quarantined)
                     .await?
                 {
                     self.forget_derived().await?;
@@ -106,9 +106,9 @@ impl Engine {
                 continue;
             }
             if next.is_finished() {
-                let given_up = state.given_up.iter().map(|id| names::stream_name(*id));
+                let quarantined = state.quarantined.iter().map(|id| names::stream_name(*id));
                 return Ok(Some(Ended {
-                    given_up: given_up.collect(),
+                    quarantined: quarantined.collect(),
                 }));
             }
             tokio::select! {
@@ -263,7 +263,7 @@ impl Engine {
             self.forget_derived().await?;
         }
         self.steps
-            .compute_responses(base, &self.board.given_up())
+            .compute_responses(base, &self.board.quarantined())
             .await
     }
 }

@@ -56,15 +56,15 @@ fn failure(vanished: Vanished) -> FailureRow {
         worker,
         stream,
         is_split,
-        given_up,
+        quarantined,
     } = vanished;
     let name = if is_split {
         format!("{} and others", names::stream_name(stream))
     } else {
         names::stream_name(stream)
     };
-    let (kind, error) = if given_up {
-        error!(stream = %name, %worker, "too many workers vanished: given up");
+    let (kind, error) = if quarantined {
+        error!(stream = %name, %worker, "too many workers vanished: quarantined");
         (
             FailureKind::Quarantine,
             "its workers vanished while they computed it",

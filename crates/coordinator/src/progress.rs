@@ -35,7 +35,7 @@ impl Progress {
             }
             "verify" => {
                 let verified = status.verified();
-                let message = format!("fresh samples{}", to_go(status.live.as_ref()));
+                let message = format!("verification samples{}", to_go(status.live.as_ref()));
                 (verified.done, verified.wanted, message)
             }
             "enrich" => {

@@ -166,7 +166,7 @@ impl<R: Recorder> Receiving<'_, R> {
         let error = beginning(&failed.error, ERROR_BYTES);
         let kind = match outcome {
             Failure::GivenUp => {
-                error!(stream = %name, %worker, %error, "given up");
+                error!(stream = %name, %worker, %error, "quarantined");
                 FailureKind::Quarantine
             }
             Failure::Retry(wait) => {

@@ -66,8 +66,8 @@ pub type Observer = Box<dyn Fn(&Status) + Send>;
 pub enum Outcome {
     /// All stages are done and the report is written.
     Finished {
-        /// What was given up.
-        given_up: Vec<String>,
+        /// What was quarantined.
+        quarantined: Vec<String>,
         /// The report.
         report: PathBuf,
     },
@@ -215,8 +215,8 @@ async fn run_open(
             broken = recorder.broken() => Err(Error::Store(broken)),
             damaged = store.damaged() => Err(Error::Store(damaged)),
         };
-        let given_up = match ended {
-            Ok(Some(Ended { given_up })) => given_up,
+        let quarantined = match ended {
+            Ok(Some(Ended { quarantined })) => quarantined,
             Ok(None) => {
                 if engine.board.is_drained() {
                     // Nobody will lease anything any more. After a signal a coordinator may be
@@ -248,7 +248,10 @@ async fn run_open(
                 () = engine.board.drained() => {}
             }
         }
-        break Ok(Outcome::Finished { given_up, report });
+        break Ok(Outcome::Finished {
+            quarantined,
+            report,
+        });
     };
     serving
         .end(matches!(outcome, Ok(Outcome::Finished { .. })))

@@ -252,7 +252,7 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
     ) -> Result<Response<RetryResponse>, Status> {
         let retried = self.board.retry().into_iter();
         let retried: Vec<String> = retried.map(names::stream_name).collect();
-        info!(streams = %retried.join(", "), "another chance for what was given up");
+        info!(streams = %retried.join(", "), "another chance for what was quarantined");
         Ok(Response::new(RetryResponse { retried }))
     }
 }

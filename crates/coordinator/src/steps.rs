@@ -60,14 +60,14 @@ impl Steps {
     }
 
     /// The responses, and how many samples there are, once every design has enough of them; until then,
-    /// which want more. Those that were given up get none.
+    /// which want more. Those that were quarantined get none.
     async fn responses(
         &self,
         base: Option<&Design>,
-        given_up: &BTreeSet<StreamId>,
+        quarantined: &BTreeSet<StreamId>,
     ) -> anyhow::Result<(Computed, u64)> {
         let linear = self.linear_responses(base).await?;
-        let mut collector = Collector::new(&self.problem, &linear, given_up);
+        let mut collector = Collector::new(&self.problem, &linear, quarantined);
         let mut samples = 0;
         let push = |row| {
             samples += 1;
@@ -78,13 +78,13 @@ impl Steps {
     }
 
     /// Computes the responses once every design has enough samples; until then, returns which want
-    /// more. Those that were given up get none.
+    /// more. Those that were quarantined get none.
     pub(crate) async fn compute_responses(
         &self,
         base: Option<&Design>,
-        given_up: &BTreeSet<StreamId>,
+        quarantined: &BTreeSet<StreamId>,
     ) -> anyhow::Result<Option<BTreeMap<u64, u64>>> {
-        let (computed, samples) = self.responses(base, given_up).await?;
+        let (computed, samples) = self.responses(base, quarantined).await?;
         match computed {
             Computed::Wants(wanting) => {
                 info!(
@@ -105,9 +105,9 @@ impl Steps {
     pub(crate) async fn responses_stay(
         &self,
         base: Option<&Design>,
-        given_up: &BTreeSet<StreamId>,
+        quarantined: &BTreeSet<StreamId>,
     ) -> anyhow::Result<bool> {
-        let (computed, samples) = self.responses(base, given_up).await?;
+        let (computed, samples) = self.responses(base, quarantined).await?;
         let held = self.store.responses().await?;
         if computed != Computed::Responses(held.clone()) {
             return Ok(false);

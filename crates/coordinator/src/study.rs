@@ -188,7 +188,7 @@ impl Workers {
                 let changed = self.answers.changed.notified();
                 {
                     let mut collected = self.answers.lock();
-                    if let Some(error) = &collected.given_up {
+                    if let Some(error) = &collected.quarantined {
                         anyhow::bail!("{error}");
                     }
                     if let Some(found) = ready(&mut collected) {
@@ -220,7 +220,7 @@ struct Collected {
     /// Failures by worker and the worker's number.
     failures: BTreeSet<(String, u64)>,
     /// What was tried in vain too often.
-    given_up: Option<String>,
+    quarantined: Option<String>,
     model_digest: Option<String>,
 }
 
@@ -290,7 +290,7 @@ impl Recorder for Answers {
                     collected.failures.insert((row.worker, serial));
                 }
                 if row.kind == FailureKind::Quarantine {
-                    collected.given_up.get_or_insert(row.error);
+                    collected.quarantined.get_or_insert(row.error);
                 }
             }
         }

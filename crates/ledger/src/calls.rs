@@ -55,7 +55,7 @@ impl<P: Clone> Ledger<P> {
                 history: wanted.history,
                 failures: wanted.history.failures,
                 waits_until: None,
-                given_up: None,
+                quarantined: None,
             };
             self.streams.insert(id, stream);
             *self.open.entry(id.group()).or_default() += 1;
@@ -321,10 +321,10 @@ impl<P: Clone> Ledger<P> {
             .min()
     }
 
-    /// Gives what was given up another chance, with fresh counters, and returns it. Whoever asks for
+    /// Gives what was quarantined another chance, with fresh counters, and returns it. Whoever asks for
     /// that has mended the cause: nobody waits after a failure any more, and no worker is suspended.
     pub fn retry(&mut self) -> Vec<StreamId> {
-        let retried: Vec<StreamId> = self.given_up.iter().copied().collect();
+        let retried: Vec<StreamId> = self.quarantined.iter().copied().collect();
         for &id in &retried {
             self.reopen(id);
             if let Some(stream) = self.streams.get_mut(&id) {

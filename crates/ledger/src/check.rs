@@ -30,8 +30,8 @@ impl<P: Clone> Ledger<P> {
             let is_free = stream.has_free() && stream.waits_until.is_none();
             assert_eq!(self.free.contains(&id), is_free, "{id}");
             assert_eq!(
-                self.given_up.contains(&id),
-                stream.given_up.is_some(),
+                self.quarantined.contains(&id),
+                stream.quarantined.is_some(),
                 "{id}"
             );
             let waits = stream.waits_until;
@@ -39,13 +39,13 @@ impl<P: Clone> Ledger<P> {
                 waits.is_none_or(|until| self.waiting.contains(&(until, id))),
                 "{id}"
             );
-            if stream.given_up.is_none() {
+            if stream.quarantined.is_none() {
                 *open.entry(id.group()).or_default() += 1;
             }
         }
         assert_eq!(open, self.open);
         let known = |id: &StreamId| self.streams.contains_key(id);
-        assert!(self.free.iter().chain(&self.given_up).all(known));
+        assert!(self.free.iter().chain(&self.quarantined).all(known));
         assert!(self.waiting.iter().all(|(_, id)| known(id)));
         for (id, lease) in &self.leases {
             assert!(!lease.units.is_empty(), "{id} holds nothing");

@@ -13,7 +13,7 @@ const NAMED: usize = 3;
 /// sentence that says what is the matter and what to do.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Explanation {
-    /// Nothing is wanted, and nothing was given up.
+    /// Nothing is wanted, and nothing was quarantined.
     NothingWanted,
     /// Leasing was stopped.
     Draining {
@@ -56,10 +56,10 @@ pub enum Explanation {
         /// For how long the oldest has been held.
         oldest_for: Duration,
     },
-    /// Streams were given up.
+    /// Streams were quarantined.
     GivenUp {
         /// How many.
-        given_up: usize,
+        quarantined: usize,
         /// The first of them.
         stream: StreamId,
         /// Its error.
@@ -88,7 +88,7 @@ impl<P: Clone> Ledger<P> {
     /// first. A worker is taken to be there if it has called within the length of a lease.
     pub fn explain(&self, now: Duration) -> Vec<Explanation> {
         let (free, leased) = (self.free.len(), self.leases.len());
-        let open = self.streams.len() - self.given_up.len();
+        let open = self.streams.len() - self.quarantined.len();
         let mut reasons = Vec::new();
         if self.is_draining {
             reasons.push(Explanation::Draining { leased });
@@ -145,10 +145,10 @@ impl<P: Clone> Ledger<P> {
                 next_in: until.saturating_sub(now),
             });
         }
-        let first_given_up = self.given_up().next();
+        let first_given_up = self.quarantined().next();
         if let Some((stream, error)) = first_given_up {
             reasons.push(Explanation::GivenUp {
-                given_up: self.given_up.len(),
+                quarantined: self.quarantined.len(),
                 stream,
                 error: error.to_owned(),
             });
@@ -232,17 +232,17 @@ impl fmt::Display for Explanation {
                 )
             }
             Self::GivenUp {
-                given_up,
+                quarantined,
                 stream,
                 error,
             } => write!(
                 f,
-                "{} given up, the first ({stream}) because of {error:?}: mend the cause, then run \
+                "{} quarantined, the first ({stream}) because of {error:?}: mend the cause, then run \
                  `coordinator retry`",
-                if *given_up == 1 {
+                if *quarantined == 1 {
                     "1 was".to_owned()
                 } else {
-                    format!("{given_up} were")
+                    format!("{quarantined} were")
                 }
             ),
             Self::NotAsked { free, workers } => write!(

@@ -186,7 +186,7 @@ impl<P: Clone> Ledger<P> {
             let Some(stream) = self.streams.get(&unit.stream) else {
                 continue;
             };
-            let is_given_up = stream.given_up.as_ref().is_some_and(|g| !g.for_crashes);
+            let is_given_up = stream.quarantined.as_ref().is_some_and(|g| !g.for_crashes);
             if stream.generation != unit.generation || is_given_up {
                 continue;
             }
@@ -217,8 +217,9 @@ impl<P: Clone> Ledger<P> {
             let mut units = self.needed(&lease.units);
             units.retain(|unit| {
                 let stream = self.streams.get(&unit.stream);
-                let may_be =
-                    |stream: &Stream<P>| stream.given_up.is_none() && stream.waits_until.is_none();
+                let may_be = |stream: &Stream<P>| {
+                    stream.quarantined.is_none() && stream.waits_until.is_none()
+                };
                 stream.is_some_and(may_be) && !failed.contains(&unit.stream)
             });
             if !units.is_empty() {
@@ -309,7 +310,7 @@ impl<P: Clone> Ledger<P> {
         }
         let &first = streams.first()?;
         let is_split = streams.len() > 1;
-        let mut given_up = false;
+        let mut quarantined = false;
         for id in streams {
             let Some(stream) = self.streams.get_mut(&id) else {
                 continue;
@@ -320,8 +321,8 @@ impl<P: Clone> Ledger<P> {
             }
             stream.blame.insert(worker.clone());
             let crashes = stream.crashes();
-            if crashes >= self.options.max_crashes.max(1) && stream.given_up.is_none() {
-                given_up = true;
+            if crashes >= self.options.max_crashes.max(1) && stream.quarantined.is_none() {
+                quarantined = true;
                 let error = format!("{crashes} workers fell silent over it, {worker} last");
                 self.give_up(id, error, true);
             }
@@ -331,7 +332,7 @@ impl<P: Clone> Ledger<P> {
             worker,
             stream: first,
             is_split,
-            given_up,
+            quarantined,
         })
     }
 

@@ -32,8 +32,8 @@ pub struct Ledger<P> {
     pub(crate) free: BTreeSet<StreamId>,
     /// The streams that wait after a failure, by the end of that.
     pub(crate) waiting: BTreeSet<(Duration, StreamId)>,
-    pub(crate) given_up: BTreeSet<StreamId>,
-    /// How many streams of a group are neither settled nor given up.
+    pub(crate) quarantined: BTreeSet<StreamId>,
+    /// How many streams of a group are neither settled nor quarantined.
     pub(crate) open: BTreeMap<Group, usize>,
     /// Whether a group was settled since somebody last asked.
     pub(crate) has_settled: bool,
@@ -68,7 +68,7 @@ impl<P: Clone> Ledger<P> {
             settled: BTreeMap::new(),
             free: BTreeSet::new(),
             waiting: BTreeSet::new(),
-            given_up: BTreeSet::new(),
+            quarantined: BTreeSet::new(),
             open: BTreeMap::new(),
             has_settled: false,
             leases: BTreeMap::new(),
@@ -112,11 +112,11 @@ impl<P: Clone> Ledger<P> {
 
     // What is known.
 
-    /// What was given up, each with the error that was the last straw.
-    pub fn given_up(&self) -> impl Iterator<Item = (StreamId, &str)> {
-        self.given_up.iter().filter_map(|&id| {
-            let given_up = self.streams.get(&id)?.given_up.as_ref()?;
-            Some((id, given_up.error.as_str()))
+    /// What was quarantined, each with the error that was the last straw.
+    pub fn quarantined(&self) -> impl Iterator<Item = (StreamId, &str)> {
+        self.quarantined.iter().filter_map(|&id| {
+            let quarantined = self.streams.get(&id)?.quarantined.as_ref()?;
+            Some((id, quarantined.error.as_str()))
         })
     }
 
@@ -142,7 +142,7 @@ impl<P: Clone> Ledger<P> {
             waiting: self.waiting.len(),
             leased: self.leases.len(),
             delivered: self.delivered,
-            given_up: self.given_up.len(),
+            quarantined: self.quarantined.len(),
             stale: self.stale,
         }
     }

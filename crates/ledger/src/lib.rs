@@ -21,7 +21,7 @@
 //!            lease               all its samples are stored
 //!   free ──────────────► leased ────────────────────────────► settled
 //!    ▲ ▲                  │  │                                   ▲
-//!    │ └── waiting ◄──────┘  └────────► given up ────────────────┘
+//!    │ └── waiting ◄──────┘  └────────► quarantined ────────────────┘
 //!    │     after a failure    a failure or a crash too many   what comes late is kept
 //!    └───── released, expired, delivered in part
 //! ```

@@ -8,9 +8,9 @@ pub struct Options {
     /// How long a lease lasts that its worker does not mention. Several heartbeats long, so that a
     /// lost one is no loss of work.
     pub lease: Duration,
-    /// A stream that this many worker processes fell silent over is given up. At least 1 is assumed.
+    /// A stream that this many worker processes fell silent over is quarantined. At least 1 is assumed.
     pub max_crashes: usize,
-    /// A stream that failed this many times is given up. At least 1 is assumed.
+    /// A stream that failed this many times is quarantined. At least 1 is assumed.
     pub max_failures: u32,
     /// How long a stream waits after its first failure; after each further one, four times as
     /// long. What fails for a moment, as a licence server that is away, must not fail for good.

@@ -29,8 +29,8 @@ pub(crate) struct Stream<P> {
     pub(crate) failures: u32,
     /// Until when it waits after a failure.
     pub(crate) waits_until: Option<Duration>,
-    /// Why it was given up.
-    pub(crate) given_up: Option<GivenUp>,
+    /// Why it was quarantined.
+    pub(crate) quarantined: Option<GivenUp>,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -47,7 +47,7 @@ impl<P> Stream<P> {
 
     /// Whether anything could be leased, were it due.
     pub(crate) fn has_free(&self) -> bool {
-        self.given_up.is_none() && !self.free.is_empty()
+        self.quarantined.is_none() && !self.free.is_empty()
     }
 
     pub(crate) fn take(&mut self, lease: LeaseId, samples: &Range<u32>) {

@@ -1,4 +1,4 @@
-//! How streams change: stored, failed, given up, opened again.
+//! How streams change: stored, failed, quarantined, opened again.
 
 use std::time::Duration;
 
@@ -65,7 +65,7 @@ impl<P: Clone> Ledger<P> {
         if let Some(until) = stream.waits_until {
             self.waiting.remove(&(until, id));
         }
-        if !self.given_up.remove(&id) {
+        if !self.quarantined.remove(&id) {
             self.close(id);
         }
         let holders: Vec<LeaseId> = stream.leases.into_iter().collect();
@@ -86,23 +86,23 @@ impl<P: Clone> Ledger<P> {
         let Some(stream) = self.streams.get_mut(&id) else {
             return;
         };
-        stream.given_up = Some(GivenUp { error, for_crashes });
+        stream.quarantined = Some(GivenUp { error, for_crashes });
         if let Some(until) = stream.waits_until.take() {
             self.waiting.remove(&(until, id));
         }
-        self.given_up.insert(id);
+        self.quarantined.insert(id);
         self.close(id);
         self.file(id);
         self.prune(&self.holders(id));
     }
 
     pub(crate) fn reopen(&mut self, id: StreamId) {
-        if !self.given_up.remove(&id) {
+        if !self.quarantined.remove(&id) {
             return;
         }
         *self.open.entry(id.group()).or_default() += 1;
         if let Some(stream) = self.streams.get_mut(&id) {
-            stream.given_up = None;
+            stream.quarantined = None;
         }
         self.file(id);
     }
@@ -121,7 +121,7 @@ impl<P: Clone> Ledger<P> {
         let Some(stream) = self.streams.get_mut(&id) else {
             return ignored;
         };
-        if state.is_leaving || stream.given_up.is_some() {
+        if state.is_leaving || stream.quarantined.is_some() {
             return ignored;
         }
         state.failed += 1;
@@ -151,7 +151,7 @@ impl<P: Clone> Ledger<P> {
             return;
         };
         stream.blame.remove(worker);
-        let for_crashes = stream.given_up.as_ref().is_some_and(|g| g.for_crashes);
+        let for_crashes = stream.quarantined.as_ref().is_some_and(|g| g.for_crashes);
         if for_crashes && stream.crashes() < self.options.max_crashes.max(1) {
             self.reopen(id);
         }

@@ -153,7 +153,7 @@ pub struct Unit {
 /// What happened to a stream before a restart.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct History {
-    /// How many worker processes fell silent over it, since it was last given up or retried.
+    /// How many worker processes fell silent over it, since it was last quarantined or retried.
     pub crashes: usize,
     /// How often it failed since then.
     pub failures: u32,
@@ -217,7 +217,7 @@ pub struct Delivery {
 pub enum Failure {
     /// The stream is tried again after this time.
     Retry(Duration),
-    /// The stream was given up.
+    /// The stream was quarantined.
     GivenUp,
     /// It does not count: another failure has made the stream wait already, the lease has ended
     /// before, or the worker is leaving.
@@ -236,8 +236,8 @@ pub struct Vanished {
     /// Whether the worker is blamed for nothing, since it held several streams and nobody knows
     /// which: each gets a lease of its own from now on.
     pub is_split: bool,
-    /// Whether the stream was given up for it.
-    pub given_up: bool,
+    /// Whether the stream was quarantined for it.
+    pub quarantined: bool,
 }
 
 /// How much there is in which state.
@@ -251,8 +251,8 @@ pub struct Counts {
     pub leased: usize,
     /// Leases that were delivered.
     pub delivered: u64,
-    /// Streams that were given up.
-    pub given_up: usize,
+    /// Streams that were quarantined.
+    pub quarantined: usize,
     /// Results that were dropped because their stream had changed or gone.
     pub stale: u64,
 }

@@ -145,7 +145,7 @@ function showStatus(status) {
   if (live) {
     tiles.push(["Rate", rate(live.samples_per_second), "samples stored, lately"]);
     if (!status.finished) tiles.push(["Time to go in this stage", about, ends]);
-    tiles.push(["Jobs", `${whole.format(live.jobs_leased)} leased`, `${whole.format(live.jobs_queued)} queued, ${whole.format(live.jobs_given_up)} given up`]);
+    tiles.push(["Jobs", `${whole.format(live.jobs_leased)} leased`, `${whole.format(live.jobs_queued)} queued, ${whole.format(live.jobs_quarantined)} quarantined`]);
   }
   at("tiles").replaceChildren(...tiles.map(([label, value, more]) =>
     element("div", [element("dt", label), element("dd", more ? [value, element("span", more)] : value)])));

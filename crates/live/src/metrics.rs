@@ -68,7 +68,7 @@ impl Collector for Snapshot {
         )?;
         put(
             "failures",
-            "Crashes, failures and jobs given up on record",
+            "Crashes, failures and jobs quarantined on record",
             &total(*failures),
         )?;
         put(
@@ -80,7 +80,7 @@ impl Collector for Snapshot {
             jobs_queued,
             jobs_leased,
             jobs_done,
-            jobs_given_up,
+            jobs_quarantined,
             samples_per_second,
             draining,
             workers,
@@ -107,9 +107,9 @@ impl Collector for Snapshot {
             &level(*jobs_leased as f64),
         )?;
         put(
-            "jobs_given_up",
-            "Jobs that were given up",
-            &level(*jobs_given_up as f64),
+            "jobs_quarantined",
+            "Jobs that were quarantined",
+            &level(*jobs_quarantined as f64),
         )?;
         put(
             "samples_per_second",

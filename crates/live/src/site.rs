@@ -305,7 +305,7 @@ impl Site {
         in_background(move || views::best(&problem, finished, &candidates, estimates)).await
     }
 
-    /// An optimum that has all its fresh samples.
+    /// An optimum that has all its verification samples.
     async fn verified(
         &self,
         problem: &Problem,

@@ -29,7 +29,7 @@ pub const UNREACHABLE: u8 = 11;
 /// The coordinator refused for good: another version, other numbers, a token or certificate that it
 /// does not take; or its own certificate is not to be trusted.
 pub const REFUSED: u8 = 12;
-/// The campaign ended, but some of its jobs were given up; the report names them.
+/// The campaign ended, but some of its jobs were quarantined; the report names them.
 pub const INCOMPLETE: u8 = 13;
 /// Stopped by a signal; starting the same command again continues.
 pub const INTERRUPTED: u8 = 14;
@@ -69,7 +69,7 @@ pub const TABLE: [(u8, &str); 16] = [
     ),
     (
         INCOMPLETE,
-        "the campaign ended, but some of its jobs were given up",
+        "the campaign ended, but some of its jobs were quarantined",
     ),
     (
         INTERRUPTED,

@@ -320,7 +320,7 @@ pub struct Optimum {
     pub variables: [f64; 11],
     /// The criterion that the approach minimised, µm, without any penalty.
     pub criterion_um: f64,
-    /// P90 verified with fresh samples.
+    /// P90 verified with samples of its own.
     pub p90: Percentile,
     /// P90 on the converged grid less P90 on the campaign's grid, from the same wear, µm; none where an
     /// external program simulates.
@@ -465,7 +465,7 @@ pub struct Enrichment {
     pub doe_samples: u64,
     /// Verified P90 of the recommended design, µm.
     pub verified_um: Option<f64>,
-    /// The 95 % interval in which an estimate from as many fresh samples is to be expected, from the
+    /// The 95 % interval in which an estimate from as many verification samples is to be expected, from the
     /// model's uncertainty and the verification's, µm.
     pub interval_of_estimate_um: Option<(f64, f64)>,
 }

@@ -31,7 +31,7 @@ pub struct ProblemOptimum {
     pub design: Result<Vec<NamedValue>, String>,
     /// What the approach minimised.
     pub criterion: f64,
-    /// The percentile verified with fresh samples.
+    /// The percentile verified with samples of its own.
     pub p90: Percentile,
     /// What constraints are set on, with whether each holds.
     pub constraints: Vec<(NamedValue, bool)>,

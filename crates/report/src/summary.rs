@@ -29,7 +29,7 @@ pub struct Recommended {
     pub what: String,
     /// The unit of the percentile; empty for a number without one.
     pub unit: String,
-    /// The percentile, verified with fresh samples.
+    /// The percentile, verified with samples of its own.
     pub percentile: Percentile,
     /// The values of its variables.
     pub variables: Vec<NamedValue>,

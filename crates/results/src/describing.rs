@@ -90,9 +90,16 @@ pub fn describe(status: &Status) -> String {
             |value| format!("{value:.4} {}", status.unit).trim_end().to_owned(),
         );
         let Progress { done, wanted } = optimum.verified;
+        let verified = match &optimum.percentile {
+            Some(found) => format!(
+                "{} {:.4} [{:.4}; {:.4}] by {done} verification samples",
+                found.name, found.value, found.low, found.high
+            ),
+            None => format!("{done} of {wanted} verification samples"),
+        };
         let _ = writeln!(
             text,
-            "optimum         {:<16} {criterion}, {done} of {wanted} fresh samples",
+            "optimum         {:<16} {criterion}, {verified}",
             optimum.approach
         );
     }
@@ -118,13 +125,13 @@ fn describe_live(live: &Live, text: &mut String) {
         jobs_queued,
         jobs_leased,
         jobs_done,
-        jobs_given_up,
+        jobs_quarantined,
         ..
     } = live;
     let _ = writeln!(
         text,
         "jobs            {jobs_leased} leased, {jobs_queued} queued, {jobs_done} done, \
-         {jobs_given_up} given up{}",
+         {jobs_quarantined} quarantined{}",
         if live.draining { "; draining" } else { "" }
     );
     let eta = live

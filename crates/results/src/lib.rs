@@ -6,7 +6,7 @@
 //! - [`export`] writes the store's tables as [`rows`] of CSV, JSON or Parquet, [`model`] is its kriging model, and
 //!   [`pair_file`] an optimum as a pair file.
 //! - [`reporting`] gathers the data of the report; [`comparing`] puts the paper's figures beside ours.
-//! - [`mod@percentile`] estimates P90 with its interval from fresh samples.
+//! - [`mod@percentile`] estimates P90 with its interval from verification samples.
 
 pub mod comparing;
 mod converged;

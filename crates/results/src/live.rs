@@ -101,14 +101,14 @@ pub struct Running {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Live {
     /// Designs, points and runs that wait; leases that are out; leases that were delivered since the
-    /// start; designs, points and runs that were given up.
+    /// start; designs, points and runs that were quarantined.
     pub jobs_queued: u64,
     /// See `jobs_queued`.
     pub jobs_leased: u64,
     /// See `jobs_queued`.
     pub jobs_done: u64,
     /// See `jobs_queued`.
-    pub jobs_given_up: u64,
+    pub jobs_quarantined: u64,
     /// Samples stored per second, lately.
     pub samples_per_second: f64,
     /// Seconds until the stage ends at the rate of late, while samples of the DoE, of a round of
@@ -210,7 +210,7 @@ impl Live {
             jobs_queued: count(running.counts.free + running.counts.waiting),
             jobs_leased: count(running.counts.leased),
             jobs_done: running.counts.delivered,
-            jobs_given_up: count(running.counts.given_up),
+            jobs_quarantined: count(running.counts.quarantined),
             samples_per_second: running.paces.samples_per_second(),
             eta_seconds: span.map(|span| span.seconds),
             eta_low_seconds: span.map(|span| span.low),

@@ -3,7 +3,7 @@
 use campaign::file::Sampling;
 use report::Percentile;
 
-/// The percentile of fresh samples with its 95 % interval; no numbers where there are too few.
+/// The percentile of verification samples with its 95 % interval; no numbers where there are too few.
 #[must_use]
 pub fn percentile(sampling: &Sampling, samples: &[f64]) -> Percentile {
     let nothing = Percentile {

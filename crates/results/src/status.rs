@@ -167,8 +167,24 @@ pub struct Optimum {
     pub approach: String,
     /// Its criterion, in the status's unit; absent when no feasible design was found.
     pub criterion_um: Option<f64>,
-    /// Fresh samples in the store, and how many there will be.
+    /// Verification samples in the store, and how many there will be.
     pub verified: Progress,
+    /// The percentile of the verification samples, once all are there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub percentile: Option<VerifiedPercentile>,
+}
+
+/// A verified percentile with its 95 % confidence interval, in the status's unit.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct VerifiedPercentile {
+    /// What it is called: P90.
+    pub name: String,
+    /// The estimate.
+    pub value: f64,
+    /// Lower end of the interval.
+    pub low: f64,
+    /// Upper end of the interval.
+    pub high: f64,
 }
 
 /// The unit of earlier versions, which knew gears only.
@@ -191,11 +207,16 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
     let mut optima = Vec::new();
     for row in optima::stored(store).await? {
         let done = counts.get(&row.approach).copied().unwrap_or(0);
+        let is_verified = row.feasible && done >= verify;
         optima.push(Optimum {
             criterion_um: row.feasible.then_some(row.criterion_um),
             verified: Progress {
                 done,
                 wanted: if row.feasible { verify } else { 0 },
+            },
+            percentile: match is_verified {
+                true => verified(store, &campaign, &row.approach).await?,
+                false => None,
             },
             approach: optima::approach_of(&row.approach).map_or_else(
                 || row.approach.clone(),
@@ -214,7 +235,7 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
     let verified = optima
         .iter()
         .all(|optimum| optimum.verified.done >= optimum.verified.wanted);
-    // Later stages speak for earlier ones: designs that were given up stay without samples.
+    // Later stages speak for earlier ones: designs that were quarantined stay without samples.
     let chosen = |approach: campaign::Approach| {
         let name = problem.approach_name(approach);
         optima.iter().any(|optimum| optimum.approach == name)
@@ -275,6 +296,24 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
     let to_verify = problem.approaches().count() as u64 * verify;
     status.stages = status.each_stage(to_verify, campaign.enrichment.is_some());
     Ok(status)
+}
+
+/// The percentile of an approach's verification samples; none that is no number.
+async fn verified(
+    store: &Store,
+    campaign: &Campaign,
+    approach: &str,
+) -> Result<Option<VerifiedPercentile>, store::Error> {
+    let samples = store.verify_samples(approach).await?;
+    let samples: Vec<f64> = samples.iter().map(|sample| sample.delta_ste_um).collect();
+    let found = crate::percentile::percentile(&campaign.sampling, &samples);
+    let percentile = VerifiedPercentile {
+        name: campaign.sampling.percentile_name(),
+        value: found.value_um,
+        low: found.low_um,
+        high: found.high_um,
+    };
+    Ok(found.value_um.is_finite().then_some(percentile))
 }
 
 async fn unfinished_runs(
@@ -364,7 +403,7 @@ impl Status {
         self
     }
 
-    /// Fresh samples of all optima chosen so far.
+    /// Verification samples of all optima chosen so far.
     #[must_use]
     pub fn verified(&self) -> Progress {
         let all = self.optima.iter().map(|optimum| optimum.verified);
@@ -411,7 +450,7 @@ impl Status {
                     _ => {
                         let Progress { done, wanted } = self.verified();
                         let wanted = if all_chosen { wanted } else { to_verify };
-                        (done, wanted, "fresh samples")
+                        (done, wanted, "verification samples")
                     }
                 };
                 StageProgress {

@@ -11,7 +11,7 @@ use crate::optima::design_to_json;
 
 /// Chooses the best design that the runs of an approach found.
 ///
-/// `extra` is what the approach's metamodel cost. A run that was given up is not among `rows`.
+/// `extra` is what the approach's metamodel cost. A run that was quarantined is not among `rows`.
 ///
 /// # Errors
 ///

@@ -104,7 +104,7 @@ pub fn next(problem: &Problem, state: &State) -> Next {
     let mut points = verify_points(campaign, state);
     points.extend(state.enrichment.points.iter().cloned());
     points.retain(|point| {
-        !point.is_complete() && !state.given_up.contains(&StreamId::point(point.number))
+        !point.is_complete() && !state.quarantined.contains(&StreamId::point(point.number))
     });
     Next {
         runs,
@@ -120,7 +120,7 @@ fn optimised(problem: &Problem) -> impl Iterator<Item = Approach> {
     problem.approaches().filter(runs)
 }
 
-/// Every point that gets fresh samples, those of the known optima included.
+/// Every point that gets verification samples, those of the known optima included.
 #[must_use]
 pub fn verify_points(campaign: &Campaign, state: &State) -> Vec<VerifyPoint> {
     let optima = state.optima.iter().filter_map(|(approach, design)| {
@@ -172,7 +172,7 @@ fn local_step(problem: &Problem, state: &State) -> Option<LocalStep> {
     }
     let settled = state
         .enrichment
-        .is_settled(|id| state.given_up.contains(&id));
+        .is_settled(|id| state.quarantined.contains(&id));
     settled.then_some(LocalStep::Enrich)
 }
 
@@ -310,7 +310,7 @@ mod tests {
         let mut state = State { ..sampled(50) };
         let waiting = next_of(&campaign, &state);
         assert_eq!((waiting.local, waiting.sampling), (None, Some(printed)));
-        state.given_up.extend((50..60).map(StreamId::design));
+        state.quarantined.extend((50..60).map(StreamId::design));
         let going_on = next_of(&campaign, &state);
         assert_eq!(going_on.local, Some(LocalStep::Statistics));
         assert_eq!(going_on.sampling, None);
@@ -398,7 +398,7 @@ mod tests {
         // One gets its samples, one fails: both are settled.
         state.enrichment.points[2] = point(numbers[2], 30, &middle);
         assert_eq!(step(&state), None);
-        state.given_up.insert(StreamId::point(numbers[1]));
+        state.quarantined.insert(StreamId::point(numbers[1]));
         let next = next_of(&campaign, &state);
         assert_eq!(next.local, Some(LocalStep::Enrich));
         assert_eq!(next.points, []);

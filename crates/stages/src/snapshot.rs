@@ -30,7 +30,7 @@ pub async fn load(
     let progress = store.progress().await?;
     let wanted = u64::from(campaign.sampling.samples_per_design);
     let missing = store.missing_work(wanted, more).await?;
-    // Designs that were given up before they had samples enough have no response to wait for. Those
+    // Designs that were quarantined before they had samples enough have no response to wait for. Those
     // that only wanted more make one from what they have.
     let lacks = |work: &&store::MissingWork| {
         !work.criteria && work.samples.iter().any(|range| range.start < wanted)
@@ -184,7 +184,7 @@ pub async fn response_counts(
 }
 
 /// The designs with a response that want more samples than others, and how many: after a restart, too,
-/// of a campaign that went on without those of designs that were given up.
+/// of a campaign that went on without those of designs that were quarantined.
 ///
 /// # Errors
 ///

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use campaign::formulation::{Approach, Design};
 use ledger::StreamId;
 
-/// A point that gets fresh samples.
+/// A point that gets verification samples.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VerifyPoint {
     /// Its name in the store.
@@ -64,14 +64,14 @@ pub struct State {
     pub runs: BTreeSet<(Approach, u32)>,
     /// The chosen designs; `None` for an approach that found no feasible one.
     pub optima: BTreeMap<Approach, Option<Design>>,
-    /// Points that get fresh samples, without those of the optima.
+    /// Points that get verification samples, without those of the optima.
     pub reference_points: Vec<VerifyPoint>,
-    /// Stored fresh samples of the optima.
+    /// Stored verification samples of the optima.
     pub verified: BTreeMap<Approach, BTreeSet<u32>>,
     /// The rounds of infill.
     pub enrichment: Progress,
-    /// What was given up.
-    pub given_up: BTreeSet<StreamId>,
+    /// What was quarantined.
+    pub quarantined: BTreeSet<StreamId>,
 }
 
 /// The enrichment as far as the store holds it.
@@ -89,18 +89,19 @@ impl State {
     /// Whether nothing is to be waited for of a run.
     pub(crate) fn is_settled(&self, approach: Approach, start: u32) -> bool {
         let stream = StreamId::run(approach.number() as u32, start);
-        self.runs.contains(&(approach, start)) || self.given_up.contains(&stream)
+        self.runs.contains(&(approach, start)) || self.quarantined.contains(&stream)
     }
 
-    /// Whether a design lacks samples that were not given up.
+    /// Whether a design lacks samples that were not quarantined.
     pub(crate) fn lacks_samples(&self) -> bool {
-        let is_wanted = |open: &OpenDesign| !self.given_up.contains(&StreamId::design(open.design));
+        let is_wanted =
+            |open: &OpenDesign| !self.quarantined.contains(&StreamId::design(open.design));
         self.open.iter().any(is_wanted)
     }
 }
 
 impl Progress {
-    /// Whether every point of the last round has its samples or was given up.
+    /// Whether every point of the last round has its samples or was quarantined.
     #[must_use]
     pub fn is_settled(&self, is_given_up: impl Fn(StreamId) -> bool) -> bool {
         let settled =

@@ -27,7 +27,7 @@ pub struct Collector<'a> {
     /// The control variates of designs.
     linear: &'a BTreeMap<u64, LinearResponse>,
     /// What gets no more samples.
-    given_up: &'a BTreeSet<StreamId>,
+    quarantined: &'a BTreeSet<StreamId>,
     design: Option<u64>,
     samples: Vec<f64>,
     rows: Vec<ResponseRow>,
@@ -40,12 +40,12 @@ impl<'a> Collector<'a> {
     pub const fn new(
         problem: &'a Problem,
         linear: &'a BTreeMap<u64, LinearResponse>,
-        given_up: &'a BTreeSet<StreamId>,
+        quarantined: &'a BTreeSet<StreamId>,
     ) -> Self {
         Self {
             problem,
             linear,
-            given_up,
+            quarantined,
             design: None,
             samples: Vec::new(),
             rows: Vec::new(),
@@ -120,7 +120,7 @@ impl<'a> Collector<'a> {
 
     fn is_given_up(&self, design: u64) -> bool {
         let stream = u32::try_from(design).map(StreamId::design);
-        stream.is_ok_and(|stream| self.given_up.contains(&stream))
+        stream.is_ok_and(|stream| self.quarantined.contains(&stream))
     }
 }
 
@@ -150,10 +150,10 @@ mod tests {
             .collect()
     }
 
-    fn computed(problem: &Problem, rows: &[SampleRow], given_up: &[u32]) -> Computed {
+    fn computed(problem: &Problem, rows: &[SampleRow], quarantined: &[u32]) -> Computed {
         let linear = BTreeMap::new();
-        let given_up = given_up.iter().copied().map(StreamId::design).collect();
-        let mut collector = Collector::new(problem, &linear, &given_up);
+        let quarantined = quarantined.iter().copied().map(StreamId::design).collect();
+        let mut collector = Collector::new(problem, &linear, &quarantined);
         for row in rows {
             collector.push(row).unwrap();
         }
@@ -184,7 +184,7 @@ mod tests {
         let wants = computed(&precise, &held, &[]);
         assert_eq!(wants, Computed::Wants(BTreeMap::from([(1, 20)])));
         let Computed::Responses(responses) = computed(&precise, &held, &[1]) else {
-            panic!("what is given up is not waited for");
+            panic!("what is quarantined is not waited for");
         };
         assert_eq!(responses.len(), 2);
     }

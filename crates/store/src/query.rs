@@ -290,7 +290,7 @@ pub(crate) async fn job_histories(
         .all(
             "read what went wrong with jobs",
             sqlx::query!(
-                r#"WITH given_up AS (
+                r#"WITH quarantined AS (
                SELECT job, max(failure) AS last FROM failure WHERE kind = 'quarantine' GROUP BY job
            )
            SELECT failure.job AS "job!",
@@ -298,7 +298,7 @@ pub(crate) async fn job_histories(
                   count(DISTINCT CASE WHEN kind = 'crash' AND failure > coalesce(last, 0)
                                       THEN worker END) AS "crashes!: u32",
                   sum(kind = 'failure' AND failure > coalesce(last, 0)) AS "failures!: u32"
-           FROM failure LEFT JOIN given_up ON given_up.job = failure.job
+           FROM failure LEFT JOIN quarantined ON quarantined.job = failure.job
            GROUP BY failure.job ORDER BY failure.job"#
             ),
         )

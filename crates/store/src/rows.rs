@@ -146,7 +146,7 @@ pub enum FailureKind {
     Crash,
     /// Its worker reported an error.
     Failure,
-    /// It was given up.
+    /// It was quarantined.
     Quarantine,
 }
 
@@ -195,7 +195,7 @@ pub struct JobHistory {
     pub job: String,
     /// The newest attempt of which something is recorded.
     pub attempts: u32,
-    /// Workers that vanished while it ran, since the job was last given up.
+    /// Workers that vanished while it ran, since the job was last quarantined.
     pub crashes: u32,
     /// Recorded failures since then.
     pub failures: u32,

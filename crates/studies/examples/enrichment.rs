@@ -14,7 +14,7 @@
 //!   constraint of the pressure takes anyway, is the baseline that one of the models adds to;
 //! - the direct search: CMA-ES on P90 from 30 samples with common random numbers, 36 000 analyses.
 //!
-//! Every winner gets 500 fresh samples. One JSON object per seed and method goes to standard
+//! Every winner gets 500 verification samples. One JSON object per seed and method goes to standard
 //! output, the table in Markdown after them.
 //!
 //! **Calls.** `worn` counts analyses with random wear, those that 20 % refers to.

@@ -27,7 +27,7 @@ pub struct Row {
     pub plain_calls: u64,
     /// Analyses with random wear.
     pub worn_calls: u64,
-    /// The best design and its P90 from fresh samples, if any design satisfied the constraints.
+    /// The best design and its P90 from verification samples, if any design satisfied the constraints.
     pub best: Option<(Found, Percentile)>,
 }
 
@@ -109,7 +109,7 @@ pub fn write_tables(out: &Path, campaign: &Campaign, rows: &[Row]) -> anyhow::Re
     write(out, "corrections.csv", figures.csv()?)?;
     let page = format!(
         "# {} with and without profile corrections\n\n\
-         {} of ΔSTE in µm from {} fresh samples with its 95 % interval, at the best of {} direct \
+         {} of ΔSTE in µm from {} verification samples with its 95 % interval, at the best of {} direct \
          searches of {} designs each. Relief is amount × length.\n\n{}",
         campaign.name,
         sampling.percentile_name(),

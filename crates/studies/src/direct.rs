@@ -158,7 +158,7 @@ impl Corrected {
     }
 }
 
-/// Asks for as many fresh samples as the campaign verifies an optimum with; `number` tells the designs
+/// Asks for as many verification samples as the campaign verifies an optimum with; `number` tells the designs
 /// apart that are verified.
 #[must_use]
 pub fn verification(problem: &Problem, design: &Corrected, number: u64) -> Request {

@@ -12,7 +12,7 @@ use store::Store;
 use crate::refusal::Unfinished;
 use crate::simulations::Simulations;
 
-/// A design that an approach found, with its fresh samples.
+/// A design that an approach found, with its verification samples.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Optimum {
     /// The approach.
@@ -21,7 +21,7 @@ pub struct Optimum {
     pub variables: GearVariables,
     /// Its criteria.
     pub criteria: GearCriteria,
-    /// Fresh samples of ΔSTE, µm.
+    /// Verification samples of ΔSTE, µm.
     pub fresh: Vec<f64>,
 }
 

@@ -2,7 +2,7 @@
 //!
 //! The designs are those of a finished campaign, with the samples that it has: no new ones are
 //! needed for the front of its DoE. As the least of many estimates is low by chance, the designs of
-//! the front get fresh samples, beside the optima, which have them already; and more designs can be
+//! the front get verification samples, beside the optima, which have them already; and more designs can be
 //! searched directly under a tighter and tighter limit of the second objective (the ε-constraint
 //! method).
 

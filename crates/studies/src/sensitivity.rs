@@ -56,7 +56,7 @@ pub struct Scenario {
     pub parameter: &'static str,
     /// By which factor.
     pub factor: f64,
-    /// P90 from as many fresh samples as the campaign verifies with.
+    /// P90 from as many verification samples as the campaign verifies with.
     pub p90: Percentile,
 }
 

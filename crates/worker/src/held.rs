@@ -192,31 +192,31 @@ impl HeldLeases {
 
     /// Forgets every lease that has not started, and returns them.
     pub(crate) fn give_up_waiting(&self) -> Vec<LeaseId> {
-        let given_up = self.with(|inner| {
+        let quarantined = self.with(|inner| {
             let waiting = inner.computing.extract_if(.., |_, held| !held.started);
             waiting.map(|(id, _)| id).collect()
         });
         self.changed.notify_waiters();
-        given_up
+        quarantined
     }
 
     /// Ends every lease that is not finished: those of which something was kept are finished with that,
     /// the others are forgotten and returned.
     pub(crate) fn give_up_all(&self) -> Vec<LeaseId> {
-        let given_up = self.with(|inner| {
-            let mut given_up = Vec::new();
+        let quarantined = self.with(|inner| {
+            let mut quarantined = Vec::new();
             for (id, held) in std::mem::take(&mut inner.computing) {
                 let is_wanted = !held.cancelled.swap(true, Ordering::Relaxed);
                 if is_wanted && (!held.done.is_empty() || held.part.is_some()) {
                     inner.finish(held);
                 } else {
-                    given_up.push(id);
+                    quarantined.push(id);
                 }
             }
-            given_up
+            quarantined
         });
         self.changed.notify_waiters();
-        given_up
+        quarantined
     }
 
     /// How many leases are held and not finished.

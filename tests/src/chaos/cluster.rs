@@ -24,7 +24,7 @@ const STORE_LOCKED: i32 = 9;
 const INTRUDERS_ACCESS: &str = "intruder.access";
 /// No coordinator answers.
 const UNREACHABLE: i32 = 11;
-/// The campaign is finished but for what was given up.
+/// The campaign is finished but for what was quarantined.
 const INCOMPLETE: i32 = 13;
 /// Asked to leave, or drained.
 const INTERRUPTED: i32 = 14;
@@ -192,7 +192,7 @@ impl Cluster {
         Ok(())
     }
 
-    /// Gives what was given up another chance; false when no coordinator answers.
+    /// Gives what was quarantined another chance; false when no coordinator answers.
     pub(crate) fn retry(&mut self) -> Result<bool, Violation> {
         self.started += 1;
         let setup = &self.setup;

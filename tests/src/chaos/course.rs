@@ -1,4 +1,4 @@
-//! The turn that some campaigns take in the middle: the campaign grows, or what was given up is
+//! The turn that some campaigns take in the middle: the campaign grows, or what was quarantined is
 //! tried again. Optima are then chosen anew while samples of the old ones are in flight.
 
 use std::path::PathBuf;
@@ -249,7 +249,7 @@ impl Course {
             }
             (_, _, 0) => Ok(true),
             _ => Err(Violation(format!(
-                "a coordinator ended with code {code}: something was given up"
+                "a coordinator ended with code {code}: something was quarantined"
             ))),
         }
     }

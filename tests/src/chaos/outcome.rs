@@ -97,7 +97,7 @@ impl Outcome {
     }
 
     /// Whether nothing went wrong that was not made to: the built-in model never fails, and only a
-    /// design without a licence is given up.
+    /// design without a licence is quarantined.
     pub(crate) fn check_failures(&self, kind: Kind) -> Result<(), Violation> {
         let is_expected = |row: &FailureRow| match row.kind {
             FailureKind::Crash => true,

@@ -169,7 +169,7 @@ impl Sampling {
         }
     }
 
-    /// The percentile of many fresh samples, as the optima are verified by: the paper's m + z s with the
+    /// The percentile of many verification samples, as the optima are verified by: the paper's m + z s with the
     /// variance of (14), whatever the rule for the designs of the DoE.
     ///
     /// # Errors

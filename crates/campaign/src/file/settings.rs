@@ -111,7 +111,7 @@ impl Optimise {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Verify {
-    /// Fresh samples at each optimum.
+    /// Verification samples at each optimum.
     pub samples: u32,
 }
 

@@ -141,7 +141,7 @@ pub(super) async fn retry(arguments: &arguments::Retry) -> anyhow::Result<u8> {
     let answer = answer.map_err(|status| link.error(&status))?;
     let retried = answer.into_inner().retried;
     print(&if retried.is_empty() {
-        "nothing was given up\n".to_owned()
+        "nothing was quarantined\n".to_owned()
     } else {
         retried.join("\n") + "\n"
     })?;

@@ -58,10 +58,10 @@ pub(super) async fn sweep(arguments: arguments::Sweep) -> anyhow::Result<u8> {
         let progress = Progress::new();
         let observer: server::Observer = Box::new(move |status| progress.show(status));
         match server::run(plan, Some(observer), shutdown.clone()).await? {
-            Outcome::Finished { given_up, .. } if given_up.is_empty() => {}
-            Outcome::Finished { given_up, .. } => {
+            Outcome::Finished { quarantined, .. } if quarantined.is_empty() => {}
+            Outcome::Finished { quarantined, .. } => {
                 incomplete = true;
-                warn!(teeth = member.teeth, jobs = %given_up.join(", "), "some jobs were given up");
+                warn!(teeth = member.teeth, jobs = %quarantined.join(", "), "some jobs were quarantined");
             }
             Outcome::Interrupted => {
                 info!("stopped; start the same command again to continue");

@@ -104,7 +104,7 @@ async fn rounds_end_within_the_budget_and_resume_as_if_nothing_had_been() {
     let folder = tempfile::tempdir().unwrap();
     let (whole, broken) = (folder.path().join("w.db"), folder.path().join("b.db"));
     let ended = run(&whole, 1, |_| false, None).await.unwrap();
-    assert_eq!(ended.given_up, Vec::<String>::new());
+    assert_eq!(ended.quarantined, Vec::<String>::new());
     let expected = found(&whole).await;
 
     let infill = &expected.infill;
@@ -149,8 +149,8 @@ async fn infill_points_that_fail_are_survived_and_kept_away_from() {
     let path = folder.path().join("f.db");
     let fails = |point: &str| point.starts_with("infill-0001") || point.starts_with("infill-0007");
     let ended = run(&path, 2, fails, None).await.unwrap();
-    assert_eq!(ended.given_up.len(), 2, "{ended:?}");
-    assert!(ended.given_up[0].starts_with("infill-"), "{ended:?}");
+    assert_eq!(ended.quarantined.len(), 2, "{ended:?}");
+    assert!(ended.quarantined[0].starts_with("infill-"), "{ended:?}");
     let found = found(&path).await;
     assert!(found.optimum.feasible);
     let failed: Vec<&InfillRow> = found.infill.iter().filter(|row| row.failed).collect();
@@ -175,7 +175,7 @@ async fn two_rounds_of_nothing_but_failures_end_it_without_ending_the_campaign()
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("n.db");
     let ended = run(&path, 2, |point| point.starts_with("infill-"), None).await;
-    assert!(!ended.unwrap().given_up.is_empty());
+    assert!(!ended.unwrap().quarantined.is_empty());
     let found = found(&path).await;
     assert_eq!(found.rounds.len(), 3);
     let stop = found.rounds[2].stop_json.as_deref();

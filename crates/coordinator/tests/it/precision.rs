@@ -101,7 +101,7 @@ async fn ends_as_if_undisturbed(resumed: Resumed) {
     let folder = tempfile::tempdir().unwrap();
     let undisturbed = Coordinator::start(&folder.path().join("u.db"), campaign_file()).await;
     let nothing = Vec::<String>::new();
-    assert_eq!(run(&undisturbed, |_| false).await.given_up, nothing);
+    assert_eq!(run(&undisturbed, |_| false).await.quarantined, nothing);
     let expected = found(&undisturbed.store).await;
     assert_eq!(expected.models.len(), 1);
 
@@ -115,7 +115,7 @@ async fn ends_as_if_undisturbed(resumed: Resumed) {
     let path = folder.path().join("d.db");
     let mut coordinator = Coordinator::start(&path, campaign_file()).await;
     let ended = run(&coordinator, is_last).await;
-    assert_eq!(ended.given_up, [stream.to_string()]);
+    assert_eq!(ended.quarantined, [stream.to_string()]);
     let before = found(&coordinator.store).await;
     assert_eq!(before.responses.len(), expected.responses.len());
     assert_ne!(before.responses, expected.responses);
@@ -136,7 +136,7 @@ async fn ends_as_if_undisturbed(resumed: Resumed) {
         coordinator.store.close().await.unwrap();
         coordinator = Coordinator::start(&path, campaign_file()).await;
     }
-    assert_eq!(run(&coordinator, |_| false).await.given_up, nothing);
+    assert_eq!(run(&coordinator, |_| false).await.quarantined, nothing);
     assert_eq!(found(&coordinator.store).await, expected);
 }
 

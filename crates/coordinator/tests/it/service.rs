@@ -250,7 +250,7 @@ async fn numbers_that_cannot_be_are_failures_until_the_design_is_given_up() {
         assert_eq!(bench.report(worker, answer).await, Directive::Continue);
     }
     let design = StreamId::design(0);
-    assert_eq!(bench.board.given_up(), BTreeSet::from([design]));
+    assert_eq!(bench.board.quarantined(), BTreeSet::from([design]));
     assert_eq!(bench.samples().await, 0);
     let failures = bench.store.failures().await.unwrap();
     assert_eq!(
@@ -277,7 +277,7 @@ async fn numbers_that_cannot_be_are_failures_until_the_design_is_given_up() {
     let answer = bench.answer(&leases[0]);
     bench.report("e", answer).await;
     assert_eq!(bench.samples().await, SAMPLES);
-    assert!(bench.board.given_up().is_empty());
+    assert!(bench.board.quarantined().is_empty());
     assert!(bench.board.finish(bench.board.retries()));
 }
 

@@ -94,27 +94,27 @@ fn three_processes_that_fall_silent_over_a_stream_end_it_and_one_that_only_slept
         assert!(matches!(
             vanished[..],
             [Vanished {
-                given_up: false,
+                quarantined: false,
                 ..
             }]
         ));
         newest = ledger.lease(&worker("a"), now).unwrap();
     }
     // What it brings after all takes the blame back, too.
-    for (name, given_up) in [("b", false), ("c", true)] {
+    for (name, quarantined) in [("b", false), ("c", true)] {
         ledger.release(&worker("a"), &[newest.lease], now);
         let grant = ledger.lease(&worker(name), now).unwrap();
         beat(&mut ledger, name, &[&grant], now);
         now += 2 * LEASE;
-        assert_eq!(ledger.expire(now)[0].given_up, given_up);
+        assert_eq!(ledger.expire(now)[0].quarantined, quarantined);
         newest = grant;
     }
     assert!(ledger.take_settled());
-    assert_eq!(ledger.given_up().count(), 1);
+    assert_eq!(ledger.quarantined().count(), 1);
     // The last of them had only slept, and goes on where it was.
     assert_eq!(beat(&mut ledger, "c", &[&newest], now), []);
     ledger.deliver(&worker("c"), newest.lease, &all_of(&newest), now);
-    assert_eq!(ledger.given_up().count(), 0);
+    assert_eq!(ledger.quarantined().count(), 0);
     assert_eq!(ledger.counts().free + ledger.counts().leased, 0);
 }
 
@@ -128,7 +128,7 @@ fn a_lease_of_several_designs_that_kills_its_worker_is_split_before_anybody_is_b
     assert!(grant.units.len() > 1);
     beat(&mut ledger, "a", &[&grant], at(0.0));
     let vanished = ledger.expire(at(60.0));
-    assert!(vanished[0].is_split && !vanished[0].given_up);
+    assert!(vanished[0].is_split && !vanished[0].quarantined);
     let shared = units(&grant);
     for grant in lease_all(&mut ledger, "b", at(60.0)) {
         let is_split = |unit: &Unit| shared.iter().any(|other| other.stream == unit.stream);
@@ -241,7 +241,7 @@ fn a_worker_alone_is_suspended_three_times_and_then_the_streams_are_to_blame() {
     let mut ledger = ledger(alone(), 40, 1, &["a"]);
     let mut now = at(0.0);
     let mut suspensions = 0;
-    while ledger.given_up().count() < 40 {
+    while ledger.quarantined().count() < 40 {
         match ledger.lease(&worker("a"), now) {
             Some(grant) => {
                 let failure = failure_of(&grant);

@@ -254,7 +254,7 @@ impl World {
                         crashed.insert(vanished.worker.clone());
                         let enough = Options::default().max_crashes;
                         assert!(
-                            !vanished.given_up || crashed.len() >= enough,
+                            !vanished.quarantined || crashed.len() >= enough,
                             "{vanished:?}"
                         );
                     }
@@ -306,7 +306,12 @@ impl World {
         }
         let counts = self.ledger.counts();
         assert_eq!(
-            (counts.free, counts.waiting, counts.leased, counts.given_up),
+            (
+                counts.free,
+                counts.waiting,
+                counts.leased,
+                counts.quarantined
+            ),
             (0, 0, 0, 0)
         );
     }

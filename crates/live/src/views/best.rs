@@ -33,7 +33,7 @@ pub struct Best {
 pub struct BestDesign {
     /// Where it comes from: a design of the DoE, or an approach.
     pub name: String,
-    /// Whether the percentile is of fresh samples, taken at this design after it was chosen.
+    /// Whether the percentile is of verification samples, taken at this design after it was chosen.
     pub verified: bool,
     /// The percentile.
     pub value: f64,
@@ -98,10 +98,10 @@ pub fn best(problem: &Problem, finished: bool, candidates: &[Candidate], estimat
             format!("{estimates} designs have their samples; none of them keeps every constraint.")
         }
         Some(Candidate { design: None, .. }) if finished => {
-            "Verified with fresh samples.".to_owned()
+            "Verified with samples of its own.".to_owned()
         }
         Some(Candidate { design: None, .. }) => {
-            "Verified with fresh samples; the campaign is not finished.".to_owned()
+            "Verified with samples of its own; the campaign is not finished.".to_owned()
         }
         Some(_) => format!(
             "Best so far, not verified: the least of {estimates} estimates is probably too low."

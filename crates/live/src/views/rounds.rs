@@ -31,7 +31,7 @@ pub struct Round {
     pub further_turns: u64,
     /// Samples asked for.
     pub samples: u64,
-    /// Points whose samples were given up.
+    /// Points whose samples were quarantined.
     pub failed: u64,
     /// The most that was expected of an observation; `null` where no model could tell.
     pub expected_improvement: f64,

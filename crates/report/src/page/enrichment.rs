@@ -89,7 +89,7 @@ fn outcome(enrichment: &Enrichment, percentile: &str) -> String {
             "lies outside"
         };
         text += &format!(
-            " Fresh samples give {} µm, which {lies} the interval that it gives for an estimate from \
+            " Verification samples give {} µm, which {lies} the interval that it gives for an estimate from \
              that many, {} to {} µm.",
             fixed(verified, 3),
             fixed(low, 3),

@@ -271,7 +271,7 @@ fn the_enrichment_is_told_in_sentences() {
         "4 rounds asked for 66 new designs and 30 further turns",
         "2880 samples beside the 10\u{202f}500 of the DoE, 13\u{202f}380 in all. 2 of the points failed.",
         "predicts a P90 of 1.360 µm (95 % interval 1.345 to 1.375 µm)",
-        "Fresh samples give 1.350 µm, which lies within",
+        "Verification samples give 1.350 µm, which lies within",
         "The enrichment has converged.",
     ] {
         assert!(text.contains(expected), "missing: {expected}");

@@ -31,7 +31,7 @@ pub(super) async fn enrichment(
     }))
 }
 
-/// What the rounds of infill in the store did, with fresh samples of the recommended design; how many
+/// What the rounds of infill in the store did, with verification samples of the recommended design; how many
 /// samples the DoE had before is left at 0. None without an enrichment.
 ///
 /// # Errors

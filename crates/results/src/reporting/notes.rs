@@ -43,14 +43,17 @@ pub(super) fn notes(sources: &Sources, failures: &[store::FailureRow]) -> Vec<St
             ));
         }
     }
-    let mut given_up: Vec<&str> = failures
+    let mut quarantined: Vec<&str> = failures
         .iter()
         .filter(|row| row.kind == store::FailureKind::Quarantine)
         .map(|row| row.job.as_str())
         .collect();
-    given_up.dedup();
-    if !given_up.is_empty() {
-        notes.push(format!("Jobs that were given up: {}.", given_up.join(", ")));
+    quarantined.dedup();
+    if !quarantined.is_empty() {
+        notes.push(format!(
+            "Jobs that were quarantined: {}.",
+            quarantined.join(", ")
+        ));
     }
     if campaign.gears().is_none() {
         return notes;

@@ -33,7 +33,7 @@ pub(super) struct Sources {
     pub(super) model_json: Option<String>,
     pub(super) infill: Vec<InfillRow>,
     pub(super) rounds: Vec<RoundRow>,
-    /// Fresh samples by point.
+    /// Verification samples by point.
     pub(super) fresh: BTreeMap<String, Vec<f64>>,
 }
 

@@ -16,7 +16,7 @@ pub(super) const ENTRIES: [Entry; 4] = [
         id: "lease-crash",
         title: "A design that kills its workers",
         input: "Three workers that fall silent over the same design, then a retry",
-        instead: "The design is given up, the campaign goes on without it, and a retry gives it another chance.",
+        instead: "The design is quarantined, the campaign goes on without it, and a retry gives it another chance.",
         check: crash,
         ..Entry::blank(Method::Leases)
     },
@@ -32,7 +32,7 @@ pub(super) const ENTRIES: [Entry; 4] = [
         id: "lease-failures",
         title: "A design that fails again and again",
         input: "A simulator that returns an error three times",
-        instead: "The design waits 1 s, then 4 s, and is given up with its error at the third failure.",
+        instead: "The design waits 1 s, then 4 s, and is quarantined with its error at the third failure.",
         check: failures,
         ..Entry::blank(Method::Leases)
     },
@@ -62,13 +62,13 @@ fn crash(found: &mut Outcome) -> Result<(), Failed> {
         vanished(found, &ledger.expire(now));
     }
     found.at_least(
-        "designs given up",
-        ledger.given_up().count() as f64,
+        "designs quarantined",
+        ledger.quarantined().count() as f64,
         "",
         1.0,
     );
-    for (stream, error) in ledger.given_up() {
-        found.detected("given_up", format!("{stream}: {error}"));
+    for (stream, error) in ledger.quarantined() {
+        found.detected("quarantined", format!("{stream}: {error}"));
     }
     explained(found, &ledger, now);
     let other = lease(&mut ledger, &workers[0], now)?;
@@ -81,8 +81,8 @@ fn crash(found: &mut Outcome) -> Result<(), Failed> {
     let again = lease(&mut ledger, &workers[1], now)?;
     ledger.deliver(&workers[1], again.lease, &all_of(&again), now);
     found.at_most(
-        "designs given up after the retry",
-        ledger.given_up().count() as f64,
+        "designs quarantined after the retry",
+        ledger.quarantined().count() as f64,
         "",
         0.0,
     );
@@ -101,7 +101,7 @@ fn shared(found: &mut Outcome) -> Result<(), Failed> {
     vanished(found, &gone);
     found.holds(
         "the lease is split",
-        gone.iter().any(|one| one.is_split && !one.given_up),
+        gone.iter().any(|one| one.is_split && !one.quarantined),
     );
     let suspects: Vec<StreamId> = units(&grant).iter().map(|unit| unit.stream).collect();
     let mut largest = 0;
@@ -121,8 +121,8 @@ fn shared(found: &mut Outcome) -> Result<(), Failed> {
         1.0,
     );
     found.at_most(
-        "designs given up",
-        ledger.given_up().count() as f64,
+        "designs quarantined",
+        ledger.quarantined().count() as f64,
         "",
         0.0,
     );
@@ -142,14 +142,14 @@ fn failures(found: &mut Outcome) -> Result<(), Failed> {
                 waits.push(wait.as_secs_f64());
                 now += wait;
             }
-            [given_up @ Failure::GivenUp] => found.named(variant(&given_up)),
+            [quarantined @ Failure::GivenUp] => found.named(variant(&quarantined)),
             _ => return Err(format!("unexpected: {outcomes:?}").into()),
         }
     }
     found.holds("it waits 1 s, then 4 s", waits == [1.0, 4.0]);
     found.at_least(
-        "designs given up",
-        ledger.given_up().count() as f64,
+        "designs quarantined",
+        ledger.quarantined().count() as f64,
         "",
         1.0,
     );

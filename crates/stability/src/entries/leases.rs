@@ -33,7 +33,7 @@ pub(super) const ENTRIES: [Entry; 6] = [
         title: "The clock steps forward",
         input: "50 workers that have begun, and a clock that jumps by an hour, as when the coordinator was suspended",
         instead: "All leases run out at once. The heartbeats that follow take all of them up again, so that no sample is \
-                  computed twice and nothing is given up. The coordinator waits half a lease for them after such a jump.",
+                  computed twice and nothing is quarantined. The coordinator waits half a lease for them after such a jump.",
         check: clock_forward,
         ..Entry::blank(Method::Leases)
     },
@@ -77,7 +77,7 @@ struct Pausing {
     silent_until: f64,
 }
 
-/// Seconds until all samples are there, share of samples computed twice, and designs given up at the end.
+/// Seconds until all samples are there, share of samples computed twice, and designs quarantined at the end.
 fn campaign_with_pauses(pause: f64) -> Result<[f64; 3], Failed> {
     let ids: Vec<WorkerId> = (0..20)
         .map(|i| WorkerId::from(format!("w{i}").as_str()))
@@ -123,10 +123,10 @@ fn campaign_with_pauses(pause: f64) -> Result<[f64; 3], Failed> {
         }
         ledger.expire(at(now));
         let counts = ledger.counts();
-        if counts.free + counts.waiting + counts.leased + counts.given_up == 0 {
+        if counts.free + counts.waiting + counts.leased + counts.quarantined == 0 {
             let needed = (designs * samples) as usize;
             let twice = 100.0 * (computed as f64 / needed as f64 - 1.0);
-            return Ok([now, twice, counts.given_up as f64]);
+            return Ok([now, twice, counts.quarantined as f64]);
         }
     }
     Err(format!(
@@ -238,8 +238,8 @@ fn clock_forward(found: &mut Outcome) -> Result<(), Failed> {
         ledger.is_idle() && !ledger.has_work(),
     );
     found.at_most(
-        "designs given up",
-        ledger.given_up().count() as f64,
+        "designs quarantined",
+        ledger.quarantined().count() as f64,
         "",
         0.0,
     );
@@ -266,10 +266,10 @@ fn pauses(found: &mut Outcome) -> Result<(), Failed> {
     for pause in [
         5.0, 10.0, 20.0, 29.0, 35.0, 45.0, 60.0, 90.0, 120.0, 180.0, 240.0,
     ] {
-        let [needed, share, given_up] = campaign_with_pauses(pause)?;
+        let [needed, share, quarantined] = campaign_with_pauses(pause)?;
         twice.push([pause, share]);
         seconds.push([pause, needed]);
-        found.holds("nothing is given up", given_up == 0.0);
+        found.holds("nothing is quarantined", quarantined == 0.0);
     }
     found.at_most(
         "samples computed twice, pauses below a lease",

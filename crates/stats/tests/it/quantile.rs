@@ -128,7 +128,7 @@ fn one_order_statistic_has_the_same_bootstrap_variance_both_ways() {
     }
 }
 
-/// What the variance is for: the scatter of the estimate over fresh samples.
+/// What the variance is for: the scatter of the estimate over verification samples.
 #[test]
 fn the_bootstrap_variance_is_near_the_true_one() {
     let (repeats, n) = (2000, 60);

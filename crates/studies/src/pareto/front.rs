@@ -108,9 +108,9 @@ pub struct Point {
     pub criteria: GearCriteria,
     /// P90 from the samples of the campaign, or of the search that found it.
     pub p90: Percentile,
-    /// P90 from fresh samples; none where there are none.
+    /// P90 from verification samples; none where there are none.
     pub fresh: Option<Percentile>,
-    /// Whether no other design is at least as good in both objectives, by fresh samples where there
+    /// Whether no other design is at least as good in both objectives, by verification samples where there
     /// are any.
     pub on_front: bool,
 }
@@ -227,7 +227,7 @@ fn front_of(points: &[Point], against: Against, p90: fn(&Point) -> f64) -> Vec<u
     order
 }
 
-/// The front of the DoE by its own samples, with fresh samples of each of its designs if there are
+/// The front of the DoE by its own samples, with verification samples of each of its designs if there are
 /// workers to draw them.
 ///
 /// # Errors
@@ -253,7 +253,7 @@ pub fn front_of_doe(
     verify(simulations, problem, numbered.collect())
 }
 
-/// Gives points fresh samples, whose random streams the numbers name.
+/// Gives points verification samples, whose random streams the numbers name.
 fn verify(
     simulations: &dyn Simulations,
     problem: &Problem,

@@ -32,7 +32,7 @@ pub fn write_tables(
          {} designs of the DoE satisfy the constraints, that on {} (below {} MPa) aside. Below are \
          those that no other is better than by the samples of the campaign, the optima, and what \
          searches found; intervals are of 95 %. A design is on the front if no other one is better \
-         by fresh samples.\n\n{}",
+         by verification samples.\n\n{}",
         problem.campaign().name,
         sampling.percentile_name(),
         against.label(),
@@ -70,7 +70,7 @@ fn summary(problem: &Problem, against: Against, points: &[Point]) -> Table {
         "design",
         against.label(),
         &format!("{percentile} of its samples, µm"),
-        &format!("{percentile} of fresh samples, µm"),
+        &format!("{percentile} of verification samples, µm"),
         "on the front",
     ]);
     for point in points {
