@@ -8,6 +8,7 @@ mod pressure;
 mod rounds;
 mod runs;
 mod scatter;
+mod tradeoff;
 
 use crate::data::{
     ApproachResult, DoePoint, Enrichment, GearDrawing, KrigingFit, PressureCurves, SteCurves,
@@ -24,6 +25,8 @@ pub(crate) use rounds::{expected_improvement, prediction};
 pub(crate) use runs::{convergence, spectrum, ste};
 pub use scatter::{Extent, Response};
 pub(crate) use scatter::{leave_one_out, responses};
+pub(crate) use tradeoff::tradeoff;
+pub use tradeoff::{TradeoffChart, TradeoffSeries};
 
 /// Half a page wide.
 pub(crate) const HALF: [f64; 2] = [480.0, 360.0];
@@ -114,6 +117,14 @@ pub fn chart_prediction(enrichment: &Enrichment, percentile: &str) -> Result<Str
 /// [`Error::NothingToDraw`] if there is neither a round with an expectation nor a tolerance.
 pub fn chart_expected_improvement(enrichment: &Enrichment) -> Result<String, Error> {
     expected_improvement(enrichment).map(|picture| picture.standalone())
+}
+
+/// Cost against error with the Pareto front, on logarithmic axes, as an SVG file.
+///
+/// # Errors
+/// [`Error::NothingToDraw`] if no setting has a positive cost and a positive error.
+pub fn chart_tradeoff(chart: &TradeoffChart) -> Result<String, Error> {
+    tradeoff(chart).map(|picture| picture.standalone())
 }
 
 /// See [`chart_wear`]; `size` is the picture's width and height in pixels.

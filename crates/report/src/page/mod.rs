@@ -6,6 +6,7 @@ mod kriging;
 mod pair;
 mod problem;
 mod rows;
+mod tradeoff;
 
 use askama::Template;
 
@@ -23,6 +24,7 @@ use kriging::{KrigingView, kriging_view};
 pub use pair::render_pair;
 pub use problem::render_problem;
 use rows::{ApproachRow, ComparedDesign, PreliminaryRow, ResponseRow, SimilarRow, Value};
+pub use tradeoff::{TradeoffPage, TradeoffRow, TradeoffStudy, render_tradeoff};
 
 /// A report: one HTML page that loads nothing and runs nothing, and its charts as files.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -34,6 +34,8 @@ pub(crate) enum Mark {
     Dots,
     /// Rings, to mark points of another series.
     Rings,
+    /// Open circles of this radius around points of another series.
+    Halo(f64),
     /// A grey dashed line that does not count for the axes' ranges.
     Guide,
 }
@@ -173,6 +175,7 @@ impl Chart {
                 Mark::Guide => canvas.lines(&ends, "guide", ""),
                 Mark::Dots => canvas.circle(middle, 3.0, &format!("f{colour}")),
                 Mark::Rings => canvas.circle(middle, 3.5, &format!("ring s{colour}")),
+                Mark::Halo(_) => canvas.circle(middle, 5.5, &format!("halo s{colour}")),
             }
             canvas.label([at[0] + SAMPLE + 5.0, at[1]], name);
             at[0] += entry + 14.0;
@@ -210,6 +213,11 @@ fn draw_series(
         Mark::Rings => {
             for p in inside() {
                 canvas.circle(p, 3.5, &format!("ring s{colour}"));
+            }
+        }
+        Mark::Halo(radius) => {
+            for p in inside() {
+                canvas.circle(p, radius, &format!("halo s{colour}"));
             }
         }
     }
