@@ -22,3 +22,4 @@ mod security;
 mod shipped;
 mod stopping;
 mod studies;
+mod tradeoff;

@@ -75,7 +75,10 @@ fn bench(criterion: &mut Criterion) {
                 let profile = sampler.draw_profile(&mut stream(2009, Purpose::Test, 2, 0));
                 let [a, b] = &profile.depth;
                 let gap: Vec<f64> = a.iter().zip(b).map(|(a, b)| a + b).collect();
-                (PlainSum::new(pair, &pair.archard(&WEAR).s, PlainSum::TEXTBOOK), gap)
+                (
+                    PlainSum::new(pair, &pair.archard(&WEAR).s, PlainSum::TEXTBOOK),
+                    gap,
+                )
             })
             .collect();
         group.bench_function("plain 64 x 21 sum without its random field", |b| {

@@ -26,9 +26,9 @@ mod summary;
 mod svg;
 
 pub use charts::{
-    Extent, PercentileSeries, Response, TradeoffChart, TradeoffSeries, chart_convergence, chart_expected_improvement, chart_front,
-    chart_gears, chart_leave_one_out, chart_prediction, chart_pressure, chart_responses, chart_ste,
-    chart_teeth, chart_tradeoff, chart_wear,
+    Extent, PercentileSeries, Response, TradeoffChart, TradeoffSeries, chart_convergence,
+    chart_expected_improvement, chart_front, chart_gears, chart_leave_one_out, chart_prediction,
+    chart_pressure, chart_responses, chart_ste, chart_teeth, chart_tradeoff, chart_wear,
 };
 pub use comparison::{Comparison, comparison_markdown, comparisons};
 pub use data::{
@@ -40,8 +40,8 @@ pub use data::{
 };
 pub use error::Error;
 pub use page::{
-    ChartFile, Rendered, TradeoffPage, TradeoffRow, TradeoffStudy, campaign_digest, render, render_pair, render_problem,
-    render_tradeoff,
+    ChartFile, Rendered, TradeoffPage, TradeoffRow, TradeoffStudy, campaign_digest, render,
+    render_pair, render_problem, render_tradeoff,
 };
 pub use problem::{NamedValue, ProblemOptimum, ProblemReport};
 pub use summary::{Margin, Recommended, Summary};

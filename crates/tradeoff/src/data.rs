@@ -66,7 +66,9 @@ pub(crate) fn sampled(problem: &Problem, base: &Design) -> anyhow::Result<Doe> {
         });
         let samples = Samples {
             values: &samples_um,
-            control: control.as_ref().map(|(values, known)| (&values[..], *known)),
+            control: control
+                .as_ref()
+                .map(|(values, known)| (&values[..], *known)),
         };
         let response = responses::response_of(row.design, samples, settings)?;
         doe.responses.push(response);

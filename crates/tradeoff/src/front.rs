@@ -91,8 +91,14 @@ mod tests {
     #[test]
     fn the_cheapest_that_is_accurate_enough_is_recommended() {
         let within = Reason::CheapestWithin;
-        assert_eq!(recommend(&POINTS, Rule::Within(5.0)), Some((3, within(5.0))));
-        assert_eq!(recommend(&POINTS, Rule::Within(1.0)), Some((0, within(1.0))));
+        assert_eq!(
+            recommend(&POINTS, Rule::Within(5.0)),
+            Some((3, within(5.0)))
+        );
+        assert_eq!(
+            recommend(&POINTS, Rule::Within(1.0)),
+            Some((0, within(1.0)))
+        );
         assert_eq!(
             recommend(&POINTS, Rule::Within(0.5)),
             Some((6, Reason::MostAccurate))

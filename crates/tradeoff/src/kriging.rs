@@ -101,7 +101,9 @@ pub(crate) fn run(
     let mut kernels = Kernel::ALL.to_vec();
     kernels.retain(|kernel| match size {
         Size::Full => true,
-        Size::Quick => [own.fit.kernel, Kernel::Matern52, Kernel::SquaredExponential].contains(kernel),
+        Size::Quick => {
+            [own.fit.kernel, Kernel::Matern52, Kernel::SquaredExponential].contains(kernel)
+        }
         Size::Designs(_) => *kernel == own.fit.kernel,
     });
     let mut counts = COUNTS.to_vec();
@@ -124,7 +126,10 @@ pub(crate) fn run(
                     let measured = measured(problem, &doe, &training[..count], &settings, &test);
                     let (values, failed) = match measured {
                         Ok(values) => (values, String::new()),
-                        Err(error) => (vec![f64::NAN; COLUMNS.len()], format!("; failed: {error:#}")),
+                        Err(error) => (
+                            vec![f64::NAN; COLUMNS.len()],
+                            format!("; failed: {error:#}"),
+                        ),
                     };
                     table.rows.push(Row {
                         panel: panel.clone(),
@@ -237,7 +242,10 @@ fn measured(
     let rmse = root_mean_square(&off);
     let missed = (rmse / root_mean_square(&about)).powi(2);
     let lowest = quantile(&test.truth, 0.1);
-    let near = off.iter().zip(&test.truth).filter(|(_, truth)| **truth <= lowest);
+    let near = off
+        .iter()
+        .zip(&test.truth)
+        .filter(|(_, truth)| **truth <= lowest);
     let near: Vec<f64> = near.map(|(off, _)| *off).collect();
     let covered = predictions
         .iter()

@@ -102,12 +102,17 @@ pub(crate) fn run(
         for seed in 0..seeds {
             let mut campaign = campaign.clone();
             campaign.seed += seed;
-            let scaled = |count: u32| ((f64::from(count) * effort).round() as u32).max(FEWEST.min(count));
+            let scaled =
+                |count: u32| ((f64::from(count) * effort).round() as u32).max(FEWEST.min(count));
             campaign.doe.designs = scaled(campaign.doe.designs);
             campaign.optimise.evaluations = scaled(campaign.optimise.evaluations);
             let half = campaign.optimise.evaluations / 2;
-            campaign.optimise.restart_at = campaign.optimise.restart_at.map(|at| scaled(at).min(half));
-            campaign.kriging.leave_out.retain(|number| *number < campaign.doe.designs);
+            campaign.optimise.restart_at =
+                campaign.optimise.restart_at.map(|at| scaled(at).min(half));
+            campaign
+                .kriging
+                .leave_out
+                .retain(|number| *number < campaign.doe.designs);
             let found = of_seed(&Problem::new(campaign))?;
             for (ended, found) in ended.iter_mut().zip(found) {
                 ended.push(found);
@@ -123,7 +128,10 @@ pub(crate) fn run(
                 values: values(ended),
             });
         }
-        progress(&format!("optimisation: effort {} %, {seeds} seeds", 100.0 * effort));
+        progress(&format!(
+            "optimisation: effort {} %, {seeds} seeds",
+            100.0 * effort
+        ));
     }
     Ok(table)
 }
@@ -186,7 +194,10 @@ fn of_seed(problem: &Problem) -> anyhow::Result<Vec<Ended>> {
 }
 
 fn best_of(problem: &Problem, base: &Design, doe: &Doe) -> Option<Design> {
-    let feasible = doe.responses.iter().filter(|row| doe.feasible.contains(&row.design));
+    let feasible = doe
+        .responses
+        .iter()
+        .filter(|row| doe.feasible.contains(&row.design));
     let best = feasible.min_by(|a, b| a.p90_um.total_cmp(&b.p90_um))?;
     Some(problem.design(&doe.designs.get(best.design as usize)?.x, base))
 }
@@ -210,7 +221,10 @@ fn searched(
         let run = optimise::run(problem, &run).map_err(anyhow::Error::msg)?;
         calls += run.simulator_calls;
         let Some(found) = run.best else { continue };
-        if best.as_ref().is_none_or(|(value, _)| found.criterion_um < *value) {
+        if best
+            .as_ref()
+            .is_none_or(|(value, _)| found.criterion_um < *value)
+        {
             best = Some((found.criterion_um, found.design));
         }
     }

@@ -41,8 +41,14 @@ fn of_study(study: &Study) -> TradeoffStudy {
     let recommended: Vec<_> = views.iter().filter_map(|view| view.recommended()).collect();
     let rows = study.table.rows.iter().map(|row| {
         let is_recommended = recommended.iter().any(|one| std::ptr::eq(*one, row));
-        let marks = [(row.is_campaign, "campaign"), (is_recommended, "recommended")];
-        let marks = marks.iter().filter(|(holds, _)| *holds).map(|(_, mark)| *mark);
+        let marks = [
+            (row.is_campaign, "campaign"),
+            (is_recommended, "recommended"),
+        ];
+        let marks = marks
+            .iter()
+            .filter(|(holds, _)| *holds)
+            .map(|(_, mark)| *mark);
         TradeoffRow {
             panel: row.panel.clone(),
             method: row.method.clone(),

@@ -142,7 +142,14 @@ pub(crate) fn run(
                 let known = (sampled.truth, sampled.control);
                 let measured = estimator.errors(draws, samples, &settings, known)?;
                 let calls = estimator.calls(samples, sampled.modes);
-                errors.push((method, samples, sampled.is_normal, calls, sampled.sd, measured));
+                errors.push((
+                    method,
+                    samples,
+                    sampled.is_normal,
+                    calls,
+                    sampled.sd,
+                    measured,
+                ));
             }
         }
         if (number + 1).is_multiple_of(10) {
@@ -152,14 +159,18 @@ pub(crate) fn run(
     for (method, (name, estimator)) in METHODS.iter().enumerate() {
         let settings = estimator.settings(own);
         let mut own_counts: Vec<usize> = counts.clone();
-        own_counts.iter_mut().for_each(|samples| *samples = estimator.whole(&settings, *samples));
+        own_counts
+            .iter_mut()
+            .for_each(|samples| *samples = estimator.whole(&settings, *samples));
         own_counts.dedup();
         for samples in own_counts {
             for (panel, is_normal) in [(0, true), (1, false)] {
-                let here = errors.iter().filter(|(m, k, normal, ..)| {
-                    (*m, *k, *normal) == (method, samples, is_normal)
-                });
-                let here: Vec<_> = here.map(|(.., calls, sd, errors)| (*calls, *sd, *errors)).collect();
+                let here = errors
+                    .iter()
+                    .filter(|(m, k, normal, ..)| (*m, *k, *normal) == (method, samples, is_normal));
+                let here: Vec<_> = here
+                    .map(|(.., calls, sd, errors)| (*calls, *sd, *errors))
+                    .collect();
                 if here.is_empty() {
                     continue;
                 }
@@ -228,8 +239,14 @@ fn sampled(
         let (mut values, mut controls) = (Vec::new(), Vec::new());
         for sample in 0..most {
             let name = (number << 32) + repetition;
-            let drawn =
-                stats::normal_coefficients(coefficients, seed + 1, Purpose::Test, name, sample, modes)?;
+            let drawn = stats::normal_coefficients(
+                coefficients,
+                seed + 1,
+                Purpose::Test,
+                name,
+                sample,
+                modes,
+            )?;
             values.push(sampler.at(&drawn));
             controls.push(slopes.iter().zip(&drawn).map(|(a, b)| a * b).sum());
         }
@@ -237,7 +254,12 @@ fn sampled(
     };
     let mut draws = [Vec::new(), Vec::new(), Vec::new()];
     for (coefficients, draws) in DRAWN.into_iter().zip(&mut draws) {
-        let coefficients = with(settings, PercentileRule::Normal, ControlVariate::None, coefficients);
+        let coefficients = with(
+            settings,
+            PercentileRule::Normal,
+            ControlVariate::None,
+            coefficients,
+        );
         for number in 0..size.pick(200, 60, 10) {
             let drawn: anyhow::Result<Draws> = repetition(coefficients.coefficients(), number);
             draws.push(drawn?);
@@ -303,7 +325,10 @@ impl Estimator {
         let Self::Campaign(_, _, coefficients) = self else {
             return 0;
         };
-        DRAWN.iter().position(|drawn| *drawn == coefficients).unwrap_or(0)
+        DRAWN
+            .iter()
+            .position(|drawn| *drawn == coefficients)
+            .unwrap_or(0)
     }
 
     /// The most samples in whole groups.
@@ -421,12 +446,18 @@ mod tests {
             rows.any(|row| row.method == method && row.setting == setting)
         };
         for (method, _) in METHODS {
-            assert!(has(method, "500 samples") || has(method, "496 samples"), "{method}");
+            assert!(
+                has(method, "500 samples") || has(method, "496 samples"),
+                "{method}"
+            );
         }
         assert!(!has("quasi-random", "24 samples") && has("quasi-random", "32 samples"));
         assert!(!has("Harrell–Davis", "5 samples") && has("paper", "5 samples"));
         let own: Vec<_> = table.rows.iter().filter(|row| row.is_campaign).collect();
-        assert!(own.iter().all(|row| row.method == "paper" && row.setting == "30 samples"));
+        assert!(
+            own.iter()
+                .all(|row| row.method == "paper" && row.setting == "30 samples")
+        );
         assert!((1..=2).contains(&own.len()));
     }
 }

@@ -116,10 +116,14 @@ pub(crate) fn run(
             let [cells, phases] = grid;
             let measured = ours(&references, wear, &Discretisation { cells, phases })?;
             let is_campaign = model == own && grid == [default.cells, default.phases];
-            table.rows.push(measured.row(model, "prefix sums", grid, is_campaign));
+            table
+                .rows
+                .push(measured.row(model, "prefix sums", grid, is_campaign));
         }
         let measured = plain(&references, wear);
-        table.rows.push(measured.row(model, "plain sum", PlainSum::TEXTBOOK, false));
+        table
+            .rows
+            .push(measured.row(model, "plain sum", PlainSum::TEXTBOOK, false));
         progress(&format!("simulator: {model}, {} designs", references.len()));
     }
     Ok(table)
@@ -206,7 +210,9 @@ fn ours(
         measured.note_archard(pair.archard(wear).analysis.delta_ste_um, reference);
         let mut sampler = pair.sampler(wear);
         for (sample, &exact) in (0..).zip(&reference.random) {
-            measured.random.push(percent(draw(&mut sampler, i, sample), exact));
+            measured
+                .random
+                .push(percent(draw(&mut sampler, i, sample), exact));
         }
         let start = thread_micros();
         for sample in 0..TIMED {

@@ -36,7 +36,10 @@ mod tests {
         assert_eq!(median(&[3.0, 1.0, 2.0, 10.0]), 2.5);
         assert_eq!(quantile(&[0.0, 10.0], 0.95), 9.5);
         assert!(median(&[]).is_nan());
-        assert_eq!(median(&[f64::INFINITY, 1.0, f64::INFINITY, f64::INFINITY]), f64::INFINITY);
+        assert_eq!(
+            median(&[f64::INFINITY, 1.0, f64::INFINITY, f64::INFINITY]),
+            f64::INFINITY
+        );
         assert_eq!(root_mean_square(&[3.0, -4.0, 0.0, 0.0]), 2.5);
     }
 }

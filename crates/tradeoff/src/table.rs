@@ -89,7 +89,9 @@ impl Table {
             let record = record?;
             let value = |text: &str| match text {
                 "" => Ok(f64::NAN),
-                text => text.parse().with_context(|| format!("line {line}: {text:?} is no number")),
+                text => text
+                    .parse()
+                    .with_context(|| format!("line {line}: {text:?} is no number")),
             };
             let values = record.iter().skip(LABELS.len()).map(value);
             rows.push(Row {
@@ -122,7 +124,9 @@ mod tests {
             values: values.to_vec(),
         };
         table.rows.push(row("hertz-beam", true, [0.1 + 0.2, 1e-17]));
-        table.rows.push(row("weber-banaschek", false, [3.0, f64::INFINITY]));
+        table
+            .rows
+            .push(row("weber-banaschek", false, [3.0, f64::INFINITY]));
         assert_eq!(Table::from_csv(&table.csv().unwrap()).unwrap(), table);
         assert_eq!(table.panels(), ["hertz-beam", "weber-banaschek"]);
         // There is no value for this one.

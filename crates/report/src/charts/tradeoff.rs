@@ -111,9 +111,6 @@ mod tests {
         let svg = tradeoff(&chart).unwrap().standalone();
         assert!(!svg.contains("recommended"));
         (chart.series, chart.front, chart.campaign) = (Vec::new(), Vec::new(), Vec::new());
-        assert!(matches!(
-            tradeoff(&chart),
-            Err(Error::NothingToDraw { .. })
-        ));
+        assert!(matches!(tradeoff(&chart), Err(Error::NothingToDraw { .. })));
     }
 }
