@@ -66,7 +66,9 @@ const GRIDS: [[usize; 2]; 10] = [
 ];
 /// Samples for each design whose error is measured, and whose time is.
 const COMPARED: u64 = 4;
-const TIMED: u64 = 40;
+const TIMED: u64 = 20;
+/// How often a time is measured.
+const REPEATED: u32 = 5;
 /// How many designs in a row may be refused before the campaign's box counts as empty.
 const REFUSED: usize = 10_000;
 /// The last change of a converged value, relative.
@@ -107,23 +109,26 @@ pub(crate) fn run(
         Size::Full => true,
         _ => **model == ToothModel::WeberBanaschek,
     }));
+    let (wear, default) = (gears.wear(), Discretisation::default());
     let mut table = Table::new(&COLUMNS);
     for model in models {
         let references = references(problem, model, size.designs(200, 40))?;
-        let wear = gears.wear();
-        let default = Discretisation::default();
-        for grid in GRIDS {
-            let [cells, phases] = grid;
-            let measured = ours(&references, wear, &Discretisation { cells, phases })?;
-            let is_campaign = model == own && grid == [default.cells, default.phases];
-            table
-                .rows
-                .push(measured.row(model, "prefix sums", grid, is_campaign));
+        let mut of_grids: [Measured; GRIDS.len()] = Default::default();
+        let mut of_plain = Measured::default();
+        // Design by design, so that what slows the machine for a while slows all grids.
+        for (number, reference) in references.iter().enumerate() {
+            for ([cells, phases], measured) in GRIDS.into_iter().zip(&mut of_grids) {
+                measured.ours(reference, number, wear, &Discretisation { cells, phases })?;
+            }
+            of_plain.plain(reference, wear);
         }
-        let measured = plain(&references, wear);
-        table
-            .rows
-            .push(measured.row(model, "plain sum", PlainSum::TEXTBOOK, false));
+        for (grid, measured) in GRIDS.into_iter().zip(&of_grids) {
+            let is_campaign = model == own && grid == [default.cells, default.phases];
+            let row = measured.row(model, "prefix sums", grid, is_campaign);
+            table.rows.push(row);
+        }
+        let row = of_plain.row(model, "plain sum", PlainSum::TEXTBOOK, false);
+        table.rows.push(row);
         progress(&format!("simulator: {model}, {} designs", references.len()));
     }
     Ok(table)
@@ -188,66 +193,15 @@ fn draw(sampler: &mut Sampler, design: usize, sample: u64) -> f64 {
     sampler.draw(&mut stream(2009, Purpose::Test, design as u64, sample))
 }
 
-fn ours(
-    references: &[Reference],
-    wear: &Wear,
-    grid: &Discretisation,
-) -> Result<Measured, gear::Error> {
-    let mut measured = Measured::default();
-    for (i, reference) in references.iter().enumerate() {
-        // The best of three: caches are cold the first time.
-        let mut best = f64::MAX;
-        for _ in 0..3 {
-            let start = thread_micros();
-            let pair = Pair::new(&reference.input, grid)?;
-            black_box((pair.sliding(), pair.interference(), pair.root_stress()));
-            black_box((pair.unworn(), pair.archard(wear)));
-            best = best.min(thread_micros() - start);
-        }
-        measured.design_micros.push(best);
-        let pair = Pair::new(&reference.input, grid)?;
-        measured.note_unworn(pair.unworn().delta_ste_um, reference);
-        measured.note_archard(pair.archard(wear).analysis.delta_ste_um, reference);
-        let mut sampler = pair.sampler(wear);
-        for (sample, &exact) in (0..).zip(&reference.random) {
-            measured
-                .random
-                .push(percent(draw(&mut sampler, i, sample), exact));
-        }
+/// CPU microseconds of `work`: the least of several, since caches are cold at first and the processor is shared.
+fn micros<T>(mut work: impl FnMut() -> T) -> f64 {
+    let mut least = f64::INFINITY;
+    for _ in 0..REPEATED {
         let start = thread_micros();
-        for sample in 0..TIMED {
-            black_box(draw(&mut sampler, i, sample));
-        }
-        let micros = thread_micros() - start;
-        measured.sample_micros.push(micros / TIMED as f64);
+        black_box(work());
+        least = least.min(thread_micros() - start);
     }
-    Ok(measured)
-}
-
-fn plain(references: &[Reference], wear: &Wear) -> Measured {
-    let mut measured = Measured::default();
-    for reference in references {
-        let start = thread_micros();
-        let mut sum = PlainSum::new(&reference.pair, &reference.nodes, PlainSum::TEXTBOOK);
-        let unworn = sum.delta_ste_um(&vec![0.0; reference.nodes.len()]);
-        measured.design_micros.push(thread_micros() - start);
-        measured.note_unworn(unworn, reference);
-        let depth = reference.pair.archard(wear).depth;
-        let gap: Vec<f64> = depth.iter().map(|depth| 2.0 * depth).collect();
-        measured.note_archard(sum.delta_ste_um(&gap), reference);
-        for (gap, &exact) in reference.gaps.iter().zip(&reference.random) {
-            measured.random.push(percent(sum.delta_ste_um(gap), exact));
-        }
-        let start = thread_micros();
-        for _ in 0..TIMED / COMPARED {
-            for gap in &reference.gaps {
-                black_box(sum.delta_ste_um(gap));
-            }
-        }
-        let micros = thread_micros() - start;
-        measured.sample_micros.push(micros / TIMED as f64);
-    }
-    measured
+    least
 }
 
 fn percent(ours: f64, exact: f64) -> f64 {
@@ -255,6 +209,58 @@ fn percent(ours: f64, exact: f64) -> f64 {
 }
 
 impl Measured {
+    fn ours(
+        &mut self,
+        reference: &Reference,
+        number: usize,
+        wear: &Wear,
+        grid: &Discretisation,
+    ) -> Result<(), gear::Error> {
+        let pair = Pair::new(&reference.input, grid)?;
+        self.design_micros.push(micros(|| {
+            let pair = Pair::new(&reference.input, grid);
+            pair.map(|pair| {
+                black_box((pair.sliding(), pair.interference(), pair.root_stress()));
+                (pair.unworn(), pair.archard(wear))
+            })
+        }));
+        self.note_unworn(pair.unworn().delta_ste_um, reference);
+        self.note_archard(pair.archard(wear).analysis.delta_ste_um, reference);
+        let mut sampler = pair.sampler(wear);
+        for (sample, &exact) in (0..).zip(&reference.random) {
+            let found = draw(&mut sampler, number, sample);
+            self.random.push(percent(found, exact));
+        }
+        let all = micros(|| {
+            for sample in 0..TIMED {
+                black_box(draw(&mut sampler, number, sample));
+            }
+        });
+        self.sample_micros.push(all / TIMED as f64);
+        Ok(())
+    }
+
+    fn plain(&mut self, reference: &Reference, wear: &Wear) {
+        let sum = || PlainSum::new(&reference.pair, &reference.nodes, PlainSum::TEXTBOOK);
+        let zero = vec![0.0; reference.nodes.len()];
+        self.design_micros
+            .push(micros(|| sum().delta_ste_um(&zero)));
+        let mut sum = sum();
+        self.note_unworn(sum.delta_ste_um(&zero), reference);
+        let depth = reference.pair.archard(wear).depth;
+        let gap: Vec<f64> = depth.iter().map(|depth| 2.0 * depth).collect();
+        self.note_archard(sum.delta_ste_um(&gap), reference);
+        for (gap, &exact) in reference.gaps.iter().zip(&reference.random) {
+            self.random.push(percent(sum.delta_ste_um(gap), exact));
+        }
+        let all = micros(|| {
+            for gap in &reference.gaps {
+                black_box(sum.delta_ste_um(gap));
+            }
+        });
+        self.sample_micros.push(all / COMPARED as f64);
+    }
+
     fn note_unworn(&mut self, delta_ste_um: f64, reference: &Reference) {
         self.unworn.push(percent(delta_ste_um, reference.unworn));
     }
