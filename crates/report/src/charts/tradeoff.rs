@@ -56,13 +56,17 @@ pub(crate) fn tradeoff(chart: &TradeoffChart) -> Result<Picture, Error> {
         chart.front.clone(),
     )];
     series.extend(chart.series.iter().enumerate().map(|(i, one)| {
-        let mark = if i < COLOURS { Mark::Dots } else { Mark::Rings };
+        let mark = if i < COLOURS {
+            Mark::Points
+        } else {
+            Mark::Rings
+        };
         marked(&one.name, mark, i % COLOURS, one.points.clone())
     }));
     series.push(marked(
         "campaign",
         Mark::Halo(6.5),
-        4,
+        3,
         chart.campaign.clone(),
     ));
     let recommended = chart.recommended.into_iter().collect();
@@ -106,7 +110,7 @@ mod tests {
         }
         // Each halo once in the chart and once in the legend.
         assert_eq!(svg.matches("class=\"halo s1\"").count(), 2);
-        assert_eq!(svg.matches("class=\"halo s4\"").count(), 2);
+        assert_eq!(svg.matches("class=\"halo s3\"").count(), 2);
         chart.recommended = None;
         let svg = tradeoff(&chart).unwrap().standalone();
         assert!(!svg.contains("recommended"));

@@ -32,6 +32,8 @@ pub(crate) enum Mark {
     Thin(&'static str),
     /// Half-transparent dots.
     Dots,
+    /// Dots that are seen one by one.
+    Points,
     /// Rings, to mark points of another series.
     Rings,
     /// Open circles of this radius around points of another series.
@@ -173,7 +175,9 @@ impl Chart {
                 Mark::Curve(dash) => canvas.lines(&ends, &format!("curve s{colour}"), dash),
                 Mark::Thin(dash) => canvas.lines(&ends, &format!("thin s{colour}"), dash),
                 Mark::Guide => canvas.lines(&ends, "guide", ""),
-                Mark::Dots => canvas.circle(middle, 3.0, &format!("f{colour}")),
+                Mark::Dots | Mark::Points => {
+                    canvas.circle(middle, 3.0, &format!("f{colour}"));
+                }
                 Mark::Rings => canvas.circle(middle, 3.5, &format!("ring s{colour}")),
                 Mark::Halo(_) => canvas.circle(middle, 5.5, &format!("halo s{colour}")),
             }
@@ -210,6 +214,11 @@ fn draw_series(
         }
         Mark::Guide => canvas.lines(&clip_polyline(&points, frame), "guide", ""),
         Mark::Dots => canvas.dots(&inside().collect::<Vec<_>>(), &format!("dots s{colour}")),
+        Mark::Points => {
+            for p in inside() {
+                canvas.circle(p, 3.0, &format!("f{colour}"));
+            }
+        }
         Mark::Rings => {
             for p in inside() {
                 canvas.circle(p, 3.5, &format!("ring s{colour}"));
