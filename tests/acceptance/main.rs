@@ -24,3 +24,4 @@ mod shipped;
 mod stability;
 mod stopping;
 mod studies;
+mod tradeoff;

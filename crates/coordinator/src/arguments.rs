@@ -19,7 +19,7 @@ mod modelling;
 mod studies;
 pub(crate) use self::modelling::{Fit, Predict};
 pub(crate) use self::studies::{
-    Corrections, FinishedCampaign, Pareto, Sensitivity, Stability, StudyWorkers, Sweep,
+    Corrections, FinishedCampaign, Pareto, Sensitivity, Stability, StudyWorkers, Sweep, Tradeoff,
 };
 
 /// Plans a Monte Carlo campaign of gear designs, leases its jobs to workers, and writes the report.
@@ -58,6 +58,8 @@ pub(crate) enum Command {
     Sensitivity(Sensitivity),
     /// Weigh the percentile against the contact pressure or the root stress
     Pareto(Pareto),
+    /// Chart speed against accuracy: simulator, percentile, kriging, optimisation
+    Tradeoff(Tradeoff),
     /// Write the report of a campaign, also while it runs
     Report(Report),
     /// Write a table of a campaign as CSV or JSON, its model, or an optimum as a pair file

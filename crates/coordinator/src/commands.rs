@@ -33,6 +33,7 @@ mod simulating;
 mod stability;
 mod steering;
 mod studies;
+mod tradeoff;
 mod viewing;
 
 use self::output::{FileAccess, create_new, print, print_either};
@@ -56,6 +57,7 @@ pub(crate) async fn execute(command: Command) -> anyhow::Result<u8> {
         Command::Corrections(arguments) => studies::corrections(arguments).await,
         Command::Sensitivity(arguments) => studies::sensitivity(arguments).await,
         Command::Pareto(arguments) => studies::pareto(arguments).await,
+        Command::Tradeoff(arguments) => tradeoff::tradeoff(arguments).await,
         Command::Report(arguments) => write_report(arguments).await,
         Command::Export(arguments) => export(arguments).await,
         Command::Compare(arguments) => compare(arguments).await,
@@ -156,15 +158,20 @@ fn read(path: &Path) -> Result<String, FileAccess> {
     })
 }
 
-async fn run(arguments: arguments::Run) -> anyhow::Result<u8> {
-    let (name, text) = match &arguments.campaign {
+/// The campaign of a file, or the paper's, with its text.
+fn campaign_or_paper(file: Option<&Path>) -> anyhow::Result<(Campaign, String)> {
+    let (name, text) = match file {
         Some(path) => (path.display().to_string(), read(path)?),
         None => (
             "the built-in campaign".to_owned(),
             Campaign::PAPER.to_owned(),
         ),
     };
-    let campaign = Campaign::parse(&name, &text)?;
+    Ok((Campaign::parse(&name, &text)?, text))
+}
+
+async fn run(arguments: arguments::Run) -> anyhow::Result<u8> {
+    let (campaign, text) = campaign_or_paper(arguments.campaign.as_deref())?;
     viewing::refuse_open(arguments.http, false)?;
     let db = arguments
         .db

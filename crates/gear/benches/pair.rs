@@ -1,17 +1,15 @@
 //! One new design, one worn sample, and the plain 64 × 21 sum on the same gap.
 //!
-//! Run with `cargo bench -p gear`. Accuracy goes with speed: the `speed_accuracy` example prints
-//! both for the same designs.
+//! Run with `cargo bench -p gear`. Accuracy goes with speed: the command `coordinator tradeoff`
+//! measures both.
 
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use gear::paper::{FIGURE_7, WEAR, design};
-use gear::{Discretisation, Pair, PairInput, ToothModel};
+use gear::paper::{BOX, FIGURE_7, WEAR, design};
+use gear::{Discretisation, Pair, PairInput, PlainSum, ToothModel};
+use rand::RngExt as _;
 use stats::streams::{Purpose, stream};
-
-mod support;
-use support::{PlainSum, TEXTBOOK, in_the_box};
 
 /// Designs of the random mix. A single design says little: some separate, some do not.
 const DESIGNS: usize = 32;
@@ -30,7 +28,10 @@ fn designs(model: ToothModel) -> Vec<Pair> {
     ];
     while pairs.len() < DESIGNS {
         pairs.extend(Pair::new(
-            &in_the_box(&mut rng, model),
+            &PairInput {
+                tooth_model: model,
+                ..design(BOX.map(|[low, high]| rng.random_range(low..high)))
+            },
             &Discretisation::default(),
         ));
     }
@@ -74,7 +75,10 @@ fn bench(criterion: &mut Criterion) {
                 let profile = sampler.draw_profile(&mut stream(2009, Purpose::Test, 2, 0));
                 let [a, b] = &profile.depth;
                 let gap: Vec<f64> = a.iter().zip(b).map(|(a, b)| a + b).collect();
-                (PlainSum::new(pair, &pair.archard(&WEAR).s, TEXTBOOK), gap)
+                (
+                    PlainSum::new(pair, &pair.archard(&WEAR).s, PlainSum::TEXTBOOK),
+                    gap,
+                )
             })
             .collect();
         group.bench_function("plain 64 x 21 sum without its random field", |b| {

@@ -40,8 +40,8 @@
 //! 0.02, 0.12 unworn and 0.03, 0.14 worn and takes 4.9 µs, and with `whole-face-beam` by 0.02, 0.12
 //! and 0.01, 0.06 and takes 2.4 µs.
 //!
-//! The plain sum's sample leaves out the drawing of its random field. The default is 64 × 32. The
-//! `speed_accuracy` example prints the whole table for the machine at hand and draws it.
+//! The plain sum ([`PlainSum`]) leaves out the drawing of its random field. The default is 64 × 32.
+//! `coordinator tradeoff` measures the whole table for the machine at hand and draws it.
 //!
 //! # Example
 //! ```
@@ -119,6 +119,7 @@ mod outline;
 mod pair;
 pub mod paper;
 mod path;
+mod plain;
 pub mod rating;
 mod sampler;
 mod slices;
@@ -147,4 +148,5 @@ pub use input::{
 pub use manufacture::{FlankClass, TOLERANCE_IN_SD};
 pub use outline::{Placement, gear_outline, mesh_placement};
 pub use pair::{Analysis, Pair, RootStress, Worn};
+pub use plain::PlainSum;
 pub use sampler::{Sampler, WearProfile, draw_coefficients};

@@ -28,9 +28,10 @@ mod svg;
 
 pub use atlas::{AtlasEntry, AtlasMethod, AtlasPage};
 pub use charts::{
-    Extent, PercentileSeries, Response, ResponseMap, chart_convergence, chart_expected_improvement,
-    chart_front, chart_gears, chart_leave_one_out, chart_map, chart_prediction, chart_pressure,
-    chart_responses, chart_ste, chart_teeth, chart_wear,
+    Extent, PercentileSeries, Response, ResponseMap, TradeoffChart, TradeoffSeries,
+    chart_convergence, chart_expected_improvement, chart_front, chart_gears, chart_leave_one_out,
+    chart_map, chart_prediction, chart_pressure, chart_responses, chart_ste, chart_teeth,
+    chart_tradeoff, chart_wear,
 };
 pub use comparison::{Comparison, comparison_markdown, comparisons};
 pub use data::{
@@ -42,8 +43,8 @@ pub use data::{
 };
 pub use error::Error;
 pub use page::{
-    ChartFile, PAGE_STYLE, Rendered, campaign_digest, render, render_atlas, render_pair,
-    render_problem,
+    ChartFile, PAGE_STYLE, Rendered, TradeoffPage, TradeoffRow, TradeoffStudy, campaign_digest,
+    render, render_atlas, render_pair, render_problem, render_tradeoff,
 };
 pub use problem::{NamedValue, ProblemOptimum, ProblemReport};
 pub use summary::{Margin, Recommended, Summary};

@@ -150,6 +150,27 @@ pub(crate) struct Stability {
     pub(crate) json: bool,
 }
 
+#[derive(Debug, Args)]
+pub(crate) struct Tradeoff {
+    /// The campaign file [default: the campaign of the paper]
+    #[arg(value_name = "CAMPAIGN.toml")]
+    pub(crate) campaign: Option<PathBuf>,
+    /// The folder of tables, charts and page; what it has of the same campaign, size and program is not
+    /// measured again [default: NAME-tradeoff]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Measure for two minutes instead of twenty
+    #[arg(long)]
+    pub(crate) quick: bool,
+    /// Measure next to nothing, for tests of the command
+    #[arg(long, value_name = "N", hide = true, conflicts_with = "quick",
+        value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub(crate) designs: Option<u32>,
+    /// Print the tables as one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
 fn approach(text: &str) -> Result<String, String> {
     match optima::approach_of(text) {
         Some(approach) => Ok(approach.name().to_owned()),

@@ -9,6 +9,7 @@ mod pressure;
 mod rounds;
 mod runs;
 mod scatter;
+mod tradeoff;
 
 use crate::data::{
     DoePoint, Enrichment, GearDrawing, KrigingFit, OptimiserRun, PressureCurves, SteCurves,
@@ -26,6 +27,8 @@ pub(crate) use rounds::{expected_improvement, prediction};
 pub(crate) use runs::{convergence, spectrum, ste};
 pub use scatter::{Extent, Response};
 pub(crate) use scatter::{leave_one_out, responses};
+pub(crate) use tradeoff::tradeoff;
+pub use tradeoff::{TradeoffChart, TradeoffSeries};
 
 /// Half a page wide.
 pub(crate) const HALF: [f64; 2] = [480.0, 360.0];
@@ -116,6 +119,14 @@ pub fn chart_prediction(enrichment: &Enrichment, percentile: &str) -> Result<Str
 /// [`Error::NothingToDraw`] if there is neither a round with an expectation nor a tolerance.
 pub fn chart_expected_improvement(enrichment: &Enrichment) -> Result<String, Error> {
     expected_improvement(enrichment).map(|picture| picture.standalone())
+}
+
+/// Cost against error with the Pareto front, on logarithmic axes, as an SVG file.
+///
+/// # Errors
+/// [`Error::NothingToDraw`] if no setting has a positive cost and a positive error.
+pub fn chart_tradeoff(chart: &TradeoffChart) -> Result<String, Error> {
+    tradeoff(chart).map(|picture| picture.standalone())
 }
 
 /// See [`chart_wear`]; `size` is the picture's width and height in pixels.

@@ -7,6 +7,7 @@ mod kriging;
 mod pair;
 mod problem;
 mod rows;
+mod tradeoff;
 
 use askama::Template;
 
@@ -25,6 +26,7 @@ use kriging::{KrigingView, kriging_view};
 pub use pair::render_pair;
 pub use problem::render_problem;
 use rows::{ApproachRow, ComparedDesign, PreliminaryRow, ResponseRow, SimilarRow, Value};
+pub use tradeoff::{TradeoffPage, TradeoffRow, TradeoffStudy, render_tradeoff};
 
 /// The style of the report's pages, light and dark, for other pages that are to look like them.
 pub const PAGE_STYLE: &str = include_str!("../../templates/report.css");

@@ -35,8 +35,12 @@ pub enum Mark {
     Dots,
     /// Dots in a shade of the sequential palette, from the least (0) to the greatest (5).
     Shades,
+    /// Dots that are seen one by one.
+    Points,
     /// Rings, to mark points of another series.
     Rings,
+    /// Open circles of this radius around points of another series.
+    Halo(f64),
     /// A grey dashed line that does not count for the axes' ranges.
     Guide,
 }
@@ -179,9 +183,12 @@ impl Chart {
                 Mark::Curve(dash) => canvas.lines(&ends, &format!("curve s{colour}"), dash),
                 Mark::Thin(dash) => canvas.lines(&ends, &format!("thin s{colour}"), dash),
                 Mark::Guide => canvas.lines(&ends, "guide", ""),
-                Mark::Dots => canvas.circle(middle, 3.0, &format!("f{colour}")),
+                Mark::Dots | Mark::Points => {
+                    canvas.circle(middle, 3.0, &format!("f{colour}"));
+                }
                 Mark::Shades => canvas.circle(middle, 4.0, &format!("q{colour}")),
                 Mark::Rings => canvas.circle(middle, 3.5, &format!("ring s{colour}")),
+                Mark::Halo(_) => canvas.circle(middle, 5.5, &format!("halo s{colour}")),
             }
             canvas.label([at[0] + SAMPLE + 5.0, at[1]], name);
             at[0] += entry + 14.0;
@@ -217,9 +224,19 @@ fn draw_series(
         Mark::Guide => canvas.lines(&clip_polyline(&points, frame), "guide", ""),
         Mark::Dots => canvas.dots(&inside().collect::<Vec<_>>(), &format!("dots s{colour}")),
         Mark::Shades => canvas.dots(&inside().collect::<Vec<_>>(), &format!("shades p{colour}")),
+        Mark::Points => {
+            for p in inside() {
+                canvas.circle(p, 3.0, &format!("f{colour}"));
+            }
+        }
         Mark::Rings => {
             for p in inside() {
                 canvas.circle(p, 3.5, &format!("ring s{colour}"));
+            }
+        }
+        Mark::Halo(radius) => {
+            for p in inside() {
+                canvas.circle(p, radius, &format!("halo s{colour}"));
             }
         }
     }

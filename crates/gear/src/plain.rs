@@ -1,18 +1,7 @@
-//! Shared by the benches and the speed-accuracy example: random designs of the paper's box, and
-//! the plain phase-by-slice sum that the prefix sums are measured against.
+//! The textbook calculation of ΔSTE: a plain sum over phases and slices, which the prefix sums are measured
+//! against.
 
-use gear::paper::{self, design};
-use gear::{Pair, PairInput, ToothModel};
-use rand::RngExt as _;
-use stats::streams::StreamRng;
-
-/// A random point of the paper's 6-variable box.
-pub(crate) fn in_the_box(rng: &mut StreamRng, tooth_model: ToothModel) -> PairInput {
-    PairInput {
-        tooth_model,
-        ..design(paper::BOX.map(|[low, high]| rng.random_range(low..high)))
-    }
-}
+use crate::{Pair, ToothModel};
 
 /// One slice of one pair of teeth: where its gap is found in a table, and its stiffness.
 struct Slice {
@@ -33,12 +22,9 @@ impl Slice {
     }
 }
 
-/// Phases and slices of the textbook calculation.
-pub(crate) const TEXTBOOK: [usize; 2] = [64, 21];
-
 /// The textbook calculation: at each phase, forces summed slice by slice of the face, or tooth by
 /// tooth where teeth are whole beams.
-pub(crate) struct PlainSum {
+pub struct PlainSum {
     phases: Vec<Vec<Slice>>,
     base_force: f64,
     scale: f64,
@@ -46,9 +32,13 @@ pub(crate) struct PlainSum {
 }
 
 impl PlainSum {
+    /// Phases and slices of the textbook calculation.
+    pub const TEXTBOOK: [usize; 2] = [64, 21];
+
     /// Evaluates the compliance in every slice at every phase. `nodes` are the places, increasing,
     /// at which gaps will be given.
-    pub(crate) fn new(pair: &Pair, nodes: &[f64], [phases, slices]: [usize; 2]) -> Self {
+    #[must_use]
+    pub fn new(pair: &Pair, nodes: &[f64], [phases, slices]: [usize; 2]) -> Self {
         let g = pair.geometry();
         if pair.input().tooth_model == ToothModel::WholeFaceBeam {
             return Self::whole_face(pair, nodes, phases);
@@ -108,7 +98,7 @@ impl PlainSum {
 
     /// ΔSTE in µm for the gap at the nodes. Slices that would pull are dropped, and taken up again
     /// where they would touch, until none changes.
-    pub(crate) fn delta_ste_um(&mut self, gap: &[f64]) -> f64 {
+    pub fn delta_ste_um(&mut self, gap: &[f64]) -> f64 {
         let (mut least, mut most) = (f64::MAX, f64::MIN);
         for slices in &self.phases {
             self.gaps.clear();

@@ -1,0 +1,247 @@
+//! `coordinator tradeoff`: speed against accuracy, measured on this machine.
+
+use std::io::{Error, ErrorKind};
+use std::path::{Path, PathBuf};
+
+use anyhow::Context as _;
+use campaign::Campaign;
+use campaign::formulation::Problem;
+use protocol::exit;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+use studies::refusal::{require_built_in, require_gears};
+use studies::table::write;
+use tokio_util::sync::CancellationToken;
+use tracing::info;
+use tradeoff::{Kind, Size, Study, Table};
+
+use super::output::refuse_taken;
+use super::{FileAccess, Usage, campaign_or_paper, print};
+use crate::arguments;
+
+/// The file that says what the tables of a folder belong to.
+const STAMP: &str = "measured.json";
+/// The page.
+const PAGE: &str = "tradeoff.html";
+/// The folder of the charts within that of the page.
+const CHARTS: &str = "charts";
+
+/// What the tables of a folder were measured for, and by.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Stamp {
+    schema_version: u32,
+    campaign_digest: String,
+    size: String,
+    program_version: String,
+}
+
+/// Measures what the folder does not have yet, and writes the page.
+pub(super) async fn tradeoff(arguments: arguments::Tradeoff) -> anyhow::Result<u8> {
+    let (campaign, _) = campaign_or_paper(arguments.campaign.as_deref())?;
+    require_gears(&campaign).map_err(|error| Usage(error.to_string()))?;
+    require_built_in(&campaign).map_err(|error| Usage(error.to_string()))?;
+    let size = match (arguments.quick, arguments.designs) {
+        (_, Some(designs)) => Size::Designs(designs),
+        (true, None) => Size::Quick,
+        (false, None) => Size::Full,
+    };
+    let default = || PathBuf::from(format!("{}-tradeoff", campaign.name));
+    let out = arguments.out.unwrap_or_else(default);
+    claim(&out, &campaign, size)?;
+    let shutdown = CancellationToken::new();
+    tokio::spawn(console::watch_signals(shutdown.clone(), "stopping"));
+    let is_json = arguments.json;
+    let work = tokio::task::spawn_blocking(move || conduct(&campaign, size, &out, is_json));
+    tokio::select! {
+        done = work => done??,
+        () = shutdown.cancelled() => {
+            info!("stopped; the same command measures the studies that are not finished");
+            return Ok(exit::INTERRUPTED);
+        }
+    }
+    Ok(exit::OK)
+}
+
+fn conduct(campaign: &Campaign, size: Size, out: &Path, is_json: bool) -> anyhow::Result<()> {
+    let problem = Problem::new(campaign.clone());
+    let mut studies = Vec::new();
+    for kind in Kind::ALL {
+        let (study, origin) = match finished(kind, out)? {
+            Some(study) => (study, "measured before"),
+            None => {
+                let study = kind.run(&problem, size, &mut |done| info!("{done}"))?;
+                write(out, &file(kind), study.table.csv()?)?;
+                (study, "measured")
+            }
+        };
+        if !is_json {
+            let sentence = study.views().first().map(tradeoff::View::sentence);
+            let (settings, sentence) = (study.table.rows.len(), sentence.unwrap_or_default());
+            print(&format!(
+                "{}: {origin}, {settings} settings. {sentence}\n",
+                kind.name()
+            ))?;
+        }
+        studies.push(study);
+    }
+    let page = tradeoff::page(campaign, size, &studies, coordinator::made::made());
+    let page = report::render_tradeoff(&page)?;
+    for chart in &page.charts {
+        write(
+            &out.join(CHARTS),
+            &format!("{}.svg", chart.name),
+            &chart.svg,
+        )?;
+        if let Some(csv) = &chart.csv {
+            write(&out.join(CHARTS), &format!("{}.csv", chart.name), csv)?;
+        }
+    }
+    write(out, PAGE, &page.html)?;
+    let path = out.join(PAGE);
+    print(&if is_json {
+        format!("{}\n", to_json(&studies, size, out))
+    } else {
+        format!("page: {}\n", path.display())
+    })
+}
+
+fn file(kind: Kind) -> String {
+    format!("{}.csv", kind.name())
+}
+
+/// The study that the folder has.
+fn finished(kind: Kind, out: &Path) -> anyhow::Result<Option<Study>> {
+    let path = out.join(file(kind));
+    let csv = match std::fs::read(&path) {
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+        Err(source) => return Err(cannot("read", path, source).into()),
+        Ok(csv) => csv,
+    };
+    let table = Table::from_csv(&csv).with_context(|| {
+        format!(
+            "{} is not the table of a study; remove it, and it is measured again",
+            path.display()
+        )
+    })?;
+    Ok(Some(Study { kind, table }))
+}
+
+/// Takes a folder that is new, empty, or of this campaign, size and program.
+fn claim(out: &Path, campaign: &Campaign, size: Size) -> anyhow::Result<()> {
+    let own = Stamp {
+        schema_version: 1,
+        campaign_digest: campaign.digest(),
+        size: size.name(),
+        program_version: identity::BUILD.to_owned(),
+    };
+    let path = out.join(STAMP);
+    let text = match std::fs::read_to_string(&path) {
+        Ok(text) => text,
+        Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+            refuse_taken(out)?;
+            return write(out, STAMP, serde_json::to_string_pretty(&own)? + "\n");
+        }
+        Err(source) => return Err(cannot("read", path, source).into()),
+    };
+    let refuse = |what: String| {
+        let what = format!("{what}: choose another folder with --out");
+        cannot(
+            "write to",
+            out.to_owned(),
+            Error::new(ErrorKind::AlreadyExists, what),
+        )
+    };
+    let held: Stamp = serde_json::from_str(&text)
+        .map_err(|error| refuse(format!("its {STAMP} cannot be read ({error})")))?;
+    for (what, held, own) in [
+        ("campaign", &held.campaign_digest, &own.campaign_digest),
+        ("size", &held.size, &own.size),
+        (
+            "program version",
+            &held.program_version,
+            &own.program_version,
+        ),
+    ] {
+        if held != own {
+            return Err(refuse(format!(
+                "it holds studies of another {what}, {held}, not {own}"
+            ))
+            .into());
+        }
+    }
+    Ok(())
+}
+
+fn to_json(studies: &[Study], size: Size, out: &Path) -> Value {
+    let of_study = |study: &Study| {
+        let rows = study.table.rows.iter().map(|row| {
+            json!({
+                "measured_for": row.panel,
+                "method": row.method,
+                "setting": row.setting,
+                "campaign": row.is_campaign,
+                // Null where there is none.
+                "values": row.values,
+            })
+        });
+        let views = study.views();
+        let recommended = views.iter().map(|view| {
+            let row = view.recommended();
+            json!({
+                "measured_for": view.panel,
+                "method": row.map(|row| &row.method),
+                "setting": row.map(|row| &row.setting),
+                "why": view.sentence(),
+            })
+        });
+        json!({
+            "name": study.kind.name(),
+            "columns": study.table.columns,
+            "rows": rows.collect::<Value>(),
+            "recommended": recommended.collect::<Value>(),
+        })
+    };
+    json!({
+        "schema_version": 1,
+        "folder": out.display().to_string(),
+        "size": size.name(),
+        "studies": studies.iter().map(of_study).collect::<Value>(),
+    })
+}
+
+fn cannot(doing: &'static str, path: PathBuf, source: Error) -> FileAccess {
+    FileAccess {
+        doing,
+        path,
+        source,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_of_another_campaign_size_or_kind_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("out");
+        let paper = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
+        let wear = Campaign::parse("wear.toml", Campaign::WEAR).unwrap();
+        claim(&out, &paper, Size::Quick).unwrap();
+        claim(&out, &paper, Size::Quick).unwrap();
+        let said = |claimed: anyhow::Result<()>| format!("{:#}", claimed.unwrap_err());
+        assert!(said(claim(&out, &wear, Size::Quick)).contains("another campaign"));
+        assert!(said(claim(&out, &paper, Size::Full)).contains("another size, quick, not full"));
+        let stamp = out.join(STAMP);
+        let text = std::fs::read_to_string(&stamp).unwrap();
+        std::fs::write(&stamp, text.replace(identity::BUILD, "0.0.0+0")).unwrap();
+        assert!(said(claim(&out, &paper, Size::Quick)).contains("another program version"));
+        std::fs::write(&stamp, "{").unwrap();
+        assert!(said(claim(&out, &paper, Size::Quick)).contains("cannot be read"));
+        assert_eq!(std::fs::read_to_string(&stamp).unwrap(), "{");
+        std::fs::remove_file(&stamp).unwrap();
+        std::fs::write(out.join("simulator.csv"), "mine").unwrap();
+        assert!(said(claim(&out, &paper, Size::Quick)).contains("not empty"));
+    }
+}

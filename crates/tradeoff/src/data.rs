@@ -1,0 +1,81 @@
+//! A campaign's DoE, sampled in this thread as workers sample it.
+
+use std::collections::BTreeMap;
+
+use campaign::file::ControlVariate;
+use campaign::formulation::{Design, Problem};
+use campaign::simulator::State;
+use campaign::task::{Output, Source, compute};
+use ledger::{Generation, StreamId, Unit};
+use stages::responses::{self, Samples};
+use stats::streams::Purpose;
+use store::{DesignRow, ResponseRow};
+
+/// A sampled DoE.
+pub(crate) struct Doe {
+    /// All designs.
+    pub(crate) designs: Vec<DesignRow>,
+    /// The responses of those that can be simulated.
+    pub(crate) responses: Vec<ResponseRow>,
+    /// The numbers of those that satisfy every constraint.
+    pub(crate) feasible: Vec<u64>,
+    /// Calls of the simulator.
+    pub(crate) calls: u64,
+}
+
+/// The campaign's DoE, made and sampled; `base` has the values of the variables that it leaves alone.
+pub(crate) fn sampled(problem: &Problem, base: &Design) -> anyhow::Result<Doe> {
+    let settings = &problem.campaign().sampling;
+    let designs = stages::designs::make(problem, &[])?;
+    let linear = match settings.control {
+        ControlVariate::None => BTreeMap::new(),
+        ControlVariate::Linearised => responses::linearise(problem, base, &designs),
+    };
+    let mut doe = Doe {
+        responses: Vec::new(),
+        feasible: Vec::new(),
+        // As the campaign counts them: one without wear, and of what can be simulated one with Archard's.
+        calls: designs.len() as u64,
+        designs,
+    };
+    for row in &doe.designs {
+        let design = problem.design(&row.x, base);
+        let unit = Unit {
+            stream: StreamId::design(row.design as u32),
+            generation: Generation(0),
+            samples: 0..settings.samples_per_design,
+        };
+        let output = compute(problem, &unit, &Source::Design(design.clone()));
+        let Output::Design {
+            responses: values,
+            samples_um,
+            ..
+        } = output.map_err(anyhow::Error::msg)?
+        else {
+            continue;
+        };
+        doe.calls += 1 + samples_um.len() as u64;
+        if samples_um.is_empty() {
+            continue;
+        }
+        let control = linear.get(&row.design).map(|linear| {
+            doe.calls += linear.analyses();
+            let stream = (Purpose::Wear, row.design);
+            let controls = responses::controls(problem, stream, linear, samples_um.len());
+            (controls, linear.moments())
+        });
+        let samples = Samples {
+            values: &samples_um,
+            control: control
+                .as_ref()
+                .map(|(values, known)| (&values[..], *known)),
+        };
+        let response = responses::response_of(row.design, samples, settings)?;
+        doe.responses.push(response);
+        let worn = problem.analysis(&design, &values, State::Baseline);
+        if worn.is_some_and(|worn| problem.is_feasible(&worn.criteria)) {
+            doe.feasible.push(row.design);
+        }
+    }
+    Ok(doe)
+}

@@ -1,0 +1,112 @@
+//! The Pareto front of cost and error, and which of its settings to take.
+
+use std::cmp::Ordering;
+
+/// Which setting to recommend.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Rule {
+    /// The cheapest whose error is at most this. Where none is, the most accurate.
+    Within(f64),
+    /// The cheapest whose error exceeds the least one by at most this share of it.
+    NearBest(f64),
+}
+
+/// Why a setting is recommended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Reason {
+    /// It is the cheapest with an error of at most this.
+    CheapestWithin(f64),
+    /// No error is as small as the rule wants; it has the least.
+    MostAccurate,
+}
+
+/// The Pareto front of points (cost, error), by rising cost: their places. No other point costs as little and
+/// errs as little as one of the front, and less in one of the two. Points that are not finite are left out;
+/// of equal points the first is taken.
+#[must_use]
+pub fn front(points: &[[f64; 2]]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..points.len())
+        .filter(|&i| points[i].iter().all(|value| value.is_finite()))
+        .collect();
+    order.sort_by(|&a, &b| compare(points[a], points[b]));
+    let mut least = f64::INFINITY;
+    order.retain(|&i| {
+        let is_better = points[i][1] < least;
+        least = least.min(points[i][1]);
+        is_better
+    });
+    order
+}
+
+/// The place of the point (cost, error) to take, with the reason; none without a finite point.
+#[must_use]
+pub fn recommend(points: &[[f64; 2]], rule: Rule) -> Option<(usize, Reason)> {
+    let front = front(points);
+    let best = *front.last()?;
+    let limit = match rule {
+        Rule::Within(limit) => limit,
+        // The share is of the size of an error, which may be below zero where it is a response.
+        Rule::NearBest(share) => points[best][1] + share * points[best][1].abs(),
+    };
+    let cheapest = front.iter().find(|&&i| points[i][1] <= limit);
+    Some(match cheapest {
+        Some(&cheapest) => (cheapest, Reason::CheapestWithin(limit)),
+        None => (best, Reason::MostAccurate),
+    })
+}
+
+/// By cost, then by error.
+fn compare(a: [f64; 2], b: [f64; 2]) -> Ordering {
+    a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const POINTS: [[f64; 2]; 7] = [
+        [4.0, 1.0],
+        [1.0, 9.0],
+        [2.0, 9.0],
+        [2.0, 3.0],
+        [f64::NAN, 0.0],
+        [3.0, 4.0],
+        [8.0, 0.9],
+    ];
+
+    #[test]
+    fn the_front_has_what_nothing_beats() {
+        assert_eq!(front(&POINTS), [1, 3, 0, 6]);
+        assert_eq!(front(&[[1.0, 1.0], [1.0, 1.0], [1.0, 2.0]]), [0]);
+        assert_eq!(front(&[]), [0; 0]);
+        // By definition: no other point dominates one of the front, and one dominates each that is not on it.
+        let dominates = |a: [f64; 2], b: [f64; 2]| a[0] <= b[0] && a[1] <= b[1] && a != b;
+        let found = front(&POINTS);
+        for (i, point) in POINTS.iter().enumerate().filter(|(i, _)| *i != 4) {
+            let is_dominated = POINTS.iter().any(|other| dominates(*other, *point));
+            assert_eq!(found.contains(&i), !is_dominated, "{i}");
+        }
+    }
+
+    #[test]
+    fn the_cheapest_that_is_accurate_enough_is_recommended() {
+        let within = Reason::CheapestWithin;
+        assert_eq!(
+            recommend(&POINTS, Rule::Within(5.0)),
+            Some((3, within(5.0)))
+        );
+        assert_eq!(
+            recommend(&POINTS, Rule::Within(1.0)),
+            Some((0, within(1.0)))
+        );
+        assert_eq!(
+            recommend(&POINTS, Rule::Within(0.5)),
+            Some((6, Reason::MostAccurate))
+        );
+        let near = recommend(&POINTS, Rule::NearBest(0.2));
+        assert_eq!(near.map(|(place, _)| place), Some(0));
+        let near = recommend(&POINTS, Rule::NearBest(0.0));
+        assert_eq!(near, Some((6, within(0.9))));
+        assert_eq!(recommend(&POINTS[4..5], Rule::Within(1.0)), None);
+    }
+}

@@ -1,0 +1,147 @@
+//! What a study measured, and its CSV file.
+
+use anyhow::{Context as _, bail};
+
+/// What each row says beside its values.
+const LABELS: [&str; 4] = ["measured_for", "method", "setting", "campaign"];
+
+/// One setting of one method.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Row {
+    /// For what it was measured; rows of different panels are not compared.
+    pub panel: String,
+    /// The method.
+    pub method: String,
+    /// The method's setting.
+    pub setting: String,
+    /// Whether it is the campaign's.
+    pub is_campaign: bool,
+    /// One value for each column; not a number where there is none.
+    pub values: Vec<f64>,
+}
+
+/// What a study measured.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Table {
+    /// What the values are, with units.
+    pub columns: Vec<String>,
+    /// All settings.
+    pub rows: Vec<Row>,
+}
+
+impl Table {
+    /// A table without rows.
+    #[must_use]
+    pub fn new(columns: &[&str]) -> Self {
+        Self {
+            columns: columns.iter().map(|&column| column.to_owned()).collect(),
+            rows: Vec::new(),
+        }
+    }
+
+    /// The panels, in the order of the rows.
+    #[must_use]
+    pub fn panels(&self) -> Vec<&str> {
+        let mut panels: Vec<&str> = Vec::new();
+        for row in &self.rows {
+            if !panels.contains(&&*row.panel) {
+                panels.push(&row.panel);
+            }
+        }
+        panels
+    }
+
+    /// The table as CSV; numbers have the digits that read back as the same numbers.
+    ///
+    /// # Errors
+    ///
+    /// A row has not one value for each column.
+    pub fn csv(&self) -> anyhow::Result<Vec<u8>> {
+        let mut out = csv::Writer::from_writer(Vec::new());
+        let columns = self.columns.iter().map(String::as_str);
+        out.write_record(LABELS.into_iter().chain(columns))?;
+        for row in &self.rows {
+            let values = row.values.iter().map(|value| match value.is_nan() {
+                true => String::new(),
+                false => value.to_string(),
+            });
+            let campaign = u8::from(row.is_campaign).to_string();
+            let labels = [&row.panel, &row.method, &row.setting, &campaign];
+            out.write_record(labels.into_iter().cloned().chain(values))?;
+        }
+        Ok(out.into_inner()?)
+    }
+
+    /// The table that was written as this CSV.
+    ///
+    /// # Errors
+    ///
+    /// It is not the CSV of a table: the line that is not, and why.
+    pub fn from_csv(csv: &[u8]) -> anyhow::Result<Self> {
+        let mut reader = csv::Reader::from_reader(csv);
+        let header = reader.headers()?.clone();
+        if !header.iter().take(LABELS.len()).eq(LABELS) {
+            bail!("line 1 must begin with {}", LABELS.join(","));
+        }
+        let columns = header.iter().skip(LABELS.len()).map(str::to_owned);
+        let mut rows = Vec::new();
+        for (record, line) in reader.records().zip(2..) {
+            let record = record?;
+            let value = |text: &str| match text {
+                "" => Ok(f64::NAN),
+                text => text
+                    .parse()
+                    .with_context(|| format!("line {line}: {text:?} is no number")),
+            };
+            let values = record.iter().skip(LABELS.len()).map(value);
+            rows.push(Row {
+                panel: record[0].to_owned(),
+                method: record[1].to_owned(),
+                setting: record[2].to_owned(),
+                is_campaign: &record[3] == "1",
+                values: values.collect::<anyhow::Result<_>>()?,
+            });
+        }
+        Ok(Self {
+            columns: columns.collect(),
+            rows,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_reads_back_as_it_was_written() {
+        let mut table = Table::new(&["time (µs)", "error, \"95 %\" (%)"]);
+        let row = |panel: &str, is_campaign, values: [f64; 2]| Row {
+            panel: panel.to_owned(),
+            method: "m + z s, unbiased".to_owned(),
+            setting: "64 × 32".to_owned(),
+            is_campaign,
+            values: values.to_vec(),
+        };
+        table.rows.push(row("hertz-beam", true, [0.1 + 0.2, 1e-17]));
+        table
+            .rows
+            .push(row("weber-banaschek", false, [3.0, f64::INFINITY]));
+        assert_eq!(Table::from_csv(&table.csv().unwrap()).unwrap(), table);
+        assert_eq!(table.panels(), ["hertz-beam", "weber-banaschek"]);
+        // There is no value for this one.
+        table.rows.push(row("hertz-beam", false, [f64::NAN, 1.0]));
+        let again = Table::from_csv(&table.csv().unwrap()).unwrap();
+        assert!(again.rows[2].values[0].is_nan() && again.rows[2].values[1] == 1.0);
+        assert_eq!(table.panels().len(), 2);
+    }
+
+    #[test]
+    fn another_file_is_no_table() {
+        assert!(Table::from_csv(b"a,b\n1,2\n").is_err());
+        let torn = b"measured_for,method,setting,campaign,x\na,b,c,0,2\na,b,c,0,x\n";
+        let error = Table::from_csv(torn).unwrap_err();
+        assert!(error.to_string().contains("line 3"), "{error}");
+        assert!(Table::from_csv(b"measured_for,method,setting,campaign,x\na,b\n").is_err());
+    }
+}
