@@ -46,7 +46,11 @@ pub fn chart_map(map: &ResponseMap) -> Result<String, Error> {
         name: Some("best that keeps the constraints".to_owned()),
         mark: Mark::Rings,
         colour: 1,
-        points: map.best.into_iter().collect(),
+        points: map
+            .best
+            .filter(|_| !points.is_empty())
+            .into_iter()
+            .collect(),
     });
     let chart = Chart {
         title: map.response.clone(),
