@@ -39,6 +39,9 @@ fn a_campaign_made_larger_keeps_what_it_has() {
         "a sample has changed"
     );
 
+    // Again, over its own report of before it grew and of after.
+    assert_code(&run(&larger_file), 0);
+
     // Smaller again, or another problem, is another campaign.
     assert_code(&run(&small), 6);
     let other = larger.replacen("seed = 2009", "seed = 2010", 1);

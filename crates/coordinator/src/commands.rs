@@ -301,8 +301,8 @@ async fn conduct(plan: Plan) -> anyhow::Result<u8> {
     let shutdown = CancellationToken::new();
     tokio::spawn(console::watch_signals(shutdown.clone(), "stopping"));
     let db = plan.db.clone();
-    let mut own = vec![plan.campaign.digest()];
-    // A campaign that has grown since replaces its report, too.
+    // Reports of version 0.1 have the digest of the whole campaign file.
+    let mut own = vec![plan.campaign.lineage(), plan.campaign.digest()];
     if let Ok(store) = Store::open_read_only(&db).await {
         own.push(store.campaign().await?.digest);
         store.close().await?;
@@ -344,7 +344,9 @@ async fn conduct(plan: Plan) -> anyhow::Result<u8> {
 
 async fn write_report(arguments: arguments::Report) -> anyhow::Result<u8> {
     let store = Store::open_read_only(&arguments.db).await?;
-    output::refuse_report_of_another(&arguments.out, &[store.campaign().await?.digest])?;
+    let row = store.campaign().await?;
+    let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
+    output::refuse_report_of_another(&arguments.out, &[campaign.lineage(), row.digest])?;
     let report = reporting::write(&store, &arguments.out, &coordinator::made::made()).await?;
     print(&format!("{}\n", report.display()))?;
     Ok(exit::OK)

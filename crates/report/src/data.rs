@@ -41,7 +41,8 @@ pub struct ReportData {
 pub struct Header {
     /// The campaign's name.
     pub campaign: String,
-    /// The campaign's digest: it tells whose report a file is, see [`crate::campaign_digest`].
+    /// The digest of what the campaign's values depend on, whatever its size: it tells whose report a file is,
+    /// see [`crate::campaign_digest`].
     pub campaign_digest: String,
     /// The campaign's seed.
     pub seed: u64,

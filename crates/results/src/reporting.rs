@@ -202,7 +202,7 @@ fn header(sources: &Sources, samples_digest: String, times: &[store::JobTimeRow]
     }
     Header {
         campaign: sources.campaign.name.clone(),
-        campaign_digest: sources.campaign.digest.clone(),
+        campaign_digest: campaign.lineage(),
         seed: sources.campaign.seed,
         program_version: sources.campaign.program_version.clone(),
         samples_digest,

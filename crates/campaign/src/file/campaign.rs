@@ -131,10 +131,13 @@ impl Campaign {
     /// SHA-256 of the campaign's content as hex: comments, layout and key order do not matter.
     #[must_use]
     pub fn digest(&self) -> String {
-        Sha256::digest(self.to_json().as_bytes())
-            .iter()
-            .map(|byte| format!("{byte:02x}"))
-            .collect()
+        hex(Sha256::digest(self.to_json().as_bytes()).into())
+    }
+
+    /// [`Self::values_digest`] in hex: what a campaign and those that extend it are known by.
+    #[must_use]
+    pub fn lineage(&self) -> String {
+        hex(self.values_digest())
     }
 
     /// SHA-256 of everything that the values of a design's samples may depend on: the same for a
@@ -306,6 +309,10 @@ impl Campaign {
             "\"independent\" beside [enrichment], whose designs get more samples a few at a time",
         )
     }
+}
+
+fn hex(digest: [u8; 32]) -> String {
+    digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Whether a campaign can have this name.
