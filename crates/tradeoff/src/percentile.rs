@@ -399,7 +399,7 @@ impl Estimator {
                     let is_controlled = rule == ControlVariate::Linearised;
                     let samples = Samples {
                         values,
-                        control: is_controlled.then_some((&draw.controls[..count], control)),
+                        control: is_controlled.then(|| (&draw.controls[..count], control)),
                     };
                     let row = response_of(0, samples, settings)?;
                     (row.p90_um, row.p90_variance_um2)

@@ -81,13 +81,20 @@ impl<'a> View<'a> {
             figures(place)
         );
         // A campaign may have several settings here, as approaches.
-        let own = (0..rows.len()).filter(|&i| rows[i].is_campaign);
-        let best = own.min_by(|&a, &b| points[a][1].total_cmp(&points[b][1]));
+        let own: Vec<usize> = (0..rows.len()).filter(|&i| rows[i].is_campaign).collect();
+        let best = own
+            .iter()
+            .copied()
+            .min_by(|&a, &b| points[a][1].total_cmp(&points[b][1]));
+        let whose = match own.len() {
+            1 => "The campaign's",
+            _ => "The most accurate of the campaign's own",
+        };
         match best {
             Some(_) if rows[place].is_campaign => text.push_str(" The campaign has this setting."),
             Some(own) => {
                 text += &format!(
-                    " The campaign's, or the most accurate of its own, is {}, {} ({}).",
+                    " {whose} is {}, {} ({}).",
                     rows[own].method,
                     rows[own].setting,
                     figures(own)
@@ -186,7 +193,7 @@ mod tests {
         assert_eq!(
             view.sentence(),
             "Recommended: prefix sums, 16 × 8 (time (µs) 2, error (%) 0.2). It is the cheapest whose error (%) is \
-             at most 0.5. The campaign's, or the most accurate of its own, is prefix sums, 32 × 16 (time (µs) 4, error (%) 0.1)."
+             at most 0.5. The campaign's is prefix sums, 32 × 16 (time (µs) 4, error (%) 0.1)."
         );
         let chart = view.chart();
         assert_eq!(chart.series.len(), 1);

@@ -119,10 +119,16 @@ impl Chart {
         }
         canvas.rect(frame.low, frame.high, "frame");
 
+        let mut free = f64::NEG_INFINITY;
         for (value, label) in &x.ticks {
             let at = place([*value, y0])[0];
             canvas.lines(&[vec![[at, bottom], [at, bottom + 4.0]]], "tick", "");
-            canvas.text([at, bottom + LINE], Anchor::Middle, "", label);
+            // Ticks of a logarithmic axis may be closer than their labels are wide.
+            let half = text_width(label) / 2.0;
+            if at - half >= free {
+                canvas.text([at, bottom + LINE], Anchor::Middle, "", label);
+                free = at + half;
+            }
         }
         for (value, label) in &y.ticks {
             let at = place([x0, *value])[1];
