@@ -85,7 +85,7 @@ pub(crate) fn run(
     size: Size,
     progress: &mut dyn FnMut(&str),
 ) -> anyhow::Result<Table> {
-    let seeds = size.pick(8, 3, 1);
+    let seeds = size.pick(6, 3, 1);
     let efforts: &[f64] = match size {
         Size::Full => &[0.03, 0.1, 0.3, 1.0],
         Size::Quick => &[0.03, 0.1, 0.3],
