@@ -303,8 +303,12 @@ async fn conduct(plan: Plan) -> anyhow::Result<u8> {
     let db = plan.db.clone();
     // Reports of version 0.1 have the digest of the whole campaign file.
     let mut own = vec![plan.campaign.lineage(), plan.campaign.digest()];
+    // A store of another campaign is refused as such, beside its own report, too.
     if let Ok(store) = Store::open_read_only(&db).await {
-        own.push(store.campaign().await?.digest);
+        let row = store.campaign().await?;
+        let held = Campaign::parse("the store's campaign file", &row.file_text);
+        own.extend(held.map(|held| held.lineage()));
+        own.push(row.digest);
         store.close().await?;
     }
     output::refuse_report_of_another(&plan.out, &own)?;
