@@ -68,7 +68,7 @@ pub(crate) struct SummaryView {
     pub(crate) made: String,
 }
 
-/// Digits of variables and constrained quantities.
+/// Digits of variables.
 const DIGITS: usize = 5;
 
 impl SummaryView {
@@ -117,8 +117,8 @@ impl Margin {
         };
         [
             self.value.name.clone(),
-            with_unit(self.value.value, DIGITS, unit),
-            format!("{} {}", self.relation, with_unit(self.limit, DIGITS, unit)),
+            with_unit(self.value.value, 4, unit),
+            format!("{} {}", self.relation, with_unit(self.limit, 4, unit)),
             format!("{}{share}", with_unit(self.margin, 3, unit)),
         ]
     }
@@ -226,7 +226,7 @@ mod tests {
                 .contains("1.49 µm (95 % interval 1.48 to 1.50")
         );
         assert!(view.cost.contains("Without wear"));
-        assert_eq!(view.margins[0][2..], ["< 1000.0 MPa", "100 MPa (10.0 %)"]);
+        assert_eq!(view.margins[0][2..], ["< 1000 MPa", "100 MPa (10.0 %)"]);
         summary.missing = vec!["75 of 120 designs sampled".into()];
         let view = SummaryView::new(&summary, "");
         assert!(view.headline.contains("recommends nothing"));

@@ -194,7 +194,7 @@ fn the_headline_names_the_best_feasible_design_only() {
     // Archard's design has the lowest P90 of the synthetic data, but breaks the slip limit.
     let page = render(&plausible()).unwrap().html;
     assert!(page.contains("3.42 µm (95 % interval") && page.contains("“Best of the DoE”"));
-    assert!(markup::text(&page).contains("1550.0 MPa 150 MPa (9.7 %)"));
+    assert!(markup::text(&page).contains("1550 MPa 150 MPa (9.7 %)"));
     let mut data = plausible();
     data.summary.missing = vec!["75 of 120 designs sampled".to_owned()];
     let page = render(&data).unwrap().html;

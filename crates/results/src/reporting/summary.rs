@@ -166,12 +166,8 @@ fn inputs(sources: &Sources) -> Vec<(String, String)> {
 fn gears(sections: &GearSections, inputs: &mut Vec<(String, String)>) {
     let pair = &sections.pair;
     let mut add = |label: &str, value: String| inputs.push((label.to_owned(), value));
-    let mate = match (pair.gear_teeth, pair.gear_ratio) {
-        (Some(teeth), _) => teeth.to_string(),
-        (None, Some(ratio)) => format!("⌊{}/{ratio}⌋", pair.pinion_teeth),
-        (None, None) => String::new(),
-    };
-    add("Teeth", format!("{} / {mate}", pair.pinion_teeth));
+    let [pinion, mate] = pair.teeth();
+    add("Teeth", format!("{pinion} / {mate}"));
     if let Some(module) = pair.normal_module_mm {
         add("Normal module", format!("{module} mm"));
     }
