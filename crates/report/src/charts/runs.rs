@@ -142,9 +142,7 @@ pub(crate) fn spectrum(curves: &SteCurves) -> Result<Picture, Error> {
         };
         // At the frequency of every other point an amplitude has no meaning.
         let orders = ORDERS.min(period.len().saturating_sub(1) / 2);
-        // Beside each other where they share an order.
-        let shift = 0.08 * f64::from(2 * colour as i32 - 1);
-        let points = (1..=orders).map(|n| [n as f64 + shift, amplitude(period, n)]);
+        let points = (1..=orders).map(|n| [n as f64, amplitude(period, n)]);
         let points: Vec<[f64; 2]> = points.collect();
         series.extend(points.iter().map(|&[x, y]| Series {
             name: None,
