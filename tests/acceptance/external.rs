@@ -88,7 +88,7 @@ fn the_example_runs_from_the_doe_to_the_report() {
     assert_eq!(other["optima"], status["optima"]);
     let html = std::fs::read_to_string(sandbox.path("1-report/report.html")).unwrap();
     assert!(html.contains("An external program simulated the designs"));
-    assert!(html.contains("Table 5") && html.contains("<svg"));
+    assert!(html.contains("Approaches compared") && html.contains("<svg"));
 
     let check = sandbox.coordinator(&["check", &file]);
     assert_code(&check, 0);
