@@ -338,10 +338,13 @@ fn a_campaigns_results_are_for_programs_and_overwrite_nothing() {
         written
     );
 
-    // The same campaign replaces its report, another one does not.
+    // The same campaign replaces its report, of whatever size; another one does not.
     assert_code(&sandbox.coordinator(&run), 0);
     let report = std::fs::read(sandbox.path("report/report.html")).unwrap();
-    let other = sandbox.write("other.toml", &small_campaign(61));
+    let text = small_campaign(60);
+    let changed = text.replacen("seed = 2009", "seed = 2010", 1);
+    assert_ne!(changed, text);
+    let other = sandbox.write("other.toml", &changed);
     let other = other.to_str().unwrap();
     for command in [
         &["run", other, "--db", "d.db", "--out", "report"][..],
