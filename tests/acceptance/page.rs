@@ -333,7 +333,8 @@ fn the_page_shows_the_end_of_a_campaign_and_a_finished_store() {
     assert_eq!(coordinator.finish().0.code(), Some(0));
     let is_over =
         "document.getElementById('connection').textContent === 'The campaign is finished.'";
-    let is_verified = "document.getElementById('best-note').textContent === 'Verified with samples of its own.'";
+    let is_verified =
+        "document.getElementById('best-note').textContent === 'Verified with samples of its own.'";
     browser.wait_for(is_over);
     browser.wait_for(is_verified);
     browser.wait_for(&are_drawn("#convergence-charts img", 3));
