@@ -1,5 +1,5 @@
-//! What the coordinator and the worker do alike towards whoever started them: log, progress bars, signals,
-//! help, and what a service manager is told.
+//! What the coordinator and the worker share: log, progress bars, signals, help, and the messages to a service
+//! manager.
 
 pub mod service;
 

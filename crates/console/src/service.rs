@@ -1,4 +1,4 @@
-//! What a service manager that started the program is told: sd_notify(3). Without one nothing happens.
+//! Messages to the service manager that started the program, sd_notify(3). Without one they are not sent.
 
 use std::time::{Duration, Instant};
 
@@ -13,7 +13,7 @@ pub fn ready() {
 /// The service manager's watchdog, which restarts a program that has not fed it in time.
 #[derive(Debug)]
 pub struct Watchdog {
-    /// How often to feed it; none where nobody waits for it.
+    /// How often to feed it; none without a watchdog.
     period: Option<Duration>,
     fed: Option<Instant>,
 }

@@ -21,6 +21,9 @@ pub struct Read {
     pub serial: Option<u64>,
 }
 
+/// Why a result of a point is refused.
+const UNKNOWN_POINT: &str = "is of a point that was not asked for";
+
 /// Reads what came of a unit and turns it into rows. Numbers that cannot be are a failure. `point` says
 /// what a point is called in the store.
 ///
@@ -117,7 +120,7 @@ fn rows(
             batch.samples = numbered(&samples_um)?.into_iter().map(row).collect();
         }
         Output::Samples(samples_um) => {
-            let point = point(stream).ok_or("is of a point that nobody asked for")?;
+            let point = point(stream).ok_or(UNKNOWN_POINT)?;
             batch.only_for = Some((point.clone(), unit.generation.0));
             let row = |(sample, delta_ste_um)| VerifyRow {
                 approach: point.clone(),
@@ -143,7 +146,7 @@ fn rows(
         }
         Output::Evaluations(evaluated) => {
             let name = match stream.kind {
-                Kind::Point => point(stream).ok_or("is of a point that nobody asked for")?,
+                Kind::Point => point(stream).ok_or(UNKNOWN_POINT)?,
                 _ => run_stream_name(stream).ok_or("is of an approach that there is not")?,
             };
             batch.only_for = Some((name.clone(), unit.generation.0));

@@ -45,7 +45,7 @@ pub(crate) async fn watch<R: Recorder>(board: &Board, recorder: &R) -> Result<()
                 recorder.record(batch).await?;
             }
         }
-        // Whoever comes here has the board's lock and a writer that goes on.
+        // This line is reached only while the board's lock can be had and the writer goes on.
         watchdog.feed();
     }
 }

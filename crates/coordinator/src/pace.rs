@@ -102,7 +102,7 @@ impl Meter {
     fn is_silent(&self, now: Duration) -> bool {
         let silence = now.saturating_sub(self.since.unwrap_or_default());
         let lasted: f64 = self.batches.iter().map(|batch| batch.seconds).sum();
-        // Before a batch has ended, nobody knows what is long.
+        // Before a batch has ended, there is no length to compare with.
         !self.batches.is_empty() && silence.as_secs_f64() > lasted.max(SHORTEST)
     }
 

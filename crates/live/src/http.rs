@@ -188,7 +188,7 @@ async fn events(
     State(site): State<Arc<Site>>,
 ) -> Sse<impl Stream<Item = Result<Event, Infallible>>> {
     let mut changes = site.listen();
-    // What was sent last may be long past: nobody may have listened.
+    // The last event may be long past: events are made only while a page listens.
     let is_over = changes.borrow_and_update().is_last;
     let first = site.body(View::Status).await;
     let later = stream::unfold((changes, is_over), |(mut changes, is_over)| async move {

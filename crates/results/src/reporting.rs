@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use campaign::{Approach, Campaign};
 use report::{DoePoint, Header, Limits, Refusals, ReportData, StageCost, Summary, WearProfiles};
-use stages::cost::{infill_seconds, sampling_calls};
+use stages::cost::{infill_calls, infill_seconds, sampling_calls};
 use stages::names;
 use stages::optima::optimum_design;
 use stats::streams::{Purpose, stream};
@@ -184,13 +184,7 @@ fn header(sources: &Sources, samples_digest: String, times: &[store::JobTimeRow]
     let numbers = sources.infill.iter().map(|row| row.number).collect();
     let infill = infill_seconds(times, &numbers);
     let deciding: f64 = sources.rounds.iter().map(|round| round.cpu_seconds).sum();
-    let searching: u64 = sources
-        .rounds
-        .iter()
-        .map(|round| round.simulator_calls)
-        .sum();
-    let sampled = sources.infill.iter().filter(|row| !row.failed);
-    let enriching = searching + sampled.map(|row| row.samples).sum::<u64>();
+    let enriching = infill_calls(&sources.problem, &sources.rounds, &sources.infill);
     let mut costs = vec![
         stage("sample", seconds(Design)),
         stage("fit", fit),

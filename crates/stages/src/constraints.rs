@@ -19,13 +19,18 @@ use kriging::{Data, FitOptions, Model};
 use ledger::{StreamId, Wanted};
 use store::{CriteriaRow, DesignRow, EvaluationRow, InfillRow, Store};
 
-use crate::infill::{bits, violation};
+use crate::infill::{MORE, bits, kernel, violation};
 use crate::state::VerifyPoint;
 
 /// Whether only the program knows the constraints of a design.
 #[must_use]
 pub(crate) fn are_asked(problem: &Problem) -> bool {
     problem.gears().is_none() && !problem.criteria().is_empty()
+}
+
+/// Whether the program is asked for the constraints of an infill point.
+pub(crate) fn is_asked(problem: &Problem, point: &InfillRow) -> bool {
+    point.reason != MORE && are_asked(problem)
 }
 
 /// What a worker is asked of a point before its samples: one evaluation, numbered as the sample after the
@@ -116,8 +121,7 @@ impl Models {
         let x: Vec<f64> = evaluated.iter().flat_map(|(x, _)| x).copied().collect();
         let exact = vec![0.0; evaluated.len()];
         let options = FitOptions {
-            // A validated campaign names a kernel.
-            kernel: campaign.kriging.kernel.parse().unwrap_or_default(),
+            kernel: kernel(problem),
             seed: campaign.seed,
             starts: 5,
             ..FitOptions::default()

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use store::{CriteriaRow, InfillRow, JobTimeRow, RoundRow};
 
 use crate::constraints;
-use crate::infill::{MORE, bits};
+use crate::infill::bits;
 use crate::linear::LinearResponse;
 use crate::names;
 
@@ -60,18 +60,25 @@ pub fn enrichment(
     times: &[JobTimeRow],
 ) -> Cost {
     let numbers: BTreeSet<u64> = infill.iter().map(|row| row.number).collect();
-    let searching: u64 = rounds.iter().map(|round| round.simulator_calls).sum();
-    let sampled = infill.iter().filter(|row| !row.failed);
-    let samples: u64 = sampled.map(|row| row.samples).sum();
-    let is_asked = |row: &&InfillRow| row.reason != MORE && constraints::are_asked(problem);
-    let evaluations = infill.iter().filter(is_asked).count() as u64;
-    let calls = searching + evaluations + samples + control_analyses;
+    let calls = infill_calls(problem, rounds, infill) + control_analyses;
     Cost {
         simulator_calls: sampling.simulator_calls + calls,
         cpu_seconds: sampling.cpu_seconds
             + rounds.iter().map(|round| round.cpu_seconds).sum::<f64>()
             + infill_seconds(times, &numbers),
     }
+}
+
+/// The calls that the rounds took: the search for points, the evaluations of points whose constraints only
+/// an external program knows, and the samples.
+#[must_use]
+pub fn infill_calls(problem: &Problem, rounds: &[RoundRow], infill: &[InfillRow]) -> u64 {
+    let searching: u64 = rounds.iter().map(|round| round.simulator_calls).sum();
+    let evaluated = infill
+        .iter()
+        .filter(|row| constraints::is_asked(problem, row));
+    let sampled = infill.iter().filter(|row| !row.failed);
+    searching + evaluated.count() as u64 + sampled.map(|row| row.samples).sum::<u64>()
 }
 
 /// The analyses that the control variates of infill points took.

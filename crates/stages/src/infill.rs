@@ -147,6 +147,12 @@ pub fn baseline_at_um(problem: &Problem, design: &Design) -> Option<f64> {
     Some(pair.archard(gears.wear()).analysis.delta_ste_um)
 }
 
+/// The covariance function of the models; a validated campaign names one.
+pub(crate) fn kernel(problem: &Problem) -> kriging::Kernel {
+    let name = &problem.campaign().kriging.kernel;
+    name.parse().unwrap_or_default()
+}
+
 /// The settings of a round, with so many samples left for infill.
 ///
 /// # Errors
@@ -162,13 +168,7 @@ pub fn options(
     Ok(Options {
         seed: problem.campaign().seed,
         criterion: section.criterion,
-        // A validated campaign names a kernel.
-        kernel: problem
-            .campaign()
-            .kriging
-            .kernel
-            .parse()
-            .unwrap_or_default(),
+        kernel: kernel(problem),
         smooth_noise: problem.campaign().kriging.noise == Noise::Smoothed,
         batch: section.points_per_round as usize,
         samples_new: section.samples_per_point,

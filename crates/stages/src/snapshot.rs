@@ -8,7 +8,6 @@ use store::{InfillRow, Store};
 
 use crate::constraints;
 use crate::fitting::P90_MODEL;
-use crate::infill::MORE;
 use crate::optima::{approach_of, optimum_design};
 use crate::responses::{self, Sampled};
 use crate::state::{OpenDesign, Progress, State, VerifyPoint};
@@ -114,8 +113,7 @@ pub async fn enrichment(
     let mut points = Vec::new();
     for row in store.infill().await? {
         if row.round == last.round {
-            let is_new = row.reason != MORE;
-            let asks_criteria = is_new && constraints::are_asked(problem);
+            let asks_criteria = constraints::is_asked(problem, &row);
             let evaluation = match asks_criteria {
                 true => constraints::evaluation(store, &row).await?,
                 false => None,

@@ -10,7 +10,7 @@ use tokio_util::sync::CancellationToken;
 use super::Usage;
 use crate::arguments;
 
-/// Refuses an address that others reach: the page is served to whoever asks, in clear.
+/// Refuses an address that other machines reach: the page is served without encryption or tokens.
 pub(super) fn refuse_open(address: Option<SocketAddr>, is_accepted: bool) -> Result<(), Usage> {
     match address {
         Some(address) if !address.ip().is_loopback() && !is_accepted => {

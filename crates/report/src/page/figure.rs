@@ -29,6 +29,14 @@ pub(super) struct Figure {
 const ROWS: usize = 120;
 
 impl Figure {
+    /// The chart, or the sentence, for a template.
+    pub(super) fn html(&self) -> String {
+        match &self.svg {
+            Some(svg) => svg.clone(),
+            None => format!("<p class=\"empty\">{}</p>", escape(&self.sentence)),
+        }
+    }
+
     pub(super) fn missing(sentence: &str) -> Self {
         Self {
             svg: None,

@@ -87,7 +87,7 @@ pub(super) fn failure_of(grant: &Grant<()>) -> Delivery {
     }
 }
 
-/// A heartbeat for a lease that has begun; the leases that nobody needs.
+/// A heartbeat for a lease that has begun; the leases that are no longer needed.
 pub(super) fn beat(
     ledger: &mut Ledger<()>,
     worker: &WorkerId,

@@ -13,7 +13,7 @@ pub(super) const ENTRIES: [Entry; 6] = [
     Entry {
         id: "lease-paused-worker",
         title: "A worker that sleeps past its lease",
-        input: "A worker that begins 10 samples and is silent for two lease times, while nobody else is there",
+        input: "A worker that begins 10 samples and is silent for two lease times, and is the only one",
         instead: "The lease runs out and its samples are free. The worker’s next heartbeat takes the lease up again, \
                   and what it delivers takes back the blame.",
         check: paused_worker,
@@ -98,7 +98,7 @@ fn campaign_with_pauses(pause: f64) -> Result<[f64; 3], Failed> {
                 if is_needed && now < worker.done_at {
                     continue;
                 }
-                // One that nobody needs any more is dropped with what was computed of it.
+                // A lease that is no longer needed is dropped with what was computed of it.
                 computed += samples_of(grant);
                 if is_needed {
                     let mut delivery = all_of(grant);
