@@ -10,9 +10,9 @@ use crate::{kriging, optimisation, percentile, simulator};
 /// How thoroughly a study measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Size {
-    /// For figures to rely on: about twenty minutes for all studies.
+    /// For figures to rely on: eight minutes of CPU time for the paper's campaign.
     Full,
-    /// For a look: about two minutes.
+    /// For a look: a minute or two.
     Quick,
     /// For a test of the program: from about so many designs.
     Designs(u32),

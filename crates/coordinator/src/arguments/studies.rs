@@ -159,7 +159,7 @@ pub(crate) struct Tradeoff {
     /// measured again [default: NAME-tradeoff]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// Measure for two minutes instead of twenty
+    /// Measure for a minute or two instead of eight
     #[arg(long)]
     pub(crate) quick: bool,
     /// Measure next to nothing, for tests of the command
