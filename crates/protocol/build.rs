@@ -12,6 +12,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         out.join("pitchline.bin"),
         protox::prost::Message::encode_to_vec(&descriptors),
     )?;
-    tonic_prost_build::configure().compile_fds(descriptors)?;
+    let mut code = tonic_prost_build::configure();
+    // Shards are files of leases.
+    for message in ["Unit", "LeaseId", "Lease", "Design", "Candidate", "Variant", "TipRelief"] {
+        code = code.type_attribute(
+            format!("pitchline.v2.{message}"),
+            "#[derive(serde::Serialize, serde::Deserialize)]",
+        );
+    }
+    code.compile_fds(descriptors)?;
     Ok(())
 }

@@ -20,6 +20,7 @@ mod precision;
 mod problems;
 mod resuming;
 mod security;
+mod shards;
 mod shipped;
 mod stability;
 mod stopping;

@@ -3,6 +3,7 @@
 //! Both are TOML with units in their keys. A file is parsed strictly (unknown and missing keys are
 //! errors) and validated once, here: whoever holds a [`Campaign`] holds a sensible one.
 
+mod accuracy;
 mod advice;
 mod bounds;
 mod campaign;
@@ -22,6 +23,7 @@ mod validate;
 mod variant;
 mod written;
 
+pub use self::accuracy::Accuracy;
 pub use self::kriging::{Kriging, Noise, Nugget};
 pub use bounds::{Bounds, Each, FrozenFrom, FrozenSection, OfGears, Relation, Written};
 pub(crate) use bounds::{HELIX_ANGLE, ROOT_RADII, Setting, TIP_RADII};
@@ -37,6 +39,7 @@ pub use pair::{PairFile, PairSection};
 pub use sampling::{ControlVariate, PercentileRule, Sampling, WearCoefficients};
 pub use sections::{Load, Manufacture, SimulatorKind, SimulatorSection, Wear, WearLaw};
 pub use settings::{Doe, Optimise, Restarts, Verify};
+pub(crate) use validate::Source;
 
 /// Why a campaign or pair file was refused.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

@@ -1,6 +1,7 @@
 //! The campaign file, the problem formulations, and what workers compute.
 //!
 //! - [`Campaign`] and [`PairFile`] are what a user writes, parsed and validated ([`mod@file`]).
+//! - [`accuracy`] parses a campaign and chooses its settings for a tolerance.
 //! - [`formulation`] turns a design point into a gear pair, its criteria and its constraints.
 //! - [`variant`] is a design as studies ask for it: with profile corrections, say.
 //! - [`simulator`] is what the stages ask of whoever simulates a design.
@@ -9,6 +10,7 @@
 //!
 //! Nothing here does I/O, reads a clock or knows where it runs.
 
+pub mod accuracy;
 pub mod file;
 pub mod formulation;
 pub mod optimise;

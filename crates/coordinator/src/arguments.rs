@@ -19,7 +19,8 @@ mod modelling;
 mod studies;
 pub(crate) use self::modelling::{Fit, Predict};
 pub(crate) use self::studies::{
-    Corrections, FinishedCampaign, Pareto, Sensitivity, Stability, StudyWorkers, Sweep, Tradeoff,
+    Corrections, FinishedCampaign, Pareto, Sensitivity, SleepProgram, Stability, StudyWorkers, Sweep,
+    Tradeoff,
 };
 
 /// Plans a Monte Carlo campaign of gear designs, leases its jobs to workers, and writes the report.
@@ -40,6 +41,10 @@ pub(crate) enum Command {
     Run(Run),
     /// Run a campaign with workers that connect from anywhere
     Serve(Serve),
+    /// Write what is to be computed as files, for nodes without a network between them
+    Plan(Plan),
+    /// Store what workers made of such files
+    Merge(Merge),
     /// Say how far a campaign is, also while it runs
     Status(Status),
     /// Serve the live page of a campaign from its store alone, also while it runs or when it is finished
@@ -58,8 +63,11 @@ pub(crate) enum Command {
     Sensitivity(Sensitivity),
     /// Weigh the percentile against the contact pressure or the root stress
     Pareto(Pareto),
-    /// Chart speed against accuracy: simulator, percentile, kriging, optimisation
+    /// Chart speed against accuracy: simulator, percentile, kriging, optimisation, runner
     Tradeoff(Tradeoff),
+    /// Answer as a simulator that sleeps, for `tradeoff`
+    #[command(hide = true)]
+    SleepProgram(SleepProgram),
     /// Write the report of a campaign, also while it runs
     Report(Report),
     /// Write a table of a campaign as CSV or JSON, its model, or an optimum as a pair file
@@ -104,6 +112,47 @@ pub(crate) struct Run {
     /// Serve a live page at http://ADDR, such as 127.0.0.1:8080; loopback only
     #[arg(long, value_name = "ADDR")]
     pub(crate) http: Option<SocketAddr>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Plan {
+    /// The campaign file
+    #[arg(value_name = "CAMPAIGN.toml")]
+    pub(crate) campaign: PathBuf,
+    /// The store; a campaign that it holds is continued
+    #[arg(long, value_name = "FILE")]
+    pub(crate) db: PathBuf,
+    /// Accept a store on a network file system, whose locks and syncs may not keep their word
+    #[arg(long)]
+    pub(crate) allow_network_store: bool,
+    /// How many shards to deal the jobs out to
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub(crate) shards: u32,
+    /// The folder of the shards; one that is not empty is refused
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// The folder of the report, once nothing is left to compute [default: NAME-report]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) report: Option<PathBuf>,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Merge {
+    /// The store that planned the shards
+    #[arg(long, value_name = "FILE")]
+    pub(crate) db: PathBuf,
+    /// Accept a store on a network file system, whose locks and syncs may not keep their word
+    #[arg(long)]
+    pub(crate) allow_network_store: bool,
+    /// What workers made of shards; the same part may be merged again
+    #[arg(value_name = "FILE.part", required = true)]
+    pub(crate) parts: Vec<PathBuf>,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 /// Where workers and commands of other processes connect.

@@ -29,6 +29,7 @@ use crate::progress::Progress;
 mod checking;
 mod modelling;
 mod output;
+mod sharding;
 mod simulating;
 mod stability;
 mod steering;
@@ -36,7 +37,7 @@ mod studies;
 mod tradeoff;
 mod viewing;
 
-use self::output::{FileAccess, create_new, print, print_either};
+use self::output::{FileAccess, create_new, print, print_either, print_text};
 
 /// A command line that makes no sense although it parses.
 #[derive(Debug, thiserror::Error)]
@@ -48,6 +49,8 @@ pub(crate) async fn execute(command: Command) -> anyhow::Result<u8> {
     match command {
         Command::Run(arguments) => run(arguments).await,
         Command::Serve(arguments) => serve(arguments).await,
+        Command::Plan(arguments) => sharding::plan(arguments).await,
+        Command::Merge(arguments) => sharding::merge(arguments).await,
         Command::Status(arguments) => steering::status(arguments).await,
         Command::View(arguments) => viewing::view(arguments).await,
         Command::Explain(arguments) => steering::explain(&arguments).await,
@@ -58,6 +61,7 @@ pub(crate) async fn execute(command: Command) -> anyhow::Result<u8> {
         Command::Sensitivity(arguments) => studies::sensitivity(arguments).await,
         Command::Pareto(arguments) => studies::pareto(arguments).await,
         Command::Tradeoff(arguments) => tradeoff::tradeoff(arguments).await,
+        Command::SleepProgram(arguments) => tradeoff::sleep_program(arguments.seconds).map(|()| exit::OK),
         Command::Report(arguments) => write_report(arguments).await,
         Command::Export(arguments) => export(arguments).await,
         Command::Compare(arguments) => compare(arguments).await,
@@ -85,6 +89,14 @@ pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
         }
         if let Some(error) = cause.downcast_ref::<gateway::Error>() {
             return error.exit_code();
+        }
+        if let Some(error) = cause.downcast_ref::<shards::Error>() {
+            return error.exit_code();
+        }
+        match cause.downcast_ref::<sharding::Misfit>() {
+            Some(sharding::Misfit::Foreign { .. }) => return exit::OTHER_CAMPAIGN,
+            Some(sharding::Misfit::Doubled { .. }) => return exit::USAGE,
+            None => {}
         }
         if cause.is::<GuardError>() {
             return exit::FILE_ACCESS;
@@ -297,21 +309,30 @@ fn out_folder(out: Option<PathBuf>, campaign: &Campaign) -> PathBuf {
     out.unwrap_or_else(|| PathBuf::from(format!("{}-report", campaign.name)))
 }
 
-async fn conduct(plan: Plan) -> anyhow::Result<u8> {
-    let shutdown = CancellationToken::new();
-    tokio::spawn(console::watch_signals(shutdown.clone(), "stopping"));
-    let db = plan.db.clone();
+/// Refuses a folder with the report of another campaign.
+async fn refuse_report_of_another(
+    out: &Path,
+    campaign: &Campaign,
+    db: &Path,
+) -> anyhow::Result<()> {
     // Reports of version 0.1 have the digest of the whole campaign file.
-    let mut own = vec![plan.campaign.lineage(), plan.campaign.digest()];
+    let mut own = vec![campaign.lineage(), campaign.digest()];
     // A store of another campaign is refused as such, beside its own report, too.
-    if let Ok(store) = Store::open_read_only(&db).await {
+    if let Ok(store) = Store::open_read_only(db).await {
         let row = store.campaign().await?;
         let held = Campaign::parse("the store's campaign file", &row.file_text);
         own.extend(held.map(|held| held.lineage()));
         own.push(row.digest);
         store.close().await?;
     }
-    output::refuse_report_of_another(&plan.out, &own)?;
+    Ok(output::refuse_report_of_another(out, &own)?)
+}
+
+async fn conduct(plan: Plan) -> anyhow::Result<u8> {
+    let shutdown = CancellationToken::new();
+    tokio::spawn(console::watch_signals(shutdown.clone(), "stopping"));
+    let db = plan.db.clone();
+    refuse_report_of_another(&plan.out, &plan.campaign, &db).await?;
     let problem = Problem::new(plan.campaign.clone());
     let progress = Progress::new();
     let observer: server::Observer = Box::new(move |status| progress.show(status));
@@ -324,7 +345,7 @@ async fn conduct(plan: Plan) -> anyhow::Result<u8> {
             let status = status::read(&store).await?;
             let evenness = designs::evenness(&problem, &store.designs().await?);
             let doe = evenness.map_or_else(String::new, |text| format!("doe             {text}\n"));
-            print(&format!(
+            print_text(&format!(
                 "{}{doe}report          {}\n",
                 describe(&status),
                 report.display()

@@ -64,6 +64,24 @@ impl Engine {
     ///
     /// The store fails, or a local step does.
     pub async fn run(&self, shutdown: &CancellationToken) -> anyhow::Result<Option<Ended>> {
+        self.advance(shutdown, true).await
+    }
+
+    /// Runs until only workers can go on: what they are to compute is on the board then. It has ended if
+    /// nothing is missing.
+    ///
+    /// # Errors
+    ///
+    /// The store fails, or a local step does.
+    pub async fn run_to_jobs(&self, shutdown: &CancellationToken) -> anyhow::Result<Option<Ended>> {
+        self.advance(shutdown, false).await
+    }
+
+    async fn advance(
+        &self,
+        shutdown: &CancellationToken,
+        waits_for_workers: bool,
+    ) -> anyhow::Result<Option<Ended>> {
         let references: &[VerifyPoint] = &references::points(&self.problem);
         let fit_failed = &mut None;
         let searches = &mut Searches::default();
@@ -110,6 +128,9 @@ impl Engine {
                 return Ok(Some(Ended {
                     quarantined: quarantined.collect(),
                 }));
+            }
+            if !waits_for_workers {
+                return Ok(None);
             }
             tokio::select! {
                 () = settled => {}

@@ -63,14 +63,15 @@ fn failure(vanished: Vanished) -> FailureRow {
     } else {
         names::stream_name(stream)
     };
+    let job = names::job_name(stream, &(0..0));
     let (kind, error) = if quarantined {
-        error!(stream = %name, %worker, "too many workers vanished: quarantined");
+        error!(%job, %worker, "too many workers vanished: quarantined");
         (
             FailureKind::Quarantine,
             "its workers vanished while they computed it",
         )
     } else {
-        warn!(stream = %name, %worker, "a worker vanished while it computed");
+        warn!(%job, %worker, "a worker vanished while it computed");
         (
             FailureKind::Crash,
             "its worker vanished while it computed it",

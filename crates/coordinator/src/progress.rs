@@ -1,65 +1,127 @@
-//! A campaign's progress as a bar on a terminal.
+//! A campaign's progress on a terminal: one line for each stage.
 
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
 use results::live::Live;
 use results::status::Status;
 
 const TICK: Duration = Duration::from_millis(200);
 
-/// What is shown while a campaign runs.
-pub(crate) struct Progress {
+/// What is shown while a campaign runs: the stages that are done, and the one that runs.
+pub(crate) struct Progress(Mutex<Option<Line>>);
+
+/// The line of the stage that runs.
+struct Line {
+    stage: String,
     bar: ProgressBar,
 }
 
+/// How far a stage is.
+struct Step {
+    done: u64,
+    /// Zero for a stage that is not counted.
+    wanted: u64,
+    message: String,
+}
+
 impl Progress {
-    /// An empty bar; it is not drawn unless standard error is a terminal.
+    /// No lines yet; none are drawn unless standard error is a terminal.
     pub(crate) fn new() -> Self {
-        let bar = console::bars().add(ProgressBar::new(0));
-        let style = ProgressStyle::with_template("{prefix:>9} [{bar:30}] {pos}/{len} {msg}");
-        if let Ok(style) = style {
-            bar.set_style(style.progress_chars("=> "));
-        }
-        bar.enable_steady_tick(TICK);
-        Self { bar }
+        Self(Mutex::new(None))
     }
 
-    /// Shows the stage that runs.
+    /// Shows the stage that runs. The line of the one before stays, with the time that it took.
     pub(crate) fn show(&self, status: &Status) {
-        let (position, length, message) = match status.stage.as_str() {
-            "sample" => {
-                let left = status.missing().0.round() as u64;
-                let done = status.samples.done;
-                (done, done + left, pace(status.live.as_ref()))
+        let mut line = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if line.as_ref().is_none_or(|line| line.stage != status.stage) {
+            if let Some(line) = line.take() {
+                line.end();
             }
-            "verify" => {
-                let verified = status.verified();
-                let message = format!("verification samples{}", to_go(status.live.as_ref()));
-                (verified.done, verified.wanted, message)
+            if status.stage == "done" {
+                return;
             }
-            "enrich" => {
-                let round = status.enrichment.map(|enrichment| enrichment.samples);
-                let (done, wanted) = round.map_or((0, 0), |round| (round.done, round.wanted));
-                (done, wanted, pace(status.live.as_ref()))
-            }
-            "doe" | "fit" | "done" => (0, 0, String::new()),
-            _ => {
-                let runs = status.optimiser_runs;
-                let message = format!("runs{}", to_go(status.live.as_ref()));
-                (runs.done, runs.wanted, message)
-            }
-        };
-        self.bar.set_prefix(status.stage_name());
-        self.bar.set_length(length);
-        self.bar.set_position(position);
-        self.bar.set_message(message);
+            *line = Some(Line::new(status));
+        }
+        if let Some(line) = line.as_ref() {
+            line.bar.set_prefix(status.stage_name());
+            line.show(step(status));
+        }
     }
 }
 
 impl Drop for Progress {
     fn drop(&mut self) {
-        self.bar.finish_and_clear();
+        let line = self.0.get_mut().unwrap_or_else(PoisonError::into_inner);
+        if let Some(line) = line.take() {
+            line.bar.finish_and_clear();
+        }
+    }
+}
+
+impl Line {
+    fn new(status: &Status) -> Self {
+        let bar = console::bars().add(ProgressBar::new(0));
+        bar.enable_steady_tick(TICK);
+        Self {
+            stage: status.stage.clone(),
+            bar,
+        }
+    }
+
+    fn show(&self, step: Step) {
+        let style = match step.wanted {
+            0 => "{prefix:>9} {spinner} {wide_msg}",
+            _ => "{prefix:>9} [{bar:30}] {pos}/{len} {wide_msg}",
+        };
+        if let Ok(style) = ProgressStyle::with_template(style) {
+            self.bar.set_style(style.progress_chars("=> "));
+        }
+        self.bar.set_length(step.wanted);
+        self.bar.set_position(step.done);
+        self.bar.set_message(step.message);
+    }
+
+    /// The stage is done.
+    fn end(self) {
+        let took = format!("done in {}", HumanDuration(self.bar.elapsed()));
+        if let Ok(style) = ProgressStyle::with_template("{prefix:>9} {wide_msg}") {
+            self.bar.set_style(style);
+        }
+        self.bar.finish_with_message(took);
+    }
+}
+
+fn step(status: &Status) -> Step {
+    let live = status.live.as_ref();
+    let (done, wanted, message) = match status.stage.as_str() {
+        "sample" => {
+            let left = status.missing().0.round() as u64;
+            let done = status.samples.done;
+            (done, done + left, pace(live))
+        }
+        "verify" => {
+            let verified = status.verified();
+            let message = format!("verification samples{}", to_go(live));
+            (verified.done, verified.wanted, message)
+        }
+        "enrich" => {
+            let round = status.enrichment.map(|enrichment| enrichment.samples);
+            let (done, wanted) = round.map_or((0, 0), |round| (round.done, round.wanted));
+            (done, wanted, pace(live))
+        }
+        "doe" | "fit" => (0, 0, String::new()),
+        _ => {
+            let runs = status.optimiser_runs;
+            let message = format!("runs{}", to_go(live));
+            (runs.done, runs.wanted, message)
+        }
+    };
+    Step {
+        done,
+        wanted,
+        message,
     }
 }
 

@@ -1,5 +1,7 @@
 //! What workers hand in: accepted by the board, stored, and told to the board.
 
+use std::ops::Range;
+
 use campaign::formulation::Problem;
 use futures_util::future::join_all;
 use ledger::{Accepted, Delivery, Failure, Generation, LeaseId, StreamId, Unit, WorkerId};
@@ -105,7 +107,7 @@ impl<R: Recorder> Receiving<'_, R> {
         };
         let stream = read.unit.stream;
         if self.board.accept(&read.unit) == Accepted::Stale {
-            debug!(stream = %names::stream_name(stream), %worker, "a stale result");
+            debug!(job = %names::job_name(stream, &read.unit.samples), %worker, "a stale result");
             return;
         }
         match read.rows {
@@ -117,6 +119,7 @@ impl<R: Recorder> Receiving<'_, R> {
             }),
             Err(error) => brought.failed.push(Failed {
                 stream,
+                samples: read.unit.samples,
                 serial: read.serial,
                 error,
                 contradicts: false,
@@ -162,27 +165,27 @@ impl<R: Recorder> Receiving<'_, R> {
         failed: Failed,
         outcome: Failure,
     ) -> Result<(), Status> {
-        let name = names::stream_name(failed.stream);
+        let job = names::job_name(failed.stream, &failed.samples);
         let error = beginning(&failed.error, ERROR_BYTES);
         let kind = match outcome {
             Failure::GivenUp => {
-                error!(stream = %name, %worker, %error, "quarantined");
+                error!(%job, %worker, %error, "quarantined");
                 FailureKind::Quarantine
             }
             Failure::Retry(wait) => {
                 let again_in = wait.as_secs_f64();
-                warn!(stream = %name, %worker, %error, again_in, "a failure");
+                warn!(%job, %worker, %error, again_in, "a failure");
                 FailureKind::Failure
             }
             // Other numbers than are stored must not go unrecorded, whoever brings them when.
             Failure::Ignored if failed.contradicts => FailureKind::Failure,
             Failure::Ignored => {
-                info!(stream = %name, %worker, %error, "a failure that does not count");
+                info!(%job, %worker, %error, "a failure that does not count");
                 return Ok(());
             }
         };
         let row = FailureRow {
-            job: name,
+            job: names::stream_name(failed.stream),
             attempt: u32::try_from(lease.number).unwrap_or(u32::MAX),
             worker: worker.to_string(),
             serial: failed.serial,
@@ -221,6 +224,7 @@ struct Part {
 #[derive(Debug)]
 struct Failed {
     stream: StreamId,
+    samples: Range<u32>,
     serial: Option<u64>,
     error: String,
     /// Whether the store holds other numbers.
@@ -231,17 +235,18 @@ impl Brought {
     /// Notes what became of a part.
     fn note(&mut self, worker: &WorkerId, part: Part, outcome: Result<Receipt, store::Error>) {
         let Part { unit, serial, .. } = part;
-        let stream = names::stream_name(unit.stream);
+        let job = names::job_name(unit.stream, &unit.samples);
         match outcome {
-            Ok(receipt) if receipt.is_stale => debug!(%stream, %worker, "a stale result"),
+            Ok(receipt) if receipt.is_stale => debug!(%job, %worker, "a stale result"),
             Ok(_) if part.is_refused => self.refused.push((unit.stream, unit.generation)),
             Ok(_) => self.stored.push(unit),
             Err(refused) => {
                 // What is stored stays. Somebody computes other numbers, which must be heard; what
                 // is settled stays so, anything else is tried again elsewhere.
-                error!(%stream, %worker, error = %refused, "a worker contradicts the store");
+                error!(%job, %worker, error = %refused, "a worker contradicts the store");
                 self.failed.push(Failed {
                     stream: unit.stream,
+                    samples: unit.samples,
                     serial,
                     error: refused.to_string(),
                     contradicts: true,

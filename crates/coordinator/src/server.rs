@@ -1,7 +1,7 @@
 //! A whole campaign: store, server, engine, report.
 
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -91,14 +91,6 @@ pub async fn run(
     let problem = Arc::new(Problem::new(plan.campaign.clone()));
     // An external simulator is asked by workers alone: the first of them decides.
     let model_digest = (!plan.campaign.is_external()).then(|| probe::model_digest(&problem));
-    let row = CampaignRow {
-        name: plan.campaign.name.clone(),
-        file_text: plan.file_text.clone(),
-        digest: plan.campaign.digest(),
-        seed: plan.campaign.seed,
-        program_version: identity::BUILD.to_owned(),
-        model_digest: None,
-    };
     // The ports first: a taken one must not leave a store behind.
     let opened = match &plan.port {
         Some(port) => Some(OpenPort::new(port, &plan.campaign.name).await?),
@@ -108,22 +100,7 @@ pub async fn run(
         Some(address) => Some(listen("--http", address).await?),
         None => None,
     };
-    let store = Store::create_or_open_with(&plan.db, &row, |held| {
-        // A campaign that is not of this version's form has no keys to compare.
-        let held = Campaign::parse("the store's campaign file", &held.file_text)
-            .map_err(|_| Vec::new())?;
-        if plan.campaign.extends(&held) {
-            return Ok(());
-        }
-        Err(plan.campaign.changes_from(&held))
-    })
-    .await?;
-    if store.campaign().await?.digest != row.digest {
-        // Refused before the store takes it: it would be stuck with designs that cannot be made.
-        stages::designs::check_growth(&problem, &store.designs().await?)?;
-        info!("the campaign has grown: what the store holds is kept, the rest is added");
-        store.extend(&row, &DERIVED_APPROACHES).await?;
-    }
+    let store = open_store(&problem, &plan.file_text, &plan.db).await?;
     let result = run_open(
         &plan,
         &problem,
@@ -138,6 +115,40 @@ pub async fn run(
     let outcome = result?;
     closed?;
     Ok(outcome)
+}
+
+/// Opens the store of a campaign, or makes it; one that the campaign [extends](Campaign::extends) grows.
+///
+/// # Errors
+///
+/// The store is of another campaign, or cannot be used.
+pub async fn open_store(problem: &Problem, file_text: &str, db: &Path) -> Result<Store, Error> {
+    let campaign = problem.campaign();
+    let row = CampaignRow {
+        name: campaign.name.clone(),
+        file_text: file_text.to_owned(),
+        digest: campaign.digest(),
+        seed: campaign.seed,
+        program_version: identity::BUILD.to_owned(),
+        model_digest: None,
+    };
+    let store = Store::create_or_open_with(db, &row, |held| {
+        // A campaign that is not of this version's form has no keys to compare.
+        let held = Campaign::parse("the store's campaign file", &held.file_text)
+            .map_err(|_| Vec::new())?;
+        if campaign.extends(&held) {
+            return Ok(());
+        }
+        Err(campaign.changes_from(&held))
+    })
+    .await?;
+    if store.campaign().await?.digest != row.digest {
+        // Refused before the store takes it: it would be stuck with designs that cannot be made.
+        stages::designs::check_growth(problem, &store.designs().await?)?;
+        info!("the campaign has grown: what the store holds is kept, the rest is added");
+        store.extend(&row, &DERIVED_APPROACHES).await?;
+    }
+    Ok(store)
 }
 
 /// What is listened on.

@@ -1,5 +1,7 @@
 //! What streams are called: in the store, in messages, and where the store keeps what they cost.
 
+use std::ops::Range;
+
 use campaign::Approach;
 use ledger::{Kind, StreamId, Unit};
 
@@ -36,6 +38,31 @@ pub fn stream_name(stream: StreamId) -> String {
             Some(approach) => format!("verify-{}", approach.name()),
             None => stream.to_string(),
         },
+    }
+}
+
+/// A job as the log names it: `design 59, samples 130–154`. Without samples the whole stream is meant.
+#[must_use]
+pub fn job_name(stream: StreamId, samples: &Range<u32>) -> String {
+    let of = match stream.kind {
+        Kind::Run => {
+            let (number, start) = stream.run_parts();
+            let name = Approach::numbered(number.into()).map_or("unknown", Approach::name);
+            return format!("search {name}, start {}", start + 1);
+        }
+        Kind::Design => format!("design {}", stream.index),
+        Kind::Point if infill::is_infill(stream.index) => {
+            format!("infill point {}", infill::mark(stream.index))
+        }
+        Kind::Point => {
+            let name = Approach::numbered(stream.index).map_or("a reference", Approach::name);
+            format!("verification of {name}")
+        }
+    };
+    match samples.len() {
+        0 => of,
+        1 => format!("{of}, sample {}", samples.start),
+        _ => format!("{of}, samples {}–{}", samples.start, samples.end - 1),
     }
 }
 
@@ -86,6 +113,10 @@ mod tests {
         assert_eq!(stream_name(StreamId::point(2)), "verify-archard");
         assert!(stream_name(infill).starts_with("infill-"));
         assert_eq!(stream_name(StreamId::design(7)), "design-7");
+        assert_eq!(job_name(StreamId::design(59), &(130..155)), "design 59, samples 130–154");
+        assert_eq!(job_name(StreamId::design(59), &(0..1)), "design 59, sample 0");
+        assert_eq!(job_name(run, &(0..40)), "search kriging, start 3");
+        assert_eq!(job_name(StreamId::point(2), &(0..0)), "verification of archard");
     }
 
     #[test]

@@ -3,7 +3,8 @@
 use rustix::time::{ClockId, clock_gettime};
 
 /// CPU seconds of this process so far.
-pub(crate) fn process_seconds() -> f64 {
+#[must_use]
+pub fn process_seconds() -> f64 {
     seconds(ClockId::ProcessCPUTime)
 }
 

@@ -18,6 +18,7 @@ mod kriging;
 mod optimisation;
 mod page;
 mod percentile;
+mod runner;
 mod simulator;
 mod study;
 mod summary;
@@ -25,7 +26,10 @@ mod table;
 mod view;
 
 pub use front::{Reason, Rule, front, recommend};
+pub use clock::process_seconds;
+pub use optimisation::Ended;
 pub use page::page;
+pub use runner::{Load, Ran, Runner};
 pub use study::{Kind, Size, Study};
 pub use table::{Row, Table};
 pub use view::View;

@@ -1,20 +1,14 @@
 //! What each approach to the optimum costs and how good the design is that it ends on.
 //!
-//! The approaches run in this process, as the workers run them. Effort is the share of the campaign's designs
-//! of the DoE and of its optimiser's evaluations.
+//! Whole campaigns run, as `coordinator run` runs them. Effort is the share of the campaign's designs of the
+//! DoE, of its optimiser's evaluations and of the enrichment's samples.
 
-use anyhow::Context as _;
-use campaign::formulation::{Approach, Design, Problem};
-use campaign::optimise;
-use campaign::task::Run;
-use stages::fitting;
-use stats::streams::{Purpose, stream};
-use studies::finished;
-use studies::simulations::InProcess;
+use campaign::file::{Enrichment, PercentileRule};
+use campaign::formulation::{Approach, Problem};
+use campaign::Campaign;
 
-use crate::clock::process_seconds;
-use crate::data::{self, Doe};
 use crate::front::Rule;
+use crate::runner::Runner;
 use crate::study::Size;
 use crate::summary::{median, quantile};
 use crate::table::{Row, Table};
@@ -61,28 +55,35 @@ pub(crate) const PAIRS: &[view::Pair] = &[
 ];
 
 /// The approaches that are measured, in the order of the paper's Table 5.
-const APPROACHES: [Approach; 5] = [
+const APPROACHES: [Approach; 6] = [
     Approach::Nominal,
     Approach::Baseline,
     Approach::Kriging,
     Approach::BestOfDoe,
     Approach::Direct,
+    Approach::EnrichedKriging,
 ];
 
 /// The fewest designs and evaluations, whatever the effort.
 const FEWEST: u32 = 60;
 
 /// What one approach came to for one seed.
-struct Ended {
-    calls: f64,
-    seconds: f64,
-    /// Infinite without a feasible design.
-    percentile_um: f64,
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ended {
+    /// The approach.
+    pub approach: Approach,
+    /// Calls of the simulator, those of the DoE included where the approach rests on it.
+    pub calls: f64,
+    /// CPU time likewise, seconds.
+    pub seconds: f64,
+    /// The percentile of verification samples, µm; infinite without a feasible design.
+    pub percentile_um: f64,
 }
 
 pub(crate) fn run(
     problem: &Problem,
     size: Size,
+    runner: &mut dyn Runner,
     progress: &mut dyn FnMut(&str),
 ) -> anyhow::Result<Table> {
     let seeds = size.pick(6, 3, 1);
@@ -98,34 +99,28 @@ pub(crate) fn run(
         campaign.sampling.percentile_name()
     );
     for (place, &effort) in (1..).zip(efforts) {
-        let mut ended: [Vec<Ended>; APPROACHES.len()] = Default::default();
+        let mut ended = Vec::new();
         for seed in 0..seeds {
-            let mut campaign = campaign.clone();
-            campaign.seed += seed;
-            let scaled =
-                |count: u32| ((f64::from(count) * effort).round() as u32).max(FEWEST.min(count));
-            campaign.doe.designs = scaled(campaign.doe.designs);
-            campaign.optimise.evaluations = scaled(campaign.optimise.evaluations);
-            let half = campaign.optimise.evaluations / 2;
-            campaign.optimise.restart_at =
-                campaign.optimise.restart_at.map(|at| scaled(at).min(half));
-            campaign
-                .kriging
-                .leave_out
-                .retain(|number| *number < campaign.doe.designs);
-            let found = of_seed(&Problem::new(campaign))?;
-            for (ended, found) in ended.iter_mut().zip(found) {
-                ended.push(found);
-            }
+            let mut plain = scaled(campaign, effort);
+            plain.seed += seed;
+            ended.extend(runner.campaign(&plain)?);
+            let enriched = enriched(&plain, effort);
+            let of_enrichment = runner.campaign(&enriched)?.into_iter();
+            ended.extend(of_enrichment.filter(|one| one.approach == Approach::EnrichedKriging));
         }
-        for (approach, ended) in APPROACHES.into_iter().zip(&ended) {
+        for approach in APPROACHES {
             let is_own = problem.approaches().any(|own| own == approach);
+            let own: Vec<Ended> = ended
+                .iter()
+                .copied()
+                .filter(|one| one.approach == approach)
+                .collect();
             table.rows.push(Row {
                 panel: panel.clone(),
                 method: problem.approach_name(approach).to_owned(),
                 setting: format!("effort {} %", 100.0 * effort),
                 is_campaign: is_own && place == efforts.len(),
-                values: values(ended),
+                values: values(&own, seeds),
             });
         }
         progress(&format!(
@@ -136,10 +131,58 @@ pub(crate) fn run(
     Ok(table)
 }
 
-/// The values of [`COLUMNS`].
-fn values(ended: &[Ended]) -> Vec<f64> {
+/// The campaign without an enrichment and with the direct search, at this effort.
+fn scaled(campaign: &Campaign, effort: f64) -> Campaign {
+    let mut campaign = campaign.clone();
+    let scaled = |count: u32| ((f64::from(count) * effort).round() as u32).max(FEWEST.min(count));
+    campaign.doe.designs = scaled(campaign.doe.designs);
+    campaign.optimise.direct = true;
+    campaign.optimise.evaluations = scaled(campaign.optimise.evaluations);
+    let half = campaign.optimise.evaluations / 2;
+    campaign.optimise.restart_at = campaign.optimise.restart_at.map(|at| scaled(at).min(half));
+    campaign
+        .kriging
+        .leave_out
+        .retain(|number| *number < campaign.doe.designs);
+    campaign.enrichment = None;
+    if let Some(sections) = campaign.gears_mut() {
+        sections.report.compare_with_paper = false;
+    }
+    campaign
+}
+
+/// A small DoE that is enriched, with the settings of `campaigns/enriched.toml`; the other approaches, which
+/// such a campaign has, too, search next to nothing.
+fn enriched(campaign: &Campaign, effort: f64) -> Campaign {
+    let mut campaign = campaign.clone();
+    campaign.doe.designs = campaign.doe.designs.min(120);
+    let sampling = &mut campaign.sampling;
+    sampling.samples_per_design = 36;
+    sampling.percentile = PercentileRule::Normal;
+    sampling.control = Default::default();
+    sampling.coefficients = Default::default();
+    sampling.group = None;
+    sampling.skip_violation = Some(1.0);
+    campaign.optimise.direct = false;
+    campaign.optimise.starts = 1;
+    campaign.optimise.evaluations = campaign.optimise.evaluations.min(FEWEST);
+    campaign.optimise.restart_at = None;
+    campaign.enrichment = Some(Enrichment {
+        criterion: enrich::Criterion::ExpectedQuantileImprovement,
+        samples: (18_000.0 * effort).round() as u32,
+        rounds: 100,
+        points_per_round: 24,
+        samples_per_point: 36,
+        tolerance_um: 0.003,
+    });
+    campaign
+}
+
+/// The values of [`COLUMNS`]; a seed without a design counts as an infinite percentile.
+fn values(ended: &[Ended], seeds: u64) -> Vec<f64> {
     let each = |value: fn(&Ended) -> f64| -> Vec<f64> { ended.iter().map(value).collect() };
-    let percentiles = each(|one| one.percentile_um);
+    let mut percentiles = each(|one| one.percentile_um);
+    percentiles.resize(seeds as usize, f64::INFINITY);
     let feasible = percentiles.iter().filter(|value| value.is_finite()).count();
     vec![
         median(&each(|one| one.calls)),
@@ -148,99 +191,6 @@ fn values(ended: &[Ended]) -> Vec<f64> {
         median(&percentiles),
         quantile(&percentiles, 0.25),
         quantile(&percentiles, 0.75),
-        100.0 * feasible as f64 / ended.len() as f64,
+        100.0 * feasible as f64 / percentiles.len() as f64,
     ]
-}
-
-/// What the approaches come to, in their order.
-fn of_seed(problem: &Problem) -> anyhow::Result<Vec<Ended>> {
-    let base = finished::base_anew(&InProcess(problem), problem)?;
-    let start = process_seconds();
-    let doe = data::sampled(problem, &base)?;
-    let doe_seconds = process_seconds() - start;
-    let mut ended = Vec::new();
-    for approach in APPROACHES {
-        let start = process_seconds();
-        let of_doe = |calls: u64| (calls + doe.calls) as f64;
-        let (best, calls) = match approach {
-            Approach::BestOfDoe => (best_of(problem, &base, &doe), of_doe(0)),
-            Approach::Kriging => match fitting::fit(problem, &doe.designs, &doe.responses) {
-                Ok((model, _)) => {
-                    let model = Some(model.to_json()?.into());
-                    let (best, calls) = searched(problem, &base, approach, model)?;
-                    (best, of_doe(calls))
-                }
-                // A DoE that no model fits gives no design.
-                Err(_) => (None, of_doe(0)),
-            },
-            _ => {
-                let (best, calls) = searched(problem, &base, approach, None)?;
-                (best, calls as f64)
-            }
-        };
-        let seconds = process_seconds() - start;
-        let takes_doe = matches!(approach, Approach::BestOfDoe | Approach::Kriging);
-        let percentile_um = match best {
-            Some(design) => verified(problem, &design, approach)?,
-            None => f64::INFINITY,
-        };
-        ended.push(Ended {
-            calls,
-            seconds: seconds + if takes_doe { doe_seconds } else { 0.0 },
-            percentile_um,
-        });
-    }
-    Ok(ended)
-}
-
-fn best_of(problem: &Problem, base: &Design, doe: &Doe) -> Option<Design> {
-    let feasible = doe
-        .responses
-        .iter()
-        .filter(|row| doe.feasible.contains(&row.design));
-    let best = feasible.min_by(|a, b| a.p90_um.total_cmp(&b.p90_um))?;
-    Some(problem.design(&doe.designs.get(best.design as usize)?.x, base))
-}
-
-/// The best feasible design of all starts, and the simulator calls of all.
-fn searched(
-    problem: &Problem,
-    base: &Design,
-    approach: Approach,
-    model: Option<std::sync::Arc<str>>,
-) -> anyhow::Result<(Option<Design>, u64)> {
-    let mut best: Option<(f64, Design)> = None;
-    let mut calls = 0;
-    for start in 0..problem.campaign().optimise.starts {
-        let run = Run {
-            approach,
-            start,
-            base: base.clone(),
-            model: model.clone(),
-        };
-        let run = optimise::run(problem, &run).map_err(anyhow::Error::msg)?;
-        calls += run.simulator_calls;
-        let Some(found) = run.best else { continue };
-        if best
-            .as_ref()
-            .is_none_or(|(value, _)| found.criterion_um < *value)
-        {
-            best = Some((found.criterion_um, found.design));
-        }
-    }
-    Ok((best.map(|(_, design)| design), calls))
-}
-
-/// The percentile of fresh samples, µm.
-fn verified(problem: &Problem, design: &Design, approach: Approach) -> anyhow::Result<f64> {
-    let gears = problem.gears().context("the campaign designs no gears")?;
-    let campaign = problem.campaign();
-    let pair = gears.pair(design)?;
-    let mut sampler = gears.sampler(&pair);
-    let draw = |sample| {
-        let number = approach.number();
-        sampler.draw(&mut stream(campaign.seed, Purpose::Verify, number, sample))
-    };
-    let samples: Vec<f64> = (0..u64::from(campaign.verify.samples)).map(draw).collect();
-    Ok(campaign.sampling.verified(&samples)?.p90)
 }

@@ -21,10 +21,6 @@ pub fn page(
     );
     let notes = [
         "Times are CPU times. Of one setting they vary by some percent from run to run; errors repeat to the digit.",
-        "Enrichment, which asks for samples in rounds, is not among the approaches: the example `enrichment` of the \
-         crate `studies` compares it with them.",
-        "What leases, network and store add to a sample is not measured here: `cargo run --release -p coordinator \
-         --example load -- overhead` measures it.",
     ];
     TradeoffPage {
         campaign: campaign.name.clone(),

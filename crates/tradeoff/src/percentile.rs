@@ -4,6 +4,7 @@
 //! estimates it again and again, from samples of its own.
 
 use anyhow::{Context as _, bail};
+use campaign::accuracy::ESTIMATORS;
 use campaign::file::{ControlVariate, PercentileRule, Sampling, WearCoefficients};
 use campaign::formulation::Problem;
 use rand::RngExt as _;
@@ -64,21 +65,15 @@ enum Estimator {
     HarrellDavis,
 }
 
-const METHODS: [(&str, Estimator); 7] = {
-    use ControlVariate::{Linearised, None};
-    use Estimator::Campaign;
-    use PercentileRule::{Chosen, Normal, Paper};
-    use WearCoefficients::{Antithetic, Independent, QuasiRandom};
-    [
-        ("paper", Campaign(Paper, None, Independent)),
-        ("normal", Campaign(Normal, None, Independent)),
-        ("Harrell–Davis", Estimator::HarrellDavis),
-        ("chosen", Campaign(Chosen, None, Independent)),
-        ("linearised", Campaign(Normal, Linearised, Independent)),
-        ("antithetic", Campaign(Normal, None, Antithetic)),
-        ("quasi-random", Campaign(Normal, None, QuasiRandom)),
-    ]
-};
+/// The estimators by name: those of campaigns, and Harrell and Davis's.
+fn methods() -> Vec<(&'static str, Estimator)> {
+    let of_campaigns = ESTIMATORS
+        .iter()
+        .map(|one| (one.name, Estimator::Campaign(one.percentile, one.control, one.coefficients)));
+    of_campaigns
+        .chain([("Harrell–Davis", Estimator::HarrellDavis)])
+        .collect()
+}
 
 /// The samples of one repetition, and the control variate's values.
 struct Draws {
@@ -135,7 +130,7 @@ pub(crate) fn run(
     for number in 0..count as u64 {
         let sampled = sampled(problem, number, size, &mut rng)?;
         found[usize::from(!sampled.is_normal)] += 1;
-        for (method, (_, estimator)) in METHODS.iter().enumerate() {
+        for (method, (_, estimator)) in methods().iter().enumerate() {
             let settings = estimator.settings(own);
             for &samples in &counts {
                 let samples = estimator.whole(&settings, samples);
@@ -160,7 +155,7 @@ pub(crate) fn run(
             progress(&format!("percentile: {} of {count} designs", number + 1));
         }
     }
-    for (method, (name, estimator)) in METHODS.iter().enumerate() {
+    for (method, (name, estimator)) in methods().iter().enumerate() {
         let settings = estimator.settings(own);
         let mut own_counts: Vec<usize> = counts.clone();
         own_counts
@@ -444,7 +439,7 @@ mod tests {
                 }
             })
             .collect();
-        let (_, estimator) = METHODS[1];
+        let (_, estimator) = methods()[1];
         let settings = estimator.settings(&paper().campaign().sampling);
         let known = (stats::EXACT_Z90, Control { mean: 0.0, sd: 0.0 });
         let rmse = |count| {
@@ -469,7 +464,7 @@ mod tests {
             let mut rows = table.rows.iter();
             rows.any(|row| row.method == method && row.setting == setting)
         };
-        for (method, _) in METHODS {
+        for (method, _) in methods() {
             assert!(
                 has(method, "500 samples") || has(method, "496 samples"),
                 "{method}"

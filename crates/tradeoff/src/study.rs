@@ -5,7 +5,8 @@ use campaign::formulation::Problem;
 
 use crate::table::Table;
 use crate::view::View;
-use crate::{kriging, optimisation, percentile, simulator};
+use crate::runner::Runner;
+use crate::{kriging, optimisation, percentile, runner, simulator};
 
 /// How thoroughly a study measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -58,6 +59,8 @@ pub enum Kind {
     Kriging,
     /// The approach to the optimum.
     Optimisation,
+    /// What runs the samples.
+    Runner,
 }
 
 /// A study with what it measured.
@@ -71,11 +74,12 @@ pub struct Study {
 
 impl Kind {
     /// All of them, from the inside out.
-    pub const ALL: [Self; 4] = [
+    pub const ALL: [Self; 5] = [
         Self::Simulator,
         Self::Percentile,
         Self::Kriging,
         Self::Optimisation,
+        Self::Runner,
     ];
 
     /// The name of its files.
@@ -86,6 +90,7 @@ impl Kind {
             Self::Percentile => "percentile",
             Self::Kriging => "kriging",
             Self::Optimisation => "optimisation",
+            Self::Runner => "runner",
         }
     }
 
@@ -97,6 +102,7 @@ impl Kind {
             Self::Percentile => "Percentile",
             Self::Kriging => "Kriging",
             Self::Optimisation => "Optimisation",
+            Self::Runner => "Runner",
         }
     }
 
@@ -108,25 +114,28 @@ impl Kind {
             Self::Percentile => percentile::LEAD,
             Self::Kriging => kriging::LEAD,
             Self::Optimisation => optimisation::LEAD,
+            Self::Runner => runner::LEAD,
         }
     }
 
-    /// Measures; `progress` is told what is done.
+    /// Measures; `runner` runs samples and campaigns, `progress` is told what is done.
     ///
     /// # Errors
     ///
-    /// The campaign designs no gears, or too few of its designs can be simulated.
+    /// The campaign designs no gears, too few of its designs can be simulated, or the runner failed.
     pub fn run(
         self,
         problem: &Problem,
         size: Size,
+        runner: &mut dyn Runner,
         progress: &mut dyn FnMut(&str),
     ) -> anyhow::Result<Study> {
         let table = match self {
             Self::Simulator => simulator::run(problem, size, progress),
             Self::Percentile => percentile::run(problem, size, progress),
             Self::Kriging => kriging::run(problem, size, progress),
-            Self::Optimisation => optimisation::run(problem, size, progress),
+            Self::Optimisation => optimisation::run(problem, size, runner, progress),
+            Self::Runner => runner::run(size, runner, progress),
         };
         let table = table.with_context(|| format!("the study {}", self.name()))?;
         Ok(Study { kind: self, table })
@@ -142,6 +151,7 @@ impl Study {
             Kind::Percentile => percentile::PAIRS,
             Kind::Kriging => kriging::PAIRS,
             Kind::Optimisation => optimisation::PAIRS,
+            Kind::Runner => runner::PAIRS,
         };
         let panels = self.table.panels().into_iter();
         panels

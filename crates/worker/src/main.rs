@@ -1,12 +1,16 @@
 //! The `worker` binary: see `worker --help`.
 
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Parser;
 use gateway::Role;
 use gateway::client::Reach;
+use gateway::files::Credentials;
+use gateway::port::{self, Doors};
 use protocol::exit;
+use shards::Shard;
 use tokio_util::sync::CancellationToken;
 use worker::{Options, SimulatorArguments, Summary, Worker};
 
@@ -24,6 +28,12 @@ struct Arguments {
     slots: Option<u16>,
     #[command(flatten)]
     simulator: SimulatorArguments,
+    /// Compute the shard of a file of `coordinator plan`, without a coordinator; needs --out
+    #[arg(long, value_name = "FILE.json", requires = "out")]
+    shard: Option<PathBuf>,
+    /// The file for what comes of the shard; one of the same shard is continued
+    #[arg(long, value_name = "FILE.part", requires = "shard")]
+    out: Option<PathBuf>,
     /// How many seconds to wait for the coordinator to answer for the first time
     #[arg(long, value_name = "SECONDS", default_value_t = 30)]
     connect_timeout: u64,
@@ -70,18 +80,21 @@ fn main() -> ExitCode {
             return ExitCode::from(exit::FAILURE);
         }
     };
-    let result = runtime.block_on(async {
+    let result: Result<Summary, Failed> = runtime.block_on(async {
         let shutdown = CancellationToken::new();
         tokio::spawn(console::watch_signals(
             shutdown.clone(),
             "leaving: finishing what is being computed; Ctrl-C once more leaves at once",
         ));
+        if let (Some(shard), Some(out)) = (&arguments.shard, &arguments.out) {
+            return compute_shard(shard, out, options, shutdown).await;
+        }
         let patience = options.connect_timeout;
         let link = tokio::select! {
             link = arguments.reach.link_within(Role::Worker, patience) => link?,
             () = shutdown.cancelled() => return Ok(Summary::default()),
         };
-        Worker::new(link, options).run(shutdown).await
+        Ok(Worker::new(link, options).run(shutdown).await?)
     });
     // Threads that still compute what nobody waits for must not hold up the exit.
     runtime.shutdown_background();
@@ -102,6 +115,47 @@ fn main() -> ExitCode {
             console::complain(&error.to_string());
             ExitCode::from(error.exit_code())
         }
+    }
+}
+
+/// Why the program ends.
+#[derive(Debug, thiserror::Error)]
+enum Failed {
+    #[error(transparent)]
+    Worker(#[from] worker::Error),
+    #[error(transparent)]
+    Gateway(#[from] gateway::Error),
+    #[error(transparent)]
+    Shard(#[from] shards::Error),
+}
+
+impl Failed {
+    fn exit_code(&self) -> u8 {
+        match self {
+            Self::Worker(error) => error.exit_code(),
+            Self::Gateway(error) => error.exit_code(),
+            Self::Shard(error) => error.exit_code(),
+        }
+    }
+}
+
+/// Computes a shard: the worker's coordinator is this process.
+async fn compute_shard(
+    shard: &Path,
+    out: &Path,
+    options: Options,
+    shutdown: CancellationToken,
+) -> Result<Summary, Failed> {
+    let service = shards::Service::new(Shard::read(shard)?, out.to_owned());
+    let (dial, local) = port::local();
+    let doors = Doors { port: None, local };
+    tokio::spawn(port::serve(service.clone(), doors, CancellationToken::new()));
+    let none = Credentials::default();
+    let link = gateway::link::connect(dial, "http://in-process", &none, Role::Worker)?;
+    let worked = Worker::new(link, options).run(shutdown).await;
+    match service.failed() {
+        Some(error) => Err(error.into()),
+        None => Ok(worked?),
     }
 }
 

@@ -101,15 +101,10 @@ impl Campaign {
             .is_some_and(|sections| sections.report.compare_with_paper)
     }
 
-    /// Parses and validates `text`; `file` names it in errors.
-    ///
-    /// # Errors
-    ///
-    /// What is wrong, on which line, and what would be right.
-    pub fn parse(file: &str, text: &str) -> Result<Self, FileError> {
-        let source = Source { file, text };
+    /// The campaign as the file says it, not validated yet.
+    pub(crate) fn as_written(source: Source<'_>) -> Result<Self, FileError> {
         // Of a text that is no TOML the whole form says what is wrong.
-        let kind = toml::from_str(text).map_or(None, |Peek { kind }| kind);
+        let kind = toml::from_str(source.text).map_or(None, |Peek { kind }| kind);
         let (format, this) = match kind.as_deref() {
             None | Some("gear") => source.parse::<GearFile>()?.into(),
             Some("external") => source.parse::<ExternalFile>()?.into(),
@@ -124,7 +119,6 @@ impl Campaign {
             format,
             &format!("{known}, the version this program reads"),
         )?;
-        this.validate(source)?;
         Ok(this)
     }
 
@@ -178,6 +172,12 @@ impl Campaign {
         same.enrichment = held.enrichment;
         if self.kriging.kernel == held.kriging.kernel {
             same.kriging = held.kriging.clone();
+        }
+        // A tolerance is compared by what it chooses.
+        if let (Some(ours), Some(held)) = (same.gears_mut(), held.gears())
+            && ours.grid() == held.grid()
+        {
+            ours.accuracy = held.accuracy;
         }
         grows && enriches && same == *held
     }
@@ -256,7 +256,7 @@ impl Campaign {
         ))
     }
 
-    fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
+    pub(crate) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
         source.require(
             is_name(&self.name),
             "name",

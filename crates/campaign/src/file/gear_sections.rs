@@ -7,7 +7,7 @@ use super::pair::sizes;
 use super::sections::parse_name;
 use super::validate::Source;
 use super::{
-    Bounds, FileError, FrozenSection, GearLimits, Load, Manufacture, Material, Wear, advice,
+    Accuracy, Bounds, FileError, FrozenSection, GearLimits, Load, Manufacture, Material, Wear, advice,
 };
 
 /// What a gear campaign says besides what every campaign says.
@@ -35,6 +35,8 @@ pub struct GearSections {
     pub report: Report,
     /// `[corrections]`
     pub corrections: Option<CorrectionsSection>,
+    /// `[accuracy]`
+    pub accuracy: Option<Accuracy>,
 }
 
 /// The penalised objective (5).
@@ -93,6 +95,13 @@ impl Penalty {
 }
 
 impl GearSections {
+    /// How finely the simulator cuts pairs up.
+    #[must_use]
+    pub fn grid(&self) -> gear::Discretisation {
+        self.accuracy
+            .map_or_else(gear::Discretisation::default, |accuracy| accuracy.grid())
+    }
+
     /// Advice about settings that are legal but doubtful.
     pub(super) fn warnings(&self) -> Vec<String> {
         let face_width_mm = self.pair.face_width_mm;
@@ -114,6 +123,9 @@ impl GearSections {
         self.bounds.validate(source, sizes_given)?;
         if let Some(frozen) = &self.frozen {
             frozen.validate(source, &self.bounds)?;
+        }
+        if let Some(accuracy) = &self.accuracy {
+            accuracy.validate(source, is_external)?;
         }
         if let Some(corrections) = &self.corrections {
             corrections.validate(source)?;

@@ -13,6 +13,8 @@ use super::validate::Source;
 #[serde(deny_unknown_fields)]
 pub struct Sampling {
     /// Samples of the response per design that can be simulated, k; with a precision those of the first batch.
+    /// Left out beside `[accuracy] tolerance_um`, which chooses it.
+    #[serde(default)]
     pub samples_per_design: u32,
     /// The standard error of P90 that is good enough, µm: designs get samples until it is reached.
     #[serde(default, alias = "precision", skip_serializing_if = "Option::is_none")]

@@ -9,9 +9,9 @@ use super::FileError;
 
 /// A file being validated: its name and text, kept so that an error can say where.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Source<'a> {
-    pub(super) file: &'a str,
-    pub(super) text: &'a str,
+pub(crate) struct Source<'a> {
+    pub(crate) file: &'a str,
+    pub(crate) text: &'a str,
 }
 
 impl Source<'_> {
@@ -68,8 +68,28 @@ impl Source<'_> {
         Ok(parsed)
     }
 
+    /// Refuses keys of `section` that the file leaves to `chooser`.
+    pub(crate) fn leaves_to(
+        self,
+        section: &str,
+        keys: &[&str],
+        chooser: &str,
+    ) -> Result<(), FileError> {
+        let file = toml::from_str::<toml::Table>(self.text).unwrap_or_default();
+        let given = file.get(section).and_then(toml::Value::as_table);
+        let given = given.into_iter().flatten();
+        match given.into_iter().find(|(key, _)| keys.contains(&key.as_str())) {
+            Some((key, value)) => Err(self.refuse(
+                &format!("{section}.{key}"),
+                value,
+                format!("left out beside {chooser}"),
+            )),
+            None => Ok(()),
+        }
+    }
+
     /// The error for `key` (with its section), which holds `found`.
-    pub(super) fn refuse(
+    pub(crate) fn refuse(
         self,
         key: &str,
         found: impl std::fmt::Debug,

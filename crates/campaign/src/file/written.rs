@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::settings::Restarts;
 use super::{
-    Bounds, Campaign, ConstraintSection, CorrectionsSection, Doe, Enrichment, ExternalSections,
+    Accuracy, Bounds, Campaign, ConstraintSection, CorrectionsSection, Doe, Enrichment, ExternalSections,
     FrozenSection, GearLimits, GearSections, Kind, Kriging, Load, Manufacture, Material, Optimise,
     Pair, Penalty, Report, ResponseSection, Sampling, SimulatorKind, SimulatorSection,
     VariableSection, Verify, Wear,
@@ -67,6 +67,8 @@ pub(super) struct GearFile {
     enrichment: Option<Enrichment>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     corrections: Option<CorrectionsSection>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    accuracy: Option<Accuracy>,
 }
 
 /// `[optimise]` of a gear campaign: CMA-ES and the penalised objective.
@@ -162,6 +164,7 @@ impl From<GearFile> for (u32, Campaign) {
             },
             report: file.report,
             corrections: file.corrections,
+            accuracy: file.accuracy,
         };
         let campaign = Campaign {
             name: file.name,
@@ -263,6 +266,7 @@ impl From<Campaign> for Written {
                 simulator,
                 enrichment,
                 corrections: sections.corrections,
+                accuracy: sections.accuracy,
             })),
             Kind::External(sections) => Self::External(Box::new(ExternalFile {
                 kind: ExternalKind::External,

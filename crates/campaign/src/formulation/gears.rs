@@ -59,7 +59,7 @@ impl Gears {
         Self {
             template,
             wear: sections.wear.to_gear(),
-            discretisation: Discretisation::default(),
+            discretisation: sections.grid(),
             sections,
         }
     }
@@ -122,7 +122,8 @@ impl Gears {
     }
 
     /// How finely pairs are discretised.
-    pub(crate) const fn discretisation(&self) -> &Discretisation {
+    #[must_use]
+    pub const fn discretisation(&self) -> &Discretisation {
         &self.discretisation
     }
 

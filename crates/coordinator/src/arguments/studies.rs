@@ -171,6 +171,12 @@ pub(crate) struct Tradeoff {
     pub(crate) json: bool,
 }
 
+#[derive(Debug, Args)]
+pub(crate) struct SleepProgram {
+    /// Seconds for each sample
+    pub(crate) seconds: f64,
+}
+
 fn approach(text: &str) -> Result<String, String> {
     match optima::approach_of(text) {
         Some(approach) => Ok(approach.name().to_owned()),

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use anyhow::Context as _;
 use campaign::formulation::Problem;
 use campaign::task::{self, Output, Run, Source};
-use campaign::{Approach, Campaign, optimise};
+use campaign::{Approach, Campaign, accuracy, optimise};
 use ledger::{Generation, StreamId, Unit};
 use protocol::exit;
 use rand::RngExt as _;
@@ -29,6 +29,9 @@ struct Plan {
     /// What is random besides the wear, and what is left out, in words.
     #[serde(skip_serializing_if = "Option::is_none")]
     manufacture: Option<String>,
+    /// What `[accuracy] tolerance_um` chooses, in words.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    accuracy: Option<String>,
     /// In their order.
     stages: Vec<Stage>,
     /// The sum of the stages' estimates, if there are any.
@@ -157,6 +160,9 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
             .gears()
             .and_then(|sections| sections.manufacture)
             .map(|manufacture| manufacture.describe()),
+        accuracy: accuracy::choice(&campaign)
+            .map_err(anyhow::Error::msg)?
+            .map(|choice| choice.to_string()),
         core_seconds: stages.iter().map(|stage| stage.core_seconds).sum(),
         stages,
         nothing_to_sample: measured
@@ -206,8 +212,8 @@ fn describe(plan: &Plan) -> String {
         None => "\nAn external program simulates, so there is no estimate of how long it takes.\n"
             .to_owned(),
     };
-    if let Some(manufacture) = &plan.manufacture {
-        text += &format!("\n{manufacture}\n");
+    for note in [&plan.accuracy, &plan.manufacture].into_iter().flatten() {
+        text += &format!("\n{note}\n");
     }
     for warning in &plan.warnings {
         text += &format!("\nwarning: {warning}\n");

@@ -5,6 +5,7 @@ use std::io::{self, ErrorKind, Read as _, Write};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
+use terminal_size::{Width, terminal_size_of};
 
 /// A file that cannot be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -41,17 +42,37 @@ pub(super) fn print(text: &str) -> anyhow::Result<()> {
     Ok(out.flush()?)
 }
 
+/// Prints text for people: lines that are too long for the terminal are wrapped between words.
+pub(super) fn print_text(text: &str) -> anyhow::Result<()> {
+    match terminal_size_of(io::stdout()) {
+        Some((Width(columns), _)) => print(&wrapped(text, usize::from(columns))),
+        None => print(text),
+    }
+}
+
+/// Lines of at most so many columns, where words allow it; what goes on in the next line is indented.
+fn wrapped(text: &str, columns: usize) -> String {
+    let options = textwrap::Options::new(columns)
+        .subsequent_indent("    ")
+        .break_words(false);
+    text.split_inclusive('\n')
+        .map(|line| match line.chars().count() > columns {
+            true => textwrap::fill(line, &options),
+            false => line.to_owned(),
+        })
+        .collect()
+}
+
 /// Prints a result as one line of JSON if `json` asks for it, otherwise as the text for people.
 pub(super) fn print_either(
     json: bool,
     result: &impl Serialize,
     text: impl FnOnce() -> String,
 ) -> anyhow::Result<()> {
-    print(&if json {
-        serde_json::to_string(result)? + "\n"
-    } else {
-        text()
-    })
+    match json {
+        true => print(&(serde_json::to_string(result)? + "\n")),
+        false => print_text(&text()),
+    }
 }
 
 /// Makes a file for writing; one that exists is refused.
@@ -138,6 +159,18 @@ fn cannot(doing: &'static str, path: &Path, source: io::Error) -> FileAccess {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn long_lines_are_wrapped_between_words() {
+        let text = "samples         75 of 120 designs are sampled\nshort\n\nunbreakable/path/to/some/report.html\n";
+        let expected = "samples\n    75 of 120 designs\n    are sampled\nshort\n\nunbreakable/path/to/some/report.html\n";
+        let narrow = wrapped(text, 22);
+        let words = |text: &str| text.split_whitespace().map(str::to_owned).collect::<Vec<_>>();
+        assert_eq!(words(&narrow), words(text));
+        assert!(narrow.lines().all(|line| line.len() <= 22 || line.starts_with("unbreakable")), "{narrow}");
+        assert_eq!(narrow.matches('\n').count(), expected.matches('\n').count(), "{narrow}");
+        assert_eq!(wrapped(text, 80), text);
+    }
 
     #[test]
     fn nothing_of_another_is_overwritten() {

@@ -2,6 +2,7 @@
 
 use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use anyhow::Context as _;
 use campaign::Campaign;
@@ -11,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use studies::refusal::{require_built_in, require_gears};
 use studies::table::write;
+use tokio::runtime::Handle;
 use tokio_util::sync::CancellationToken;
 use tracing::info;
 use tradeoff::{Kind, Size, Study, Table};
@@ -19,8 +21,15 @@ use super::output::refuse_taken;
 use super::{FileAccess, Usage, campaign_or_paper, print};
 use crate::arguments;
 
+mod runner;
+
+use runner::Programs;
+pub(super) use runner::sleep_program;
+
 /// The file that says what the tables of a folder belong to.
 const STAMP: &str = "measured.json";
+/// How long a campaign that is stopped may take to end.
+const ENDING: Duration = Duration::from_secs(5);
 /// The page.
 const PAGE: &str = "tradeoff.html";
 /// The folder of the charts within that of the page.
@@ -52,10 +61,14 @@ pub(super) async fn tradeoff(arguments: arguments::Tradeoff) -> anyhow::Result<u
     let shutdown = CancellationToken::new();
     tokio::spawn(console::watch_signals(shutdown.clone(), "stopping"));
     let is_json = arguments.json;
-    let work = tokio::task::spawn_blocking(move || conduct(&campaign, size, &out, is_json));
+    let token = shutdown.clone();
+    let mut work =
+        tokio::task::spawn_blocking(move || conduct(&campaign, size, &out, is_json, token));
     tokio::select! {
-        done = work => done??,
+        done = &mut work => done??,
         () = shutdown.cancelled() => {
+            // A campaign that runs in a process of its own is ended.
+            let _ = tokio::time::timeout(ENDING, work).await;
             info!("stopped; the same command measures the studies that are not finished");
             return Ok(exit::INTERRUPTED);
         }
@@ -63,14 +76,26 @@ pub(super) async fn tradeoff(arguments: arguments::Tradeoff) -> anyhow::Result<u
     Ok(exit::OK)
 }
 
-fn conduct(campaign: &Campaign, size: Size, out: &Path, is_json: bool) -> anyhow::Result<()> {
+fn conduct(
+    campaign: &Campaign,
+    size: Size,
+    out: &Path,
+    is_json: bool,
+    shutdown: CancellationToken,
+) -> anyhow::Result<()> {
     let problem = Problem::new(campaign.clone());
+    let mut programs = Programs {
+        campaign,
+        out,
+        runtime: Handle::current(),
+        shutdown,
+    };
     let mut studies = Vec::new();
     for kind in Kind::ALL {
         let (study, origin) = match finished(kind, out)? {
             Some(study) => (study, "measured before"),
             None => {
-                let study = kind.run(&problem, size, &mut |done| info!("{done}"))?;
+                let study = kind.run(&problem, size, &mut programs, &mut |done| info!("{done}"))?;
                 write(out, &file(kind), study.table.csv()?)?;
                 (study, "measured")
             }

@@ -1,0 +1,456 @@
+//! Settings for an accuracy: `[accuracy] tolerance_um` chooses the simulator's grid, the number of samples
+//! and the estimator of the percentile.
+//!
+//! The choice rests on two tables that `coordinator tradeoff campaigns/paper.toml` measured: the error of
+//! each grid relative to ΔSTE, and the error of each estimator in standard deviations of ΔSTE. Twenty random
+//! designs of the campaign's own box say how large ΔSTE and its standard deviation are there; medians make
+//! micrometres of both errors. The errors are independent, so their squares add up. Of the settings whose
+//! error is within the tolerance the one that computes a design in the least time is taken, by the times of
+//! the tables: the choice depends on the file alone, not on the machine.
+
+use std::fmt;
+
+use rand::RngExt as _;
+use stats::streams::{Purpose, stream};
+
+use crate::file::{
+    Campaign, ControlVariate, FileError, PercentileRule, Source, WearCoefficients,
+};
+use crate::formulation::Problem;
+
+/// The simulator's table of `tradeoff`, measured in full with the paper's campaign.
+pub const SIMULATOR_TABLE: &str = include_str!("../data/simulator.csv");
+/// The percentile's table of `tradeoff`, measured in full with the paper's campaign.
+pub const PERCENTILE_TABLE: &str = include_str!("../data/percentile.csv");
+
+/// The estimators that a campaign can ask for, by the names of their keys.
+pub const ESTIMATORS: [Estimator; 6] = {
+    use ControlVariate::{Linearised, None};
+    use PercentileRule::{Chosen, Normal, Paper};
+    use WearCoefficients::{Antithetic, Independent, QuasiRandom};
+    [
+        Estimator::new("paper", Paper, None, Independent),
+        Estimator::new("normal", Normal, None, Independent),
+        Estimator::new("chosen", Chosen, None, Independent),
+        Estimator::new("linearised", Normal, Linearised, Independent),
+        Estimator::new("antithetic", Normal, None, Antithetic),
+        Estimator::new("quasi-random", Normal, None, QuasiRandom),
+    ]
+};
+
+/// How a percentile is estimated: three keys of `[sampling]`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Estimator {
+    /// What the tables call it.
+    pub name: &'static str,
+    /// `percentile`
+    pub percentile: PercentileRule,
+    /// `control`
+    pub control: ControlVariate,
+    /// `coefficients`
+    pub coefficients: WearCoefficients,
+}
+
+impl Estimator {
+    const fn new(
+        name: &'static str,
+        percentile: PercentileRule,
+        control: ControlVariate,
+        coefficients: WearCoefficients,
+    ) -> Self {
+        Self {
+            name,
+            percentile,
+            control,
+            coefficients,
+        }
+    }
+
+    /// Whether a campaign may use it.
+    fn suits(&self, campaign: &Campaign) -> bool {
+        let is_independent = self.coefficients == WearCoefficients::Independent;
+        let has_long_tail = campaign
+            .gears()
+            .is_some_and(|sections| sections.manufacture.is_some());
+        (campaign.enrichment.is_none() || is_independent)
+            && (!has_long_tail || self.percentile == PercentileRule::Chosen)
+    }
+}
+
+/// What a tolerance chooses, and why.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Choice {
+    /// The tolerance, µm.
+    pub tolerance_um: f64,
+    /// Cells along the path of contact, and phases.
+    pub grid: [u32; 2],
+    /// The estimator.
+    pub estimator: Estimator,
+    /// Samples per design.
+    pub samples: u32,
+    /// 95th percentile of the grid's error, µm.
+    pub grid_error_um: f64,
+    /// Root mean square error of the percentile from so many samples, µm.
+    pub percentile_error_um: f64,
+    /// CPU time of a design with its samples on the machine of the tables, µs.
+    pub design_micros: f64,
+    /// Median ΔSTE and median standard deviation over the pilot designs, µm.
+    pub pilot_um: [f64; 2],
+}
+
+impl Choice {
+    /// Root mean square of both errors, µm.
+    #[must_use]
+    pub fn error_um(&self) -> f64 {
+        self.grid_error_um.hypot(self.percentile_error_um)
+    }
+}
+
+impl fmt::Display for Choice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [cells, phases] = self.grid;
+        let [mean, sd] = self.pilot_um;
+        write!(
+            f,
+            "accuracy.tolerance_um = {} chooses {cells} cells and {phases} phases and {} samples a design with the \
+             estimator \"{}\": an expected error of {:.3} µm, of which {:.3} µm are the grid's and {:.3} µm the \
+             samples', where ΔSTE is {mean:.2} µm with a standard deviation of {sd:.2} µm (medians of {PILOTS} random \
+             designs). A design takes {:.0} µs on the machine that measured the tables",
+            self.tolerance_um,
+            self.samples,
+            self.estimator.name,
+            self.error_um(),
+            self.grid_error_um,
+            self.percentile_error_um,
+            self.design_micros,
+        )
+    }
+}
+
+/// Random designs that tell the size of ΔSTE.
+const PILOTS: usize = 20;
+/// Samples of each.
+const PILOT_SAMPLES: u64 = 30;
+/// Random designs that are tried for them.
+const TRIED: u64 = 2000;
+
+impl Campaign {
+    /// Parses and validates `text`; `file` names it in errors. A tolerance is settled: the campaign has the
+    /// grid, samples and estimator that it chooses.
+    ///
+    /// # Errors
+    ///
+    /// What is wrong, on which line, and what would be right.
+    pub fn parse(file: &str, text: &str) -> Result<Self, FileError> {
+        let source = Source { file, text };
+        let mut this = Self::as_written(source)?;
+        if this.tolerance_um().is_none() {
+            this.validate(source)?;
+            return Ok(this);
+        }
+        source.leaves_to("accuracy", &["cells", "phases"], "accuracy.tolerance_um")?;
+        source.leaves_to(
+            "sampling",
+            &[
+                "samples_per_design",
+                "precision_um",
+                "samples_max",
+                "percentile",
+                "control",
+                "coefficients",
+                "group",
+                "level",
+            ],
+            "accuracy.tolerance_um, which chooses the estimator of the 90 % percentile",
+        )?;
+        // Something valid, until the choice is made.
+        this.sampling.samples_per_design = 30;
+        this.validate(source)?;
+        let choice = choice(&this).map_err(|why| {
+            source.refuse("accuracy.tolerance_um", this.tolerance_um(), why)
+        })?;
+        let Some(choice) = choice else { return Ok(this) };
+        this.sampling.samples_per_design = choice.samples;
+        this.sampling.percentile = choice.estimator.percentile;
+        this.sampling.control = choice.estimator.control;
+        this.sampling.coefficients = choice.estimator.coefficients;
+        if let Some(accuracy) = this.gears_mut().and_then(|gears| gears.accuracy.as_mut()) {
+            let [cells, phases] = choice.grid;
+            (accuracy.cells, accuracy.phases) = (Some(cells), Some(phases));
+        }
+        this.validate(source)?;
+        Ok(this)
+    }
+
+    fn tolerance_um(&self) -> Option<f64> {
+        self.gears()?.accuracy?.tolerance_um
+    }
+}
+
+/// What the campaign's tolerance chooses; none without one.
+///
+/// # Errors
+///
+/// What tolerance would be right, in words.
+pub fn choice(campaign: &Campaign) -> Result<Option<Choice>, String> {
+    let Some(tolerance_um) = campaign.tolerance_um() else {
+        return Ok(None);
+    };
+    let Some(sections) = campaign.gears() else {
+        return Ok(None);
+    };
+    let pilot_um = pilot(campaign).ok_or(
+        "left out: no design of [bounds] could be simulated, so the size of ΔSTE is unknown",
+    )?;
+    let [mean, sd] = pilot_um;
+    let mut best: Option<Choice> = None;
+    let mut least = f64::INFINITY;
+    for grid in grids(&sections.pair.tooth_model) {
+        for Estimate {
+            estimator,
+            samples,
+            calls,
+            error,
+        } in estimates()
+            .into_iter()
+            .filter(|one| one.estimator.suits(campaign))
+        {
+            let choice = Choice {
+                tolerance_um,
+                grid: grid.size,
+                estimator,
+                samples,
+                grid_error_um: 0.01 * grid.error_percent * mean,
+                percentile_error_um: error * sd,
+                design_micros: grid.design_micros + calls * grid.sample_micros,
+                pilot_um,
+            };
+            least = least.min(choice.error_um());
+            let is_better = best
+                .as_ref()
+                .is_none_or(|best| choice.design_micros < best.design_micros);
+            if choice.error_um() <= tolerance_um && is_better {
+                best = Some(choice);
+            }
+        }
+    }
+    match best {
+        Some(best) => Ok(Some(best)),
+        None => Err(format!(
+            "at least {:.3}, the error of the most accurate settings measured",
+            least + 0.0005
+        )),
+    }
+}
+
+/// Medians over random designs of ΔSTE and of its standard deviation under the random wear, µm.
+fn pilot(campaign: &Campaign) -> Option<[f64; 2]> {
+    let problem = Problem::new(campaign.clone());
+    let gears = problem.gears()?;
+    let (mut means, mut sds) = (Vec::new(), Vec::new());
+    for number in 0..TRIED {
+        if means.len() == PILOTS {
+            break;
+        }
+        let mut rng = stream(campaign.seed, Purpose::Test, number, 2);
+        let unit: Vec<f64> = (0..problem.dimension()).map(|_| rng.random()).collect();
+        let design = problem.design(&problem.free_point(&unit), problem.base());
+        let Ok(pair) = gears.pair(&design) else {
+            continue;
+        };
+        let mut sampler = gears.sampler(&pair);
+        let samples: Vec<f64> = (0..PILOT_SAMPLES)
+            .map(|_| sampler.draw(&mut rng))
+            .collect();
+        let (mean, sd) = stats::mean_sd(&samples).ok()?;
+        means.push(mean);
+        sds.push(sd);
+    }
+    let median = |values: &mut Vec<f64>| {
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied()
+    };
+    Some([median(&mut means)?, median(&mut sds)?])
+}
+
+/// A grid of the simulator's table.
+struct Grid {
+    size: [u32; 2],
+    sample_micros: f64,
+    design_micros: f64,
+    error_percent: f64,
+}
+
+/// The grids that were measured for a tooth model.
+fn grids(tooth_model: &str) -> Vec<Grid> {
+    let columns = [
+        "CPU time a sample (µs)",
+        "CPU time a design (µs)",
+        "error with random wear, 95th percentile (%)",
+    ];
+    let rows = rows(SIMULATOR_TABLE, columns).into_iter();
+    let measured = rows.filter(|row| row.panel == tooth_model && row.method == "prefix sums");
+    let grid = |row: Row<3>| {
+        let (cells, phases) = row.setting.split_once(" × ")?;
+        let [sample_micros, design_micros, error_percent] = row.values;
+        Some(Grid {
+            size: [cells.parse().ok()?, phases.parse().ok()?],
+            sample_micros,
+            design_micros,
+            error_percent,
+        })
+    };
+    measured.filter_map(grid).collect()
+}
+
+/// An estimator with a number of samples, as it was measured.
+struct Estimate {
+    estimator: Estimator,
+    samples: u32,
+    calls: f64,
+    /// Root mean square, standard deviations: of normal designs or of those that are not, whichever is larger.
+    error: f64,
+}
+
+fn estimates() -> Vec<Estimate> {
+    let columns = ["simulator calls", "RMSE (standard deviations)"];
+    let mut found: Vec<Estimate> = Vec::new();
+    for row in rows(PERCENTILE_TABLE, columns) {
+        let estimator = ESTIMATORS.into_iter().find(|one| one.name == row.method);
+        let samples = row.setting.split(' ').next().map(str::parse);
+        let (Some(estimator), Some(Ok(samples)), [calls, error]) = (estimator, samples, row.values)
+        else {
+            continue;
+        };
+        let same = |one: &&mut Estimate| (one.estimator, one.samples) == (estimator, samples);
+        match found.iter_mut().find(same) {
+            Some(one) => {
+                one.error = one.error.max(error);
+                one.calls = one.calls.max(calls);
+            }
+            None => found.push(Estimate {
+                estimator,
+                samples,
+                calls,
+                error,
+            }),
+        }
+    }
+    found
+}
+
+/// A row of a table of `tradeoff`.
+struct Row<const N: usize> {
+    panel: String,
+    method: String,
+    setting: String,
+    values: [f64; N],
+}
+
+/// The rows with a number in each of these columns.
+///
+/// # Panics
+///
+/// The table that is shipped has no such column; a test reads them all.
+fn rows<const N: usize>(table: &str, columns: [&str; N]) -> Vec<Row<N>> {
+    let mut reader = csv::Reader::from_reader(table.as_bytes());
+    let header = reader.headers().expect("the table has headings").clone();
+    let places = columns.map(|name| {
+        let place = header.iter().position(|column| column == name);
+        place.unwrap_or_else(|| panic!("the table has no column {name:?}"))
+    });
+    let row = |record: csv::StringRecord| {
+        let values = places.map(|place| record[place].parse().unwrap_or(f64::NAN));
+        let [panel, method, setting] = [0, 1, 2].map(|label| record[label].to_owned());
+        Row {
+            panel,
+            method,
+            setting,
+            values,
+        }
+    };
+    let records = reader.records().filter_map(Result::ok);
+    records
+        .map(row)
+        .filter(|row| row.values.iter().all(|value| value.is_finite()))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The paper's file with a tolerance in the place of the samples.
+    fn text(tolerance_um: f64) -> String {
+        Campaign::PAPER.replacen("samples_per_design = 30", "", 1)
+            + &format!("\n[accuracy]\ntolerance_um = {tolerance_um}\n")
+    }
+
+    fn parse(text: &str) -> Campaign {
+        Campaign::parse("my.toml", text).unwrap()
+    }
+
+    #[test]
+    fn a_smaller_tolerance_costs_more_and_is_kept() {
+        let mut last = 0.0;
+        for tolerance_um in [0.4, 0.1, 0.04] {
+            let campaign = parse(&text(tolerance_um));
+            let choice = choice(&campaign).unwrap().unwrap();
+            assert!(choice.error_um() <= tolerance_um, "{choice}");
+            assert!(choice.design_micros >= last, "{choice}");
+            last = choice.design_micros;
+            assert_eq!(campaign.sampling.samples_per_design, choice.samples);
+            let grid = campaign.gears().unwrap().grid();
+            assert_eq!([grid.cells as u32, grid.phases as u32], choice.grid);
+        }
+    }
+
+    #[test]
+    fn a_tolerance_is_the_campaign_of_the_settings_that_it_chooses() {
+        let chosen = parse(&text(0.1));
+        let written = toml::to_string(&chosen).unwrap();
+        assert!(!written.contains("tolerance_um = 0.1"), "{written}");
+        assert_eq!(parse(&written).digest(), chosen.digest());
+        assert_eq!(Campaign::from_json(&chosen.to_json()).unwrap().digest(), chosen.digest());
+        assert!(parse(&written).extends(&chosen) && chosen.extends(&parse(&written)));
+        assert_ne!(parse(Campaign::PAPER).digest(), chosen.digest());
+    }
+
+    #[test]
+    fn what_a_tolerance_chooses_is_left_out_and_what_cannot_be_reached_is_refused() {
+        let refusal = |text: &str| Campaign::parse("my.toml", text).unwrap_err().to_string();
+        let both = format!("{}\n[accuracy]\ntolerance_um = 0.1\n", Campaign::PAPER);
+        let message = refusal(&both);
+        assert!(message.contains("sampling.samples_per_design is 30") && message.contains("left out"), "{message}");
+        let message = refusal(&(text(0.1) + "cells = 48\n"));
+        assert!(message.contains("accuracy.cells"), "{message}");
+        let message = refusal(&text(1e-6));
+        assert!(message.contains("accuracy.tolerance_um") && message.contains("at least"), "{message}");
+        let message = refusal(&text(-1.0));
+        assert!(message.contains("accuracy.tolerance_um is -1"), "{message}");
+        let neither = Campaign::PAPER.replacen("samples_per_design = 30", "", 1);
+        assert!(refusal(&neither).contains("sampling.samples_per_design"));
+    }
+
+    #[test]
+    fn an_enrichment_and_manufacture_limit_the_estimators() {
+        let with = |section: &str| choice(&parse(&(text(0.1) + section))).unwrap().unwrap();
+        let enriched = with(
+            "[enrichment]\ncriterion = \"knowledge-gradient\"\nsamples = 1000\nrounds = 5\npoints_per_round = 5\n\
+             samples_per_point = 30\ntolerance_um = 0.01\n",
+        );
+        assert_eq!(enriched.estimator.coefficients, WearCoefficients::Independent);
+        let made = with("[manufacture]\nflank_class = 5\n");
+        assert_eq!(made.estimator.percentile, PercentileRule::Chosen);
+    }
+
+    #[test]
+    fn every_grid_and_estimator_is_in_the_tables() {
+        for model in gear::ToothModel::ALL {
+            assert!(grids(model.name()).len() >= 10, "{model}");
+        }
+        for estimator in ESTIMATORS {
+            assert!(estimates().iter().any(|one| one.estimator == estimator), "{}", estimator.name);
+        }
+    }
+}

@@ -1,0 +1,306 @@
+//! `plan` and `merge`: a campaign stage by stage, without a network between nodes.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::Context as _;
+use campaign::formulation::Problem;
+use campaign::{Campaign, probe};
+use coordinator::board::{Board, Room};
+use coordinator::engine::Engine;
+use coordinator::recorder::StoreRecorder;
+use coordinator::server;
+use coordinator::service::Service;
+use ledger::WorkerId;
+use protocol::exit;
+use protocol::v2::campaign_server::Campaign as _;
+use protocol::v2::{HeldLease, Lease, LeaseId, RegisterRequest, ReportRequest};
+use results::{reporting, status};
+use serde::Serialize;
+use shards::{Header, Part, Shard};
+use store::Store;
+use tokio_util::sync::CancellationToken;
+use tonic::Request;
+
+use super::output::{print_either, refuse_taken};
+use super::{FileAccess, campaign_or_paper, out_folder, refuse_network_store, refuse_report_of_another};
+use crate::arguments;
+
+/// The most leases that a worker asks for at once.
+const LEASES: usize = 10_000;
+
+/// A part that does not fit.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum Misfit {
+    #[error("{} is of another campaign than the store {}: merge it into the store that planned it",
+        part.display(), store.display())]
+    Foreign { part: PathBuf, store: PathBuf },
+    #[error("{} and {} are of the same shard, number {shard}: leave one of them out",
+        first.display(), second.display())]
+    Doubled {
+        shard: u32,
+        first: PathBuf,
+        second: PathBuf,
+    },
+}
+
+/// What was planned.
+#[derive(Serialize)]
+struct Planned {
+    schema_version: u32,
+    stage: String,
+    shards: Vec<PathBuf>,
+    /// Designs, points or runs.
+    units: usize,
+    report: Option<PathBuf>,
+}
+
+/// Does what the coordinator can do alone, and writes what is left as shards; the report, if nothing is left.
+pub(super) async fn plan(arguments: arguments::Plan) -> anyhow::Result<u8> {
+    let (campaign, text) = campaign_or_paper(Some(&arguments.campaign))?;
+    refuse_network_store(&arguments.db, arguments.allow_network_store)?;
+    let report = out_folder(arguments.report, &campaign);
+    refuse_report_of_another(&report, &campaign, &arguments.db).await?;
+    refuse_taken(&arguments.out)?;
+    let problem = Arc::new(Problem::new(campaign));
+    let store = server::open_store(&problem, &text, &arguments.db).await?;
+    let planned = plan_store(&problem, &store, arguments.shards, &arguments.out, &report).await;
+    store.close().await?;
+    let planned = planned?;
+    print_either(arguments.json, &planned, || match &planned.report {
+        Some(report) => format!("nothing is left to compute\nreport          {}\n", report.display()),
+        None => format!(
+            "stage           {}\nshards          {} with {} jobs, in {}\n\
+             next            `worker --shard {}/N.json --out {}/N.part` for each N, then\n\
+             \x20               `coordinator merge --db {} {}/*.part`\n",
+            planned.stage,
+            planned.shards.len(),
+            planned.units,
+            arguments.out.display(),
+            arguments.out.display(),
+            arguments.out.display(),
+            arguments.db.display(),
+            arguments.out.display(),
+        ),
+    })?;
+    Ok(exit::OK)
+}
+
+async fn plan_store(
+    problem: &Arc<Problem>,
+    store: &Store,
+    count: u32,
+    out: &Path,
+    report: &Path,
+) -> anyhow::Result<Planned> {
+    let (engine, model_digest) = engine(problem, store).await?;
+    if engine.run_to_jobs(&CancellationToken::new()).await?.is_some() {
+        let report = reporting::write(store, report, &coordinator::made::made()).await?;
+        return Ok(Planned {
+            schema_version: 1,
+            stage: "done".to_owned(),
+            shards: Vec::new(),
+            units: 0,
+            report: Some(report),
+        });
+    }
+    let leases = leases(&engine.board).await;
+    let campaign = problem.campaign();
+    let (json, digest) = (campaign.to_json(), campaign.digest());
+    let shards = Shard::deal(leases, count, (&json, &digest), model_digest.as_deref());
+    std::fs::create_dir_all(out).map_err(|source| FileAccess {
+        doing: "write to",
+        path: out.to_owned(),
+        source,
+    })?;
+    let units = shards.iter().map(|shard| shard.units().count()).sum();
+    let written: Result<Vec<PathBuf>, _> = shards.iter().map(|shard| shard.write(out)).collect();
+    Ok(Planned {
+        schema_version: 1,
+        stage: status::read(store).await?.stage_name(),
+        shards: written?,
+        units,
+        report: None,
+    })
+}
+
+/// An engine whose board no worker sees, and the digest of the built-in simulator.
+async fn engine(
+    problem: &Arc<Problem>,
+    store: &Store,
+) -> anyhow::Result<(Engine, Option<String>)> {
+    let is_external = problem.campaign().is_external();
+    let model_digest = (!is_external).then(|| probe::model_digest(problem));
+    if let Some(digest) = &model_digest {
+        store.pin_model_digest(digest).await?;
+    }
+    let options = ledger::Options {
+        long_samples: is_external,
+        ..ledger::Options::default()
+    };
+    let board = Arc::new(Board::new(options, rand::random()));
+    board.remember(store.job_histories().await?);
+    let engine = Engine::new(Arc::clone(problem), model_digest.as_deref(), store.clone(), board);
+    Ok((engine, model_digest))
+}
+
+/// All that is on the board.
+async fn leases(board: &Board) -> Vec<Lease> {
+    let planner = WorkerId::from("plan");
+    board.register(&planner, "plan", LEASES as u32, &[]);
+    let room = Room {
+        leases: LEASES,
+        seconds: f64::INFINITY,
+    };
+    let mut leases = Vec::new();
+    loop {
+        let grants = board.lease(&planner, room, Duration::ZERO).await;
+        if grants.is_empty() {
+            return leases;
+        }
+        leases.extend(grants.iter().map(protocol::lease));
+    }
+}
+
+/// What was merged.
+#[derive(Serialize)]
+struct Merged {
+    schema_version: u32,
+    parts: usize,
+    /// Shards of the parts' plans that no part was given of.
+    missing_shards: Vec<u32>,
+    /// Parts of which something is missing, as of a worker that was stopped.
+    unfinished_parts: Vec<PathBuf>,
+    samples: u64,
+    stage: String,
+}
+
+/// Stores what parts hold.
+pub(super) async fn merge(arguments: arguments::Merge) -> anyhow::Result<u8> {
+    refuse_network_store(&arguments.db, arguments.allow_network_store)?;
+    // All of them before any is stored.
+    let parts: Result<Vec<Part>, _> = arguments.parts.iter().map(|path| Part::read(path)).collect();
+    let parts = parts?;
+    let held = Store::open_read_only(&arguments.db).await?;
+    let row = held.campaign().await?;
+    held.close().await?;
+    let missing_shards = fitting(&parts, &row.digest, &arguments.db)?;
+    let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
+    let problem = Arc::new(Problem::new(campaign));
+    let store = server::open_store(&problem, &row.file_text, &arguments.db).await?;
+    let stored = store_parts(&problem, &store, &parts).await;
+    let status = status::read(&store).await;
+    store.close().await?;
+    stored?;
+    let status = status?;
+    let unfinished = parts.iter().filter(|part| !part.missing().is_empty());
+    let merged = Merged {
+        schema_version: 1,
+        parts: parts.len(),
+        missing_shards,
+        unfinished_parts: unfinished.map(|part| part.path.clone()).collect(),
+        samples: status.samples.done,
+        stage: status.stage_name(),
+    };
+    print_either(arguments.json, &merged, || describe(&merged))?;
+    let is_whole = merged.missing_shards.is_empty() && merged.unfinished_parts.is_empty();
+    Ok(if is_whole { exit::OK } else { exit::INCOMPLETE })
+}
+
+fn describe(merged: &Merged) -> String {
+    let mut text = format!(
+        "merged          {} parts; the store has {} samples, stage {}\n",
+        merged.parts, merged.samples, merged.stage
+    );
+    if !merged.missing_shards.is_empty() {
+        let numbers: Vec<String> = merged.missing_shards.iter().map(u32::to_string).collect();
+        text += &format!("missing         no part of shard {}\n", numbers.join(", "));
+    }
+    for part in &merged.unfinished_parts {
+        text += &format!(
+            "unfinished      {}: the same `worker` command continues it\n",
+            part.display()
+        );
+    }
+    text + "next            `coordinator plan` with a new folder, for what is left\n"
+}
+
+/// Refuses parts of another campaign and two of the same shard; the shards that no part is of.
+fn fitting(parts: &[Part], digest: &str, db: &Path) -> Result<Vec<u32>, Misfit> {
+    let mut seen: BTreeMap<(&str, u32), &Path> = BTreeMap::new();
+    for Part { path, header, .. } in parts {
+        if header.campaign_digest != digest {
+            return Err(Misfit::Foreign {
+                part: path.clone(),
+                store: db.to_owned(),
+            });
+        }
+        if let Some(first) = seen.insert((&header.plan, header.shard), path) {
+            return Err(Misfit::Doubled {
+                shard: header.shard,
+                first: first.to_owned(),
+                second: path.clone(),
+            });
+        }
+    }
+    let missing = |header: &Header| {
+        let own: Vec<u32> = (1..=header.shards)
+            .filter(|shard| !seen.contains_key(&(header.plan.as_str(), *shard)))
+            .collect();
+        own
+    };
+    let mut all: Vec<u32> = parts.iter().flat_map(|part| missing(&part.header)).collect();
+    all.sort_unstable();
+    all.dedup();
+    Ok(all)
+}
+
+/// Reports the parts to a service as workers do that were there before it was started.
+async fn store_parts(problem: &Arc<Problem>, store: &Store, parts: &[Part]) -> anyhow::Result<()> {
+    let (engine, model_digest) = engine(problem, store).await?;
+    let shutdown = CancellationToken::new();
+    if engine.run_to_jobs(&shutdown).await?.is_some() {
+        return Ok(());
+    }
+    let service = Service {
+        board: Arc::clone(&engine.board),
+        recorder: StoreRecorder::new(store)?,
+        problem: Arc::clone(problem),
+        model_digest,
+    };
+    for (number, part) in (1..).zip(parts) {
+        let worker_id = format!("shard {} of plan {}", part.header.shard, part.header.plan);
+        let id = LeaseId { epoch: 1, number };
+        let held = HeldLease {
+            id: Some(id),
+            units: part.units().to_vec(),
+        };
+        let introduction = RegisterRequest {
+            worker_id: worker_id.clone(),
+            host: part.path.display().to_string(),
+            program_version: identity::BUILD.to_owned(),
+            model_digest: part.header.model_digest.clone(),
+            slots: 1,
+            held: vec![held],
+        };
+        let named = || part.path.display().to_string();
+        let registered = service.register(Request::new(introduction)).await;
+        registered.with_context(named)?;
+        let mut results = part.results.clone();
+        // One lease, whose results all parts of the file are.
+        let whole = results.iter_mut().flat_map(|result| std::mem::take(&mut result.results));
+        let whole = protocol::v2::LeaseResult {
+            results: whole.collect(),
+            id: Some(id),
+            ..Default::default()
+        };
+        let report = ReportRequest {
+            worker_id,
+            results: vec![whole],
+        };
+        service.report(Request::new(report)).await.with_context(named)?;
+    }
+    Ok(())
+}

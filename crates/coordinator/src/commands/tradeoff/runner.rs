@@ -1,0 +1,300 @@
+//! Samples through board, workers and store, for the trade-off study of the runner.
+
+use std::io::{BufRead as _, Write as _};
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, bail};
+use campaign::formulation::Problem;
+use campaign::task::{Inputs, Source, compute};
+use campaign::{Campaign, probe};
+use coordinator::board::Board;
+use coordinator::compute::thread_seconds;
+use coordinator::local::LocalWorkers;
+use coordinator::recorder::StoreRecorder;
+use coordinator::service::Service;
+use gateway::port::{self, Doors};
+use ledger::{Generation, StreamId, Unit};
+use rand::RngExt as _;
+use serde_json::{Value, json};
+use stages::optima;
+use stats::streams::{Purpose, stream};
+use store::{CampaignRow, DesignRow, Store};
+use tokio::runtime::Handle;
+use tokio_util::sync::CancellationToken;
+use tradeoff::{Ended, Load, Ran, process_seconds};
+use worker::Exec;
+
+/// Samples of a design.
+const PER_DESIGN: u32 = 30;
+/// Designs whose samples are timed in one thread.
+const TIMED: usize = 100;
+/// How often the store is asked.
+const ASKED: Duration = Duration::from_millis(2);
+
+/// A campaign whose program sleeps: one variable, one response.
+const SLEEPING: &str = r#"
+kind = "external"
+format = 1
+name = "sleep"
+seed = 1
+[[variables]]
+name = "x"
+low = 0.0
+high = 1.0
+[response]
+name = "y"
+baseline = true
+[doe]
+designs = 10
+[sampling]
+samples_per_design = 30
+[simulator]
+probe_designs = 0
+"#;
+
+/// The program of [`SLEEPING`]: answers until standard input ends.
+pub(crate) fn sleep_program(seconds: f64) -> anyhow::Result<()> {
+    let mut out = std::io::stdout().lock();
+    for line in std::io::stdin().lock().lines() {
+        let request: Value = serde_json::from_str(&line?)?;
+        let mut answer = match request["request"].as_str() {
+            Some("describe") => json!({"protocol": 2, "version": "sleep 1",
+                "variables": ["x"], "responses": ["y"]}),
+            Some("sample") => {
+                std::thread::sleep(Duration::from_secs_f64(seconds));
+                json!({"y": 1.0})
+            }
+            _ => json!({"y": 1.0}),
+        };
+        answer["id"] = request["id"].clone();
+        writeln!(out, "{answer}")?;
+        out.flush()?;
+    }
+    Ok(())
+}
+
+/// Runs for the studies of a campaign, with stores in its folder.
+pub(super) struct Programs<'a> {
+    pub(super) campaign: &'a Campaign,
+    pub(super) out: &'a Path,
+    pub(super) runtime: Handle,
+    pub(super) shutdown: CancellationToken,
+}
+
+impl tradeoff::Runner for Programs<'_> {
+    fn samples(&mut self, load: &Load) -> anyhow::Result<Ran> {
+        self.runtime.block_on(run(self.campaign, self.out, load))
+    }
+
+    fn campaign(&mut self, campaign: &Campaign) -> anyhow::Result<Vec<Ended>> {
+        let whole = whole(campaign, self.out, &self.shutdown);
+        self.runtime.block_on(whole)
+    }
+}
+
+/// Runs a campaign in a process of its own, which ends with `shutdown`.
+async fn whole(
+    campaign: &Campaign,
+    out: &Path,
+    shutdown: &CancellationToken,
+) -> anyhow::Result<Vec<Ended>> {
+    let folder = tempfile::tempdir_in(out)?;
+    let path = |name: &str| folder.path().join(name);
+    std::fs::write(path("campaign.toml"), toml::to_string(campaign)?)?;
+    let mut program = Command::new(std::env::current_exe()?)
+        .arg("run")
+        .arg(path("campaign.toml"))
+        .arg("--db")
+        .arg(path("campaign.db"))
+        .arg("--out")
+        .arg(path("report"))
+        .stdout(Stdio::null())
+        .stderr(std::fs::File::create(path("log"))?)
+        .spawn()?;
+    let status = loop {
+        if let Some(status) = program.try_wait()? {
+            break status;
+        }
+        if shutdown.is_cancelled() {
+            program.kill()?;
+            program.wait()?;
+            bail!("stopped");
+        }
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    };
+    if !status.success() {
+        let log = std::fs::read_to_string(path("log"))?;
+        bail!("a campaign of {} designs ended with {status}:\n{log}", campaign.doe.designs);
+    }
+    let store = Store::open_read_only(&path("campaign.db")).await?;
+    let mut ended = Vec::new();
+    for row in optima::stored(&store).await? {
+        let Some(approach) = optima::approach_of(&row.approach) else {
+            continue;
+        };
+        let samples = store.verify_samples(&row.approach).await?;
+        let samples: Vec<f64> = samples.iter().map(|sample| sample.delta_ste_um).collect();
+        let verified = campaign.sampling.verified(&samples).ok();
+        let percentile_um = verified.filter(|_| row.feasible).map(|found| found.p90);
+        ended.push(Ended {
+            approach,
+            calls: row.simulator_calls as f64,
+            seconds: row.cpu_seconds,
+            percentile_um: percentile_um.unwrap_or(f64::INFINITY),
+        });
+    }
+    store.close().await?;
+    Ok(ended)
+}
+
+/// Runs samples of this campaign, or of the program that sleeps, with a store in the folder `out`.
+async fn run(own: &Campaign, out: &Path, load: &Load) -> anyhow::Result<Ran> {
+    let (campaign, exec) = match load.sleep {
+        None => (own.clone(), None),
+        Some(seconds) => {
+            let program = std::env::current_exe()?;
+            let command = format!("exec '{}' sleep-program {seconds}", program.display());
+            let exec = Exec {
+                command,
+                timeout: Duration::from_secs(60),
+                files: None,
+            };
+            (Campaign::parse("the sleeping campaign", SLEEPING)?, Some(exec))
+        }
+    };
+    let problem = Arc::new(Problem::new(campaign));
+    // A job of a slow program is one sample: designs of few samples give every worker one.
+    let per_design = match load.sleep {
+        None => PER_DESIGN,
+        Some(_) => PER_DESIGN.min((load.samples / load.workers as u32).max(1)),
+    };
+    let designs = load.samples.div_ceil(per_design);
+    let points = points(&problem, designs as usize)?;
+    let alone_seconds = match load.sleep {
+        None => alone(&problem, &points[..points.len().min(TIMED)]),
+        Some(_) => 0.0,
+    };
+    let mut ran = through(out, &problem, &points, per_design, load.workers, exec).await?;
+    // Whole designs were run.
+    let share = f64::from(load.samples) / f64::from(designs * per_design);
+    ran.seconds *= share;
+    ran.cpu_seconds *= share;
+    Ok(Ran {
+        alone_seconds,
+        ..ran
+    })
+}
+
+/// Random designs that can be simulated, as many as asked for; few of them again and again.
+fn points(problem: &Problem, count: usize) -> anyhow::Result<Vec<Vec<f64>>> {
+    let mut rng = stream(problem.campaign().seed, Purpose::Test, 6, 0);
+    let mut found: Vec<Vec<f64>> = Vec::new();
+    for _ in 0..10_000 {
+        if found.len() == count.min(TIMED) {
+            break;
+        }
+        let unit: Vec<f64> = (0..problem.dimension()).map(|_| rng.random()).collect();
+        let x = problem.free_point(&unit);
+        let gears = problem.gears();
+        let design = problem.design(&x, problem.base());
+        if gears.is_none_or(|gears| gears.pair(&design).is_ok()) {
+            found.push(x);
+        }
+    }
+    anyhow::ensure!(!found.is_empty(), "no random design can be simulated");
+    Ok(found.iter().cycle().take(count).cloned().collect())
+}
+
+/// CPU seconds of a sample in this thread, its share of the design's analyses included.
+fn alone(problem: &Problem, points: &[Vec<f64>]) -> f64 {
+    let before = thread_seconds();
+    for (design, x) in (0..).zip(points) {
+        let unit = Unit {
+            stream: StreamId::design(design),
+            generation: Generation::default(),
+            samples: 0..PER_DESIGN,
+        };
+        let source = Source::Design(problem.design(x, problem.base()));
+        let _ = std::hint::black_box(compute(problem, &unit, &source));
+    }
+    (thread_seconds() - before) / (points.len() * PER_DESIGN as usize) as f64
+}
+
+/// Samples of all points by workers of this process, from the first lease until they are stored.
+async fn through(
+    out: &Path,
+    problem: &Arc<Problem>,
+    points: &[Vec<f64>],
+    per_design: u32,
+    workers: usize,
+    exec: Option<Exec>,
+) -> anyhow::Result<Ran> {
+    let campaign = problem.campaign();
+    let folder = tempfile::tempdir_in(out)?;
+    let row = CampaignRow {
+        name: campaign.name.clone(),
+        file_text: String::new(),
+        digest: campaign.digest(),
+        seed: campaign.seed,
+        program_version: identity::BUILD.to_owned(),
+        model_digest: None,
+    };
+    let store = Store::create_or_open(&folder.path().join("runner.db"), &row).await?;
+    let rows = (0..).zip(points);
+    let rows: Vec<DesignRow> = rows
+        .map(|(design, x)| DesignRow::new(design, x.clone()))
+        .collect();
+    store.put_designs(&rows).await?;
+    let options = ledger::Options {
+        long_samples: campaign.is_external(),
+        ..ledger::Options::default()
+    };
+    let board = Arc::new(Board::new(options, 1));
+    let service = Service {
+        board: Arc::clone(&board),
+        recorder: StoreRecorder::new(&store)?,
+        problem: Arc::clone(problem),
+        model_digest: (!campaign.is_external()).then(|| probe::model_digest(problem)),
+    };
+    let (dial, local) = port::local();
+    let stop = CancellationToken::new();
+    let doors = Doors { port: None, local };
+    let served = tokio::spawn(port::serve(service, doors, stop.clone()));
+    let inputs = Inputs::new(campaign, None);
+    let wanted = (0..).zip(points).map(|(design, x)| {
+        let source = Source::Design(problem.design(x, problem.base()));
+        inputs.wanted(StreamId::design(design), source, per_design)
+    });
+    let count = points.len() as u64 * u64::from(per_design);
+    let workers = LocalWorkers {
+        count: workers,
+        exec,
+    };
+    let mut workers = workers.start(&dial, &stop)?;
+    // Programs start before the clock does.
+    while board.live().workers.len() < workers.len() {
+        tokio::time::sleep(ASKED).await;
+    }
+    let (began, cpu) = (Instant::now(), process_seconds());
+    board.want(wanted.collect());
+    board.open();
+    while store.progress().await?.samples < count {
+        if let Some(ended) = workers.try_join_next() {
+            ended.context("a worker")??;
+        }
+        tokio::time::sleep(ASKED).await;
+    }
+    let ran = Ran {
+        seconds: began.elapsed().as_secs_f64(),
+        cpu_seconds: process_seconds() - cpu,
+        alone_seconds: 0.0,
+    };
+    stop.cancel();
+    while workers.join_next().await.is_some() {}
+    served.await??;
+    store.close().await?;
+    Ok(ran)
+}

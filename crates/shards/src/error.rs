@@ -1,0 +1,89 @@
+//! What is wrong with a shard or a part.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use protocol::exit;
+
+/// Why a shard or a part cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The file cannot be read or written.
+    #[error("cannot use {}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        source: io::Error,
+    },
+    /// The file is no shard.
+    #[error("{} is not a shard of `coordinator plan`: {reason}", path.display())]
+    NotAShard {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        reason: String,
+    },
+    /// The file is no part.
+    #[error("{} is not a part of `worker --shard`: {reason}", path.display())]
+    NotAPart {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        reason: String,
+    },
+    /// A record in the middle of a part has another checksum.
+    #[error(
+        "{} is damaged at byte {at}: remove it, and compute shard {shard} again with `worker --shard`",
+        path.display()
+    )]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// Where the record begins.
+        at: u64,
+        /// The shard's number.
+        shard: u32,
+    },
+    /// Build of the programs and build of the file differ.
+    #[error(
+        "{} is of build {theirs}, this program is build {}: use the same build for `plan`, `worker` and `merge`",
+        path.display(), identity::BUILD
+    )]
+    Build {
+        /// The file.
+        path: PathBuf,
+        /// The file's build.
+        theirs: String,
+    },
+    /// The part exists and is another shard's.
+    #[error(
+        "{} holds results of another shard, of plan {theirs}: choose another file with --out",
+        path.display()
+    )]
+    OtherShard {
+        /// The file.
+        path: PathBuf,
+        /// The plan of the results in it.
+        theirs: String,
+    },
+}
+
+impl Error {
+    /// The exit code of a program that ends with it.
+    #[must_use]
+    pub const fn exit_code(&self) -> u8 {
+        match self {
+            Self::Io { .. } | Self::OtherShard { .. } => exit::FILE_ACCESS,
+            Self::Build { .. } => exit::REFUSED,
+            Self::NotAShard { .. } | Self::NotAPart { .. } | Self::Damaged { .. } => exit::BAD_FILE,
+        }
+    }
+
+    pub(crate) fn io(path: &Path) -> impl Fn(io::Error) -> Self + '_ {
+        |source| Self::Io {
+            path: path.to_owned(),
+            source,
+        }
+    }
+}

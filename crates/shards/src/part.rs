@@ -1,0 +1,227 @@
+//! What came of a shard: a line of JSON, then records.
+//!
+//! A record is its length (4 bytes, little-endian), the first 8 bytes of the SHA-256 of its content, and the
+//! content, a [`LeaseResult`]. A record that is cut off at the end of the file is what a worker was writing
+//! when it ended; a checksum that does not fit is damage.
+
+use std::fs::{File, OpenOptions};
+use std::io::{ErrorKind, Read as _, Seek as _, SeekFrom, Write as _};
+use std::path::{Path, PathBuf};
+
+use prost::Message as _;
+use protocol::v2::{LeaseResult, Unit};
+use serde::{Deserialize, Serialize};
+use sha2::{Digest as _, Sha256};
+
+use crate::error::Error;
+use crate::shard::Shard;
+
+const SCHEMA_VERSION: u32 = 1;
+/// Bytes of a record before its content.
+const HEAD: usize = 12;
+
+/// What a part belongs to.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Header {
+    schema_version: u32,
+    program_version: String,
+    /// The plan of its shard.
+    pub plan: String,
+    /// Which shard it is of, from 1.
+    pub shard: u32,
+    /// How many shards the plan has.
+    pub shards: u32,
+    /// The campaign's digest.
+    pub campaign_digest: String,
+    /// The digest of what the simulator answered.
+    pub model_digest: String,
+    /// The units of the shard.
+    units: Vec<Unit>,
+}
+
+/// A part that was read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Part {
+    /// The file.
+    pub path: PathBuf,
+    /// What it belongs to.
+    pub header: Header,
+    /// What came of the leases, in the order in which it was reported.
+    pub results: Vec<LeaseResult>,
+    /// Where the last whole record ends.
+    end: u64,
+}
+
+impl Part {
+    /// Reads a part; a record that is cut off at its end is left out.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be read, is no part, is damaged, or is of another build.
+    pub fn read(path: &Path) -> Result<Self, Error> {
+        let mut bytes = Vec::new();
+        File::open(path)
+            .and_then(|mut file| file.read_to_end(&mut bytes))
+            .map_err(Error::io(path))?;
+        let not = |reason: &str| Error::NotAPart {
+            path: path.to_owned(),
+            reason: reason.to_owned(),
+        };
+        let line = bytes.iter().position(|byte| *byte == b'\n');
+        let line = line.ok_or_else(|| not("it has no first line"))?;
+        let header: Header =
+            serde_json::from_slice(&bytes[..line]).map_err(|error| not(&error.to_string()))?;
+        if header.schema_version != SCHEMA_VERSION {
+            return Err(not("it is of another version"));
+        }
+        if header.program_version != identity::BUILD {
+            return Err(Error::Build {
+                path: path.to_owned(),
+                theirs: header.program_version,
+            });
+        }
+        let mut at = line + 1;
+        let mut results = Vec::new();
+        while let Some((content, checksum)) = record(&bytes[at..]) {
+            let result = LeaseResult::decode(content);
+            let (true, Ok(result)) = (checksum == checksum_of(content), result) else {
+                return Err(Error::Damaged {
+                    path: path.to_owned(),
+                    at: at as u64,
+                    shard: header.shard,
+                });
+            };
+            results.push(result);
+            at += HEAD + content.len();
+        }
+        Ok(Self {
+            path: path.to_owned(),
+            header,
+            results,
+            end: at as u64,
+        })
+    }
+
+    /// The units of its shard of which something is missing.
+    #[must_use]
+    pub fn missing(&self) -> Vec<Unit> {
+        let units = self.header.units.iter();
+        units.filter(|unit| !is_done(unit, &self.results)).copied().collect()
+    }
+
+    /// The units of its shard.
+    #[must_use]
+    pub fn units(&self) -> &[Unit] {
+        &self.header.units
+    }
+}
+
+/// Whether the results have all of a unit, or say why there is nothing.
+pub(crate) fn is_done(unit: &Unit, results: &[LeaseResult]) -> bool {
+    let of_unit = results.iter().flat_map(|result| &result.results);
+    let of_unit = of_unit.filter(|result| {
+        result.unit.as_ref().is_some_and(|own| {
+            (own.kind, own.index, own.generation) == (unit.kind, unit.index, unit.generation)
+        })
+    });
+    let mut covered = unit.first;
+    let end = unit.first + unit.count;
+    for result in of_unit {
+        let Some(own) = &result.unit else { continue };
+        let says_why = result.refused.is_some() || result.ruled_out.is_some() || result.error.is_some();
+        // Only what begins where the unit does tells of all of it.
+        if says_why && own.first >= unit.first && own.first < end.max(unit.first + 1) {
+            return true;
+        }
+        if own.first <= covered && own.first + own.count > covered {
+            covered = own.first + own.count;
+        }
+    }
+    covered >= end
+}
+
+/// A part that is written to.
+#[derive(Debug)]
+pub(crate) struct PartWriter {
+    path: PathBuf,
+    file: File,
+    /// What it held already.
+    pub(crate) results: Vec<LeaseResult>,
+}
+
+impl PartWriter {
+    /// Opens the part of a shard: a new file, or one of the same shard, which is continued.
+    pub(crate) fn open(path: &Path, shard: &Shard, model_digest: &str) -> Result<Self, Error> {
+        let header = Header {
+            schema_version: SCHEMA_VERSION,
+            program_version: identity::BUILD.to_owned(),
+            plan: shard.plan.clone(),
+            shard: shard.shard,
+            shards: shard.shards,
+            campaign_digest: shard.campaign_digest.clone(),
+            model_digest: model_digest.to_owned(),
+            units: shard.units().copied().collect(),
+        };
+        let error = Error::io(path);
+        match OpenOptions::new().write(true).create_new(true).open(path) {
+            Ok(mut file) => {
+                let json = serde_json::to_string(&header).map_err(std::io::Error::from);
+                let json = json.map_err(&error)? + "\n";
+                file.write_all(json.as_bytes()).map_err(&error)?;
+                file.sync_all().map_err(&error)?;
+                Ok(Self {
+                    path: path.to_owned(),
+                    file,
+                    results: Vec::new(),
+                })
+            }
+            Err(taken) if taken.kind() == ErrorKind::AlreadyExists => {
+                let held = Part::read(path)?;
+                if held.header != header {
+                    return Err(Error::OtherShard {
+                        path: path.to_owned(),
+                        theirs: held.header.plan,
+                    });
+                }
+                let mut file = OpenOptions::new().write(true).open(path).map_err(&error)?;
+                file.set_len(held.end).map_err(&error)?;
+                file.seek(SeekFrom::End(0)).map_err(&error)?;
+                Ok(Self {
+                    path: path.to_owned(),
+                    file,
+                    results: held.results,
+                })
+            }
+            Err(source) => Err(error(source)),
+        }
+    }
+
+    /// Appends results and waits until they are on disk.
+    pub(crate) fn append(&mut self, results: &[LeaseResult]) -> Result<(), Error> {
+        let mut bytes = Vec::new();
+        for result in results {
+            let content = result.encode_to_vec();
+            bytes.extend((content.len() as u32).to_le_bytes());
+            bytes.extend(checksum_of(&content));
+            bytes.extend(content);
+        }
+        let written = self.file.write_all(&bytes).and_then(|()| self.file.sync_data());
+        written.map_err(Error::io(&self.path))?;
+        self.results.extend_from_slice(results);
+        Ok(())
+    }
+}
+
+/// The first record: its content and checksum; none if it is cut off.
+fn record(bytes: &[u8]) -> Option<(&[u8], [u8; 8])> {
+    let (length, rest) = bytes.split_first_chunk::<4>()?;
+    let (checksum, rest) = rest.split_first_chunk::<8>()?;
+    let content = rest.get(..u32::from_le_bytes(*length) as usize)?;
+    Some((content, *checksum))
+}
+
+fn checksum_of(content: &[u8]) -> [u8; 8] {
+    let digest: [u8; 32] = Sha256::digest(content).into();
+    std::array::from_fn(|byte| digest[byte])
+}

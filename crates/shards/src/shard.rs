@@ -1,0 +1,131 @@
+//! What one node computes.
+
+use std::fs;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use protocol::v2::{Lease, Unit};
+use serde::{Deserialize, Serialize};
+use sha2::{Digest as _, Sha256};
+
+use crate::error::Error;
+
+const SCHEMA_VERSION: u32 = 1;
+
+/// The jobs of one node.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Shard {
+    schema_version: u32,
+    program_version: String,
+    /// Tells plans apart: a digest of all their shards' jobs.
+    pub plan: String,
+    /// Which shard it is, from 1.
+    pub shard: u32,
+    /// How many there are.
+    pub shards: u32,
+    /// The campaign's digest.
+    pub campaign_digest: String,
+    /// The digest of the simulator's answers; none where only workers can ask the simulator.
+    pub model_digest: Option<String>,
+    /// The campaign, as workers get it.
+    pub campaign_json: String,
+    /// What to compute.
+    pub leases: Vec<Lease>,
+}
+
+impl Shard {
+    /// Deals the leases out to so many shards at most, in turn; there are fewer if there are fewer leases.
+    #[must_use]
+    pub fn deal(
+        leases: Vec<Lease>,
+        shards: u32,
+        (campaign_json, campaign_digest): (&str, &str),
+        model_digest: Option<&str>,
+    ) -> Vec<Self> {
+        let plan = digest_of(&leases, campaign_digest);
+        let count = (leases.len() as u32).min(shards);
+        let mut dealt: Vec<Vec<Lease>> = vec![Vec::new(); count as usize];
+        for (turn, lease) in leases.into_iter().enumerate() {
+            dealt[turn % count as usize].push(lease);
+        }
+        let shard = |(shard, leases)| Self {
+            schema_version: SCHEMA_VERSION,
+            program_version: identity::BUILD.to_owned(),
+            plan: plan.clone(),
+            shard,
+            shards: count,
+            campaign_digest: campaign_digest.to_owned(),
+            model_digest: model_digest.map(str::to_owned),
+            campaign_json: campaign_json.to_owned(),
+            leases,
+        };
+        (1..).zip(dealt).map(shard).collect()
+    }
+
+    /// Writes the shard as `N.json` in a folder; the file is whole or not there.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be written.
+    pub fn write(&self, folder: &Path) -> Result<PathBuf, Error> {
+        let path = folder.join(format!("{}.json", self.shard));
+        let fresh = folder.join(format!(".{}.json", self.shard));
+        let json = serde_json::to_vec(self).map_err(std::io::Error::from);
+        let write = |json: Vec<u8>| {
+            let mut file = fs::File::create(&fresh)?;
+            file.write_all(&json)?;
+            file.sync_all()?;
+            fs::rename(&fresh, &path)
+        };
+        json.and_then(write).map_err(Error::io(&path))?;
+        Ok(path)
+    }
+
+    /// Reads a shard.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be read, is no shard, or is of another build.
+    pub fn read(path: &Path) -> Result<Self, Error> {
+        let text = fs::read(path).map_err(Error::io(path))?;
+        let not = |reason: String| Error::NotAShard {
+            path: path.to_owned(),
+            reason,
+        };
+        let shard: Self = serde_json::from_slice(&text).map_err(|error| not(error.to_string()))?;
+        if shard.schema_version != SCHEMA_VERSION {
+            return Err(not(format!("its version is {}", shard.schema_version)));
+        }
+        if shard.program_version != identity::BUILD {
+            return Err(Error::Build {
+                path: path.to_owned(),
+                theirs: shard.program_version,
+            });
+        }
+        Ok(shard)
+    }
+
+    /// The units to compute.
+    pub fn units(&self) -> impl Iterator<Item = &Unit> {
+        self.leases.iter().flat_map(|lease| &lease.units)
+    }
+}
+
+fn digest_of(leases: &[Lease], campaign_digest: &str) -> String {
+    let mut hash = Sha256::new();
+    hash.update(campaign_digest);
+    for unit in leases.iter().flat_map(|lease| &lease.units) {
+        for number in [
+            unit.kind as u64,
+            unit.index,
+            unit.generation,
+            unit.first.into(),
+            unit.count.into(),
+        ] {
+            hash.update(number.to_le_bytes());
+        }
+    }
+    let digest: [u8; 32] = hash.finalize().into();
+    digest[..8].iter().map(|byte| format!("{byte:02x}")).collect()
+}
