@@ -94,7 +94,7 @@ pub enum Error {
         /// The name given.
         name: String,
     },
-    /// The logarithm of an observation is to be modelled, and it has none.
+    /// An observation is not positive, and its logarithm is to be modelled.
     #[error("observation {index} is {value}: only positive observations have a logarithm")]
     Logarithm {
         /// Its number, from 0.
@@ -102,7 +102,7 @@ pub enum Error {
         /// Its value.
         value: f64,
     },
-    /// The options ask an approximate fit for what only the exact one offers.
+    /// The options ask the approximate fit for something that only the exact one offers.
     #[error("the approximate fit does not offer {what}, choose the exact one")]
     ExactOnly {
         /// What was asked for.

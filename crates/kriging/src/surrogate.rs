@@ -12,8 +12,8 @@ use crate::model::{Model, Parameters};
 use crate::vecchia::{Vecchia, VecchiaOptions, fit_vecchia};
 use crate::{Error, LeaveOneOut, Trend, Warning};
 
-/// [`Method::Auto`] approximates above this number of observations: the exact fit would take 24 n² bytes,
-/// 2.4 GB here, and minutes.
+/// Number of observations above which [`Method::Auto`] approximates: the exact fit would take
+/// 24 n² bytes, 2.4 GB here, and minutes.
 const MANY: usize = 10_000;
 
 /// Which observations a prediction uses.
@@ -136,7 +136,7 @@ impl Surrogate {
         Ok(Self { model, response })
     }
 
-    /// [`Model::mean`] or [`Vecchia::mean`], of ln y its exponential.
+    /// [`Model::mean`] or [`Vecchia::mean`]; for a model of ln y, the exponential of it.
     ///
     /// # Panics
     ///
@@ -156,7 +156,7 @@ impl Surrogate {
         Ok(means.into_iter().map(|m| self.in_units_of_y(m)).collect())
     }
 
-    /// [`Model::predict_many`] or [`Vecchia::predict_many`], of ln y in units of y.
+    /// [`Model::predict_many`] or [`Vecchia::predict_many`]; for a model of ln y, in units of y.
     ///
     /// # Errors
     ///
@@ -210,8 +210,8 @@ impl Surrogate {
         points.by_first().into_iter().map(|i| points.y[i]).collect()
     }
 
-    /// −ln L of the observations, or Vecchia's approximation of it; of y also where ln y is modelled, so
-    /// that both can be compared.
+    /// −ln L of the observations, or Vecchia's approximation of it. It is that of y also if ln y is
+    /// modelled, so that the two can be compared.
     #[must_use]
     pub fn negative_log_likelihood(&self) -> f64 {
         let jacobian = match self.response {
