@@ -1,4 +1,4 @@
-//! What describes a gear pair, its wear and the fineness of the calculation.
+//! The description of a gear pair, of its wear, and of the fineness of the calculation.
 
 use std::fmt;
 
@@ -69,7 +69,8 @@ macro_rules! named {
     };
 }
 
-/// What fixes the scale of the pair. The other one follows from the zero-backlash mesh.
+/// The dimension that fixes the scale of the pair. The other one follows from the zero-backlash
+/// mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Size {
     /// The distance between the axes, mm.

@@ -114,8 +114,8 @@ impl Mesh {
     /// The greatest load per length of contact line at each node over the mesh period, N/mm, for the
     /// gap `g` whose solution is in `scratch`.
     ///
-    /// `unworn` says that nothing but bending keeps the flanks apart: δ between the phases is then
-    /// computed instead of interpolated.
+    /// `unworn` says that the gap at the nodes is zero: δ between the phases is then computed
+    /// instead of interpolated.
     pub(crate) fn greatest_load(
         &self,
         g: &[f64],

@@ -77,9 +77,9 @@ pub struct Rating {
     /// Nominal contact stress at the pitch point σ_H0 = Z_H Z_E Z_ε Z_β √(F_t (u + 1)/(d_1 b u)),
     /// MPa, without Z_B and Z_D.
     pub contact_stress_mpa: f64,
-    /// The roots.
+    /// Root ratings.
     pub root: [RootRating; 2],
-    /// The stiffness.
+    /// Mesh stiffness.
     pub stiffness: MeshStiffness,
     /// Nominal root safeties S_F: the material's yield stress over σ_F0. No permissible stress of
     /// ISO 6336-5 is looked up.

@@ -110,7 +110,7 @@ impl WholeFace {
     ) -> Vec<f64> {
         let path = &frame.path;
         let (line, p) = (path.line(), path.base_pitch);
-        // While a line covers the whole path all periods are alike, and two of them do.
+        // While a line covers the whole path all periods are alike, and two of them suffice.
         let spare = (((line.window - line.length) / p).floor() - 2.0).max(0.0) * p;
         let short = Line {
             window: line.window - spare,

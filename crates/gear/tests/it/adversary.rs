@@ -263,7 +263,7 @@ fn corrections(input: &PairInput, rng: &mut StreamRng) -> Corrections {
     corrections
 }
 
-/// Every number that the pair gives away is finite and of the right sign.
+/// Checks that every number that the pair returns is finite and of the right sign.
 pub(crate) fn check(pair: &Pair, wear: &Wear, rng: &mut StreamRng) -> Result<(), String> {
     let fine = |name: &str, values: &[f64], floor: f64| {
         values
