@@ -1,17 +1,17 @@
-//! What streams are called: in the store, in messages, and where the store keeps what they cost.
+//! The names of streams: in the store, in messages, and as keys of their times in the store.
 
 use campaign::Approach;
 use ledger::{Kind, StreamId, Unit};
 
 use crate::infill;
 
-/// What a run is called in the store where generations are.
+/// The name under which the store keeps the generation of a run.
 #[must_use]
 pub fn run_name(approach: Approach, start: u32) -> String {
     format!("run {} {start}", approach.name())
 }
 
-/// What a stream is called in the store where generations are, if it is a run.
+/// The name under which the store keeps the generation of a stream, if it is a run.
 #[must_use]
 pub fn run_stream_name(stream: StreamId) -> Option<String> {
     let (number, start) = stream.run_parts();
@@ -19,7 +19,7 @@ pub fn run_stream_name(stream: StreamId) -> Option<String> {
     (stream.kind == Kind::Run).then(|| run_name(approach, start))
 }
 
-/// A stream as people see it.
+/// The name of a stream in messages.
 #[must_use]
 pub fn stream_name(stream: StreamId) -> String {
     match stream.kind {
@@ -39,9 +39,9 @@ pub fn stream_name(stream: StreamId) -> String {
     }
 }
 
-/// The key of what a unit cost, in the store: the kind 8 bits, then for samples 4 bits of nought, the
-/// stream's index 28 and the first sample 24; for a run the approach 8, the start 16 and 32 that tell
-/// its units apart.
+/// The key of a unit's time in the store. It holds the kind in 8 bits; then, for samples, 4 zero
+/// bits, the stream's index in 28 and the first sample in 24; for a run, the approach in 8, the
+/// start in 16, and 32 bits that distinguish its units.
 #[must_use]
 pub fn time_key(unit: &Unit) -> u64 {
     let (stream, first) = (unit.stream, u64::from(unit.samples.start));
@@ -56,13 +56,13 @@ pub fn time_key(unit: &Unit) -> u64 {
     }
 }
 
-/// Whether a time in the store was taken of a unit of this run.
+/// Whether a time in the store is that of a unit of this run.
 #[must_use]
 pub const fn is_time_of_run(job: u64, approach: Approach, start: u32) -> bool {
     job >> 32 == 1 << 24 | approach.number() << 16 | start as u64
 }
 
-/// The kind of what a time in the store was taken of, and for samples the stream's index.
+/// The kind of the unit whose time is in the store, and for samples the stream's index.
 #[must_use]
 pub const fn timed(job: u64) -> Option<(Kind, u64)> {
     let index = (job >> 24) & 0x0fff_ffff;
