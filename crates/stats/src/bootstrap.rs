@@ -7,13 +7,13 @@
 //! all pairs of ranks and of values cost n⁴ steps. The form below gives the same number in fewer
 //! steps.
 //!
-//! Let Nⱼ be the number of drawn values that are at most X₍ⱼ₎, the j-th smallest value, and C(m) =
-//! c₁ + … + cₘ. Then T = X₍₁₎ C(n) + Σⱼ (X₍ⱼ₊₁₎ − X₍ⱼ₎) (C(n) − C(Nⱼ)). The Nⱼ are binomial (n,
-//! j/n), which is the source of the incomplete beta function in the marginal weights. They are a
-//! Markov chain: given Nⱼ = a, Nⱼ₊₁ − a is binomial (n − a, 1/(n − j)). The variance is therefore a
-//! sum over j of products of C(Nⱼ) with the expectation of the later terms given Nⱼ, which a
-//! recursion computes from the last term to the first. Probabilities below 10⁻²⁰ are left out, so
-//! that n values take about n^{3/2} times some hundred steps.
+//! Let Nⱼ be the number of drawn values that are at most X₍ⱼ₎, the j-th smallest value, and
+//! C(m) = c₁ + … + cₘ. Then T = X₍₁₎ C(n) + Σⱼ (X₍ⱼ₊₁₎ − X₍ⱼ₎) (C(n) − C(Nⱼ)). The Nⱼ are
+//! binomial (n, j/n), which is the source of the incomplete beta function in the marginal weights.
+//! They are a Markov chain: given Nⱼ = a, Nⱼ₊₁ − a is binomial (n − a, 1/(n − j)). The variance is
+//! therefore a sum over j of products of C(Nⱼ) with the expectation of the later terms given Nⱼ,
+//! which a recursion computes from the last term to the first. Probabilities below 10⁻²⁰ are left
+//! out, so that n values take about n^{3/2} times some hundred steps.
 //!
 //! Reference: A. D. Hutson, M. D. Ernst, "The exact bootstrap mean and variance of an L-estimator",
 //! J. R. Statist. Soc. B 62 (2000) 89–94.

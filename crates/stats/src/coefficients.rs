@@ -41,7 +41,7 @@ const HALF_SPACING: f64 = 1.0 / (1 << 25) as f64;
 /// The bit of a stream's sample number that marks groups.
 const GROUPS: u64 = 1 << 63;
 
-/// How the coefficients of a design's samples depend on each other.
+/// The dependence between the coefficients of a design's samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Sampling {
     /// The coefficients of all samples are independent.

@@ -55,8 +55,8 @@ pub struct Controlled {
     /// The slope β̂ of the samples on the controls; zero when the plain estimate was taken.
     pub slope: f64,
     /// Correlation of the samples with the control. Relative to the plain estimates, the variance
-    /// of the mean falls to about 1 − correlation², that of the standard deviation to 1 −
-    /// correlation⁴.
+    /// of the mean falls to about 1 − correlation², that of the standard deviation to
+    /// 1 − correlation⁴.
     pub correlation: f64,
 }
 

@@ -2,8 +2,9 @@
 //! (10)–(13) approximates.
 //!
 //! For k normal samples, s is distributed as σ χ/√(k − 1), χ with k − 1 degrees of freedom, and is
-//! independent of the mean m: E(s) = c₄ σ with c₄ = √(2/(k − 1)) Γ(k/2)/Γ((k − 1)/2), and Var(s) =
-//! (1 − c₄²) σ². So m + z s has the bias −z (1 − c₄) σ and the variance σ² [1/k + z² (1 − c₄²)].
+//! independent of the mean m: E(s) = c₄ σ with c₄ = √(2/(k − 1)) Γ(k/2)/Γ((k − 1)/2), and
+//! Var(s) = (1 − c₄²) σ². So m + z s has the bias −z (1 − c₄) σ and the variance
+//! σ² [1/k + z² (1 − c₄²)].
 //!
 //! Reference: N. L. Johnson, S. Kotz, N. Balakrishnan, "Continuous Univariate Distributions", vol. 1
 //! (1994), section 13.8.2 and chapter 18 (the χ distribution).
@@ -26,7 +27,7 @@ pub fn normal_quantile(level: f64) -> f64 {
     Normal::standard().inverse_cdf(level)
 }
 
-/// Which variance of m + z s to use.
+/// The formula for the variance of m + z s.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum VarianceFormula {
     /// The paper's (14), [`crate::p90_variance`].
@@ -36,7 +37,7 @@ pub enum VarianceFormula {
     Exact,
 }
 
-/// How to estimate a percentile of a normal sample. The default is that of
+/// Options of the estimate of a percentile of a normal sample. The default is that of
 /// [`crate::percentile_p90`], the paper's estimate of the 90 % percentile.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NormalOptions {
@@ -63,7 +64,7 @@ impl Default for NormalOptions {
 ///
 /// # Errors
 ///
-/// Those of [`crate::percentile_p90`].
+/// The errors of [`crate::percentile_p90`].
 pub fn normal_p90(samples: &[f64], options: &NormalOptions) -> Result<Percentile, Error> {
     let n = samples.len();
     let z = options.z;

@@ -249,8 +249,8 @@ mod tests {
                 );
             }
         }
-        // For larger n: Stephens' modified statistic (√n − 0.01 + 0.85/√n) D (1974, table 1A, case
-        // 3), given to three digits from 10⁴ samples a size.
+        // For larger n: Stephens' modified statistic (√n − 0.01 + 0.85/√n) D (1974, table 1A,
+        // case 3), given to three digits from 10⁴ samples a size.
         let stephens = [(0.15, 0.775), (0.10, 0.819), (0.05, 0.895), (0.01, 1.035)];
         // Stephens' extrapolated limit is 1 to 2 % below what 300 000 samples of size 1000 show;
         // Dallal and Wilkinson's rule for n > 100 is above it by as much.
@@ -294,7 +294,7 @@ mod tests {
                     + 0.974598 / size.sqrt()
                     + 1.67997 / size)
                     .exp();
-                // They state an error of a few units in the third digit of p.
+                // The authors state an error of a few units in the third digit of p.
                 assert!(
                     (theirs - level).abs() < 0.004 + 0.03 * level,
                     "n {n}: {theirs} {level}"

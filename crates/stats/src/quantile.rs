@@ -23,7 +23,7 @@ pub fn harrell_davis_min_samples(level: f64) -> usize {
     ((1.0 / (1.0 - tail) - 1e-9).ceil() as usize).max(3)
 }
 
-/// Which estimator a percentile comes from.
+/// The estimator of a percentile.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Method {
     /// m + z s: [`normal_p90`].
@@ -35,17 +35,17 @@ pub enum Method {
 /// A percentile and the variance of its estimate, whatever the distribution.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quantile {
-    /// The estimator it comes from.
+    /// The estimator of the percentile.
     pub method: Method,
     /// Number of samples.
     pub n: usize,
     /// The percentile, in the unit of the samples.
     pub p90: f64,
-    /// Its estimated variance, in that unit squared.
+    /// Estimated variance of the percentile, in that unit squared.
     pub variance: f64,
 }
 
-/// Which variance of Harrell and Davis's estimator to use.
+/// The formula for the variance of Harrell and Davis's estimator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum HarrellDavisVariance {
     /// The jackknife variance, from the estimates that leave one sample out, as Harrell and Davis
@@ -113,7 +113,7 @@ fn weighted<'a>(weights: &[f64], values: impl Iterator<Item = &'a f64>, base: f6
     terms.map(|(w, x)| w * (x - base)).sum()
 }
 
-/// How to choose an estimator for one design.
+/// The rule that chooses an estimator for one design.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChoiceRule {
     /// The percentile's level; `normal.z` is the quantile that belongs to it.

@@ -1,4 +1,4 @@
-//! How many more samples a design needs until its percentile is precise enough.
+//! The number of further samples that a design needs until its percentile is precise enough.
 //!
 //! The variance of m + z s falls as σ²/k, so the number of samples that brings its standard error to
 //! the wanted precision follows from s (C. Stein, "A two-sample test for a linear hypothesis whose
