@@ -27,7 +27,7 @@ const HEAT: f64 = 0.03;
 /// Swaps tried per point before a radius counts as out of reach.
 const PATIENCE: u64 = 50;
 
-/// How to search for a maximin design.
+/// Options of the search for a maximin design.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
     /// The random seed: the same seed gives the same design, on any machine.

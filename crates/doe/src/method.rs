@@ -13,7 +13,7 @@ use crate::{Design, Error, Options, check_enlarge, enlarge, maximin, random_lhs}
 pub const SOBOL_POINTS: usize = 1 << 16;
 /// Half the spacing of the sequence's single-precision points. Adding it keeps them away from 0.
 const HALF_SPACING: f64 = 1.0 / (1 << 25) as f64;
-/// How far a coordinate may differ from the sequence's: less than the spacing, and more than a
+/// Largest difference of a coordinate from the sequence's: less than the spacing, and more than a
 /// conversion to other units and back changes it.
 const SAME: f64 = 0.5 * HALF_SPACING;
 
@@ -48,7 +48,7 @@ impl Method {
     ///
     /// # Errors
     ///
-    /// Those of the method's function.
+    /// The errors of the method's function.
     pub fn design(self, n: usize, d: usize, options: &Options) -> Result<Design, Error> {
         match self {
             Self::Random => random_lhs(n, d, options.seed),
@@ -67,7 +67,7 @@ impl Method {
     ///
     /// # Errors
     ///
-    /// Those of [`Method::check_enlarge`] and [`Error::Effort`].
+    /// The errors of [`Method::check_enlarge`] and [`Error::Effort`].
     pub fn enlarge(self, existing: &Design, n: usize, options: &Options) -> Result<Design, Error> {
         match self {
             Self::Maximin => enlarge(existing, n, options),
@@ -89,7 +89,7 @@ impl Method {
     ///
     /// # Errors
     ///
-    /// Those of [`check_enlarge`]; for [`Method::Sobol`] also [`Error::SobolPoints`], and
+    /// The errors of [`check_enlarge`]; for [`Method::Sobol`] also [`Error::SobolPoints`], and
     /// [`Error::OtherSequence`] for points that are not the beginning of the seed's sequence.
     pub fn check_enlarge(self, existing: &Design, n: usize, seed: u64) -> Result<(), Error> {
         check_enlarge(existing, n)?;
@@ -128,10 +128,10 @@ impl FromStr for Method {
 /// The first `n` points of an Owen-scrambled Sobol sequence in `d` variables (sobol_burley: Joe and
 /// Kuo's directions, Burley's hash-based scrambling), the same for the same `seed`.
 ///
-/// Its discrepancy is lower than a random design's, its smallest distance is not. More points of
-/// the same seed continue the sequence, so any longer design contains this one. Where n is a power of
-/// two there is one point per stratum ([`Design::is_stratified`]). The sequence ends after
-/// [`SOBOL_POINTS`], the length that sobol_burley supports.
+/// The sequence's discrepancy is lower than a random design's, its smallest distance is not. More
+/// points of the same seed continue the sequence, so any longer design contains this one. Where n
+/// is a power of two there is one point per stratum ([`Design::is_stratified`]). The sequence ends
+/// after [`SOBOL_POINTS`], the length that sobol_burley supports.
 ///
 /// # Errors
 ///

@@ -43,7 +43,8 @@ const NEGLIGIBLE: f64 = 1e-9;
 ///
 /// # Errors
 ///
-/// Those of [`check_enlarge`], and [`Error::Effort`] for an effort that is negative or not finite.
+/// The errors of [`check_enlarge`], and [`Error::Effort`] for an effort that is negative or not
+/// finite.
 pub fn enlarge(existing: &Design, n: usize, options: &Options) -> Result<Design, Error> {
     check_enlarge(existing, n)?;
     let d = existing.d;
