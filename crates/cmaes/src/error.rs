@@ -13,9 +13,9 @@ pub enum Error {
     Bounds {
         /// The variable, from 0.
         index: usize,
-        /// Its lower bound.
+        /// Lower bound of the variable.
         lower: f64,
-        /// Its upper bound.
+        /// Upper bound of the variable.
         upper: f64,
     },
     /// The start point and the bounds disagree about the number of variables.
@@ -63,7 +63,7 @@ pub enum Error {
     Tolerance {
         /// The option's name.
         name: &'static str,
-        /// Its value.
+        /// Value of the option.
         value: f64,
     },
     /// `tell` got another number of evaluations than there are candidates.

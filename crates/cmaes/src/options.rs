@@ -16,7 +16,8 @@ pub struct Options {
     /// Whether the worst candidates reduce the variance in their direction (negative weights, the
     /// tutorial's default) or are ignored.
     pub active: bool,
-    /// How often an out-of-bounds candidate is drawn again before it is moved to the boundary.
+    /// Number of times an out-of-bounds candidate is drawn again before it is moved to the
+    /// boundary.
     pub resamples: usize,
     /// The search stops when the values of a whole window of generations differ by less than this.
     pub value_tolerance: f64,

@@ -117,7 +117,7 @@ mod tests {
                 let negative: f64 = p.weights[parents..].iter().sum();
                 assert!((positive - 1.0).abs() < 1e-12);
                 assert!(p.c_1 > 0.0 && p.c_mu >= 0.0 && p.c_1 + p.c_mu <= 1.0);
-                // What is left of C after decay and the largest effect of negative weights, section
+                // The rest of C after decay and the largest effect of negative weights, section
                 // B.1.
                 let left = 1.0 - p.c_1 - p.c_mu + dimension as f64 * p.c_mu * negative;
                 assert!(left >= -1e-12, "{dimension} {population} {parents}: {left}");

@@ -5,7 +5,7 @@ use std::fmt;
 use crate::{CmaEs, Error, Evaluation, Options, Stop};
 use rand::{Rng, RngExt as _};
 
-/// Where and how a run starts again after a search has stopped.
+/// The restarts of a run after a search has stopped.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Restarts {
     /// From the best design so far, with the same population and the initial step. While all
@@ -25,14 +25,14 @@ pub enum Restarts {
     Bipop,
 }
 
-/// How to spend a budget of evaluations.
+/// Settings of a [`Run`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct RunOptions {
     /// Settings of the first search.
     pub search: Options,
     /// Budget of the run, restarts included; all of it is used.
     pub evaluations: usize,
-    /// What follows when a search stops.
+    /// The restarts after a search has stopped.
     pub restarts: Restarts,
 }
 

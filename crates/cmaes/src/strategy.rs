@@ -177,7 +177,8 @@ impl CmaEs {
         self.sigma
     }
 
-    /// The best candidate told so far (the first of equals) and its evaluation; none if all failed.
+    /// The best candidate told so far (the first of equals) and its evaluation; `None` if all
+    /// failed.
     #[must_use]
     pub fn best(&self) -> Option<(&[f64], Evaluation)> {
         self.best

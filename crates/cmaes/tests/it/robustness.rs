@@ -72,7 +72,7 @@ impl TryRng for Counting {
     }
 }
 
-/// From a corner of 20 variables, one draw in a million is inside: redrawing must give up.
+/// From a corner of 20 variables, one draw in a million is inside: redraws must be limited.
 #[test]
 fn redrawing_is_capped() {
     let start = [1.0; 20];
