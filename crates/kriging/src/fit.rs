@@ -22,12 +22,12 @@ use crate::{Error, Warning};
 use stages::SUBSET_TOLERANCE;
 use starts::Search;
 
-/// How to search for the parameters of the covariance.
+/// Options of the search for the parameters of the covariance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FitOptions {
     /// The correlation function.
     pub kernel: Kernel,
-    /// What the parameters maximise.
+    /// The criterion that the parameters maximise.
     pub estimator: Estimator,
     /// Seed of the random starts and subsets (stream purpose `Fit`).
     pub seed: u64,

@@ -6,7 +6,7 @@ use crate::{Error, Names, Warning};
 pub struct Guidance<'a> {
     /// The names of coordinates and observations.
     pub names: Names<'a>,
-    /// What the observations of several points are called, as in "percentiles".
+    /// The name of the responses, in the plural, as in "percentiles".
     pub responses: &'a str,
     /// Unit of the response with a space before it, as in " µm"; empty if it has none.
     pub unit: &'a str,
@@ -14,9 +14,9 @@ pub struct Guidance<'a> {
     pub setting: &'a dyn Fn(&str, &str) -> String,
     /// How to leave out these observations (numbers from 0), as in `kriging.leave_out = [41]`.
     pub without: &'a dyn Fn(&[usize]) -> String,
-    /// Where more points come from, as in "more designs (doe.designs)".
+    /// The source of more points, as in "more designs (doe.designs)".
     pub more_points: &'a str,
-    /// Where less noise comes from, as in "more samples (sampling.samples_per_design)".
+    /// The source of less noise, as in "more samples (sampling.samples_per_design)".
     pub less_noise: &'a str,
 }
 

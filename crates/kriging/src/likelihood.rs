@@ -64,7 +64,7 @@ pub(crate) fn point(columns: &[Vec<f64>], k: usize) -> Vec<f64> {
     columns.iter().map(|column| column[k]).collect()
 }
 
-/// What an evaluation computes beyond the value.
+/// The quantities that an evaluation computes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]
 pub(crate) enum Order {
     Value,

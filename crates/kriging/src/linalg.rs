@@ -85,7 +85,7 @@ impl Lower {
         Self { n, values }
     }
 
-    /// Its memory, for [`Lower::in_memory`].
+    /// The memory of the matrix, for [`Lower::in_memory`].
     pub(crate) fn into_memory(self) -> Vec<f64> {
         self.values
     }

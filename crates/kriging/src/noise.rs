@@ -26,7 +26,7 @@ const SUBSET: usize = 500;
 ///
 /// # Errors
 ///
-/// Those of [`fit()`], for fewer than two positive variances, for example.
+/// The errors of [`fit()`], for fewer than two positive variances, for example.
 pub fn smoothed_noise(
     x: &[f64],
     d: usize,

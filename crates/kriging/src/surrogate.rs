@@ -16,7 +16,7 @@ use crate::{Error, LeaveOneOut, Trend, Warning};
 /// 24 n² bytes, 2.4 GB here, and minutes.
 const MANY: usize = 10_000;
 
-/// Which observations a prediction uses.
+/// The observations that a prediction uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
@@ -46,7 +46,7 @@ impl Response {
     }
 }
 
-/// How to fit a [`Surrogate`].
+/// Settings of a fit of a [`Surrogate`].
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Settings {
     /// The search for the parameters.
@@ -106,9 +106,9 @@ impl Surrogate {
     ///
     /// # Errors
     ///
-    /// Those of [`fit()`] and [`fit_vecchia`]; [`Error::ExactOnly`] where the method is the approximate one
-    /// and the settings ask for a linear trend or a nugget; [`Error::Logarithm`] for the logarithm of an
-    /// observation that is not positive.
+    /// The errors of [`fit()`] and [`fit_vecchia`]; [`Error::ExactOnly`] where the method is the
+    /// approximate one and the settings ask for a linear trend or a nugget; [`Error::Logarithm`]
+    /// for the logarithm of an observation that is not positive.
     pub fn fit(data: &Data<'_>, settings: &Settings) -> Result<Self, Error> {
         let response = settings.response;
         let logarithms = match response {

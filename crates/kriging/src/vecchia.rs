@@ -45,12 +45,12 @@ use crate::{Error, Estimator, FitOptions, Warning};
 use conditional::Conditional;
 use neighbours::{max_min_order, nearest, nearest_earlier};
 
-/// How to fit by nearest-neighbour conditioning.
+/// Options of a fit by nearest-neighbour conditioning.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VecchiaOptions {
     /// The correlation function.
     pub kernel: Kernel,
-    /// How the subset's parameters are estimated.
+    /// The estimator of the subset's parameters.
     pub estimator: Estimator,
     /// Seed of the subset, of its fit's starts and of the order's first point.
     pub seed: u64,
@@ -100,7 +100,7 @@ pub struct Vecchia {
 ///
 /// # Errors
 ///
-/// Those of [`crate::fit`] for unusable data (no nugget is estimated here), and
+/// The errors of [`crate::fit`] for unusable data (no nugget is estimated here), and
 /// [`Error::OutOfRange`] for options of zero.
 pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia, Error> {
     let counts = [

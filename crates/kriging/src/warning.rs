@@ -10,7 +10,7 @@ pub enum Warning {
     /// The likelihood hardly prefers the fitted covariance to a constant plus noise: the model may
     /// have found no dependence on x at all.
     NoStructure {
-        /// By how much the model's log likelihood exceeds that of independent observations around a
+        /// Gain of the model's log likelihood over that of independent observations around a
         /// constant.
         gain: f64,
         /// The gain below which this warning is given: the number of fitted ranges, as Akaike's
@@ -39,7 +39,7 @@ pub enum Warning {
     },
     /// All points agree in this coordinate, so the model does not depend on it.
     IgnoredCoordinate {
-        /// Which coordinate, from 0.
+        /// Index of the coordinate, from 0.
         coordinate: usize,
     },
     /// Observations at equal x were merged into one (precision-weighted mean).
@@ -80,12 +80,12 @@ pub enum Warning {
     /// The likelihood hardly changes when one of these ranges is halved or doubled (by less than half
     /// a unit of its logarithm, σ² following): the data do not determine them.
     FlatRanges {
-        /// Which coordinates, from 0.
+        /// Indices of the coordinates, from 0.
         coordinates: Vec<usize>,
     },
     /// The ranges of some coordinates ended at a bound of the search.
     RangesAtBound {
-        /// Which coordinates, from 0.
+        /// Indices of the coordinates, from 0.
         coordinates: Vec<usize>,
         /// True at the upper bound (the response hardly depends on these coordinates, or linearly),
         /// false at the lower one (neighbouring points are uncorrelated).
@@ -108,10 +108,10 @@ pub enum Warning {
 /// An observation far from its leave-one-out prediction.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Outlier {
-    /// Its number among the observations given, from 0; the first one where several at one point
-    /// were merged.
+    /// Number of the observation among those given, from 0; the first one where several at one
+    /// point were merged.
     pub observation: usize,
-    /// Its leave-one-out residual over the residual's standard deviation.
+    /// Leave-one-out residual of the observation over the residual's standard deviation.
     pub standardised: f64,
 }
 

@@ -4,7 +4,7 @@
 //! Wright, "Numerical Optimization" (2006), sections 16.7, 18.3); the curvature comes from the problem
 //! at the start and, if asked for, after the first few iterations. Each step is cut back until it lies
 //! in the box, the function can be evaluated and the value has fallen far enough. If the quasi-Newton
-//! direction fails, one gradient step is tried before the search gives up. The value never rises.
+//! direction fails, one gradient step is tried before the search ends. The value never rises.
 
 use crate::likelihood::Evaluation;
 use crate::linalg::{Lower, Spd, dot};

@@ -18,7 +18,7 @@ const CONFIDENCE: f64 = 0.99;
 pub(crate) struct Residual {
     /// Observation minus prediction, in units of y.
     pub(crate) residual: f64,
-    /// Its variance, the noise of the observation included, in units of y².
+    /// Variance of the residual, the noise of the observation included, in units of y².
     pub(crate) variance: f64,
     /// The noise variance of the observation, a nugget included, in units of y².
     pub(crate) noise: f64,

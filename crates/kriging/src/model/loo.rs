@@ -7,8 +7,8 @@ use super::calibration::{Residual, Z_TWO_SIDED_90};
 use crate::data::Points;
 use crate::warning::{Outlier, Warning};
 
-/// How well each observation is predicted from all others, with the covariance parameters kept and
-/// the trend estimated anew.
+/// Validation of each observation's prediction from all others, with the covariance parameters kept
+/// and the trend estimated anew.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeaveOneOut {
     /// Numbers of the observations, from 0: the first one of each distinct point, in increasing order.

@@ -23,8 +23,8 @@ impl Model {
     ///
     /// # Errors
     ///
-    /// Those of [`crate::fit`] for unusable data; [`Error::Shape`] if `data` has another number of
-    /// coordinates than the model.
+    /// The errors of [`crate::fit`] for unusable data; [`Error::Shape`] if `data` has another
+    /// number of coordinates than the model.
     pub fn with_points(&self, data: &Data<'_>) -> Result<Self, Error> {
         let d = self.points.d;
         check_length("every point", d, data.d)?;
