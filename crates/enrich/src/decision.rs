@@ -13,7 +13,7 @@ pub(crate) const Z95: f64 = 1.959_963_984_540_054;
 pub enum Infill {
     /// A new design.
     New {
-        /// Its variables, in the caller's units; feasible by the exact constraints.
+        /// Variables of the design, in the caller's units; feasible by the exact constraints.
         x: Vec<f64>,
         /// Number of samples to take.
         samples: u32,
@@ -49,10 +49,10 @@ pub enum Reason {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Recommendation {
-    /// Its index in [`State::sampled`](crate::State::sampled): the feasible design with the lowest upper
-    /// quantile in the best basin.
+    /// Index of the design in [`State::sampled`](crate::State::sampled): the feasible design with
+    /// the lowest upper quantile in the best basin.
     pub design: usize,
-    /// Its variables.
+    /// Variables of the design.
     pub x: Vec<f64>,
     /// The model's prediction of the response there, µm.
     pub predicted_um: f64,

@@ -96,12 +96,12 @@ pub enum Note {
         /// Root mean square of the leave-one-out residuals of the model of all designs at the nearest
         /// designs, µm.
         global_rmse: f64,
-        /// The same of the local model, µm.
+        /// The same for the local model, µm.
         local_rmse: f64,
     },
     /// The search chose a new design that is an existing one, which gets more samples instead.
     Repeated {
-        /// Its index in [`State::sampled`](crate::State::sampled).
+        /// Index of the existing design in [`State::sampled`](crate::State::sampled).
         design: usize,
     },
     /// Every infill point of the last round failed.

@@ -11,7 +11,7 @@ use crate::state::Rows;
 enum Scale {
     /// The response, µm.
     Plain,
-    /// Its logarithm.
+    /// The logarithm of the response.
     Logarithm,
     /// The response minus its baseline, µm.
     AboveBaseline,
