@@ -355,7 +355,7 @@ impl Column {
     }
 }
 
-/// Where a height lies.
+/// The place of a height.
 enum Level<'a> {
     /// At or below the lowest panel.
     Root,

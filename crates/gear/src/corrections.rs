@@ -13,7 +13,7 @@ use crate::error::{InputError, UnknownName};
 use crate::geometry::Geometry;
 use crate::input::{Member, named, within};
 
-/// How tip relief grows from its start to the tip.
+/// The growth of tip relief from its start to the tip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ReliefShape {
     /// In proportion to the distance from its start.

@@ -311,7 +311,7 @@ mod tests {
         }
     }
 
-    /// What makes the expansion one of Karhunen and Loève: modes are orthogonal over the interval,
+    /// The properties of a Karhunen–Loève expansion: modes are orthogonal over the interval,
     /// strongest first, and eigenfunctions of the covariance, ∫ k(θ, t) ψ(t) dt = λ ψ(θ).
     #[test]
     fn modes_are_eigenfunctions() {

@@ -1,7 +1,7 @@
 //! The mesh of one pair: where its teeth touch, how stiffly, and the deflection δ over a mesh period.
 //!
-//! How the load of a phase is shared is one of three calculations behind the trait `Balance`:
-//! slices of straight flanks (`slices`), of crowned ones (`crowned`), or whole teeth (`whole_face`).
+//! One of three calculations behind the trait `Balance` shares out the load of a phase: slices of
+//! straight flanks (`slices`), of crowned ones (`crowned`), or whole teeth (`whole_face`).
 
 use crate::balance::{Extremes, Frame};
 use crate::crowned::{CrownedBalance, Piece};

@@ -19,9 +19,9 @@ use crate::pair::Pair;
 pub struct Reading {
     /// The law of wear with its depth or coefficient.
     pub law: WearLaw,
-    /// How teeth deform.
+    /// The model of the deformation of teeth.
     pub tooth_model: ToothModel,
-    /// What happens to tips without clearance.
+    /// The treatment of tips without clearance.
     pub tip_rule: TipRule,
 }
 
@@ -53,7 +53,7 @@ pub struct Value {
     pub ours: f64,
 }
 
-/// How a reading compares with the paper.
+/// The comparison of a reading with the paper.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Score {
     /// The reading.

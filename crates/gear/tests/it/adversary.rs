@@ -29,7 +29,7 @@ const HOSTILE: [f64; 10] = [
     1e300,
 ];
 
-/// How often each outcome was met: `feasible`, `input`, or the code of a refusal.
+/// Number of times each outcome was met: `feasible`, `input`, or the code of a refusal.
 pub(crate) type Outcomes = BTreeMap<&'static str, u64>;
 
 /// Simulates `count` pairs and checks each. Half of them come from workshop gears to the corners
