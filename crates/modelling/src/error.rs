@@ -15,7 +15,7 @@ pub enum Error {
     Fit {
         /// The table's file, as the user named it.
         file: String,
-        /// What is wrong and what would help.
+        /// The error, and what would help.
         reason: String,
     },
     /// The model cannot be written or evaluated.

@@ -3,7 +3,7 @@ use kriging::{Data, Guidance, Method, Names, Settings, Surrogate};
 use crate::summary::{self, Summary};
 use crate::{Error, ModelFile, Quantity, Table};
 
-/// Which columns to fit, and how.
+/// The columns to fit, and the settings of the fit.
 #[derive(Debug, Clone)]
 pub struct Request {
     /// The column of observations.
@@ -15,7 +15,7 @@ pub struct Request {
     pub inputs: Option<Vec<String>>,
     /// Whether to estimate a nugget; by default if there is no column of noise variances.
     pub nugget: Option<bool>,
-    /// How to fit. The nugget's setting is replaced by the one above.
+    /// Settings of the fit. The nugget's setting is replaced by the one above.
     pub settings: Settings,
 }
 
