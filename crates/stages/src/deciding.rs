@@ -1,7 +1,7 @@
 //! Rounds of infill: from the store's rows to a decision, and back.
 //!
-//! What a round decides follows from rows and seed alone, so a coordinator that was killed before
-//! the decision was on disk makes the same one again.
+//! The decision of a round follows from rows and seed alone, so a coordinator that was killed
+//! before the decision was on disk makes the same one again.
 
 use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet};

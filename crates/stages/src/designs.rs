@@ -8,7 +8,7 @@ use store::DesignRow;
 ///
 /// # Errors
 ///
-/// Those of [`check_growth`]; nothing else for a validated campaign.
+/// The errors of [`check_growth`]; nothing else for a validated campaign.
 pub fn make(problem: &Problem, existing: &[DesignRow]) -> anyhow::Result<Vec<DesignRow>> {
     let campaign = problem.campaign();
     let options = doe::Options {

@@ -1,4 +1,4 @@
-//! What a campaign does next, as pure decisions and pure steps.
+//! The next steps of a campaign, as pure decisions and pure steps.
 //!
 //! - [`plan`] decides which samples and runs are missing and which local step comes next: from the
 //!   [`state`] of a campaign, which [`snapshot`] reads from its store. [`wanted`] turns that into

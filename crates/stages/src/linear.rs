@@ -31,7 +31,7 @@ impl LinearResponse {
         2 * self.slopes.len() as u64
     }
 
-    /// Its mean and standard deviation, µm.
+    /// Mean and standard deviation of the linear response, µm.
     #[must_use]
     pub fn moments(&self) -> stats::Control {
         stats::Control {
@@ -45,7 +45,7 @@ impl LinearResponse {
         }
     }
 
-    /// Its value for the sample that is drawn from `rng`, µm.
+    /// Value of the linear response for the sample that is drawn from `rng`, µm.
     pub fn of_sample(&self, rng: &mut StreamRng) -> f64 {
         let coefficients = gear::draw_coefficients(rng, self.slopes.len());
         self.slopes

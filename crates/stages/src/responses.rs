@@ -26,9 +26,9 @@ pub struct Samples<'a> {
 /// Whether a design has enough samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sampled {
-    /// It has enough; its response is computed from so many of them.
+    /// The design has enough samples; its response is computed from so many of them.
     Enough(usize),
-    /// It needs more samples.
+    /// The design needs more samples.
     Wants {
         /// Number of samples needed.
         samples: usize,

@@ -14,7 +14,7 @@ use crate::cost::Cost;
 /// A round as the store keeps it, read.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Round {
-    /// Its row.
+    /// The row of the round.
     pub row: RoundRow,
     /// The best design at the time of the decision.
     pub recommendation: Option<Recommendation>,

@@ -31,7 +31,7 @@ pub struct Progress {
     pub stream: StreamId,
     /// Evaluations so far.
     pub evaluations: u64,
-    /// The evaluations with which it ends, unless it has to continue then.
+    /// The number of evaluations with which the run ends, unless it has to continue then.
     pub budget: u64,
     /// The improvements so far, as in [`RunResult`].
     pub history: Vec<(u64, f64)>,

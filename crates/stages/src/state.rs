@@ -10,7 +10,7 @@ use ledger::StreamId;
 /// A point that gets verification samples.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VerifyPoint {
-    /// Its name in the store.
+    /// Name of the point in the store.
     pub name: String,
     /// The number that names its random streams.
     pub number: u64,
@@ -36,13 +36,13 @@ impl VerifyPoint {
 /// A design of the DoE that lacks samples.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OpenDesign {
-    /// Its index in the DoE.
+    /// Index of the design in the DoE.
     pub design: u32,
     /// The variables that the DoE moves.
     pub x: Vec<f64>,
     /// Number of samples that it is to have.
     pub samples: u32,
-    /// Those of them that are missing, disjoint and ascending.
+    /// The missing ones of them, disjoint and ascending.
     pub missing: Vec<Range<u32>>,
 }
 
@@ -51,7 +51,7 @@ pub struct OpenDesign {
 pub struct State {
     /// Number of designs of the DoE that are made.
     pub designs: usize,
-    /// Those of them that lack samples, ascending.
+    /// The designs of the DoE that lack samples, ascending.
     pub open: Vec<OpenDesign>,
     /// Whether the responses of all designs are stored.
     pub has_responses: bool,
