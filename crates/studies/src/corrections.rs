@@ -58,7 +58,7 @@ pub fn spaces(campaign: &Campaign) -> anyhow::Result<Vec<Space>> {
 ///
 /// # Errors
 ///
-/// Those of the simulations.
+/// The errors of the simulations.
 pub fn run(
     simulations: &dyn Simulations,
     problem: &Problem,

@@ -127,9 +127,9 @@ pub struct Corrected {
 pub struct Found {
     /// The design.
     pub design: Corrected,
-    /// Its P90 with the search's own random numbers, µm.
+    /// P90 of the design with the search's own random numbers, µm.
     pub p90_um: f64,
-    /// Its criteria, with the pressure under Archard's wear.
+    /// Criteria of the design, with the pressure under Archard's wear.
     pub criteria: GearCriteria,
 }
 
@@ -176,7 +176,7 @@ pub fn verification(problem: &Problem, design: &Corrected, number: u64) -> Reque
 ///
 /// # Errors
 ///
-/// Those of the simulations.
+/// The errors of the simulations.
 pub fn search(
     simulations: &dyn Simulations,
     problem: &Problem,

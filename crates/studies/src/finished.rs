@@ -105,7 +105,7 @@ pub fn base(problem: &Problem, optima: &[Optimum]) -> Design {
 ///
 /// # Errors
 ///
-/// Those of the simulations.
+/// The errors of the simulations.
 pub fn base_anew(simulations: &dyn Simulations, problem: &Problem) -> anyhow::Result<Design> {
     let campaign = problem.campaign();
     let printed = problem.base().clone();

@@ -101,8 +101,8 @@ pub fn choose<'a>(
 ///
 /// # Errors
 ///
-/// Those of the simulations, or the design cannot be simulated; none of the latter for one from the
-/// campaign's store.
+/// The errors of the simulations, or the design cannot be simulated; none of the latter for one
+/// from the campaign's store.
 pub fn scenarios(
     simulations: &dyn Simulations,
     problem: &Problem,
@@ -146,8 +146,8 @@ pub fn scenarios(
 ///
 /// # Errors
 ///
-/// Those of the simulations; or the design has no module, tolerances leave no design that can be
-/// simulated, or nothing varies.
+/// The errors of the simulations; or the design has no module, tolerances leave no design that can
+/// be simulated, or nothing varies.
 pub fn indices(
     simulations: &dyn Simulations,
     problem: &Problem,

@@ -28,7 +28,7 @@ pub enum Answer {
     Refused(String),
     /// The variant was simulated.
     Simulated {
-        /// Its criteria, with the contact pressure under Archard's wear.
+        /// Criteria of the variant, with the contact pressure under Archard's wear.
         criteria: GearCriteria,
         /// ΔSTE of the samples asked for, µm; empty for a variant that breaks a constraint, if only
         /// feasible variants are to be sampled.

@@ -233,8 +233,8 @@ fn front_of(points: &[Point], against: Against, p90: fn(&Point) -> f64) -> Vec<u
 ///
 /// # Errors
 ///
-/// Those of the simulations, or a design cannot be simulated again; none of the latter for a store of
-/// this version.
+/// The errors of the simulations, or a design cannot be simulated again; none of the latter for a
+/// store of this version.
 pub fn front_of_doe(
     simulations: Option<&dyn Simulations>,
     problem: &Problem,
@@ -283,7 +283,7 @@ fn verify(
 ///
 /// # Errors
 ///
-/// Those of the simulations.
+/// The errors of the simulations.
 pub fn refine(
     simulations: &dyn Simulations,
     problem: &Problem,
