@@ -10,9 +10,9 @@ pub(crate) type Failed = Box<dyn std::error::Error>;
 /// A warning, a refusal or a reason that the code returned.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Detection {
-    /// Its name in the code.
+    /// Name of the detection in the code.
     pub name: String,
-    /// Its message; empty for a state that has none.
+    /// Message of the detection; empty for a state that has none.
     pub message: String,
 }
 
