@@ -158,8 +158,8 @@ impl CmaEs {
         Ok(())
     }
 
-    /// Why the search should end, if it should. A stopped search can still be asked and told, but
-    /// gains nothing from it; the reason stays the first one.
+    /// The reason to end the search, if there is one. A stopped search can still be asked and told,
+    /// but gains nothing from it; the first reason stays.
     #[must_use]
     pub fn stop(&self) -> Option<Stop> {
         self.stop
