@@ -116,7 +116,7 @@ pub enum Error {
     )]
     NotPositiveDefinite {
         /// Number of the first observation, from 0, whose row depends on those before it in the last
-        /// factorisation; none if every factorisation succeeded but the trend's.
+        /// factorisation; `None` if every factorisation succeeded but the trend's.
         observation: Option<usize>,
         /// The largest jitter tried, relative to the process variance.
         jitter: f64,

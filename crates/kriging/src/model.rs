@@ -183,7 +183,7 @@ impl Model {
         sum
     }
 
-    /// Puts a model together from what its predictions need; everything else is computed on demand.
+    /// Assembles a model from the numbers that predictions need; the rest is computed on demand.
     /// The same input gives the same bits of every prediction.
     pub(crate) fn assemble(
         kernel: Kernel,

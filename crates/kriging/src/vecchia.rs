@@ -232,7 +232,7 @@ fn likelihood(
 }
 
 impl Vecchia {
-    /// Puts a model together from what its predictions need.
+    /// Assembles a model from the numbers that predictions need.
     pub(crate) fn assemble(
         kernel: Kernel,
         points: Points,
