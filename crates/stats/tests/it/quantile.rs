@@ -40,7 +40,7 @@ fn harrell_davis_weights_are_integrals_of_the_beta_density() {
     );
 }
 
-/// On exponential samples each estimator's bias is what its definition says.
+/// On exponential samples each estimator's bias follows from its definition.
 #[test]
 fn order_statistics_serve_where_samples_are_skewed() {
     let (truth, repeats, n) = (10.0_f64.ln(), 4000, 100);
