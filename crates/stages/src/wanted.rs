@@ -13,7 +13,7 @@ use crate::{constraints, names};
 /// Requests to workers.
 #[derive(Debug, Clone, Default)]
 pub struct Asked {
-    /// The streams, each with what is missing of it.
+    /// The streams, each with its missing units.
     pub streams: Vec<Wanted<Arc<Source>>>,
     /// The generations of runs and points by their names in the store, which accepts no others.
     pub generations: Vec<(String, u64)>,
