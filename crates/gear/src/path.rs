@@ -49,9 +49,9 @@ pub(crate) struct Window {
 /// The places where a line of contact takes its compliance and gap.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Touch {
-    /// At every place that it covers.
+    /// At every place that the line covers.
     Everywhere,
-    /// In the middle of what it covers.
+    /// In the middle of the places that the line covers.
     Middle,
 }
 
