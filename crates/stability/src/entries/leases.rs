@@ -98,7 +98,7 @@ fn campaign_with_pauses(pause: f64) -> Result<[f64; 3], Failed> {
                 if is_needed && now < worker.done_at {
                     continue;
                 }
-                // A lease that is no longer needed is dropped with what was computed of it.
+                // A lease that is no longer needed is dropped, with its computed samples.
                 computed += samples_of(grant);
                 if is_needed {
                     let mut delivery = all_of(grant);
