@@ -55,7 +55,7 @@ pub struct Simulation {
     /// The wear that `ste_um`, `delta_ste_um` and `hertz_pressure_mpa` are for; with random wear
     /// they are for its mean, Archard's wear.
     pub wear: WearChoice,
-    /// The pair's constraints, those of the file and the defaults; none for a pair that is not
+    /// The pair's constraints, those of the file and the defaults; empty for a pair that is not
     /// simulable.
     #[serde(serialize_with = "constraints::serialize")]
     pub constraints: Vec<Constraint>,
