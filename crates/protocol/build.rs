@@ -14,7 +14,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     )?;
     let mut code = tonic_prost_build::configure();
     // Shards are files of leases.
-    for message in ["Unit", "LeaseId", "Lease", "Design", "Candidate", "Variant", "TipRelief"] {
+    for message in [
+        "Unit",
+        "LeaseId",
+        "Lease",
+        "Design",
+        "Candidate",
+        "Variant",
+        "TipRelief",
+    ] {
         code = code.type_attribute(
             format!("pitchline.v2.{message}"),
             "#[derive(serde::Serialize, serde::Deserialize)]",

@@ -8,13 +8,24 @@ use crate::campaign::{digest, export};
 /// Plans the present stage into a folder of this name; its parts' names, or none if nothing is left.
 fn plan(sandbox: &Sandbox, folder: &str, shards: &str) -> Vec<String> {
     let output = sandbox.coordinator(&[
-        "plan", "small.toml", "--db", "sharded.db", "--shards", shards, "--out", folder,
-        "--report", "sharded-report", "--json",
+        "plan",
+        "small.toml",
+        "--db",
+        "sharded.db",
+        "--shards",
+        shards,
+        "--out",
+        folder,
+        "--report",
+        "sharded-report",
+        "--json",
     ]);
     assert_code(&output, 0);
     let planned: Value = serde_json::from_str(&printed(&output)).expect("one JSON object");
     let shards = planned["shards"].as_array().expect("shards");
-    let names = shards.iter().map(|shard| shard.as_str().expect("a path").to_owned());
+    let names = shards
+        .iter()
+        .map(|shard| shard.as_str().expect("a path").to_owned());
     names.collect()
 }
 
@@ -27,7 +38,10 @@ fn compute(sandbox: &Sandbox, shard: &str) -> String {
 
 fn merge(sandbox: &Sandbox, parts: &[String]) -> std::process::Output {
     let parts = parts.iter().map(String::as_str);
-    let arguments: Vec<&str> = ["merge", "--db", "sharded.db"].into_iter().chain(parts).collect();
+    let arguments: Vec<&str> = ["merge", "--db", "sharded.db"]
+        .into_iter()
+        .chain(parts)
+        .collect();
     sandbox.coordinator(&arguments)
 }
 
@@ -35,7 +49,14 @@ fn merge(sandbox: &Sandbox, parts: &[String]) -> std::process::Output {
 fn shards_give_the_results_of_a_connected_campaign() {
     let sandbox = Sandbox::new();
     sandbox.write("small.toml", &small_campaign(60, 12));
-    let run = ["run", "small.toml", "--db", "local.db", "--out", "local-report"];
+    let run = [
+        "run",
+        "small.toml",
+        "--db",
+        "local.db",
+        "--out",
+        "local-report",
+    ];
     assert_code(&sandbox.coordinator(&run), 0);
     let mut stages = 0;
     loop {
@@ -43,7 +64,10 @@ fn shards_give_the_results_of_a_connected_campaign() {
         if shards.is_empty() {
             break;
         }
-        let parts: Vec<String> = shards.iter().map(|shard| compute(&sandbox, shard)).collect();
+        let parts: Vec<String> = shards
+            .iter()
+            .map(|shard| compute(&sandbox, shard))
+            .collect();
         assert_code(&merge(&sandbox, &parts), 0);
         // Again: harmless.
         assert_code(&merge(&sandbox, &parts), 0);
@@ -65,13 +89,20 @@ fn parts_that_do_not_fit_are_named_and_nothing_of_them_is_stored() {
     sandbox.write("small.toml", &small_campaign(30, 8));
     let shards = plan(&sandbox, "stage", "3");
     assert_eq!(shards.len(), 3);
-    let parts: Vec<String> = shards.iter().map(|shard| compute(&sandbox, shard)).collect();
+    let parts: Vec<String> = shards
+        .iter()
+        .map(|shard| compute(&sandbox, shard))
+        .collect();
     let samples = || sandbox.status("sharded.db").expect("a store")["samples"]["done"].clone();
 
     let twice = [&parts[..1], &parts[..1]].concat();
     let output = merge(&sandbox, &twice);
     assert_code(&output, 2);
-    assert!(errors(&output).contains("same shard, number 1"), "{}", errors(&output));
+    assert!(
+        errors(&output).contains("same shard, number 1"),
+        "{}",
+        errors(&output)
+    );
 
     // Damage in the middle, and a file that is none.
     let whole = std::fs::read(sandbox.path(&parts[1])).unwrap();
@@ -82,39 +113,75 @@ fn parts_that_do_not_fit_are_named_and_nothing_of_them_is_stored() {
     let with = |part: &str| merge(&sandbox, &[parts[0].clone(), part.to_owned()]);
     let output = with("damaged.part");
     assert_code(&output, 3);
-    assert!(errors(&output).contains("damaged.part is damaged at byte"), "{}", errors(&output));
+    assert!(
+        errors(&output).contains("damaged.part is damaged at byte"),
+        "{}",
+        errors(&output)
+    );
     let output = with("small.toml");
     assert_code(&output, 3);
-    assert!(errors(&output).contains("is not a part"), "{}", errors(&output));
+    assert!(
+        errors(&output).contains("is not a part"),
+        "{}",
+        errors(&output)
+    );
 
     // Another campaign's.
-    sandbox.write("other.toml", &small_campaign(30, 8).replacen("seed = ", "seed = 1", 1));
-    let other = ["plan", "other.toml", "--db", "other.db", "--shards", "1", "--out", "other"];
+    sandbox.write(
+        "other.toml",
+        &small_campaign(30, 8).replacen("seed = ", "seed = 1", 1),
+    );
+    let other = [
+        "plan",
+        "other.toml",
+        "--db",
+        "other.db",
+        "--shards",
+        "1",
+        "--out",
+        "other",
+    ];
     assert_code(&sandbox.coordinator(&other), 0);
     let foreign = compute(&sandbox, "other/1.json");
     let output = with(&foreign);
     assert_code(&output, 6);
-    assert!(errors(&output).contains("is of another campaign"), "{}", errors(&output));
+    assert!(
+        errors(&output).contains("is of another campaign"),
+        "{}",
+        errors(&output)
+    );
     assert_eq!(samples(), 0, "a refused merge stores nothing");
 
     // A missing one is named, and the rest is stored.
     let output = merge(&sandbox, &parts[..2]);
     assert_code(&output, 13);
-    assert!(printed(&output).contains("no part of shard 3"), "{}", printed(&output));
+    assert!(
+        printed(&output).contains("no part of shard 3"),
+        "{}",
+        printed(&output)
+    );
     assert_ne!(samples(), 0);
 
     // A worker that was stopped in the middle: its part is continued.
     std::fs::write(sandbox.path(&parts[1]), &whole[..whole.len() - 5]).unwrap();
     let output = merge(&sandbox, &parts);
     assert_code(&output, 13);
-    assert!(printed(&output).contains("unfinished"), "{}", printed(&output));
+    assert!(
+        printed(&output).contains("unfinished"),
+        "{}",
+        printed(&output)
+    );
     compute(&sandbox, &shards[1]);
     assert_code(&merge(&sandbox, &parts), 0);
 
     // The part of another shard is not written over.
     let output = sandbox.run("worker", &["--shard", &shards[0], "--out", &parts[1]]);
     assert_code(&output, 4);
-    assert!(errors(&output).contains("another shard"), "{}", errors(&output));
+    assert!(
+        errors(&output).contains("another shard"),
+        "{}",
+        errors(&output)
+    );
     let output = sandbox.run("worker", &["--shard", "small.toml", "--out", "x.part"]);
     assert_code(&output, 3);
 }

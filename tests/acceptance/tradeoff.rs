@@ -49,19 +49,25 @@ fn studies_are_measured_once_and_shown_on_one_page() {
     );
     let own = |line: &&str| line.contains(",64 × 32,1,");
     assert_eq!(grids.lines().filter(own).count(), 1, "{grids}");
-    let table = |study: &str| {
-        std::fs::read_to_string(sandbox.path(&format!("out/{study}.csv"))).unwrap()
-    };
+    let table =
+        |study: &str| std::fs::read_to_string(sandbox.path(&format!("out/{study}.csv"))).unwrap();
     assert!(table("optimisation").contains("enriched"));
     let runner = table("runner");
     for (workers, setting) in [
         ("1 worker", "built-in simulator"),
         ("2 workers", "1 ms a sample"),
     ] {
-        assert!(runner.contains(&format!("{workers},{setting},")), "{runner}");
+        assert!(
+            runner.contains(&format!("{workers},{setting},")),
+            "{runner}"
+        );
     }
-    let left = std::fs::read_dir(sandbox.path("out")).unwrap().map(|entry| entry.unwrap().path());
-    let left: Vec<_> = left.filter(|path| path.is_dir() && !path.ends_with("charts")).collect();
+    let left = std::fs::read_dir(sandbox.path("out"))
+        .unwrap()
+        .map(|entry| entry.unwrap().path());
+    let left: Vec<_> = left
+        .filter(|path| path.is_dir() && !path.ends_with("charts"))
+        .collect();
     assert!(left.is_empty(), "stores of the studies are left: {left:?}");
 
     // What was stopped in the middle is measured again, and nothing else: times would differ.
@@ -74,7 +80,11 @@ fn studies_are_measured_once_and_shown_on_one_page() {
     assert_eq!(lines.matches(": measured before, ").count(), 4, "{lines}");
     assert!(lines.contains("kriging: measured, "), "{lines}");
     let after = STUDIES.map(read);
-    assert!([0, 1, 3, 4].iter().all(|&study| before[study] == after[study]));
+    assert!(
+        [0, 1, 3, 4]
+            .iter()
+            .all(|&study| before[study] == after[study])
+    );
     let page = std::fs::read(sandbox.path("out/tradeoff.html")).unwrap();
 
     // Errors repeat, times do not.

@@ -13,9 +13,7 @@ use std::fmt;
 use rand::RngExt as _;
 use stats::streams::{Purpose, stream};
 
-use crate::file::{
-    Campaign, ControlVariate, FileError, PercentileRule, Source, WearCoefficients,
-};
+use crate::file::{Campaign, ControlVariate, FileError, PercentileRule, Source, WearCoefficients};
 use crate::formulation::Problem;
 
 /// The simulator's table of `tradeoff`, measured in full with the paper's campaign.
@@ -166,10 +164,11 @@ impl Campaign {
         // Something valid, until the choice is made.
         this.sampling.samples_per_design = 30;
         this.validate(source)?;
-        let choice = choice(&this).map_err(|why| {
-            source.refuse("accuracy.tolerance_um", this.tolerance_um(), why)
-        })?;
-        let Some(choice) = choice else { return Ok(this) };
+        let choice = choice(&this)
+            .map_err(|why| source.refuse("accuracy.tolerance_um", this.tolerance_um(), why))?;
+        let Some(choice) = choice else {
+            return Ok(this);
+        };
         this.sampling.samples_per_design = choice.samples;
         this.sampling.percentile = choice.estimator.percentile;
         this.sampling.control = choice.estimator.control;
@@ -259,9 +258,7 @@ fn pilot(campaign: &Campaign) -> Option<[f64; 2]> {
             continue;
         };
         let mut sampler = gears.sampler(&pair);
-        let samples: Vec<f64> = (0..PILOT_SAMPLES)
-            .map(|_| sampler.draw(&mut rng))
-            .collect();
+        let samples: Vec<f64> = (0..PILOT_SAMPLES).map(|_| sampler.draw(&mut rng)).collect();
         let (mean, sd) = stats::mean_sd(&samples).ok()?;
         means.push(mean);
         sds.push(sd);
@@ -411,7 +408,10 @@ mod tests {
         let written = toml::to_string(&chosen).unwrap();
         assert!(!written.contains("tolerance_um = 0.1"), "{written}");
         assert_eq!(parse(&written).digest(), chosen.digest());
-        assert_eq!(Campaign::from_json(&chosen.to_json()).unwrap().digest(), chosen.digest());
+        assert_eq!(
+            Campaign::from_json(&chosen.to_json()).unwrap().digest(),
+            chosen.digest()
+        );
         assert!(parse(&written).extends(&chosen) && chosen.extends(&parse(&written)));
         assert_ne!(parse(Campaign::PAPER).digest(), chosen.digest());
     }
@@ -421,11 +421,17 @@ mod tests {
         let refusal = |text: &str| Campaign::parse("my.toml", text).unwrap_err().to_string();
         let both = format!("{}\n[accuracy]\ntolerance_um = 0.1\n", Campaign::PAPER);
         let message = refusal(&both);
-        assert!(message.contains("sampling.samples_per_design is 30") && message.contains("left out"), "{message}");
+        assert!(
+            message.contains("sampling.samples_per_design is 30") && message.contains("left out"),
+            "{message}"
+        );
         let message = refusal(&(text(0.1) + "cells = 48\n"));
         assert!(message.contains("accuracy.cells"), "{message}");
         let message = refusal(&text(1e-6));
-        assert!(message.contains("accuracy.tolerance_um") && message.contains("at least"), "{message}");
+        assert!(
+            message.contains("accuracy.tolerance_um") && message.contains("at least"),
+            "{message}"
+        );
         let message = refusal(&text(-1.0));
         assert!(message.contains("accuracy.tolerance_um is -1"), "{message}");
         let neither = Campaign::PAPER.replacen("samples_per_design = 30", "", 1);
@@ -439,7 +445,10 @@ mod tests {
             "[enrichment]\ncriterion = \"knowledge-gradient\"\nsamples = 1000\nrounds = 5\npoints_per_round = 5\n\
              samples_per_point = 30\ntolerance_um = 0.01\n",
         );
-        assert_eq!(enriched.estimator.coefficients, WearCoefficients::Independent);
+        assert_eq!(
+            enriched.estimator.coefficients,
+            WearCoefficients::Independent
+        );
         let made = with("[manufacture]\nflank_class = 5\n");
         assert_eq!(made.estimator.percentile, PercentileRule::Chosen);
     }
@@ -450,7 +459,11 @@ mod tests {
             assert!(grids(model.name()).len() >= 10, "{model}");
         }
         for estimator in ESTIMATORS {
-            assert!(estimates().iter().any(|one| one.estimator == estimator), "{}", estimator.name);
+            assert!(
+                estimates().iter().any(|one| one.estimator == estimator),
+                "{}",
+                estimator.name
+            );
         }
     }
 }

@@ -4,8 +4,8 @@
 //!
 //! λ = 10, µ = 5, σ = 0.3 of the range, box [−5, 5]ᵈ, uniform start points, median of 11 seeds.
 //! `reached` counts the seeds that came within 1e-9 of the minimum in one search, without restart.
-//! `own_us` is the CPU time of asking and telling per evaluation, in µs, over whole searches;
-//! `redraws` included, which is why it is longer where bounds cut.
+//! `own_us` is the CPU time of asking and telling per evaluation, in µs, over whole searches. It
+//! includes redraws, and is therefore longer where bounds cut off candidates.
 
 #![expect(clippy::print_stdout, reason = "an example's output is its purpose")]
 
@@ -99,7 +99,7 @@ fn run(problem: &Problem, dimension: usize, active: bool, seed: u64) -> Run {
         }
     }
     let whole = cpu_seconds() - start;
-    // Reading the clock around every call would cost as much as a call.
+    // Timed apart, because reading the clock around every call would cost as much as a call.
     let start = cpu_seconds();
     for x in &evaluated {
         black_box((problem.f)(black_box(x)));
@@ -158,7 +158,7 @@ fn main() {
                     .collect();
                 let mut needed: Vec<usize> = runs.iter().filter_map(|run| run.needed).collect();
                 needed.sort_unstable();
-                // A seed that failed needs more than any that did not.
+                // A seed that failed counts as needing more than any that did not.
                 let median = needed.get(SEEDS as usize / 2);
                 let evaluations: usize = runs.iter().map(|run| run.evaluations).sum();
                 let own: f64 = runs.iter().map(|run| run.own_seconds).sum();

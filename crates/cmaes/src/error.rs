@@ -1,9 +1,9 @@
-//! What can be wrong with a search's inputs.
+//! Errors of a search's inputs.
 
 /// Why a search could not be set up, or could not go on.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Error {
-    /// There is nothing to search over.
+    /// The box has no variables.
     #[error("there is no variable to search over: at least one is needed")]
     NoVariables,
     /// A pair of bounds does not span an interval.
@@ -13,9 +13,9 @@ pub enum Error {
     Bounds {
         /// The variable, from 0.
         index: usize,
-        /// Its lower bound.
+        /// Lower bound of the variable.
         lower: f64,
-        /// Its upper bound.
+        /// Upper bound of the variable.
         upper: f64,
     },
     /// The start point and the bounds disagree about the number of variables.
@@ -38,13 +38,13 @@ pub enum Error {
         /// The upper bound.
         upper: f64,
     },
-    /// The population is too small to be ranked.
+    /// The population has fewer than two candidates, so it cannot be ranked.
     #[error("population is {population}: at least 2 candidates are needed")]
     Population {
         /// The requested population.
         population: usize,
     },
-    /// There must be between one parent and one per candidate.
+    /// The number of parents is zero or exceeds the population.
     #[error("{parents} parents of {population} candidates: 1 to {population} are possible")]
     Parents {
         /// The requested number of parents.
@@ -52,7 +52,7 @@ pub enum Error {
         /// The population.
         population: usize,
     },
-    /// The step size is no fraction of the range.
+    /// The step size is not positive, or is more than 10 ranges.
     #[error("step size is {step} of the range: it must be positive and at most 10")]
     Step {
         /// The requested step.
@@ -63,7 +63,7 @@ pub enum Error {
     Tolerance {
         /// The option's name.
         name: &'static str,
-        /// Its value.
+        /// Value of the option.
         value: f64,
     },
     /// `tell` got another number of evaluations than there are candidates.
@@ -77,13 +77,13 @@ pub enum Error {
     /// `tell` was called with no candidates waiting for their evaluations.
     #[error("evaluations told before any candidate was asked for")]
     NothingAsked,
-    /// The budget is empty.
+    /// The budget allows no evaluation.
     #[error("no evaluation is allowed: at least 1 is needed")]
     NoBudget,
     /// The objective was NaN or +∞ wherever it was evaluated.
     #[error("objective was NaN or infinite at all {evaluations} designs: none can be called best")]
     NothingUsable {
-        /// How many designs were tried.
+        /// Number of designs evaluated.
         evaluations: usize,
     },
 }

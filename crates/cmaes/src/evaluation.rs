@@ -1,17 +1,17 @@
-//! What is known of an evaluated candidate, and which of two is better.
+//! The evaluation of a candidate, and which of two is better.
 
 use std::cmp::Ordering;
 
 /// The result of evaluating one candidate. A plain `f64` converts, with no violation.
 ///
-/// The order is feasibility first: a feasible candidate is better than any infeasible one;
-/// feasible candidates are compared by value, infeasible ones by violation. An evaluation with NaN
-/// or +∞ in either field is a failed one: worse than all others, and all failed ones are equal.
+/// The order is feasibility first: a feasible candidate is better than any infeasible one; feasible
+/// candidates are compared by value, infeasible ones by violation. An evaluation with NaN or +∞ in
+/// either field has failed: it is worse than all others, and equal to every other failed one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Evaluation {
     /// The objective, to be minimised.
     pub value: f64,
-    /// How far the constraints are missed, summed as the caller sees fit; 0 or less is feasible.
+    /// Constraint violation, summed as the caller sees fit; 0 or less is feasible.
     pub violation: f64,
 }
 
@@ -37,7 +37,7 @@ impl Evaluation {
         self.is_usable() && self.violation <= 0.0
     }
 
-    /// Compares as described for the type; `Less` is better. It is a total preorder.
+    /// Compares in the order described for the type, which is a total preorder; `Less` is better.
     #[must_use]
     pub fn rank(&self, other: &Self) -> Ordering {
         let (class, merit) = self.key();

@@ -7,10 +7,9 @@
 //! does not change under a monotone transformation of the objective.
 //!
 //! - [`CmaEs`] is the strategy itself, with an ask-and-tell interface: the caller evaluates.
-//! - [`Run`] strings searches together until a budget is spent, with [`Restarts`] from the best
-//!   design so far (as in the gear paper), with growing populations (IPOP) or with two regimes
-//!   (BIPOP).
-//! - [`minimise_run`] drives a run whose objective is a function of the caller's.
+//! - [`Run`] runs one search after another until a budget is spent. Its [`Restarts`] are from the best
+//!   design so far (as in the gear paper), with growing populations (IPOP) or with two regimes (BIPOP).
+//! - [`minimise_run`] does a whole run on a function of the caller's.
 //!
 //! Variables are scaled by their range: inside, the search works in the unit box, so a step of 0.3
 //! is 0.3 of each variable's range. Candidates never leave the bounds.
@@ -18,9 +17,9 @@
 //! Constraints need no penalty weight: an [`Evaluation`] may carry a violation, and feasible
 //! candidates, by value, rank before infeasible ones, by violation.
 //!
-//! The search is a function of its inputs and of the random stream passed in. No product of
-//! matrices goes through a kernel chosen at run time from the processor's features, so two machines
-//! that run the same build on the same mathematical library compute the same bits.
+//! The search is a function of its inputs and of the random stream passed in. Matrix products avoid
+//! kernels that are chosen at run time from the processor's features, so two machines that run the
+//! same build on the same mathematical library compute the same bits.
 //!
 //! # References
 //!

@@ -5,18 +5,19 @@ use crate::{Bounds, Error};
 /// The settings of a [`CmaEs`](crate::CmaEs). Start from [`Options::new`] and change what you need.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
-    /// The candidates of one generation, λ.
+    /// Number of candidates in a generation, λ.
     pub population: usize,
-    /// How many of them, the best, make the next mean, µ.
+    /// Number of best candidates whose average is the next mean, µ.
     pub parents: usize,
     /// The initial step size σ, as a fraction of each variable's range.
     pub step: f64,
     /// The box that no candidate leaves.
     pub bounds: Bounds,
-    /// Whether the worst candidates take variance away from the covariance matrix (negative
-    /// weights, the tutorial's default) or are merely ignored.
+    /// Whether the worst candidates reduce the variance in their direction (negative weights, the
+    /// tutorial's default) or are ignored.
     pub active: bool,
-    /// How often an out-of-bounds candidate is drawn again before it is moved to the boundary.
+    /// Number of times an out-of-bounds candidate is drawn again before it is moved to the
+    /// boundary.
     pub resamples: usize,
     /// The search stops when the values of a whole window of generations differ by less than this.
     pub value_tolerance: f64,

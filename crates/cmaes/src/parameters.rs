@@ -21,8 +21,8 @@ pub(crate) struct Parameters {
     pub(crate) c_mu: f64,
     /// E‖N(0, I)‖.
     pub(crate) chi: f64,
-    /// Generations between two eigen-decompositions: 1/(d (c_1 + c_µ)), ten times as many as section
-    /// B.2 has, which changes the evaluations needed on no test function by more than 1 %.
+    /// Generations between two eigen-decompositions: 1/(d (c_1 + c_µ)), ten times as many as in
+    /// section B.2. On no test function does this change the evaluations needed by more than 1 %.
     pub(crate) decompose_every: usize,
 }
 
@@ -31,8 +31,8 @@ impl Parameters {
         let n = options.bounds.dimension() as f64;
         let mu = options.parents;
 
-        // Logarithmic weights, eq. (49), with µ + ½ where the tutorial has (λ + 1)/2: the same for
-        // µ = λ/2, and a zero crossing after the µ-th rank for any other µ.
+        // Logarithmic weights, eq. (49), with µ + ½ in place of the tutorial's (λ + 1)/2: the same
+        // for µ = λ/2, and a zero crossing after the µ-th rank for any other µ.
         let raw: Vec<f64> = (1..=options.population)
             .map(|rank| (mu as f64 + 0.5).ln() - (rank as f64).ln())
             .collect();
@@ -54,7 +54,7 @@ impl Parameters {
 
         let positive_sum: f64 = positive.iter().sum();
         let mut weights: Vec<f64> = positive.iter().map(|w| w / positive_sum).collect();
-        // Without a rank-µ update the negative weights have nothing to act through.
+        // The negative weights act through the rank-µ update only.
         if options.active && !negative.is_empty() && c_mu > 0.0 {
             let keep_sum = 1.0 + c_1 / c_mu; // (50)
             let by_mass = 1.0 + 2.0 * mass(negative) / (mu_eff + 2.0); // (51)
@@ -117,7 +117,8 @@ mod tests {
                 let negative: f64 = p.weights[parents..].iter().sum();
                 assert!((positive - 1.0).abs() < 1e-12);
                 assert!(p.c_1 > 0.0 && p.c_mu >= 0.0 && p.c_1 + p.c_mu <= 1.0);
-                // What decay and negative weights take away at most, section B.1.
+                // The rest of C after decay and the largest effect of negative weights, section
+                // B.1.
                 let left = 1.0 - p.c_1 - p.c_mu + dimension as f64 * p.c_mu * negative;
                 assert!(left >= -1e-12, "{dimension} {population} {parents}: {left}");
                 assert!(p.decompose_every >= 1);

@@ -1,49 +1,49 @@
-//! A whole run as a state: searches, restarts and the best so far, within a budget.
+//! A run: searches with restarts within a budget, and the best design so far.
 
 use std::fmt;
 
 use crate::{CmaEs, Error, Evaluation, Options, Stop};
 use rand::{Rng, RngExt as _};
 
-/// Where and how a run starts again after a search has stopped.
+/// The restarts of a run after a search has stopped.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Restarts {
-    /// From the best design so far, with the same population and the initial step; as long as all
-    /// designs have failed, from a uniformly drawn point.
+    /// From the best design so far, with the same population and the initial step. While all
+    /// designs have failed, the restart is from a uniformly drawn point.
     FromBest {
-        /// An evaluation at which to start again whatever the state, at the end of the generation
-        /// in which it is reached: the gear paper's plan. 0, or the budget and more, means none.
+        /// Number of evaluations after which the run restarts in any case, at the end of that
+        /// generation, as the gear paper plans it. 0, or a number not below the budget, means none.
         planned: usize,
     },
     /// From a uniformly drawn point with twice the population (A. Auger and N. Hansen, *A restart
     /// CMA evolution strategy with increasing population size*, CEC 2005).
     Ipop,
-    /// In turns that share the budget evenly: as with [`Restarts::Ipop`], and with a small
-    /// population λ₀(½ λ/λ₀)^(U²) and step σ₀ 10^(−2U), U uniform in 0…1 each, for at most half the
-    /// evaluations of the last large search (N. Hansen, *Benchmarking a BI-population CMA-ES on the
-    /// BBOB-2009 function testbed*, GECCO 2009).
+    /// Two regimes that share the budget evenly: large searches as with [`Restarts::Ipop`], and
+    /// small ones with the population λ₀(½ λ/λ₀)^(U²) and the step σ₀ 10^(−2U), each U uniform in
+    /// 0…1, for at most half the evaluations of the last large search (N. Hansen, *Benchmarking a
+    /// BI-population CMA-ES on the BBOB-2009 function testbed*, GECCO 2009).
     Bipop,
 }
 
-/// How to spend a budget of evaluations.
+/// Settings of a [`Run`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct RunOptions {
-    /// The first search's settings.
+    /// Settings of the first search.
     pub search: Options,
-    /// All evaluations of the run, restarts included; every one of them is used.
+    /// Budget of the run, restarts included; all of it is used.
     pub evaluations: usize,
-    /// What follows when a search stops.
+    /// The restarts after a search has stopped.
     pub restarts: Restarts,
 }
 
 /// Why a run restarted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Cause {
-    /// The options said so.
+    /// The restart was planned: [`Restarts::FromBest`].
     Planned,
     /// A small search of [`Restarts::Bipop`] used up its share of the budget.
     Share,
-    /// The search had nothing more to gain.
+    /// The search stopped.
     Stopped(Stop),
 }
 
@@ -60,27 +60,27 @@ impl fmt::Display for Cause {
 /// One restart of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Restart {
-    /// The evaluations spent before it.
+    /// Evaluations spent before the restart.
     pub evaluations: usize,
-    /// Why it came.
+    /// Cause of the restart.
     pub cause: Cause,
-    /// The best evaluation before it; none if all had failed.
+    /// Best evaluation before the restart; `None` if all had failed.
     pub best: Option<Evaluation>,
 }
 
-/// What a run found.
+/// The result of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
     /// The best design, d coordinates in the caller's units.
     pub x: Vec<f64>,
-    /// Its objective.
+    /// Objective of the best design.
     pub value: f64,
-    /// Its violation, 0 or less if it is feasible.
+    /// Constraint violation of the best design, 0 or less if it is feasible.
     pub violation: f64,
-    /// The evaluations spent: always the whole budget.
+    /// Evaluations spent, which is always the whole budget.
     pub evaluations: usize,
-    /// Every improvement: the evaluation (from 1) that brought it, and its result. The last entry
-    /// is the outcome.
+    /// Every improvement: the number of the evaluation, from 1, and its result. The last entry is
+    /// the outcome.
     pub history: Vec<(usize, Evaluation)>,
     /// Every restart, planned or not.
     pub restarts: Vec<Restart>,
@@ -94,7 +94,7 @@ pub struct Run {
     best: Option<(Vec<f64>, Evaluation)>,
     evaluations: usize,
     generation: usize,
-    /// How many candidates of the last generation fit into the budget.
+    /// Number of candidates of the last generation that fit into the budget.
     waiting: usize,
     history: Vec<(usize, Evaluation)>,
     restarts: Vec<Restart>,
@@ -105,16 +105,17 @@ pub struct Run {
 /// The bookkeeping of restarts with growing populations.
 #[derive(Debug, Clone)]
 struct Turns {
-    /// The evaluations before the current search.
+    /// Evaluations before the current search.
     begun_at: usize,
-    /// The population of the last search in the sequence of growing ones.
+    /// Population of the last large search: one in the sequence of growing populations.
     large: usize,
-    /// The evaluations of all large searches after the first, and of the last of them.
+    /// Evaluations of all large searches after the first.
     large_cost: usize,
+    /// Evaluations of the last large search.
     last_large_cost: usize,
-    /// The evaluations of all small searches.
+    /// Evaluations of all small searches.
     small_cost: usize,
-    /// The evaluations that the current search may use, if it is a small one.
+    /// Evaluations that the current search may use, if it is a small one.
     small_budget: Option<usize>,
     is_first: bool,
 }
@@ -153,7 +154,8 @@ impl Run {
         })
     }
 
-    /// Draws the next generation, or what of it the budget allows; nothing once the run has ended.
+    /// Draws the next generation, or as many of its candidates as the budget allows; none once the
+    /// run has ended.
     pub fn ask<R: Rng + ?Sized>(&mut self, rng: &mut R) -> Vec<Vec<f64>> {
         let mut candidates = self.search.ask(rng);
         candidates.truncate(self.options.evaluations - self.evaluations);
@@ -161,7 +163,7 @@ impl Run {
         candidates
     }
 
-    /// Learns from the evaluations of the candidates last asked for, and restarts if it is time.
+    /// Learns from the evaluations of the candidates last asked for, and restarts when due.
     ///
     /// # Errors
     ///
@@ -235,7 +237,7 @@ impl Run {
         };
         if !from_best {
             let (population, step) = self.next_turn(rng);
-            // The parents keep their share.
+            // The ratio of parents to population stays the same.
             let parents = options.parents * population / options.population;
             options.parents = parents.max(1);
             options.population = population;
@@ -245,7 +247,7 @@ impl Run {
         Ok(())
     }
 
-    /// Population and step of the next search, with the regime that has had less of the budget.
+    /// Chooses population and step of the next search, from the regime that has spent less.
     fn next_turn<R: Rng + ?Sized>(&mut self, rng: &mut R) -> (usize, f64) {
         let Options {
             population, step, ..
@@ -274,7 +276,7 @@ impl Run {
             (smaller.max(2), shorter)
         } else {
             turns.small_budget = None;
-            // No population beyond the budget: it would never be ranked.
+            // A population beyond the budget would never be ranked.
             turns.large = (2 * turns.large).min(self.options.evaluations.max(population));
             (turns.large, step)
         }
@@ -298,13 +300,13 @@ impl Run {
         self.evaluations
     }
 
-    /// The number of evaluations with which the run ends.
+    /// The number of evaluations after which the run ends.
     #[must_use]
     pub fn budget(&self) -> usize {
         self.options.evaluations
     }
 
-    /// Every improvement so far: the evaluation (from 1) that brought it, and its result.
+    /// Every improvement so far: the number of the evaluation, from 1, and its result.
     #[must_use]
     pub fn history(&self) -> &[(usize, Evaluation)] {
         &self.history
@@ -316,7 +318,7 @@ impl Run {
         &self.restarts
     }
 
-    /// What the run has found.
+    /// The result of the run.
     ///
     /// # Errors
     ///

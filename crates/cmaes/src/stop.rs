@@ -1,4 +1,4 @@
-//! When a search has nothing more to gain, and what that is called.
+//! Stopping criteria of a search, and their names.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -70,7 +70,7 @@ impl fmt::Display for Stop {
     }
 }
 
-/// The best evaluations of the last generations, from which stagnation is read.
+/// The best evaluations of the last generations, in which stagnation shows.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Window {
     bests: VecDeque<Evaluation>,
@@ -87,7 +87,8 @@ impl Window {
         }
     }
 
-    /// Records a generation (sorted, best first) and says whether the window has gone flat.
+    /// Records a generation (sorted, best first). Returns the reason to stop, if the window gives
+    /// one.
     pub(crate) fn record(&mut self, sorted: &[Evaluation], tolerance: f64) -> Option<Stop> {
         let (first, last) = (sorted.first()?, sorted.last()?);
         if self.bests.len() == self.length {
@@ -101,7 +102,7 @@ impl Window {
         if self.bests.iter().all(|best| !best.is_usable()) {
             return Some(Stop::AllFailed { generations });
         }
-        // The gap is a distance, so largest-to-smallest bounds every pair.
+        // The gap between the lowest and the highest bounds that of every pair.
         let lowest = self
             .bests
             .iter()

@@ -15,21 +15,21 @@ const LARGEST_CONDITION: f64 = 1e14;
 /// A search in progress: ask for candidates, evaluate them, tell the results, until it stops.
 ///
 /// Variables are named as in the tutorial: mean m, step size σ, covariance matrix C = B D² Bᵀ,
-/// evolution paths `p_sigma` and `p_c`. All of them live in the unit box; only what goes in and out
-/// is in the caller's units.
+/// evolution paths `p_sigma` and `p_c`. All of them are in the unit box; only arguments and results
+/// are in the caller's units.
 ///
 /// **Sampling.** The normal vectors of up to d candidates of a generation are made orthogonal to
-/// each other, their lengths kept. Each alone is still standard normal, but together they explore
-/// more directions than independent ones, which saves a tenth of the evaluations (H. Wang,
+/// each other, with their lengths kept. Each alone is still standard normal, but together they
+/// explore more directions than independent ones, which saves a tenth of the evaluations (H. Wang,
 /// M. Emmerich, T. Bäck, *Mirrored orthogonal sampling with pairwise selection in evolution
 /// strategies*, SAC 2014; here without mirroring).
 ///
 /// **Bounds.** A candidate that leaves the box is drawn again, up to [`Options::resamples`] times.
 /// Near a corner of d variables only one draw in 2ᵈ is inside, so redrawing alone would stall
-/// there; after the last try the coordinates that are out are set onto their bounds, and the
-/// strategy learns from the point that was evaluated, not from the one that was drawn. So even an
-/// optimum in a corner is reached. Such a point was not drawn from the distribution, so
-/// its step is shortened to a length that a draw could have (N. Hansen, *Injecting external
+/// there. After the last try, the coordinates that are out of the box are set onto their bounds,
+/// and the strategy learns from the point that was evaluated, not from the one that was drawn. So
+/// even an optimum in a corner is reached. Such a point was not drawn from the distribution; its
+/// step is therefore shortened to a length that a draw could have (N. Hansen, *Injecting external
 /// solutions into CMA-ES*, arXiv:1110.4181).
 ///
 /// In a generation of which more than three in four candidates were drawn again, negative weights
@@ -45,7 +45,7 @@ pub struct CmaEs {
     parameters: Parameters,
     mean: DVector<f64>,
     sigma: f64,
-    /// C, of which the lower triangle is kept up to date.
+    /// C; only its lower triangle is kept up to date.
     covariance: DMatrix<f64>,
     /// B: eigenvectors of the covariance, as columns.
     axes: DMatrix<f64>,
@@ -82,7 +82,7 @@ impl CmaEs {
     ///
     /// [`Error::Dimension`] or [`Error::StartOutside`] for a start point that does not fit, and
     /// [`Error::Population`], [`Error::Parents`], [`Error::Step`], [`Error::Tolerance`] for options
-    /// that make no search.
+    /// out of range.
     pub fn new(start: &[f64], options: Options) -> Result<Self, Error> {
         options.check()?;
         let mean = DVector::from_vec(options.bounds.scale(start)?);
@@ -121,8 +121,8 @@ impl CmaEs {
 
     /// Learns from the evaluations of the candidates last asked for, in their order.
     ///
-    /// Equal evaluations are ranked in the order of the candidates. A generation of which every
-    /// candidate failed carries no information, and changes nothing but the counters.
+    /// Equal evaluations are ranked in the order of the candidates. A generation in which every
+    /// candidate failed carries no information: only the counters change.
     ///
     /// # Errors
     ///
@@ -153,13 +153,13 @@ impl CmaEs {
             self.adapt(&ranked, 4 * redrawn > 3 * ranked.len());
         }
         let flat = self.window.record(&sorted, self.options.value_tolerance);
-        // A degenerate matrix, found by the update above, stays the reason.
+        // A degenerate matrix, found by the update above, remains the reason to stop.
         self.stop = self.stop.or(flat).or_else(|| self.step_stop());
         Ok(())
     }
 
-    /// Why the search should end, if it should. A stopped search can still be asked and told, but
-    /// gains nothing from it; the reason stays the first one.
+    /// The reason to end the search, if there is one. A stopped search can still be asked and told,
+    /// but gains nothing from it; the first reason stays.
     #[must_use]
     pub fn stop(&self) -> Option<Stop> {
         self.stop
@@ -177,7 +177,8 @@ impl CmaEs {
         self.sigma
     }
 
-    /// The best candidate told so far (the first of equals) and its evaluation; none if all failed.
+    /// The best candidate told so far (the first of equals) and its evaluation; `None` if all
+    /// failed.
     #[must_use]
     pub fn best(&self) -> Option<(&[f64], Evaluation)> {
         self.best
@@ -210,14 +211,14 @@ impl CmaEs {
         for k in 0..self.options.population {
             let mut z = normal(n, rng);
             let length = z.norm();
-            // The modified Gram–Schmidt process, whose rounding does not add up.
+            // The modified Gram–Schmidt process, whose rounding errors do not accumulate.
             for (other, squared) in drawn[k / n * n..k].iter().zip(&squares[k / n * n..k]) {
                 let share = dot(other.as_slice(), z.as_slice()) / squared;
                 add(z.as_mut_slice(), -share, other.as_slice());
             }
             let left = z.norm();
-            // Nearly parallel to the others' span by chance, as good as never: rounding would
-            // decide about the direction, so the draw stays as it was.
+            // A vector nearly in the span of the others, next to impossible, has a direction that
+            // rounding decides. It is replaced by a new draw, without orthogonalisation.
             if left > 1e-8 * length {
                 z *= length / left;
             } else {
@@ -263,8 +264,8 @@ impl CmaEs {
         for ((z, axis), length) in z.iter_mut().zip(self.axes.column_iter()).zip(&self.lengths) {
             *z = axis.dot(&y) / length;
         }
-        // Off the long axis of a narrow distribution, a small correction is a huge step in its own
-        // measure, and would make the step size explode.
+        // In a narrow distribution, a small correction off the long axis is a huge step in the
+        // distribution's own measure, and would make the step size explode.
         let n = n as f64;
         let longest = n.sqrt() + 2.0 * n / (n + 2.0);
         let length = z.norm();
@@ -281,7 +282,8 @@ impl CmaEs {
     }
 
     /// One generation's update of mean, paths, step size and covariance from the candidates, best
-    /// first: the tutorial's eqs. (41) to (47). `cut` says that the bounds cut into them.
+    /// first: the tutorial's eqs. (41) to (47). With `cut`, negative weights are left out, because
+    /// the bounds cut off much of the distribution.
     fn adapt(&mut self, ranked: &[&Candidate], cut: bool) {
         let p = &self.parameters;
         let size = self.mean.len();
@@ -297,7 +299,7 @@ impl CmaEs {
         // An average of points in the box is in the box, up to rounding.
         self.mean.apply(|m| *m = m.clamp(0.0, 1.0));
 
-        // C^(−½) of the step, as B of the average z.
+        // C^(−½) times the step equals B times the average z.
         let kept = 1.0 - p.c_sigma;
         let gain = (p.c_sigma * (2.0 - p.c_sigma) * p.mu_eff).sqrt();
         self.p_sigma *= kept;
@@ -306,8 +308,8 @@ impl CmaEs {
         }
         let norm = self.p_sigma.norm();
 
-        // While the step size catches up with a too small start, pausing p_c keeps the covariance
-        // from growing in its stead.
+        // A start with too small a step size makes `p_c` grow, and with it the covariance. Pausing
+        // `p_c` lets the step size catch up instead.
         let age = (2 * self.generation).min(100_000) as i32;
         let unbiased = norm / (1.0 - kept.powi(age)).sqrt();
         let steady = unbiased < (1.4 + 2.0 / (n + 1.0)) * p.chi;
@@ -354,7 +356,8 @@ impl CmaEs {
         }
     }
 
-    /// Brings B and D up to date with C. If C has none, they stay as they are and the search stops.
+    /// Recomputes B and D from C. If C is not finite or not positive definite, they stay as they
+    /// are and the search stops.
     fn decompose(&mut self) {
         self.decomposed_at = self.generation;
         let n = self.mean.len();
@@ -386,7 +389,7 @@ impl CmaEs {
         self.lengths = eigen.eigenvalues.map(f64::sqrt);
     }
 
-    /// Whether the steps have become too small or too large to lead anywhere.
+    /// The reason to stop because of steps that are too small or too large, if there is one.
     fn step_stop(&self) -> Option<Stop> {
         let along = |i: usize| self.sigma * self.covariance[(i, i)].sqrt();
         let small = self.options.step_tolerance * self.options.step;
@@ -437,7 +440,8 @@ mod tests {
     use super::*;
     use crate::Bounds;
 
-    /// Rounding can cost a covariance its positive eigenvalues; here it is spoilt instead.
+    /// Rounding can cost a covariance matrix its positive eigenvalues; this test overwrites it
+    /// instead.
     #[test]
     fn a_covariance_that_is_not_definite_is_called_so() {
         let bounds = Bounds::unit(2).unwrap();

@@ -19,8 +19,8 @@ mod modelling;
 mod studies;
 pub(crate) use self::modelling::{Fit, Predict};
 pub(crate) use self::studies::{
-    Corrections, FinishedCampaign, Pareto, Sensitivity, SleepProgram, Stability, StudyWorkers, Sweep,
-    Tradeoff,
+    Corrections, FinishedCampaign, Pareto, Sensitivity, SleepProgram, Stability, StudyWorkers,
+    Sweep, Tradeoff,
 };
 
 /// Plans a Monte Carlo campaign of gear designs, leases its jobs to workers, and writes the report.

@@ -61,7 +61,9 @@ pub(crate) async fn execute(command: Command) -> anyhow::Result<u8> {
         Command::Sensitivity(arguments) => studies::sensitivity(arguments).await,
         Command::Pareto(arguments) => studies::pareto(arguments).await,
         Command::Tradeoff(arguments) => tradeoff::tradeoff(arguments).await,
-        Command::SleepProgram(arguments) => tradeoff::sleep_program(arguments.seconds).map(|()| exit::OK),
+        Command::SleepProgram(arguments) => {
+            tradeoff::sleep_program(arguments.seconds).map(|()| exit::OK)
+        }
         Command::Report(arguments) => write_report(arguments).await,
         Command::Export(arguments) => export(arguments).await,
         Command::Compare(arguments) => compare(arguments).await,

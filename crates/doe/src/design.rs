@@ -5,15 +5,15 @@ use stats::streams::{Purpose, stream};
 
 use crate::Error;
 
-/// The largest number of points: beyond it, an optimised design costs minutes.
+/// The largest number of points. An optimised design of more points would take minutes.
 pub(crate) const MAX_POINTS: usize = 100_000;
 /// The largest number of variables.
 pub(crate) const MAX_VARIABLES: usize = 20;
 
-/// n points in the open unit box (0, 1)ᵈ. Those of [`crate::maximin`] and [`random_lhs`] are Latin
-/// hypercubes of cell centres: each coordinate is (level + ½)/n, and each level 0, …, n − 1 is taken
-/// exactly once in each variable. One that [`crate::enlarge`] made of such a design has one point per
-/// stratum, those of [`crate::sobol`] need not.
+/// n points in the open unit box (0, 1)ᵈ. Designs of [`crate::maximin`] and [`random_lhs`] are
+/// Latin hypercubes of cell centres: each coordinate is (level + ½)/n, and each level 0, …, n − 1
+/// is taken exactly once in each variable. A design that [`crate::enlarge`] made from such a one
+/// has one point per stratum; those of [`crate::sobol`] need not.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Design {
     /// The number of points.
@@ -64,9 +64,9 @@ impl Design {
         smallest.sqrt()
     }
 
-    /// The centred L₂ discrepancy CD₂ (the root of Hickernell's eq. (5.1b)): how far the share of
-    /// points in a box that ends at the nearest corner is from the box's volume, averaged over all
-    /// boxes. Lower is more even. Costs n²d/2 steps.
+    /// The centred L₂ discrepancy CD₂ (the root of Hickernell's eq. (5.1b)): the difference between
+    /// the share of points in a box and the volume of the box, averaged over all boxes that end at
+    /// the nearest corner of the unit box. Lower is more even. Costs n²d/2 steps.
     ///
     /// F. J. Hickernell, *A generalized discrepancy and quadrature error bound*, Mathematics of
     /// Computation 67, 1998.
@@ -94,7 +94,7 @@ impl Design {
             }
         }
         let constant = (13.0_f64 / 12.0).powi(self.d as i32);
-        // Rounding can leave a perfect one-point-per-cell design a hair below zero.
+        // Rounding can take a perfect design, with one point per cell, just below zero.
         (constant - 2.0 / n * single + double / (n * n))
             .max(0.0)
             .sqrt()

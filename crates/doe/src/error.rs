@@ -1,4 +1,4 @@
-//! What can be wrong with a request for a design.
+//! Errors of a request for a design.
 
 /// Why no design could be built.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -15,7 +15,7 @@ pub enum Error {
         /// The requested number of variables.
         d: usize,
     },
-    /// The effort is no usable factor.
+    /// The effort is negative or not finite.
     #[error("effort is {effort}: it must be finite and not negative")]
     Effort {
         /// The requested effort.
@@ -27,7 +27,7 @@ pub enum Error {
         /// The name given.
         name: String,
     },
-    /// The Sobol sequence at hand ends before this number of points.
+    /// The Sobol sequence has fewer points than requested.
     #[error(
         "{n} points of a Sobol sequence requested: 2 to 65536 are possible, the methods maximin and \
          random go to 100000"
@@ -36,7 +36,7 @@ pub enum Error {
         /// The requested number of points.
         n: usize,
     },
-    /// A design can only be enlarged.
+    /// The requested number of points does not exceed that of the design to enlarge.
     #[error("{n} points requested of a design that has {existing} already: ask for more than that")]
     Shrinking {
         /// The requested number of points.
@@ -50,14 +50,14 @@ pub enum Error {
          the unit box, from 0 to 1 in every variable, can be added to"
     )]
     Outside {
-        /// The first such point, from 0.
+        /// Index of the first such point, from 0.
         point: usize,
-        /// Its first such variable, from 0.
+        /// Index of its first such variable, from 0.
         variable: usize,
         /// The coordinate, as text since it may be NaN.
         value: String,
     },
-    /// The design to enlarge has not as many coordinates as its size says.
+    /// The number of coordinates of the design to enlarge does not match its size.
     #[error(
         "{got} coordinates given for {n} points in {d} variables: give one of each, point by point"
     )]
@@ -69,13 +69,13 @@ pub enum Error {
         /// The number of coordinates.
         got: usize,
     },
-    /// Points are not the beginning of the Sobol sequence that is to be continued.
+    /// The points are not the beginning of the Sobol sequence that is to be continued.
     #[error(
         "point {point}, counted from 0, is not in that place of the Sobol sequence of this seed: only \
          its first points can be continued; add to others with the method maximin or random"
     )]
     OtherSequence {
-        /// The first such point, from 0.
+        /// Index of the first point that differs, from 0.
         point: usize,
     },
 }

@@ -6,14 +6,14 @@
 //! which spreads the points in all variables together.
 //!
 //! - [`maximin`] searches for such a design by swaps of levels; see there for the method.
-//! - [`enlarge`] adds points to a design and keeps every one that is there, any number of times;
-//!   [`check_enlarge`] says beforehand whether it can.
+//! - [`enlarge`] adds points to a design and keeps the existing ones. It can be repeated;
+//!   [`check_enlarge`] says beforehand whether it is possible.
 //! - [`sobol`] gives a scrambled Sobol sequence, and [`Method`] each kind of design by its name.
 //! - [`random_lhs`] draws a Latin hypercube at random, as a baseline.
 //! - [`Design`] holds the points, in the open unit box, and measures them.
 //!
-//! Designs depend on size, seed and effort only: the search spends a budget of steps, not of time,
-//! and compares integers.
+//! Designs depend on size, seed and effort only: the search's budget is a number of steps, not a
+//! time, and the search compares integers.
 //!
 //! # References
 //!

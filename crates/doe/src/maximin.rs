@@ -8,23 +8,26 @@ use crate::search::Search;
 use crate::table::Table;
 use crate::{Design, Error};
 
-/// Budget per variable and per point, in coordinates looked at: about 0.4 s of one core for 100
+/// Budget per variable and point, in coordinates read: about 0.4 s of one core for 100
 /// points in 6 variables, 0.9 s for 500, 3.5 s for 3000 and 15 s for 20 000.
 const STEPS: f64 = 8.5e5;
-/// Points added in the budget: a few points have few swaps each, but still a hard puzzle.
+/// Points added to n in the budget: small designs have few swaps per point, but are hard all the
+/// same.
 const EXTRA_POINTS: f64 = 320.0;
-/// Share of the budget after which the first ratchet ends, and after which annealing ends.
+/// Share of the budget after which the first ratchet ends.
 const RATCHET_UNTIL: f64 = 0.05;
+/// Share of the budget after which the first annealing ends.
 const ANNEAL_UNTIL: f64 = 0.8;
-/// The squared radius of the first annealing, above the largest one known to be possible, as a
-/// fraction of that.
+/// Excess of the first annealing's squared radius over the largest one reached, relative to the
+/// latter.
 const REACH: f64 = 0.3;
-/// The largest strain that the first annealing accepts, in units of two coinciding points.
+/// The largest increase of energy that the first annealing accepts, in units of the energy of two
+/// coinciding points.
 const HEAT: f64 = 0.03;
-/// Repairs tried per point before a radius counts as out of reach.
+/// Swaps tried per point before a radius counts as out of reach.
 const PATIENCE: u64 = 50;
 
-/// How to search for a maximin design.
+/// Options of the search for a maximin design.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
     /// The random seed: the same seed gives the same design, on any machine.
@@ -42,29 +45,29 @@ impl Default for Options {
     }
 }
 
-/// A Latin hypercube of `n` points in `d` variables whose nearest points are far apart, in random
-/// order of the points.
+/// A Latin hypercube of `n` points in `d` variables with a large smallest distance. The points are
+/// in random order.
 ///
-/// The usual surrogate Σ 1/δᵖ over all distances δ needs p ≈ 40 before it orders designs as the
-/// smallest distance does, and then only the nearest pairs count. This search drops the others: for
-/// a radius r, each pair with δ < r is *strained* by (1 − δ²/r²)², and a design without strain has a
-/// minimum distance of at least r. Levels being integers, squared distances and strains are exact.
+/// The usual surrogate Σ 1/δᵖ over all distances δ orders designs by their smallest distance only
+/// from p ≈ 40 on, and then only the nearest pairs count. This search leaves the others out: for a
+/// radius r, each pair with δ < r has the potential energy (1 − δ²/r²)² (`strain` in the code), and
+/// a design without energy has a minimum distance of at least r. Levels are integers, so squared
+/// distances and energies are exact.
 ///
-/// A step takes a strained point, one variable, and the best of a few random levels for it, and
-/// swaps with the point that has this level if the total strain does not grow. Three phases spend
+/// A step takes a point with energy, one variable, and the best of a few random levels for it. It
+/// swaps with the point that has this level if the total energy does not grow. Three phases spend
 /// the budget:
 ///
-/// 1. ratchet: raise r a little whenever the strain has been removed, or half as far when it
-///    could not be;
-/// 2. annealing: at a radius slightly out of reach, accept growing strain up to a random threshold
-///    that falls to zero;
+/// 1. ratchet: raise r a little whenever no energy is left, or half as far when some was left;
+/// 2. annealing: at a radius slightly out of reach, accept swaps that add energy up to a random
+///    threshold, which falls to zero;
 /// 3. ratchet again, in ever smaller steps down to the last unit of δ².
 ///
-/// Where the last ratchet gets stuck before the budget is spent, as small designs do, phases 2 and
-/// 3 follow again, nearer to the radius reached and with a higher threshold, in turn with phase 1 from
-/// a new random design.
+/// When the last ratchet gets stuck before the budget is spent, as it does for small designs,
+/// phases 2 and 3 are repeated, nearer to the radius reached and with a higher threshold. They
+/// alternate with phase 1 from a new random design.
 ///
-/// The best strain-free design is kept throughout, so the result is never worse than the random
+/// The best design without energy is kept throughout, so the result is never worse than the random
 /// start. No upper bound is tight enough to prove it best, except for tiny designs, where the mean
 /// squared distance n(n + 1)d/6 in levels ends the search (van Dam et al.).
 ///
@@ -80,7 +83,7 @@ pub fn maximin(n: usize, d: usize, options: &Options) -> Result<Design, Error> {
     }
     let mut rng = stream(options.seed, Purpose::Doe, 0, 0);
     let start = Table::new(n, &random_columns(n, d - 1, &mut rng));
-    // The table is in the order of variable 0; a reader of the first few points wants a fair sample.
+    // The table is sorted by variable 0. In random order, the first few points are a fair sample.
     let mut order: Vec<u32> = (0..n as u32).collect();
     for i in (1..n).rev() {
         order.swap(i, rng.random_range(0..=i as u32) as usize);
@@ -110,7 +113,7 @@ pub fn maximin(n: usize, d: usize, options: &Options) -> Result<Design, Error> {
     Ok(Design::from_levels(n, d, levels))
 }
 
-/// Raises the radius from the present design's own smallest distance until `until` is spent.
+/// Raises the radius from the current design's smallest distance until the budget `until` is spent.
 fn ratchet(search: &mut Search, until: u64) {
     let patience = PATIENCE * search.points() as u64;
     let mut floor = search.measure();
@@ -138,9 +141,9 @@ fn ratchet(search: &mut Search, until: u64) {
     }
 }
 
-/// Shakes the best design, less and less, until `until` is spent, at a squared radius greater than
-/// the best one by a fraction of `reach`. `heat` is the largest strain accepted at the start, in units
-/// of two coinciding points.
+/// Anneals the best design until the budget `until` is spent, at a squared radius that exceeds the
+/// best one by the fraction `reach`. `heat` is the largest increase of energy accepted at the
+/// start, in units of the energy of two coinciding points.
 fn anneal(search: &mut Search, until: u64, reach: f64, heat: f64) {
     if search.spent() >= until || search.is_optimal() {
         return;

@@ -9,12 +9,12 @@ use stats::streams::{Purpose, stream};
 use crate::design::check;
 use crate::{Design, Error, Options, check_enlarge, enlarge, maximin, random_lhs};
 
-/// The length of the Sobol sequence at hand: sobol_burley's direction numbers have 16 bits.
+/// Length of the Sobol sequence: sobol_burley's direction numbers have 16 bits.
 pub const SOBOL_POINTS: usize = 1 << 16;
-/// Half of the spacing of a sequence of single precision: moves its points off 0.
+/// Half the spacing of the sequence's single-precision points. Adding it keeps them away from 0.
 const HALF_SPACING: f64 = 1.0 / (1 << 25) as f64;
-/// How far a coordinate may be from the sequence's: less than its spacing, and more than a change of
-/// units and back leaves.
+/// Largest difference of a coordinate from the sequence's: less than the spacing, and more than a
+/// conversion to other units and back changes it.
 const SAME: f64 = 0.5 * HALF_SPACING;
 
 /// A kind of design.
@@ -48,7 +48,7 @@ impl Method {
     ///
     /// # Errors
     ///
-    /// Those of the method's function.
+    /// The errors of the method's function.
     pub fn design(self, n: usize, d: usize, options: &Options) -> Result<Design, Error> {
         match self {
             Self::Random => random_lhs(n, d, options.seed),
@@ -57,16 +57,17 @@ impl Method {
         }
     }
 
-    /// A design of `n` points whose first ones are those of `existing`, unchanged, any number of
-    /// times over:
+    /// A design of `n` points that begins with those of `existing`, unchanged. It can be enlarged
+    /// again.
     ///
-    /// - [`Method::Maximin`] searches where to add points: [`enlarge`];
-    /// - [`Method::Random`] adds them to the free strata at random, [`enlarge`] without a search;
-    /// - [`Method::Sobol`] goes on with its sequence, so that growing in steps is growing at once.
+    /// - [`Method::Maximin`] searches for good places of the new points: [`enlarge`];
+    /// - [`Method::Random`] adds them to the free strata at random: [`enlarge`] without a search;
+    /// - [`Method::Sobol`] continues its sequence, so that growth in steps gives the same
+    ///   as growth at once.
     ///
     /// # Errors
     ///
-    /// Those of [`Method::check_enlarge`] and [`Error::Effort`].
+    /// The errors of [`Method::check_enlarge`] and [`Error::Effort`].
     pub fn enlarge(self, existing: &Design, n: usize, options: &Options) -> Result<Design, Error> {
         match self {
             Self::Maximin => enlarge(existing, n, options),
@@ -88,7 +89,7 @@ impl Method {
     ///
     /// # Errors
     ///
-    /// Those of [`check_enlarge`]; for [`Method::Sobol`] also [`Error::SobolPoints`], and
+    /// The errors of [`check_enlarge`]; for [`Method::Sobol`] also [`Error::SobolPoints`], and
     /// [`Error::OtherSequence`] for points that are not the beginning of the seed's sequence.
     pub fn check_enlarge(self, existing: &Design, n: usize, seed: u64) -> Result<(), Error> {
         check_enlarge(existing, n)?;
@@ -127,10 +128,10 @@ impl FromStr for Method {
 /// The first `n` points of an Owen-scrambled Sobol sequence in `d` variables (sobol_burley: Joe and
 /// Kuo's directions, Burley's hash-based scrambling), the same for the same `seed`.
 ///
-/// Its discrepancy is lower than a random design's, its smallest distance is not. More points of
-/// the same seed continue the sequence, so any longer design contains this one. Where n is a power of
-/// two there is one point per stratum ([`Design::is_stratified`]). It ends after [`SOBOL_POINTS`]: no
-/// library at hand has longer sequences with this scrambling.
+/// The sequence's discrepancy is lower than a random design's, its smallest distance is not. More
+/// points of the same seed continue the sequence, so any longer design contains this one. Where n
+/// is a power of two there is one point per stratum ([`Design::is_stratified`]). The sequence ends
+/// after [`SOBOL_POINTS`], the length that sobol_burley supports.
 ///
 /// # Errors
 ///

@@ -1,14 +1,16 @@
-//! Designs that grow: new points among the old ones.
+//! Growth of designs: new points among existing ones.
 //!
-//! The points of a Latin hypercube of n lie 1/n apart in every variable, so with N > n strata each
-//! stratum holds at most one of them: the N − n others are free, and the new points take their
-//! centres. A design that has grown before is no such grid any more, and some of its points share a
-//! stratum; then more strata are free than there are new points, which still get one each. Which new
-//! point takes which of them is chosen to keep all points apart, by the search
-//! of [`crate::maximin`] in a plainer form: at a distance r, each pair of points nearer than that is
-//! strained by (1 − δ²/r²)², and swaps of two new points' coordinates in one variable, or of one with a
-//! free stratum that is left over, are taken if they do not raise the strain until there is none;
-//! then r is raised.
+//! The points of a Latin hypercube of n lie 1/n apart in every variable, so each of N > n strata
+//! holds at most one of them. The other N − n strata are free, and the new points take their
+//! centres. A design that has grown before is no longer such a grid, and some of its points may
+//! share a stratum; more strata are then free than there are new points, and each new point still
+//! gets one of its own.
+//!
+//! A search decides which new point takes which stratum, so that all points are far apart. It is
+//! that of [`crate::maximin`] in a simpler form: at a distance r, each pair of points nearer than r
+//! has the potential energy (1 − δ²/r²)² (`strain` in the code). Swaps of two new points'
+//! coordinates in one variable, or of one with a free stratum that is left over, are made if they
+//! do not raise the energy. When no energy is left, r is raised.
 
 use rand::RngExt as _;
 use stats::streams::{Purpose, StreamRng, stream};
@@ -16,31 +18,33 @@ use stats::streams::{Purpose, StreamRng, stream};
 use crate::design::{cell_centre, check};
 use crate::{Design, Error, Options};
 
-/// Swaps tried per new point and variable, and added to that for small designs.
+/// Swaps tried per variable and new point; the budget adds 100 to the number of new points.
 const SWAPS: f64 = 300.0;
-/// Budget beyond which a long search does not go, in coordinates looked at.
+/// The largest budget of a search, in coordinates read.
 const LARGEST_BUDGET: f64 = 4e9;
-/// How far the squared distance is raised at first, and the last and smallest rise.
+/// The first rise of the squared distance, as a fraction of it.
 const FIRST_RISE: f64 = 0.5;
+/// The smallest rise, at which the search ends.
 const LAST_RISE: f64 = 1e-3;
 /// Swaps tried per new point before a distance counts as out of reach.
 const PATIENCE: usize = 60;
-/// Strain that may be rounding: a pair nearer than the radius by less than a thirty-thousandth.
+/// Energy that may be rounding: the pair's squared distance is within 3·10⁻⁵ of the squared radius.
 const NEGLIGIBLE: f64 = 1e-9;
 
-/// A design of `n` points whose first ones are those of `existing`, unchanged; the new points are
-/// kept away from the old ones and from each other. Of the n strata of every variable each new point
-/// has one for itself. So where the existing points have one each, too, as a Latin hypercube's have,
-/// every stratum holds one point; others may share a stratum and leave some empty. The same
-/// input gives the same design.
+/// A design of `n` points that begins with those of `existing`, unchanged; the new points are kept
+/// away from the old ones and from each other. Of the n strata of every variable each new point has
+/// one to itself. If the existing points have one each too, as in a Latin hypercube, every stratum
+/// holds exactly one point; otherwise existing points may share a stratum and leave others empty.
+/// The same input gives the same design.
 ///
-/// The smallest distance is at most that of the old points, and below what a [`crate::maximin`]
-/// design of n points started afresh would have. Growing in several steps gives another design than
-/// growing at once.
+/// The smallest distance is at most that of the old points, and below that of a new
+/// [`crate::maximin`] design of n points. Growth in several steps gives another design than growth
+/// at once.
 ///
 /// # Errors
 ///
-/// Those of [`check_enlarge`], and [`Error::Effort`] for an effort that is negative or not finite.
+/// The errors of [`check_enlarge`], and [`Error::Effort`] for an effort that is negative or not
+/// finite.
 pub fn enlarge(existing: &Design, n: usize, options: &Options) -> Result<Design, Error> {
     check_enlarge(existing, n)?;
     let d = existing.d;
@@ -48,7 +52,7 @@ pub fn enlarge(existing: &Design, n: usize, options: &Options) -> Result<Design,
     if !(effort >= 0.0 && effort.is_finite()) {
         return Err(Error::Effort { effort });
     }
-    // A stream of its own for each size, so that repeated growth does not repeat itself.
+    // Each size has a stream of its own, so that repeated growth does not reuse random numbers.
     let mut rng = stream(options.seed, Purpose::Doe, n as u64, 2);
     let mut design = Design {
         n,
@@ -78,8 +82,8 @@ pub fn enlarge(existing: &Design, n: usize, options: &Options) -> Result<Design,
     }
 }
 
-/// Whether [`enlarge`] can make `n` points of `existing`, without the search: for whoever has to
-/// refuse before anything is changed.
+/// Checks whether [`enlarge`] can make `n` points of `existing`, without the search, so that a
+/// caller can refuse before it changes anything.
 ///
 /// # Errors
 ///
@@ -115,15 +119,15 @@ pub fn check_enlarge(existing: &Design, n: usize) -> Result<(), Error> {
 
 struct Growth {
     design: Design,
-    /// Points below this one stay.
+    /// Number of existing points, which come first and do not move.
     fixed: usize,
     /// Centres of free strata that no point takes, by variable.
     spare: Vec<Vec<f64>>,
-    /// The most of them in one variable.
+    /// The largest number of spare centres in one variable.
     most_spare: usize,
     rng: StreamRng,
     squared_radius: f64,
-    /// Each new point's sum of strains.
+    /// Sum of energies of each new point.
     strain: Vec<f64>,
 }
 
@@ -189,7 +193,7 @@ impl Growth {
         }
     }
 
-    /// The strain of point i by all others.
+    /// The energy of point `i`: the sum over all others.
     fn strain_of(&self, i: usize) -> f64 {
         (0..self.design.n)
             .filter(|&j| j != i)
@@ -202,7 +206,7 @@ impl Growth {
         if left > 0.0 { left * left } else { 0.0 }
     }
 
-    /// A strained new point: the first from a random one on.
+    /// A new point with energy: the first one from a random index on.
     fn worst(&mut self) -> Option<usize> {
         let new = self.strain.len();
         let start = self.rng.random_range(0..new as u32) as usize;
@@ -213,10 +217,10 @@ impl Growth {
     }
 
     /// Swaps a coordinate of `first` with one of another new point, or with a spare one, if the
-    /// strain does not grow.
+    /// energy does not grow.
     fn repair(&mut self, first: usize) {
         let (n, d) = (self.design.n, self.design.d);
-        // Spare coordinates count on where the points end.
+        // Indices beyond the points stand for spare coordinates.
         let places = self.fixed as u32..(n + self.most_spare) as u32;
         let second = self.rng.random_range(places) as usize;
         if second == first {
@@ -237,7 +241,7 @@ impl Growth {
         let moves = if is_point { &moves[..] } else { &moves[..1] };
         let mut change = 0.0;
         let mut changes: Vec<(usize, f64)> = Vec::new();
-        // The pair itself keeps its distance.
+        // The distance between the two points does not change.
         for j in (0..n).filter(|&j| j != first && j != second) {
             let x = self.design.points[j * d + k];
             let mut of_other = 0.0;
@@ -265,7 +269,7 @@ impl Growth {
                     self.strain[j - self.fixed] += difference;
                 }
             }
-            // Counted afresh, so that rounding does not add up.
+            // Computed from scratch, so that rounding does not accumulate.
             for &(point, ..) in moves {
                 self.strain[point - self.fixed] = self.strain_of(point);
             }

@@ -1,4 +1,5 @@
-//! The state of a search: a design, the strain of each of its points, and the swaps that reduce it.
+//! The state of a search: a design, the energy of each of its points, and the swaps that reduce it.
+//! The code calls the energy `strain`.
 
 use pulp::{Arch, Simd, WithSimd};
 use rand::RngExt as _;
@@ -7,29 +8,29 @@ use stats::streams::StreamRng;
 use crate::design::random_columns;
 use crate::table::{Neighbours, Table};
 
-/// Random levels looked at for a point before the best of them is tried; at most a quarter of all,
-/// since the best of all would always be the same one.
+/// Random levels examined for a point before the best of them is tried; at most a quarter of all
+/// levels, since the best of all would always be the same one.
 const SAMPLES: usize = 16;
-/// Partners tried per repair.
+/// Partners tried in one call of [`Search::repair`].
 const PARTNERS: usize = 4;
-/// What a scan and the choice of a level cost besides the coordinates looked at, in points: measured,
-/// so that the budget stands for time at every size.
+/// Overhead of a scan and of the choice of a level, in points. It was measured, so that the budget
+/// is proportional to time at every size.
 const SCAN_OVERHEAD: u64 = 500;
-/// Marks points that are not in the list of strained ones.
+/// Place of a point that is not in the list `strained`.
 const NOWHERE: u32 = u32::MAX;
-/// Excludes no point from a sum of strains.
+/// Index that excludes no point from a sum of energies.
 const NOBODY: usize = usize::MAX;
 
-/// A design under repair, and the best one so far.
+/// The current design, and the best one so far.
 ///
-/// **Invariant.** `strain[i]` is the sum over all j of the strain of the pair (i, j) at the current
-/// radius; `strained` lists the points where it is positive, and `place` says where.
+/// **Invariant.** `strain[i]` is the sum over all j of the energy of the pair (i, j) at the current
+/// radius; `strained` lists the points where it is positive, and `place` says where in that list.
 #[derive(Debug)]
 pub(crate) struct Search {
     table: Table,
     rng: StreamRng,
     squared_radius: i64,
-    /// Scales squared distances down to 20 bits, so that sums of squared strains fit 64.
+    /// Scales squared distances down to 20 bits, so that sums of their squares fit 64.
     shift: u32,
     strain: Vec<i64>,
     strained: Vec<u32>,
@@ -37,7 +38,7 @@ pub(crate) struct Search {
     best: Table,
     best_squared: i64,
     spent: u64,
-    /// Room for the neighbours of the two points of a swap.
+    /// Buffers for the neighbours of the two points of a swap.
     near_first: Neighbours,
     near_second: Neighbours,
 }
@@ -65,7 +66,7 @@ impl Search {
         self.table.points()
     }
 
-    /// The work so far, in coordinates looked at.
+    /// The work so far, in coordinates read.
     pub(crate) fn spent(&self) -> u64 {
         self.spent
     }
@@ -74,14 +75,15 @@ impl Search {
         &self.best
     }
 
-    /// Whether the best design is known to be unbeatable: its smallest squared distance has reached
+    /// Whether the best design is known to be optimal: its smallest squared distance has reached
     /// the mean one, n(n + 1)d/6, which is the same for all Latin hypercubes.
     pub(crate) fn is_optimal(&self) -> bool {
         let (n, d) = (self.table.points() as i64, self.table.variables() as i64);
         6 * (self.best_squared + 1) > n * (n + 1) * d
     }
 
-    /// The smallest squared distance of the present design, which becomes the best one if it is.
+    /// Measures the smallest squared distance of the current design, and keeps the design if it is
+    /// the best.
     pub(crate) fn measure(&mut self) -> i64 {
         let (n, d) = (self.table.points(), self.table.variables());
         let mut smallest = (n * n * d) as i64; // more than any pair has
@@ -93,25 +95,25 @@ impl Search {
         smallest
     }
 
-    /// Keeps the present design, which must have no strain, if it is the best.
+    /// Keeps the current design, which must have no energy, if it is the best.
     pub(crate) fn keep(&mut self) {
         self.keep_as(self.squared_radius);
     }
 
-    /// Goes back to the best design. The strain is out of date until the radius is set.
+    /// Returns to the best design. The energies are out of date until the radius is set.
     pub(crate) fn restore(&mut self) {
         self.table.clone_from(&self.best);
     }
 
-    /// Starts anew from a random design; the best one stays. The strain is out of date until the
-    /// radius is set.
+    /// Starts again from a random design; the best one is kept. The energies are out of date until
+    /// the radius is set.
     pub(crate) fn randomise(&mut self) {
         let (n, d) = (self.table.points(), self.table.variables());
         self.table = Table::new(n, &random_columns(n, d - 1, &mut self.rng));
         self.spent += cost(n, d);
     }
 
-    /// Sets the radius, in levels, below which pairs are strained.
+    /// Sets the radius, in levels, below which pairs have energy.
     pub(crate) fn set_squared_radius(&mut self, squared_radius: i64) {
         self.squared_radius = squared_radius;
         self.shift = (squared_radius.max(1).ilog2() + 1).saturating_sub(20);
@@ -134,15 +136,15 @@ impl Search {
         !self.strained.is_empty()
     }
 
-    /// The slack for [`Search::repair`] that is `heat` times the strain of two coinciding points, but
+    /// The slack for [`Search::repair`]: `heat` times the energy of two coinciding points, but
     /// never so small that a tiny design, with few distances to choose from, cannot move at all.
     pub(crate) fn slack(&self, heat: f64) -> f64 {
         let (least, full) = (self.pair_strain(1), self.pair_strain(self.squared_radius));
         (heat * full as f64).max(4.0 * least as f64)
     }
 
-    /// Tries to relieve a random strained point by a swap in a random variable. A swap may add
-    /// strain up to a uniform threshold below `slack`.
+    /// Tries to lower the energy of a random point by a swap in a random variable. A swap may add
+    /// energy up to a uniform threshold below `slack`.
     pub(crate) fn repair(&mut self, slack: i64) {
         let (n, d) = (self.table.points(), self.table.variables());
         let Some(last) = self.strained.len().checked_sub(1) else {
@@ -172,7 +174,7 @@ impl Search {
                 .table
                 .near(second, Some(k), self.squared_radius, &mut near_second);
             self.spent += cost(seen, d);
-            // The pair itself keeps its distance, so both sums leave it out.
+            // The distance between the two points does not change, so both sums leave it out.
             let before = strain_at(&near_first, shift, from, second)
                 + strain_at(&near_second, shift, to, first);
             let after = strain_at(&near_first, shift, to, second)
@@ -193,8 +195,8 @@ impl Search {
         self.near_second = near_second;
     }
 
-    /// The least strained of a few random levels other than `from`, with its strain; the first one
-    /// without strain ends the search.
+    /// Returns, of a few random levels other than `from`, the one with the least energy, and that
+    /// energy. A level without energy ends the search.
     fn sample_level(&mut self, near: &Neighbours, from: i64, n: usize) -> Option<(i64, i64)> {
         let rng = &mut self.rng;
         Arch::new().dispatch(LeastStrained {
@@ -206,7 +208,8 @@ impl Search {
         })
     }
 
-    /// Accounts for the move of `point` between two levels. Its distance to `except` is unchanged.
+    /// Updates the energies for a move of `point` between two levels. Its distance to `except` is
+    /// unchanged.
     fn move_strain(&mut self, point: usize, near: &Neighbours, from: i64, to: i64, except: usize) {
         let mut total = 0;
         for (i, &other) in near.points.iter().enumerate() {
@@ -249,7 +252,7 @@ impl Search {
     }
 }
 
-/// The strain of a pair whose squared distance is `left` below the squared radius: the square of
+/// The energy of a pair whose squared distance is `left` below the squared radius: the square of
 /// `left`, scaled; positive as soon as `left` is.
 #[inline(always)]
 fn pair_strain(left: i64, shift: u32) -> i64 {
@@ -257,7 +260,7 @@ fn pair_strain(left: i64, shift: u32) -> i64 {
     if left > 0 { scaled * scaled } else { 0 }
 }
 
-/// The strain of a point with these neighbours at `level` of the missing variable, leaving out the
+/// The energy of a point with these neighbours at `level` of the missing variable, leaving out the
 /// pair with the point `except`.
 #[inline(always)]
 fn strain_at(near: &Neighbours, shift: u32, level: i64, except: usize) -> i64 {
@@ -271,7 +274,8 @@ fn strain_at(near: &Neighbours, shift: u32, level: i64, except: usize) -> i64 {
         .sum()
 }
 
-/// The search of [`Search::sample_level`] for one instruction set; whole numbers are the same in all.
+/// The search of [`Search::sample_level`] for one instruction set; with integers the result is the
+/// same for all.
 struct LeastStrained<'s, F> {
     near: &'s Neighbours,
     shift: u32,
@@ -303,7 +307,7 @@ impl<F: FnMut() -> i64> WithSimd for LeastStrained<'_, F> {
     }
 }
 
-/// The budget that a scan of `seen` points takes.
+/// The budget spent on a scan of `seen` points.
 fn cost(seen: usize, variables: usize) -> u64 {
     (seen as u64 + SCAN_OVERHEAD) * variables as u64
 }
@@ -313,7 +317,7 @@ mod tests {
     use super::*;
     use stats::streams::{Purpose, stream};
 
-    /// The strain kept up to date swap by swap against the strain counted afresh.
+    /// Compares the energies updated swap by swap with energies computed from scratch.
     #[test]
     fn swaps_keep_the_books() {
         for (n, d) in [(2, 2), (17, 3), (120, 6), (40, 20)] {

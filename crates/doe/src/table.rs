@@ -15,7 +15,7 @@ const SLACK: f32 = 1.0 + 1e-5;
 pub(crate) struct Neighbours {
     /// The other points.
     pub(crate) points: Vec<usize>,
-    /// What each leaves of the squared radius for the missing variable: r² − Σ (differences)² > 0.
+    /// The rest of the squared radius for the missing variable: r² − Σ (differences)² > 0.
     pub(crate) left: Vec<i64>,
     /// Their levels in the missing variable.
     pub(crate) levels: Vec<i64>,
@@ -132,8 +132,8 @@ impl Table {
     }
 }
 
-/// [`Table::near`] for one instruction set. That changes the speed, never the result: single
-/// precision only sorts out what is far, and what passes is measured in integers.
+/// [`Table::near`] for one instruction set, which changes the speed, never the result: single
+/// precision only discards far points, and the others are measured in integers.
 struct Scan<'s> {
     table: &'s Table,
     i: usize,

@@ -7,11 +7,11 @@
 //! (V. Picheny, T. Wagner, D. Ginsbourger, *A benchmark of kriging-based infill criteria for noisy
 //! optimization*, Structural and Multidisciplinary Optimization 48 (2013) 607–626), whose three minima
 //! are equal, 0.397887. The noise distinguishes them: s rises from 0.5 at the minimum (π, 2.275) towards
-//! 2.5 far from it. So f and s are both least there, and the percentile is: its minimum is
-//! 0.397887 + 0.5 z with z = 1.281552, 1.038663, while the two other minima of f have 3.6.
+//! 2.5 far from it. So f and s are both least there, and so is the percentile: its minimum is
+//! 0.397887 + 0.5 z with z = 1.281552, 1.038663, while at the two other minima of f it is 3.6.
 //!
-//! A row a seed goes to standard output: how far the recommended design lies above the optimum, the
-//! prediction with its 95 % interval, samples, rounds and the reason to stop.
+//! One row per seed goes to standard output: how far the recommended design lies above the optimum,
+//! the prediction with its 95 % interval, samples, rounds and the reason to stop.
 
 #![expect(clippy::print_stdout, reason = "an example's output is its purpose")]
 
@@ -23,14 +23,17 @@ use rand::RngExt as _;
 use rand_distr::{Distribution as _, StandardNormal};
 use stats::streams::{Purpose, stream};
 
-/// Designs before the first round, samples of a design, and samples in all.
+/// Number of designs before the first round.
 const DESIGNS: usize = 20;
+/// Samples of a design.
 const SAMPLES: u32 = 36;
+/// Samples in all.
 const BUDGET: u32 = 6000;
 /// Deviate of the 90 % percentile.
 const Z90: f64 = 1.281_551_565_544_600_4;
-/// The minimum at which the noise is least, and the value of f there.
+/// The minimum at which the noise is least.
 const OPTIMUM: [f64; 2] = [PI, 2.275];
+/// The value of f there.
 const LEAST: f64 = 0.397_887_357_729_739;
 
 fn branin(x: &[f64]) -> f64 {
@@ -79,7 +82,7 @@ fn add(seed: u64, state: &mut State, x: Vec<f64>) {
     sample(seed, state, state.sampled.len() - 1, SAMPLES);
 }
 
-/// Rounds until the enrichment stops, and the samples taken.
+/// Runs rounds until the enrichment stops. Returns the last decision and the samples taken.
 fn enriched(seed: u64, criterion: Criterion, batch: usize) -> (Decision, u32) {
     let bounds = Bounds::new(vec![(-5.0, 10.0), (0.0, 15.0)]).expect("a proper box");
     let mut state = State::default();

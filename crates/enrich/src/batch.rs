@@ -26,8 +26,8 @@ impl Batch {
 
     /// Chooses observations by the criterion until the batch is full or every region is exhausted.
     ///
-    /// Regions that had no turn are consulted afterwards if the others expect less than δ or gave no
-    /// observation. So an expectation below δ is always one of every basin and the whole box, however
+    /// Regions that had no turn are consulted afterwards if the others expect less than δ or gave
+    /// no observation. So an expectation below δ holds for every basin and the whole box, however
     /// small the batch is, and an empty batch means that no region has anything to observe.
     pub(crate) fn choose(
         &mut self,
@@ -55,7 +55,7 @@ impl Batch {
             if is_settled || outlook.was_consulted(region) {
                 continue;
             }
-            // The streams before these belong to the turns and to space filling.
+            // Lower numbers of streams belong to the turns and to space filling.
             let offer = Offer::find(context, regions.get(region), 3 * options.batch + region)?;
             outlook.record(region, offer.value_um());
             if observations < options.batch && self.take(context, &mut regions, region, offer) {
@@ -65,7 +65,7 @@ impl Batch {
         Ok(outlook)
     }
 
-    /// Takes the winner of an offer into the batch; false if there is none.
+    /// Adds the winner of an offer to the batch; false if nothing was added.
     fn take(
         &mut self,
         context: &Context<'_>,
@@ -88,7 +88,7 @@ impl Batch {
                 if let Some(row) = rows.position(|row| context.is_same(&row.x, &pick.x)) {
                     let design = context.rows.index[row];
                     self.notes.push(Note::Repeated { design });
-                    // As many samples as the value was computed for; the budget holds them.
+                    // As many samples as the value was computed for; the budget suffices for them.
                     self.push_more(design, samples, pick.value_um);
                     (sampled[row].x.clone(), samples)
                 } else if self.new_designs().any(|x| context.is_same(x, &pick.x)) {

@@ -49,7 +49,8 @@ impl Belief {
     }
 
     /// The distribution of the mean after an observation with the variance `noise`: normal around
-    /// the present mean with the standard deviation s²/√(s² + τ²). `None` if s² + τ² is not positive.
+    /// the current mean with the standard deviation s²/√(s² + τ²). `None` if s² + τ² is not
+    /// positive.
     pub(crate) fn next_mean(&self, noise: f64) -> Option<Self> {
         let variance = self.sd * self.sd;
         let total = variance + noise;

@@ -3,8 +3,8 @@
 use crate::batch::Batch;
 use crate::{Infill, Options, Recommendation, Z95};
 
-/// The fewest turns of a confirmation, since correlated neighbours have told the model part of what
-/// the samples tell.
+/// The fewest turns of a confirmation: the model knows part of what new samples show already, from
+/// correlated neighbours.
 const CONFIRMING: f64 = 6.0;
 
 /// Gives the recommended design as many samples as bring the half-width of its interval to δ, within

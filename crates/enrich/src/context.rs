@@ -1,4 +1,4 @@
-//! What every step of a round shares: rows, settings, exact constraints and random streams.
+//! Data that every step of a round shares: rows, settings, exact constraints and random streams.
 
 use std::cell::Cell;
 
@@ -7,26 +7,27 @@ use stats::streams::{Purpose, StreamRng, stream};
 use crate::state::Rows;
 use crate::{Known, Options};
 
-/// Names the random streams of the enrichment among those of the optimisers.
+/// Number of the enrichment's random streams among those of the optimisers.
 const STREAM: u64 = 5;
-/// Designs nearer to a failed one than this share of every range are not tried.
+/// Distance from a failed design, as a share of every range, below which designs are not tried.
 const FAILURE_RADIUS: f64 = 0.01;
-/// Designs nearer to another one than this share of every range are the same.
+/// Distance between two designs, as a share of every range, below which they are the same.
 const SAME: f64 = 1e-6;
 
-/// What every step of a round shares.
+/// Data that every step of a round shares.
 pub(crate) struct Context<'a> {
     pub(crate) rows: Rows,
     pub(crate) options: &'a Options,
-    /// How many rounds came before.
+    /// Number of earlier rounds.
     pub(crate) round: usize,
     pub(crate) exact: &'a dyn Fn(&[f64]) -> Option<Known>,
-    /// How often `exact` was called.
+    /// Number of calls of `exact`.
     pub(crate) evaluations: Cell<u64>,
 }
 
 impl Context<'_> {
-    /// What the exact constraints say of `x`. The violation is NaN if they cannot be evaluated.
+    /// The exact constraints and the baseline of `x`. The violation is NaN if they cannot be
+    /// evaluated.
     pub(crate) fn known(&self, x: &[f64]) -> Known {
         self.evaluations.set(self.evaluations.get() + 1);
         (self.exact)(x).unwrap_or(Known::from(f64::NAN))

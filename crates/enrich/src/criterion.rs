@@ -76,7 +76,7 @@ mod tests {
         }
     }
 
-    /// The value of more samples is the expectation over what they may show: of the fall of the
+    /// The value of more samples is the expected fall, over their possible results, of the
     /// criterion's own quantity at the design, or of the lowest mean.
     #[test]
     fn more_samples_are_valued_by_the_quantity_that_the_criterion_improves() {

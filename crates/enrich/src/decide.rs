@@ -13,31 +13,32 @@ use crate::{Decision, Error, Known, Note, Options, State};
 
 /// Decides the next round.
 ///
-/// `exact` evaluates the cheap deterministic criteria of a design: the violation of the constraints (in
-/// the caller's units; 0 or less is feasible) and a [baseline](Known::baseline_um) of the response if
-/// there is one. It returns none if the design cannot be evaluated. No surrogate stands in for it.
+/// `exact` evaluates the cheap deterministic criteria of a design: the violation of the constraints
+/// (in the caller's units; 0 or less is feasible) and a [baseline](Known::baseline_um) of the
+/// response if there is one. It returns `None` if the design cannot be evaluated. No surrogate
+/// stands in for it.
 ///
 /// **Models.** One model is fitted to all designs. Another one is fitted around each of the
 /// [`Options::basins`] best designs that are at least 15 % of a range apart, to the
 /// [`Options::local_points`] nearest designs; it replaces the first one there if its leave-one-out
 /// residuals are smaller. With baselines every model is fitted twice, to the response above its
-/// baseline and to the response itself. The one with the smaller residuals recommends a design; each
-/// of the two searches in a basin of its own.
+/// baseline and to the response itself. The one with the smaller residuals recommends a design;
+/// each of the two has a basin of its own to search.
 ///
 /// **Regions.** Infill points are sought in the basins' trust regions in turn, boxes around the
 /// [`Options::region_points`] nearest designs, which shrink as designs gather. Every
-/// [`Options::global_every`]-th point is sought in the whole box. A basin is improved on its own best
-/// design, until less than a quarter of δ is expected in it. A batch that is too small for all regions
-/// goes on in the next round with those that had no turn. A round that would report an expectation
-/// below δ consults the regions that had no turn first, so that [`Stop::Converged`](crate::Stop) speaks
-/// for every basin and the whole box; this costs one search a region.
+/// [`Options::global_every`]-th point is sought in the whole box. Improvement in a basin is counted
+/// from the basin's own best design; the search leaves a basin in which less than a quarter of δ is
+/// expected. If a batch is too small for all regions, the next round goes on with those that had no
+/// turn. A round that would report an expectation below δ first consults the regions that had no
+/// turn. So [`Stop::Converged`](crate::Stop) holds for every basin and the whole box; this costs
+/// one search a region.
 ///
 /// **Batch.** The batch is built point by point, and each observation is assumed to come out as
 /// predicted (kriging believer: D. Ginsbourger, R. Le Riche, L. Carraro, *Kriging is well-suited to
-/// parallelize optimization*, 2010). Each time the best new design competes with more samples at the
-/// designs that are there, by the criterion's value **per sample**: that rule divides the effort. A
-/// round without a worthwhile observation gives the recommended design as many samples as its interval
-/// needs.
+/// parallelize optimization*, 2010). For each observation the best new design competes with more
+/// samples at existing designs, by the criterion's value **per sample**. A round without a
+/// worthwhile observation gives the recommended design as many samples as its interval needs.
 ///
 /// The result is a function of the arguments alone, whatever the number of threads.
 ///
@@ -97,7 +98,7 @@ where
     })
 }
 
-/// What is to be said of the rows before any model is fitted.
+/// Notes on the rows, before any model is fitted.
 fn notes_on(rows: &Rows, state: &State) -> Vec<Note> {
     let (merged, not_numbers) = (rows.merged, rows.not_numbers);
     let notes = [

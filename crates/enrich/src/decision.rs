@@ -1,4 +1,4 @@
-//! What a round decides.
+//! The decision of a round.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,11 +13,11 @@ pub(crate) const Z95: f64 = 1.959_963_984_540_054;
 pub enum Infill {
     /// A new design.
     New {
-        /// Its variables, in the caller's units; feasible by the exact constraints.
+        /// Variables of the design, in the caller's units; feasible by the exact constraints.
         x: Vec<f64>,
-        /// How many samples to take.
+        /// Number of samples to take.
         samples: u32,
-        /// What the criterion expects of it, µm.
+        /// Value of the observation by the criterion, µm.
         value_um: f64,
         /// Why it was chosen.
         reason: Reason,
@@ -26,9 +26,9 @@ pub enum Infill {
     More {
         /// The design's index in [`State::sampled`](crate::State::sampled).
         design: usize,
-        /// How many samples to add.
+        /// Number of samples to add.
         samples: u32,
-        /// What the criterion expects of them, µm.
+        /// Value of the samples by the criterion, µm.
         value_um: f64,
     },
 }
@@ -49,10 +49,10 @@ pub enum Reason {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Recommendation {
-    /// Its index in [`State::sampled`](crate::State::sampled): the feasible design with the lowest upper
-    /// quantile in the best basin.
+    /// Index of the design in [`State::sampled`](crate::State::sampled): the feasible design with
+    /// the lowest upper quantile in the best basin.
     pub design: usize,
-    /// Its variables.
+    /// Variables of the design.
     pub x: Vec<f64>,
     /// The model's prediction of the response there, µm.
     pub predicted_um: f64,
@@ -71,24 +71,24 @@ impl Recommendation {
     }
 }
 
-/// What a round decides.
+/// The decision of a round.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Decision {
     /// The number of the round, from 0.
     pub round: usize,
-    /// The observations to make. None if the enrichment stops, or if nothing is worth the effort: the
-    /// next round then searches again with other random numbers before the enrichment stops.
+    /// The observations to make. Empty if the enrichment stops, or if nothing is worth the effort:
+    /// the next round then searches again with other random numbers before the enrichment stops.
     pub infill: Vec<Infill>,
-    /// The best design so far; none without a model or a feasible design.
+    /// The best design so far; `None` without a model or a feasible design.
     pub recommendation: Option<Recommendation>,
-    /// The highest value that the criterion gives to any observation, µm; none without a model. A value
-    /// below δ speaks for every basin and the whole box.
+    /// The highest value that the criterion gives to any observation, µm; `None` without a model. A
+    /// value below δ holds for every basin and the whole box.
     pub expected_improvement_um: Option<f64>,
-    /// The reason to stop; none if the enrichment goes on.
+    /// The reason to stop; `None` if the enrichment goes on.
     pub stop: Option<Stop>,
     /// What a user should know about the round.
     pub notes: Vec<Note>,
-    /// How often the exact constraints were evaluated.
+    /// Number of evaluations of the exact constraints.
     pub constraint_evaluations: u64,
 }

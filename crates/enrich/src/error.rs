@@ -6,7 +6,7 @@ pub enum Error {
     /// A design does not have one coordinate per variable, each a finite number.
     #[error("design {index} must have {expected} finite coordinates, one per variable")]
     Design {
-        /// Which design, from 0 in its list.
+        /// Index of the design, from 0 in its list.
         index: usize,
         /// The number of variables.
         expected: usize,
@@ -16,9 +16,9 @@ pub enum Error {
         "variance of the response of design {index} is {value}: it must be finite and not negative"
     )]
     Variance {
-        /// Which design, from 0.
+        /// Index of the design, from 0.
         index: usize,
-        /// Its variance.
+        /// Variance of the response.
         value: f64,
     },
     /// A setting is out of range.
@@ -26,9 +26,9 @@ pub enum Error {
     Setting {
         /// The setting's name.
         name: &'static str,
-        /// Its value.
+        /// Value of the setting.
         value: f64,
-        /// What would be right.
+        /// The values that would be right.
         expected: &'static str,
     },
     /// A model could not be extended by a point.

@@ -67,7 +67,8 @@ where
     best.map(|(_, x)| x)
 }
 
-/// A feasible design found by minimising the constraint violation, where random designs hit none.
+/// A feasible design found by minimising the constraint violation, for when no random design is
+/// feasible.
 fn by_violation<R>(context: &Context<'_>, batch: &Batch, rng: &mut R) -> Option<Vec<f64>>
 where
     R: Rng + ?Sized,

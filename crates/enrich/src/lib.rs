@@ -1,10 +1,10 @@
 //! Enrichment of a kriging model near a constrained optimum, as pure decisions.
 //!
 //! A response that takes many simulations (a percentile) is known, with noise of known variance, at
-//! the designs of an experiment. [`decide`] looks at what is known and says which observations to
-//! make next, which design to recommend, with the model's 95 % interval for it, and when to stop.
-//! It does no I/O and keeps no memory: a round is a function of rows, settings and seed, so it can
-//! be interrupted and repeated anywhere. Constraints are evaluated exactly, by the caller.
+//! the designs of an experiment. From these, [`decide`] derives which observations to make next,
+//! which design to recommend, with the model's 95 % interval for it, and when to stop. It does no
+//! I/O and keeps no memory: a round is a function of rows, settings and seed, so it can be
+//! interrupted and repeated anywhere. The caller evaluates the constraints, exactly.
 //!
 //! - [`State`] holds the rows, [`Options`] the settings; [`Criterion`] names the infill criteria.
 //! - [`Decision`] is the answer: [`Infill`] (new designs, and more samples at promising ones),

@@ -1,4 +1,4 @@
-//! What a round tells its user: reasons to stop, and notes.
+//! Messages of a round to its user: reasons to stop, and notes.
 
 use std::fmt;
 
@@ -18,12 +18,12 @@ pub enum Stop {
     },
     /// The samples left pay for no observation, or for none of those that are expected to gain δ.
     Budget {
-        /// How many samples are left.
+        /// Number of samples left.
         samples: u32,
     },
     /// The enrichment had as many rounds as the options allow.
     Rounds {
-        /// How many.
+        /// Number of rounds.
         rounds: usize,
     },
     /// Every infill point of two rounds in a row failed.
@@ -69,12 +69,12 @@ impl fmt::Display for Stop {
 pub enum Note {
     /// Several entries of the state have the same variables and were merged.
     Merged {
-        /// How many entries were merged into others.
+        /// Number of entries that were merged into others.
         entries: usize,
     },
     /// Responses that are not finite numbers were counted as failures.
     NotNumbers {
-        /// How many.
+        /// Number of such responses.
         entries: usize,
     },
     /// All responses are equal, so no model can be fitted.
@@ -83,7 +83,7 @@ pub enum Note {
     NoStructure,
     /// No model could be fitted.
     NoModel {
-        /// Why.
+        /// The reason.
         reason: String,
     },
     /// No sampled design is feasible yet.
@@ -96,12 +96,12 @@ pub enum Note {
         /// Root mean square of the leave-one-out residuals of the model of all designs at the nearest
         /// designs, µm.
         global_rmse: f64,
-        /// The same of the local model, µm.
+        /// The same for the local model, µm.
         local_rmse: f64,
     },
     /// The search chose a new design that is an existing one, which gets more samples instead.
     Repeated {
-        /// Its index in [`State::sampled`](crate::State::sampled).
+        /// Index of the existing design in [`State::sampled`](crate::State::sampled).
         design: usize,
     },
     /// Every infill point of the last round failed.

@@ -6,11 +6,11 @@ use crate::context::Context;
 use crate::surrogate::Surrogate;
 use crate::{Note, Recommendation, Z95};
 
-/// A trust region exceeds the designs it spans by this share, each way.
+/// Share by which a trust region exceeds the designs it spans, on each side.
 const WIDER: f64 = 0.1;
-/// The least half-width of a trust region, as a share of the range.
+/// Smallest half-width of a trust region, as a share of the range.
 const LEAST: f64 = 0.005;
-/// The least distance between the centres of two basins, as a share of the ranges.
+/// Smallest distance between the centres of two basins, as a share of the ranges.
 const APART: f64 = 0.15;
 
 /// A part of the box and the model that chooses infill points in it.
@@ -25,14 +25,15 @@ pub(crate) struct Region {
 
 /// The regions of a round.
 pub(crate) struct Regions {
-    /// The basins by their best designs, the best one first, each once for every model of it.
+    /// The basins in the order of their best designs, the best one first; each once for every model
+    /// of it.
     pub(crate) basins: Vec<Region>,
     /// The whole box, with the model of all designs.
     pub(crate) whole: Region,
 }
 
 impl Regions {
-    /// Fits the models. None, and a note why, if there is nothing to learn from.
+    /// Fits the models. `None`, with a note of the reason, if there is nothing to learn from.
     pub(crate) fn fit(context: &Context<'_>, notes: &mut Vec<Note>) -> Option<Self> {
         let rows = &context.rows;
         let all: Vec<usize> = (0..rows.sampled.len()).collect();
@@ -62,7 +63,7 @@ impl Regions {
             .into_iter()
             .map(|centre| basin(context, notes, &global, centre))
             .collect();
-        // A local model may rank the basins otherwise than the model of all designs did.
+        // A local model may order the basins differently from what the model of all designs did.
         let quantile = |b: &Vec<Region>| upper_quantile(context, &b[0].model, b[0].best);
         basins.sort_by(|a, b| quantile(a).total_cmp(&quantile(b)));
         let basins: Vec<Region> = basins.into_iter().flatten().collect();
@@ -75,7 +76,7 @@ impl Regions {
         Some(Self { basins, whole })
     }
 
-    /// How many regions there are.
+    /// Number of regions.
     pub(crate) fn count(&self) -> usize {
         self.basins.len() + 1
     }

@@ -6,7 +6,7 @@ use crate::criterion::{self, InfillCriterion};
 use crate::models::Region;
 use crate::search::{Pick, search};
 
-/// An observation is made if its value is at least this share of δ: several small gains add up.
+/// Share of δ from which an observation is worth making: several small gains add up.
 const WORTHWHILE: f64 = 0.25;
 
 /// The best new design of a region, and the sampled design where more samples are worth most.
@@ -28,8 +28,8 @@ pub(crate) enum Winner {
 }
 
 impl Offer {
-    /// Finds the offer of a region without regard to the budget: what a region has to gain does not
-    /// depend on whether the budget pays for it.
+    /// Finds the offer of a region without regard to the budget: the possible gain of a region does
+    /// not depend on whether the budget pays for it.
     pub(crate) fn find(context: &Context<'_>, region: &Region, turn: usize) -> Result<Self, Error> {
         let (rows, options) = (&context.rows, context.options);
         let criterion = criterion::prepare(&region.model, rows, &region.incumbents, options)?;
@@ -46,8 +46,8 @@ impl Offer {
         new.max(self.more.map_or(0.0, |(_, value)| value))
     }
 
-    /// The observation with the higher value per sample among those that `left` samples pay for. None
-    /// if neither is worth the effort.
+    /// The observation with the higher value per sample among those that `left` samples pay for.
+    /// `None` if neither is worth the effort.
     pub(crate) fn winner(self, context: &Context<'_>, left: u32) -> Option<Winner> {
         let options = context.options;
         let (cost_new, cost_more) = (options.samples_new, options.samples_more);

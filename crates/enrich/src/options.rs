@@ -19,8 +19,8 @@ pub enum Criterion {
     /// Expected improvement of the model that interpolates the noisy model's own predictions, so
     /// that it vanishes at the designs. A. Forrester, A. Keane, N. Bressloff, *Design and analysis
     /// of "noisy" computer experiments*, AIAA Journal 44(10), 2006; with the noisy model's process
-    /// variance kept. More samples at a design are worth the expected improvement of the mean that
-    /// is interpolated there, which they change.
+    /// variance kept. The value of more samples at a design is the expected improvement of the mean
+    /// that is interpolated there, which the samples change.
     ReinterpolatedExpectedImprovement,
     /// Knowledge gradient: by how much the lowest mean among a set of candidates is expected to
     /// fall. P. Frazier, W. Powell, S. Dayanik, *The knowledge-gradient policy for correlated normal
@@ -30,7 +30,7 @@ pub enum Criterion {
 }
 
 impl Criterion {
-    /// All of them.
+    /// All criteria.
     pub const ALL: [Self; 3] = [
         Self::ExpectedQuantileImprovement,
         Self::ReinterpolatedExpectedImprovement,
@@ -59,12 +59,12 @@ pub struct Options {
     pub criterion: Criterion,
     /// The correlation function of the models.
     pub kernel: Kernel,
-    /// Whether the noise variances are smoothed over the designs, [`kriging::smoothed_noise`]: the error of a
-    /// variance then hardly goes with that of its response.
+    /// Whether the noise variances are smoothed over the designs, [`kriging::smoothed_noise`]: the
+    /// error of a variance is then hardly correlated with the error of its response.
     pub smooth_noise: bool,
-    /// Whether to model the logarithm of the response where all responses are positive. A response
-    /// that spans decades is much smoother so, and the noise stays known: its variance is divided by
-    /// the square of the response.
+    /// Whether to model the logarithm of the response if all responses are positive. The logarithm
+    /// of a response that spans decades is much smoother. The noise stays known: its variance is
+    /// divided by the square of the response.
     pub logarithm: bool,
     /// The most observations of a round.
     pub batch: usize,
@@ -86,9 +86,9 @@ pub struct Options {
     pub global_every: usize,
     /// The most basins: good designs that are far apart, each with a trust region.
     pub basins: usize,
-    /// Designs nearest to a basin's best one that its model is fitted to.
+    /// Number of designs, nearest to a basin's best one, that the basin's model is fitted to.
     pub local_points: usize,
-    /// Designs nearest to a basin's best one that its trust region spans.
+    /// Number of designs, nearest to a basin's best one, that the basin's trust region spans.
     pub region_points: usize,
     /// Evaluations of the exact constraints in the search for one infill point.
     pub search_evaluations: usize,

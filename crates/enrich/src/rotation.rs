@@ -5,11 +5,11 @@ use crate::context::Context;
 /// Gives every [`Options::global_every`](crate::Options::global_every)-th turn to the whole box and
 /// the others to the basins in rotation. Exhausted regions are passed over.
 pub(crate) struct Rotation {
-    /// Whether a region may have turns, the basins first, the whole box last.
+    /// Whether a region may have turns: the basins first, the whole box last.
     is_open: Vec<bool>,
     /// The basin whose turn is next.
     next: usize,
-    /// How many turns came before this round.
+    /// Number of turns before this round.
     before: usize,
     global_every: usize,
 }
@@ -29,7 +29,7 @@ impl Rotation {
         }
     }
 
-    /// The region of a turn; none if all are exhausted. The whole box has the last number.
+    /// The region of a turn; `None` if all are exhausted. The whole box has the last number.
     pub(crate) fn region(&mut self, turn: usize) -> Option<usize> {
         let whole = self.is_open.len() - 1;
         let is_open = |&i: &usize| self.is_open[i];

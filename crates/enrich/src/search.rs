@@ -9,7 +9,8 @@ use crate::criterion::InfillCriterion;
 use crate::models::Region;
 use crate::{Error, Known};
 
-/// Below this, µm, no improvement is expected; designs are then compared by their lower quantile.
+/// Improvement, µm, below which none is expected; designs are then compared by their lower
+/// quantile.
 const NOTHING: f64 = 1e-9;
 /// Added to a lower quantile, µm, so that it ranks behind every expected improvement.
 const LIFT: f64 = 1e9;
@@ -22,8 +23,8 @@ pub(crate) struct Pick {
 }
 
 /// Searches a region for the feasible design of highest value: the best of random candidates, half
-/// of them near the region's best design, is improved by CMA-ES with feasibility-first ranking. None
-/// if no feasible design was found.
+/// of them near the region's best design, is improved by CMA-ES with feasibility-first ranking.
+/// `None` if no feasible design was found.
 pub(crate) fn search<R>(
     context: &Context<'_>,
     region: &Region,

@@ -51,9 +51,9 @@ impl From<f64> for Known {
 pub struct RoundRecord {
     /// [`Decision::expected_improvement_um`](crate::Decision::expected_improvement_um) of the round.
     pub expected_improvement_um: Option<f64>,
-    /// The number of infill points it asked for.
+    /// Number of infill points that the round asked for.
     pub asked: u32,
-    /// The number of them that could not be simulated or sampled.
+    /// Number of these that could not be simulated or sampled.
     pub failed: u32,
 }
 
@@ -69,7 +69,7 @@ pub struct State {
     pub rounds: Vec<RoundRecord>,
 }
 
-/// The usable part of a state: finite responses, one entry per place.
+/// The usable part of a state: finite responses, one entry per design.
 #[derive(Debug, Clone)]
 pub(crate) struct Rows {
     pub(crate) sampled: Vec<Sampled>,
@@ -138,7 +138,7 @@ impl Rows {
     }
 }
 
-/// Replaces the variance of each response by what a model of the variances of single samples says of it.
+/// Replaces the variance of each response by that of a model of the variances of single samples.
 /// Variances that cannot be modelled stay.
 fn smooth_noise(rows: &mut [Sampled], options: &Options) {
     let samples = |row: &Sampled| f64::from(row.samples.max(2));

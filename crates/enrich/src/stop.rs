@@ -4,10 +4,10 @@ use crate::batch::Batch;
 use crate::context::Context;
 use crate::{Options, Recommendation, RoundRecord, Stop};
 
-/// Rounds in a row that must expect less than δ, or fail altogether.
+/// Number of rounds in a row that must expect less than δ, or fail altogether.
 const IN_A_ROW: usize = 2;
 
-/// What a round expects, and which regions it asked.
+/// The highest expectation in a round, and the regions it was sought in.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Outlook {
     /// The highest value of any observation in the consulted regions, µm.
@@ -16,7 +16,7 @@ pub(crate) struct Outlook {
 }
 
 impl Outlook {
-    /// An outlook on so many regions, none of which is consulted yet.
+    /// An outlook on `regions` regions, none of which is consulted yet.
     pub(crate) fn new(regions: usize) -> Self {
         Self {
             expected_um: 0.0,
@@ -40,7 +40,7 @@ impl Outlook {
     }
 }
 
-/// How many rounds in a row, up to the last one, had nothing but failures.
+/// Number of rounds in a row, counted back from the last one, with nothing but failures.
 pub(crate) fn failures(rounds: &[RoundRecord]) -> usize {
     let failed = |r: &&RoundRecord| r.asked > 0 && r.failed >= r.asked;
     rounds.iter().rev().take_while(failed).count()
@@ -61,8 +61,8 @@ pub(crate) fn before_search(rounds: &[RoundRecord], options: &Options) -> Option
     }
 }
 
-/// The reason to stop once the observations are chosen. `outlook` is none if there is no model, and
-/// `before` is what the round before expected, µm.
+/// The reason to stop once the observations are chosen. `outlook` is `None` without a model,
+/// `before` is the expectation of the round before, µm.
 pub(crate) fn after_search(
     context: &Context<'_>,
     batch: &Batch,

@@ -11,7 +11,7 @@ use crate::state::Rows;
 enum Scale {
     /// The response, µm.
     Plain,
-    /// Its logarithm.
+    /// The logarithm of the response.
     Logarithm,
     /// The response minus its baseline, µm.
     AboveBaseline,
@@ -22,7 +22,8 @@ enum Scale {
 pub(crate) struct Surrogate {
     model: Model,
     scale: Scale,
-    /// Variance of an estimate from one sample, on the modelled scale; k samples have a k-th of it.
+    /// Variance of an estimate from one sample, on the modelled scale; that of k samples is 1/k of
+    /// it.
     noise_per_sample: f64,
     /// The rows that the model was fitted to.
     pub(crate) rows: Vec<usize>,
@@ -69,7 +70,7 @@ impl Surrogate {
         self.scale == Scale::Logarithm
     }
 
-    /// Whether both model the response on one scale.
+    /// Whether both model the response on the same scale.
     pub(crate) fn is_like(&self, other: &Self) -> bool {
         self.scale == other.scale
     }
@@ -107,8 +108,8 @@ impl Surrogate {
                 ..FitOptions::default()
             },
         )?;
-        // Residuals that are mostly noise say little about the model's own variance, so a calibration
-        // may widen it but never narrow it.
+        // Residuals that are mostly noise hardly depend on the model's own variance, so a
+        // calibration may widen it but never narrow it.
         let calibrated = model.clone().calibrated();
         let model = if calibrated.calibration() > 1.0 {
             calibrated
@@ -179,8 +180,8 @@ impl Surrogate {
         })
     }
 
-    /// Kriging believer: the model as if `samples` samples at `x` had given what it predicts. The means
-    /// stay, the variance around `x` falls.
+    /// Kriging believer: the model as if `samples` samples at `x` had confirmed its prediction. The
+    /// means stay, the variance around `x` falls.
     pub(crate) fn kriging_believer(&self, x: &[f64], samples: u32) -> Result<Self, kriging::Error> {
         self.observed(x, self.mean(x), samples)
     }
@@ -202,9 +203,9 @@ impl Surrogate {
 
     /// The model with an observation `y` at `x` from `samples` samples.
     ///
-    /// A calibrated model predicts c times the variances that its covariance matrix implies. The
-    /// update has the right ratio of the prediction's variance c s² to the noise τ² if the matrix,
-    /// which knows s², is given the noise τ²/c.
+    /// A calibrated model predicts c times the variances that its covariance matrix implies. For
+    /// the update, the ratio of the prediction's variance c s² to the noise τ² is right if the
+    /// matrix, which implies s², is given the noise τ²/c.
     pub(crate) fn observed(&self, x: &[f64], y: f64, samples: u32) -> Result<Self, kriging::Error> {
         let noise = self.noise(samples) / self.model.calibration();
         self.with(x, &[y], &[noise])
@@ -240,7 +241,8 @@ mod tests {
     use super::*;
     use crate::state::{Sampled, State};
 
-    /// Smooth over most of its range and rough at its end, so that the model needs a calibration.
+    /// A function that is smooth over most of its range and rough at its end, so that the model
+    /// needs a calibration.
     fn rough_at_the_end() -> (Rows, Options) {
         let options = Options {
             logarithm: false,
@@ -265,8 +267,8 @@ mod tests {
         (Rows::new(&state, &options).unwrap(), options)
     }
 
-    /// A normal belief with the variance s² is changed by s²/√(s² + τ²) by an observation, and has the
-    /// variance s²τ²/(s² + τ²) after it.
+    /// An observation changes the mean of a normal belief with the variance s² by s²/√(s² + τ²),
+    /// and leaves it the variance s²τ²/(s² + τ²).
     #[test]
     fn a_calibrated_model_learns_by_its_calibrated_variance() {
         let (rows, options) = rough_at_the_end();

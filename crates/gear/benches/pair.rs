@@ -11,7 +11,7 @@ use gear::{Discretisation, Pair, PairInput, PlainSum, ToothModel};
 use rand::RngExt as _;
 use stats::streams::{Purpose, stream};
 
-/// Designs of the random mix. A single design says little: some separate, some do not.
+/// Designs of the random mix. A single design is not representative: the flanks of some separate.
 const DESIGNS: usize = 32;
 
 fn designs(model: ToothModel) -> Vec<Pair> {

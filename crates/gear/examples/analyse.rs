@@ -1,5 +1,5 @@
-//! Prints everything the simulator says about one pair: by default the paper's optimum without
-//! wear (its Figure 7), or one with other profile shifts and tool heights.
+//! Prints all results of the simulator for one pair: by default the paper's optimum without wear
+//! (its Figure 7), or one with other profile shifts and tool heights.
 //!
 //! Run with `cargo run --release -p gear --example analyse -- x1 x2 ha0_1 ha0_2 hf0_1 hf0_2 [model]`.
 

@@ -1,11 +1,12 @@
-//! What every calculation of the contact shares: path, stiffness and load of a pair, and the search
-//! for the extremes of the deflection δ over a mesh period.
+//! Common parts of all calculations of the contact: path, stiffness and load of a pair, and the
+//! search for the extremes of the deflection δ over a mesh period.
 
 use crate::path::Path;
 
 /// Relative size of a Newton step after which the next one would be below rounding.
 pub(crate) const CONVERGED: f64 = 1e-9;
-/// Newton steps at most. Reached only when the loaded part of the path shrinks to a point.
+/// The most Newton steps. So many are taken only when the loaded part of the path shrinks to a
+/// point.
 pub(crate) const MAX_STEPS: usize = 100;
 
 /// Path, stiffness and load of one pair.
@@ -15,14 +16,14 @@ pub(crate) struct Frame {
     /// 1/q at the nodes, N/mm per mm, with q the compliance per length of contact line; for whole
     /// teeth that of the beams alone.
     pub(crate) stiffness: Vec<f64>,
-    /// What the loads add up to: F_bt w/b for slices, whose loads are integrated over the path, and
-    /// F_bt/b for whole teeth.
+    /// Sum of the loads: F_bt w/b for slices, whose loads are integrated over the path, and F_bt/b
+    /// for whole teeth.
     pub(crate) target: f64,
 }
 
 /// Finds the deflection δ that balances the load for one gap.
 pub(crate) trait Balance {
-    /// δ at the phase number `k`; `guess` is used if it is any good.
+    /// δ at the phase number `k`; the solution may start from `guess`.
     fn at_phase(&mut self, k: usize, guess: f64) -> f64;
 
     /// δ at the phase `phi`, mm.
@@ -37,14 +38,14 @@ pub(crate) struct Extremes {
 }
 
 impl Frame {
-    /// Solves δ at every phase into `delta`, and refines its extremes: the greatest and least over the
-    /// phases and over places between them found from the neighbouring phases, where δ is solved anew.
+    /// Solves δ at every phase into `delta`, and returns its extremes. These are refined between
+    /// the phases, at places found from the neighbouring phases, where δ is solved, too.
     pub(crate) fn extremes(&self, balance: &mut impl Balance, delta: &mut Vec<f64>) -> Extremes {
         delta.clear();
         let mut previous = [(0.0, f64::NAN); 2];
         for (k, &phi) in self.path.phases.iter().enumerate() {
             let [(phi_1, delta_1), (phi_2, delta_2)] = previous;
-            // Linear extrapolation where there are two solutions; NaN asks for a fresh start.
+            // Linear extrapolation from two solutions; NaN means that there is no guess.
             let guess = delta_1 + (delta_1 - delta_2) * (phi - phi_1) / (phi_1 - phi_2);
             let guess = if guess.is_nan() { delta_1 } else { guess };
             let solved = balance.at_phase(k, guess);
@@ -117,8 +118,8 @@ impl Frame {
     }
 }
 
-/// δ of a load so small that it is lost in the rounding of the gap may come out below zero; a NaN
-/// is passed on.
+/// Replaces a negative δ by zero: a load so small that it is lost in the rounding of the gap gives
+/// one. A NaN is passed on.
 pub(crate) fn not_negative(delta: f64) -> f64 {
     if delta < 0.0 { 0.0 } else { delta }
 }

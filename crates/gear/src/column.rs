@@ -14,12 +14,12 @@
 //!
 //! **Error control.** The last two coefficients of a series, times the panel's length, estimate what
 //! the polynomial leaves out. A panel is accepted when that is below [`TOLERANCE`] of the integral
-//! up to the panel's upper end, for each integrand and for the height; else it is halved. As every load above weighs
-//! M0, M1 and M2 with the same positive factors as their errors, its own relative error is below the
-//! tolerance too; that of a load low in a panel may be a little greater. 3000 integrals over random
-//! teeth, undercut and pointed ones among them, differ from an independent integration by 4e-13 in
-//! the median and 3e-9 at most. A tooth that asks for more than [`MOST_PANELS`] is given up with a
-//! named outcome.
+//! up to the panel's upper end, for each integrand and for the height; else it is halved. As every
+//! load above weighs M0, M1 and M2 with the same positive factors as their errors, its own relative
+//! error is below the tolerance too; that of a load low in a panel may be a little greater. 3000
+//! integrals over random teeth, undercut and pointed ones among them, differ from an independent
+//! integration by 4e-13 in the median and 3e-9 at most. A tooth that takes more than
+//! [`MOST_PANELS`] is refused, with a reason of its own.
 //!
 //! Reference: C. W. Clenshaw, A. R. Curtis, A method for numerical integration on an automatic
 //! computer, *Numerische Mathematik* 2 (1960) 197–205.
@@ -31,8 +31,8 @@ const TERMS: usize = N + 2;
 
 /// Relative error at which a panel is accepted.
 pub(crate) const TOLERANCE: f64 = 1e-9;
-/// Panels tried for one tooth, at most. Nine are usual; a waist takes about two more for each halving
-/// of its thickness.
+/// The most panels tried for one tooth. Nine are usual; a waist takes about two more for each
+/// halving of its thickness.
 const MOST_PANELS: usize = 300;
 
 /// Share of an integral below which a term of its polynomial is dropped.
@@ -203,9 +203,11 @@ impl Moments {
 struct Panel {
     /// Height of the lower end.
     y: f64,
-    /// Height above the lower end, second moment and ∫ dy/(2x) over the panel up to there.
+    /// Height above the lower end.
     height: Powers,
+    /// Second moment over the panel up to there.
     second: Powers,
+    /// ∫ dy/(2x) over the panel up to there.
     inverse: Powers,
     /// Moments of everything below, about the lower end.
     below: Moments,
@@ -222,8 +224,8 @@ pub(crate) struct Column {
 
 impl Column {
     /// Integrates along the piece of the outline that `curve` describes for parameters `from` to
-    /// `to`, on top of what is there, starting with `parts` panels. `least` is the half thickness at
-    /// which the tooth counts as severed.
+    /// `to`, on top of the earlier pieces, starting with `parts` panels. `least` is the half
+    /// thickness at which the tooth counts as severed.
     ///
     /// # Errors
     /// [`Failure`].
@@ -329,7 +331,7 @@ impl Column {
         self.locate(y).second_moment()
     }
 
-    /// M2 as above, and ∫ dy/(2x) up to there.
+    /// M2 about the height `y`, and ∫ dy/(2x) up to it.
     pub(crate) fn both(&self, y: f64) -> (f64, f64) {
         let level = self.locate(y);
         (level.second_moment(), level.inverse_thickness())
@@ -353,13 +355,13 @@ impl Column {
     }
 }
 
-/// Where a height lies.
+/// The place of a height.
 enum Level<'a> {
     /// At or below the lowest panel.
     Root,
     /// Inside `panel`, `h` above its lower end, where its polynomials take the argument `u`.
     Panel { panel: &'a Panel, h: f64, u: f64 },
-    /// `h` above the topmost panel's upper end, whose moments these are.
+    /// `h` above the upper end of the topmost panel, with the moments there.
     Top { h: f64, moments: Moments },
 }
 

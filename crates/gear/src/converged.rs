@@ -1,4 +1,4 @@
-//! The reference mode: the same model on ever finer grids until its answers stand still.
+//! The reference mode: the same model on ever finer grids until its results no longer change.
 
 use crate::corrections::Corrections;
 use crate::error::Error;
@@ -11,30 +11,30 @@ const START: Discretisation = Discretisation {
     phases: 128,
 };
 
-/// Doublings at most: 32 768 cells and 16 384 phases.
+/// The most doublings: up to 32 768 cells and 16 384 phases.
 const DOUBLINGS: usize = 7;
 
-/// ΔSTE below this fraction of the mean transmission error is rounding, not variation: changes are
-/// compared with it instead of with ΔSTE.
+/// Fraction of the mean transmission error below which ΔSTE is rounding, not variation. The change
+/// of such a ΔSTE is relative to this fraction of the mean instead of to ΔSTE.
 const SILENT: f64 = 1e-6;
 
-/// A pair on a grid so fine that refining it changes nothing of interest.
+/// A pair on a grid so fine that refining it further hardly changes the results.
 #[derive(Debug, Clone)]
 pub struct Converged {
     /// The pair on the finest grid.
     pub pair: Pair,
-    /// That grid.
+    /// The finest grid.
     pub discretisation: Discretisation,
-    /// Change of ΔSTE in the last doubling, relative, the greater of unworn and worn by Archard's
-    /// law. A ΔSTE below 10⁻⁶ of the mean transmission error is compared with that instead.
+    /// Relative change of ΔSTE in the last doubling: the greater of unworn and worn by Archard's
+    /// law. For a ΔSTE below 10⁻⁶ of the mean transmission error, it is relative to that.
     pub change: f64,
 }
 
 impl Pair {
     /// The reference solution: doubles cells and phases until ΔSTE, unworn and worn by Archard's
     /// law with `wear`, changes by less than `tolerance` (relative; 1e-6 is reached by all but
-    /// degenerate pairs), or until the grid has 32 768 cells. [`Converged::change`] says what was
-    /// reached.
+    /// degenerate pairs), or until the grid has 32 768 cells. [`Converged::change`] is the change
+    /// that was reached.
     ///
     /// The error of a pair with kinks that the grid does not know falls with the square of the cell
     /// size, so a last change of 1e-6 leaves an error of about 3e-7.

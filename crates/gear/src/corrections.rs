@@ -3,9 +3,9 @@
 //!
 //! Corrections are part of the gap g that the contact closes. Tip relief depends on the place s on
 //! the path alone, so it costs nothing beyond the uncorrected pair. Crowning depends on the place z
-//! along the face: the face integral is no longer one of s alone, prefix sums do not apply, and each
-//! phase is integrated piece by piece: a worn sample takes about seventeen times the time. Amounts are normal to the
-//! flank, as wear depths are.
+//! along the face: the face integral is no longer one of s alone, prefix sums do not apply, and
+//! each phase is integrated piece by piece. A worn sample takes about seventeen times the time.
+//! Amounts are normal to the flank, as wear depths are.
 //!
 //! Left out: end relief, helix-angle and pressure-angle corrections, topographies.
 
@@ -13,7 +13,7 @@ use crate::error::{InputError, UnknownName};
 use crate::geometry::Geometry;
 use crate::input::{Member, named, within};
 
-/// How tip relief grows from its start to the tip.
+/// The growth of tip relief from its start to the tip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ReliefShape {
     /// In proportion to the distance from its start.

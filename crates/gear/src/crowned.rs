@@ -1,17 +1,17 @@
 //! Loaded contact of a crowned pair, where the gap depends on the place along the face.
 //!
 //! At the phase φ the line of pair j touches s at the face position z/b = (s_in + φ + j p_bt − s)/w,
-//! so each line has a gap of its own, g(s) + C_β (1 − 2 z/b)². It is taken as linear between the
-//! nodes of the path and [`PIECES`] even parts of the line; the force of each piece is then exact,
-//! with its end of contact inside it where there is one. The force is convex and increasing in δ, and
-//! the first guess, all slices touching, is at or above the solution, so Newton's method falls
-//! monotonically.
+//! so each line has a gap of its own, g(s) + C_β (1 − 2 z/b)². The gap is taken as linear between
+//! the nodes of the path and [`PIECES`] even parts of the line; the force of each piece is then
+//! exact, with its end of contact inside it where there is one. The force is convex and increasing
+//! in δ, and the first guess, all slices touching, is at or above the solution, so Newton's method
+//! falls monotonically.
 
 use crate::balance::{Balance, CONVERGED, Frame, MAX_STEPS, not_negative};
 use crate::path::crown;
 
-/// Even parts of a line that are told apart at least. A parabola taken as straight in sixty-fourths
-/// is off by C_β/4096 at most.
+/// The fewest even parts of a line. A parabola taken as straight in sixty-fourths is off by
+/// C_β/4096 at most.
 const PIECES: usize = 64;
 
 /// A piece of a contact line: gap and stiffness at both ends, linear between.

@@ -30,7 +30,7 @@ pub struct InputError {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("unknown {kind} {name:?}, expected one of: {expected}")]
 pub struct UnknownName {
-    /// What was to be chosen, for example `tooth model`.
+    /// The kind of choice, for example `tooth model`.
     pub kind: &'static str,
     /// The name that was given.
     pub name: String,
@@ -124,7 +124,7 @@ pub enum Infeasible {
         member: Member,
         /// ρf.
         root_rounding: f64,
-        /// How far the corner's centre lies beyond the rack tooth's axis; positive.
+        /// Distance of the corner's centre beyond the rack tooth's axis; positive.
         overlap: f64,
     },
     /// The rack corner sweeps a curve with a cusp: the fillet it would generate does not exist.

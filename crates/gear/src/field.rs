@@ -44,14 +44,16 @@ const TRUNCATION: f64 = 1e-5;
 /// The factorisation stops when no candidate has more than this share of its variance left.
 const RESIDUAL: f64 = 1e-6;
 
-/// Candidates in one correlation range and their smallest number, for kernels with and without a
-/// derivative at h = 0 that bounds what happens between two candidates; and the largest number.
+/// Number of candidates in one correlation range, and their smallest number, for kernels with a
+/// derivative at h = 0 that bounds the variation between two candidates.
 const SMOOTH: (f64, f64) = (24.0, 33.0);
+/// The same for kernels without such a derivative.
 const ROUGH: (f64, f64) = (64.0, 193.0);
+/// The largest number of candidates.
 const MOST: f64 = 513.0;
 
-/// Functions at most. It stays well below the largest number of candidates, so that what is left
-/// out between two chosen angles is seen at the candidates between them.
+/// The most basis functions. It stays well below the largest number of candidates, so that what is
+/// left out between two chosen angles is seen at the candidates between them.
 const MAX_RANK: usize = 64;
 
 /// The modes of one gear's field at given places.
@@ -309,7 +311,7 @@ mod tests {
         }
     }
 
-    /// What makes the expansion one of Karhunen and Loève: modes are orthogonal over the interval,
+    /// The properties of a Karhunen–Loève expansion: modes are orthogonal over the interval,
     /// strongest first, and eigenfunctions of the covariance, ∫ k(θ, t) ψ(t) dt = λ ψ(θ).
     #[test]
     fn modes_are_eigenfunctions() {

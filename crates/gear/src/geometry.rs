@@ -96,7 +96,7 @@ pub struct Sliding {
 pub struct Interference {
     /// Clearance of the pinion's tip above the gear's root, and of the gear's above the pinion's.
     pub clearance: [f64; 2],
-    /// How far above the fillet the active flank starts, measured along the line of action.
+    /// Height of the active flank's start above the fillet, measured along the line of action.
     pub flank_margin: [f64; 2],
 }
 

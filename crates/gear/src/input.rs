@@ -1,4 +1,4 @@
-//! What describes a gear pair, its wear and the fineness of the calculation.
+//! The description of a gear pair, of its wear, and of the fineness of the calculation.
 
 use std::fmt;
 
@@ -69,7 +69,8 @@ macro_rules! named {
     };
 }
 
-/// What fixes the scale of the pair. The other one follows from the zero-backlash mesh.
+/// The dimension that fixes the scale of the pair. The other one follows from the zero-backlash
+/// mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Size {
     /// The distance between the axes, mm.
@@ -78,7 +79,8 @@ pub enum Size {
     NormalModule(f64),
 }
 
-/// How much of a tooth's elasticity is counted, and how the load lies on the face.
+/// The parts of a tooth's elasticity that are counted, and the distribution of the load on the
+/// face.
 ///
 /// With all but [`WholeFaceBeam`](Self::WholeFaceBeam) teeth are thin slices across the face that do
 /// not feel each other.
@@ -116,7 +118,7 @@ named!(
     PrismaticBeam = "prismatic-beam"
 );
 
-/// What happens to a tip that would press into the mate's root.
+/// The treatment of a tip that would press into the mate's root.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TipRule {
     /// The tip stays as its rack leaves it, even with a negative clearance.
@@ -280,9 +282,9 @@ pub struct PairInput {
     pub root_radius: [f64; 2],
     /// Tip diameter, mm, where the blank was turned to one instead of being cut by the tool.
     pub tip_diameter: [Option<f64>; 2],
-    /// How teeth deform.
+    /// The model of the deformation of teeth.
     pub tooth_model: ToothModel,
-    /// What happens to tips without clearance.
+    /// The treatment of tips without clearance.
     pub tip_rule: TipRule,
     /// Torque on the pinion T1, N·mm.
     pub pinion_torque: f64,
@@ -487,7 +489,7 @@ impl Wear {
     }
 }
 
-/// How finely the path of contact and the mesh period are divided.
+/// Fineness of the division of the path of contact and of the mesh period.
 ///
 /// Both numbers are minima: nodes and phases are added where the solution has kinks, and
 /// [`ToothModel::WholeFaceBeam`] takes twice as many cells. Errors fall with

@@ -41,7 +41,7 @@
 //! and 0.01, 0.06 and takes 2.4 µs.
 //!
 //! The plain sum ([`PlainSum`]) leaves out the drawing of its random field. The default is 64 × 32.
-//! `coordinator tradeoff` measures the whole table for the machine at hand and draws it.
+//! `coordinator tradeoff` measures the whole table on the machine where it runs, and draws it.
 //!
 //! # Example
 //! ```

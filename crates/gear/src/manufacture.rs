@@ -1,9 +1,10 @@
 //! Scatter of manufacture: the profile slope deviation of each gear.
 //!
 //! A profile slope deviation f_Hα turns all flanks of one gear by the same small angle, as a wrong
-//! pressure angle of the tool does. It is measured in the transverse plane along the line of action,
-//! and is positive where the profile rises towards the tip (ISO 1328-1:2013). With x from −1/2 at the start of the path of contact to 1/2 at its end,
-//! where the pinion's tip touches, deviations f1 and f2 change the gap along the normal by
+//! pressure angle of the tool does. It is measured in the transverse plane along the line of
+//! action, and is positive where the profile rises towards the tip (ISO 1328-1:2013). With x from
+//! −1/2 at the start of the path of contact to 1/2 at its end, where the pinion's tip touches,
+//! deviations f1 and f2 change the gap along the normal by
 //!
 //! g(s) += (f2 − f1) x cos β_b.
 //!
@@ -35,7 +36,7 @@ impl FlankClass {
     /// The coarsest class.
     pub const COARSEST: u32 = 11;
 
-    /// The class of this number; none outside 1 to 11.
+    /// The class with this number; `None` outside 1 to 11.
     #[must_use]
     pub fn new(number: u32) -> Option<Self> {
         (Self::FINEST..=Self::COARSEST)
@@ -78,10 +79,10 @@ pub(crate) struct SlopeDeviations {
 }
 
 impl SlopeDeviations {
-    /// Coefficients behind a draw.
+    /// Number of coefficients of a draw.
     pub(crate) const MODES: usize = 2;
 
-    /// Those of a pair of this class at the places `s`.
+    /// The deviations of a pair of this class at the places `s`.
     pub(crate) fn new(class: FlankClass, geometry: &Geometry, s: &[f64]) -> Self {
         let (middle, length) = (
             0.5 * (geometry.s_in + geometry.s_out),
@@ -101,7 +102,7 @@ impl SlopeDeviations {
         [0, 1].map(|gear| self.sd[gear] * coefficients.get(gear).copied().unwrap_or_default())
     }
 
-    /// Adds what the deviations `f` leave or take to the gap at the nodes.
+    /// Adds the deviations `f` to the gap at the nodes.
     pub(crate) fn add_to(&self, gap: &mut [f64], f: [f64; 2]) {
         let difference = f[1] - f[0];
         for (gap, shape) in gap.iter_mut().zip(&self.shape) {

@@ -1,7 +1,7 @@
 //! The mesh of one pair: where its teeth touch, how stiffly, and the deflection δ over a mesh period.
 //!
-//! How the load of a phase is shared is one of three calculations behind the trait `Balance`:
-//! slices of straight flanks (`slices`), of crowned ones (`crowned`), or whole teeth (`whole_face`).
+//! One of three calculations behind the trait `Balance` shares out the load of a phase: slices of
+//! straight flanks (`slices`), of crowned ones (`crowned`), or whole teeth (`whole_face`).
 
 use crate::balance::{Extremes, Frame};
 use crate::crowned::{CrownedBalance, Piece};
@@ -114,8 +114,8 @@ impl Mesh {
     /// The greatest load per length of contact line at each node over the mesh period, N/mm, for the
     /// gap `g` whose solution is in `scratch`.
     ///
-    /// `unworn` says that nothing but bending keeps the flanks apart: δ between the phases is then
-    /// computed instead of interpolated.
+    /// `unworn` says that the gap at the nodes is zero: δ between the phases is then computed
+    /// instead of interpolated.
     pub(crate) fn greatest_load(
         &self,
         g: &[f64],

@@ -48,7 +48,7 @@ const LOAD_TOLERANCE: f64 = 2e-5;
 /// tip relief keeps free of load would be infinitely soft, and stay so when wear loads it.
 const LEAST_LOAD: f64 = 0.01;
 
-/// Load rounds at most. Five are usual; thin tips and absurd loads, where Weber's bracket is
+/// The most load rounds. Five are usual; thin tips and absurd loads, where Weber's bracket is
 /// clamped, may need more.
 const LOAD_ROUNDS: usize = 12;
 
@@ -484,7 +484,7 @@ impl Pair {
     }
 }
 
-/// What the compliance of a place is made of.
+/// The parts of the compliance at a place.
 #[derive(Debug, Clone, Copy)]
 struct NodeCompliance {
     s: f64,

@@ -42,16 +42,16 @@ pub(crate) struct Place {
 pub(crate) struct Window {
     pub(crate) lo: Place,
     pub(crate) hi: Place,
-    /// How many pairs cover it: more than one only for the whole path under a very wide face.
+    /// Number of pairs that cover it: more than one only for the whole path under a very wide face.
     pub(crate) weight: f64,
 }
 
-/// Where a line of contact looks up compliance and gap.
+/// The places where a line of contact takes its compliance and gap.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Touch {
-    /// At every place that it covers.
+    /// At every place that the line covers.
     Everywhere,
-    /// In the middle of what it covers.
+    /// In the middle of the places that the line covers.
     Middle,
 }
 
@@ -75,8 +75,9 @@ pub(crate) struct Path {
 }
 
 impl Path {
-    /// `soft` are places at which the compliance has a kink that steepens as it is approached from
-    /// inside the path; `marks` are places at which the gap has a kink.
+    /// The path and the mesh period of a pair. `soft` are places at which the compliance has a kink
+    /// that steepens as it is approached from inside the path; `marks` are places at which the gap
+    /// has a kink.
     pub(crate) fn new(
         geometry: &Geometry,
         disc: &Discretisation,

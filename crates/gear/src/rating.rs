@@ -77,9 +77,9 @@ pub struct Rating {
     /// Nominal contact stress at the pitch point σ_H0 = Z_H Z_E Z_ε Z_β √(F_t (u + 1)/(d_1 b u)),
     /// MPa, without Z_B and Z_D.
     pub contact_stress_mpa: f64,
-    /// The roots.
+    /// Root ratings.
     pub root: [RootRating; 2],
-    /// The stiffness.
+    /// Mesh stiffness.
     pub stiffness: MeshStiffness,
     /// Nominal root safeties S_F: the material's yield stress over σ_F0. No permissible stress of
     /// ISO 6336-5 is looked up.
@@ -344,7 +344,7 @@ pub fn over_balls(geometry: &Geometry, member: Member, diameter: f64) -> f64 {
 /// Coefficients L*, M*, P*, Q* of the compliance of a gear body, for a foundation that reaches over
 /// `half_angle` rad on each side of the tooth and a ratio `radius_ratio` = r_f/r_bore.
 ///
-/// Neither compliance model of this crate has a gear body; these tell how much one would add, see
+/// Neither compliance model of this crate has a gear body; these give what one would add, see
 /// [`body_compliance`]. The fit holds for 1.4 to 7 in the ratio and 0.01 to 0.12 rad.
 /// Source: Sainsot, Velex and Duverger, "Contribution of gear body to tooth deflections", ASME
 /// J. Mech. Des. 126 (2004), table 1.

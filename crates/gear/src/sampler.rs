@@ -54,8 +54,8 @@ pub struct Sampler {
     scratch: Scratch,
 }
 
-/// The coefficients behind one [`Sampler::draw`] from a generator in the same state, for a sampler
-/// of so many [`modes`](Sampler::modes).
+/// The coefficients of one [`Sampler::draw`] from a generator in the same state, for a sampler with
+/// so many [`modes`](Sampler::modes).
 pub fn draw_coefficients<R: Rng + ?Sized>(
     rng: &mut R,
     modes: usize,
@@ -99,7 +99,7 @@ impl Sampler {
         }
     }
 
-    /// Number of random numbers behind a draw: the modes of both fields, and two for random slope
+    /// Number of random numbers in a draw: the modes of both fields, and two for random slope
     /// deviations.
     #[must_use]
     pub fn modes(&self) -> usize {
@@ -125,11 +125,12 @@ impl Sampler {
         delta_ste_um
     }
 
-    /// How much ΔSTE in µm changes with each coefficient: the secant from one standard deviation
-    /// below Archard's wear to one above. ΔSTE has kinks, so that there is no derivative; over the
-    /// scatter of the wear it is all but linear in most designs, which makes the sum of slopes times
-    /// coefficients a strong control variate. Over slope deviations as large as the wear is deep it is
-    /// not, and the control is weaker. Two analyses for each of the [`modes`](Self::modes).
+    /// The slope of ΔSTE, µm, in each coefficient: the secant from one standard deviation below
+    /// Archard's wear to one above. ΔSTE has kinks, so that there is no derivative. Over the
+    /// scatter of the wear it is all but linear in most designs, which makes the sum of slopes
+    /// times coefficients a strong control variate. Over slope deviations as large as the wear is
+    /// deep it is not, and the control is weaker. Costs two analyses for each of the
+    /// [`modes`](Self::modes).
     pub fn slopes(&mut self) -> Vec<f64> {
         let mut coefficients = vec![0.0; self.modes()];
         (0..coefficients.len())
@@ -145,9 +146,9 @@ impl Sampler {
     }
 
     /// ΔSTE in µm of the pair worn according to the coefficients of the fields' modes, those of the
-    /// pinion's field first and those of the slope deviations last; standard normal coefficients make it a [`draw`](Self::draw), and zeros
-    /// Archard's wear. Coefficients that are missing count as zero, more than
-    /// [`modes`](Self::modes) are not looked at.
+    /// pinion's field first and those of the slope deviations last. Standard normal coefficients
+    /// make it a [`draw`](Self::draw), zeros Archard's wear. Missing coefficients count as zero;
+    /// those beyond [`modes`](Self::modes) are ignored.
     pub fn at(&mut self, coefficients: &[f64]) -> f64 {
         let mut rest = coefficients;
         for (field, theta) in self.fields.iter().zip(&mut self.theta) {

@@ -200,7 +200,8 @@ impl<'a> Gap<'a> {
         }
     }
 
-    /// Solves Σ ∫ max(0, δ − g)/q ds = target over the windows, from `guess` if it is any good.
+    /// Solves Σ ∫ max(0, δ − g)/q ds = target over the windows, from `guess` if something touches
+    /// there.
     fn balance(&self, windows: &[Window], guess: f64, memory: &mut Memory) -> f64 {
         let Memory {
             gap_area,
@@ -231,8 +232,9 @@ impl<'a> Gap<'a> {
             let (force, rate) = self.force(delta, spans, valleys, touching, gap_area);
             if rate <= 0.0 || rate.is_nan() {
                 // Nothing touches: the guess was below every gap. With all slices counted as
-                // touching δ can only be too large, which is the side Newton falls from. If it falls to
-                // where nothing touches, the load is zero to rounding, and δ is the lowest gap.
+                // touching, δ can only be too large, and from there Newton's method falls to the
+                // solution. If it falls to where nothing touches, the load is zero to rounding, and
+                // δ is the lowest gap.
                 if delta == full || has_restarted {
                     break;
                 }

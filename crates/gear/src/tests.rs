@@ -515,7 +515,7 @@ fn outline_is_smooth() {
     }
 }
 
-/// Two valleys, plateaus and a single low node: the touching set is found from any side.
+/// Deep wear of a short range gives a ΔSTE with every kernel.
 #[test]
 fn wear_of_any_kernel_is_drawn() {
     let pair = pair();

@@ -46,7 +46,7 @@ const SEVERED: f64 = 1e-6;
 #[cfg(test)]
 pub(crate) type OutlineOf<'a> = Box<dyn Fn(f64) -> (f64, f64) + 'a>;
 
-/// Where and how a load meets the tooth.
+/// The place and the direction of a load on the tooth.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Load {
     /// cos² α_F.

@@ -6,7 +6,7 @@
 //! taken at the middle of the line. Σ F = F_bt over the pairs in contact gives δ. Wherever the line
 //! lies, pressure and wear follow from the load F/b per length of line.
 //!
-//! What this leaves out is where on the face the load lies: a corner that has just come into contact
+//! The model leaves out where on the face the load lies: a corner that has just come into contact
 //! bends the tooth like a load over the whole face, the pressure of a short line is too small, and
 //! crowning has no meaning.
 
@@ -110,7 +110,7 @@ impl WholeFace {
     ) -> Vec<f64> {
         let path = &frame.path;
         let (line, p) = (path.line(), path.base_pitch);
-        // While a line covers the whole path all periods are alike, and two of them do.
+        // While a line covers the whole path all periods are alike, and two of them suffice.
         let spare = (((line.window - line.length) / p).floor() - 2.0).max(0.0) * p;
         let short = Line {
             window: line.window - spare,

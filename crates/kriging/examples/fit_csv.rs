@@ -103,12 +103,12 @@ fn run() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The choice of this name.
+/// The value of `T` with this name.
 fn named<T: DeserializeOwned>(name: String) -> Result<T, Box<dyn Error>> {
     serde_json::from_value(name.into()).map_err(|error| format!("{error}\n{USAGE}").into())
 }
 
-/// What the model is, in words.
+/// A description of the model.
 fn described(model: &Surrogate) -> String {
     let kernel = model.kernel();
     match model.vecchia() {
@@ -195,8 +195,8 @@ struct Table<const N: usize> {
 }
 
 impl<const N: usize> Table<N> {
-    /// Reads the columns `x1` … `xd` and those of the given names; d is told by the header unless it
-    /// is given. Without a header the columns have this order.
+    /// Reads the columns `x1` … `xd` and those of the given names. The header determines d, unless
+    /// it is given. Without a header the columns have this order.
     fn read(path: &str, names: [&str; N], d: Option<usize>) -> Result<Self, Box<dyn Error>> {
         let mut reader = csv::ReaderBuilder::new()
             .has_headers(false)

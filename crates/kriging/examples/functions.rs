@@ -21,7 +21,7 @@ use stats::streams::{Purpose, stream};
 struct Function {
     name: &'static str,
     d: usize,
-    /// Of a point in the unit cube.
+    /// The function's value at a point of the unit cube.
     value: fn(&[f64]) -> f64,
 }
 

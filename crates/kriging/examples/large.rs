@@ -46,7 +46,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let pairs = predictions.iter().zip(test.chunks_exact(D));
     let squares: f64 = pairs.map(|(p, x)| (p.mean - hart6(x)).powi(2)).sum();
     println!("rmse {:.4}", (squares / TESTS as f64).sqrt());
-    // Of proc(5)'s status: the largest resident set so far.
+    // The largest resident set so far, from the process's status (proc(5)).
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let peak = status.lines().find(|line| line.starts_with("VmHWM"));
     println!("{}", peak.unwrap_or("peak memory unknown"));

@@ -23,7 +23,7 @@ fn mean(x: &[f64]) -> f64 {
     3.0 + (4.0 * x[0]).sin() + x[1] * x[1] + x[0] * x[2]
 }
 
-/// Between 0.55 and 1.5.
+/// Standard deviation of a sample, between 0.55 and 1.5.
 fn deviation(x: &[f64]) -> f64 {
     (0.5 * ((3.0 * x[1]).cos() + x[2]) - 0.1).exp()
 }

@@ -127,7 +127,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The training data and, without noise, the test data.
+/// The training data, and the test data, which have no noise.
 fn read(directory: &Path, data: &str) -> Result<(Table, Table), Box<dyn Error>> {
     let train = table(&directory.join(format!("{data}_train.csv")))?;
     let word = data.split('_').next().unwrap_or(data);

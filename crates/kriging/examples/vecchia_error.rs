@@ -1,4 +1,4 @@
-//! What nearest-neighbour conditioning costs in accuracy: a table, and the same as an SVG chart.
+//! The loss of accuracy by nearest-neighbour conditioning: a table, and the same as an SVG chart.
 //!
 //! `cargo run --release -p kriging --example vecchia_error -- [CHART.svg [POINTS …]]`
 //! (500, 1000, 2000 and 3000 points)
@@ -6,7 +6,7 @@
 //! The six-dimensional Hartmann function on 2…40 with noise of a standard deviation of 0.1 to 0.16.
 //! For each number of points, an exact fit and fits by [`kriging::fit_vecchia`] with different numbers m
 //! of observations per prediction; the last has all of them. The error is the root mean square one of
-//! the mean against the truth at 1000 points, relative to the exact fit's, less one.
+//! the mean against the truth at 1000 points, divided by the exact fit's, minus one.
 
 #![expect(clippy::print_stdout, reason = "an example's output is its purpose")]
 
@@ -94,7 +94,7 @@ fn curve(n: usize) -> Result<Curve, Box<dyn Error>> {
     Ok(Curve { n, excess })
 }
 
-/// The curves over m, both axes logarithmic; what is below a thousandth is drawn there.
+/// The curves over m, both axes logarithmic; values below a thousandth are drawn at a thousandth.
 fn svg(curves: &[Curve]) -> String {
     const FLOOR: f64 = 1e-3;
     let (width, height, left, right, top, bottom) = (640.0, 400.0, 70.0, 30.0, 40.0, 55.0);
@@ -103,7 +103,7 @@ fn svg(curves: &[Curve]) -> String {
         .flat_map(|c| c.excess.iter().map(|e| e.0))
         .max()
         .unwrap_or(100);
-    // Room for the curves' names on the left.
+    // The left margin has space for the names of the curves.
     let (low, high) = (12.0_f64.ln(), (1.15 * most as f64).ln());
     let across = |m: f64| left + (m.ln() - low) / (high - low) * (width - left - right);
     let (least, largest) = (FLOOR.ln(), 3.0_f64.ln());

@@ -21,8 +21,7 @@ pub struct Data<'a> {
     pub noise_variance: &'a [f64],
 }
 
-/// Distinct points, sorted by their coordinates: every result is independent of the order in which
-/// the observations came.
+/// Points sorted by their coordinates, so that no result depends on the order of the observations.
 #[derive(Debug, Clone)]
 pub(crate) struct Points {
     pub(crate) d: usize,
@@ -74,30 +73,30 @@ impl Points {
         })
     }
 
-    /// Number of different rows of points as [`merge`] and [`keep`] return them: sorted.
+    /// Number of different rows. The points must be sorted, as [`merge`] and [`keep`] return them.
     pub(crate) fn distinct(&self) -> usize {
         let new = |i: &usize| *i == 0 || self.row(*i) != self.row(*i - 1);
         (0..self.len()).filter(new).count()
     }
 }
 
-/// Checks the data and merges observations at equal points; what a user should know about the data is in
-/// the warnings.
+/// Checks the data and merges observations at equal points. The warnings say what a user should
+/// know about the data.
 ///
 /// Noisy observations at one point are replaced by their precision-weighted mean, a sufficient statistic
-/// for the model. A noise-free observation replaces the noisy ones that agree with it. Where observations
-/// of a point contradict each other, see [`Contradiction`], the variance pooled over all such points is
-/// added to the noise of each.
+/// for the model. A noise-free observation replaces the noisy ones that agree with it. If
+/// observations of a point contradict each other (see [`Contradiction`]), the variance pooled over
+/// all such points is added to the noise of each.
 pub(crate) fn merge(data: &Data<'_>) -> Result<(Points, Vec<Warning>), Error> {
     gather(data, |a, b, row| {
         compare_rows(row(a), row(b)) == Ordering::Equal
     })
 }
 
-/// Checks the data and keeps observations at equal points apart: their scatter tells how large an
-/// unknown nugget is, which no mean of them does. Only copies, noise-free observations of the same
-/// value, count once: as measurements they would say that there is no nugget, whatever the other
-/// observations say, and a row given twice says nothing.
+/// Checks the data and keeps observations at equal points apart: an unknown nugget is estimated
+/// from their scatter, which a mean of them would lose. Only copies, noise-free observations of the
+/// same value, count once. A row given twice carries no information, and as two measurements it
+/// would make the nugget vanish, whatever the other observations are.
 pub(crate) fn keep(data: &Data<'_>) -> Result<(Points, Vec<Warning>), Error> {
     gather(data, |a, b, row| {
         let exact = data.noise_variance[a] == 0.0 && data.noise_variance[b] == 0.0;
@@ -105,7 +104,7 @@ pub(crate) fn keep(data: &Data<'_>) -> Result<(Points, Vec<Warning>), Error> {
     })
 }
 
-/// Sorts the observations and merges neighbours that are `one`.
+/// Sorts the observations and merges neighbours for which `one` holds.
 fn gather<'a>(
     data: &Data<'a>,
     one: impl Fn(usize, usize, &dyn Fn(usize) -> &'a [f64]) -> bool,
@@ -115,7 +114,7 @@ fn gather<'a>(
     let row = |i: usize| &data.x[i * d..(i + 1) * d];
 
     let mut order: Vec<usize> = (0..data.y.len()).collect();
-    // Observations at one point are sorted too, so that sums over them have one order.
+    // Observations at one point are sorted too, so that sums over them have a fixed order.
     order.sort_by(|&a, &b| {
         compare_rows(row(a), row(b))
             .then(data.y[a].total_cmp(&data.y[b]))
@@ -155,12 +154,12 @@ fn gather<'a>(
 }
 
 fn compare_rows(a: &[f64], b: &[f64]) -> Ordering {
-    // Finite by now, and −0 equals 0 here, unlike in `total_cmp`.
+    // All numbers are finite, and −0 equals 0 here, unlike in `total_cmp`.
     a.partial_cmp(b).unwrap_or(Ordering::Equal)
 }
 
-/// By how many standard deviations the norm of a point's scatter must exceed what is to be expected
-/// of its noise: normal noise does in 1.5e-8 of all cases at most (‖z‖ of ν standard normal numbers
+/// Standard deviations by which the norm of a point's scatter must exceed its expectation under the
+/// noise. Normal noise does in 1.5e-8 of all cases at most (‖z‖ of ν standard normal numbers
 /// exceeds √ν + t with a probability below exp(−t²/2), by the concentration of Gaussian measure).
 const EXCESS: f64 = 6.0;
 

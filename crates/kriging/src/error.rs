@@ -9,7 +9,7 @@ pub enum Error {
     /// An array's length does not match the others.
     #[error("{what} has {got} numbers, expected {expected}")]
     Shape {
-        /// Which array.
+        /// Name of the array.
         what: &'static str,
         /// The length it must have.
         expected: usize,
@@ -19,19 +19,19 @@ pub enum Error {
     /// A number is NaN or infinite.
     #[error("{what} number {index} is {value}, it must be finite")]
     NonFinite {
-        /// Which array.
+        /// Name of the array.
         what: &'static str,
         /// Position of the first such number (in a row-major array: row × d + column).
         index: usize,
-        /// Its value.
+        /// Value of that number.
         value: f64,
     },
     /// A noise variance is negative.
     #[error("the noise variance of observation {index} is {value}, it must not be negative")]
     NegativeNoise {
-        /// Which observation.
+        /// Index of the observation.
         index: usize,
-        /// Its noise variance.
+        /// Noise variance of the observation.
         value: f64,
     },
     /// There are too few different points to estimate a covariance from.
@@ -52,7 +52,7 @@ pub enum Error {
         first: usize,
         /// Number of the other.
         second: usize,
-        /// By how much they differ, in units of y.
+        /// Difference of the two, in units of y.
         difference: f64,
         /// The largest difference that would have been accepted, in units of y.
         permitted: f64,
@@ -74,7 +74,7 @@ pub enum Error {
          {needed}: no dependence on x was found, give more or less noisy observations"
     )]
     NoStructure {
-        /// By how much the model's log likelihood exceeds that of independent observations.
+        /// Gain of the model's log likelihood over that of independent observations.
         gain: f64,
         /// The smallest gain accepted: the number of parameters it takes.
         needed: f64,
@@ -82,7 +82,7 @@ pub enum Error {
     /// Finite numbers whose differences or squares an f64 cannot hold.
     #[error("{what} spans a range too wide or too narrow for an f64, use another unit")]
     Extent {
-        /// Which array.
+        /// Name of the array.
         what: &'static str,
     },
     /// No kernel has this name.
@@ -94,18 +94,18 @@ pub enum Error {
         /// The name given.
         name: String,
     },
-    /// The logarithm of an observation is to be modelled, and it has none.
+    /// An observation is not positive, and its logarithm is to be modelled.
     #[error("observation {index} is {value}: only positive observations have a logarithm")]
     Logarithm {
-        /// Its number, from 0.
+        /// Index of the observation, from 0.
         index: usize,
-        /// Its value.
+        /// Value of the observation.
         value: f64,
     },
-    /// The options ask an approximate fit for what only the exact one offers.
+    /// The options ask the approximate fit for something that only the exact one offers.
     #[error("the approximate fit does not offer {what}, choose the exact one")]
     ExactOnly {
-        /// What was asked for.
+        /// The option that the approximate fit does not offer.
         what: &'static str,
     },
     /// The covariance matrix could not be factorised anywhere the search looked, not even with the
@@ -116,7 +116,7 @@ pub enum Error {
     )]
     NotPositiveDefinite {
         /// Number of the first observation, from 0, whose row depends on those before it in the last
-        /// factorisation; none if every factorisation succeeded but the trend's.
+        /// factorisation; `None` if every factorisation succeeded but the trend's.
         observation: Option<usize>,
         /// The largest jitter tried, relative to the process variance.
         jitter: f64,
@@ -127,9 +127,9 @@ pub enum Error {
     /// A stored model has a parameter, or the options have a number, that no model can have.
     #[error("{what}: {value} is not possible, no fitted model has that")]
     OutOfRange {
-        /// Which parameter.
+        /// Name of the parameter.
         what: &'static str,
-        /// Its value.
+        /// Value of the parameter.
         value: f64,
     },
     /// A stored model has a format this version does not know.

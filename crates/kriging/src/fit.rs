@@ -3,8 +3,8 @@
 //! Many starts are compared on a small random subset of the points, where an evaluation costs
 //! milliseconds; the best are polished there, and the survivors on larger and larger subsets until
 //! the last polish runs on all points and starts next to its optimum. One start has every range at
-//! half its coordinate's extent: likelihoods of deterministic functions have a spurious optimum
-//! where all ranges vanish and the model is white noise, and that start lies on the right side of it.
+//! half its coordinate's extent. The likelihood of a deterministic function has a spurious optimum
+//! where all ranges vanish and the model is white noise; that start lies on the right side of it.
 
 mod newton;
 pub(crate) mod report;
@@ -22,12 +22,12 @@ use crate::{Error, Warning};
 use stages::SUBSET_TOLERANCE;
 use starts::Search;
 
-/// How to search for the parameters of the covariance.
+/// Options of the search for the parameters of the covariance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FitOptions {
     /// The correlation function.
     pub kernel: Kernel,
-    /// What the parameters maximise.
+    /// The criterion that the parameters maximise.
     pub estimator: Estimator,
     /// Seed of the random starts and subsets (stream purpose `Fit`).
     pub seed: u64,
@@ -39,13 +39,13 @@ pub struct FitOptions {
     pub trend: Trend,
     /// Whether to estimate a nugget: one more noise variance, the same at all points, on top of the
     /// known ones ([`Parameters::nugget`]). Repeated observations of a point are then not merged,
-    /// since their scatter tells of the nugget; the fit takes the time of that many points. Only
+    /// since their scatter determines the nugget; the fit takes the time of that many points. Only
     /// noise-free copies of one observation count once.
     pub nugget: bool,
     /// Whether to calibrate the predicted variances, see [`Model::calibrated`].
     pub calibrate: bool,
-    /// Whether to refuse, as [`Error::NoStructure`], what is otherwise a
-    /// [`Warning::NoStructure`]: a model that is not better than a constant plus noise.
+    /// Whether to refuse a model that is not better than a constant plus noise, with
+    /// [`Error::NoStructure`]. Otherwise such a model has the [`Warning::NoStructure`].
     pub refuse_no_structure: bool,
 }
 
@@ -77,12 +77,12 @@ impl Default for FitOptions {
 /// # Errors
 ///
 /// [`Error::Shape`], [`Error::NonFinite`], [`Error::NegativeNoise`] and [`Error::Extent`] for
-/// unusable data, [`Error::Contradiction`] for observations of one place that differ although they
-/// are said to be exact, unless a nugget is estimated,
-/// [`Error::TooFewPoints`] for fewer than two distinct points, [`Error::Trend`] where
-/// the points do not determine the trend, [`Error::NoStructure`] if `options` asks for it, and
-/// [`Error::NotPositiveDefinite`] where no covariance of the search can be factorised. What a user
-/// ought to know of a fit that did succeed is in [`Model::warnings`].
+/// unusable data; [`Error::Contradiction`], unless a nugget is estimated, for observations at
+/// nearly the same point that differ by more than their noise permits; [`Error::TooFewPoints`] for
+/// fewer than two distinct points; [`Error::Trend`] if the points do not determine the trend;
+/// [`Error::NoStructure`] if `options` asks for it; and [`Error::NotPositiveDefinite`] if no
+/// covariance of the search can be factorised. What a user should know about a successful fit is in
+/// [`Model::warnings`].
 pub fn fit(data: &Data<'_>, options: &FitOptions) -> Result<Model, Error> {
     let (points, mut warnings) = if options.nugget {
         keep(data)?
@@ -150,7 +150,7 @@ pub fn fit(data: &Data<'_>, options: &FitOptions) -> Result<Model, Error> {
     })
 }
 
-/// Whether the points tell the trend's coefficients apart and leave something for the process.
+/// Whether the points determine the trend's coefficients and outnumber them.
 fn determines_trend(scaled: &Scaled, trend: Trend) -> bool {
     if trend.is_constant() {
         return true;
@@ -166,7 +166,7 @@ fn constant(kernel: Kernel, points: Points, scaled: &Scaled) -> Result<Model, Er
     Model::new(kernel, Trend::Constant, points, parameters, 0.0)
 }
 
-/// What stands for σ² = 0 where all observations are equal.
+/// The value that stands for σ² = 0 when all observations are equal.
 pub(crate) fn constant_sigma2(scaled: &Scaled) -> f64 {
     let noise = scaled.noise.iter().sum::<f64>() / scaled.len() as f64;
     // The smallest normal number stands for zero, whose logarithm the likelihood could not hold.
@@ -178,12 +178,14 @@ pub(crate) struct Start {
     pub(crate) at: Vec<f64>,
     /// Number of ranges that were estimated: one where the subset is too small for more.
     pub(crate) ranges: usize,
-    /// Of the search, of what ended at a bound of it, and of the ranges that the subset does not determine.
+    /// Warnings about the search, about parameters at its bounds, and about ranges that the subset
+    /// does not determine.
     pub(crate) warnings: Vec<Warning>,
 }
 
-/// The parameters of highest likelihood of a subset of `of` points, found as [`fit()`] finds them; but for
-/// the last steps, which more points than those of the subset make pointless.
+/// The parameters of highest likelihood of a subset of `of` points, found as in [`fit()`]. If the
+/// subset leaves points out, the last steps of the search are skipped: those points move the optimum
+/// by more.
 pub(crate) fn start_from_subset(
     subset: &Scaled,
     of: usize,
@@ -199,7 +201,7 @@ pub(crate) fn start_from_subset(
     let mut at = found.outcome.at;
     let ranges = at.len() - 1;
     if search.tied {
-        // A subset too small for a range per coordinate has one for all.
+        // A subset too small for a range per coordinate has one range for all.
         let ln_sigma2 = at[1];
         at = vec![at[0]; subset.columns.len()];
         at.push(ln_sigma2);

@@ -1,27 +1,27 @@
-//! Warnings and errors with what the user of a program can do about them.
+//! Texts of warnings and errors that say what the user of a program can do.
 
 use crate::{Error, Names, Warning};
 
-/// The words in which a program speaks of the data, and the names of the settings that help.
+/// A program's words for the data, and the names of the settings that help.
 pub struct Guidance<'a> {
     /// The names of coordinates and observations.
     pub names: Names<'a>,
-    /// What the observations of several points are called, as in "percentiles".
+    /// The name of the responses, in the plural, as in "percentiles".
     pub responses: &'a str,
     /// Unit of the response with a space before it, as in " µm"; empty if it has none.
     pub unit: &'a str,
     /// A setting and its value in the program's notation, as in `kriging.nugget = "estimated"`.
     pub setting: &'a dyn Fn(&str, &str) -> String,
-    /// How to fit without these observations (numbers from 0), as in `kriging.leave_out = [41]`.
+    /// How to leave out these observations (numbers from 0), as in `kriging.leave_out = [41]`.
     pub without: &'a dyn Fn(&[usize]) -> String,
-    /// Where more points come from, as in "more designs (doe.designs)".
+    /// The source of more points, as in "more designs (doe.designs)".
     pub more_points: &'a str,
-    /// Where less noise comes from, as in "more samples (sampling.samples_per_design)".
+    /// The source of less noise, as in "more samples (sampling.samples_per_design)".
     pub less_noise: &'a str,
 }
 
 impl Guidance<'_> {
-    /// The warning, and the settings that help.
+    /// The text of the warning, with the settings that help.
     #[must_use]
     pub fn warning(&self, warning: &Warning) -> String {
         let text = warning.text(&self.names);
@@ -55,8 +55,8 @@ impl Guidance<'_> {
         format!("{text}; {advice}")
     }
 
-    /// The error in these words, with the settings that help; `None` if it names neither an observation nor
-    /// a setting, so that its own text says all.
+    /// The text of the error in these words, with the settings that help; `None` if the error names
+    /// neither an observation nor a setting, so that its own text is enough.
     #[must_use]
     pub fn error(&self, error: &Error) -> Option<String> {
         let observation = |number: &usize| (self.names.observation)(*number);

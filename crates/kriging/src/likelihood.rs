@@ -28,10 +28,11 @@ use derivatives::At;
 use gls::{Gls, Trend};
 use prior::{Estimator, Prior};
 
-/// What may be added to the diagonal, relative to the process variance, in the order of trial.
+/// Jitters, which are added to the diagonal, relative to the process variance, in the order of
+/// trial.
 pub(crate) const JITTERS: [f64; 6] = [0.0, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4];
 
-/// noise/σ², also where both vanish. Limited so that no product of two overflows.
+/// noise/σ², or 0 without noise. It is limited so that no product of two overflows.
 pub(crate) fn noise_ratio(noise: f64, sigma2: f64) -> f64 {
     if noise == 0.0 {
         0.0
@@ -40,8 +41,9 @@ pub(crate) fn noise_ratio(noise: f64, sigma2: f64) -> f64 {
     }
 }
 
-/// C of the n points whose scaled coordinates are `columns`: their correlations, and on the diagonal
-/// 1 + jitter + noise/σ², what `ratio` gives. It takes the `memory` of an earlier matrix, or an empty one.
+/// C of the n points whose scaled coordinates are `columns`: their correlations, and on the
+/// diagonal 1 + jitter + noise/σ², the last from `ratio`. `memory` is that of an earlier matrix, or
+/// empty.
 pub(crate) fn covariance(
     kernel: Kernel,
     columns: &[Vec<f64>],
@@ -62,12 +64,12 @@ pub(crate) fn point(columns: &[Vec<f64>], k: usize) -> Vec<f64> {
     columns.iter().map(|column| column[k]).collect()
 }
 
-/// What an evaluation computes beyond the value.
+/// The quantities that an evaluation computes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]
 pub(crate) enum Order {
     Value,
     Gradient,
-    /// The gradient, too.
+    /// The gradient and the curvature.
     Curvature,
 }
 
@@ -82,7 +84,7 @@ pub(crate) struct Evaluation {
     pub(crate) next_sigma2: f64,
 }
 
-/// Which model's likelihood it is.
+/// The model whose likelihood it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) struct Form {
     pub(crate) kernel: Kernel,
@@ -103,7 +105,7 @@ pub(crate) struct Likelihood<'a> {
     basis: Vec<f64>,
     /// The noise variances with the nugget.
     noise: Vec<f64>,
-    /// Added to the diagonal, relative to σ².
+    /// The jitter, added to the diagonal, relative to σ².
     pub(crate) jitter: f64,
     /// `data.columns` divided by the ranges.
     columns: Vec<Vec<f64>>,
@@ -221,7 +223,7 @@ impl<'a> Likelihood<'a> {
 }
 
 /// The smallest negative log likelihood of independent observations y ~ N(μ, σ² + vᵢ) over μ and
-/// σ² ≥ 0: what a covariance that has found no structure in x can reach.
+/// σ² ≥ 0: the value that a covariance without structure in x can reach.
 pub(crate) fn white_noise(data: &Scaled) -> f64 {
     let value = |ln_sigma2: f64| {
         let sigma2 = ln_sigma2.exp();
@@ -241,8 +243,8 @@ pub(crate) fn white_noise(data: &Scaled) -> f64 {
             .sum();
         0.5 * (data.len() as f64 * std::f64::consts::TAU.ln() + logs + squares)
     };
-    // The scaled observations have variance 1 or less, so the optimum lies in this interval; a
-    // coarse search brackets it, and golden sections close in.
+    // The scaled observations have variance 1 or less, so the optimum lies in this interval. A
+    // coarse search brackets it, and a golden section search follows.
     let (low, high, steps) = (-25.0, 2.0, 108);
     let step = (high - low) / f64::from(steps);
     let best = (0..=steps)

@@ -1,9 +1,9 @@
 //! Symmetric positive definite matrices, over faer.
 //!
-//! The only place that knows how a matrix lies in memory, which instructions the processor has, and how many
-//! threads there are. Every result is the same to the bit for any number of threads: faer shares out rows
-//! and columns of a product, never the terms of a sum. Between processors whose vectors differ in
-//! width, last bits differ.
+//! Only this module knows how a matrix lies in memory, which instructions the processor has, and
+//! how many threads there are. Every result is the same to the bit for any number of threads: faer
+//! shares out rows and columns of a product, never the terms of a sum. Between processors whose
+//! vectors differ in width, the last bits differ.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{LltError, cholesky_in_place, cholesky_in_place_scratch};
@@ -15,7 +15,7 @@ use faer::linalg::triangular_solve::{
 use faer::{Accum, MatMut, MatRef, Par};
 use rayon::prelude::*;
 
-/// From so many rows on, threads gain more than they cost.
+/// Number of rows from which threads gain more than they cost.
 const SHARED: usize = 1000;
 
 fn threads(n: usize) -> Par {
@@ -28,7 +28,7 @@ pub(crate) fn vectorised<R>(body: impl FnOnce() -> R) -> R {
     pulp::Arch::new().dispatch(body)
 }
 
-/// Σ aᵢ bᵢ, in an order that vectors can follow.
+/// Σ aᵢ bᵢ, in an order that can be vectorised.
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     vectorised(
         #[inline(always)]
@@ -36,7 +36,7 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     )
 }
 
-/// Σ f(aᵢ, bᵢ), in an order that vectors can follow.
+/// Σ f(aᵢ, bᵢ), in an order that can be vectorised.
 #[inline(always)]
 pub(crate) fn sum_of(a: &[f64], b: &[f64], f: impl Fn(f64, f64) -> f64) -> f64 {
     const LANES: usize = 8;
@@ -58,7 +58,7 @@ pub(crate) fn sum_of(a: &[f64], b: &[f64], f: impl Fn(f64, f64) -> f64) -> f64 {
 #[derive(Debug, Clone)]
 pub(crate) struct Lower {
     n: usize,
-    /// n rows of every column. What lies above the diagonal may be anything.
+    /// n rows of every column. Numbers above the diagonal are arbitrary.
     values: Vec<f64>,
 }
 
@@ -68,7 +68,7 @@ impl Lower {
         Self::in_memory(Vec::new(), n, fill)
     }
 
-    /// [`Lower::from_columns`] in the memory of an earlier matrix: the system's work for new memory would take
+    /// [`Lower::from_columns`] in the memory of an earlier matrix: new memory would cost the system
     /// a tenth of a fit.
     pub(crate) fn in_memory(
         mut values: Vec<f64>,
@@ -85,7 +85,7 @@ impl Lower {
         Self { n, values }
     }
 
-    /// Its memory, for [`Lower::in_memory`].
+    /// The memory of the matrix, for [`Lower::in_memory`].
     pub(crate) fn into_memory(self) -> Vec<f64> {
         self.values
     }
@@ -108,13 +108,14 @@ impl Lower {
     }
 }
 
-/// A matrix that has no Cholesky factor: the first `pivot` rows and columns have one, one more have not.
+/// A matrix without a Cholesky factor: its first `pivot` rows and columns have one, the first
+/// `pivot` + 1 have not.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct NotPositiveDefinite {
     pub(crate) pivot: usize,
 }
 
-/// A symmetric positive definite matrix A by its Cholesky factor L, A = L Lᵀ.
+/// A symmetric positive definite matrix A, stored as its Cholesky factor L, A = L Lᵀ.
 #[derive(Debug, Clone)]
 pub(crate) struct Spd {
     factor: Lower,
@@ -171,7 +172,8 @@ impl Spd {
         solve_upper_triangular_in_place(self.factor.view().transpose(), b, par);
     }
 
-    /// Callers predict many batches at once, so that no threads are left for one of them.
+    /// The columns as a matrix. They get one thread only, since callers predict many batches at
+    /// once.
     fn columns<'a>(&self, columns: &'a mut [f64]) -> (MatMut<'a, f64>, Par) {
         let n = self.len();
         let count = columns.len() / n.max(1);
@@ -184,7 +186,7 @@ impl Spd {
         self.factor.into_memory()
     }
 
-    /// A⁻¹, in the memory of L. `memory` is used in between.
+    /// A⁻¹, in the memory of L. `memory` holds L⁻¹ in between.
     pub(crate) fn into_inverse(self, memory: &mut Vec<f64>) -> Lower {
         let half = self.half_inverse(std::mem::take(memory));
         let mut inverse = self.factor;
@@ -222,8 +224,8 @@ impl Spd {
         half
     }
 
-    /// The matrix with m more rows and columns: `cross` holds m columns of what they have in common with the
-    /// old n, `corner` is the rest. `None` if nothing but rounding is left of a new row.
+    /// The matrix with m more rows and columns. `cross` holds the m new columns in the old n rows,
+    /// `corner` the new columns in the new rows. `None` if only rounding is left of a new row.
     pub(crate) fn append_rows(&self, mut cross: Vec<f64>, corner: &Lower) -> Option<Self> {
         let (n, m) = (self.len(), corner.n);
         self.half_solve(&mut cross);

@@ -54,7 +54,7 @@ pub struct Model {
     solved: OnceLock<Solved>,
 }
 
-/// The factor of C and what follows from it.
+/// The factor of C, and the trend's normal equations.
 #[derive(Debug, Clone)]
 pub(crate) struct Solved {
     pub(crate) factor: Spd,
@@ -83,7 +83,7 @@ impl Model {
         self.checked()
     }
 
-    /// The model, if all it predicts with are numbers.
+    /// The model, if all numbers it predicts with are finite.
     pub(crate) fn checked(self) -> Result<Self, Error> {
         let Parameters {
             mu, sigma2, slopes, ..
@@ -158,7 +158,7 @@ impl Model {
         self.trend.basis(&in_extents, n, 0.0)
     }
 
-    /// Whether the points tell the trend's coefficients apart.
+    /// Whether the points determine the trend's coefficients.
     pub(crate) fn determines_trend(&self) -> bool {
         let basis = self.basis();
         Gls::new(&basis, basis.clone(), self.points.len()).is_some()
@@ -183,7 +183,7 @@ impl Model {
         sum
     }
 
-    /// Puts a model together from what its predictions need; everything else is computed on demand.
+    /// Assembles a model from the numbers that predictions need; the rest is computed on demand.
     /// The same input gives the same bits of every prediction.
     pub(crate) fn assemble(
         kernel: Kernel,
@@ -246,7 +246,7 @@ impl Model {
         self.nll
     }
 
-    /// [`Warning::Jitter`] if the model has one.
+    /// [`Warning::Jitter`] if the model needed jitter.
     pub(crate) fn jitter_warning(&self) -> Option<Warning> {
         let relative = self.jitter;
         (relative > 0.0).then_some(Warning::Jitter { relative })
@@ -261,7 +261,8 @@ impl Model {
     pub(crate) fn solved(&self) -> &Solved {
         self.solved.get_or_init(|| {
             // The matrix could be factorised when the model was made. A factor to which rows were
-            // appended differs from this one in the last bits, which a little more jitter absorbs.
+            // appended differs from this one in the last bits; a little more jitter absorbs the
+            // difference.
             let (solved, _) = self
                 .try_solve()
                 .expect("a correlation matrix with 1e-4 on its diagonal is positive definite");

@@ -12,7 +12,8 @@ use stats::streams::{Purpose, stream};
 
 use crate::{Data, Error, FitOptions, fit};
 
-/// Points that the parameters of the variance model are estimated from; its predictions use all.
+/// Number of points that the parameters of the variance model are estimated from; its predictions
+/// use all points.
 const SUBSET: usize = 500;
 
 /// The noise `variances` of the observations at the points `x` (row-major, `d` coordinates), smoothed by a
@@ -25,7 +26,7 @@ const SUBSET: usize = 500;
 ///
 /// # Errors
 ///
-/// Those of [`fit()`], for fewer than two positive variances, for example.
+/// The errors of [`fit()`], for fewer than two positive variances, for example.
 pub fn smoothed_noise(
     x: &[f64],
     d: usize,
@@ -67,7 +68,7 @@ pub fn smoothed_noise(
         }
         Err(error) => return Err(error),
     };
-    // E ln(χ²/ν), by which the mean logarithm of a sample variance misses ln σ².
+    // E ln(χ²/ν), the bias of the logarithm of a sample variance.
     let bias = digamma(0.5 * freedom) - (0.5 * freedom).ln();
     let mut smoothed = variances.to_vec();
     for (i, mean) in positive.into_iter().zip(means) {
@@ -110,7 +111,7 @@ mod tests {
             let (x, truths, variances) = sample(n, |x| 0.01 * (2.0 * x[0] - x[1]).exp());
             let smooth = smoothed_noise(&x, 2, &variances, 9.0, 1).unwrap();
             let (before, after) = (error(&variances, &truths), error(&smooth, &truths));
-            // √ψ′(4.5) = 0.50 before.
+            // Before smoothing, the error is √ψ′(4.5) = 0.50.
             assert!(before > 0.45 && after < 0.15, "{n}: {before} {after}");
         }
     }

@@ -12,11 +12,11 @@ use crate::model::{Model, Parameters};
 use crate::vecchia::{Vecchia, VecchiaOptions, fit_vecchia};
 use crate::{Error, LeaveOneOut, Trend, Warning};
 
-/// [`Method::Auto`] approximates above this number of observations: the exact fit would take 24 n² bytes,
-/// 2.4 GB here, and minutes.
+/// Number of observations above which [`Method::Auto`] approximates: the exact fit would take
+/// 24 n² bytes, 2.4 GB here, and minutes.
 const MANY: usize = 10_000;
 
-/// Which observations a prediction uses.
+/// The observations that a prediction uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
@@ -46,7 +46,7 @@ impl Response {
     }
 }
 
-/// How to fit a [`Surrogate`].
+/// Settings of a fit of a [`Surrogate`].
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Settings {
     /// The search for the parameters.
@@ -106,9 +106,9 @@ impl Surrogate {
     ///
     /// # Errors
     ///
-    /// Those of [`fit()`] and [`fit_vecchia`]; [`Error::ExactOnly`] where the method is the approximate one
-    /// and the settings ask for a linear trend or a nugget; [`Error::Logarithm`] for the logarithm of an
-    /// observation that is not positive.
+    /// The errors of [`fit()`] and [`fit_vecchia`]; [`Error::ExactOnly`] where the method is the
+    /// approximate one and the settings ask for a linear trend or a nugget; [`Error::Logarithm`]
+    /// for the logarithm of an observation that is not positive.
     pub fn fit(data: &Data<'_>, settings: &Settings) -> Result<Self, Error> {
         let response = settings.response;
         let logarithms = match response {
@@ -136,7 +136,7 @@ impl Surrogate {
         Ok(Self { model, response })
     }
 
-    /// [`Model::mean`] or [`Vecchia::mean`], of ln y its exponential.
+    /// [`Model::mean`] or [`Vecchia::mean`]; for a model of ln y, the exponential of it.
     ///
     /// # Panics
     ///
@@ -156,7 +156,7 @@ impl Surrogate {
         Ok(means.into_iter().map(|m| self.in_units_of_y(m)).collect())
     }
 
-    /// [`Model::predict_many`] or [`Vecchia::predict_many`], of ln y in units of y.
+    /// [`Model::predict_many`] or [`Vecchia::predict_many`]; for a model of ln y, in units of y.
     ///
     /// # Errors
     ///
@@ -210,8 +210,8 @@ impl Surrogate {
         points.by_first().into_iter().map(|i| points.y[i]).collect()
     }
 
-    /// −ln L of the observations, or Vecchia's approximation of it; of y also where ln y is modelled, so
-    /// that both can be compared.
+    /// −ln L of the observations, or Vecchia's approximation of it. It is that of y also if ln y is
+    /// modelled, so that the two can be compared.
     #[must_use]
     pub fn negative_log_likelihood(&self) -> f64 {
         let jacobian = match self.response {

@@ -1,16 +1,17 @@
 //! Kriging of many points by nearest-neighbour conditioning (Vecchia's approximation).
 //!
 //! The density of the observations is a product of conditional ones, each observation given all
-//! earlier ones. Given only its m nearest earlier neighbours, the cost falls from n³ to n m³, and
-//! with the points in max–min order (each as far as possible from those before it) the neighbours
-//! come from all distances. Distances are in units of the ranges. The mean μ and the likelihood come from
-//! that product.
+//! earlier ones. With the m nearest earlier neighbours only, the cost falls from n³ to n m³.
+//! With the points in max–min order (each as far as possible from those before it), the
+//! neighbours come from all distances. Distances are in units of the ranges. The mean μ and the
+//! likelihood come from that product.
 //!
-//! Ranges and process variance are those of an exact fit of a random subset: for smooth functions with
-//! little noise thirty neighbours bias them by more than the exact likelihood of a thousand points errs. A
-//! prediction is simple kriging from the nearest observations of all. That costs accuracy: with 200 of
-//! 2175 points of a smooth function of six variables, a root mean square error a quarter above that of
-//! the exact fit, with 200 of 6000 a half.
+//! Ranges and process variance are those of an exact fit of a random subset. For smooth functions
+//! with little noise, the likelihood from thirty neighbours biases them by more than the error of
+//! the exact likelihood of a thousand points. A prediction is simple kriging from the nearest of
+//! all observations. That costs accuracy: for a smooth function of six variables, the root mean
+//! square error is a quarter above that of the exact fit with 200 of 2175 points, and half above it
+//! with 200 of 6000.
 //!
 //! Validation leaves out one observation after the other and predicts it from its nearest others.
 //!
@@ -44,12 +45,12 @@ use crate::{Error, Estimator, FitOptions, Warning};
 use conditional::Conditional;
 use neighbours::{max_min_order, nearest, nearest_earlier};
 
-/// How to fit by nearest-neighbour conditioning.
+/// Options of a fit by nearest-neighbour conditioning.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VecchiaOptions {
     /// The correlation function.
     pub kernel: Kernel,
-    /// How the subset's parameters are estimated.
+    /// The estimator of the subset's parameters.
     pub estimator: Estimator,
     /// Seed of the subset, of its fit's starts and of the order's first point.
     pub seed: u64,
@@ -99,8 +100,8 @@ pub struct Vecchia {
 ///
 /// # Errors
 ///
-/// Those of [`crate::fit`] for unusable data (a nugget is not on offer here), and [`Error::OutOfRange`]
-/// for options of zero.
+/// The errors of [`crate::fit`] for unusable data (no nugget is estimated here), and
+/// [`Error::OutOfRange`] for options of zero.
 pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia, Error> {
     let counts = [
         ("neighbours", options.neighbours),
@@ -179,11 +180,12 @@ fn finish(
     Ok((model, value))
 }
 
-/// Vecchia's likelihood of all points in units of the scaled data, and the mean in those.
+/// Vecchia's likelihood of all points, and the mean, both in units of the scaled data.
 ///
-/// For a point with the neighbours c the observation's relative variance is D = C_ii − C_icC_cc⁻¹C_ci, and
-/// what its neighbours leave of y and of the ones of the trend are r_y and r_1. With r = r_y − μ r_1 the point
-/// adds ½ [ln(2πσ²D) + r²/(σ²D)], and μ = Σ r_1 r_y/D / Σ r_1²/D.
+/// For a point with the neighbours c the observation's relative variance is
+/// D = C_ii − C_icC_cc⁻¹C_ci; r_y and r_1 are the residuals, given the neighbours, of y and of the
+/// ones of the trend. With r = r_y − μ r_1 the point adds ½ [ln(2πσ²D) + r²/(σ²D)], and
+/// μ = Σ r_1 r_y/D / Σ r_1²/D.
 fn likelihood(
     options: &VecchiaOptions,
     scaled: &Scaled,
@@ -214,7 +216,7 @@ fn likelihood(
     let term = |i: usize| {
         let given = all.given(&earlier[i], &point(&columns, i), [&ordered.y, &ones]);
         let [of_y, of_ones] = given.means;
-        // Of a point on top of an exact one nothing may be left.
+        // At a point on top of an exact one, no variance may be left.
         let variance = (given.variance + given.jitter + all.noise_ratio[i]).max(f64::EPSILON);
         [variance, ordered.y[i] - of_y, 1.0 - of_ones]
     };
@@ -230,7 +232,7 @@ fn likelihood(
 }
 
 impl Vecchia {
-    /// Puts a model together from what its predictions need.
+    /// Assembles a model from the numbers that predictions need.
     pub(crate) fn assemble(
         kernel: Kernel,
         points: Points,
@@ -350,9 +352,9 @@ impl Vecchia {
         self.nll
     }
 
-    /// What a user of the model should know about the data and the fit. Ranges that the data do not
-    /// determine, and a search that did not converge, are those of the subset that the search starts
-    /// from; outliers are judged from the nearest neighbours that the likelihood takes.
+    /// What a user of the model should know about the data and the fit. Warnings about undetermined
+    /// ranges and a search that did not converge concern the fit of the subset; outliers are judged
+    /// from the nearest neighbours that the likelihood uses.
     #[must_use]
     pub fn warnings(&self) -> &[Warning] {
         &self.warnings

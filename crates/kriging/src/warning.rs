@@ -10,7 +10,7 @@ pub enum Warning {
     /// The likelihood hardly prefers the fitted covariance to a constant plus noise: the model may
     /// have found no dependence on x at all.
     NoStructure {
-        /// By how much the model's log likelihood exceeds that of independent observations around a
+        /// Gain of the model's log likelihood over that of independent observations around a
         /// constant.
         gain: f64,
         /// The gain below which this warning is given: the number of fitted ranges, as Akaike's
@@ -19,8 +19,8 @@ pub enum Warning {
     },
     /// All observations are equal.
     ConstantResponse,
-    /// There are fewer distinct points than two per estimated parameter: the fit follows chance, and
-    /// its variances leave out how uncertain the parameters are.
+    /// There are fewer distinct points than two per estimated parameter: the fit is largely chance,
+    /// and its variances do not include the uncertainty of the parameters.
     FewPoints {
         /// Number of distinct points.
         distinct: usize,
@@ -39,7 +39,7 @@ pub enum Warning {
     },
     /// All points agree in this coordinate, so the model does not depend on it.
     IgnoredCoordinate {
-        /// Which coordinate, from 0.
+        /// Index of the coordinate, from 0.
         coordinate: usize,
     },
     /// Observations at equal x were merged into one (precision-weighted mean).
@@ -58,18 +58,18 @@ pub enum Warning {
         /// Pooled standard deviation of the scatter, in units of y.
         sd: f64,
     },
-    /// Some observations are further from what all others predict than a right model permits, by the
-    /// limit of [`crate::LeaveOneOut::outliers`]. They are gross errors, or the function is unlike
-    /// everywhere else there; they were not left out.
+    /// Some observations are further from their leave-one-out predictions than a right model
+    /// permits, by the limit of [`crate::LeaveOneOut::outliers`]. They are gross errors, or the
+    /// function differs there from everywhere else. They were not left out of the fit.
     Outliers {
         /// Number of such observations.
         count: usize,
         /// The worst ten of them, the worst first.
         worst: Vec<Outlier>,
     },
-    /// The covariance matrix is too close to singular without an addition to its diagonal.
+    /// The covariance matrix is too close to singular without jitter, an addition to its diagonal.
     Jitter {
-        /// The addition, relative to the process variance.
+        /// The jitter, relative to the process variance.
         relative: f64,
     },
     /// The search for the likelihood's maximum stopped before it converged.
@@ -80,12 +80,12 @@ pub enum Warning {
     /// The likelihood hardly changes when one of these ranges is halved or doubled (by less than half
     /// a unit of its logarithm, σ² following): the data do not determine them.
     FlatRanges {
-        /// Which coordinates, from 0.
+        /// Indices of the coordinates, from 0.
         coordinates: Vec<usize>,
     },
     /// The ranges of some coordinates ended at a bound of the search.
     RangesAtBound {
-        /// Which coordinates, from 0.
+        /// Indices of the coordinates, from 0.
         coordinates: Vec<usize>,
         /// True at the upper bound (the response hardly depends on these coordinates, or linearly),
         /// false at the lower one (neighbouring points are uncorrelated).
@@ -105,21 +105,21 @@ pub enum Warning {
     },
 }
 
-/// An observation that the others do not predict.
+/// An observation far from its leave-one-out prediction.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Outlier {
-    /// Its number among the observations given, from 0; the first one where several at one point
-    /// were merged.
+    /// Number of the observation among those given, from 0; the first one where several at one
+    /// point were merged.
     pub observation: usize,
-    /// Its leave-one-out residual over the residual's standard deviation.
+    /// Leave-one-out residual of the observation over the residual's standard deviation.
     pub standardised: f64,
 }
 
-/// What the coordinates and the observations of the data are called.
+/// Names of the coordinates and observations of the data.
 pub struct Names<'a> {
-    /// A coordinate, from 0.
+    /// Name of a coordinate, numbered from 0.
     pub coordinate: &'a dyn Fn(usize) -> String,
-    /// An observation, from 0.
+    /// Name of an observation, numbered from 0.
     pub observation: &'a dyn Fn(usize) -> String,
 }
 

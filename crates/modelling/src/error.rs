@@ -4,7 +4,7 @@ use std::fmt;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A file holds something wrong.
+    /// Something in a file is wrong.
     #[error(transparent)]
     Input(#[from] InputError),
     /// The settings contradict each other.
@@ -15,7 +15,7 @@ pub enum Error {
     Fit {
         /// The table's file, as the user named it.
         file: String,
-        /// What is wrong and what would help.
+        /// The error, and what would help.
         reason: String,
     },
     /// The model cannot be written or evaluated.
@@ -23,7 +23,7 @@ pub enum Error {
     Kriging(#[from] kriging::Error),
 }
 
-/// Something wrong in a file, and its place.
+/// An error in a file, and its place.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub struct InputError {
     /// The file, as the user named it.
@@ -37,7 +37,7 @@ pub struct InputError {
 }
 
 impl InputError {
-    /// Something wrong in a whole file.
+    /// An error that concerns a whole file.
     #[must_use]
     pub fn in_file(file: &str, message: impl Into<String>) -> Self {
         Self {
@@ -48,7 +48,7 @@ impl InputError {
         }
     }
 
-    /// The same at a line, from 1.
+    /// The error with a line, from 1.
     #[must_use]
     pub fn at_line(self, line: u64) -> Self {
         Self {
@@ -57,7 +57,7 @@ impl InputError {
         }
     }
 
-    /// The same in a column.
+    /// The error with a column.
     #[must_use]
     pub fn in_column(self, column: &str) -> Self {
         Self {

@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::{Error, InputError, Quantity, SCHEMA_VERSION};
 
-/// A model and the columns that it is of.
+/// A model with the names, units and bounds of its columns.
 #[derive(Debug, Clone)]
 pub struct ModelFile {
     /// The inputs, in the order of the model's coordinates, with the values that the fitted points span.

@@ -3,7 +3,7 @@ use kriging::{Data, Guidance, Method, Names, Settings, Surrogate};
 use crate::summary::{self, Summary};
 use crate::{Error, ModelFile, Quantity, Table};
 
-/// Which columns to fit, and how.
+/// The columns to fit, and the settings of the fit.
 #[derive(Debug, Clone)]
 pub struct Request {
     /// The column of observations.
@@ -15,16 +15,16 @@ pub struct Request {
     pub inputs: Option<Vec<String>>,
     /// Whether to estimate a nugget; by default if there is no column of noise variances.
     pub nugget: Option<bool>,
-    /// How to fit. The nugget's setting is replaced by the one above.
+    /// Settings of the fit. The nugget's setting is replaced by the one above.
     pub settings: Settings,
 }
 
-/// A fitted model and what a reader wants to know of it.
+/// A fitted model and its summary.
 #[derive(Debug, Clone)]
 pub struct Fit {
     /// The model.
     pub model: ModelFile,
-    /// Its parameters and validation.
+    /// The model's parameters and validation.
     pub summary: Summary,
 }
 
@@ -134,7 +134,7 @@ fn choose(table: &Table, request: &Request) -> Result<Columns, Error> {
     })
 }
 
-/// The approximate method has neither a nugget nor a trend.
+/// Refuses settings that the approximate method does not have: a nugget and a trend.
 fn check(settings: &Settings, request: &Request) -> Result<(), Error> {
     if settings.method == Method::Vecchia && settings.fit.nugget {
         let why = if request.nugget.is_none() {
@@ -162,7 +162,7 @@ fn variances(table: &Table, name: &str) -> Result<Vec<f64>, Error> {
     }
 }
 
-/// Does `with` in the names of the table, with the options of `fit` that help.
+/// Calls `with` with guidance in the names of the table and the options of `fit`.
 fn guided<T>(table: &Table, columns: &Columns, with: impl FnOnce(&Guidance<'_>) -> T) -> T {
     let line = |observation: usize| table.line(observation);
     with(&Guidance {
@@ -190,7 +190,7 @@ fn guided<T>(table: &Table, columns: &Columns, with: impl FnOnce(&Guidance<'_>) 
 mod tests {
     use super::*;
 
-    /// A table of y = 3 + sin 3a + b² with a little scatter, and what `row` says instead.
+    /// A table of y = 3 + sin 3a + b² with a little scatter. `row` may give a row another text.
     fn table(row: impl Fn(usize) -> Option<String>) -> Table {
         let mut text = String::from("name,a [mm],b,y_um\n");
         for i in 0..60 {

@@ -5,7 +5,7 @@
 //! - [`file`](mod@file) is the model as JSON, with the names, units and bounds of its columns.
 //! - [`predict()`] predicts the response at the rows of another table.
 //!
-//! Nothing here knows gears or campaigns: columns are what their header says.
+//! This crate knows neither gears nor campaigns: a column is what its header states.
 
 mod error;
 pub mod file;

@@ -1,4 +1,4 @@
-//! What a reader wants to know of a fitted model.
+//! The summary of a fitted model: parameters, validation and warnings.
 
 use std::fmt::Write as _;
 
@@ -31,7 +31,7 @@ pub struct Summary {
     pub kernel: String,
     /// Whether predictions use the nearest observations only.
     pub is_approximate: bool,
-    /// What the parameters maximise.
+    /// The criterion that the parameters maximise.
     pub estimator: kriging::Estimator,
     /// The trend.
     pub trend: kriging::Trend,
@@ -51,7 +51,7 @@ pub struct Summary {
     pub negative_log_likelihood: f64,
     /// The validation.
     pub leave_one_out: Validation,
-    /// What a user ought to know, by column and line.
+    /// Warnings, by column and line.
     pub warnings: Vec<String>,
 }
 
@@ -66,7 +66,8 @@ pub struct Input {
     pub low: f64,
     /// The highest value seen.
     pub high: f64,
-    /// The estimated range, in the unit of the input; none if the model does not depend on the input.
+    /// The estimated range, in the unit of the input; `None` if the model does not depend on the
+    /// input.
     pub range: Option<f64>,
     /// The slope of a linear trend, modelled scale per unit of the input.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -154,7 +155,7 @@ fn validation(model: &ModelFile, table: &Table) -> Validation {
     }
 }
 
-/// The summary for people.
+/// The summary as text.
 #[must_use]
 pub fn describe(summary: &Summary) -> String {
     let mut text = String::new();

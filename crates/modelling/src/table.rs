@@ -125,7 +125,7 @@ impl Table {
     ///
     /// # Errors
     ///
-    /// There is none.
+    /// There is no such column.
     pub fn position(&self, name: &str) -> Result<usize, InputError> {
         let position = self.header.iter().position(|head| head == name);
         position.ok_or_else(|| {
@@ -168,8 +168,8 @@ fn finite(field: &str) -> Option<f64> {
     field.parse().ok().filter(|value: &f64| value.is_finite())
 }
 
-/// Line numbers of ascending positions in a text. The reader's own are those of the end of the row before:
-/// they are too small after an empty line or a carriage return.
+/// Line numbers of ascending positions in a text. The CSV reader's own numbers are those of the end
+/// of the row before: they are too small after an empty line or a carriage return.
 struct Lines<'a> {
     text: &'a [u8],
     position: usize,
@@ -185,7 +185,7 @@ impl<'a> Lines<'a> {
         }
     }
 
-    /// The line of the first byte from `start` on that ends no line.
+    /// The line of the first byte from `start` on that is no line end.
     fn at(&mut self, start: usize) -> u64 {
         while let Some(byte) = self.text.get(self.position) {
             if self.position >= start && !matches!(byte, b'\n' | b'\r') {

@@ -107,7 +107,10 @@ impl Part {
     #[must_use]
     pub fn missing(&self) -> Vec<Unit> {
         let units = self.header.units.iter();
-        units.filter(|unit| !is_done(unit, &self.results)).copied().collect()
+        units
+            .filter(|unit| !is_done(unit, &self.results))
+            .copied()
+            .collect()
     }
 
     /// The units of its shard.
@@ -129,7 +132,8 @@ pub(crate) fn is_done(unit: &Unit, results: &[LeaseResult]) -> bool {
     let end = unit.first + unit.count;
     for result in of_unit {
         let Some(own) = &result.unit else { continue };
-        let says_why = result.refused.is_some() || result.ruled_out.is_some() || result.error.is_some();
+        let says_why =
+            result.refused.is_some() || result.ruled_out.is_some() || result.error.is_some();
         // Only what begins where the unit does tells of all of it.
         if says_why && own.first >= unit.first && own.first < end.max(unit.first + 1) {
             return true;
@@ -206,7 +210,10 @@ impl PartWriter {
             bytes.extend(checksum_of(&content));
             bytes.extend(content);
         }
-        let written = self.file.write_all(&bytes).and_then(|()| self.file.sync_data());
+        let written = self
+            .file
+            .write_all(&bytes)
+            .and_then(|()| self.file.sync_data());
         written.map_err(Error::io(&self.path))?;
         self.results.extend_from_slice(results);
         Ok(())

@@ -67,7 +67,11 @@ impl Service {
     /// Opens the part; what it has already is not computed again.
     fn open(&self, model_digest: &str) -> Result<(), Status> {
         let shard = &self.0.shard;
-        if shard.model_digest.as_deref().is_some_and(|own| own != model_digest) {
+        if shard
+            .model_digest
+            .as_deref()
+            .is_some_and(|own| own != model_digest)
+        {
             return Err(Refusal::Model.status(
                 "the simulator gives other numbers than the one that planned the shard: use the same build \
                  everywhere",
@@ -79,9 +83,8 @@ impl Service {
         }
         match PartWriter::open(&self.0.out, shard, model_digest) {
             Ok(part) => {
-                let is_open = |lease: &&Lease| {
-                    lease.units.iter().any(|unit| !is_done(unit, &part.results))
-                };
+                let is_open =
+                    |lease: &&Lease| lease.units.iter().any(|unit| !is_done(unit, &part.results));
                 state.waiting = shard.leases.iter().filter(is_open).cloned().collect();
                 state.part = Some(part);
                 Ok(())
@@ -161,7 +164,9 @@ impl campaign_server::Campaign for Service {
         if let Err(error) = part.append(&results) {
             return Err(state.fail(error));
         }
-        state.leased.retain(|lease| !results.iter().any(|result| result.id == lease.id));
+        state
+            .leased
+            .retain(|lease| !results.iter().any(|result| result.id == lease.id));
         Ok(Response::new(ReportResponse {
             directive: Directive::Continue.into(),
         }))
@@ -193,7 +198,10 @@ impl campaign_server::Campaign for Service {
         none()
     }
 
-    async fn explain(&self, _: Request<ExplainRequest>) -> Result<Response<ExplainResponse>, Status> {
+    async fn explain(
+        &self,
+        _: Request<ExplainRequest>,
+    ) -> Result<Response<ExplainResponse>, Status> {
         none()
     }
 

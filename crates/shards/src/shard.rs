@@ -127,5 +127,8 @@ fn digest_of(leases: &[Lease], campaign_digest: &str) -> String {
         }
     }
     let digest: [u8; 32] = hash.finalize().into();
-    digest[..8].iter().map(|byte| format!("{byte:02x}")).collect()
+    digest[..8]
+        .iter()
+        .map(|byte| format!("{byte:02x}"))
+        .collect()
 }

@@ -1,11 +1,11 @@
-//! The table, run: as a page, as CSV, as JSON, as lines.
+//! The results of the table: as a page, as CSV, as JSON, and as lines of text.
 
 use report::{AtlasEntry, AtlasMethod, AtlasPage, Chart};
 use serde_json::{Value, json};
 
 use crate::{Entry, Method, Outcome, entries};
 
-/// All entries with what each found.
+/// All entries with their outcomes.
 #[derive(Debug, Clone)]
 pub struct Atlas {
     found: Vec<(Entry, Outcome)>,
@@ -21,7 +21,7 @@ impl Atlas {
         }
     }
 
-    /// The entries with what each found.
+    /// The entries with their outcomes.
     #[must_use]
     pub fn found(&self) -> &[(Entry, Outcome)] {
         &self.found
@@ -131,7 +131,7 @@ impl Atlas {
     }
 }
 
-/// `kept    kriging-outlier    error without it 1.2e-3`, and the broken promises of one that is not kept.
+/// `kept    kriging-outlier    error without it 1.2e-3`, for example; broken promises follow.
 fn line(entry: &Entry, outcome: &Outcome) -> String {
     let verdict = if outcome.is_kept() { "kept" } else { "BROKEN" };
     let figure = outcome.figures().first().map_or_else(String::new, |f| {

@@ -1,4 +1,4 @@
-//! The table, by method. What the entries of a method share is its scene.
+//! The table, by method. The scene of a method holds what its entries share.
 
 mod designs;
 mod enrichment;

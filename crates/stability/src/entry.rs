@@ -22,7 +22,7 @@ pub enum Method {
 }
 
 impl Method {
-    /// All of them.
+    /// All methods.
     pub const ALL: [Self; 7] = [
         Self::Kriging,
         Self::Statistics,
@@ -55,11 +55,11 @@ pub struct Entry {
     pub id: &'static str,
     /// The method.
     pub method: Method,
-    /// What happens, in a few words.
+    /// The effect of the input, in a few words.
     pub title: &'static str,
     /// The input.
     pub input: &'static str,
-    /// What is done instead of failing.
+    /// The library's behaviour instead of a failure.
     pub instead: &'static str,
     pub(crate) check: fn(&mut Outcome) -> Result<(), Failed>,
 }

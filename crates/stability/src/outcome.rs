@@ -1,4 +1,4 @@
-//! What an entry found.
+//! The outcome of an entry.
 
 use std::fmt::{Debug, Display};
 
@@ -10,22 +10,22 @@ pub(crate) type Failed = Box<dyn std::error::Error>;
 /// A warning, a refusal or a reason that the code returned.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Detection {
-    /// Its name in the code.
+    /// Name of the detection in the code.
     pub name: String,
-    /// Its message; empty for a state that has none.
+    /// Message of the detection; empty for a state that has none.
     pub message: String,
 }
 
 /// An assertion of an entry.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Promise {
-    /// What was asserted.
+    /// The assertion, as a sentence.
     pub sentence: String,
     /// Whether it holds.
     pub is_kept: bool,
 }
 
-/// What an entry found: what was detected, what was measured, what was promised.
+/// The outcome of an entry: what was detected and measured, and which promises were kept.
 #[derive(Debug, Clone, Default)]
 pub struct Outcome {
     detections: Vec<Detection>,
@@ -35,19 +35,19 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// What the code returned, each once.
+    /// The warnings, refusals and reasons that the code returned, each once.
     #[must_use]
     pub fn detections(&self) -> &[Detection] {
         &self.detections
     }
 
-    /// What was measured.
+    /// The measured figures.
     #[must_use]
     pub fn figures(&self) -> &[NamedValue] {
         &self.figures
     }
 
-    /// What was asserted.
+    /// The assertions.
     #[must_use]
     pub fn promises(&self) -> &[Promise] {
         &self.promises
@@ -74,7 +74,8 @@ impl Outcome {
         });
     }
 
-    /// Asserts what a sentence says; one that is asserted more than once is kept if it always holds.
+    /// Asserts a sentence. A promise that is asserted more than once is kept if it holds every
+    /// time.
     pub(crate) fn holds(&mut self, sentence: &str, is_kept: bool) {
         let mut known = self.promises.iter_mut();
         match known.find(|promise| promise.sentence == sentence) {
@@ -155,7 +156,7 @@ impl Outcome {
         y: (&str, Scale),
         curves: Vec<(&str, Vec<[f64; 2]>)>,
     ) {
-        // Curves are told apart by their dashes, too.
+        // Dashes distinguish the curves, too.
         const DASHES: [&str; 5] = ["", "7 3", "2 3", "9 3 2 3", "4 2"];
         let axis = |(label, scale): (&str, Scale)| Axis {
             label: label.to_owned(),

@@ -1,4 +1,4 @@
-//! Which design an approach ends with, as a row of the store.
+//! The design that an approach ends with, as a row of the store.
 
 use campaign::formulation::Problem;
 use campaign::optimise::{Found, RunResult};
@@ -11,7 +11,7 @@ use crate::optima::design_to_json;
 
 /// Chooses the best design that the runs of an approach found.
 ///
-/// `extra` is what the approach's metamodel cost. A run that was quarantined is not among `rows`.
+/// `extra` is the cost of the approach's metamodel. A run that was quarantined is not among `rows`.
 ///
 /// # Errors
 ///
@@ -104,7 +104,7 @@ pub fn choose_of_doe(
     optimum(problem, Approach::BestOfDoe, best.as_ref(), cost, note)
 }
 
-/// The row of an approach for which nothing could be done.
+/// The row of an approach that could not be carried out.
 ///
 /// # Errors
 ///
@@ -113,7 +113,7 @@ pub fn left_out(problem: &Problem, approach: Approach, note: String) -> anyhow::
     optimum(problem, approach, None, Cost::default(), note)
 }
 
-/// The row of what an approach found.
+/// The row of the design that an approach found.
 ///
 /// # Errors
 ///
@@ -128,7 +128,7 @@ pub fn optimum(
     Ok(OptimumRow {
         approach: approach.name().to_owned(),
         x_json: design_to_json(problem, found.map(|found| &found.design)),
-        // The paper values what cannot be simulated at 100; there is no design to value here.
+        // The paper gives designs that cannot be simulated the value 100; here there is no design.
         criterion_um: found.map_or(0.0, |found| found.criterion_um),
         feasible: found.is_some_and(|found| found.feasible),
         criteria_json: serde_json::to_string(&found.map(|found| &found.criteria))?,
@@ -138,7 +138,7 @@ pub fn optimum(
     })
 }
 
-/// Says where the printed penalty weight alone would have ended.
+/// A note on the designs at which the runs would have ended with the printed penalty weight alone.
 fn continuation_note(problem: &Problem, runs: &[RunResult]) -> String {
     let Some(penalty) = problem.penalty() else {
         return String::new();

@@ -1,7 +1,7 @@
-//! The constraints of infill points where only an external program knows them.
+//! The constraints of infill points when only an external program knows them.
 //!
-//! The program cannot be asked about the thousands of candidates of a round, so kriging models of the
-//! criteria stand in for it there: M. J. Sasena, P. Papalambros, P. Goovaerts, *Exploration of
+//! The program cannot evaluate the thousands of candidates of a round, so kriging models of the
+//! criteria replace it there: M. J. Sasena, P. Papalambros, P. Goovaerts, *Exploration of
 //! metamodeling sampling criteria for constrained global optimization*, Engineering Optimization 34 (2002),
 //! with the models' means as constraints. Each point that a round chooses is then evaluated by the program
 //! before it gets samples. A point that breaks a constraint gets none: its values refine the models of the
@@ -33,8 +33,8 @@ pub(crate) fn is_asked(problem: &Problem, point: &InfillRow) -> bool {
     point.reason != MORE && are_asked(problem)
 }
 
-/// What a worker is asked of a point before its samples: one evaluation, numbered as the sample after the
-/// last one, so that its time is kept apart from theirs.
+/// The request to a worker for a point's constraints before its samples: one evaluation, numbered
+/// as the sample after the last one, so that its time is stored apart from theirs.
 pub(crate) fn asked(inputs: &Inputs, point: &VerifyPoint) -> Wanted<Arc<Source>> {
     let candidate = Candidate {
         evaluation: point.wanted,
@@ -49,7 +49,7 @@ pub(crate) fn asked(inputs: &Inputs, point: &VerifyPoint) -> Wanted<Arc<Source>>
     }
 }
 
-/// What the program said of a point, if it was asked.
+/// The program's evaluation of a point, if there is one.
 pub(crate) async fn evaluation(
     store: &Store,
     point: &InfillRow,
@@ -57,7 +57,7 @@ pub(crate) async fn evaluation(
     Ok(store.evaluations(&point.name, 0).await?.into_iter().next())
 }
 
-/// By how much an evaluated point misses the constraints; none if it cannot be simulated.
+/// The constraint violation of an evaluated point; `None` if it cannot be simulated.
 pub(crate) fn violation_of(problem: &Problem, evaluation: &EvaluationRow) -> Option<f64> {
     let criteria = evaluation.criteria.clone().map(Criteria::new)?;
     Some(violation(problem, &criteria))
@@ -110,7 +110,7 @@ pub(crate) fn of_design(
 
 /// Models of the criteria, in their problem's order.
 pub(crate) struct Models {
-    /// None of a criterion that cannot be modelled, as with too few designs.
+    /// `None` for a criterion that cannot be modelled, for example because of too few designs.
     models: Vec<Option<Model>>,
 }
 
@@ -141,8 +141,8 @@ impl Models {
         }
     }
 
-    /// What is expected of a design. Nothing is held against it where a criterion has no model: the
-    /// program will tell.
+    /// The predicted constraint violation of a design. It is zero if a criterion has no model,
+    /// because the program evaluates the chosen points anyway.
     pub(crate) fn known(&self, problem: &Problem, x: &[f64]) -> Known {
         let means: Option<Vec<f64>> = self
             .models

@@ -1,4 +1,4 @@
-//! What samples, models and approaches cost.
+//! The cost of samples, models and approaches.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,7 +12,7 @@ use crate::infill::bits;
 use crate::linear::LinearResponse;
 use crate::names;
 
-/// What an approach cost.
+/// The cost of an approach.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Cost {
     /// Calls of the simulator.
@@ -29,7 +29,7 @@ pub fn sampling_calls(criteria: &[CriteriaRow], samples: u64) -> u64 {
     criteria.len() as u64 + feasible + samples
 }
 
-/// What the DoE's samples cost, for the approaches that rest on them; `control_analyses` are those of
+/// The cost of the DoE's samples, for the approaches that use them; `control_analyses` are those of
 /// its control variates.
 #[must_use]
 pub fn sampling(
@@ -49,7 +49,7 @@ pub fn sampling(
     }
 }
 
-/// What the DoE, the infill points and the rounds' decisions cost.
+/// The cost of the DoE, the infill points and the rounds' decisions.
 #[must_use]
 pub fn enrichment(
     problem: &Problem,

@@ -1,7 +1,7 @@
 //! Rounds of infill: from the store's rows to a decision, and back.
 //!
-//! What a round decides follows from rows and seed alone, so a coordinator that was killed before
-//! the decision was on disk makes the same one again.
+//! The decision of a round follows from rows and seed alone, so a coordinator that was killed
+//! before the decision was on disk makes the same one again.
 
 use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -25,13 +25,13 @@ use crate::linear::LinearResponse;
 use crate::responses::{self, Samples};
 use crate::snapshot::{infill_samples, response_counts};
 
-/// What a round is decided from.
+/// The rows of the store that a round is decided from.
 #[derive(Debug, Default)]
 pub struct Rows {
     designs: Vec<DesignRow>,
     criteria: Vec<CriteriaRow>,
     responses: Vec<ResponseRow>,
-    /// How many samples each response rests on.
+    /// Number of samples behind each response.
     counts: BTreeMap<u64, u64>,
     rounds: Vec<RoundRow>,
     infill: Vec<InfillRow>,
@@ -39,12 +39,12 @@ pub struct Rows {
     samples: BTreeMap<u64, Vec<f64>>,
     /// The samples of the designs at which infill points lie.
     of_designs: BTreeMap<u64, Vec<f64>>,
-    /// What an external program said of the constraints of infill points.
+    /// Evaluations of infill points by an external program.
     evaluations: BTreeMap<u64, EvaluationRow>,
 }
 
 impl Rows {
-    /// Reads them.
+    /// Reads the rows.
     ///
     /// # Errors
     ///
@@ -109,7 +109,7 @@ impl Rows {
         }
     }
 
-    /// The designs whose criteria are known, with these.
+    /// The designs whose criteria are known, with their criteria.
     fn evaluated(&self, problem: &Problem, base: &Design) -> Vec<(Vec<f64>, Criteria)> {
         let of_doe = self.criteria.iter().filter_map(|row| {
             let design = self.designs.get(row.design as usize)?;
@@ -123,7 +123,7 @@ impl Rows {
         of_doe.chain(of_infill).collect()
     }
 
-    /// How many samples were asked for so far.
+    /// Number of samples asked for so far.
     fn asked(&self) -> u64 {
         let of_doe = self
             .responses
@@ -134,13 +134,14 @@ impl Rows {
         of_doe.copied().chain(of_infill).sum()
     }
 
-    /// All that is known of responses: one entry per place, the designs of the DoE first.
+    /// All known responses as an enrichment's state: one entry per place, the designs of the DoE
+    /// first.
     fn state(&self, problem: &Problem, base: &Design) -> State {
         let criteria: BTreeMap<u64, &CriteriaRow> =
             self.criteria.iter().map(|row| (row.design, row)).collect();
         let mut sampled: Vec<Sampled> = Vec::new();
-        // The samples of places that rest on more than a design's response, with the names of their
-        // random streams.
+        // The samples of places with more than the samples of one design's response, with the names
+        // of their random streams.
         let mut pooled: BTreeMap<usize, Vec<Stream<'_>>> = BTreeMap::new();
         let mut places: BTreeMap<Vec<u64>, usize> = BTreeMap::new();
         for response in &self.responses {
@@ -249,7 +250,7 @@ impl Rows {
         let unsampled = self.unsampled(problem);
         self.settle(&unsampled);
         let left = u64::from(section.samples).saturating_sub(self.asked());
-        // At most what the budget says, which has 32 bits.
+        // At most the budget, which has 32 bits.
         let options = options(problem, section, left as u32)?;
         let state = self.state(problem, base);
         let calls = Cell::new(0);
@@ -328,7 +329,7 @@ impl Rows {
 /// Samples and the name of their random streams.
 type Stream<'a> = (Purpose, u64, &'a [f64]);
 
-/// How many samples there are at a place, and the response that they make together.
+/// The number of samples at a place, and the response from all of them.
 fn pool(
     problem: &Problem,
     base: &Design,

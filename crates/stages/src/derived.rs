@@ -1,26 +1,26 @@
-//! What rests on the samples of the DoE, and is forgotten when these change.
+//! Results that depend on the samples of the DoE, and are discarded when these change.
 
 use campaign::Approach;
 use ledger::{Kind, StreamId};
 
 use crate::infill;
 
-/// The approaches that learn from the samples of the DoE.
+/// The approaches that use the samples of the DoE.
 const APPROACHES: [Approach; 3] = [
     Approach::Kriging,
     Approach::BestOfDoe,
     Approach::EnrichedKriging,
 ];
 
-/// The names of the approaches that learn from the samples of the DoE.
+/// The names of the approaches that use the samples of the DoE.
 pub const DERIVED_APPROACHES: [&str; 3] = [
     APPROACHES[0].name(),
     APPROACHES[1].name(),
     APPROACHES[2].name(),
 ];
 
-/// Whether a stream rests on the samples of the DoE: runs on the model, infill, and the verification
-/// samples of what was learned.
+/// Whether a stream depends on the samples of the DoE: runs on the model, infill, and the
+/// verification samples of their results.
 #[must_use]
 pub fn is_derived(stream: StreamId) -> bool {
     let learns = |number: u64| {

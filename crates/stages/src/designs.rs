@@ -4,11 +4,11 @@ use anyhow::Context as _;
 use campaign::formulation::Problem;
 use store::DesignRow;
 
-/// Makes the DoE, or what is missing of it beside the `existing` designs, which stay as they are.
+/// Makes the DoE, or the designs missing beside the `existing` ones, which stay as they are.
 ///
 /// # Errors
 ///
-/// Those of [`check_growth`]; nothing else for a validated campaign.
+/// The errors of [`check_growth`]; nothing else for a validated campaign.
 pub fn make(problem: &Problem, existing: &[DesignRow]) -> anyhow::Result<Vec<DesignRow>> {
     let campaign = problem.campaign();
     let options = doe::Options {
@@ -33,8 +33,8 @@ pub fn make(problem: &Problem, existing: &[DesignRow]) -> anyhow::Result<Vec<Des
         .collect())
 }
 
-/// Whether [`make`] can add what is missing to the `existing` designs: asked before a store takes a
-/// campaign that has grown, which it could not give back.
+/// Checks whether [`make`] can add the missing designs to the `existing` ones. The check comes
+/// before a store takes over a campaign that has grown, because that cannot be undone.
 ///
 /// # Errors
 ///
@@ -42,7 +42,7 @@ pub fn make(problem: &Problem, existing: &[DesignRow]) -> anyhow::Result<Vec<Des
 pub fn check_growth(problem: &Problem, existing: &[DesignRow]) -> anyhow::Result<()> {
     let campaign = problem.campaign();
     let n = campaign.doe.designs as usize;
-    // None yet, or as many as before: then there is nothing to add to.
+    // Without designs, or with all of them, there is nothing to enlarge.
     if existing.is_empty() || existing.len() == n {
         return Ok(());
     }
@@ -70,11 +70,12 @@ pub fn held(problem: &Problem, existing: &[DesignRow]) -> doe::Design {
     }
 }
 
-/// Beyond so many designs the discrepancy, which takes the square of their number, is not computed.
+/// Number of designs above which the discrepancy, whose cost grows with its square, is not
+/// computed.
 const MEASURED_DESIGNS: usize = 20_000;
 
-/// How evenly the `existing` designs fill the box of the bounds, in words: their smallest distance and
-/// their centred discrepancy, in parts of the box's edges. None for fewer than two designs.
+/// How evenly the `existing` designs fill the box of the bounds, in words: their smallest distance
+/// and their centred discrepancy, in parts of the box's edges. `None` for fewer than two designs.
 #[must_use]
 pub fn evenness(problem: &Problem, existing: &[DesignRow]) -> Option<String> {
     if existing.len() < 2 {
@@ -100,7 +101,8 @@ mod tests {
         Problem::new(campaign)
     }
 
-    /// As a store holds them: in the variables' units, so that the last digits of the unit box are lost.
+    /// Designs in the variables' units, as a store holds them: the last digits of the unit box are
+    /// lost.
     #[test]
     fn designs_of_every_method_grow_again_and_again() {
         for method in doe::Method::ALL {
@@ -112,7 +114,7 @@ mod tests {
                 assert_eq!(added[0].design, rows.len() as u64);
                 rows.extend(added);
                 assert_eq!(rows.len(), n as usize, "{method}");
-                // Then there is nothing to check any more.
+                // A complete DoE needs no check.
                 check_growth(&problem, &rows).unwrap();
                 assert!(make(&problem, &rows).is_err(), "nothing is missing");
                 let said = evenness(&problem, &rows).unwrap();

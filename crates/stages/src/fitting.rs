@@ -9,18 +9,19 @@ use store::{DesignRow, ModelRow, ResponseRow};
 /// The name of the model of P90 in the store.
 pub const P90_MODEL: &str = "p90";
 
-/// What a reader wants to know of a fitted model.
+/// The summary of a fitted model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ModelSummary {
     /// The covariance function.
     pub kernel: String,
-    /// How many points it was fitted to.
+    /// Number of points that the model was fitted to.
     pub points: usize,
     /// The mean µ, µm.
     pub mu_um: f64,
     /// The process variance σ², µm².
     pub sigma2_um2: f64,
-    /// The ranges in the order of the variables; none where the response does not depend on one.
+    /// The ranges in the order of the variables; `None` for a variable that the model does not
+    /// depend on.
     pub ranges: Vec<Option<f64>>,
     /// −log likelihood.
     pub negative_log_likelihood: f64,
@@ -36,7 +37,7 @@ pub struct ModelSummary {
     /// versions.
     #[serde(default)]
     pub standardised: Vec<f64>,
-    /// What a user ought to know.
+    /// Warnings about the data and the fit.
     pub warnings: Vec<String>,
     /// CPU time of the fit, seconds.
     pub cpu_seconds: f64,
@@ -46,7 +47,7 @@ pub struct ModelSummary {
 ///
 /// # Errors
 ///
-/// The data cannot be fitted: too few feasible designs, for example.
+/// The data cannot be fitted: too few designs with a response, for example.
 pub fn fit(
     problem: &Problem,
     designs: &[DesignRow],
@@ -117,7 +118,7 @@ pub fn fit(
     Ok((model, summary))
 }
 
-/// Does `with` in the names of the campaign and the keys of its file.
+/// Calls `with` with guidance in the names of the campaign and the keys of its file.
 fn guided<T>(
     problem: &Problem,
     design: impl Fn(usize) -> u64,

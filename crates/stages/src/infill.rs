@@ -1,7 +1,7 @@
-//! Infill points: their numbers and names, what is known of them without sampling, and the settings of
-//! a round.
+//! Infill points: their numbers and names, their constraints and baseline, which take no samples,
+//! and the settings of a round.
 //!
-//! The decisions themselves are [`enrich::decide`]'s.
+//! [`enrich::decide`] makes the decisions themselves.
 
 use campaign::file::{Enrichment, Noise};
 use campaign::formulation::{Criteria, Design, GearCriteria, Problem};
@@ -10,11 +10,11 @@ use cmaes::Bounds;
 use enrich::{Known, Options};
 use sha2::{Digest as _, Sha256};
 
-/// The numbers of infill points begin here, above those of all other points.
+/// The first number of an infill point, above the numbers of all other points.
 pub(crate) const FIRST: u64 = 1 << 27;
 
-/// Designs of the DoE that miss the constraints by more than this do not enter the model: what lies
-/// that far out says little of the response within them.
+/// The constraint violation above which designs of the DoE do not enter the model: so far out they
+/// carry little information about the response within the constraints.
 pub const REACH: f64 = 1.0;
 
 /// [`InfillRow::reason`](store::InfillRow::reason) of more samples at a sampled design.
@@ -23,7 +23,7 @@ pub const MORE: &str = "more";
 /// A design's variables as a key.
 #[must_use]
 pub(crate) fn bits(x: &[f64]) -> Vec<u64> {
-    // 0 and −0 are one place.
+    // 0 and −0 are the same place.
     x.iter().map(|x| (x + 0.0).to_bits()).collect()
 }
 
@@ -36,9 +36,9 @@ pub const fn is_infill(number: u64) -> bool {
 /// The number of the `index`-th infill point of a campaign, which lies at `x`; it names its random
 /// streams.
 ///
-/// It is drawn from index and place, so that a point that lies elsewhere after its campaign has
-/// been given more samples has another number: what is brought late for the old one cannot be taken
-/// for it. `taken` holds the numbers of the points before it.
+/// The number is a hash of index and place. A point that lies elsewhere after its campaign has been
+/// given more samples has another number, so that late results for the old point cannot be mistaken
+/// for its own. `taken` holds the numbers of the points before it.
 #[must_use]
 pub fn point_number(index: u64, x: &[f64], taken: &[u64]) -> u64 {
     let mut hash = Sha256::new();
@@ -62,14 +62,14 @@ pub fn point_name(index: u64, number: u64) -> String {
     format!("infill-{index:04}-{}", mark(number))
 }
 
-/// What is drawn in an infill point's number: the end of its name.
+/// The hashed part of an infill point's number, which ends its name.
 #[must_use]
 pub fn mark(number: u64) -> String {
     format!("{:07x}", number % FIRST)
 }
 
-/// How far a design misses the constraints, from its criteria with the pressure under Archard's
-/// wear: 0 if it is feasible. One whose geometry is out already is not asked for its pressure.
+/// The constraint violation of a design, from its criteria with the pressure under Archard's wear:
+/// 0 if it is feasible. If the geometry breaks a constraint, the pressure does not count.
 #[must_use]
 pub fn violation(problem: &Problem, criteria: &Criteria) -> f64 {
     if problem.gears().is_some() {
@@ -94,9 +94,10 @@ fn geometric_violation(problem: &Problem, criteria: &GearCriteria) -> f64 {
     problem.violation(&unloaded.into())
 }
 
-/// What the built-in simulator knows of a design without sampling it, and how many analyses that
-/// took; none if it cannot be simulated. The baseline is ΔSTE with Archard's wear, which the random
-/// wear scatters around; a design whose geometry is out already is not asked for it.
+/// The constraint violation and the baseline of a design by the built-in simulator, and the number
+/// of analyses they took; `None` if the design cannot be simulated. The baseline is ΔSTE with
+/// Archard's wear, around which the random wear scatters. It is not computed for a design whose
+/// geometry breaks a constraint.
 #[must_use]
 pub fn known(problem: &Problem, design: &Design) -> Option<(Known, u64)> {
     let Some(gears) = problem.gears() else {
@@ -137,7 +138,7 @@ pub fn baseline_um(problem: &Problem, worn: &Analysis) -> f64 {
     }
 }
 
-/// The same of a design.
+/// [`baseline_um`] of a design; `None` if it cannot be simulated.
 #[must_use]
 pub fn baseline_at_um(problem: &Problem, design: &Design) -> Option<f64> {
     let Some(gears) = problem.gears() else {
@@ -153,7 +154,7 @@ pub(crate) fn kernel(problem: &Problem) -> kriging::Kernel {
     name.parse().unwrap_or_default()
 }
 
-/// The settings of a round, with so many samples left for infill.
+/// The settings of a round, with `samples_left` samples left for infill.
 ///
 /// # Errors
 ///
@@ -176,7 +177,7 @@ pub fn options(
         samples_left,
         rounds: section.rounds as usize,
         delta_um: section.tolerance_um,
-        // What follows was chosen on the problem of campaigns/wear.toml, over ten seeds.
+        // The following settings were chosen on the problem of campaigns/wear.toml, over ten seeds.
         quantile_z: 0.84,
         global_every: 6,
         basins: 3,
@@ -200,7 +201,7 @@ mod tests {
         assert!(is_infill(number) && number < 1 << 28);
         assert_ne!(number, point_number(18, &x, &[]));
         assert_ne!(number, point_number(17, &[0.5; 6], &[]));
-        // Where two meet, the later one goes on to the next number.
+        // If two numbers coincide, the later point takes the next one.
         let next = point_number(17, &x, &[number]);
         assert!(next == number + 1 || next == FIRST);
         assert_eq!(

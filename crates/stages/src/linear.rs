@@ -1,36 +1,37 @@
-//! The linear part of ΔSTE as a control variate of its samples: ΔSTE is all but linear in the wear of
-//! most designs, though not in large slope deviations, and the distribution of a sum of normal coefficients is known.
+//! The linear part of ΔSTE as a control variate of its samples. ΔSTE is all but linear in the wear
+//! of most designs, though not in large slope deviations, and the distribution of a sum of normal
+//! coefficients is known.
 
 use campaign::formulation::Design;
 use campaign::formulation::gears::Gears;
 use stats::streams::StreamRng;
 
-/// What the linear part of a design's ΔSTE is, sample by sample: a control variate.
+/// The linear part of a design's ΔSTE, sample by sample: a control variate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LinearResponse {
     slopes: Vec<f64>,
 }
 
 impl LinearResponse {
-    /// The linear response of a design: how much ΔSTE in µm changes with each coefficient of its wear
-    /// and its slope deviations.
+    /// The linear response of a design: the slopes of ΔSTE, µm, in the coefficients of its wear and
+    /// its slope deviations.
     ///
     /// # Errors
     ///
-    /// Why the design cannot be simulated.
+    /// The design cannot be simulated.
     pub fn of(gears: &Gears, design: &Design) -> Result<Self, gear::Error> {
         let pair = gears.pair(design)?;
         let slopes = gears.sampler(&pair).slopes();
         Ok(Self { slopes })
     }
 
-    /// How many analyses it took.
+    /// Number of analyses it took.
     #[must_use]
     pub fn analyses(&self) -> u64 {
         2 * self.slopes.len() as u64
     }
 
-    /// Its mean and standard deviation, µm.
+    /// Mean and standard deviation of the linear response, µm.
     #[must_use]
     pub fn moments(&self) -> stats::Control {
         stats::Control {
@@ -44,7 +45,7 @@ impl LinearResponse {
         }
     }
 
-    /// Its value for the sample that is drawn from `rng`, µm.
+    /// Value of the linear response for the sample that is drawn from `rng`, µm.
     pub fn of_sample(&self, rng: &mut StreamRng) -> f64 {
         let coefficients = gear::draw_coefficients(rng, self.slopes.len());
         self.slopes

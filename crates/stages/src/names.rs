@@ -1,4 +1,4 @@
-//! What streams are called: in the store, in messages, and where the store keeps what they cost.
+//! The names of streams: in the store, in messages, and as keys of their times in the store.
 
 use std::ops::Range;
 
@@ -7,13 +7,13 @@ use ledger::{Kind, StreamId, Unit};
 
 use crate::infill;
 
-/// What a run is called in the store where generations are.
+/// The name under which the store keeps the generation of a run.
 #[must_use]
 pub fn run_name(approach: Approach, start: u32) -> String {
     format!("run {} {start}", approach.name())
 }
 
-/// What a stream is called in the store where generations are, if it is a run.
+/// The name under which the store keeps the generation of a stream, if it is a run.
 #[must_use]
 pub fn run_stream_name(stream: StreamId) -> Option<String> {
     let (number, start) = stream.run_parts();
@@ -21,7 +21,7 @@ pub fn run_stream_name(stream: StreamId) -> Option<String> {
     (stream.kind == Kind::Run).then(|| run_name(approach, start))
 }
 
-/// A stream as people see it.
+/// The name of a stream in messages.
 #[must_use]
 pub fn stream_name(stream: StreamId) -> String {
     match stream.kind {
@@ -66,9 +66,9 @@ pub fn job_name(stream: StreamId, samples: &Range<u32>) -> String {
     }
 }
 
-/// The key of what a unit cost, in the store: the kind 8 bits, then for samples 4 bits of nought, the
-/// stream's index 28 and the first sample 24; for a run the approach 8, the start 16 and 32 that tell
-/// its units apart.
+/// The key of a unit's time in the store. It holds the kind in 8 bits; then, for samples, 4 zero
+/// bits, the stream's index in 28 and the first sample in 24; for a run, the approach in 8, the
+/// start in 16, and 32 bits that distinguish its units.
 #[must_use]
 pub fn time_key(unit: &Unit) -> u64 {
     let (stream, first) = (unit.stream, u64::from(unit.samples.start));
@@ -83,13 +83,13 @@ pub fn time_key(unit: &Unit) -> u64 {
     }
 }
 
-/// Whether a time in the store was taken of a unit of this run.
+/// Whether a time in the store is that of a unit of this run.
 #[must_use]
 pub const fn is_time_of_run(job: u64, approach: Approach, start: u32) -> bool {
     job >> 32 == 1 << 24 | approach.number() << 16 | start as u64
 }
 
-/// The kind of what a time in the store was taken of, and for samples the stream's index.
+/// The kind of the unit whose time is in the store, and for samples the stream's index.
 #[must_use]
 pub const fn timed(job: u64) -> Option<(Kind, u64)> {
     let index = (job >> 24) & 0x0fff_ffff;
@@ -113,10 +113,19 @@ mod tests {
         assert_eq!(stream_name(StreamId::point(2)), "verify-archard");
         assert!(stream_name(infill).starts_with("infill-"));
         assert_eq!(stream_name(StreamId::design(7)), "design-7");
-        assert_eq!(job_name(StreamId::design(59), &(130..155)), "design 59, samples 130–154");
-        assert_eq!(job_name(StreamId::design(59), &(0..1)), "design 59, sample 0");
+        assert_eq!(
+            job_name(StreamId::design(59), &(130..155)),
+            "design 59, samples 130–154"
+        );
+        assert_eq!(
+            job_name(StreamId::design(59), &(0..1)),
+            "design 59, sample 0"
+        );
         assert_eq!(job_name(run, &(0..40)), "search kriging, start 3");
-        assert_eq!(job_name(StreamId::point(2), &(0..0)), "verification of archard");
+        assert_eq!(
+            job_name(StreamId::point(2), &(0..0)),
+            "verification of archard"
+        );
     }
 
     #[test]

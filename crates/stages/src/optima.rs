@@ -38,7 +38,8 @@ pub fn design_from_json(problem: &Problem, json: &str) -> Option<Design> {
     values.map(Design::new)
 }
 
-/// The variables that the DoE leaves alone, once they are known, from the chosen optima.
+/// The values of the variables that the DoE does not move, once they are known, from the chosen
+/// optima.
 #[must_use]
 pub fn base(problem: &Problem, rows: &[OptimumRow]) -> Option<Design> {
     let known =
@@ -61,7 +62,7 @@ pub async fn stored(store: &Store) -> Result<Vec<OptimumRow>, store::Error> {
     Ok(rows)
 }
 
-/// The design of an optimum's row; none when the approach found no feasible one.
+/// The design of an optimum's row; `None` when the approach found no feasible one.
 #[must_use]
 pub fn optimum_design(problem: &Problem, row: &OptimumRow) -> Option<Design> {
     design_from_json(problem, &row.x_json)

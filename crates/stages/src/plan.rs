@@ -18,10 +18,10 @@ use ledger::StreamId;
 
 use crate::state::{State, VerifyPoint};
 
-/// Something that only the coordinator does.
+/// A step that only the coordinator does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LocalStep {
-    /// Make the DoE, or what is missing of it.
+    /// Make the DoE, or its missing designs.
     Doe,
     /// Compute the responses of all designs from their samples.
     Statistics,
@@ -33,7 +33,7 @@ pub enum LocalStep {
     Choose(Approach),
 }
 
-/// What comes next.
+/// The next requests to workers, and the next local step.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Next {
     /// Runs of optimisers whose inputs exist and whose results are missing.
@@ -57,9 +57,10 @@ impl Next {
     }
 }
 
-/// The values of the variables that the DoE leaves alone, once they are known.
+/// The values of the variables that the DoE does not move, once they are known.
 ///
-/// An approach 1 that found no feasible design leaves nothing to freeze, so the printed values serve.
+/// If approach 1 found no feasible design, there is nothing to freeze, and the printed values
+/// serve.
 #[must_use]
 pub fn base(problem: &Problem, state: &State) -> Option<Design> {
     let printed = || problem.base().clone();
@@ -374,7 +375,7 @@ mod tests {
         let step = |state: &State| next_of(&campaign, state).local;
         let mut state = fitted(&campaign);
         assert_eq!(step(&state), Some(LocalStep::Enrich));
-        // It does not wait for the runs on the model, nor for a model.
+        // The step waits neither for the runs on the model nor for a model.
         state.runs.clear();
         assert_eq!(step(&state), Some(LocalStep::Enrich));
         (state.model, state.fit_failed) = (None, true);

@@ -11,35 +11,35 @@ use store::{DesignRow, ResponseRow};
 
 use crate::linear::LinearResponse;
 
-/// Normality is rejected where Lilliefors' p-value is below this, as in the paper.
+/// Significance level of Lilliefors' test, as in the paper.
 pub const SIGNIFICANCE: f64 = 0.05;
 
-/// A design's samples with what is known of them beforehand.
+/// A design's samples, with their control variate if there is one.
 #[derive(Debug, Clone, Copy)]
 pub struct Samples<'a> {
     /// ΔSTE, µm: the samples from the first on, without a hole.
     pub values: &'a [f64],
-    /// The control variate's value for each, and its moments.
+    /// The control variate's value for each sample, and its moments.
     pub control: Option<(&'a [f64], stats::Control)>,
 }
 
-/// Whether a design has its samples.
+/// Whether a design has enough samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sampled {
-    /// It has, and so many of them make its response.
+    /// The design has enough samples; its response is computed from so many of them.
     Enough(usize),
-    /// It has enough only with so many; of those held so many can make a response.
+    /// The design needs more samples.
     Wants {
-        /// How many it wants.
+        /// Number of samples needed.
         samples: usize,
-        /// How many would do.
+        /// Number of its samples from which a response can be computed meanwhile.
         at_least: usize,
     },
 }
 
 /// Goes through the batches of a design's `samples`, which are those from the first on, without a
-/// hole, and at least as many as the first batch has. What a batch asks for depends on the batches before it alone: samples that came early
-/// change nothing.
+/// hole, and at least as many as the first batch has. The size of a batch depends on the batches
+/// before it alone, so samples that came early change nothing.
 ///
 /// # Errors
 ///
@@ -57,7 +57,8 @@ pub fn sampled(samples: &[f64], sampling: &Sampling) -> Result<Sampled, stats::E
             VarianceFormula::Exact => stats::exact_p90_variance,
         };
         let normal = of_normal(row.sd_um.powi(2), count, rule.z)?;
-        // What s would have to be for a normal sample's percentile to be as uncertain as this one.
+        // The standard deviation with which a normal sample's percentile would be as uncertain as
+        // this.
         let sd = if normal > 0.0 {
             row.sd_um * (row.p90_variance_um2 / normal).sqrt()
         } else {
@@ -118,7 +119,7 @@ pub fn response(
 ) -> Result<ResponseRow, stats::Error> {
     let (normal, rule) = (settings.normal(), settings.percentile);
     let Samples { values, control } = samples;
-    // A control that does not move says nothing: there is no random wear.
+    // Without random wear the control is constant, and of no use.
     if let Some((controls, known)) = control
         && known.sd > 0.0
     {
@@ -150,13 +151,13 @@ pub fn response(
         sd_um: choice.normal.sd,
         p90_um: choice.chosen.p90,
         p90_variance_um2: choice.chosen.variance,
-        // Identical samples have no distribution to test; the row then says nothing about it.
+        // Identical samples have no distribution to test; the row then has no p-value.
         lilliefors_p: choice.p_value,
     })
 }
 
 impl<'a> Samples<'a> {
-    /// Samples of which nothing is known beforehand.
+    /// Samples without a control variate.
     #[must_use]
     pub const fn plain(values: &'a [f64]) -> Self {
         Self {
@@ -253,12 +254,12 @@ mod tests {
         );
         let row = response(0, Samples::plain(&samples(enough, 0.35)), &sampling(None)).unwrap();
         assert!(row.p90_variance_um2.sqrt() <= 0.1, "{row:?}");
-        // What came early changes nothing.
+        // Samples that came early change nothing.
         assert_eq!(
             sampled(&samples(60, 0.35), &precise),
             Ok(Sampled::Enough(enough))
         );
-        // A noisy design ends at the most there is.
+        // A noisy design ends at the largest number of samples allowed.
         assert_eq!(
             sampled(&samples(60, 40.0), &precise),
             Ok(Sampled::Enough(60))
@@ -299,8 +300,9 @@ mod tests {
         assert!(normal.p90_um > paper.p90_um);
     }
 
-    /// P90 of one pair again and again from fresh streams, as workers and coordinator make it: how it
-    /// scatters, beside the variance that the responses state, which kriging takes as its noise.
+    /// Compares the scatter of the P90 of one pair over independent streams, as workers and
+    /// coordinator compute it, with the variance that the responses state, which kriging takes as
+    /// its noise.
     #[test]
     fn every_kind_of_coefficients_states_the_variance_it_has() {
         use campaign::file::WearCoefficients;
@@ -346,7 +348,8 @@ mod tests {
             let p90 = scatter(|row| row.p90_um);
             let stated =
                 rows.iter().map(|row| row.p90_variance_um2).sum::<f64>() / f64::from(replications);
-            // A variance of 400 is known to 7 %; the jackknife over 8 groups leans up by an eighth.
+            // A variance of 400 is known to 7 %; the jackknife over 8 groups is too large by an
+            // eighth.
             let ratio = stated / p90;
             assert!((0.8..1.35).contains(&ratio), "{coefficients:?}: {ratio}");
             of_mean.push(scatter(|row| row.mean_um));
@@ -423,7 +426,8 @@ mod tests {
                 .map(|sample| sampler.draw(&mut stream(seed, Purpose::Wear, 7, sample as u64)))
                 .collect();
             let controls = controls(&problem, (Purpose::Wear, 7), linear, values.len());
-            // The mean percentile with its standard error, and how much of its scatter is stated.
+            // The mean percentile with its standard error, and the ratio of its stated to its
+            // actual scatter.
             let of = |percentile, controlled: bool| {
                 let settings = Sampling {
                     percentile,
@@ -445,7 +449,7 @@ mod tests {
             let (mean, sd) = stats::mean_sd(&values).unwrap();
             let expected = mean + sampling(None).normal().z * sd;
             let (controlled, error, _) = of(PercentileRule::Normal, true);
-            // A bias of order 1/n is the regression's, as ΔSTE is not linear.
+            // The regression has a bias of order 1/n, as ΔSTE is not linear.
             assert!(
                 (controlled - expected).abs() < sd / count as f64 + 4.0 * error,
                 "class {class}: {controlled} against {expected}"

@@ -1,4 +1,4 @@
-//! Rounds of infill that were decided, and what the last one recommends.
+//! Rounds of infill that were decided, and the recommendation of the last one.
 
 use anyhow::Context as _;
 use campaign::formulation::Problem;
@@ -14,11 +14,11 @@ use crate::cost::Cost;
 /// A round as the store keeps it, read.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Round {
-    /// Its row.
+    /// The row of the round.
     pub row: RoundRow,
-    /// The best design when it was decided.
+    /// The best design at the time of the decision.
     pub recommendation: Option<Recommendation>,
-    /// Why the enrichment ends, if this round says so.
+    /// The reason to stop, if the enrichment ends with this round.
     pub stop: Option<Stop>,
 }
 
@@ -27,7 +27,7 @@ impl Round {
     ///
     /// # Errors
     ///
-    /// It is not what this version writes.
+    /// The JSON is not what this version writes.
     pub fn read(row: RoundRow) -> serde_json::Result<Self> {
         let recommendation = row.recommendation_json.as_deref();
         let stop = row.stop_json.as_deref();
@@ -39,8 +39,8 @@ impl Round {
     }
 }
 
-/// The row of the design that the last round recommends; `told` are its criteria where only an external
-/// program knows them.
+/// The row of the design that the last round recommends; `told` are its criteria if only an
+/// external program knows them.
 ///
 /// # Errors
 ///

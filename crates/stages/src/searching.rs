@@ -1,8 +1,9 @@
 //! Optimiser runs on an external simulator: the coordinator holds the search, and workers evaluate a
 //! generation of candidates at a time.
 //!
-//! The store keeps every evaluation, so a search is a function of its inputs and of what is stored. What
-//! is held here only spares computing it again for each generation.
+//! The store keeps every evaluation, so a search is a function of its inputs and of what is stored.
+//! The searches are kept in memory only so that they need not be computed again for each
+//! generation.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -23,26 +24,27 @@ pub struct Searches {
     held: BTreeMap<StreamId, Held>,
 }
 
-/// How far a search is.
+/// The progress of a search.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Progress {
     /// The run.
     pub stream: StreamId,
     /// Evaluations so far.
     pub evaluations: u64,
-    /// With how many evaluations it ends, unless it has to continue then.
+    /// The number of evaluations with which the run ends, unless it has to continue then.
     pub budget: u64,
     /// The improvements so far, as in [`RunResult`].
     pub history: Vec<(u64, f64)>,
 }
 
-/// What is next in a run.
+/// The next step of a run.
 pub enum Turn {
     /// Candidates are to be evaluated.
     Asks(Wanted<Arc<Source>>),
     /// The run is finished.
     Finished(Box<RunResult>),
-    /// The store holds evaluations of another search, as of another build: they are to be removed.
+    /// The store holds evaluations of another search, for example of another build, which are to be
+    /// removed.
     Foreign,
 }
 
@@ -66,7 +68,7 @@ impl Held {
         })
     }
 
-    /// The candidates that workers are asked about, with their evaluations' numbers.
+    /// The candidates that workers are to evaluate, with their evaluations' numbers.
     fn asked(&self) -> impl Iterator<Item = (u32, &Candidate)> {
         let numbered = (self.first..).zip(&self.candidates);
         numbered.filter(|(_, one)| one.is_asked && one.design.is_some())
@@ -74,7 +76,7 @@ impl Held {
 }
 
 impl Searches {
-    /// How far the searches are that go on.
+    /// The progress of the searches that go on.
     pub fn progress(&self) -> impl Iterator<Item = Progress> {
         self.held.iter().map(|(stream, held)| Progress {
             stream: *stream,
@@ -84,7 +86,7 @@ impl Searches {
         })
     }
 
-    /// Takes a run as far as the stored evaluations go.
+    /// Advances a run as far as the stored evaluations go.
     ///
     /// # Errors
     ///
@@ -138,7 +140,7 @@ impl Searches {
     }
 }
 
-/// What workers are asked for: the candidates of which nothing is stored.
+/// The request to workers: the candidates without a stored evaluation.
 fn wanted(
     inputs: &Inputs,
     stream: StreamId,
@@ -160,7 +162,7 @@ fn wanted(
     }
 }
 
-/// What a row says; none of a design that cannot be simulated.
+/// The answer in a row; `None` for a design that cannot be simulated.
 fn answer(row: EvaluationRow) -> Option<Answer> {
     let criteria = Criteria::new(row.criteria?);
     Some(Answer {

@@ -1,4 +1,4 @@
-//! What the store holds, as decisions want to see it.
+//! The state of a campaign, read from its store for decisions.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,9 +12,9 @@ use crate::optima::{approach_of, optimum_design};
 use crate::responses::{self, Sampled};
 use crate::state::{OpenDesign, Progress, State, VerifyPoint};
 
-/// Reads the state of the campaign; `more` names designs that want more samples than others.
+/// Reads the state of the campaign. `more` has the designs that need more samples than others.
 ///
-/// Of the DoE only what is missing is read: a restart has to be quick however much is done.
+/// Only the missing part of the DoE is read, so that a restart is quick however much is done.
 ///
 /// # Errors
 ///
@@ -29,8 +29,8 @@ pub async fn load(
     let progress = store.progress().await?;
     let wanted = u64::from(campaign.sampling.samples_per_design);
     let missing = store.missing_work(wanted, more).await?;
-    // Designs that were quarantined before they had samples enough have no response to wait for. Those
-    // that only wanted more make one from what they have.
+    // Designs that were quarantined before they had enough samples get no response. Those that only
+    // needed more get one from the samples that they have.
     let lacks = |work: &&store::MissingWork| {
         !work.criteria && work.samples.iter().any(|range| range.start < wanted)
     };
@@ -96,7 +96,7 @@ async fn stored_samples(store: &Store, point: &str) -> Result<BTreeSet<u32>, sto
         .collect())
 }
 
-/// How far the enrichment is, with the points of its last round.
+/// The progress of the enrichment, with the points of its last round.
 ///
 /// # Errors
 ///
@@ -121,7 +121,7 @@ pub async fn enrichment(
             if let Some(evaluation) = &evaluation
                 && constraints::violation_of(problem, evaluation) != Some(0.0)
             {
-                // It cannot be simulated or breaks a constraint: nothing is to be waited for.
+                // The point cannot be simulated or breaks a constraint, so it gets no samples.
                 continue;
             }
             points.push(VerifyPoint {
@@ -154,8 +154,8 @@ pub(crate) async fn infill_samples(
         .collect())
 }
 
-/// How many samples each response rests on, by design. Samples may be there that came before they
-/// were wanted: those count for nothing.
+/// Number of samples behind each response, by design. Samples that came before they were needed do
+/// not count.
 ///
 /// # Errors
 ///
@@ -181,8 +181,8 @@ pub async fn response_counts(
     Ok(counts)
 }
 
-/// The designs with a response that want more samples than others, and how many: after a restart, too,
-/// of a campaign that went on without those of designs that were quarantined.
+/// The designs with a response that need more samples than others, and how many. There are such
+/// designs after a restart, too, if a campaign went on without those of quarantined designs.
 ///
 /// # Errors
 ///

@@ -1,4 +1,4 @@
-//! What the store holds, as far as decisions need it.
+//! The content of the store, as far as decisions need it.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -10,17 +10,18 @@ use ledger::StreamId;
 /// A point that gets verification samples.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VerifyPoint {
-    /// Its name in the store.
+    /// Name of the point in the store.
     pub name: String,
     /// The number that names its random streams.
     pub number: u64,
     /// The design.
     pub design: Design,
-    /// How many samples it gets.
+    /// Number of samples that it gets.
     pub wanted: u32,
-    /// Which of its samples are stored.
+    /// The indices of its stored samples.
     pub stored: BTreeSet<u32>,
-    /// Whether the simulator is asked for its constraints first: of an infill point that may break some.
+    /// Whether the simulator evaluates its constraints first, as for an infill point that may break
+    /// some.
     pub asks_criteria: bool,
 }
 
@@ -35,30 +36,31 @@ impl VerifyPoint {
 /// A design of the DoE that lacks samples.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OpenDesign {
-    /// Its index in the DoE.
+    /// Index of the design in the DoE.
     pub design: u32,
     /// The variables that the DoE moves.
     pub x: Vec<f64>,
-    /// How many samples it is to have.
+    /// Number of samples that it is to have.
     pub samples: u32,
-    /// Those of them that are missing, disjoint and ascending.
+    /// The missing ones of them, disjoint and ascending.
     pub missing: Vec<Range<u32>>,
 }
 
-/// What the store holds, as far as decisions need it.
+/// The content of the store, as far as decisions need it.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct State {
-    /// How many designs of the DoE are made.
+    /// Number of designs of the DoE that are made.
     pub designs: usize,
-    /// Those of them that lack samples, ascending.
+    /// The designs of the DoE that lack samples, ascending.
     pub open: Vec<OpenDesign>,
     /// Whether the responses of all designs are stored.
     pub has_responses: bool,
-    /// Samples have come since responses were computed, as of a design that had been quarantined.
+    /// Whether samples have come since the responses were computed, for example of a design that
+    /// had been quarantined.
     pub has_outdated_responses: bool,
     /// The kriging model as JSON, once fitted.
     pub model: Option<Arc<str>>,
-    /// The fit failed for good; approach 3 is then left out.
+    /// Whether the fit has failed; approach 3 is then left out.
     pub fit_failed: bool,
     /// Finished optimiser runs.
     pub runs: BTreeSet<(Approach, u32)>,
@@ -70,23 +72,23 @@ pub struct State {
     pub verified: BTreeMap<Approach, BTreeSet<u32>>,
     /// The rounds of infill.
     pub enrichment: Progress,
-    /// What was quarantined.
+    /// The quarantined streams.
     pub quarantined: BTreeSet<StreamId>,
 }
 
 /// The enrichment as far as the store holds it.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Progress {
-    /// How many rounds were decided.
+    /// Number of rounds decided.
     pub rounds: u32,
-    /// The points of the last one.
+    /// The points of the last round.
     pub points: Vec<VerifyPoint>,
-    /// Whether the last one decided to stop.
+    /// Whether the last round decided to stop.
     pub is_stopped: bool,
 }
 
 impl State {
-    /// Whether nothing is to be waited for of a run.
+    /// Whether a run is finished or quarantined.
     pub(crate) fn is_settled(&self, approach: Approach, start: u32) -> bool {
         let stream = StreamId::run(approach.number() as u32, start);
         self.runs.contains(&(approach, start)) || self.quarantined.contains(&stream)

@@ -11,12 +11,12 @@ use store::{ResponseRow, SampleRow};
 use crate::linear::LinearResponse;
 use crate::responses::{self, Sampled, Samples};
 
-/// What the samples make.
+/// The result of a [`Collector`].
 #[derive(Debug, Clone, PartialEq)]
 pub enum Computed {
     /// The responses of all designs that have samples enough.
     Responses(Vec<ResponseRow>),
-    /// No responses yet: these designs want so many samples for the precision.
+    /// No responses yet: the number of samples that each of these designs needs for the precision.
     Wants(BTreeMap<u64, u64>),
 }
 
@@ -26,7 +26,7 @@ pub struct Collector<'a> {
     problem: &'a Problem,
     /// The control variates of designs.
     linear: &'a BTreeMap<u64, LinearResponse>,
-    /// What gets no more samples.
+    /// Streams that get no more samples.
     quarantined: &'a BTreeSet<StreamId>,
     design: Option<u64>,
     samples: Vec<f64>,
@@ -64,14 +64,14 @@ impl<'a> Collector<'a> {
             self.design = Some(row.design);
         }
         let most = self.problem.campaign().sampling.samples_max() as usize;
-        // Those beyond a hole wait until it is filled.
+        // Samples beyond a hole wait until it is filled.
         if self.samples.len() < most && row.sample == self.samples.len() as u64 {
             self.samples.push(row.delta_ste_um);
         }
         Ok(())
     }
 
-    /// What all samples make.
+    /// The responses from all samples, or the samples still needed.
     ///
     /// # Errors
     ///
@@ -130,7 +130,7 @@ mod tests {
 
     use super::*;
 
-    /// A campaign of ten samples a design, with a precision of so many µm.
+    /// A campaign of ten samples a design, with this precision in µm.
     fn problem(precision_um: Option<f64>) -> Problem {
         let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
         campaign.sampling.samples_per_design = 10;

@@ -1,4 +1,4 @@
-//! From what comes next to what workers are asked for.
+//! From the next steps to requests to workers.
 
 use std::sync::Arc;
 
@@ -10,17 +10,17 @@ use crate::plan::Next;
 use crate::state::OpenDesign;
 use crate::{constraints, names};
 
-/// What workers are asked for.
+/// Requests to workers.
 #[derive(Debug, Clone, Default)]
 pub struct Asked {
-    /// The streams, each with what is missing of it.
+    /// The streams, each with its missing units.
     pub streams: Vec<Wanted<Arc<Source>>>,
     /// The generations of runs and points by their names in the store, which accepts no others.
     pub generations: Vec<(String, u64)>,
 }
 
-/// What `next` asks workers for; `open` are the designs that lack samples. The runs of an external
-/// simulator are not among it: those are [asked by generations](crate::searching).
+/// The requests of `next`; `open` are the designs that lack samples. The runs of an external
+/// simulator are not among them: those are [asked for by generations](crate::searching).
 #[must_use]
 pub fn asked(problem: &Problem, inputs: &Inputs, next: &Next, open: &[OpenDesign]) -> Asked {
     let mut asked = Asked::default();

@@ -1,17 +1,19 @@
 //! The exact bootstrap variance of a weighted sum of order statistics.
 //!
-//! Resampling n values with replacement makes each of nⁿ new samples equally likely. The variance of
-//! T = Σ cᵣ Y₍ᵣ₎ over them, Y₍ᵣ₎ the order statistics of a new sample, needs no resampling: Hutson and
-//! Ernst write the means and covariances of the Y₍ᵣ₎ as weighted sums of the values, with weights
-//! that are incomplete beta integrals. Their double sums over all pairs of ranks and of values cost n⁴
-//! steps; the same number is had in fewer:
+//! Resampling n values with replacement makes each of nⁿ new samples equally likely. This module
+//! computes the variance of T = Σ cᵣ Y₍ᵣ₎ over all of them, Y₍ᵣ₎ the order statistics of a new
+//! sample, without drawing any. Hutson and Ernst write the means and covariances of the Y₍ᵣ₎ as
+//! weighted sums of the values, with incomplete beta integrals as weights. Their double sums over
+//! all pairs of ranks and of values cost n⁴ steps. The form below gives the same number in fewer
+//! steps.
 //!
-//! With Nⱼ the number of drawn values up to the j-th smallest X₍ⱼ₎, and C(m) = c₁ + … + cₘ,
-//! T = X₍₁₎ + Σⱼ (X₍ⱼ₊₁₎ − X₍ⱼ₎) (C(n) − C(Nⱼ)). The Nⱼ are binomial (n, j/n), which is where the incomplete
-//! beta function of the marginal weights comes from, and a Markov chain: given Nⱼ = a, Nⱼ₊₁ − a is
-//! binomial (n − a, 1/(n − j)). So the variance is a sum over j of products of C(Nⱼ) with the expected
-//! rest of the sum given Nⱼ, which goes backwards from the last one. Probabilities below 10⁻²⁰ are
-//! left out, after which n values take about n^{3/2} times some hundred steps.
+//! Let Nⱼ be the number of drawn values that are at most X₍ⱼ₎, the j-th smallest value, and
+//! C(m) = c₁ + … + cₘ. Then T = X₍₁₎ C(n) + Σⱼ (X₍ⱼ₊₁₎ − X₍ⱼ₎) (C(n) − C(Nⱼ)). The Nⱼ are
+//! binomial (n, j/n), which is the source of the incomplete beta function in the marginal weights.
+//! They are a Markov chain: given Nⱼ = a, Nⱼ₊₁ − a is binomial (n − a, 1/(n − j)). The variance is
+//! therefore a sum over j of products of C(Nⱼ) with the expectation of the later terms given Nⱼ,
+//! which a recursion computes from the last term to the first. Probabilities below 10⁻²⁰ are left
+//! out, so that n values take about n^{3/2} times some hundred steps.
 //!
 //! Reference: A. D. Hutson, M. D. Ernst, "The exact bootstrap mean and variance of an L-estimator",
 //! J. R. Statist. Soc. B 62 (2000) 89–94.
@@ -85,8 +87,8 @@ pub(crate) fn of_sorted(sorted: &[f64], weights: &[f64]) -> f64 {
             .sum();
         let gap = sorted[j] - sorted[j - 1];
         let term = |a: usize| gap * (cumulative[a] - mean);
-        // The rest of the sum as the j-th term sees it; beyond the counts that are kept it is next to
-        // impossible, and the nearest value stands in for it.
+        // E(terms after the j-th | Nⱼ₊₁ = a). A count `a` that was left out is next to impossible,
+        // and the nearest kept count stands in for it.
         let rest_at = |a: usize| {
             let place = a.saturating_sub(rest_first).min(rest.len() - 1);
             rest[place]
@@ -107,12 +109,12 @@ pub(crate) fn of_sorted(sorted: &[f64], weights: &[f64]) -> f64 {
             .collect();
         rest_first = first;
     }
-    // A sum of squares in another order: rounding can take it below zero where all are equal.
+    // Rounding can take the sum just below zero.
     variance.max(0.0)
 }
 
-/// The probabilities of a binomial distribution of `n` trials from the first value on that has one
-/// above [`NEGLIGIBLE`] to the last.
+/// Returns the first value kept of a binomial distribution of `n` trials, and the probabilities
+/// from that value on. The tails with probabilities below [`NEGLIGIBLE`] are left out.
 fn binomial(n: usize, p: f64) -> (usize, Vec<f64>) {
     if n == 0 {
         return (0, vec![1.0]);
@@ -142,7 +144,8 @@ fn binomial(n: usize, p: f64) -> (usize, Vec<f64>) {
         above += 1;
         chances.push(chance);
     }
-    // The logarithms leave a common relative error of some 10⁻¹⁴, which the sum takes away.
+    // The logarithms leave a common relative error of some 10⁻¹⁴, which dividing by the sum
+    // removes.
     let sum: f64 = chances.iter().sum();
     chances.iter_mut().for_each(|chance| *chance /= sum);
     (value, chances)
@@ -152,7 +155,7 @@ fn binomial(n: usize, p: f64) -> (usize, Vec<f64>) {
 mod tests {
     use super::*;
 
-    /// All nⁿ resamples of a few values, one by one.
+    /// The variance by enumeration of all nⁿ resamples.
     fn enumerated(samples: &[f64], weights: &[f64]) -> f64 {
         let n = samples.len();
         let all = n.pow(n as u32);

@@ -2,18 +2,20 @@
 //! percentile of responses to them.
 //!
 //! A Karhunen–Loève series turns d independent standard normal coefficients into one random field.
-//! Drawn in groups, so that the groups are independent of each other and each coefficient by itself
-//! is standard normal, they give unbiased means whose variance is estimated from the groups:
+//! The coefficients may be drawn in groups that are independent of each other, each coefficient by
+//! itself standard normal. Means over such samples are unbiased, and their variance is estimated
+//! from the groups:
 //!
 //! - antithetic: pairs (ξ, −ξ), which cancel all odd parts of the response;
 //! - quasi-random: a group is a Sobol sequence, scrambled anew for each group (Owen), through the
 //!   inverse of the normal distribution function.
 //!
-//! With m the mean of N responses in R groups, V = Σ(m_r − m)²/(R(R − 1)) is unbiased for its
-//! variance. The samples' own variance would be biased, for they are not independent: E Σ(y − m)²/N
-//! = σ² − Var(m), so that σ̂² = Σ(y − m)²/N + V is unbiased whatever the grouping. m + z σ̂ then has
-//! the usual small bias of a root, −z Var(σ̂²)/(8σ³), and its variance is the jackknife's over the
-//! groups, which is right for normal and other responses alike but leans upwards by about 1/R.
+//! Let m be the mean of N responses in R groups. V = Σ(m_r − m)²/(R(R − 1)) is an unbiased estimate
+//! of its variance. The sample variance is biased, because the samples of a group are not
+//! independent: E Σ(y − m)²/N = σ² − Var(m). So σ̂² = Σ(y − m)²/N + V is unbiased for every
+//! grouping. The percentile m + z σ̂ has the usual small bias of a square root, −z Var(σ̂²)/(8σ³).
+//! Its variance is estimated by the jackknife over the groups, which holds for normal and other
+//! responses alike but is too large by about 1/R.
 //!
 //! # References
 //!
@@ -30,23 +32,25 @@ use crate::moments::check_finite;
 use crate::streams::{Purpose, StreamRng, stream};
 use crate::{Error, Percentile};
 
-/// Most coefficients and samples per group of a quasi-random sequence.
+/// The most coefficients of a quasi-random sample.
 const SOBOL_DIMENSIONS: usize = sobol_burley::NUM_DIMENSIONS as usize;
+/// The most samples of a quasi-random group.
 const SOBOL_POINTS: usize = 1 << 16;
-/// Half of the spacing of the sequence's single precision: moves its points off 0.
+/// Half the spacing of the sequence's single-precision points. Adding it keeps them away from 0.
 const HALF_SPACING: f64 = 1.0 / (1 << 25) as f64;
 /// The bit of a stream's sample number that marks groups.
 const GROUPS: u64 = 1 << 63;
 
-/// How the coefficients of a design's samples depend on each other.
+/// The dependence between the coefficients of a design's samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Sampling {
-    /// Not at all.
+    /// The coefficients of all samples are independent.
     #[default]
     Independent,
-    /// In pairs of opposite signs.
+    /// Samples come in pairs with coefficients of opposite signs.
     Antithetic,
-    /// In scrambled Sobol sequences of this length, a power of two for the best balance.
+    /// Groups of samples are scrambled Sobol sequences; a power of two as length gives the best
+    /// balance.
     Quasi {
         /// Samples per group, from 2 to 65 536.
         group: usize,
@@ -54,7 +58,7 @@ pub enum Sampling {
 }
 
 impl Sampling {
-    /// Samples per group: those of different groups are independent.
+    /// Number of samples per group. Samples of different groups are independent.
     #[must_use]
     pub fn group(self) -> usize {
         match self {
@@ -65,8 +69,8 @@ impl Sampling {
     }
 }
 
-/// The `count` standard normal coefficients of one sample, from streams named by (`seed`, `purpose`,
-/// `design`): the same whoever draws them and in whatever order.
+/// The `count` standard normal coefficients of one sample, from streams named by (`seed`,
+/// `purpose`, `design`). They depend neither on who draws them nor on the order of drawing.
 ///
 /// # Errors
 ///
@@ -128,9 +132,10 @@ fn uniform(rng: &mut StreamRng) -> f64 {
     ((rng.next_u64() >> 11) as f64 + 0.5) * BITS
 }
 
-/// m + z σ̂ of samples whose successive runs of `group` are independent of each other, with the
-/// jackknife variance over the runs. For runs of one it differs from [`crate::normal_p90`] only in the
-/// variance. A last run that is not full is refused: it would have another variance.
+/// Estimates m + z σ̂ from groups, which are runs of `group` successive samples and independent of
+/// each other. The variance is the jackknife's over the groups. With groups of one, only the
+/// variance differs from [`crate::normal_p90`]. An incomplete last group is refused, because its
+/// variance would differ.
 ///
 /// # Errors
 ///
@@ -208,5 +213,5 @@ pub fn grouped_p90(samples: &[f64], group: usize, z: f64) -> Result<Percentile, 
     })
 }
 
-/// The fewest groups: below that the jackknife has next to nothing to compare.
+/// The fewest groups of [`grouped_p90`]: with fewer the jackknife has next to nothing to compare.
 pub const GROUPED_MIN_GROUPS: usize = 4;

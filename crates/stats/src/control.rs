@@ -10,12 +10,13 @@
 //!   its variance is τ⁴ (4β²v + 2v²) + (1 − τ²/S)² 2σ_ε⁴/(n − 2), v = σ_ε²/S;
 //! - their covariance −2βτ² (c̄ − μ) v.
 //!
-//! The percentile m + z σ̂ has the bias −z Var(σ̂²)/(8σ³) to second order, a (1 − ρ⁴)-th or so of the
-//! plain estimate's −z σ/(4n), and the variance that linearising the root gives.
+//! The percentile m + z σ̂ has the bias −z Var(σ̂²)/(8σ³) to second order, about (1 − ρ⁴) times the
+//! plain estimate's −z σ/(4n). Its variance comes from linearising the root.
 //!
-//! Where y hardly depends on c the estimate loses a sample's worth of accuracy, and σ̂² may come out
-//! negative: the plain ȳ + z s then takes its place. Where the model is not linear, the mean keeps a bias of order 1/n, and the variance loses the part of y that c
-//! explains in a way that is not linear: look at the residuals first.
+//! When y hardly depends on c, the estimate loses the accuracy of about one sample, and σ̂² may be
+//! negative; the plain ȳ + z s is then returned. When the model is not linear, the mean keeps a
+//! bias of order 1/n, and the variance lacks the part of y that depends on c in a non-linear way:
+//! look at the residuals first.
 //!
 //! Reference: S. S. Lavenberg, P. D. Welch, "A perspective on the use of control variables to
 //! increase the efficiency of Monte Carlo simulations", Management Science 27 (1981) 322–335.
@@ -25,16 +26,16 @@ use crate::{Error, mean_sd, p90_variance};
 /// The fewest samples a control variate is fitted to: its residual variance needs n − 2 ≥ 2.
 pub const CONTROL_MIN_SAMPLES: usize = 4;
 
-/// What is known of a control variate.
+/// The known moments of a control variate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Control {
-    /// Its mean.
+    /// Mean of the control.
     pub mean: f64,
-    /// Its standard deviation.
+    /// Standard deviation of the control.
     pub sd: f64,
 }
 
-/// A normal percentile with a control variate, and the variances of what it is made of.
+/// A normal percentile with a control variate, and the variances of its parts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Controlled {
     /// Number of samples.
@@ -51,10 +52,11 @@ pub struct Controlled {
     pub sd_variance: f64,
     /// Estimated variance of `p90`, which kriging takes as its noise.
     pub variance: f64,
-    /// The slope β̂ of the samples on the controls; zero where the plain estimate was taken.
+    /// The slope β̂ of the samples on the controls; zero when the plain estimate was taken.
     pub slope: f64,
-    /// The sample's correlation with the control: variances fall to about 1 − correlation² of the
-    /// plain ones for the mean, 1 − correlation⁴ for the standard deviation.
+    /// Correlation of the samples with the control. Relative to the plain estimates, the variance
+    /// of the mean falls to about 1 − correlation², that of the standard deviation to
+    /// 1 − correlation⁴.
     pub correlation: f64,
 }
 
@@ -157,7 +159,7 @@ pub fn control_variate_p90(
         0.0
     };
     let variance = (mean_variance + z * z * sd_variance + 2.0 * z * covariance).max(0.0);
-    // Without a positive σ̂² there is no root to linearise, and its variance is not zero but unknown.
+    // Without a positive σ̂² the root cannot be linearised; its variance is unknown, not zero.
     if variance_of_y == 0.0 && sd_y > 0.0 {
         let mean_variance = sd_y * sd_y / count;
         return Ok(Controlled {

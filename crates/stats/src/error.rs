@@ -7,7 +7,7 @@ pub enum Error {
     /// The statistic is not defined for so few samples.
     #[error("{statistic} needs at least {needed} samples, got {got}")]
     TooFewSamples {
-        /// Which statistic was asked for.
+        /// The statistic asked for.
         statistic: &'static str,
         /// The smallest number of samples it is defined for.
         needed: usize,
@@ -19,7 +19,7 @@ pub enum Error {
     NonFinite {
         /// Position of the first such sample.
         index: usize,
-        /// Its value.
+        /// Value of the sample.
         value: f64,
     },
     /// The samples are finite, but their mean or standard deviation is not.
@@ -41,9 +41,9 @@ pub enum Error {
     OutOfRange {
         /// The parameter.
         name: &'static str,
-        /// Its value.
+        /// Value of the parameter.
         value: f64,
-        /// What would be right.
+        /// The values that would be right.
         expected: &'static str,
     },
 }

@@ -1,8 +1,10 @@
-//! What Taylor's expansion approximates in (10)–(13): the exact moments of the standard deviation.
+//! The exact moments of the standard deviation of a normal sample, which the Taylor expansion of
+//! (10)–(13) approximates.
 //!
-//! For k normal samples s is σ χ/√(k − 1) with k − 1 degrees of freedom, independent of the mean m:
-//! E(s) = c₄ σ with c₄ = √(2/(k − 1)) Γ(k/2)/Γ((k − 1)/2), and Var(s) = (1 − c₄²) σ². So m + z s has
-//! the bias −z (1 − c₄) σ and the variance σ² [1/k + z² (1 − c₄²)].
+//! For k normal samples, s is distributed as σ χ/√(k − 1), χ with k − 1 degrees of freedom, and is
+//! independent of the mean m: E(s) = c₄ σ with c₄ = √(2/(k − 1)) Γ(k/2)/Γ((k − 1)/2), and
+//! Var(s) = (1 − c₄²) σ². So m + z s has the bias −z (1 − c₄) σ and the variance
+//! σ² [1/k + z² (1 − c₄²)].
 //!
 //! Reference: N. L. Johnson, S. Kotz, N. Balakrishnan, "Continuous Univariate Distributions", vol. 1
 //! (1994), section 13.8.2 and chapter 18 (the χ distribution).
@@ -25,7 +27,7 @@ pub fn normal_quantile(level: f64) -> f64 {
     Normal::standard().inverse_cdf(level)
 }
 
-/// Which variance of m + z s to use.
+/// The formula for the variance of m + z s.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum VarianceFormula {
     /// The paper's (14), [`crate::p90_variance`].
@@ -35,13 +37,13 @@ pub enum VarianceFormula {
     Exact,
 }
 
-/// How to estimate a percentile of a normal sample. The default is the paper's way for 90 %, that of
-/// [`crate::percentile_p90`].
+/// Options of the estimate of a percentile of a normal sample. The default is that of
+/// [`crate::percentile_p90`], the paper's estimate of the 90 % percentile.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NormalOptions {
     /// z of m + z s: [`normal_quantile`] of the level, or the paper's rounded [`crate::PAPER_Z90`].
     pub z: f64,
-    /// The variance reported with it.
+    /// The formula of the reported variance.
     pub variance: VarianceFormula,
     /// Whether s is divided by c₄, so that the percentile has no bias (and a slightly larger
     /// variance, which is then z²(1/c₄² − 1) in place of z²(1 − c₄²)).
@@ -62,7 +64,7 @@ impl Default for NormalOptions {
 ///
 /// # Errors
 ///
-/// Those of [`crate::percentile_p90`].
+/// The errors of [`crate::percentile_p90`].
 pub fn normal_p90(samples: &[f64], options: &NormalOptions) -> Result<Percentile, Error> {
     let n = samples.len();
     let z = options.z;
@@ -100,7 +102,7 @@ pub fn exact_p90_variance(sigma2: f64, k: usize, z: f64) -> Result<f64, Error> {
 }
 
 /// The bias E(s) − σ of the standard deviation of `k` normal samples of standard deviation `sigma`:
-/// −(1 − c₄) σ, about −σ/(4 k). The percentile m + z s has z times it.
+/// −(1 − c₄) σ, about −σ/(4 k). The bias of the percentile m + z s is z times this.
 ///
 /// # Errors
 ///

@@ -7,13 +7,13 @@
 //!   sample, and the variance of that estimate, (8), (9), (14). Kriging takes the variance as the
 //!   known noise of the observation.
 //! - [`normal_p90`]: the same with the exact quantile, the exact variance or without bias.
-//! - [`harrell_davis_p90`], [`choose_p90`]: where samples are not normal;
+//! - [`harrell_davis_p90`], [`choose_p90`]: a percentile of samples that are not normal;
 //!   [`exact_bootstrap_variance`] of any weighted sum of order statistics.
 //! - [`control_variate_p90`], [`normal_coefficients`] and [`grouped_p90`]: the same percentile from fewer
 //!   samples, by a control variate, antithetic or quasi-random coefficients.
 //! - [`samples_needed`]: how many more samples until the percentile is precise enough.
 //! - [`SensitivityPlan`]: which share of an output's variance comes from which input.
-//! - [`lilliefors`]: whether the sample may be called normal at all.
+//! - [`lilliefors`]: a test of normality.
 //! - [`streams`]: named random streams.
 
 #![warn(missing_docs)]

@@ -32,7 +32,7 @@ pub fn mean_sd(samples: &[f64]) -> Result<(f64, f64), Error> {
     if !mean.is_finite() || !variance.is_finite() {
         return Err(Error::Overflow { n });
     }
-    // The correction term can exceed a sum of squares that is zero but for rounding.
+    // When the sum of squares is zero but for rounding, the correction term can exceed it.
     Ok((mean, variance.max(0.0).sqrt()))
 }
 

@@ -30,7 +30,7 @@ const LEVELS: [f64; 21] = [
     0.01, 0.005, 0.002, 0.001,
 ];
 
-/// For n = 4 … 9 the quantiles of D√n at each level.
+/// Quantiles of D√n at each level, for n = 4 … 9.
 /// `cargo run --release -p stats --example lilliefors -- fit 300000` prints these and [`QUANTILES`].
 const SMALL: [[f64; 21]; 6] = [
     [
@@ -59,7 +59,7 @@ const SMALL: [[f64; 21]; 6] = [
     ],
 ];
 
-/// For each level the coefficients of 1, n^−½, n^−1 in the quantile of D√n, n ≥ 10.
+/// Coefficients of 1, n^−½, n^−1 in the quantile of D√n for n ≥ 10, one row per level.
 const QUANTILES: [[f64; 3]; 21] = [
     [0.3301, -0.1933, 0.1969],
     [0.3767, -0.1630, 0.0638],
@@ -107,7 +107,7 @@ pub fn lilliefors(samples: &[f64]) -> Result<Lilliefors, Error> {
     check_finite(samples)?;
     let (mean, sd) = mean_sd(samples)?;
     let constant = samples.iter().all(|x| *x == samples[0]);
-    // A zero deviation of unequal samples: their squares underflow.
+    // Unequal samples have a zero deviation when their squares underflow.
     if constant || sd == 0.0 {
         return Err(Error::Constant {
             n,
@@ -132,8 +132,8 @@ pub fn lilliefors(samples: &[f64]) -> Result<Lilliefors, Error> {
 }
 
 /// The probability, for `n` ≥ [`LILLIEFORS_MIN_SAMPLES`] normal samples, of a statistic D at least as
-/// large as `statistic`. Right to about 1 % of itself down to 0.05, 3 % at 0.01, where the published
-/// tables end, and 5 % at 0.001.
+/// large as `statistic`. Its relative error is about 1 % down to 0.05, 3 % at 0.01, where the
+/// published tables end, and 5 % at 0.001.
 ///
 /// # Errors
 ///
@@ -205,7 +205,7 @@ fn p_value(d: f64, n: usize) -> f64 {
         let slope = (LEVELS[last] / LEVELS[last - 1]).ln() / (at_last.powi(2) - before.powi(2));
         return LEVELS[last] * (slope * (x * x - at_last * at_last)).exp();
     }
-    // Below the first quantile, the line through the first two goes on.
+    // Below the first quantile, the line through the first two is extended.
     let k = (1..last).find(|&k| x <= quantile(k, n)).unwrap_or(last);
     let (q0, q1) = (quantile(k - 1, n), quantile(k, n));
     let (l0, l1) = (logit(LEVELS[k - 1]), logit(LEVELS[k]));
@@ -249,11 +249,11 @@ mod tests {
                 );
             }
         }
-        // For larger ones: Stephens' modified statistic (√n − 0.01 + 0.85/√n) D (1974, table 1A,
+        // For larger n: Stephens' modified statistic (√n − 0.01 + 0.85/√n) D (1974, table 1A,
         // case 3), given to three digits from 10⁴ samples a size.
         let stephens = [(0.15, 0.775), (0.10, 0.819), (0.05, 0.895), (0.01, 1.035)];
-        // Their limit, extrapolated, is 1 to 2 % below what 300 000 samples of size 1000 show; Dallal
-        // and Wilkinson's rule for n > 100 is on the other side by as much.
+        // Stephens' extrapolated limit is 1 to 2 % below what 300 000 samples of size 1000 show;
+        // Dallal and Wilkinson's rule for n > 100 is above it by as much.
         for (n, tolerance) in [(60_usize, 0.008), (100, 0.01), (1000, 0.022)] {
             let root = (n as f64).sqrt();
             for (level, modified) in stephens {
@@ -294,7 +294,7 @@ mod tests {
                     + 0.974598 / size.sqrt()
                     + 1.67997 / size)
                     .exp();
-                // They state an error of a few units in the third digit of p.
+                // The authors state an error of a few units in the third digit of p.
                 assert!(
                     (theirs - level).abs() < 0.004 + 0.03 * level,
                     "n {n}: {theirs} {level}"

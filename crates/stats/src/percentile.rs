@@ -22,7 +22,7 @@ pub struct Percentile {
     pub mean: f64,
     /// Standard deviation s, divisor k − 1, (9).
     pub sd: f64,
-    /// m + z s, (8); of 90 % unless the estimate was asked for another level.
+    /// The percentile m + z s, (8), at 90 % unless another level was asked for.
     pub p90: f64,
     /// Estimated variance of `p90`, (14) with s² in the place of the unknown σ².
     pub variance: f64,
@@ -54,7 +54,7 @@ pub fn p90_variance(sigma2: f64, k: usize, z: f64) -> Result<f64, Error> {
     Ok(sigma2 * (1.0 / k + 0.5 * z * z * one_less_root))
 }
 
-/// What every variance of m + z s asks of its arguments.
+/// Checks the arguments of the variances of m + z s.
 pub(crate) fn check_variance_arguments(sigma2: f64, k: usize, z: f64) -> Result<(), Error> {
     check_count(k)?;
     if !(sigma2.is_finite() && sigma2 >= 0.0) {
@@ -80,9 +80,9 @@ pub(crate) fn check_variance_arguments(sigma2: f64, k: usize, z: f64) -> Result<
 /// itself comes from the sample.
 ///
 /// `confidence` is the wanted probability of covering the truth, such as 0.95. The interval is
-/// symmetric where the exact one (from the non-central t distribution) leans upwards; simulated at
-/// n = 30, it covers the truth 80.3, 89.9, 94.5 and 98.4 times in 100 for a `confidence` of 0.80,
-/// 0.90, 0.95 and 0.99.
+/// symmetric, while the exact one (from the non-central t distribution) reaches further upwards.
+/// Simulated at n = 30, it covers the truth 80.3, 89.9, 94.5 and 98.4 times in 100 for a
+/// `confidence` of 0.80, 0.90, 0.95 and 0.99.
 ///
 /// # Errors
 ///

@@ -1,21 +1,21 @@
-//! A percentile of a sample that is not normal: from its order statistics.
+//! A percentile of a sample that is not normal, from its order statistics.
 //!
 //! With X₍₁₎ ≤ … ≤ X₍ₙ₎ the sorted sample and p the level, such as 0.9:
 //!
-//! - [`harrell_davis_p90`] is the bootstrap mean of X₍(n+1) p₎: all order statistics, X₍ⱼ₎ with
-//!   the weight Iⱼ⸝ₙ − I₍ⱼ₋₁₎⸝ₙ, I the regularised incomplete beta function with the parameters
-//!   p (n + 1) and (1 − p)(n + 1), and their jackknife variance
+//! - [`harrell_davis_p90`] is the bootstrap mean of X₍(n+1) p₎: a weighted sum of all order
+//!   statistics, X₍ⱼ₎ with the weight Iⱼ⸝ₙ − I₍ⱼ₋₁₎⸝ₙ, I the regularised incomplete beta function with
+//!   the parameters p (n + 1) and (1 − p)(n + 1). Its variance is the jackknife's
 //!   (F. E. Harrell, C. E. Davis, "A new distribution-free quantile estimator", Biometrika 69
-//!   (1982) 635–640), or by [`HarrellDavisVariance`] their exact bootstrap variance.
-//! - [`choose_p90`] decides between the latter and the normal percentile.
+//!   (1982) 635–640), or by [`HarrellDavisVariance`] the exact bootstrap variance.
+//! - [`choose_p90`] chooses between it and the normal percentile.
 
 use statrs::function::beta::beta_reg;
 
 use crate::moments::check_finite;
 use crate::{Error, NormalOptions, Percentile, bootstrap, lilliefors, normal_p90};
 
-/// The fewest samples for a percentile at `level`: with fewer than 10, that of 90 % is beyond the
-/// largest.
+/// The fewest samples for a percentile at `level`: 10 for 90 %, since with fewer the percentile
+/// lies beyond the largest sample.
 #[must_use]
 pub fn harrell_davis_min_samples(level: f64) -> usize {
     let tail = level.max(1.0 - level);
@@ -23,7 +23,7 @@ pub fn harrell_davis_min_samples(level: f64) -> usize {
     ((1.0 / (1.0 - tail) - 1e-9).ceil() as usize).max(3)
 }
 
-/// Which estimator a percentile comes from.
+/// The estimator of a percentile.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Method {
     /// m + z s: [`normal_p90`].
@@ -35,20 +35,21 @@ pub enum Method {
 /// A percentile and the variance of its estimate, whatever the distribution.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quantile {
-    /// Where it comes from.
+    /// The estimator of the percentile.
     pub method: Method,
     /// Number of samples.
     pub n: usize,
     /// The percentile, in the unit of the samples.
     pub p90: f64,
-    /// Its estimated variance, in that unit squared.
+    /// Estimated variance of the percentile, in that unit squared.
     pub variance: f64,
 }
 
-/// Which variance of Harrell and Davis's estimator to use.
+/// The formula for the variance of Harrell and Davis's estimator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum HarrellDavisVariance {
-    /// The jackknife's, as Harrell and Davis propose: from the estimates without one sample each.
+    /// The jackknife variance, from the estimates that leave one sample out, as Harrell and Davis
+    /// propose.
     #[default]
     Jackknife,
     /// The exact bootstrap variance: [`crate::exact_bootstrap_variance`].
@@ -112,16 +113,16 @@ fn weighted<'a>(weights: &[f64], values: impl Iterator<Item = &'a f64>, base: f6
     terms.map(|(w, x)| w * (x - base)).sum()
 }
 
-/// How to choose an estimator for one design.
+/// The rule that chooses an estimator for one design.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChoiceRule {
     /// The percentile's level; `normal.z` is the quantile that belongs to it.
     pub level: f64,
-    /// Normality is rejected where Lilliefors' p-value is below this.
+    /// Significance level: normality is rejected when Lilliefors' p-value is below it.
     pub significance: f64,
-    /// The estimator where it is not.
+    /// The normal estimator, used unless normality is rejected.
     pub normal: NormalOptions,
-    /// The variance of Harrell and Davis's estimator where it is.
+    /// The variance of Harrell and Davis's estimator, used when normality is rejected.
     pub harrell_davis: HarrellDavisVariance,
 }
 
@@ -136,22 +137,23 @@ impl Default for ChoiceRule {
     }
 }
 
-/// What [`choose_p90`] decided, with all that a report on the rule's effect needs.
+/// The result of [`choose_p90`], with what a report on the rule's effect needs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Choice {
     /// The percentile chosen.
     pub chosen: Quantile,
     /// The normal percentile, chosen or not.
     pub normal: Percentile,
-    /// Lilliefors' p-value; none where the test does not apply (too few samples, or all equal).
+    /// Lilliefors' p-value; `None` when the test does not apply (too few samples, or all equal).
     pub p_value: Option<f64>,
 }
 
-/// The percentile of one design by the rule: m + z s unless normality is rejected, then Harrell and
-/// Davis's estimator. Fewer than [`harrell_davis_min_samples`] samples are always taken for
-/// normal, since order statistics cannot serve there.
+/// Estimates the percentile of one design: m + z s, or Harrell and Davis's estimator when normality
+/// is rejected. Fewer than [`harrell_davis_min_samples`] samples are always taken for normal,
+/// because order statistics do not reach the level there.
 ///
-/// Among designs with normal samples the rule takes the longer way for a share of `significance`.
+/// A design with normal samples gets Harrell and Davis's estimator with the probability
+/// `significance`.
 ///
 /// # Errors
 ///

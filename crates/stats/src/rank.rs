@@ -6,9 +6,9 @@ use crate::Error;
 ///
 /// # Errors
 ///
-/// [`Error::TooFewSamples`] for fewer than two pairs (a longer list's surplus counts for nothing),
-/// [`Error::NonFinite`] with the index, and [`Error::Constant`] for a list of one value, whose ranks
-/// say nothing.
+/// [`Error::TooFewSamples`] for fewer than two pairs (surplus values of the longer list are
+/// ignored), [`Error::NonFinite`] with the index, and [`Error::Constant`] for a list whose values
+/// are all equal, because all its ranks are then equal too.
 pub fn spearman(a: &[f64], b: &[f64]) -> Result<f64, Error> {
     let n = a.len().min(b.len());
     if n < 2 {

@@ -20,12 +20,12 @@ pub const SENSITIVITY_INPUTS: usize = 128;
 /// The most rows of an analysis, the length of the sequence.
 pub const SENSITIVITY_ROWS: usize = 65_536;
 
-/// A standard deviation, relative to the mean, that is nothing but rounding.
+/// Relative standard deviation below which an output varies by rounding only.
 const ROUNDING: f64 = 1e-12;
-/// Rows of an analysis below which bootstrap intervals say nothing.
+/// The fewest rows for which bootstrap intervals are meaningful.
 const FEWEST_ROWS: usize = 8;
 
-/// Where an output is needed, and what follows from the outputs.
+/// The points where an output is needed, and the analysis of the outputs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SensitivityPlan {
     inputs: usize,
@@ -40,7 +40,7 @@ pub struct Index {
     pub value: f64,
     /// Lower end of the 95 % interval.
     pub low: f64,
-    /// Upper end of it.
+    /// Upper end of the 95 % interval.
     pub high: f64,
 }
 
@@ -60,8 +60,8 @@ pub struct Sensitivity {
 }
 
 impl SensitivityPlan {
-    /// A plan for `inputs` inputs with `rows` rows, of which a power of two fills space best.
-    /// Plans of another `scramble` are independent of each other.
+    /// A plan for `inputs` inputs with `rows` rows; a power of two as `rows` fills the space best.
+    /// Plans with different `scramble` are independent of each other.
     ///
     /// # Errors
     ///
@@ -89,13 +89,13 @@ impl SensitivityPlan {
         })
     }
 
-    /// How many outputs are needed: `rows` · (`inputs` + 2).
+    /// Number of outputs needed: `rows` · (`inputs` + 2).
     #[must_use]
     pub const fn len(&self) -> usize {
         self.rows * self.width()
     }
 
-    /// Whether no output is needed; never.
+    /// Whether no output is needed, which is never the case.
     #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.len() == 0
@@ -121,10 +121,10 @@ impl SensitivityPlan {
             .collect()
     }
 
-    /// The indices that follow from the outputs at all points, in their order. Rows with an output
+    /// Computes the indices from the outputs at all points, in their order. Rows with an output
     /// that is not finite are left out. Intervals are the 2.5 % and 97.5 % quantiles of `resamples`
-    /// bootstrap samples of the rows; as they take the rows for independent, while those of a
-    /// Sobol' sequence complement each other, they are too wide rather than too narrow.
+    /// bootstrap samples of the rows. They are too wide rather than too narrow: the bootstrap takes
+    /// the rows for independent, while those of a Sobol' sequence complement each other.
     ///
     /// # Errors
     ///
@@ -219,7 +219,8 @@ struct Estimate {
 }
 
 impl Estimate {
-    /// From the rows that `picked` names, each A, B, A with one coordinate from B, …
+    /// Estimates from the rows numbered in `picked`; a row holds the outputs at A, at B, and at A
+    /// with each coordinate in turn from B.
     fn of(rows: &[&[f64]], picked: &[usize], inputs: usize) -> Self {
         let n = picked.len() as f64;
         let both = || picked.iter().flat_map(|&row| rows[row][..2].iter());
@@ -228,7 +229,7 @@ impl Estimate {
         let average = |of: &dyn Fn(&[f64]) -> f64| -> f64 {
             picked.iter().map(|&row| of(rows[row])).sum::<f64>() / n
         };
-        // The mean is taken off B: otherwise a large one drowns the difference in noise.
+        // The mean is subtracted at B: otherwise a large mean drowns the difference in noise.
         let first = |i: usize| average(&|row| (row[1] - mean) * (row[i + 2] - row[0]));
         let total = |i: usize| average(&|row| 0.5 * (row[0] - row[i + 2]).powi(2));
         Self {

@@ -11,7 +11,7 @@
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 
-/// What a stream is used for. The discriminant is part of the stream's key.
+/// The use of a stream. The discriminant is part of the stream's key.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u64)]
 pub enum Purpose {

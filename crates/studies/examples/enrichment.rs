@@ -1,4 +1,4 @@
-//! Does kriging with enrichment win? The whole comparison, in one process.
+//! Compares kriging with enrichment with the other approaches, in one process.
 //!
 //! `cargo run --release -p studies --example enrichment -- [--campaign campaigns/paper.toml] [--seeds 1..=10]
 //! [--teeth 23,27] [--torque 300] [--tooth-model weber-banaschek] [--noise own|smoothed] [--criterion NAME] [--without kriging,direct,…]
@@ -40,10 +40,12 @@ use stats::streams::{Purpose, stream};
 use studies::direct::{self, Search, Space};
 use studies::simulations::InProcess;
 
-/// Designs, samples of each, and the violation up to which a design is sampled at all: what
-/// lies far out of the constraints says little of the response within them.
+/// Number of designs of the DoE.
 const DESIGNS: usize = 600;
+/// Samples of each design.
 const SAMPLES: u32 = 36;
+/// Constraint violation above which a design is not sampled: so far out it carries little
+/// information about the response within the constraints.
 const REACH: f64 = 1.0;
 /// Analyses with random wear in all.
 const BUDGET: u32 = 18_000;
@@ -99,14 +101,14 @@ fn verify(problem: &Problem, design: &Design, number: u64) -> (f64, (f64, f64)) 
     (percentile.p90, interval)
 }
 
-/// What the exact analyses say of a design, counting those of wear in `plain`.
+/// The exact constraints and baseline of a design; the analyses are added to `plain`.
 fn exact(problem: &Problem, base: &Design, x: &[f64], plain: &Cell<u64>) -> Option<Known> {
     let (known, took) = stages::infill::known(problem, &problem.design(x, base))?;
     plain.set(plain.get() + took);
     Some(known)
 }
 
-/// The same with Archard's analysis even where the geometry alone rules a design out.
+/// [`exact`] with Archard's analysis even if the geometry alone rules a design out.
 fn sampled(problem: &Problem, base: &Design, x: &[f64], plain: &Cell<u64>) -> Option<Known> {
     let found = exact(problem, base, x, plain)?;
     if found.baseline_um > 0.0 {
@@ -428,7 +430,8 @@ fn searched(problem: &Problem, seed: u64) -> Option<Row> {
     })
 }
 
-/// The campaign of the command line: that of a file with other teeth, torque and tooth model if so asked.
+/// The campaign of the command line: that of a file, with other teeth, torque and tooth model if
+/// requested.
 fn campaign_of(file: &str, value: impl Fn(&str) -> Option<String>) -> Campaign {
     let text = std::fs::read_to_string(file).expect("--campaign takes a campaign file");
     let mut campaign = Campaign::parse(file, &text).expect("a campaign file");
@@ -558,7 +561,7 @@ fn table(rows: &[Row], enriched: &str) {
         our.predicted
             .is_some_and(|(mean, _, _)| (low..=high).contains(&mean))
     });
-    // Both are uncertain: the model's belief and the verification.
+    // Both the model's prediction and the verification are uncertain.
     let agrees = ours.iter().filter(|our| {
         our.predicted.is_some_and(|(mean, low, high)| {
             let verified = 0.5 * (our.interval.1 - our.interval.0);

@@ -16,10 +16,10 @@ use crate::refusal::require_built_in;
 use crate::simulations::{Simulations, at_once};
 use crate::table::{NOTHING, Table, Written, exact, maybe_exact, with_interval, write};
 
-/// What the searches with one set of corrections found together.
+/// The results of the searches with one set of corrections.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
-    /// Which corrections were allowed.
+    /// The corrections that were allowed.
     pub space: Space,
     /// Designs tried, over all starts.
     pub evaluations: u64,
@@ -31,7 +31,7 @@ pub struct Row {
     pub best: Option<(Found, Percentile)>,
 }
 
-/// What a campaign asks to be compared: flanks as they are, then with corrections.
+/// The spaces that a campaign asks to compare: flanks as they are, then with corrections.
 ///
 /// # Errors
 ///
@@ -58,7 +58,7 @@ pub fn spaces(campaign: &Campaign) -> anyhow::Result<Vec<Space>> {
 ///
 /// # Errors
 ///
-/// Those of the simulations.
+/// The errors of the simulations.
 pub fn run(
     simulations: &dyn Simulations,
     problem: &Problem,

@@ -1,11 +1,11 @@
 //! The direct robust search: CMA-ES on the percentile itself, without a model.
 //!
-//! The objective is P90 of ΔSTE from as many samples as a design of the campaign gets, the same
-//! random numbers at every design: what differs between two designs is then the designs, and the
-//! search sees a smooth function. Constraints are exact (the simulator's own, with the contact
-//! pressure under Archard's wear) and ranked feasibility first, without a weight; designs that break
-//! one are not sampled. The percentile of the winner is low by what the search gained from its
-//! samples: [`verification`] asks for fresh ones.
+//! The objective is P90 of ΔSTE from as many samples as a design of the campaign gets, with the
+//! same random numbers at every design: only the designs make a difference, and the search sees a
+//! smooth function. Constraints are exact (the simulator's own, with the contact pressure under
+//! Archard's wear) and ranked feasibility first, without a weight; designs that break one are not
+//! sampled. The percentile of the winner is biased low, because the search chose it by its samples:
+//! [`verification`] asks for verification samples.
 //!
 //! A search asks the workers for a generation of designs at a time.
 //!
@@ -25,7 +25,7 @@ use crate::simulations::{Answer, Request, Simulations};
 /// Random streams of direct searches; approaches and printed designs are numbered far below.
 const STREAMS: u64 = 1 << 20;
 
-/// Which profile corrections a search may use.
+/// The profile corrections that a search may use.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Space {
     section: Option<CorrectionsSection>,
@@ -38,7 +38,7 @@ impl Space {
         Self { section: None }
     }
 
-    /// Tip relief alone, within the bounds of a campaign; none if it has no bounds for it.
+    /// Tip relief alone, within the bounds of a campaign; `None` if it has no bounds for it.
     #[must_use]
     pub fn relieved(section: &CorrectionsSection) -> Option<Self> {
         section.tip_relief_um?;
@@ -59,7 +59,7 @@ impl Space {
         })
     }
 
-    /// What the space holds, in words.
+    /// The corrections of the space, in words.
     #[must_use]
     pub fn name(&self) -> &'static str {
         let has = |section: &CorrectionsSection| {
@@ -122,18 +122,18 @@ pub struct Corrected {
     pub corrections: Corrections,
 }
 
-/// What a search found.
+/// The best design of a search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Found {
     /// The design.
     pub design: Corrected,
-    /// Its P90 with the search's own random numbers, µm.
+    /// P90 of the design with the search's own random numbers, µm.
     pub p90_um: f64,
-    /// Its criteria, with the pressure under Archard's wear.
+    /// Criteria of the design, with the pressure under Archard's wear.
     pub criteria: GearCriteria,
 }
 
-/// One search's result.
+/// The result of one search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Search {
     /// The best design that satisfies every constraint, if any was met.
@@ -158,8 +158,8 @@ impl Corrected {
     }
 }
 
-/// Asks for as many verification samples as the campaign verifies an optimum with; `number` tells the designs
-/// apart that are verified.
+/// Asks for as many verification samples as the campaign verifies an optimum with; `number`
+/// distinguishes the verified designs.
 #[must_use]
 pub fn verification(problem: &Problem, design: &Corrected, number: u64) -> Request {
     Request {
@@ -168,7 +168,7 @@ pub fn verification(problem: &Problem, design: &Corrected, number: u64) -> Reque
     }
 }
 
-/// Searches from start number `start`; `number` tells searches of one campaign apart.
+/// Searches from start number `start`; `number` distinguishes the searches of one campaign.
 ///
 /// The budget of a start is the campaign's (`optimise.evaluations`), and so are the settings of
 /// CMA-ES. With `from`, the first coordinates of a good point in the unit cube, the search begins
@@ -176,7 +176,7 @@ pub fn verification(problem: &Problem, design: &Corrected, number: u64) -> Reque
 ///
 /// # Errors
 ///
-/// Those of the simulations.
+/// The errors of the simulations.
 pub fn search(
     simulations: &dyn Simulations,
     problem: &Problem,
@@ -254,8 +254,8 @@ impl Search {
         };
         self.plain_calls += 2;
         self.worn_calls += samples_um.len() as u64;
-        // The pressure counts for designs that break another constraint, too: were it left out, the
-        // search would be drawn to the side of that constraint where nothing asks for the pressure.
+        // The pressure counts for designs that break another constraint, too. Otherwise the search
+        // would be drawn to those designs, where the pressure would not count.
         let limited = Criteria::from(criteria);
         if !problem.is_feasible(&limited) {
             return Evaluation {
@@ -361,8 +361,8 @@ mod tests {
         assert_ne!(fresh[..10], again[..]);
     }
 
-    /// The optimum with Archard's wear has 1071 MPa: under a limit next to it little is feasible, and
-    /// the search gets there only if it minds the pressure from the beginning.
+    /// The optimum with Archard's wear has 1071 MPa. Under a limit next to it little is feasible,
+    /// and the search gets there only if the pressure counts from the beginning.
     #[test]
     fn a_tight_limit_of_the_pressure_is_reached() {
         let problem = problem(|campaign| {

@@ -25,7 +25,7 @@ pub struct Optimum {
     pub fresh: Vec<f64>,
 }
 
-/// The problem of the campaign in `store`, which is to be that of `campaign` and finished.
+/// The problem of the campaign in `store`, which must be that of `campaign` and finished.
 ///
 /// # Errors
 ///
@@ -96,16 +96,16 @@ pub fn base(problem: &Problem, optima: &[Optimum]) -> Design {
         .into(),
         ..State::default()
     };
-    // A finished campaign knows them.
+    // A finished campaign has them.
     plan::base(problem, &state).unwrap_or_else(|| problem.base().clone())
 }
 
-/// The same for a campaign without a store: where they come from the optimum without wear, workers
-/// search it.
+/// [`base`] for a campaign without a store: if the variables come from the optimum without wear,
+/// the workers search for it.
 ///
 /// # Errors
 ///
-/// Those of the simulations.
+/// The errors of the simulations.
 pub fn base_anew(simulations: &dyn Simulations, problem: &Problem) -> anyhow::Result<Design> {
     let campaign = problem.campaign();
     let printed = problem.base().clone();

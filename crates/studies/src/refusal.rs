@@ -2,7 +2,8 @@
 
 use campaign::Campaign;
 
-/// A study simulates designs of its own, so it needs the built-in model.
+/// A campaign with an external simulator: a study simulates designs of its own, with the built-in
+/// model.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
     "campaign {campaign} is simulated by an external program: this command simulates by itself, with \
@@ -26,7 +27,7 @@ pub fn require_built_in(campaign: &Campaign) -> Result<(), External> {
     Ok(())
 }
 
-/// A study of gears was asked for another campaign.
+/// A study of gears was requested for a campaign of another kind.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("campaign {campaign} has kind = \"external\": this command is for campaigns of gears")]
 pub struct NoGears {
@@ -48,7 +49,7 @@ pub fn require_gears(campaign: &Campaign) -> Result<(), NoGears> {
     }
 }
 
-/// The campaign of a store is not as far as a study needs it.
+/// The campaign of a store is not finished, as a study needs it.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
     "{store} is not finished (stage {stage}): finish it with `coordinator run`, then ask again"

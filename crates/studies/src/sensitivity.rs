@@ -1,8 +1,8 @@
-//! `coordinator sensitivity`: what the recommended design's P90 owes to the scenario of wear, and
-//! to tolerances.
+//! `coordinator sensitivity`: how the recommended design's P90 depends on the scenario of wear, and
+//! on tolerances.
 //!
 //! Two questions, two tables. The first varies one parameter of the wear field at a time by a factor
-//! and samples afresh. The second lets small deviations of the six variables and of the wear's
+//! and samples again. The second lets small deviations of the six variables and of the wear's
 //! parameters vary together and splits the variance that follows among them (Sobol' indices).
 //!
 //! A deviation of a variable is one of manufacture: tools keep their module, so the module stays as
@@ -29,16 +29,17 @@ use crate::table::{Table, Written, exact, with_interval, write};
 /// Names the wear profiles among which the field of a single sample is drawn.
 const FIELDS: u64 = (1 << 40) + 1;
 
-/// Bootstrap samples behind an interval.
+/// Number of bootstrap samples behind an interval.
 const RESAMPLES: usize = 1000;
 
 /// The parameters of the wear field, in the order of the inputs after the variables.
 const SCENARIO: [&str; 3] = ["wear depth", "wear variance", "wear range"];
 
-/// How many of a pair's variables deviate, from the first: profile shifts and the heights of the tools.
+/// Number of a pair's variables that deviate: the first ones, profile shifts and heights of the
+/// tools.
 const DEVIATING: usize = 6;
 
-/// How much is uncertain.
+/// The tolerances of an analysis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tolerances {
     /// Largest deviation of each of the six variables, modules.
@@ -52,9 +53,9 @@ pub struct Tolerances {
 /// One line of the scenario table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scenario {
-    /// What is changed.
+    /// The parameter that is changed.
     pub parameter: &'static str,
-    /// By which factor.
+    /// The factor by which it is changed.
     pub factor: f64,
     /// P90 from as many verification samples as the campaign verifies with.
     pub p90: Percentile,
@@ -67,7 +68,7 @@ pub struct Indices {
     pub output: String,
     /// The inputs.
     pub inputs: Vec<String>,
-    /// What was found.
+    /// The indices of all inputs.
     pub sensitivity: Sensitivity,
 }
 
@@ -100,8 +101,8 @@ pub fn choose<'a>(
 ///
 /// # Errors
 ///
-/// Those of the simulations, or the design cannot be simulated; none of the latter for one from the
-/// campaign's store.
+/// The errors of the simulations, or the design cannot be simulated; none of the latter for one
+/// from the campaign's store.
 pub fn scenarios(
     simulations: &dyn Simulations,
     problem: &Problem,
@@ -145,8 +146,8 @@ pub fn scenarios(
 ///
 /// # Errors
 ///
-/// Those of the simulations; or the design has no module, tolerances leave no design that can be
-/// simulated, or nothing varies.
+/// The errors of the simulations; or the design has no module, tolerances leave no design that can
+/// be simulated, or nothing varies.
 pub fn indices(
     simulations: &dyn Simulations,
     problem: &Problem,
@@ -180,7 +181,7 @@ pub fn indices(
             samples: number..number + 1,
         }
     };
-    // Both come from the sample's one stream.
+    // The sample's one stream gives both.
     let field = match gears.flank_class() {
         Some(_) => "wear field and profile slopes",
         None => "wear field",
@@ -440,7 +441,7 @@ mod tests {
         );
         for one in &found {
             let sum: f64 = one.sensitivity.first.iter().map(|index| index.value).sum();
-            // Estimates from 128 rows: what is far off is wrong, not unlucky.
+            // Estimates from 128 rows: a deviation beyond these limits is an error, not chance.
             assert!((0.6..1.3).contains(&sum), "{}: {sum}", one.output);
             assert_eq!(one.sensitivity.left_out, 0);
         }

@@ -1,4 +1,4 @@
-//! `coordinator simulate`: one pair, everything the simulator says of it.
+//! `coordinator simulate`: all results of the simulator for one pair.
 
 use campaign::PairFile;
 use campaign::formulation::Constraint;
@@ -30,18 +30,18 @@ pub enum WearChoice {
     Random,
 }
 
-/// What to simulate besides the pair itself.
+/// The simulation requested besides the analysis of the pair itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Request {
-    /// Which wear.
+    /// The wear.
     pub wear: WearChoice,
     /// The seed of random wear.
     pub seed: u64,
-    /// How many samples of random wear.
+    /// Number of samples of random wear.
     pub samples: u32,
 }
 
-/// Everything the simulator says of one pair; arrays of two are pinion, mate.
+/// All results of the simulator for one pair; arrays of two are pinion, mate.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Simulation {
     /// The version of this object.
@@ -55,11 +55,11 @@ pub struct Simulation {
     /// The wear that `ste_um`, `delta_ste_um` and `hertz_pressure_mpa` are for; with random wear
     /// they are for its mean, Archard's wear.
     pub wear: WearChoice,
-    /// The pair's constraints, those of the file and the defaults; none for a pair that is not
+    /// The pair's constraints, those of the file and the defaults; empty for a pair that is not
     /// simulable.
     #[serde(serialize_with = "constraints::serialize")]
     pub constraints: Vec<Constraint>,
-    /// All the rest, when the pair can be simulated.
+    /// All other figures, if the pair can be simulated.
     #[serde(skip)]
     pub figures: Option<Figures>,
 }
@@ -213,7 +213,7 @@ fn pair(file: &PairFile) -> Result<Pair, gear::Error> {
     )
 }
 
-/// Everything that the simulator says of a pair with the wear that was asked for.
+/// All results of the simulator for a pair with the requested wear.
 fn figures(pair: &Pair, file: &PairFile, request: Request) -> anyhow::Result<Figures> {
     let wear = file.wear.to_gear();
     let analysis = match request.wear {

@@ -1,4 +1,4 @@
-//! What a study asks of the workers.
+//! The interface between a study and the workers.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -17,21 +17,21 @@ use ledger::{Generation, StreamId, Unit};
 pub struct Request {
     /// The variant.
     pub variant: Variant,
-    /// Which of its samples.
+    /// The indices of its samples.
     pub samples: Range<u32>,
 }
 
-/// What the simulator says of a variant.
+/// The simulator's answer for a variant.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Answer {
-    /// The variant cannot be simulated, and why.
+    /// The variant cannot be simulated, for this reason.
     Refused(String),
     /// The variant was simulated.
     Simulated {
-        /// Its criteria, with the contact pressure under Archard's wear.
+        /// Criteria of the variant, with the contact pressure under Archard's wear.
         criteria: GearCriteria,
-        /// ΔSTE of the samples asked for, µm; none of a variant that breaks a constraint and is to be
-        /// sampled only if it does not.
+        /// ΔSTE of the samples asked for, µm; empty for a variant that breaks a constraint, if only
+        /// feasible variants are to be sampled.
         samples_um: Vec<f64>,
     },
 }
@@ -70,12 +70,12 @@ impl Answer {
 /// The most threads that wait for workers at once.
 const THREADS: u32 = 16;
 
-/// What `work` gives for each number, in their order. Several threads call it at once, because it waits
-/// for workers most of the time.
+/// The results of `work` for each number, in their order. Several threads call `work` at once,
+/// because it waits for workers most of the time.
 ///
 /// # Errors
 ///
-/// The first of `work`'s, in the order of the numbers.
+/// The first error of `work`, in the order of the numbers.
 pub(crate) fn at_once<T: Send>(
     numbers: Range<u32>,
     work: impl Fn(u32) -> anyhow::Result<T> + Sync,

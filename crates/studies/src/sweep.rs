@@ -1,7 +1,7 @@
 //! `coordinator sweep`: the whole procedure for several numbers of teeth.
 //!
-//! Each number is a campaign of its own with its own store. What a sweep has done is what its
-//! stores hold: a killed one continues, and a finished one has nothing left to do but its tables.
+//! Each number is a campaign of its own with its own store. The stores hold all that a sweep has
+//! done: a killed sweep continues, and a finished one only writes its tables.
 
 use std::path::{Path, PathBuf};
 
@@ -22,7 +22,7 @@ use crate::table::{NOTHING, Table, Written, exact, maybe_exact, with_interval, w
 pub struct Teeth(std::ops::RangeInclusive<u32>);
 
 impl Teeth {
-    /// What the simulator takes.
+    /// The numbers of teeth that the simulator accepts.
     const SENSIBLE: std::ops::RangeInclusive<u32> = 4..=2000;
 
     /// Every number, ascending.
@@ -80,7 +80,7 @@ pub struct Member {
 ///
 /// # Errors
 ///
-/// With one of the numbers the campaign makes no sense; `file` names the campaign's file.
+/// With one of the numbers the campaign is not valid; `file` names the campaign's file.
 pub fn members(
     file: &str,
     campaign: &Campaign,
@@ -119,7 +119,7 @@ pub async fn is_finished(member: &Member) -> anyhow::Result<bool> {
     Ok(status.finished && status.campaign_digest == member.campaign.digest())
 }
 
-/// What one approach found for one number of teeth.
+/// The result of one approach for one number of teeth.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
     /// Teeth of pinion and mate.
@@ -128,12 +128,12 @@ pub struct Row {
     pub approach: Approach,
     /// Calls of the simulator.
     pub simulator_calls: u64,
-    /// The design with its criterion (µm), criteria and verified percentile; a remark where there
-    /// is none.
+    /// The design with its criterion (µm), criteria and verified percentile, or a remark if there
+    /// is no design.
     pub found: Result<(GearVariables, f64, GearCriteria, Percentile), String>,
 }
 
-/// What the store of a finished campaign says, one row per approach.
+/// The results in the store of a finished campaign, one row per approach.
 ///
 /// # Errors
 ///

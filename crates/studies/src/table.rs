@@ -8,7 +8,7 @@ use report::Percentile;
 use results::rows;
 use serde_json::{Value, json};
 
-/// Shown in a table where there is nothing.
+/// Text of a field without a value.
 pub(crate) const NOTHING: &str = "–";
 
 /// A table, to be written in more than one form.
@@ -57,7 +57,7 @@ impl Table {
     }
 }
 
-/// What a study found, as it wrote it.
+/// The results of a study, as it wrote them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Written {
     /// The page, in Markdown.
@@ -87,7 +87,8 @@ impl Written {
     }
 }
 
-/// Writes a file into the folder `out`, which is made if need be; never half a file.
+/// Writes a file into the folder `out`, which is created if need be. The file is never left
+/// half-written.
 ///
 /// # Errors
 ///

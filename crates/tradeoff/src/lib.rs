@@ -25,8 +25,8 @@ mod summary;
 mod table;
 mod view;
 
-pub use front::{Reason, Rule, front, recommend};
 pub use clock::process_seconds;
+pub use front::{Reason, Rule, front, recommend};
 pub use optimisation::Ended;
 pub use page::page;
 pub use runner::{Load, Ran, Runner};

@@ -3,9 +3,9 @@
 //! Whole campaigns run, as `coordinator run` runs them. Effort is the share of the campaign's designs of the
 //! DoE, of its optimiser's evaluations and of the enrichment's samples.
 
+use campaign::Campaign;
 use campaign::file::{Enrichment, PercentileRule};
 use campaign::formulation::{Approach, Problem};
-use campaign::Campaign;
 
 use crate::front::Rule;
 use crate::runner::Runner;

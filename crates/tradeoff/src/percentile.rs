@@ -67,9 +67,12 @@ enum Estimator {
 
 /// The estimators by name: those of campaigns, and Harrell and Davis's.
 fn methods() -> Vec<(&'static str, Estimator)> {
-    let of_campaigns = ESTIMATORS
-        .iter()
-        .map(|one| (one.name, Estimator::Campaign(one.percentile, one.control, one.coefficients)));
+    let of_campaigns = ESTIMATORS.iter().map(|one| {
+        (
+            one.name,
+            Estimator::Campaign(one.percentile, one.control, one.coefficients),
+        )
+    });
     of_campaigns
         .chain([("Harrell–Davis", Estimator::HarrellDavis)])
         .collect()

@@ -168,7 +168,10 @@ mod tests {
         for (found, expected) in row.values.iter().zip(expected) {
             assert!((found - expected).abs() < 1e-9, "{:?}", row.values);
         }
-        assert_eq!((&*row.method, &*row.setting), ("4 workers", "100 ms a sample"));
+        assert_eq!(
+            (&*row.method, &*row.setting),
+            ("4 workers", "100 ms a sample")
+        );
     }
 
     /// Notes what it is asked.
@@ -196,7 +199,12 @@ mod tests {
         let loads = fake.0;
         assert_eq!(table.rows.len(), loads.len());
         let slow = loads.iter().filter(|load| load.sleep == Some(10.0));
-        assert!(slow.clone().count() == 5 && slow.clone().all(|load| load.samples as usize == 2 * load.workers));
+        assert!(
+            slow.clone().count() == 5
+                && slow
+                    .clone()
+                    .all(|load| load.samples as usize == 2 * load.workers)
+        );
         let seconds: f64 = loads
             .iter()
             .filter_map(|load| Some(load.sleep? * f64::from(load.samples) / load.workers as f64))

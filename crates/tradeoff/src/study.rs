@@ -3,9 +3,9 @@
 use anyhow::Context as _;
 use campaign::formulation::Problem;
 
+use crate::runner::Runner;
 use crate::table::Table;
 use crate::view::View;
-use crate::runner::Runner;
 use crate::{kriging, optimisation, percentile, runner, simulator};
 
 /// How thoroughly a study measures.

@@ -149,7 +149,11 @@ async fn compute_shard(
     let service = shards::Service::new(Shard::read(shard)?, out.to_owned());
     let (dial, local) = port::local();
     let doors = Doors { port: None, local };
-    tokio::spawn(port::serve(service.clone(), doors, CancellationToken::new()));
+    tokio::spawn(port::serve(
+        service.clone(),
+        doors,
+        CancellationToken::new(),
+    ));
     let none = Credentials::default();
     let link = gateway::link::connect(dial, "http://in-process", &none, Role::Worker)?;
     let worked = Worker::new(link, options).run(shutdown).await;

@@ -7,7 +7,8 @@ use super::pair::sizes;
 use super::sections::parse_name;
 use super::validate::Source;
 use super::{
-    Accuracy, Bounds, FileError, FrozenSection, GearLimits, Load, Manufacture, Material, Wear, advice,
+    Accuracy, Bounds, FileError, FrozenSection, GearLimits, Load, Manufacture, Material, Wear,
+    advice,
 };
 
 /// What a gear campaign says besides what every campaign says.

@@ -78,7 +78,10 @@ impl Source<'_> {
         let file = toml::from_str::<toml::Table>(self.text).unwrap_or_default();
         let given = file.get(section).and_then(toml::Value::as_table);
         let given = given.into_iter().flatten();
-        match given.into_iter().find(|(key, _)| keys.contains(&key.as_str())) {
+        match given
+            .into_iter()
+            .find(|(key, _)| keys.contains(&key.as_str()))
+        {
             Some((key, value)) => Err(self.refuse(
                 &format!("{section}.{key}"),
                 value,

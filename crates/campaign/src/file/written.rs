@@ -7,10 +7,10 @@ use serde::{Deserialize, Serialize};
 
 use super::settings::Restarts;
 use super::{
-    Accuracy, Bounds, Campaign, ConstraintSection, CorrectionsSection, Doe, Enrichment, ExternalSections,
-    FrozenSection, GearLimits, GearSections, Kind, Kriging, Load, Manufacture, Material, Optimise,
-    Pair, Penalty, Report, ResponseSection, Sampling, SimulatorKind, SimulatorSection,
-    VariableSection, Verify, Wear,
+    Accuracy, Bounds, Campaign, ConstraintSection, CorrectionsSection, Doe, Enrichment,
+    ExternalSections, FrozenSection, GearLimits, GearSections, Kind, Kriging, Load, Manufacture,
+    Material, Optimise, Pair, Penalty, Report, ResponseSection, Sampling, SimulatorKind,
+    SimulatorSection, VariableSection, Verify, Wear,
 };
 
 /// What a file says it is.

@@ -73,7 +73,7 @@ fn evaluations_are_those_of_the_reference_implementation() {
     }
 }
 
-/// A start at 100 times the scale of the optimum: the ranks, not the values, lead the search.
+/// Only ranks enter the search, not values.
 #[test]
 fn a_monotone_transformation_changes_nothing() {
     let bests = [0, 1].map(|transform| {
@@ -98,8 +98,8 @@ fn a_single_variable_is_enough() {
     assert!(needed[6] < 1000, "{needed:?}");
 }
 
-/// Rastrigin's function has 11⁶ minima in the box; with restarts the search comes down to a good
-/// one. A uniformly random design has a value around 100, the nearest other minima have 1.
+/// Rastrigin's function has 11⁶ minima in the box; with restarts the search reaches a good one. A
+/// uniformly random design has a value around 100, the minima nearest to the best one have 1.
 #[test]
 fn many_minima_are_worked_through() {
     let rastrigin = |x: &[f64]| -> f64 {

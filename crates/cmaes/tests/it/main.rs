@@ -22,7 +22,7 @@ fn options(bounds: Bounds) -> Options {
     }
 }
 
-/// A run of so many evaluations as the gear paper has it, with a restart at `planned`.
+/// A run as in the gear paper, with `evaluations` in all and a restart at `planned`.
 fn planned(bounds: Bounds, evaluations: usize, planned: usize) -> RunOptions {
     RunOptions {
         search: options(bounds),

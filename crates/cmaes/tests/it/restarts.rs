@@ -23,8 +23,8 @@ fn best(restarts: Restarts, seed: u64) -> f64 {
     outcome.value
 }
 
-/// Rastrigin's function in 6 variables has 11⁶ minima in the box, and the global one stands out only
-/// to a search that looks far: λ of some hundreds finds it, λ = 10 does not.
+/// Rastrigin's function in 6 variables has 11⁶ minima in the box. A search with λ of some hundreds
+/// finds the global one, one with λ = 10 does not.
 #[test]
 fn growing_populations_find_the_global_minimum_where_restarts_from_the_best_do_not() {
     for restarts in [Restarts::Ipop, Restarts::Bipop] {
@@ -83,8 +83,8 @@ fn a_small_search_of_bipop_has_at_most_half_of_the_last_large_one() {
     };
     let mut run = Run::new(&[3.3; 2], run_options).unwrap();
     let mut rng = rng(3);
-    // Population and evaluations of each search; a search of a larger population than all before is
-    // a large one.
+    // Population and evaluations of each search. A search is a large one if its population exceeds
+    // all earlier ones.
     let mut searches = vec![(10, 0)];
     let mut largest = 0;
     while run.evaluations() < 19_000 {
@@ -114,7 +114,7 @@ fn a_small_search_of_bipop_has_at_most_half_of_the_last_large_one() {
             continue;
         }
         small += 1;
-        // The share is looked at after each generation.
+        // The budget of a small search is checked after each generation.
         assert!(
             spent < last_large / 2 + population,
             "{spent} of {last_large} in {searches:?}"

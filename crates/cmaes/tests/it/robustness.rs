@@ -1,4 +1,4 @@
-//! Bounds, failures, plateaus: what the search does where it cannot learn.
+//! Bounds, failures and plateaus: what the search does when it cannot learn.
 
 use super::{cube, options, rng, run};
 use cmaes::{Bounds, CmaEs, Error, Evaluation, Options, Stop};
@@ -7,8 +7,8 @@ use rand::TryRng;
 use stats::streams::StreamRng;
 use std::convert::Infallible;
 
-/// The optimum in the corner of a box with unequal ranges, from its middle: all of 11 seeds. (Redraws
-/// alone stall there.)
+/// All of 11 seeds reach an optimum in the corner of a box with unequal ranges from its middle.
+/// (Redraws alone stall there.)
 #[test]
 fn an_optimum_in_a_corner_is_reached() {
     for (dimension, limit) in [(1, 2000), (2, 3000), (6, 5000), (11, 9000)] {
@@ -72,7 +72,7 @@ impl TryRng for Counting {
     }
 }
 
-/// From a corner of 20 variables, one draw in a million is inside: redrawing must give up.
+/// From a corner of 20 variables, one draw in a million is inside: redraws must be limited.
 #[test]
 fn redrawing_is_capped() {
     let start = [1.0; 20];
@@ -167,7 +167,7 @@ fn convergence_has_a_name() {
         ..settings
     };
     let mut search = CmaEs::new(&[0.3; 3], settings).unwrap();
-    // The root keeps the values apart when their squares no longer are.
+    // The square root keeps values apart whose squares no longer are.
     let stop = run(&mut search, 10_000, &mut rng(1), |x| sphere(x).sqrt());
     assert!(
         matches!(stop, Some(Stop::StepTooSmall { step }) if step < 3e-13),
@@ -205,7 +205,8 @@ fn two_hundred_variables_are_not_too_many() {
     .unwrap();
     let sphere = |x: &[f64]| x.iter().map(|v| (v - 0.5).powi(2)).sum::<f64>();
     let stop = run(&mut search, 12_000, &mut rng(1), sphere);
-    // From 18; a sphere takes some 60 evaluations per variable and factor of 10⁴ or so.
+    // The start value is 18; a sphere takes some 60 evaluations per variable for a factor of about
+    // 10⁴.
     let (_, best) = search.best().unwrap();
     assert!(best.value < 0.05 && stop.is_none(), "{best:?}, {stop:?}");
 }

@@ -165,10 +165,23 @@ mod tests {
         let text = "samples         75 of 120 designs are sampled\nshort\n\nunbreakable/path/to/some/report.html\n";
         let expected = "samples\n    75 of 120 designs\n    are sampled\nshort\n\nunbreakable/path/to/some/report.html\n";
         let narrow = wrapped(text, 22);
-        let words = |text: &str| text.split_whitespace().map(str::to_owned).collect::<Vec<_>>();
+        let words = |text: &str| {
+            text.split_whitespace()
+                .map(str::to_owned)
+                .collect::<Vec<_>>()
+        };
         assert_eq!(words(&narrow), words(text));
-        assert!(narrow.lines().all(|line| line.len() <= 22 || line.starts_with("unbreakable")), "{narrow}");
-        assert_eq!(narrow.matches('\n').count(), expected.matches('\n').count(), "{narrow}");
+        assert!(
+            narrow
+                .lines()
+                .all(|line| line.len() <= 22 || line.starts_with("unbreakable")),
+            "{narrow}"
+        );
+        assert_eq!(
+            narrow.matches('\n').count(),
+            expected.matches('\n').count(),
+            "{narrow}"
+        );
         assert_eq!(wrapped(text, 80), text);
     }
 

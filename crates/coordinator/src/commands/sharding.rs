@@ -25,7 +25,9 @@ use tokio_util::sync::CancellationToken;
 use tonic::Request;
 
 use super::output::{print_either, refuse_taken};
-use super::{FileAccess, campaign_or_paper, out_folder, refuse_network_store, refuse_report_of_another};
+use super::{
+    FileAccess, campaign_or_paper, out_folder, refuse_network_store, refuse_report_of_another,
+};
 use crate::arguments;
 
 /// The most leases that a worker asks for at once.
@@ -70,7 +72,10 @@ pub(super) async fn plan(arguments: arguments::Plan) -> anyhow::Result<u8> {
     store.close().await?;
     let planned = planned?;
     print_either(arguments.json, &planned, || match &planned.report {
-        Some(report) => format!("nothing is left to compute\nreport          {}\n", report.display()),
+        Some(report) => format!(
+            "nothing is left to compute\nreport          {}\n",
+            report.display()
+        ),
         None => format!(
             "stage           {}\nshards          {} with {} jobs, in {}\n\
              next            `worker --shard {}/N.json --out {}/N.part` for each N, then\n\
@@ -96,7 +101,11 @@ async fn plan_store(
     report: &Path,
 ) -> anyhow::Result<Planned> {
     let (engine, model_digest) = engine(problem, store).await?;
-    if engine.run_to_jobs(&CancellationToken::new()).await?.is_some() {
+    if engine
+        .run_to_jobs(&CancellationToken::new())
+        .await?
+        .is_some()
+    {
         let report = reporting::write(store, report, &coordinator::made::made()).await?;
         return Ok(Planned {
             schema_version: 1,
@@ -127,10 +136,7 @@ async fn plan_store(
 }
 
 /// An engine whose board no worker sees, and the digest of the built-in simulator.
-async fn engine(
-    problem: &Arc<Problem>,
-    store: &Store,
-) -> anyhow::Result<(Engine, Option<String>)> {
+async fn engine(problem: &Arc<Problem>, store: &Store) -> anyhow::Result<(Engine, Option<String>)> {
     let is_external = problem.campaign().is_external();
     let model_digest = (!is_external).then(|| probe::model_digest(problem));
     if let Some(digest) = &model_digest {
@@ -142,7 +148,12 @@ async fn engine(
     };
     let board = Arc::new(Board::new(options, rand::random()));
     board.remember(store.job_histories().await?);
-    let engine = Engine::new(Arc::clone(problem), model_digest.as_deref(), store.clone(), board);
+    let engine = Engine::new(
+        Arc::clone(problem),
+        model_digest.as_deref(),
+        store.clone(),
+        board,
+    );
     Ok((engine, model_digest))
 }
 
@@ -181,7 +192,11 @@ struct Merged {
 pub(super) async fn merge(arguments: arguments::Merge) -> anyhow::Result<u8> {
     refuse_network_store(&arguments.db, arguments.allow_network_store)?;
     // All of them before any is stored.
-    let parts: Result<Vec<Part>, _> = arguments.parts.iter().map(|path| Part::read(path)).collect();
+    let parts: Result<Vec<Part>, _> = arguments
+        .parts
+        .iter()
+        .map(|path| Part::read(path))
+        .collect();
     let parts = parts?;
     let held = Store::open_read_only(&arguments.db).await?;
     let row = held.campaign().await?;
@@ -251,7 +266,10 @@ fn fitting(parts: &[Part], digest: &str, db: &Path) -> Result<Vec<u32>, Misfit> 
             .collect();
         own
     };
-    let mut all: Vec<u32> = parts.iter().flat_map(|part| missing(&part.header)).collect();
+    let mut all: Vec<u32> = parts
+        .iter()
+        .flat_map(|part| missing(&part.header))
+        .collect();
     all.sort_unstable();
     all.dedup();
     Ok(all)
@@ -290,7 +308,9 @@ async fn store_parts(problem: &Arc<Problem>, store: &Store, parts: &[Part]) -> a
         registered.with_context(named)?;
         let mut results = part.results.clone();
         // One lease, whose results all parts of the file are.
-        let whole = results.iter_mut().flat_map(|result| std::mem::take(&mut result.results));
+        let whole = results
+            .iter_mut()
+            .flat_map(|result| std::mem::take(&mut result.results));
         let whole = protocol::v2::LeaseResult {
             results: whole.collect(),
             id: Some(id),
@@ -300,7 +320,10 @@ async fn store_parts(problem: &Arc<Problem>, store: &Store, parts: &[Part]) -> a
             worker_id,
             results: vec![whole],
         };
-        service.report(Request::new(report)).await.with_context(named)?;
+        service
+            .report(Request::new(report))
+            .await
+            .with_context(named)?;
     }
     Ok(())
 }

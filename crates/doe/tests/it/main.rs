@@ -126,7 +126,7 @@ fn the_first_point_is_pinned() {
     assert_eq!(levels(&design)[0], [12, 11, 2, 21]);
 }
 
-/// Small enough to try all: the search finds the optimum.
+/// The search finds the optimum of designs small enough to try all.
 #[test]
 fn tiny_designs_are_optimal() {
     for (n, d) in [
@@ -226,7 +226,7 @@ fn the_centred_discrepancy_of_one_point_is_known() {
     assert!((design.centred_discrepancy() - expected).abs() < 1e-15); // a few roundings
 }
 
-/// The start of the optimised design in the order of its points is a fair sample, not a slice.
+/// The first points of the optimised design are a fair sample, not a slice.
 #[test]
 fn points_come_in_random_order() {
     let design = maximin(200, 4, &options(3, 0.01)).unwrap();
@@ -296,14 +296,14 @@ fn growth_keeps_every_point_and_every_stratum() {
         assert_eq!(grown.n, more);
         assert!(grown.is_stratified(), "{n} to {more}");
         assert_eq!(grown, enlarge(&start, more, &options(4, 1.0)).unwrap());
-        // Growing goes on.
+        // A grown design can grow again.
         let again = enlarge(&grown, 2 * more, &options(4, 0.1)).unwrap();
         assert_eq!(&again.points[..more * d], grown.points);
         assert!(again.is_stratified());
     }
 }
 
-/// A number that any bit of a design changes (FNV-1a, 64 bits).
+/// A hash that changes with any bit of a design (FNV-1a, 64 bits).
 fn fingerprint(design: &Design) -> u64 {
     let bytes = design.points.iter().flat_map(|x| x.to_bits().to_le_bytes());
     bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
@@ -334,7 +334,7 @@ fn new_points_keep_away_from_the_old_ones() {
     let spread = enlarge(&start, 150, &options(1, 1.0)).unwrap();
     let fresh = maximin(150, 6, &options(1, 0.1)).unwrap();
     let [random, spread, fresh] = [random, spread, fresh].map(|design| design.min_distance());
-    // A random completion has points at 0.2; one from scratch reaches 0.55.
+    // A random completion has points at 0.2; a new design reaches 0.55.
     assert!(
         spread > random + 0.1 && spread > 0.75 * fresh,
         "{random} {spread} {fresh}"
@@ -389,7 +389,8 @@ fn strata_taken(design: &Design, points: usize, n: usize) -> Vec<BTreeSet<usize>
         .collect()
 }
 
-/// From the second growth on, old points share strata of the finer grid: the new ones have one each.
+/// From the second growth on, old points share strata of the finer grid; each new point has its
+/// own.
 #[test]
 fn a_design_grows_again_and_again() {
     let mut design = maximin(150, 6, &options(2009, 0.1)).unwrap();
@@ -404,14 +405,15 @@ fn a_design_grows_again_and_again() {
             shared |= before.len() < design.n;
             assert_eq!(after.len(), before.len() + n - design.n, "{n} points");
         }
-        // Where the new points of a random completion are, and where the search puts them.
+        // The search keeps the points further apart than a random completion.
         let random = enlarge(&design, n, &options(2009, 0.0)).unwrap();
         let (found, random) = (grown.min_distance(), random.min_distance());
         assert!(found > random, "{n} points: {found} against {random}");
         design = grown;
     }
     assert!(shared, "no growth was of the kind that this is about");
-    // The way matters: what a campaign's store holds is the design as it was grown.
+    // The result depends on the steps of growth: a campaign's store holds the design as it was
+    // grown.
     let start = maximin(150, 6, &options(2009, 0.1)).unwrap();
     let at_once = enlarge(&start, 190, &options(2009, 0.5)).unwrap();
     assert_ne!(at_once.points, design.points[..190 * 6]);
@@ -449,8 +451,8 @@ fn any_points_can_be_added_to() {
 
 #[test]
 fn sobol_points_fill_every_stratum_evenly() {
-    // 64 points of a scrambled Sobol sequence: one per stratum in every variable, and in every pair
-    // of the first two as many as the area says.
+    // 64 points of a scrambled Sobol sequence: one per stratum in every variable, and one per cell
+    // of an 8 × 8 grid in the first two.
     let design = sobol(64, 6, 7).unwrap();
     assert!(design.is_stratified());
     let mut cells = [0; 64];
@@ -463,7 +465,7 @@ fn sobol_points_fill_every_stratum_evenly() {
     // A longer design contains a shorter one, another seed gives another.
     assert_eq!(&sobol(100, 6, 7).unwrap().points[..64 * 6], design.points);
     assert_ne!(sobol(64, 6, 8).unwrap(), design);
-    // What it is for: a lower discrepancy than a random Latin hypercube's.
+    // The purpose of the sequence: a lower discrepancy than that of a random Latin hypercube.
     let discrepancy = |design: Design| design.centred_discrepancy();
     let random = discrepancy(random_lhs(256, 6, 7).unwrap());
     assert!(discrepancy(sobol(256, 6, 7).unwrap()) < random);
@@ -511,7 +513,7 @@ fn only_the_beginning_of_a_sobol_sequence_is_continued() {
         check(&start, 65_537, 5),
         Err(Error::SobolPoints { n: 65_537 })
     );
-    // The last digits, which a change of units costs, do not count.
+    // Differences in the last digits, as conversions of units leave them, are accepted.
     moved.points[7] = start.points[7] + 1e-15;
     let grown = Method::Sobol.enlarge(&moved, 40, &options(5, 1.0)).unwrap();
     assert_eq!(grown.points[..40], moved.points);

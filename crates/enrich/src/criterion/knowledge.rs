@@ -6,7 +6,7 @@ use crate::belief::{cdf, pdf};
 use crate::state::Sampled;
 use crate::surrogate::Surrogate;
 
-/// The most designs that are compared.
+/// The most designs compared.
 const COMPARED: usize = 20;
 
 /// [`Criterion::KnowledgeGradient`](crate::Criterion::KnowledgeGradient).
@@ -45,7 +45,7 @@ impl<'a> KnowledgeGradient<'a> {
             .map(|(x, _)| x.as_slice())
             .chain(new.map(|_| x))
             .collect();
-        // A model that cannot take the observation learns nothing from it.
+        // A model that cannot take the observation gains nothing from it.
         let Ok(changes) = self.model.changes(x, samples, &points) else {
             return 0.0;
         };

@@ -73,7 +73,7 @@ mod tests {
         };
         let without = improvement_um(&belief, 0.5, 0.0, 1.28);
         assert!((without - belief.expected_below(0.5)).abs() < 1e-15);
-        // An observation that is all noise teaches nothing.
+        // An observation that is all noise has no value.
         assert!(improvement_um(&belief, 0.3, 1e12, 1.28) < 1e-6);
         let certain = Belief { sd: 0.0, ..belief };
         assert_eq!(improvement_um(&certain, 0.5, 0.0, 1.28), 0.0);

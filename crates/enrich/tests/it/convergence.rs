@@ -172,9 +172,9 @@ fn a_promising_design_of_few_samples_is_sampled_again() {
     assert!(again);
 }
 
-/// The response is smooth and its baseline has a kink, so that what lies between has it upside down:
-/// a model of that alone is held at the foot of the baseline's valley, where the sum of the
-/// variables is 2.4 and the response 1.09; its optimum is 1 where the sum is 4.2.
+/// The response is smooth and its baseline has a kink, so the difference between them has the kink
+/// upside down. A model of the difference alone is held at the foot of the baseline's valley, where
+/// the sum of the variables is 2.4 and the response 1.09; the optimum is 1, where the sum is 4.2.
 #[test]
 fn a_baseline_with_a_kink_does_not_hold_the_search() {
     let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len() as f64;

@@ -1,4 +1,4 @@
-//! Rounds as a caller sees them: on cheap functions with known optima, and in bad weather.
+//! Rounds as a caller sees them: on cheap functions with known optima, and on unusual input.
 
 mod convergence;
 mod stability;
@@ -58,7 +58,7 @@ fn add(problem: &Problem, state: &mut State, x: Vec<f64>, number: usize, samples
     });
 }
 
-/// Does what a round asks for.
+/// Carries out the observations that a round asks for.
 fn carry_out(problem: &Problem, state: &mut State, decision: &Decision) {
     for infill in &decision.infill {
         match infill {
@@ -86,7 +86,7 @@ fn carry_out(problem: &Problem, state: &mut State, decision: &Decision) {
     });
 }
 
-/// Rounds until it stops or `most` are done.
+/// Runs rounds until the enrichment stops or `most` are done.
 fn enrich(problem: &Problem, state: &mut State, options: &Options, most: usize) -> Decision {
     loop {
         let decision = decide(state, options, &problem.violation).unwrap();

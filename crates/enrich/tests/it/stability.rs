@@ -1,4 +1,4 @@
-//! Bad weather: each kind has a defined and reported behaviour.
+//! Unusual input: each kind has a defined and reported behaviour.
 
 use super::{Problem, carry_out, enrich, options, sampled, unit};
 use enrich::{Error, Infill, Note, Options, Reason, RoundRecord, Stop, decide};
@@ -47,7 +47,7 @@ fn responses_that_are_no_numbers_are_failures() {
             .any(|n| matches!(n, Note::NoModel { .. }))
     );
     assert!(decision.infill.iter().all(is_space_filling));
-    // Some NaN among sound responses only cost their own places.
+    // NaN among usable responses excludes only its own designs.
     let sound = Problem {
         response: |x| 1.0 + x[0],
         noise: 0.1,
@@ -94,7 +94,7 @@ fn two_rounds_of_only_failures_end_the_enrichment() {
             (rounds == 2).then_some(Stop::OnlyFailures),
             "after {rounds}"
         );
-        // What was known before is still recommended.
+        // A design sampled earlier is still recommended.
         assert!(decision.recommendation.is_some());
         assert_eq!(decision.infill.is_empty(), rounds == 2);
     }
@@ -139,7 +139,7 @@ fn entries_at_one_place_are_merged() {
     assert!(decision.recommendation.is_some_and(|best| best.design < 30));
 }
 
-/// The whole feasible set is one design, which is there: infill can only repeat it.
+/// The whole feasible set is one design, which is sampled already: infill can only repeat it.
 #[test]
 fn an_infill_point_on_an_existing_design_becomes_more_samples_there() {
     let problem = Problem {
@@ -171,8 +171,8 @@ fn an_infill_point_on_an_existing_design_becomes_more_samples_there() {
     assert_eq!(state.sampled.len(), 21);
 }
 
-/// Noise of 100 times the range of the response: the model says that it sees nothing, and its
-/// interval is honest about it.
+/// Noise of 100 times the range of the response: the model is reported to have found no structure,
+/// and the truth lies within twice its interval.
 #[test]
 fn noise_larger_than_the_signal_is_reported() {
     let problem = Problem {

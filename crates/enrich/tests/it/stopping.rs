@@ -1,4 +1,4 @@
-//! When the enrichment may stop: what `Converged` promises, and what a small budget is called.
+//! When the enrichment may stop: what `Converged` guarantees, and when the reason is the budget.
 
 use super::{Problem, add, carry_out, enrich, options, sampled, unit};
 use enrich::{Criterion, Decision, Infill, Options, Reason, RoundRecord, State, Stop, decide};
@@ -55,7 +55,7 @@ fn a_small_batch_does_not_converge_before_the_whole_box_is_searched() {
         assert_eq!(decision.stop, None, "batch {batch}");
         assert!(decision.expected_improvement_um.unwrap() >= settings.delta_um);
         assert!((1..=batch).contains(&decision.infill.len()));
-        // One search a region, three basins and the box, whatever the batch.
+        // One search per region, three basins and the box, whatever the batch.
         let searches = decision.constraint_evaluations / settings.search_evaluations as u64;
         assert!(searches <= 4, "batch {batch}: {searches} searches");
 
@@ -96,7 +96,7 @@ fn batches_of_one_point_visit_every_region_in_turn() {
     assert!(reasons.contains(&Some(Reason::Local)), "{reasons:?}");
 }
 
-/// More samples teach nothing, and the samples left do not pay for a new design.
+/// More samples have no value, and the samples left do not pay for a new design.
 #[test]
 fn a_budget_too_small_for_a_new_design_is_not_convergence() {
     let problem = waves();

@@ -18,8 +18,8 @@ pub const MATERIAL: Material = Material {
 /// Depth of [`WEAR`] at its deepest place, mm on each flank.
 pub const MAX_DEPTH: f64 = 3.5e-3;
 
-/// The paper's random field on Archard's law. The depth is not printed clearly; of those that were
-/// tried 3.5 µm on each flank fits the tables.
+/// The paper's random field on Archard's law. The depth is not printed clearly; of the values
+/// tried, 3.5 µm on each flank fits the tables.
 pub const WEAR: Wear = Wear {
     law: WearLaw::Archard {
         max_depth: MAX_DEPTH,

@@ -66,7 +66,7 @@ pub const PRELIMINARY: [PreliminaryRow; 4] = [
     },
 ];
 
-/// A column pair of Table 3: what a response does over the feasible designs.
+/// A column pair of Table 3: statistics of a response over the feasible designs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ResponseRow {
     /// Mean, µm.
@@ -146,7 +146,7 @@ pub const SIMILAR: [SimilarRow; 6] = [
 pub struct PrintedDesign {
     /// The figure's number.
     pub figure: u8,
-    /// What the design is.
+    /// Description of the design.
     pub name: &'static str,
     /// The eleven variables in the order of Equation (1): x_p, x_r, ha0_p, ha0_r, hf0_p, hf0_r
     /// (in modules), ρa_p, ρa_r, ρf_p, ρf_r (mm), β0 (degrees).
@@ -159,9 +159,9 @@ pub struct PrintedDesign {
     pub von_mises_mpa: f64,
     /// F, MPa.
     pub pressure_mpa: f64,
-    /// What the caption gives as the design's criterion.
+    /// The design's criterion, as the caption has it.
     pub criterion: &'static str,
-    /// Its value, µm.
+    /// The criterion's value, µm.
     pub criterion_um: f64,
     /// P90 from 500 samples, µm, where the paper gives it.
     pub p90_um: Option<f64>,
@@ -289,7 +289,7 @@ pub enum Place {
     Figure(u8),
 }
 
-/// What is printed of ΔSTE.
+/// A statistic of ΔSTE that the paper prints.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
     /// ΔSTE without wear.
@@ -341,8 +341,8 @@ impl Place {
         }
     }
 
-    /// What is printed of ΔSTE there, µm. The P90 of Figure 7 is left out, being Table 1 #1's, and so
-    /// are the criteria of Figures 8 and 10, a kriging prediction and a selected estimate.
+    /// The printed statistics of ΔSTE, µm. The P90 of Figure 7 is left out, being Table 1 #1's, and
+    /// so are the criteria of Figures 8 and 10, a kriging prediction and a selected estimate.
     #[must_use]
     pub fn values(self) -> Vec<(Quantity, f64)> {
         match self {

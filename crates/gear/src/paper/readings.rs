@@ -1,4 +1,4 @@
-//! Readings of what the paper leaves open, scored by what it prints.
+//! Readings of what the paper leaves open, scored by the values that it prints.
 //!
 //! A reading is a law of wear, a tooth model and a tip rule. Its score compares every printed value
 //! that is a ΔSTE: the nine statistics of Table 3 over the design of experiments, and what
@@ -19,13 +19,13 @@ use crate::pair::Pair;
 pub struct Reading {
     /// The law of wear with its depth or coefficient.
     pub law: WearLaw,
-    /// How teeth deform.
+    /// The model of the deformation of teeth.
     pub tooth_model: ToothModel,
-    /// What happens to tips without clearance.
+    /// The treatment of tips without clearance.
     pub tip_rule: TipRule,
 }
 
-/// The printed values that belong together.
+/// A group of printed values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Group {
     /// Figures 6 and 7, without wear.
@@ -41,9 +41,9 @@ pub enum Group {
 /// One printed value beside ours, µm.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Value {
-    /// What is printed, as in `Table 4 #3, P90`.
+    /// Name of the printed value, as in `Table 4 #3, P90`.
     pub name: String,
-    /// Where it belongs.
+    /// Group of the value.
     pub group: Group,
     /// Whether it is a percentile of a printed design, to be ranked.
     pub ranked: bool,
@@ -53,7 +53,7 @@ pub struct Value {
     pub ours: f64,
 }
 
-/// How a reading compares with the paper.
+/// The comparison of a reading with the paper.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Score {
     /// The reading.
@@ -266,7 +266,7 @@ impl Score {
         rms(self.values.iter())
     }
 
-    /// That of one group.
+    /// Root mean square of ln(ours/paper) over one group.
     #[must_use]
     pub fn rms_of(&self, group: Group) -> f64 {
         rms(self.values.iter().filter(|value| value.group == group))
@@ -281,7 +281,8 @@ impl Score {
     }
 }
 
-/// How well fitted readings of the paper fit it, and what the better ones change, as Markdown.
+/// Agreement of fitted readings with the paper, and the changes that the better ones make, as
+/// Markdown.
 #[must_use]
 pub fn markdown(scores: &[Score]) -> String {
     let mut text = String::from(

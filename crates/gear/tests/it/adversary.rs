@@ -29,7 +29,7 @@ const HOSTILE: [f64; 10] = [
     1e300,
 ];
 
-/// How often each outcome was met: `feasible`, `input`, or the code of a refusal.
+/// Number of times each outcome was met: `feasible`, `input`, or the code of a refusal.
 pub(crate) type Outcomes = BTreeMap<&'static str, u64>;
 
 /// Simulates `count` pairs and checks each. Half of them come from workshop gears to the corners
@@ -263,7 +263,7 @@ fn corrections(input: &PairInput, rng: &mut StreamRng) -> Corrections {
     corrections
 }
 
-/// Every number that the pair gives away is finite and of the right sign.
+/// Checks that every number that the pair returns is finite and of the right sign.
 pub(crate) fn check(pair: &Pair, wear: &Wear, rng: &mut StreamRng) -> Result<(), String> {
     let fine = |name: &str, values: &[f64], floor: f64| {
         values

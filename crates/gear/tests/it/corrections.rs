@@ -48,7 +48,7 @@ fn no_correction_changes_no_bit() {
     }
 }
 
-/// δ/cos β_b in µm at the phase `phi` mm from slices that know their place on the face.
+/// δ/cos β_b in µm at the phase `phi` mm, from slices with a place on the face.
 pub(crate) fn slice_sum(pair: &Pair, worn: &dyn Fn(f64) -> f64, phi: f64) -> f64 {
     const SLICES: usize = 8000;
     let (g, corrections) = (pair.geometry(), pair.corrections());
@@ -162,7 +162,7 @@ fn integer_overlap_is_silent_with_relief_alone() {
     assert!(crowned.delta_ste_um > 1e-4 * crowned.ste_um[0]);
 }
 
-/// What tip relief is for: a spur pair with realistic teeth runs more quietly at its load with
+/// The purpose of tip relief: a spur pair with realistic teeth runs more quietly at its load with
 /// about the relief that its deflection asks for, and less quietly with five times as much.
 #[test]
 fn the_right_relief_quietens_a_spur_pair() {

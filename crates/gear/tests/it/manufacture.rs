@@ -65,7 +65,7 @@ fn rigid_spur_teeth_climb_their_slope_once_a_pitch() {
     }
 }
 
-/// The definition of the model with slices that know their place, for every kind of slice.
+/// The definition of the model, with slices that have a place on the path, for every kind of slice.
 #[test]
 fn deviated_pairs_agree_with_a_slice_sum() {
     let realistic = PairInput {
@@ -159,7 +159,7 @@ fn gears_that_deviate_alike_fit() {
     }
 }
 
-/// Of two equal gears neither is the first.
+/// Two equal gears are interchangeable.
 #[test]
 fn equal_gears_exchange_their_deviations() {
     let input = PairInput {

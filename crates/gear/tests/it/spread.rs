@@ -150,7 +150,7 @@ fn smooth_wear_spreads_as_a_dense_calculation_says() {
     compare(&design(FIGURE_8), &WEAR, correlation);
 }
 
-/// The kernel that truncation hurts.
+/// The kernel that loses most by truncation.
 #[test]
 fn rough_wear_spreads_as_a_dense_calculation_says() {
     let wear = Wear {

@@ -1,4 +1,4 @@
-//! What the examples have in common.
+//! Common parts of the examples.
 
 #![allow(dead_code, reason = "each example uses some of it")]
 

@@ -1,24 +1,26 @@
-//! Observations at nearly the same point that no function has both.
+//! Observations at nearly the same point that no smooth function can both have.
 
 use crate::Error;
 use crate::data::Points;
 use crate::data::scaled::Scaled;
 
-/// How far apart points may be in each coordinate, relative to its extent, to be nearly the same.
-/// A process whose shortest range is 1e-6 of the extent changes by a thousandth of its deviation
-/// over this distance.
+/// Distance in each coordinate, relative to its extent, up to which points are nearly the same. A
+/// process whose shortest range is 1e-6 of the extent changes by a thousandth of its deviation over
+/// this distance.
 const NEARLY: f64 = 1e-9;
-/// By how many standard deviations of the difference's noise observations may differ. 2e-9 of
-/// normal differences are larger.
+/// Permitted difference, in standard deviations of its noise. 2e-9 of normal differences are
+/// larger.
 const DEVIATIONS: f64 = 6.0;
-/// By what observations may differ beyond that, relative to the standard deviation of all: that
-/// much the largest jitter can still explain.
+/// Permitted difference beyond that, relative to the standard deviation of all observations: the
+/// largest jitter can still explain as much.
 const SMALL: f64 = 1e-2;
 
-/// [`Error::Contradiction`] for the two observations that contradict each other worst, if any do.
+/// [`Error::Contradiction`] for the pair of observations that contradict each other worst, if any
+/// do.
 ///
-/// The points are sorted by one coordinate after the other and cut wherever the next point is further
-/// away, so that only points which agree in all coordinates are compared in pairs.
+/// The points are sorted by one coordinate after the other and divided wherever the next point is
+/// more than [`NEARLY`] away, so that only points which agree in all coordinates are compared in
+/// pairs.
 pub(crate) fn check(points: &Points, scaled: &Scaled) -> Result<(), Error> {
     let mut worst: Option<(f64, [usize; 2])> = None;
     let mut open = vec![((0..scaled.len()).collect::<Vec<usize>>(), 0)];
@@ -36,7 +38,7 @@ pub(crate) fn check(points: &Points, scaled: &Scaled) -> Result<(), Error> {
                 let Some(excess) = excess(scaled, a, b) else {
                     continue;
                 };
-                // The pairs come in no particular order, and one must be named whatever it is.
+                // The pairs come in no particular order; ties go to the smaller numbers.
                 let is_worse = worst.is_none_or(|(most, pair)| {
                     excess.total_cmp(&most).then(pair.cmp(&[a, b])).is_gt()
                 });
@@ -58,13 +60,13 @@ pub(crate) fn check(points: &Points, scaled: &Scaled) -> Result<(), Error> {
     })
 }
 
-/// The largest difference of two observations at nearly the same point, in scaled units.
+/// The largest permitted difference of two observations at nearly the same point, in scaled units.
 fn permitted(scaled: &Scaled, a: usize, b: usize) -> f64 {
     let noise = scaled.noise[a] + scaled.noise[b];
     DEVIATIONS * noise.sqrt() + SMALL
 }
 
-/// How many times the permitted difference two observations differ by, if they contradict each
+/// The difference of two observations as a multiple of the permitted one, if they contradict each
 /// other.
 fn excess(scaled: &Scaled, a: usize, b: usize) -> Option<f64> {
     let mut gaps = scaled.columns.iter().map(|c| (c[a] - c[b]).abs());

@@ -1,4 +1,4 @@
-//! The observations in units in which the search runs.
+//! The observations in the units of the search.
 
 use crate::Error;
 use crate::data::{Points, mean};
@@ -6,7 +6,7 @@ use crate::data::{Points, mean};
 /// Bounds of σ², relative to the variance of the observations.
 pub(crate) const SIGMA2_BOUNDS: (f64, f64) = (1e-8, 1e6);
 
-/// The points in units of their own extent: what the likelihood search works on.
+/// The points in units of their own extent, for the likelihood search.
 #[derive(Debug, Clone)]
 pub(crate) struct Scaled {
     /// Coordinate-major: `columns[j][i]` in 0…1. Coordinates in which all points agree are absent.
@@ -28,7 +28,8 @@ impl Scaled {
         for j in 0..points.d {
             let [low, high] = points.interval(j);
             let extent = high - low;
-            // Its square is the unit of what is quadratic in x; it and its inverse must be numbers.
+            // The square is the unit of quantities quadratic in x; it and its inverse must be
+            // normal numbers.
             if extent != 0.0 && !(extent * extent).is_normal() {
                 return Err(Error::Extent { what: "x" });
             }
@@ -50,13 +51,13 @@ impl Scaled {
         } else {
             0.0
         };
-        // Noise sets the scale where the observations scatter less than their noise.
+        // When the observations scatter less than their noise, the noise sets the scale.
         let noise = telling
             .iter()
             .map(|&i| points.noise[i] / telling.len() as f64)
             .sum::<f64>()
             .sqrt();
-        // Unlike `max`, this keeps a NaN, that of differences that overflow.
+        // Unlike `max`, this keeps a NaN, which comes from differences that overflow.
         let larger = if noise > y_scale { noise } else { y_scale };
         let y_scale = if larger == 0.0 { 1.0 } else { larger };
         let bounds = [
@@ -99,21 +100,21 @@ impl Scaled {
     }
 }
 
-/// The observations that the scale of y is taken from: all but those whose noise variance is beyond
-/// a million times both the median one and the square of the observations' median distance from
-/// their median. Such an observation tells nothing, but its noise, or its value, would make all
-/// others look alike.
+/// The observations that the scale of y is taken from: all but those whose noise variance exceeds a
+/// million times both the median noise variance and the square of the observations' median distance
+/// from their median. Such an observation carries no information, but its noise, or its value,
+/// would make all others look alike.
 fn telling(points: &Points) -> Vec<usize> {
     const BEYOND: f64 = 1e6;
     let middle = median(points.y.clone());
     let spread = median(points.y.iter().map(|y| (y - middle).abs()).collect());
     let usual = median(points.noise.clone()).max(spread * spread);
-    // Where most observations are exact and equal there is no usual size.
+    // When most observations are exact and equal, there is no usual size.
     let is_telling = |i: &usize| usual == 0.0 || points.noise[*i] / BEYOND <= usual;
     (0..points.len()).filter(is_telling).collect()
 }
 
-/// The larger one of two middle values.
+/// The median; the larger one of two middle values.
 fn median(mut values: Vec<f64>) -> f64 {
     let middle = values.len() / 2;
     *values.select_nth_unstable_by(middle, f64::total_cmp).1

@@ -4,7 +4,7 @@
 //! Wright, "Numerical Optimization" (2006), sections 16.7, 18.3); the curvature comes from the problem
 //! at the start and, if asked for, after the first few iterations. Each step is cut back until it lies
 //! in the box, the function can be evaluated and the value has fallen far enough. If the quasi-Newton
-//! direction fails, one gradient step is tried before the search gives up. The value never rises.
+//! direction fails, one gradient step is tried before the search ends. The value never rises.
 
 use crate::likelihood::Evaluation;
 use crate::linalg::{Lower, Spd, dot};
@@ -15,13 +15,13 @@ const LONGEST_STEP: f64 = 2.0;
 /// Armijo's constant.
 const SUFFICIENT: f64 = 1e-4;
 
-/// Where no step lowers the value, a promise below this is put down to rounding of value and gradient. For
-/// a log likelihood it means nothing.
+/// Predicted decrease that may be rounding of value and gradient: below it, a search that no step
+/// improves counts as converged. In a log likelihood so little is insignificant.
 const HIDDEN: f64 = 1e-3;
 
-/// How many lengths of a step are tried, and how many where no more than [`HIDDEN`] is to be gained: an
-/// evaluation can take seconds.
+/// The most lengths tried for a step: an evaluation can take seconds.
 const LENGTHS: usize = 20;
+/// The most lengths tried when no more than [`HIDDEN`] is to be gained.
 const FEW_LENGTHS: usize = 4;
 
 #[derive(Debug, Clone)]
@@ -39,15 +39,16 @@ pub(crate) struct Limits<'a> {
     pub(crate) lower: &'a [f64],
     pub(crate) upper: &'a [f64],
     pub(crate) max_iterations: usize,
-    /// Iterations after which the problem is asked for its curvature anew. It brings a search close to
-    /// the optimum in fewer steps than updates do, which converge faster in the end.
+    /// Number of first iterations in which the curvature is taken from the problem. It brings a
+    /// search close to the optimum in fewer steps than updates do; updates converge faster in the
+    /// end.
     pub(crate) renewed: usize,
-    /// The search ends when the quadratic model promises less than this.
+    /// The search ends when the quadratic model predicts a smaller decrease than this.
     pub(crate) tolerance: f64,
 }
 
-/// Minimises `function` from `start`; `None` if it cannot be evaluated there. The second argument of
-/// `function` asks for the curvature, too.
+/// Minimises `function` from `start`; `None` if it cannot be evaluated there. The second argument
+/// of `function` asks for the curvature, too.
 pub(crate) fn minimise(
     mut function: impl FnMut(&[f64], bool) -> Option<Evaluation>,
     start: &[f64],
@@ -88,7 +89,7 @@ pub(crate) fn minimise(
                 t *= 0.25;
                 continue;
             };
-            // Cutting the step at the box can turn it uphill, a shorter one is not cut.
+            // Cutting the step at the box can make it lead uphill; a shorter one is not cut.
             if slope < 0.0 && evaluation.value <= value + SUFFICIENT * slope {
                 accepted = Some((trial, moved, evaluation));
                 break;
@@ -108,7 +109,7 @@ pub(crate) fn minimise(
                 converged = promised < HIDDEN;
                 break;
             }
-            // Only the diagonal, doubled, is kept of a curvature that led nowhere.
+            // A curvature that led nowhere keeps its diagonal only, doubled.
             for i in 0..n {
                 for j in 0..n {
                     if i != j {
@@ -320,7 +321,7 @@ mod tests {
         })
     }
 
-    /// Where only the gradient's error is left the search gives up soon, and counts as done.
+    /// When only the gradient's error is left, the search ends soon and counts as converged.
     #[test]
     fn a_wrong_slope_at_the_minimum_costs_few_evaluations() {
         let mut evaluations = 0;

@@ -1,4 +1,4 @@
-//! What a search has to report beside its parameters.
+//! Warnings about a search and its parameters.
 
 use super::stages::{Found, SCREENING};
 use super::starts::Search;
@@ -6,18 +6,18 @@ use crate::data::scaled::Scaled;
 use crate::likelihood::white_noise;
 use crate::{Error, Warning};
 
-/// A parameter whose logarithm is this close to a bound has ended there: more than the first step off a
-/// bound, far less than anything a prediction would show.
+/// Distance from a bound, in the logarithm, within which a parameter counts as at the bound: more
+/// than the first step off a bound, far less than anything a prediction would show.
 const NEAR: f64 = 1e-2;
-/// A variance below this many times its lower bound is as good as at it: the likelihood is so flat
-/// there that a search may stop on the way.
+/// Multiple of its lower bound below which a variance counts as at the bound: the likelihood is so
+/// flat there that a search may stop on the way.
 const NO_VARIANCE: f64 = 100.0;
-/// By how much less the log likelihood falls where a range is not determined.
+/// Decrease of the log likelihood below which a range is not determined.
 const FLAT: f64 = 0.5;
 /// Distinct points per estimated parameter below which there are few of them.
 const FEW: usize = 2;
 
-/// The warning of `parameters` estimated from few points.
+/// The warning about `parameters` estimated from few points.
 pub(crate) fn few_points(distinct: usize, parameters: usize) -> Option<Warning> {
     (distinct < FEW * parameters).then_some(Warning::FewPoints {
         distinct,
@@ -25,15 +25,15 @@ pub(crate) fn few_points(distinct: usize, parameters: usize) -> Option<Warning> 
     })
 }
 
-/// The warning of a log likelihood that hardly exceeds that of a constant plus noise; `value` is the
-/// negative one, and the model has `needed` parameters more.
+/// The warning about a log likelihood that hardly exceeds that of a constant plus noise. `value` is
+/// the model's negative log likelihood, `needed` the number of its additional parameters.
 pub(crate) fn no_structure(data: &Scaled, value: f64, needed: usize) -> Option<Warning> {
     let gain = white_noise(data) - value;
     let needed = needed as f64;
     (gain < needed).then_some(Warning::NoStructure { gain, needed })
 }
 
-/// [`Error::NoStructure`] if one of the warnings is of that.
+/// [`Error::NoStructure`] if one of the warnings is [`Warning::NoStructure`].
 pub(crate) fn check_structure(warnings: &[Warning]) -> Result<(), Error> {
     let refused = warnings.iter().find_map(|warning| match *warning {
         Warning::NoStructure { gain, needed } => Some(Error::NoStructure { gain, needed }),
@@ -43,7 +43,7 @@ pub(crate) fn check_structure(warnings: &[Warning]) -> Result<(), Error> {
 }
 
 impl Search<'_> {
-    /// All warnings of the parameters found from points of which `distinct` are different.
+    /// All warnings about the parameters found. `distinct` is the number of distinct points.
     pub(super) fn warnings(&self, found: &Found, distinct: usize) -> Vec<Warning> {
         let d = self.data.active.len();
         let trend = self.options.trend.coefficients(d);
@@ -72,12 +72,12 @@ impl Search<'_> {
         }
     }
 
-    /// The warnings of parameters that ended at a bound.
+    /// The warnings about parameters that ended at a bound.
     pub(super) fn at_bounds(&self, found: &Found) -> Vec<Warning> {
         let at = &found.outcome.at;
         let active = &self.data.active;
         let mut warnings = Vec::new();
-        // A range that several coordinates share is warned of as such already.
+        // A range that several coordinates share has a warning of its own.
         let is_shared = self.tied && active.len() > 1;
         let own_ranges = if is_shared { 0 } else { active.len() };
         for upper in [false, true] {
@@ -103,7 +103,7 @@ impl Search<'_> {
         warnings
     }
 
-    /// The warnings of how the search went and of what the data do not determine.
+    /// The warnings about the course of the search and about ranges that the data do not determine.
     pub(super) fn of_search(&self, found: &Found) -> Vec<Warning> {
         let mut warnings = Vec::new();
         if !found.outcome.converged {
@@ -125,11 +125,13 @@ impl Search<'_> {
         warnings
     }
 
-    /// The coordinates whose ranges the data do not determine. Those at a bound are reported as such.
+    /// The coordinates whose ranges the data do not determine. Ranges at a bound have their own
+    /// warning.
     fn flat(&self, found: &Found) -> Vec<usize> {
         let at = &found.outcome.at;
         let active = &self.data.active;
-        // More points say more: what some of them determine, all do.
+        // A range that some points determine is determined by all; only the others are tested on
+        // all points.
         let some = self.subset(SCREENING.min(self.data.len()));
         let mut flat: Vec<usize> = (0..active.len())
             .filter(|&p| !self.is_at(at, p, false) && !self.is_at(at, p, true))
@@ -141,7 +143,7 @@ impl Search<'_> {
         flat.into_iter().map(|p| active[p]).collect()
     }
 
-    /// Those among the ranges that `data` do not determine.
+    /// The ranges of `among` that `data` do not determine.
     fn flat_on(&self, data: &Scaled, found: &Found, among: Vec<usize>) -> Vec<usize> {
         let at = &found.outcome.at;
         if among.is_empty() {

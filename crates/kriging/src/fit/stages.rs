@@ -12,17 +12,18 @@ use crate::likelihood::{JITTERS, Likelihood, Order};
 
 /// Number of points on which starts are compared.
 pub(super) const SCREENING: usize = 300;
-/// Each stage of polishing has about this times the points of the one before.
+/// Ratio of the numbers of points of successive stages of polishing.
 const GROWTH: f64 = 2.5;
-/// From more points than this, the search goes by stages.
+/// Number of points above which the search goes by stages.
 const STAGED: usize = 450;
-/// How many of the optima found on some points are followed further.
+/// Number of optima found in one stage that the next stage follows.
 const FOLLOWED: usize = 2;
-/// [`TOLERANCE`] where more points follow.
+/// Tolerance of a search on a subset, in place of [`TOLERANCE`].
 pub(super) const SUBSET_TOLERANCE: f64 = 1e-2;
-/// Iterations that take the curvature from the likelihood: more where the search ends early, fewer
-/// where quasi-Newton steps are to converge.
+/// Iterations that take the curvature from the likelihood, in a search on a subset, which ends
+/// early.
 const RENEWED: usize = 3;
+/// The same in the last search, where quasi-Newton steps are to converge.
 const RENEWED_LAST: usize = 2;
 
 pub(super) struct Found {
@@ -31,7 +32,7 @@ pub(super) struct Found {
 }
 
 impl Search<'_> {
-    /// The parameters of the highest likelihood that is found.
+    /// The parameters of the highest likelihood found.
     pub(super) fn run(&self) -> Result<Found, Error> {
         let n = self.data.len();
         let mut sizes = vec![n];
@@ -79,8 +80,8 @@ impl Search<'_> {
         Err(Error::not_positive_definite(None))
     }
 
-    /// The one of several candidates whose likelihood on `subset` is highest: a few hundred points may
-    /// have preferred another.
+    /// The candidate whose likelihood on `subset` is highest: a few hundred points may have
+    /// preferred another.
     fn best_of(&self, subset: &Scaled, candidates: Vec<(Vec<f64>, f64)>) -> Vec<(Vec<f64>, f64)> {
         if candidates.len() < 2 {
             return candidates;

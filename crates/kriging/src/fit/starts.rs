@@ -1,4 +1,4 @@
-//! Where a search may go and where it starts.
+//! Bounds and starts of a search.
 
 use std::borrow::Cow;
 
@@ -12,18 +12,19 @@ use crate::Error;
 use crate::data::scaled::{SIGMA2_BOUNDS, Scaled};
 use crate::likelihood::{Form, JITTERS, Likelihood, Order};
 
-/// How many of the starts are polished.
+/// Number of starts that are polished.
 const POLISHED: usize = 4;
-/// Bounds of the nugget, relative to the variance of the observations, and its value at the starts.
+/// Bounds of the nugget, relative to the variance of the observations.
 const NUGGET_BOUNDS: (f64, f64) = (1e-12, 1e2);
+/// The nugget at the starts, in the same unit.
 const NUGGET_START: f64 = 1e-2;
-/// Upper bound of a range, in units of its coordinate's extent. There the correlation of opposite
-/// sides is 1 − 3·10⁻⁴ (Matérn 5/2): over the extent the process is a plane but for a fraction of that
-/// order, so that a longer range, with σ² to match, gives the same predictions and nearly the same
-/// likelihood, in which the search would wander, while the covariance matrix comes nearer to singular
-/// with the square of the range.
+/// Upper bound of a range, in units of its coordinate's extent. At this range the correlation of
+/// opposite sides is 1 − 3·10⁻⁴ (Matérn 5/2): over the extent the process is a plane, up to a
+/// fraction of that order. A longer range, with σ² to match, gives the same predictions and nearly
+/// the same likelihood, in which the search would wander, and the covariance matrix comes nearer to
+/// singular with the square of the range.
 const LONGEST_RANGE: f64 = 50.0;
-/// A likelihood counts as found when a further step promises less than this.
+/// Predicted improvement below which a likelihood counts as maximal.
 pub(super) const TOLERANCE: f64 = 1e-6;
 
 /// The search for the parameters of one set of data: (ln θ₁ … ln θ_d, or one ln θ for all, ln τ² of a nugget,
@@ -35,9 +36,9 @@ pub(super) struct Search<'a> {
     pub(super) tied: bool,
     pub(super) lower: Vec<f64>,
     pub(super) upper: Vec<f64>,
-    /// A random order of the points; subsets are its first ones.
+    /// A random order of the points; a subset consists of the first ones.
     pub(super) order: Vec<usize>,
-    /// When the search of all points ends.
+    /// Tolerance of the search on all points.
     pub(super) tolerance: f64,
 }
 
@@ -90,7 +91,7 @@ impl<'a> Search<'a> {
         if screened.is_empty() {
             return Err(Error::not_positive_definite(None));
         }
-        // The first start stays whatever its value: it is the one that keeps clear of white noise.
+        // The first start stays whatever its value, because it keeps clear of white noise.
         screened[1..].sort_by(|a, b| a.0.total_cmp(&b.0));
         screened.truncate(POLISHED);
         Ok(screened
@@ -99,10 +100,10 @@ impl<'a> Search<'a> {
             .collect())
     }
 
-    /// Start 0 has all ranges at half the extent, the others are random between a tenth and five
-    /// times it; more than six ranges are longer in proportion to their number, as distances grow with the
-    /// dimension. For 40 points in 20 dimensions that finds likelihoods that shorter starts miss
-    /// (`docs/kriging.md`).
+    /// Start 0 has all ranges at half the extent; in the others they are random between a tenth and
+    /// five times the extent. More than six ranges are longer in proportion to their number,
+    /// because distances grow with the dimension. For 40 points in 20 dimensions this finds
+    /// likelihoods that shorter starts miss (`docs/kriging.md`).
     fn start(&self, i: usize) -> Vec<f64> {
         let mut rng = stream(self.options.seed, Purpose::Fit, 1, i as u64);
         let count = self.lower.len() - 1 - usize::from(self.options.nugget);
@@ -134,7 +135,8 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// The value at a start's ranges and a σ² that fits them better, if the first guess at one does.
+    /// The value at `at`, or at the same ranges and a σ² that fits them better, if that is an
+    /// improvement.
     pub(super) fn value_at(
         &self,
         subset: &Scaled,

@@ -1,17 +1,17 @@
 //! Correlations of one point with a run of points, and their derivatives.
 //!
-//! `column(j)` gives the coordinate j of the run's points, in the units of [`Kernel::length_factor`], `at` the
-//! one point.
+//! `column(j)` gives coordinate j of the run's points, `at` the coordinates of the one point, both
+//! in the units of [`Kernel::length_factor`].
 
 use super::Kernel;
 use super::exponential::multiply_by_exp_of_minus;
 use crate::linalg::{sum_of, vectorised};
 
-/// Points whose intermediate results stay in the processor's fastest memory.
+/// Number of points whose intermediate results stay in the processor's fastest memory.
 const RUN: usize = 64;
 
 impl Kernel {
-    /// Writes the correlations to `out`. That with a NaN is NaN.
+    /// Writes the correlations to `out`; a NaN among the coordinates gives NaN.
     pub(crate) fn correlations<'a>(
         self,
         at: &[f64],
@@ -71,8 +71,8 @@ impl Kernel {
         multiply_by_exp_of_minus(exponents, out);
     }
 
-    /// Gives `add` for each coordinate j its number and Σᵢ `weights`ᵢ ∂ ln(correlationᵢ)/∂ ln θⱼ; for a
-    /// radial kernel up to [`Kernel::multiply_by_radial_factors`] of the weights.
+    /// Calls `add` for each coordinate j with j and Σᵢ `weights`ᵢ ∂ ln(correlationᵢ)/∂ ln θⱼ. For a
+    /// radial kernel the weights must have gone through [`Kernel::multiply_by_radial_factors`].
     pub(crate) fn log_derivative_dots<'a>(
         self,
         at: &[f64],
@@ -98,8 +98,8 @@ impl Kernel {
         );
     }
 
-    /// Multiplies the weights of a radial kernel's derivatives by what these have in common in all
-    /// coordinates, −(d ln(correlation)/da)/a. Leaves those of a product alone.
+    /// Multiplies the weights of a radial kernel's derivatives by the factor that all coordinates
+    /// have in common, −(d ln(correlation)/da)/a. Leaves the weights of a product unchanged.
     pub(crate) fn multiply_by_radial_factors<'a>(
         self,
         at: &[f64],
@@ -128,7 +128,7 @@ impl Kernel {
     }
 }
 
-/// Brings each point's polynomial and exponent up to date with `include`, given its distance in one coordinate
+/// Updates each point's polynomial and exponent by `include`, given its distance in one coordinate
 /// after the other.
 #[inline(always)]
 fn accumulate<'a>(

@@ -1,4 +1,4 @@
-//! The derivatives of the likelihood, as [`super`] has them.
+//! The derivatives of the likelihood, in the notation of [`super`].
 //!
 //! Every element of a matrix of derivatives ∂R/∂ ln θⱼ is a correlation times a function of one coordinate's
 //! difference, so sums of them are dot products of the correlations, weighted, with those functions:
@@ -10,7 +10,7 @@ use super::gls::Gls;
 use super::{Likelihood, point};
 use crate::linalg::{Lower, Spd, dot};
 
-/// Where the derivatives are wanted.
+/// The point where the derivatives are computed, with intermediate results of the value there.
 pub(super) struct At<'a> {
     /// Number of parameters.
     pub(super) count: usize,
@@ -29,7 +29,7 @@ impl Likelihood<'_> {
         if self.form.tied { 0 } else { j }
     }
 
-    /// `inverse` is C⁻¹.
+    /// The gradient of the value. `inverse` is C⁻¹.
     pub(super) fn gradient(&self, at: &At<'_>, inverse: &Lower) -> Vec<f64> {
         let At {
             count,
@@ -37,7 +37,7 @@ impl Likelihood<'_> {
             sigma2,
             ..
         } = *at;
-        // Twice the half of the sum over the lower triangle.
+        // By symmetry, and with a zero diagonal, half the whole sum is that over the lower triangle.
         let of_ranges = self.dots(|k| {
             let weight = |(inverse, b): (&f64, &f64)| inverse - b * beta[k] / sigma2;
             let below = inverse.column(k).iter().zip(&beta[k..]);
@@ -64,7 +64,7 @@ impl Likelihood<'_> {
         gradient
     }
 
-    /// `factor` is that of C.
+    /// The average information. `factor` is that of C.
     pub(super) fn curvature(&self, at: &At<'_>, factor: &Spd) -> Vec<f64> {
         let At {
             count,
@@ -109,8 +109,8 @@ impl Likelihood<'_> {
         curvature
     }
 
-    /// For every point k and column j, Σᵢ wᵢ ∂Rᵢₖ/∂ ln θⱼ over the points i from the first one on that `weights`
-    /// gives for k, with their weights.
+    /// For every point k and column j, Σᵢ wᵢ ∂Rᵢₖ/∂ ln θⱼ. For a point k, `weights` gives the first
+    /// point i of the sum, and the wᵢ from there on.
     fn dots(&self, weights: impl Fn(usize) -> (usize, Vec<f64>) + Sync) -> Vec<Vec<f64>> {
         let kernel = self.form.kernel;
         let of_point = |k: usize| {

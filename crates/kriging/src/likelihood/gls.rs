@@ -15,7 +15,7 @@ pub enum Trend {
     /// A constant μ: ordinary kriging.
     #[default]
     Constant,
-    /// A constant and a slope for each coordinate: universal kriging. Its slopes are linear in x.
+    /// A constant and a slope for each coordinate, in which it is linear: universal kriging.
     Linear,
 }
 
@@ -43,8 +43,8 @@ impl Trend {
     }
 }
 
-/// The smallest pivot of FᵀC⁻¹F, relative to its diagonal, at which the coefficients are still told
-/// apart.
+/// The smallest pivot of FᵀC⁻¹F, relative to its diagonal, at which the coefficients still count as
+/// determined.
 const INDEPENDENT: f64 = 1e-12;
 
 /// C⁻¹F and the normal equations' matrix FᵀC⁻¹F.

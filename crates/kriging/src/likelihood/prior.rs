@@ -1,14 +1,14 @@
 //! A weakly informative prior on the ranges.
 //!
-//! Where points are few for their dimension, the likelihood is often highest at ranges that no function of
-//! practice has. The prior is log-normal for every range in units of its coordinate's extent,
-//! ln θ ~ N(√2 + ½ ln d, 3): distances grow with √d, and so do the ranges that make sense (C. Hvarfner,
-//! E. O. Hellsten, L. Nardi, *Vanilla Bayesian optimization performs great in high dimensions*, ICML 2024).
-//! Its pull is weak, so that a few points per dimension more overrule it.
+//! When points are few for their dimension, the likelihood is often highest at ranges that
+//! functions in practice do not have. The prior is log-normal for every range in units of its
+//! coordinate's extent, ln θ ~ N(√2 + ½ ln d, 3): distances grow with √d, and so do the ranges that
+//! make sense (C. Hvarfner, E. O. Hellsten, L. Nardi, *Vanilla Bayesian optimization performs great
+//! in high dimensions*, ICML 2024). The prior is weak: a few points per dimension more overrule it.
 
 use serde::{Deserialize, Serialize};
 
-/// What the covariance parameters maximise.
+/// The criterion that the covariance parameters maximise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Estimator {
@@ -20,7 +20,8 @@ pub enum Estimator {
 }
 
 impl Estimator {
-    /// −ln of the prior's density, up to a constant, where all `d` ranges are given or one stands for all.
+    /// −ln of the prior's density, up to a constant, at all `d` ranges or at one that all
+    /// coordinates share.
     pub(crate) fn of_prior(self, d: usize, ln_ranges: &[f64]) -> f64 {
         Prior::new(self, d, ln_ranges).map_or(0.0, |prior| prior.value())
     }
@@ -31,14 +32,14 @@ const VARIANCE: f64 = 3.0;
 
 /// −ln of the prior's density at one set of ranges, up to a constant, and its derivatives in ln θ.
 pub(super) struct Prior {
-    /// ln θ minus its mean.
+    /// ln θ minus its mean, for each range.
     deviations: Vec<f64>,
-    /// How many coordinates each range stands for.
+    /// Number of coordinates that share each range.
     repeated: f64,
 }
 
 impl Prior {
-    /// None if the estimator has no prior.
+    /// `None` if the estimator has no prior.
     pub(super) fn new(estimator: Estimator, d: usize, ln_ranges: &[f64]) -> Option<Self> {
         if estimator == Estimator::Likelihood {
             return None;
@@ -55,8 +56,8 @@ impl Prior {
         0.5 * self.repeated * squares / VARIANCE
     }
 
-    /// Adds to the first elements of the gradient and of the diagonal of the curvature, a matrix of as many
-    /// rows, unless it is empty.
+    /// Adds the derivatives to the first elements of the gradient and of the diagonal of the
+    /// curvature, a matrix with as many rows as the gradient, or empty.
     pub(super) fn add_derivatives(&self, gradient: &mut [f64], curvature: &mut [f64]) {
         let count = gradient.len();
         for (j, z) in self.deviations.iter().enumerate() {

@@ -6,11 +6,11 @@ use super::Model;
 
 /// Half-width of a two-sided 90 % interval of the standard normal distribution.
 pub(crate) const Z_TWO_SIDED_90: f64 = 1.644_853_626_951_472_2;
-/// The fewest points whose residuals say anything of a 90 % interval.
+/// The fewest points whose residuals can calibrate a 90 % interval.
 const FEWEST: usize = 10;
 /// Bounds of the factor: beyond these the model, not its variance, is wrong.
 const BOUNDS: (f64, f64) = (1e-2, 1e2);
-/// How sure it must be that a factor below 1 is not the residuals' chance.
+/// Confidence, required of a factor below 1, that it is not due to chance.
 const CONFIDENCE: f64 = 0.99;
 
 /// A leave-one-out residual.
@@ -18,7 +18,7 @@ const CONFIDENCE: f64 = 0.99;
 pub(crate) struct Residual {
     /// Observation minus prediction, in units of y.
     pub(crate) residual: f64,
-    /// Its variance, the noise of the observation included, in units of y².
+    /// Variance of the residual, the noise of the observation included, in units of y².
     pub(crate) variance: f64,
     /// The noise variance of the observation, a nugget included, in units of y².
     pub(crate) noise: f64,
@@ -46,7 +46,7 @@ pub(crate) fn factor(residuals: &[Residual]) -> f64 {
         })
         .collect();
     needed.sort_by(f64::total_cmp);
-    // As for the coverage of a fresh observation in conformal prediction: ⌈0.9 (n + 1)⌉ of n.
+    // As for the coverage of a new observation in conformal prediction: ⌈0.9 (n + 1)⌉ of n.
     let rank = (9 * (n + 1)).div_ceil(10).min(n);
     let factor = needed[rank - 1].clamp(BOUNDS.0, BOUNDS.1);
     let upper = upper_rank(n).map_or(f64::INFINITY, |rank| needed[rank - 1]);
@@ -58,7 +58,7 @@ pub(crate) fn factor(residuals: &[Residual]) -> f64 {
 }
 
 /// The rank, from 1, of the order statistic of n values that is above their distribution's 90 %
-/// quantile with [`CONFIDENCE`]; none for few values. The number of values below the quantile is
+/// quantile with [`CONFIDENCE`]; `None` for few values. The number of values below the quantile is
 /// binomial, whatever the distribution (H. David, H. Nagaraja, "Order Statistics" (2003), section
 /// 7.1).
 fn upper_rank(n: usize) -> Option<usize> {
@@ -73,13 +73,13 @@ impl Model {
     /// the factor that observation i needs, r its residual, p its residual's variance and v its
     /// noise; c is the 90 % quantile of all cᵢ, kept within 0.01 to 100. Means do not change.
     ///
-    /// A function that is rougher in some places than in others breaks the process's assumption,
-    /// and then the variance of maximum likelihood is too small in more than a tenth of the places.
-    /// Intervals that are too wide by chance do less harm than such that are too narrow, so a factor
-    /// below 1 is taken only if the 99 % upper confidence limit of the quantile, the order statistic
-    /// that follows from the binomial distribution, is below 1, too: never for fewer than 44
-    /// points, and seldom where the residuals are mostly noise. For a right model c is 1 and a
-    /// factor below it is the chance of one in a hundred.
+    /// A function that is rougher in some places than in others violates the assumption of a
+    /// stationary process, and then the variance of maximum likelihood is too small in more than a
+    /// tenth of the places. Intervals that are too wide by chance do less harm than intervals that
+    /// are too narrow. So a factor below 1 is taken only if the 99 % upper confidence limit of the
+    /// quantile, an order statistic whose rank follows from the binomial distribution, is below 1,
+    /// too: never for fewer than 44 points, and seldom when the residuals are mostly noise. For a
+    /// right model, a factor below 1 has a probability of one in a hundred.
     ///
     /// Models of fewer than 10 points are returned as they are. Costs an inverse, n³
     /// multiplications.

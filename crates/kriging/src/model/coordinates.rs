@@ -5,18 +5,19 @@ use crate::data::Points;
 use crate::error::check_length;
 use crate::kernel::Kernel;
 
-/// The coordinates a model depends on, those of finite range. The vectors have one entry for each.
+/// The coordinates that a model depends on, those of finite range. Each vector has one entry per
+/// such coordinate.
 #[derive(Debug, Clone)]
 pub(crate) struct Coordinates {
     /// Number of coordinates d of a point.
     d: usize,
-    /// Which of the points' d coordinates they are.
+    /// Their indices among the points' d coordinates.
     pub(crate) active: Vec<usize>,
-    /// The smallest value among the points: coordinates are taken relative to it.
+    /// Smallest values among the points: coordinates are taken relative to them.
     origin: Vec<f64>,
-    /// How far the points extend from there.
+    /// Largest minus smallest values among the points.
     pub(crate) extents: Vec<f64>,
-    /// Length factor of the kernel over range.
+    /// Length factor of the kernel divided by the range.
     pub(crate) scale: Vec<f64>,
     /// The points' scaled coordinates.
     pub(crate) columns: Vec<Vec<f64>>,

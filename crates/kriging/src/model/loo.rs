@@ -7,8 +7,8 @@ use super::calibration::{Residual, Z_TWO_SIDED_90};
 use crate::data::Points;
 use crate::warning::{Outlier, Warning};
 
-/// How well each observation is predicted from all others, with the covariance parameters kept and
-/// the trend estimated anew.
+/// Validation of each observation's prediction from all others, with the covariance parameters kept
+/// and the trend estimated anew.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeaveOneOut {
     /// Numbers of the observations, from 0: the first one of each distinct point, in increasing order.
@@ -27,12 +27,13 @@ pub struct LeaveOneOut {
     pub coverage90: f64,
 }
 
-/// The probability that any of the observations of a right model is called an outlier, at most.
+/// Largest probability that any observation of a right model is called an outlier.
 const FALSE_ALARM: f64 = 1e-3;
 /// The most outliers that a warning names.
 const NAMED: usize = 10;
 
-/// The limit of [`LeaveOneOut::outliers`]: the normal one is 4.4 for n = 100 and 4.9 for 1000.
+/// The limit of [`LeaveOneOut::outliers`]. That of the normal distribution is 4.4 for n = 100 and
+/// 4.9 for n = 1000.
 fn outlying(standardised: &[f64]) -> f64 {
     let n = standardised.len() as f64;
     let normal = std::f64::consts::SQRT_2 * erfc_inv(FALSE_ALARM / n);
@@ -45,13 +46,15 @@ fn outlying(standardised: &[f64]) -> f64 {
 
 impl LeaveOneOut {
     /// The observations (indices of [`LeaveOneOut::residuals`]) whose standardised residuals are
-    /// too large: gross errors, or places where the function is unlike everywhere else. Look at them
-    /// before trusting the model around them. The limit is the larger one of the normal distribution's
-    /// at a probability of 0.001/n, so that a right model of n observations has an outlier with a
-    /// probability of 0.001 at most (Bonferroni's inequality), and of an exponential tail's through the
-    /// residuals' own 90 % quantile: smooth functions that are no typical realisations of the process
-    /// have such tails, up to 7 for 500 observations without any error. A gross error raises σ² and makes
-    /// all other residuals small, so that the first limit is what remains.
+    /// too large: gross errors, or places where the function differs from everywhere else. Look at
+    /// them before trusting the model around them.
+    ///
+    /// The limit is the larger one of two. The first is that of the normal distribution at a
+    /// probability of 0.001/n: a right model of n observations has an outlier with a probability of
+    /// 0.001 at most (Bonferroni's inequality). The second is that of an exponential tail through
+    /// the residuals' own 90 % quantile: smooth functions that are no typical realisations of the
+    /// process have such tails, up to 7 for 500 observations without any error. A gross error
+    /// raises σ² and makes all other residuals small, so that the first limit applies.
     #[must_use]
     pub fn outliers(&self) -> Vec<usize> {
         let limit = outlying(&self.standardised);
@@ -70,8 +73,8 @@ impl LeaveOneOut {
         within as f64 / self.standardised.len() as f64
     }
 
-    /// From the residuals of `points`, in their order; `calibration` multiplies the variances but
-    /// for the noise.
+    /// The validation from the residuals of `points`, in their order. `calibration` multiplies the
+    /// variances without the noise.
     pub(crate) fn new(points: &Points, all: &[Residual], calibration: f64) -> Self {
         let by_first = points.by_first();
         let (residuals, standardised): (Vec<f64>, Vec<f64>) = by_first
@@ -119,7 +122,7 @@ impl LeaveOneOut {
         }
     }
 
-    /// The residuals in units of y where those of ln y are given, `logarithms` the observations of it.
+    /// Converts the residuals of ln y to units of y. `logarithms` are the observations of ln y.
     pub(crate) fn exponentiated(self, logarithms: &[f64]) -> Self {
         let pairs = logarithms.iter().zip(&self.residuals);
         let residuals = pairs.map(|(y, r)| y.exp() - (y - r).exp()).collect();

@@ -13,7 +13,7 @@ const BLOCK: usize = 128;
 /// run at the speed of matrix products.
 const BATCH: usize = 256;
 
-/// What the model says of the noise-free function at one point.
+/// Prediction of the noise-free function at one point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prediction {
     /// m_OK, equation (19), in units of y.
@@ -103,7 +103,7 @@ impl Model {
             .zip(correlations.chunks_exact(n).zip(shortfalls))
             .map(|(mean, (half, mut shortfall))| {
                 let unit = 1.0 - dot(half, half) + solved.gls.quadratic(&mut shortfall);
-                // At a noise-free observation the terms cancel but for rounding. A NaN stays one.
+                // At a noise-free observation the terms cancel up to rounding. A NaN remains one.
                 let unit = if unit < 0.0 { 0.0 } else { unit };
                 let variance = self.parameters.sigma2 * unit * self.calibration;
                 Prediction { mean, variance }
@@ -121,7 +121,7 @@ impl Model {
         self.trend_at(x) + sum
     }
 
-    /// f(x) − FᵀC⁻¹r: what the trend's basis functions at `x` differ by from their interpolation.
+    /// f(x) − FᵀC⁻¹r: the trend's basis functions at `x` minus their interpolation.
     pub(crate) fn shortfall(&self, x: &[f64], correlations: &[f64]) -> Vec<f64> {
         let n = self.points.len();
         let columns = self.solved().gls.solved().chunks(n);

@@ -12,7 +12,7 @@ use crate::model::{Model, Parameters};
 use crate::surrogate::{Either, Response, Surrogate};
 use crate::{Error, Vecchia, Warning};
 
-/// Raised when a change of the format would make older programs misread it.
+/// Version of the format, raised when a change would make older programs misread it.
 const VERSION: u32 = 1;
 
 #[derive(Serialize, Deserialize)]
@@ -36,8 +36,8 @@ struct Stored {
     noise_variance: Vec<f64>,
     weights: Vec<f64>,
     first_observation: Vec<usize>,
-    // Absent for the plain model, so that programs older than these abilities read it, and refuse
-    // the others.
+    // Absent in the plain model, so that older programs read it, and refuse models with these
+    // options.
     #[serde(default, skip_serializing_if = "Trend::is_constant")]
     trend: Trend,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -70,7 +70,7 @@ struct Head {
     method: Option<serde::de::IgnoredAny>,
 }
 
-/// A model of nearest neighbours. Its method in the file tells it from an exact one.
+/// A model of nearest neighbours. In a file, its field `method` distinguishes it from an exact one.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct StoredVecchia {
@@ -166,7 +166,7 @@ impl StoredVecchia {
 }
 
 impl Stored {
-    /// What both kinds of model have: no weights, jitter or trend.
+    /// The fields that both kinds of model have: all but weights, jitter and trend.
     fn new(model: &Surrogate, points: &Points) -> Self {
         let parameters = model.parameters();
         let ranges = parameters.ranges.iter();
@@ -193,7 +193,7 @@ impl Stored {
         }
     }
 
-    /// The points and the parameters, which are then empty here.
+    /// Takes the points and the parameters out of the fields, which are then empty.
     fn take_parts(&mut self) -> (Points, Parameters) {
         let merged = self.warnings.iter().find_map(|warning| match warning {
             Warning::MergedDuplicates { observations, .. } => Some(*observations),
@@ -237,7 +237,7 @@ impl Stored {
         Ok(model)
     }
 
-    /// Whether the numbers fit together, with so many weights.
+    /// Checks that the numbers fit together, with as many weights as `weights`.
     fn check(&self, weights: usize) -> Result<(), Error> {
         let (n, d) = (self.y.len(), self.dimensions);
         if n < 2 {

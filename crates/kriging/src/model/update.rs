@@ -13,18 +13,18 @@ impl Model {
     /// calibration as they are; the trend is estimated anew.
     ///
     /// The new rows are appended to the Cholesky factor, which costs n²m multiplications for m new
-    /// points instead of a fit's hundreds of n³; only where a new observation repeats a point of the
-    /// model, or the longer matrix is nearly singular, is the matrix factorised anew (n³/6).
-    /// Observations are numbered on from the model's, in the order given. Coordinates that the
-    /// model ignores stay ignored.
+    /// points instead of a fit's hundreds of n³. The matrix is factorised anew (n³/6) only if a new
+    /// observation repeats a point of the model or the longer matrix is nearly singular. The
+    /// numbers of the new observations follow those of the model's, in the order given. Coordinates
+    /// that the model ignores stay ignored.
     ///
-    /// The variance at a point never rises by more observations. A coordinate's scale is that of the
+    /// More observations never raise the variance at a point. A coordinate's scale is that of the
     /// old points: call [`crate::fit`] when the data have changed much.
     ///
     /// # Errors
     ///
-    /// Those of [`crate::fit`] for unusable data; [`Error::Shape`] if `data` has another number of
-    /// coordinates than the model.
+    /// The errors of [`crate::fit`] for unusable data; [`Error::Shape`] if `data` has another
+    /// number of coordinates than the model.
     pub fn with_points(&self, data: &Data<'_>) -> Result<Self, Error> {
         let d = self.points.d;
         check_length("every point", d, data.d)?;
@@ -48,8 +48,8 @@ impl Model {
         points.observations += new.observations;
 
         let mut model = self.with(points, warnings)?;
-        // Coordinates are taken relative to their smallest value, which the new points may have
-        // moved: the old factor stays right, since correlations depend on differences only.
+        // Coordinates are relative to their smallest value, which the new points may have changed.
+        // The old factor remains right, since correlations depend on differences only.
         let extended = self.extended_factor(&model);
         let solved = extended.and_then(|factor| {
             let gls = model.solve_trend(&factor)?;
@@ -116,7 +116,8 @@ impl Model {
         self.with(points, warnings)?.anew()
     }
 
-    /// This model's parameters on other points, whose further data have given `warnings`; still to be solved.
+    /// This model's parameters on other points, with the `warnings` of the new data; still to be
+    /// solved.
     fn with(&self, points: Points, warnings: Vec<Warning>) -> Result<Self, Error> {
         if !self.has_nugget() {
             contradiction::check(&points, &Scaled::new(&points)?)?;
@@ -137,8 +138,8 @@ impl Model {
         Ok(model)
     }
 
-    /// The model that interpolates its own means at its points: the same parameters, and observations
-    /// without noise. Its variances leave out how uncertain those means are.
+    /// The model that interpolates its own means at its points: the same parameters, and
+    /// observations without noise. Its variances do not include the uncertainty of those means.
     ///
     /// # Errors
     ///
@@ -152,7 +153,7 @@ impl Model {
         self.with(points, Vec::new())?.anew()
     }
 
-    /// What the merged observations add to the likelihood: a stored model keeps only the total.
+    /// The merged observations' part of the likelihood: a stored model holds only the total.
     fn within(&self) -> f64 {
         self.nll - self.likelihood_of_points()
     }

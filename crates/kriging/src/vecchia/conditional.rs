@@ -13,14 +13,14 @@ pub(super) struct Points<'a> {
     pub(super) noise_ratio: &'a [f64],
 }
 
-/// What a few points say of one more.
+/// The process at one point, given a few others.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Conditional<const R: usize> {
     /// cᵀC⁻¹v for each vector v of values, c the correlations of the one with the few.
     pub(super) means: [f64; R],
-    /// 1 − cᵀC⁻¹c: the variance that is left, over the process variance.
+    /// 1 − cᵀC⁻¹c: the conditional variance over the process variance.
     pub(super) variance: f64,
-    /// What it took to factorise C.
+    /// The jitter that factorising C took.
     pub(super) jitter: f64,
 }
 
@@ -42,7 +42,7 @@ impl Points<'_> {
             Some((Spd::factor(matrix).ok()?, jitter))
         });
         let Some((factor, jitter)) = factorised else {
-            // No such matrix is known; without neighbours the prior is what is left.
+            // No such matrix is known. The result would be the prior, as without neighbours.
             return Conditional {
                 means: [0.0; R],
                 variance: 1.0,

@@ -10,9 +10,9 @@ use crate::model::calibration::{Residual, factor};
 use crate::model::loo::LeaveOneOut;
 
 impl Vecchia {
-    /// Predicts each point without its own observation as the model predicts any other: from the nearest
-    /// other observations, as many as [`Vecchia::conditioning`] says. The mean μ is kept, which one
-    /// observation of thousands does not move. Costs as much as n predictions.
+    /// Predicts each point from the nearest other observations, as many as
+    /// [`Vecchia::conditioning`] says, like any prediction of the model. The mean μ is kept,
+    /// because one observation of thousands does not move it. Costs as much as n predictions.
     #[must_use]
     pub fn leave_one_out(&self) -> LeaveOneOut {
         let (residuals, _) = self.residuals(self.neighbours);
@@ -33,8 +33,8 @@ impl Vecchia {
         self.calibration
     }
 
-    /// The warnings that follow from the residuals given `neighbours` others: of outliers, and of the jitter
-    /// they take.
+    /// The warnings about outliers among the residuals given `neighbours` others, and about the
+    /// jitter used.
     pub(super) fn warnings_of_residuals(&self, neighbours: usize) -> Vec<Warning> {
         let (residuals, jitter) = self.residuals(neighbours);
         let mut warnings = Vec::new();
@@ -54,7 +54,8 @@ impl Vecchia {
             let at = point(columns, i);
             let mut near = nearest(columns, &at, n, neighbours + 1);
             near.retain(|&j| j as usize != i);
-            // Only where so many points lie on top of this one that it is not among its nearest.
+            // Needed only if so many points lie on top of this one that it is not among its own
+            // nearest.
             near.truncate(neighbours);
             let given = self.given(&near, &at);
             let noise = self.points.noise[i];

@@ -4,8 +4,8 @@ use rayon::prelude::*;
 
 use crate::likelihood::point;
 
-/// Points that are put in max–min order; those behind them stay in random order, which is nearly as
-/// good (Guinness 2018) and does not cost n² steps.
+/// Number of points that are put in max–min order. Those after them stay in random order, which is
+/// nearly as good (Guinness 2018) and does not cost n² steps.
 const ORDERED: usize = 3000;
 /// The fewest points whose neighbours one thread looks for.
 const CHUNK: usize = 64;
@@ -31,7 +31,7 @@ pub(super) fn max_min_order(columns: &[Vec<f64>], random: Vec<usize>, count: usi
         }
         nearest[order[order.len() - 1]] = f64::NEG_INFINITY;
         if best == order[order.len() - 1] {
-            // Only where the farthest is at distance zero of itself: take the next free one.
+            // All free points lie on top of taken ones: take the first of them.
             best = nearest
                 .iter()
                 .position(|d| *d > f64::NEG_INFINITY)

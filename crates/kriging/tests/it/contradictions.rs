@@ -83,7 +83,7 @@ fn what_noise_distance_or_size_explains_is_no_contradiction() {
             "{off}"
         );
     }
-    // A distance that does: the steep function between them is interpolated.
+    // A larger distance explains it, too: the steep function between the points is interpolated.
     let steep = doubled(0.0, 1e-3, 0.05);
     let model = fit(&steep.data(), &FitOptions::default()).unwrap();
     for i in [7, 40] {
@@ -93,8 +93,8 @@ fn what_noise_distance_or_size_explains_is_no_contradiction() {
 
 #[test]
 fn an_estimated_nugget_explains_contradictions() {
-    // Each of 30 places is observed twice, 1e-10 apart or at the very same point, by a method whose
-    // variance of 0.09 nobody told.
+    // Each of 30 places is observed twice, 1e-10 apart or at the very same point, with noise of
+    // variance 0.09 that the data do not state.
     let mut rng = stream(31, Purpose::Test, 0, 0);
     for away in [1e-10, 0.0] {
         let once = Sample::smooth(60, 2, 0.0);
@@ -119,7 +119,7 @@ fn an_estimated_nugget_explains_contradictions() {
 
 #[test]
 fn the_scatter_of_repeated_observations_informs_the_nugget() {
-    // Unequal known noise, repeated points: the dense formulas know nothing of merging.
+    // Unequal known noise, repeated points: the dense formulas do not merge.
     let mut indices: Vec<usize> = (0..25).collect();
     indices.extend([4, 4, 9, 9, 9, 13]);
     let mut sample = Sample::smooth(25, 2, 0.05).pick(&indices);
@@ -186,7 +186,7 @@ fn duplicates_whose_tiny_noise_cannot_explain_them_are_named() {
     for x in [[0.5, 0.5], [0.2, 0.8]] {
         assert!((model.mean(&x) - same.mean(&x)).abs() < 1e-4);
     }
-    // What the noise permits is not named.
+    // A difference that the noise permits gives no warning.
     let honest = doubled(0.04, 0.0, 0.6);
     let model = fit(&honest.data(), &FitOptions::default()).unwrap();
     assert_eq!(contradictory(&model), None);
@@ -201,7 +201,7 @@ fn noisy_observations_may_contradict_an_exact_one() {
         let model = fit(&sample.data(), &FitOptions::default()).unwrap();
         assert_eq!(contradictory(&model).is_some(), contradicts, "{off}");
         let at = model.mean(sample.row(7)) - sample.y[7];
-        // Believed exactly, or between both.
+        // The exact observation is reproduced, or the model lies between the two.
         assert_eq!(at.abs() < 1e-6, !contradicts, "{off}: {at}");
     }
 }

@@ -35,7 +35,7 @@ fn noisy_duplicates_count_one_by_one() {
             distinct: 25
         }
     );
-    // The dense formulas know nothing of merging.
+    // The dense formulas do not merge.
     let dense = Dense::new(model.kernel(), &sample, model.parameters());
     let error = model.negative_log_likelihood() - dense.negative_log_likelihood();
     assert!(error.abs() < 1e-8, "{error}");
@@ -108,13 +108,13 @@ fn pure_noise_is_called_by_its_name() {
         w,
         Warning::NoStructure { .. }
     )));
-    // The same scatter, wrongly said to be exact.
+    // The same scatter, wrongly declared exact.
     sample.noise.fill(0.0);
     assert!(has(&fitted(&sample), |w| matches!(
         w,
         Warning::NoStructure { .. }
     )));
-    // A function is not taken for noise.
+    // A function is not mistaken for noise.
     assert!(!has(&fitted(&Sample::smooth(80, 3, 0.05)), |w| matches!(
         w,
         Warning::NoStructure { .. }

@@ -88,7 +88,7 @@ fn interpolates_as_the_noise_vanishes() {
         );
         previous = miss;
     }
-    // Without noise what is left is rounding, times a condition of up to 1e8.
+    // Without noise only rounding is left, times a condition of up to 1e8.
     assert!(previous < 1e-7, "{previous}");
 }
 

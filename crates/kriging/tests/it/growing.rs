@@ -59,7 +59,7 @@ fn a_repeated_point_is_merged() {
     let mut new = Sample::smooth(8, 3, 0.02);
     new.x[..3].copy_from_slice(old.row(7));
     new.x[3..6].copy_from_slice(old.row(7));
-    // Within their noise: what contradicts the model's observation is not merely averaged.
+    // Within their noise, because contradictory observations are not merely averaged.
     (new.y[0], new.y[1]) = (old.y[7] + 0.1, old.y[7] - 0.15);
     let longer = model.with_points(&new.data()).unwrap();
     assert_eq!(longer.points(), 46);

@@ -47,7 +47,7 @@ fn score(model: &Model) -> (f64, f64) {
 #[test]
 fn matern52_reaches_the_likelihood_of_established_libraries() {
     let model = fit(&train().data(), &FitOptions::default()).unwrap();
-    // They print one decimal.
+    // The libraries print one decimal.
     let nll = model.negative_log_likelihood();
     assert!((nll - 990.7).abs() < 0.05, "{nll}");
     assert!(model.warnings().is_empty());

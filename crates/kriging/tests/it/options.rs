@@ -62,7 +62,7 @@ fn a_plane_is_extrapolated_and_a_degenerate_one_is_refused() {
     assert!((model.parameters().slopes[0] - 2.0).abs() < 0.025);
     assert!((model.mean(&[3.0, -2.0]) - plane(&[3.0, -2.0])).abs() < 0.1);
 
-    // All points on a line: two slopes cannot be told apart.
+    // All points on a line: two slopes cannot be distinguished.
     sample.x.chunks_mut(2).for_each(|x| x[1] = 0.5 * x[0]);
     assert!(matches!(
         fit(&sample.data(), &linear()),
@@ -99,7 +99,7 @@ fn a_hidden_nugget_is_found() {
     assert!((nugget - 0.05).abs() < 0.012, "{nugget}");
     assert!(model.negative_log_likelihood() < without.negative_log_likelihood() - 10.0);
 
-    // Where the noise is all known, hardly any is added.
+    // When all noise is known, hardly any is added.
     let honest = Sample::smooth(250, 2, 0.05);
     let nugget = fit(&honest.data(), &options).unwrap().parameters().nugget;
     assert!(nugget < 0.012, "{nugget}");
@@ -168,7 +168,7 @@ fn calibration_does_not_narrow_the_intervals_of_few_points() {
         assert!((ratio / model.calibration() - 1.0).abs() < 1e-9);
         wider += usize::from(ratio > 1.0);
     }
-    // Widening is not held back.
+    // A factor above 1 needs no such confidence.
     assert!(wider > 0);
 }
 

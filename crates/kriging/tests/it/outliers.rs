@@ -99,7 +99,7 @@ fn no_more_than_ten_are_listed() {
         .collect::<String>();
     assert!(text.contains("and 2 more"), "{text}");
     assert_eq!(model.leave_one_out().outliers().len(), 12);
-    // The warning survives the model's way through a file.
+    // The warning is stored with the model.
     let again = read(&written(model.clone())).unwrap();
     assert_eq!(again.warnings(), model.warnings());
 }

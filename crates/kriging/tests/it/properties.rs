@@ -1,4 +1,4 @@
-//! What holds for every data set: variances, shifts, permutations, further points.
+//! Properties that hold for every data set: variances, shifts, permutations, further points.
 
 use kriging::{FitOptions, Kernel, Model, Trend, fit};
 use proptest::prelude::*;

@@ -68,7 +68,7 @@ fn cube(n: usize, d: usize, seed: u64) -> Vec<f64> {
     (0..n * d).map(|_| rng.random()).collect()
 }
 
-/// Uniform noise of the given variance, enough like any other.
+/// Adds uniform noise of the given variance; the distribution does not matter here.
 fn noisy(value: f64, variance: f64, rng: &mut impl rand::Rng) -> f64 {
     value + (12.0 * variance).sqrt() * (rng.random::<f64>() - 0.5)
 }
@@ -302,18 +302,18 @@ fn one_gross_outlier() {
         let squares: f64 = points.iter().map(|row| (row[2] - mean).powi(2)).sum();
         (squares / points.len() as f64).sqrt()
     };
-    // With a nugget the error is noise, and the model no worse than a constant but for that noise's
-    // share, 50/120 = 0.4, in the mean. An interpolation passes through the error, and the likelihood is
-    // highest for a model that follows it along a strip: a hundredth of the area, off by up to 50, is
-    // 50 √0.01 = 5 at most.
+    // With a nugget the error is taken for noise, and the model is no worse than a constant, apart
+    // from the error's share in the mean, 50/120 = 0.4. Without one the model passes through the
+    // error, and the likelihood is highest for a model that follows it along a strip: a hundredth
+    // of the area, off by up to 50, is 50 √0.01 = 5 at most.
     for (nugget, limit) in [(false, 5.0), (true, constant + 0.4)] {
         let options = FitOptions {
             nugget,
             ..FitOptions::default()
         };
         let model = fit(&sample.data(), &options).unwrap();
-        // It is pointed out, and the model without it is as good as if it had never been there. An
-        // interpolation through the error takes a point beside it for another.
+        // The error is reported. A model that passes through it may report one point beside it,
+        // too.
         let outliers = model.leave_one_out().outliers();
         assert!(outliers.contains(&57), "{outliers:?}");
         assert!(outliers.len() <= if nugget { 1 } else { 2 }, "{outliers:?}");
@@ -388,7 +388,7 @@ fn mostly_infeasible_at_a_penalty() {
     // The cliff of 100 lies within 0.02 of some 4 % of the points: 100 √0.04/2 is 10.
     assert!(rmse < 10.0, "{rmse}");
     let far: Vec<Vec<f64>> = points.into_iter().filter(|row| row[0] > 0.5).collect();
-    // Away from it only what the cliff leaves of the ranges rings on.
+    // Away from the cliff, only its effect on the ranges remains.
     assert!(score(&model, &far).0 < 4.0);
 }
 

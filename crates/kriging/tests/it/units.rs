@@ -1,4 +1,4 @@
-//! Numbers at the ends of what an f64 holds, and noise of which one variance dwarfs all others.
+//! Numbers at the limits of an f64, and one noise variance far above all others.
 
 use kriging::{Error, FitOptions, Model, VecchiaOptions, fit, fit_vecchia};
 
@@ -22,7 +22,8 @@ fn units_at_the_ends_of_f64_give_the_right_model_or_an_error() {
     ] {
         for (of_x, of_y) in [(unit, 1.0), (1.0, unit)] {
             let mut hard = scaled(&sample, of_x, of_y);
-            // Where the square overflows the noise is left out, which is for the units to refuse.
+            // If the square of the unit overflows, the noise is left out; the fit is to refuse the
+            // unit itself.
             if hard.noise.iter().any(|v| !v.is_finite()) {
                 hard.noise.fill(0.0);
             }
@@ -75,7 +76,7 @@ fn one_huge_noise_variance_among_small_ones_is_ignored() {
         sample.noise[11] = 1e12;
         sample.y[11] += off;
         let model = fit(&sample.data(), &FitOptions::default()).unwrap();
-        // That observation tells nothing: the model is that of the others.
+        // That observation carries no information: the model is that of the others.
         let (with, best) = (error(&model), error(&without));
         assert!((with / best - 1.0).abs() < 1e-2, "{off}: {with} {best}");
         let sigma2 = model.parameters().sigma2 / without.parameters().sigma2;

@@ -174,7 +174,7 @@ fn the_method_is_chosen_by_its_name_and_by_the_number_of_points() {
     ));
 }
 
-/// A model of ln y is that of the logarithms, told in units of y.
+/// A model of ln y is that of the logarithms, converted to units of y.
 #[test]
 fn the_logarithm_is_modelled() {
     let mut sample = Sample::smooth(80, 2, 0.0);
@@ -215,7 +215,7 @@ fn the_logarithm_is_modelled() {
     ));
 }
 
-/// What finds no dependence on x is refused where that is asked for, whatever the method.
+/// Either method refuses, on demand, a model without dependence on x.
 #[test]
 fn noise_has_no_structure_for_neighbours_either() {
     let mut sample = Sample::smooth(80, 2, 0.01);

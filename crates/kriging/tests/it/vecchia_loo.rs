@@ -18,8 +18,8 @@ fn residuals_are_those_of_predictions_without_the_point() {
     let loo = model.leave_one_out();
     let text = written(model.clone());
     for i in [0, 17, 150] {
-        // The same model without the point, by way of its file: the observation gets so much noise
-        // that it tells nothing. It takes one of the 60 places.
+        // The same model without the point, made from its file: the observation gets so much noise
+        // that it carries no information. It still takes one of the neighbours' places, hence 61.
         let mut value: serde_json::Value = serde_json::from_str(&text).unwrap();
         let firsts = value["model"]["first_observation"].as_array().unwrap();
         let place = firsts.iter().position(|f| *f == i).unwrap();

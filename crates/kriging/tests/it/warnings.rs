@@ -1,4 +1,4 @@
-//! What a fit has to say of its parameters.
+//! Warnings of a fit about its parameters.
 
 use kriging::{FitOptions, Model, Surrogate, VecchiaOptions, Warning, fit, fit_vecchia};
 use rand::RngExt as _;

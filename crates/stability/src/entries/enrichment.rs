@@ -135,7 +135,7 @@ impl Scene {
         });
     }
 
-    /// The mean of so many noisy observations of design `number`, and its variance.
+    /// The mean of `samples` noisy observations of design `number`, and its variance.
     fn observe(&self, x: &[f64], number: usize, samples: u32) -> (f64, f64) {
         let mut rng = stream(24, Purpose::Test, number as u64, 1);
         let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
@@ -151,7 +151,7 @@ impl Scene {
         decide(state, options, &|x: &[f64]| Some((self.violation)(x)))
     }
 
-    /// Does what a round asks for.
+    /// Carries out the observations that a round asks for.
     fn carry_out(&self, state: &mut State, decision: &Decision) {
         for infill in &decision.infill {
             match infill {

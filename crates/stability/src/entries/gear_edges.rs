@@ -100,7 +100,7 @@ fn contact_ratio_one(found: &mut Outcome) -> Result<(), Failed> {
         Ok(pair) => pair.geometry().eps_alpha,
         Err(_) => 0.0,
     };
-    // The last cut that still hands over.
+    // The largest cut with which the teeth still hand over.
     let (mut low, mut high) = (0.0, 4.0);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);

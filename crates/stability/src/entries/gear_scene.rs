@@ -1,4 +1,4 @@
-//! What the entries of gear pairs share.
+//! Helpers that the entries of gear pairs share.
 
 use campaign::Campaign;
 use campaign::file::GearLimits;

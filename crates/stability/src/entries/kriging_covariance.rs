@@ -67,7 +67,7 @@ fn condition_number(kernel: Kernel, n: usize, spacing: f64, nugget: f64) -> f64 
         kernel.correlation(&[steps * spacing]) + own
     });
     let eigenvalues = matrix.symmetric_eigenvalues();
-    // An eigenvalue below rounding says that the condition number is beyond what an f64 can tell.
+    // An eigenvalue below rounding means that an f64 cannot resolve the condition number.
     eigenvalues.max() / eigenvalues.min().max(f64::EPSILON * 1e-2)
 }
 
@@ -117,7 +117,7 @@ fn condition(found: &mut Outcome) -> Result<(), Failed> {
         ("condition number", Scale::Log),
         curves,
     );
-    // What the library does with such data.
+    // The library's behaviour with such data.
     let x = grid(n);
     let y: Vec<f64> = x.iter().map(|x| (3.0 * x).sin()).collect();
     let model = model(&x, 1, &y, 0.0, &kernel(Kernel::SquaredExponential))?;

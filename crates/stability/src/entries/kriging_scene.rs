@@ -1,4 +1,4 @@
-//! What the entries of kriging share.
+//! Helpers that the entries of kriging share.
 
 use kriging::{Data, Error, FitOptions, Kernel, Model, fit};
 use rand::RngExt as _;

@@ -1,4 +1,4 @@
-//! Leases of what crashes or fails.
+//! Leases of designs that crash or fail.
 
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! What the entries of leases share.
+//! Helpers that the entries of leases share.
 
 use std::time::Duration;
 
@@ -28,7 +28,8 @@ pub(super) fn wanted(stream: StreamId, generation: u64, samples: u32) -> Wanted<
     }
 }
 
-/// A ledger that wants samples of designs, and these workers; each lease has one design.
+/// A ledger that needs `samples` samples of each design, with these workers; each lease has one
+/// design.
 pub(super) fn ledger(designs: u32, samples: u32, workers: &[WorkerId]) -> Ledger<()> {
     let options = Options {
         bundle: false,
@@ -87,7 +88,7 @@ pub(super) fn failure_of(grant: &Grant<()>) -> Delivery {
     }
 }
 
-/// A heartbeat for a lease that has begun; the leases that are no longer needed.
+/// Sends a heartbeat for a lease that has begun. Returns the leases that are no longer needed.
 pub(super) fn beat(
     ledger: &mut Ledger<()>,
     worker: &WorkerId,
@@ -97,14 +98,14 @@ pub(super) fn beat(
     ledger.heartbeat(worker, &[(id, true)], now)
 }
 
-/// Records leases that ran out after they had begun.
+/// Records leases that expired after their job had started.
 pub(super) fn vanished(found: &mut Outcome, vanished: &[Vanished]) {
     if let Some(one) = vanished.first() {
         found.named(variant(one));
     }
 }
 
-/// Records what the coordinator answers to `coordinator explain`.
+/// Records the answers of the coordinator to `coordinator explain`.
 pub(super) fn explained(found: &mut Outcome, ledger: &Ledger<()>, now: Duration) {
     for explanation in ledger.explain(now) {
         found.detected(variant(&explanation), &explanation);

@@ -66,7 +66,7 @@ pub(super) const ENTRIES: [Entry; 6] = [
     },
 ];
 
-/// What a sample of the simulated campaign takes.
+/// Time of a sample in the simulated campaign.
 const SAMPLE_SECONDS: f64 = 0.5;
 
 /// A worker of the simulation.
@@ -98,7 +98,7 @@ fn campaign_with_pauses(pause: f64) -> Result<[f64; 3], Failed> {
                 if is_needed && now < worker.done_at {
                     continue;
                 }
-                // A lease that is no longer needed is dropped with what was computed of it.
+                // A lease that is no longer needed is dropped, with its computed samples.
                 computed += samples_of(grant);
                 if is_needed {
                     let mut delivery = all_of(grant);
@@ -191,7 +191,7 @@ fn replaced_worker(found: &mut Outcome) -> Result<(), Failed> {
     ledger.deliver(&a, first.lease, &all_of(&first), late);
     let cancelled = beat(&mut ledger, &b, second.lease, late);
     found.holds("the other is told to stop", cancelled == [second.lease]);
-    // What it brings all the same is compared with what is stored.
+    // Its late samples are compared with those stored.
     found.holds(
         "a copy is accepted for comparison",
         ledger.accept(&units(&second)[0]) == Accepted::Yes,

@@ -1,4 +1,4 @@
-//! What the entries of CMA-ES share.
+//! Helpers that the entries of CMA-ES share.
 
 use cmaes::{
     Bounds, Cause, Error, Evaluation, Options, Outcome as Found, Restarts, RunOptions, Stop,
@@ -30,7 +30,7 @@ pub(super) fn run<E: Into<Evaluation>>(
 
 pub(super) const FROM_BEST: Restarts = Restarts::FromBest { planned: 0 };
 
-/// Records why searches of a run stopped.
+/// Records the reasons why searches of a run stopped.
 pub(super) fn stops(found: &mut Outcome, run: &Found, expected: &[&str]) {
     let stops: Vec<Stop> = run
         .restarts

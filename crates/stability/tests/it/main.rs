@@ -76,7 +76,7 @@ fn an_entry_finds_the_same_every_time() {
         let entries = entries();
         let entry = entries.iter().find(|entry| entry.id == id).expect(id);
         let [first, second] = [entry.run(), entry.run()];
-        // As text, in which a figure that is not a number equals itself.
+        // Compared as text, in which a NaN equals itself.
         let text = |outcome: &Outcome| format!("{:?}", outcome.figures());
         assert_eq!(text(&first), text(&second), "{id}");
     }

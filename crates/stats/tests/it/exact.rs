@@ -68,8 +68,8 @@ fn moments_agree_with_simulation() {
     let count = repeats as f64;
     let variance = squares / count - (plain / count).powi(2);
     let exact = exact_p90_variance(1.0, k, EXACT_Z90).unwrap();
-    // Standard errors: of a mean √(0.32/200 000) = 0.0013, of a variance 0.32 √(2/200 000) = 0.001;
-    // four of them.
+    // Standard errors: of a mean √(0.32/200 000) = 0.0013, of a variance 0.32 √(2/200 000) = 0.001.
+    // The tolerances are four of them.
     assert!((variance - exact).abs() < 0.004, "{variance} {exact}");
     assert!((promised / count - exact).abs() < 0.004);
     let bias = EXACT_Z90 * sd_bias(1.0, k).unwrap();

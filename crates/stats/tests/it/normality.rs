@@ -31,7 +31,7 @@ fn normal_samples_are_rejected_at_the_nominal_rate() {
         (500, 0.05),
     ] {
         let rate = rejections(10 + n as u64, n, level, normal);
-        // Three simulation errors and 3 % for the approximation of the p-value.
+        // Three simulation errors, plus 3 % for the approximation of the p-value.
         let tolerance = 3.0 * (level * (1.0 - level) / 20_000.0).sqrt() + 0.03 * level;
         assert!(
             (rate - level).abs() < tolerance,

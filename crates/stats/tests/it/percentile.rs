@@ -39,7 +39,7 @@ fn the_estimate_is_mean_plus_z_sd() {
     assert!((p.variance - 2.5 * (0.2 + 0.8192 * (1.0 - 0.5_f64.sqrt()))).abs() < 1e-14);
 }
 
-/// (14) is a first-order expansion: the true variance of m + 1.28 s over many samples is the judge.
+/// Compares (14), a first-order expansion, with the variance of m + 1.28 s over many samples.
 #[test]
 fn variance_and_interval_agree_with_simulation() {
     let (k, repeats) = (30, 40_000);
@@ -59,12 +59,12 @@ fn variance_and_interval_agree_with_simulation() {
     let count = repeats as f64;
     let variance = squares / count - (sum / count).powi(2);
     let formula = p90_variance(1.0, k, PAPER_Z90).unwrap();
-    // Simulation error √(2/40000) = 0.7 %, three of them; the expansion itself is within 1 %.
+    // Three simulation errors of √(2/40000) = 0.7 %; the expansion itself is within 1 %.
     assert!(
         (variance / formula - 1.0).abs() < 0.03,
         "{variance} against {formula}"
     );
-    // Three simulation errors of 0.15 %, and the documented shortfall of 0.1 %.
+    // Three simulation errors of 0.15 %, plus the documented 0.1 % of missing coverage.
     let coverage = covered as f64 / count;
     assert!((coverage - 0.9).abs() < 0.006, "{coverage}");
 }

@@ -40,7 +40,7 @@ fn harrell_davis_weights_are_integrals_of_the_beta_density() {
     );
 }
 
-/// On exponential samples each estimator's bias is what its definition says.
+/// On exponential samples each estimator's bias follows from its definition.
 #[test]
 fn order_statistics_serve_where_samples_are_skewed() {
     let (truth, repeats, n) = (10.0_f64.ln(), 4000, 100);
@@ -59,7 +59,8 @@ fn order_statistics_serve_where_samples_are_skewed() {
     }
     let bias = sums.map(|sum| sum / repeats as f64 - truth);
     // The standard deviation of a P90 here is 0.3, that of a mean of 4000 of them 0.005. Harrell
-    // and Davis's estimator averages over ranks worth about 1/(0.1 n) = 0.1. The normal one has −0.02 (1 + 1.28 − ln 10) for ever.
+    // and Davis's estimator averages over ranks worth about 1/(0.1 n) = 0.1. The normal estimator
+    // keeps the bias 1 + 1.28 − ln 10 = −0.02 for any number of samples.
     assert!((bias[0] - (2.28 - truth)).abs() < 0.025, "{bias:?}");
     assert!(bias[1].abs() < 0.08, "{bias:?}");
     // The jackknife is known to be conservative, by a tenth or so.
@@ -67,7 +68,7 @@ fn order_statistics_serve_where_samples_are_skewed() {
     assert!((0.85..1.3).contains(&ratio), "{ratio}");
 }
 
-/// Harrell and Davis's estimator of samples drawn again and again from the sample itself.
+/// Compares the bootstrap variance of Harrell and Davis's estimator with actual resampling.
 #[test]
 fn harrell_and_daviss_bootstrap_variance_is_that_of_resampling() {
     let n = 30;
@@ -88,7 +89,7 @@ fn harrell_and_daviss_bootstrap_variance_is_that_of_resampling() {
     }
     let count = f64::from(repeats);
     let variance = squares / count - (sum / count).powi(2);
-    // Relative standard error of the simulated variance about √(2/20 000) = 1 %; five of them.
+    // Five relative standard errors of the simulated variance, each about √(2/20 000) = 1 %.
     assert!(
         (variance / exact.variance - 1.0).abs() < 0.05,
         "{variance} {}",
@@ -96,7 +97,8 @@ fn harrell_and_daviss_bootstrap_variance_is_that_of_resampling() {
     );
 }
 
-/// One order statistic has its variance from the incomplete beta function alone: another way.
+/// The bootstrap variance of one order statistic also follows from the incomplete beta function
+/// alone.
 #[test]
 fn one_order_statistic_has_the_same_bootstrap_variance_both_ways() {
     for n in [10_usize, 37, 200, 1000] {
@@ -128,7 +130,7 @@ fn one_order_statistic_has_the_same_bootstrap_variance_both_ways() {
     }
 }
 
-/// What the variance is for: the scatter of the estimate over verification samples.
+/// Compares the bootstrap variance with the scatter of the estimate over independent samples.
 #[test]
 fn the_bootstrap_variance_is_near_the_true_one() {
     let (repeats, n) = (2000, 60);
@@ -146,7 +148,7 @@ fn the_bootstrap_variance_is_near_the_true_one() {
     let count = repeats as f64;
     let variance = squares / count - (sum / count).powi(2);
     let ratio = promised / count / variance;
-    // Both sides are known to about 3 %; the bootstrap of a quantile is known to be off by a tenth.
+    // Both sides are known to about 3 %; the bootstrap of a quantile is known to err by a tenth.
     assert!((0.85..1.2).contains(&ratio), "{ratio}");
 }
 
@@ -167,7 +169,7 @@ fn the_rule_follows_normality() {
             rejected += 1;
         }
     }
-    // Binomial: 50 ± 7; four of those.
+    // Binomial: 50 ± 7, with a tolerance of four standard deviations.
     assert!((22..78).contains(&rejected), "{rejected}");
 
     let mut rng = stream(34, Purpose::Test, 0, 0);
@@ -202,8 +204,8 @@ fn the_rule_follows_normality() {
     assert!(harrell_davis_p90(&[f64::NAN; 12]).is_err());
 }
 
-/// Estimates at another level, of normal and of exponential samples: where they are, and that they
-/// scatter as much as they say.
+/// Estimates at other levels, of normal and exponential samples, lie near the truth and scatter by
+/// their stated variance.
 #[test]
 fn every_level_has_its_percentile_and_its_variance() {
     let (repeats, n) = (2000, 120);
@@ -242,10 +244,11 @@ fn every_level_has_its_percentile_and_its_variance() {
         let truth = [z, -(1.0 - level).ln()];
         for ([mean, square, stated], truth) in rows.into_iter().zip(truth) {
             let scatter = square - mean * mean;
-            // Bootstrap means lean outwards in a skewed tail, by less than half of their own scatter.
+            // Bootstrap means are biased outwards in a skewed tail, by less than half of their own
+            // scatter.
             let bias = (mean - truth).abs() / scatter.sqrt();
             assert!(bias < 0.5, "{level}: {mean} for {truth}");
-            // The jackknife of a far order statistic leans upwards.
+            // The jackknife overestimates the variance of a far order statistic.
             let ratio = stated / scatter;
             assert!((0.8..1.7).contains(&ratio), "{level}: {ratio}");
         }

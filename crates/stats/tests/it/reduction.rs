@@ -17,7 +17,7 @@ fn moments(values: &[f64]) -> (f64, f64) {
 }
 
 const REPEATS: usize = 20_000;
-/// Standard error of a variance from that many normal repetitions, relative: √(2/20 000) = 1 %.
+/// Relative standard error of a variance from [`REPEATS`] normal repetitions: √(2/20 000) = 1 %.
 const OF_VARIANCE: f64 = 0.01;
 
 #[test]
@@ -74,7 +74,7 @@ fn a_control_variate_is_unbiased_and_knows_its_variance() {
         let expected = 5.0 + EXACT_Z90 * truth + bias;
         let slack = error(variance) + 0.3 * bias.abs();
         assert!((p90 - expected).abs() < slack, "n {n}: {p90} {expected}");
-        // What it is for: with ρ² = 0.92 at σ_ε = 0.3.
+        // The benefit, with ρ² = 0.92 at σ_ε = 0.3: less than a quarter of the variance.
         if noise == 0.3 && n == 30 {
             let (_, without) = moments(&plain);
             assert!(variance < 0.25 * without, "{variance} {without}");
@@ -96,12 +96,12 @@ fn a_useless_control_costs_little() {
         without.push(mean + 1.28 * variance.sqrt());
     }
     let ratio = moments(&with).1 / moments(&without).1;
-    // One of 30 degrees of freedom.
+    // A useless control costs one of 30 degrees of freedom.
     assert!(ratio < 1.12, "{ratio}");
 }
 
-/// Found in an enrichment: where y does not depend on c, σ̂² came out negative, the percentile was the
-/// mean, and its variance that of a mean. Such designs looked best of all.
+/// Regression test: when y did not depend on c, σ̂² could be negative; the percentile was then the
+/// mean, with the variance of a mean, and an enrichment took such designs for the best.
 #[test]
 fn a_negative_variance_gives_the_plain_percentile() {
     let control = Control { mean: 0.0, sd: 3.0 };
@@ -158,7 +158,7 @@ fn controls_that_cannot_serve_are_refused() {
     ));
 }
 
-/// A response as wear gives it: mostly linear in the coefficients, a little curved.
+/// A response like that of wear: mostly linear in the coefficients, a little curved.
 fn response(x: &[f64]) -> f64 {
     let linear = x[0] + 0.5 * x[1] - 0.3 * x[2] + 0.2 * x[3] + 0.1 * x[4];
     10.0 + linear + 0.15 * x[0] * x[0] + 0.1 * x[1] * x[2]
@@ -205,7 +205,7 @@ fn grouped_coefficients_are_unbiased_and_know_their_variance() {
             (p90 - expected).abs() < slack,
             "{sampling:?}: {p90} {expected}"
         );
-        // The jackknife leans upwards by about 1/R, and scatters by √(2/4000) = 2 %.
+        // The jackknife overestimates by about 1/R, and scatters by √(2/4000) = 2 %.
         let ratio = own / variance;
         let groups = k as f64 / sampling.group() as f64;
         assert!(
@@ -234,7 +234,7 @@ fn coefficients_are_standard_normal_and_named() {
             |sample: u64| normal_coefficients(sampling, 9, Purpose::Test, 3, sample, 12).unwrap();
         let all: Vec<f64> = (0..4000).flat_map(draw).collect();
         let (mean, variance) = moments(&all);
-        // 48 000 numbers, those of a group dependent only in ways that make the error smaller.
+        // 48 000 numbers; the dependence within a group only makes the error smaller.
         assert!(
             mean.abs() < 0.02 && (variance - 1.0).abs() < 0.03,
             "{mean} {variance}"

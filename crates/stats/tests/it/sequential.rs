@@ -32,20 +32,20 @@ fn batches_are_bounded() {
     let rule = rule(0.01, 25, 400);
     assert_eq!(samples_needed(0, f64::NAN, &rule), Ok(25));
     assert_eq!(samples_needed(10, 0.0, &rule), Ok(15));
-    // At most as many again, and never beyond the most.
+    // At most as many again, and never beyond `most`.
     assert_eq!(samples_needed(25, 1.0, &rule), Ok(25));
     assert_eq!(samples_needed(100, 1.0, &rule), Ok(100));
     assert_eq!(samples_needed(390, 1.0, &rule), Ok(10));
     assert_eq!(samples_needed(400, 1.0, &rule), Ok(0));
     assert_eq!(samples_needed(500, 1.0, &rule), Ok(0));
-    // No scatter, no need; a tiny need is still a batch.
+    // Without scatter nothing is needed; the smallest need is still a whole batch.
     assert_eq!(samples_needed(25, 0.0, &rule), Ok(0));
     let near = SequentialRule {
         precision: 0.2,
         ..rule
     };
     assert_eq!(samples_needed(44, 1.0, &near), Ok(25));
-    // A most below the batch wins.
+    // A `most` below the batch takes precedence.
     let small = SequentialRule { most: 8, ..rule };
     assert_eq!(samples_needed(0, 0.0, &small), Ok(8));
     assert_eq!(samples_needed(8, 0.0, &small), Ok(0));
@@ -87,7 +87,7 @@ fn simulate(rule: &SequentialRule, repeats: u64) -> (f64, f64, f64) {
 
 #[test]
 fn stopping_costs_little() {
-    // 0.135 takes 100 samples.
+    // The precision 0.135 takes 100 samples.
     for (batch, excess, bias) in [(25, 1.02, 0.02), (10, 1.04, 0.025)] {
         let (error, off, count) = simulate(&rule(0.135, batch, 1000), 20_000);
         // The error of the standard error is 1/√40 000 = 0.5 %.

@@ -12,11 +12,12 @@ use crate::direct::{self, Corrected, Space};
 use crate::finished::Optimum;
 use crate::simulations::{Answer, Request, Simulations, at_once};
 
-/// Random streams of refined designs and of the DoE's; corrections have the numbers below.
+/// Random streams of refined designs; corrections have lower numbers.
 const REFINED: u64 = 1000;
+/// Random streams of the DoE's designs.
 const OF_DOE: u64 = 1 << 32;
 
-/// How far below the best design's value the tightest limit of a search lies, as a share of it.
+/// Share by which the tightest limit of a search lies below the best design's value.
 const REACH: f64 = 0.15;
 
 /// The second objective.
@@ -76,7 +77,7 @@ impl Against {
     }
 }
 
-/// Where a design comes from.
+/// The origin of a design.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Source {
     /// Design of the DoE with this index.
@@ -100,7 +101,7 @@ impl Source {
 /// A design with both objectives.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Point {
-    /// Where it comes from.
+    /// The origin of the design.
     pub source: Source,
     /// The design.
     pub variables: GearVariables,
@@ -108,7 +109,7 @@ pub struct Point {
     pub criteria: GearCriteria,
     /// P90 from the samples of the campaign, or of the search that found it.
     pub p90: Percentile,
-    /// P90 from verification samples; none where there are none.
+    /// P90 from verification samples; `None` if there are none.
     pub fresh: Option<Percentile>,
     /// Whether no other design is at least as good in both objectives, by verification samples where there
     /// are any.
@@ -121,8 +122,8 @@ impl Point {
     }
 }
 
-/// The designs of a finished campaign's DoE that satisfy every constraint, that on the second
-/// objective aside.
+/// The designs of a finished campaign's DoE that satisfy every constraint except that on the second
+/// objective.
 ///
 /// # Errors
 ///
@@ -232,8 +233,8 @@ fn front_of(points: &[Point], against: Against, p90: fn(&Point) -> f64) -> Vec<u
 ///
 /// # Errors
 ///
-/// Those of the simulations, or a design cannot be simulated again; none of the latter for a store of
-/// this version.
+/// The errors of the simulations, or a design cannot be simulated again; none of the latter for a
+/// store of this version.
 pub fn front_of_doe(
     simulations: Option<&dyn Simulations>,
     problem: &Problem,
@@ -282,7 +283,7 @@ fn verify(
 ///
 /// # Errors
 ///
-/// Those of the simulations.
+/// The errors of the simulations.
 pub fn refine(
     simulations: &dyn Simulations,
     problem: &Problem,
@@ -312,7 +313,8 @@ pub fn refine(
             .rev()
             .find(|&&i| against.of(&known[i].criteria) < limit)
             .map(|&i| problem.unit_point(&problem.free_values(&known[i].variables.into())));
-        // The workers' own limit is the campaign's: a search sorts out what they sample needlessly.
+        // Workers apply the campaign's limit and sample some designs needlessly; the search
+        // discards them.
         let limited = against.limited(problem, limit);
         let number = REFINED + u64::from(number);
         let origin = within.as_ref().map(|unit| &unit[..]);
@@ -336,7 +338,7 @@ pub fn refine(
     verify(simulations, problem, found.into_iter().flatten().collect())
 }
 
-/// Says of each point whether it is on the front of them all, and sorts by the second objective.
+/// Marks the points on the front of all of them, and sorts by the second objective.
 pub fn mark(points: &mut [Point], against: Against) {
     for i in front_of(points, against, Point::judged_um) {
         points[i].on_front = true;
@@ -391,7 +393,7 @@ mod tests {
         ];
         let front = front_of(&points, Against::Pressure, |point| point.p90.value_um);
         assert_eq!(front, [1, 3, 5]);
-        // The root stress of all is the same: one is best.
+        // The root stress is the same for all, so one point is best.
         let front = front_of(&points, Against::RootStress, |point| point.p90.value_um);
         assert_eq!(front, [5]);
     }
@@ -433,7 +435,8 @@ mod tests {
             refine(here, &problem, &base, &known, Against::Pressure, 2).unwrap()
         };
         let found = refine();
-        // By their text: what an interval is not known of is no number, and no number equals itself.
+        // Compared as text, because an unknown end of an interval is NaN, which does not equal
+        // itself.
         assert_eq!(format!("{found:?}"), format!("{:?}", refine()));
         assert_eq!(found.len(), 2);
         // The campaign's own limit, then half of 15 % below the best known design's 1500 MPa.

@@ -10,8 +10,9 @@ use report::PercentileSeries;
 use super::front::{Against, Point, Source};
 use crate::table::{NOTHING, Table, Written, exact, maybe_exact, with_interval, write};
 
-/// Writes `pareto.csv`, `pareto.md` and `pareto.svg` into `out`; returns what it wrote. `all` are the
-/// designs behind the front of the DoE, `marked` what [`super::mark`] has seen, after so many `searches`.
+/// Writes `pareto.csv`, `pareto.md` and `pareto.svg` into `out`; returns what it wrote. `all` are
+/// the designs behind the front of the DoE, `marked` those that [`super::mark`] has marked, after
+/// `searches` searches.
 ///
 /// # Errors
 ///

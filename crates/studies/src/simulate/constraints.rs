@@ -1,9 +1,9 @@
-//! What a pair is held against, as programs read it.
+//! The constraints of a pair, in the form for programs.
 
 use campaign::formulation::Constraint;
 use serde::{Serialize, Serializer};
 
-/// A constraint as programs read it.
+/// A constraint in the form for programs.
 #[derive(Serialize)]
 struct Row<'a> {
     name: &'a str,

@@ -12,19 +12,19 @@ use stats::streams::{Purpose, stream};
 use super::{Figures, Request, Simulation, WearChoice, text};
 use crate::table::{self, Table, exact};
 
-/// Random wear profiles on the page.
+/// Number of random wear profiles on the page.
 const WEAR_PROFILES: u64 = 10;
 
-/// Where the page of a pair comes from.
+/// The subject of a page: a pair and its simulation.
 #[derive(Debug, Clone, Copy)]
 pub struct Subject<'a> {
-    /// What the pair is called.
+    /// The pair's name.
     pub title: &'a str,
     /// The version of the program, for the page's end.
     pub program_version: &'a str,
     /// The pair file.
     pub file: &'a PairFile,
-    /// What was simulated.
+    /// The simulation requested.
     pub request: Request,
 }
 
@@ -62,7 +62,7 @@ pub fn write_page(
     Ok(Some(out.join("pair.html")))
 }
 
-/// The curves of a pair: unworn, and with the wear that was asked for.
+/// The curves of a pair: unworn, and with the requested wear.
 struct Curves {
     ste: SteCurves,
     /// Places on the path of contact, mm from the pinion's base tangent point.

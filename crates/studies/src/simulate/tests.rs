@@ -54,7 +54,7 @@ fn a_sound_pair_holds_the_default_constraints() {
     assert!(describe(&sound).ends_with("feasible: all 6 constraints hold\n"));
 }
 
-/// The class acts on random flanks alone, and says what the scatter has and has not.
+/// The class acts on random flanks only, and the text says which scatter it includes.
 #[test]
 fn a_flank_class_scatters_random_samples_and_is_named() {
     let text = format!("{PAIR}[manufacture]\nflank_class = 6\n");
@@ -111,7 +111,7 @@ fn every_limit_of_the_file_is_held_against_its_figure() {
     let figures = |simulation: &Simulation| simulation.figures.clone().unwrap();
     let sound = figures(&simulated(PAIR));
     let module = sound.normal_module_mm;
-    // Limits 1 % on the good and on the bad side of the figure.
+    // Limits 1 % above and below the figure.
     for (key, value, largest, names) in [
         (
             "contact_ratio_min",

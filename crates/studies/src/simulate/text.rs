@@ -6,7 +6,7 @@ use campaign::formulation::Constraint;
 
 use super::{ContactRatio, Figures, Simulation};
 
-/// The simulation for people.
+/// The simulation as text.
 #[must_use]
 pub fn describe(simulation: &Simulation) -> String {
     let Some(figures) = &simulation.figures else {

@@ -127,7 +127,10 @@ async fn whole(
     };
     if !status.success() {
         let log = std::fs::read_to_string(path("log"))?;
-        bail!("a campaign of {} designs ended with {status}:\n{log}", campaign.doe.designs);
+        bail!(
+            "a campaign of {} designs ended with {status}:\n{log}",
+            campaign.doe.designs
+        );
     }
     let store = Store::open_read_only(&path("campaign.db")).await?;
     let mut ended = Vec::new();
@@ -162,7 +165,10 @@ async fn run(own: &Campaign, out: &Path, load: &Load) -> anyhow::Result<Ran> {
                 timeout: Duration::from_secs(60),
                 files: None,
             };
-            (Campaign::parse("the sleeping campaign", SLEEPING)?, Some(exec))
+            (
+                Campaign::parse("the sleeping campaign", SLEEPING)?,
+                Some(exec),
+            )
         }
     };
     let problem = Arc::new(Problem::new(campaign));
