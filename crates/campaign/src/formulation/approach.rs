@@ -7,8 +7,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Approach {
-    /// 1) Minimises the response of the nominal design: for a gear pair, ΔSTE without wear, over
-    /// all its variables.
+    /// 1) Minimises the nominal response (for a gear pair, ΔSTE without wear) over all variables.
     #[serde(rename = "no-wear")]
     Nominal,
     /// 2) Minimises the response without random effects: for a gear pair, ΔSTE with Archard's wear.

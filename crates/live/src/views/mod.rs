@@ -1,5 +1,6 @@
-//! The views of the page, as objects with a `schema_version`. The status is that of `coordinator
-//! status`.
+//! The views of the page, as objects with a `schema_version`.
+//!
+//! The status is that of `coordinator status`.
 
 mod best;
 mod chart;

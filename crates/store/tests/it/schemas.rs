@@ -1,8 +1,8 @@
 //! Stores of earlier schemas are migrated with all their rows.
 //!
 //! The program whose newest schema was N made `tests/fixtures/schema-N.db`, with the rows below.
-//! Before a migration is added, make the fixture of the present schema with `cargo test -p store
-//! --test it -- --ignored makes_the_fixture`.
+//! Before a migration is added, make the fixture of the present schema with
+//! `cargo test -p store --test it -- --ignored makes_the_fixture`.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
