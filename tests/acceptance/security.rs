@@ -491,8 +491,8 @@ fn programs_on_one_machine_find_each_other_without_a_word() {
     assert_code(&output, 0);
     assert!(printed(&output).contains("\"finished\":true"));
 
-    // A second coordinator must not take over the first one's file, and two files must not be
-    // confused.
+    // A second coordinator must not take over the first one's file. With two files, a program
+    // without --access cannot choose.
     let again = ["serve", file.to_str().unwrap(), "--db", "d.db"];
     let again = [&again[..], &["--listen", "127.0.0.1:0"]].concat();
     let output = sandbox.coordinator(&again);

@@ -51,7 +51,7 @@ pub struct Found {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunResult {
-    /// The approach that states the problem.
+    /// The approach, which selects the problem formulation.
     pub approach: Approach,
     /// The number of the start, from 0.
     pub start: u32,

@@ -69,7 +69,7 @@ impl Source {
 /// One run of an optimiser.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Run {
-    /// The approach that states the problem.
+    /// The approach, which selects the problem formulation.
     pub approach: Approach,
     /// The number of the start, from 0.
     pub start: u32,
@@ -417,8 +417,8 @@ fn ruled_out(problem: &Problem, criteria: &Criteria, limit: f64) -> Option<Strin
     Some(format!("{RULED_OUT}: {}", broken.join(", ")))
 }
 
-/// The key of the random streams of a design's samples, apart from the sample, and the dependence
-/// between their wear coefficients.
+/// The key of the random streams of a design's samples, apart from the sample, and the scheme by
+/// which their wear coefficients are drawn.
 #[derive(Debug, Clone, Copy)]
 struct Names {
     seed: u64,

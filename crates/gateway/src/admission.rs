@@ -35,7 +35,7 @@ pub(crate) struct Places {
 #[derive(Debug, Default)]
 struct Newcomers {
     arrived: u64,
-    /// The newcomers by order of arrival. A token is cancelled when its newcomer loses its place.
+    /// The newcomers by order of arrival. The value is cancelled when the newcomer loses its place.
     waiting: BTreeMap<u64, CancellationToken>,
 }
 

@@ -36,7 +36,7 @@ impl Default for Dial {
 }
 
 impl Dial {
-    /// Opens connections with `dial`, for example those of a simulated network.
+    /// Makes a [`Dial`] of a function, for example one that dials in a simulated network.
     pub fn new<D, F, S>(dial: D) -> Self
     where
         D: Fn(String, u16) -> F + Send + Sync + 'static,

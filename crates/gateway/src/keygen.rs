@@ -315,7 +315,7 @@ fn private_folder(folder: &Path) -> Result<bool, KeygenError> {
         Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
             for name in FILES {
                 let path = folder.join(name);
-                // A dangling link would be overwritten, too.
+                // A dangling link counts as existing, too.
                 if path.symlink_metadata().is_ok() {
                     return Err(KeygenError::Exists { path });
                 }

@@ -12,7 +12,7 @@ use crate::types::{
 use crate::workers::Worker;
 
 impl<P: Clone> Ledger<P> {
-    // What is wanted.
+    // Streams.
 
     /// Registers a stream that needs samples and returns whether that adds missing samples. Samples
     /// known already keep their state. A new generation replaces the earlier one, whose results are
@@ -64,7 +64,7 @@ impl<P: Clone> Ledger<P> {
         true
     }
 
-    /// Forgets streams, for example when the points they sample were chosen anew. Their results are
+    /// Forgets streams, for example when the points they sample were chosen again. Their results are
     /// no longer accepted, and the workers that compute them are told to stop at their next
     /// heartbeat.
     pub fn forget(&mut self, which: impl Fn(StreamId) -> bool) {
@@ -111,8 +111,8 @@ impl<P: Clone> Ledger<P> {
         self.workers.see(worker, now).is_some()
     }
 
-    /// Records that a worker is leaving: it gets no further leases, and none of its leases counts
-    /// as a crash or a failure against it or its streams.
+    /// Records that a worker is leaving: it gets no further leases, and the crashes and failures of
+    /// those that it still holds do not count.
     pub fn leaves(&mut self, worker: &WorkerId, now: Duration) {
         if let Some(state) = self.workers.see(worker, now) {
             state.is_leaving = true;

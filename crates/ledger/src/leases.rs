@@ -123,13 +123,13 @@ impl<P: Clone> Ledger<P> {
         true
     }
 
-    /// Grants again what is still needed of a lease that expired or predates a restart.
+    /// Grants the units that are still needed of a lease that expired or predates a restart.
     pub(crate) fn take_up(&mut self, id: LeaseId, lease: Lease, now: Duration) -> bool {
         let units = self.needed(&lease.units);
         let rivals: BTreeSet<LeaseId> = units.iter().flat_map(|unit| self.rivals(unit)).collect();
         // If another worker holds these samples, this worker may go on only if it has started and
-        // only two leases share them. Samples of a lease that this worker itself was granted
-        // meanwhile need not be computed again.
+        // only two leases share them. If this worker itself got them again meanwhile and has not
+        // started, that second lease ends.
         for rival in &rivals {
             let Some(other) = self.leases.get(rival) else {
                 continue;

@@ -112,7 +112,7 @@ impl<P: Clone> Ledger<P> {
         self.is_draining
     }
 
-    // What is known.
+    // Queries.
 
     /// The quarantined streams, each with the error that quarantined it.
     pub fn quarantined(&self) -> impl Iterator<Item = (StreamId, &str)> {

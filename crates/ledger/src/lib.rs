@@ -23,7 +23,7 @@
 //!   free ──────────────► leased ────────────────────────────► settled
 //!    ▲ ▲                  │  │                                   ▲
 //!    │ └── waiting ◄──────┘  └────────► quarantined ────────────────┘
-//!    │     after a failure    a failure or a crash too many   what comes late is kept
+//!    │     after a failure    too many failures or crashes    late samples are kept
 //!    └───── released, expired, delivered in part
 //! ```
 //!

@@ -104,7 +104,7 @@ fn modules(
     let shifts = settings[..2].iter().map(|setting| match setting {
         Setting::Free(range) => *range,
         Setting::Fixed(shift) => [*shift; 2],
-        // If the mate's shift follows, the module is given.
+        // A mate's shift follows only if the module is given, which returned above.
         Setting::Tied | Setting::Follows => match settings[0] {
             Setting::Free(range) => range,
             _ => [0.0; 2],
@@ -114,8 +114,8 @@ fn modules(
         [low + range[0], high + range[1]]
     });
     // Larger profile shifts give a smaller module with the same centre distance. The smallest
-    // shifts may have no working pressure angle: as that angle goes to zero, m goes to m(0)/cos
-    // α_t.
+    // shifts may have no working pressure angle. As that angle goes to zero, m goes to
+    // m(0)/cos α_t.
     let tan_transverse = pressure_angle.tan() / helix.cos();
     let largest = module(low).or_else(|_| module(0.0).map(|m| m * tan_transverse.hypot(1.0)));
     Some([module(high).ok()?, largest.ok()?])

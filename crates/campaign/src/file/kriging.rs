@@ -18,7 +18,7 @@ pub struct Kriging {
     /// Whether predictions use all designs or only the nearest ones.
     #[serde(default, skip_serializing_if = "is_default")]
     pub method: Method,
-    /// The likelihood or criterion that the parameters maximise.
+    /// Whether the parameters maximise the likelihood or the posterior.
     #[serde(default, skip_serializing_if = "is_default")]
     pub estimator: Estimator,
     /// The trend of the response.

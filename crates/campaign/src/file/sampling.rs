@@ -35,7 +35,7 @@ pub struct Sampling {
     /// The control variate.
     #[serde(default, skip_serializing_if = "ControlVariate::is_default")]
     pub control: ControlVariate,
-    /// The dependence between the samples' wear.
+    /// The scheme by which the wear of a design's samples is drawn.
     #[serde(default, skip_serializing_if = "WearCoefficients::is_default")]
     pub coefficients: WearCoefficients,
     /// Number of samples in each sequence of quasi-random coefficients; see
@@ -203,7 +203,7 @@ impl Sampling {
         groups.saturating_sub(1).max(1) as f64
     }
 
-    /// The dependence between the samples' wear, as an input of the estimators.
+    /// The scheme by which the wear coefficients of a design's samples are drawn.
     #[must_use]
     pub fn coefficients(&self) -> stats::Sampling {
         match self.coefficients {
