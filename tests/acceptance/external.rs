@@ -461,7 +461,7 @@ fn numbers_that_cannot_be_are_refused_and_the_mended_simulator_goes_on() {
     assert!(!said.contains(refused), "{said}");
 }
 
-/// The worker is suspended three times for longer than a lease, in the middle of a sample that
+/// The worker process is paused three times for longer than a lease, in the middle of a sample that
 /// takes even longer. No crash counts, and the sample is stored.
 #[test]
 fn a_long_sample_outlives_three_pauses_of_its_worker() {

@@ -300,7 +300,7 @@ impl<P: Clone> Ledger<P> {
     pub fn next_due(&self, now: Duration) -> Option<Duration> {
         let expiry = self.expiries.first().map(|&(expires, _)| expires);
         let waiting = self.waiting.first().map(|&(until, _)| until);
-        // Leases older than that wait for a worker with an idle slot, not for a time.
+        // Leases older than the patience wait for a worker with an idle slot, not for a time.
         let patience = self
             .patience
             .map_or(SURVEY_PERIOD, |(_, patience)| patience);

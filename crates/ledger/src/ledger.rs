@@ -43,7 +43,7 @@ pub struct Ledger<P> {
     pub(crate) expiries: BTreeSet<(Duration, LeaseId)>,
     /// The leases that share no samples with another lease, oldest first.
     pub(crate) alone: BTreeSet<(Duration, LeaseId)>,
-    /// Expired leases. Their workers may only have been suspended by the operating system.
+    /// Expired leases. Their workers may still be alive, for example on a machine that slept.
     pub(crate) lapsed: BTreeMap<LeaseId, Lease>,
     pub(crate) workers: Workers,
     /// Seconds per weight of delivered work, by kind of stream.

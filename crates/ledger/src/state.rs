@@ -37,7 +37,7 @@ pub(crate) struct Stream<P> {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct GivenUp {
     pub(crate) error: String,
-    /// Whether crashes were the reason. A worker that calls again takes back its crash.
+    /// Whether crashes were the reason. A late delivery takes back the crash of its worker.
     pub(crate) for_crashes: bool,
 }
 

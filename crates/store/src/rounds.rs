@@ -45,8 +45,8 @@ pub struct InfillRow {
     pub violation: f64,
     /// Number of samples to be taken.
     pub samples: u64,
-    /// Whether the point got no samples, as found by a later round: it failed or is [ruled
-    /// out](Self::is_ruled_out).
+    /// Whether the point got no samples, as found by a later round: it failed or is
+    /// [ruled out](Self::is_ruled_out).
     pub failed: bool,
 }
 

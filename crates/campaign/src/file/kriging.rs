@@ -121,8 +121,8 @@ impl Kriging {
         )
     }
 
-    /// The section with those keys at their defaults that only the model depends on. Two campaigns
-    /// that differ only in these keys have the same samples.
+    /// The section with the keys that affect only the model at their defaults. Two campaigns that
+    /// differ only in these keys have the same samples.
     pub(super) fn without_choices(&self) -> Self {
         Self {
             kernel: self.kernel.clone(),

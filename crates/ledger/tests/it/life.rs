@@ -84,7 +84,7 @@ fn the_rest_of_a_partial_result_is_free_at_once() {
 #[test]
 fn three_processes_that_fall_silent_over_a_stream_end_it_and_one_that_only_slept_does_not() {
     let mut ledger = ledger(alone(), 1, 1, &["a", "b", "c"]);
-    // The same worker each time: it was suspended by the operating system and did not crash.
+    // The same worker each time: it slept and did not crash.
     let mut now = at(0.0);
     let mut newest = ledger.lease(&worker("a"), now).unwrap();
     for _ in 0..5 {
