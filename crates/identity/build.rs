@@ -1,4 +1,4 @@
-//! Computes the digest of the sources, and again when one of them changes.
+//! Computes the digest of the sources, and recomputes it when one of them changes.
 
 use std::error::Error;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! Compiles `proto/` with a pure Rust compiler: no `protoc` is needed on the machine.
+//! Compiles `proto/` with a pure Rust compiler, so the machine needs no `protoc`.
 
 use std::path::PathBuf;
 

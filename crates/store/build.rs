@@ -1,5 +1,5 @@
 //! Applies the migrations to a scratch database, against which `sqlx::query!` checks every
-//! statement: nothing has to be installed or running to build the store.
+//! statement. Building the store therefore needs no installed or running database.
 
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -41,7 +41,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         "cargo:rustc-env=DATABASE_URL=sqlite://{}",
         scratch.display()
     );
-    // A user's own SQLX_OFFLINE would make the macros look for a query cache that is not kept.
+    // A `SQLX_OFFLINE` set by the user would make the macros look for a query cache, which the
+    // repository does not keep.
     println!("cargo:rustc-env=SQLX_OFFLINE=false");
     Ok(())
 }

@@ -1,10 +1,10 @@
-//! Bad input gets one clear sentence and its own exit code, and changes nothing.
+//! Invalid input gets one clear sentence and its own exit code, and changes nothing.
 
 use std::net::TcpListener;
 
 use acceptance::{Sandbox, assert_code, errors, free_address, printed, small_campaign};
 
-/// The sentence of a refused command, which must be one line and name every one of `parts`.
+/// Checks that a command is refused with one line that contains all `parts`.
 fn refusal(sandbox: &Sandbox, arguments: &[&str], code: i32, parts: &[&str]) {
     let output = sandbox.coordinator(arguments);
     assert_code(&output, code);
@@ -257,7 +257,7 @@ fn an_unreachable_coordinator_is_named() {
     );
 }
 
-/// Constraints that nothing satisfies, and bounds between which there is no gear.
+/// Constraints that no design satisfies, and bounds that contain no gear pair.
 #[test]
 fn a_campaign_without_a_design_to_sample_is_not_called_valid() {
     let sandbox = Sandbox::new();

@@ -13,14 +13,14 @@ pub(crate) fn digest(sandbox: &Sandbox, db: &str) -> String {
 
 pub(crate) fn export(sandbox: &Sandbox, db: &str, table: &str) -> Vec<Vec<String>> {
     let out = format!("{table}-{db}.csv");
-    // Export refuses to overwrite.
+    // Export does not overwrite files.
     let _ = std::fs::remove_file(sandbox.path(&out));
     assert_code(
         &sandbox.coordinator(&["export", "--db", db, "--table", table, "--out", &out]),
         0,
     );
     let text = std::fs::read_to_string(sandbox.path(&out)).unwrap();
-    // No field of the numeric columns is quoted; reasons may be, and stand in one column.
+    // Numeric columns have no quoted fields. Reasons may be quoted, and are one column each.
     let mut rows = Vec::new();
     for line in text.lines() {
         let mut fields = vec![String::new()];
@@ -61,7 +61,7 @@ fn the_number_of_workers_changes_nothing_in_the_results() {
         );
     }
 
-    // All but the measured CPU time, the last column, agrees for the optima, too.
+    // The optima agree, too, except for the measured CPU time in the last column.
     let strip = |rows: Vec<Vec<String>>| -> Vec<Vec<String>> {
         rows.into_iter()
             .map(|row| row[..row.len() - 1].to_vec())
@@ -73,7 +73,7 @@ fn the_number_of_workers_changes_nothing_in_the_results() {
     optima_are_feasible(&optima);
     report_is_self_contained(&sandbox);
 
-    // A finished campaign, started again, has nothing to do and changes nothing.
+    // A finished campaign that is started again has no work and changes nothing.
     let before = digest(&sandbox, "one.db");
     assert_code(&sandbox.coordinator(&["run", file, "--db", "one.db"]), 0);
     assert_eq!(digest(&sandbox, "one.db"), before);
@@ -99,7 +99,7 @@ fn tables_are_complete(designs: &[Vec<String>]) {
             .iter()
             .filter(|field| field.parse::<f64>().is_ok())
             .count();
-        // A refused design says why and gets no figures and no samples.
+        // A refused design has a reason, and no numbers and no samples.
         assert_eq!(numbers, if row[7] == "1" { 11 } else { 0 }, "{row:?}");
         assert_eq!(row[9] == "0", row[7] == "0", "{row:?}");
         assert_eq!(row[10].is_empty(), row[7] == "1", "{row:?}");

@@ -1,4 +1,4 @@
-//! The soak, as much of it as fits: `cargo run --release -p acceptance --bin chaos` does more.
+//! A short soak; `cargo run --release -p acceptance --bin chaos` runs a longer one.
 
 use acceptance::Sandbox;
 use acceptance::chaos::{Kind, Soak};

@@ -42,7 +42,7 @@ fn kills_of_workers_and_coordinator_leave_no_trace_in_the_samples() {
         "acknowledged samples are gone"
     );
 
-    // The same command continues; the workers have not been told anything.
+    // The same command continues. The workers were not told about the restart.
     let coordinator = place.serve(&[]);
     for (name, process) in [
         ("coordinator", coordinator),
@@ -88,7 +88,7 @@ fn asked_to_end_programs_give_back_what_they_hold() {
     worker.terminate();
     let (status, errors) = worker.finish();
     assert_eq!(status.code(), Some(14), "{errors}");
-    // Its time is up in the middle of the campaign; it leaves in the same good order.
+    // A worker whose time limit ends in the middle of the campaign leaves in the same way.
     assert_code(&place.work(&["--slots", "2", "--max-runtime", "1"]), 14);
     coordinator.terminate();
     let (status, errors) = coordinator.finish();
@@ -103,7 +103,7 @@ fn a_coordinator_that_keeps_serving_sends_workers_home_until_a_signal_comes() {
     let sandbox = Sandbox::new();
     let place = Place::new(&sandbox, &small_campaign(12, 10));
     let coordinator = place.serve(&["--keep-serving"]);
-    // Told that the campaign is finished, a worker leaves by itself.
+    // A worker leaves by itself when it is told that the campaign is finished.
     assert_code(&place.work(&[]), 0);
     let status = sandbox.status(DB).unwrap();
     assert_eq!(status["finished"], true, "{status}");
@@ -121,7 +121,7 @@ fn a_coordinator_that_does_not_answer_cannot_keep_a_worker_that_is_asked_to_leav
     let worker = place.worker(&work);
     place.wait_for_some_samples();
     coordinator.signal("STOP");
-    // By now it holds results that it cannot hand in.
+    // By now the worker holds results that it cannot report.
     std::thread::sleep(Duration::from_secs(2));
     let asked = Instant::now();
     worker.terminate();
@@ -131,7 +131,8 @@ fn a_coordinator_that_does_not_answer_cannot_keep_a_worker_that_is_asked_to_leav
         errors.contains("results that nobody acknowledged"),
         "{errors}"
     );
-    // Seconds of grace, of a last attempt, and of a busy machine; a lost call alone took 20.
+    // The limit allows for the grace period, a last attempt and a busy machine; a lost call alone
+    // took 20 s.
     assert!(
         asked.elapsed() < Duration::from_secs(15),
         "{:?}",

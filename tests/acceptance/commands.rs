@@ -1,4 +1,4 @@
-//! The commands that only look: `simulate`, `check`, `init`, `status`.
+//! The commands that change nothing: `simulate`, `check`, `init`, `status`.
 
 use acceptance::{FIGURE_7, Sandbox, assert_code, errors, printed, small_campaign};
 use serde_json::Value;
@@ -64,7 +64,7 @@ fn simulate_prints_figure_7() {
     ] {
         assert!(number(&unworn, path).is_finite());
     }
-    // The safeties are the material's limits over the nominal stresses.
+    // The safeties are the material's limits divided by the nominal stresses.
     for (safety, stress, limit) in [
         (
             "/iso_6336/root_safety/0",
@@ -80,7 +80,7 @@ fn simulate_prints_figure_7() {
         let product = number(&unworn, safety) * number(&unworn, stress);
         assert!((product / limit - 1.0).abs() < 1e-12);
     }
-    // With the module that followed from the centre distance, the centre distance follows from it.
+    // With the module that resulted from the centre distance, the centre distance results from it.
     let module = number(&unworn, "/normal_module_mm");
     let swapped = FIGURE_7.replace(
         "centre_distance_mm = 110.0",
@@ -142,7 +142,7 @@ fn simulate_says_why_a_pair_cannot_be() {
     assert!(!sandbox.path("none").exists());
 }
 
-/// A pair whose tips are pressed into the mate's root can be simulated, but does not look fine.
+/// A pair whose tips penetrate the mate's root is simulable, but not feasible.
 #[test]
 fn simulate_names_every_broken_constraint() {
     let sandbox = Sandbox::new();

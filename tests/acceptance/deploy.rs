@@ -1,9 +1,9 @@
-//! The service files under `deploy/`, as far as they repeat what the programs say.
+//! Checks that the service files under `deploy/` agree with the programs.
 
 use acceptance::{Sandbox, assert_code, free_address, printed, root, skipped};
 use protocol::exit;
 
-/// What cannot get better by starting the program again.
+/// Exit codes after which a restart cannot help.
 const FINAL_FOR_COORDINATOR: [u8; 8] = [
     exit::USAGE,
     exit::BAD_FILE,
@@ -20,7 +20,7 @@ fn read(name: &str) -> String {
     std::fs::read_to_string(root().join("deploy").join(name)).expect("the file is shipped")
 }
 
-/// The numbers of the line that begins with `key`.
+/// The numbers on the line that begins with `key`.
 fn numbers_of(text: &str, key: &str) -> Vec<u8> {
     let mut lines = text.lines().filter_map(|line| line.strip_prefix(key));
     let (line, another) = (lines.next(), lines.next());
@@ -53,7 +53,7 @@ fn kubernetes_agrees_with_systemd() {
     assert_eq!(of(&[exit::INTERRUPTED]), 1);
 }
 
-/// The words that follow `mark` on its lines.
+/// The word that follows `mark`, for each line that contains it.
 fn words_after<'a>(text: &'a str, mark: &str) -> Vec<&'a str> {
     let rest = text
         .lines()
@@ -65,7 +65,7 @@ fn words_after<'a>(text: &'a str, mark: &str) -> Vec<&'a str> {
     .collect()
 }
 
-/// What a manifest of Kubernetes may get wrong although it is well formed.
+/// Contradictions in Kubernetes manifests that are well formed.
 fn contradictions(manifests: &str, readme: &str) -> Vec<String> {
     let mut wrong = Vec::new();
     for image in words_after(manifests, "image: ") {
@@ -105,7 +105,7 @@ fn manifests_do_not_contradict_each_other() {
         .concat();
     let readme = read("README.md");
     assert_eq!(contradictions(&manifests, &readme), [""; 0]);
-    // A mistake is found.
+    // The check finds mistakes.
     for (from, to) in [
         ("image: pitchline:0.1.0", "image: pitchline:0.2.0"),
         (
@@ -122,7 +122,7 @@ fn manifests_do_not_contradict_each_other() {
         assert_ne!(planted, manifests, "{from}");
         assert!(!contradictions(&planted, &readme).is_empty(), "{from}");
     }
-    // One tag for containers, too.
+    // The container files use the same image tag.
     let compose = read("docker/compose.yaml");
     let images = words_after(&compose, "image: ");
     assert!(
@@ -132,7 +132,7 @@ fn manifests_do_not_contradict_each_other() {
     assert!(read("kubernetes/kustomization.yaml").contains("newTag: 0.1.0"));
 }
 
-/// Runs systemd-analyze; none where it is not installed.
+/// Runs systemd-analyze; `None` if it is not installed.
 fn systemd_analyze(arguments: &[&str]) -> Option<std::process::Output> {
     let output = std::process::Command::new("systemd-analyze")
         .args(arguments)
@@ -163,7 +163,7 @@ fn systemd_takes_the_units_and_they_expose_little() {
             return;
         };
         assert_code(&verified, 0);
-        // In tenths: 10.0 is unconfined.
+        // The threshold is in tenths: 10.0 means unconfined.
         let security = ["security", "--offline=yes", "--threshold=25", file];
         let security = systemd_analyze(&security).expect("it is installed");
         assert!(security.status.success(), "{}", printed(&security));
@@ -204,7 +204,7 @@ fn a_service_manager_hears_when_the_coordinator_is_ready_and_that_it_lives() {
     for _ in 0..3 {
         assert_eq!(hear(), "WATCHDOG=1");
     }
-    // A port that is taken is a failed start, of which nothing is said but the exit code.
+    // If the port is in use, the start fails and only the exit code is reported.
     let other = [
         "serve",
         campaign,

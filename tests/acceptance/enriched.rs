@@ -1,11 +1,12 @@
-//! A campaign with rounds of infill, over the network: who computes, and who dies, changes nothing.
+//! A campaign with rounds of infill over the network gives the same results whichever workers
+//! compute it and crash.
 
 use std::path::PathBuf;
 
 use acceptance::{Sandbox, assert_code, free_address, printed, small_campaign};
 use serde_json::Value;
 
-/// Rounds of five points, each of which takes long enough for a death in the middle of it.
+/// Rounds of five points, each long enough for a crash in the middle of it.
 fn campaign(sandbox: &Sandbox) -> PathBuf {
     let section = "\n[enrichment]\ncriterion = \"expected-quantile-improvement\"\nsamples = 200000\n\
                    rounds = 3\npoints_per_round = 5\nsamples_per_point = 12000\n\
@@ -85,7 +86,7 @@ fn a_coordinator_that_dies_in_the_middle_of_a_round_goes_on_with_it() {
     assert_eq!(optima.len(), 5);
     assert_eq!(optima[4]["approach"], "enriched-kriging");
 
-    // The same points with the same percentiles; of the rounds all but what they cost.
+    // The points and percentiles are the same, and the rounds apart from their costs.
     let points = table(&sandbox, "c.db", "infill");
     for round in ["1", "2", "3"] {
         assert!(points.iter().any(|row| row[1] == round), "{points:?}");
@@ -129,6 +130,6 @@ fn an_enrichment_can_be_added_to_a_campaign_that_has_finished() {
     assert_eq!(after["optima"].as_array().map(Vec::len), Some(5));
     assert_eq!(after["enrichment"]["ended"], true);
     assert_eq!(after["optima"][0], before["optima"][0]);
-    // Without it again, it would be another campaign.
+    // Without the section it would be another campaign.
     assert_code(&run(&plain), 6);
 }

@@ -1,5 +1,5 @@
-//! Campaigns whose designs an external program simulates: the Python example, and variants of it
-//! that fail. Python 3 must be on the path.
+//! Campaigns with an external simulator: the Python example, and variants of it that fail. Python 3
+//! must be on the path.
 
 use std::os::unix::process::ExitStatusExt as _;
 
@@ -13,7 +13,7 @@ fn example(name: &str) -> String {
     std::fs::read_to_string(path).expect("the example is shipped")
 }
 
-/// The example's campaign with `changes`, in the sandbox.
+/// Writes the example's campaign with `changes` to the sandbox.
 pub(crate) fn campaign(sandbox: &Sandbox, changes: &[(&str, &str)]) -> String {
     let mut text = example("campaign.toml");
     for (from, to) in changes {
@@ -23,7 +23,7 @@ pub(crate) fn campaign(sandbox: &Sandbox, changes: &[(&str, &str)]) -> String {
     path(&sandbox.write("campaign.toml", &text))
 }
 
-/// The command that runs the example's program with `changes`, from the sandbox.
+/// The command that runs the example's program with `changes` from the sandbox.
 pub(crate) fn program(sandbox: &Sandbox, name: &str, changes: &[(&str, &str)]) -> String {
     let mut text = example("simulator.py");
     for (from, to) in changes {
@@ -43,7 +43,7 @@ fn finished(sandbox: &Sandbox, db: &str) -> Value {
     status
 }
 
-/// Python processes whose command line holds `mark`.
+/// The number of Python processes whose command line contains `mark`.
 fn processes(mark: &str) -> usize {
     std::fs::read_dir("/proc")
         .expect("processes can be listed")
@@ -132,7 +132,7 @@ fn a_killed_worker_takes_its_programs_along_and_loses_nothing() {
     let undisturbed = finished(&sandbox, "alone.db");
     let done = |status: &Value| status["samples"]["done"].as_u64().unwrap();
 
-    // The doomed worker's program has a name of its own, so that it can be looked for.
+    // The doomed worker's program has its own name, so that its processes can be found.
     let doomed_exec = program(&sandbox, "doomed.py", &[]);
     let mark = path(&sandbox.path("doomed.py"));
     let address = free_address().to_string();
@@ -173,8 +173,8 @@ fn a_killed_worker_takes_its_programs_along_and_loses_nothing() {
     assert_eq!(disturbed["optima"], undisturbed["optima"]);
 }
 
-/// Changes to the example's program: `action` is done before each sample of designs that fulfil
-/// `condition`, and `sys` and `os` are at hand.
+/// Changes to the example's program: `action` runs before each sample of designs that satisfy
+/// `condition`. The modules `sys` and `os` are imported.
 fn before_samples<'a>(condition: &'a str, action: &'a str) -> [(String, String); 3] {
     [
         (
@@ -200,10 +200,10 @@ fn changed_program(sandbox: &Sandbox, name: &str, changes: &[(String, String)]) 
     program(sandbox, name, &changes)
 }
 
-/// 20 strata of the range from −0.3 to 1: one design has an x_p above 0.935.
+/// 20 strata of the range from −0.3 to 1: exactly one design has an x_p above 0.935.
 const ONE_OF_20: &str = "design[\"x_p\"] > 0.935";
 
-/// The example with 20 designs, and nothing simulated before the first job.
+/// The example with 20 designs and no probe simulations.
 fn twenty_designs(sandbox: &Sandbox) -> String {
     campaign(
         sandbox,
@@ -214,7 +214,7 @@ fn twenty_designs(sandbox: &Sandbox) -> String {
     )
 }
 
-/// Waits until the coordinator says that so many jobs are out.
+/// Waits until the coordinator reports at least `wanted` leased jobs.
 fn wait_for_leases(place: &Place<'_>, wanted: u64) {
     let since = std::time::Instant::now();
     loop {
@@ -232,7 +232,7 @@ fn wait_for_leases(place: &Place<'_>, wanted: u64) {
 fn a_worker_that_leaves_during_a_sample_longer_than_its_lease_hands_it_in() {
     let sandbox = Sandbox::new();
     let file = twenty_designs(&sandbox);
-    // A lease is 5 s.
+    // A lease lasts 5 s.
     let slow = before_samples("True", "__import__('time').sleep(8)");
     let exec = changed_program(&sandbox, "slow.py", &slow);
     let place = Place::of_file(&sandbox, &file);
@@ -241,18 +241,19 @@ fn a_worker_that_leaves_during_a_sample_longer_than_its_lease_hands_it_in() {
     let worker = place.worker(&["--slots", "1", "--exec", &exec]);
     let sampled = |status: &Value| status["samples"]["done"] == 1;
     sandbox.wait_for(DB, "a sample", sampled);
-    // The evaluations of optimiser runs in between take milliseconds: the next sample has begun by then.
+    // The evaluations of optimiser runs in between take milliseconds, so the next sample has begun
+    // by then.
     std::thread::sleep(std::time::Duration::from_secs(2));
     wait_for_leases(&place, 1);
 
-    // Meanwhile there is a job for everybody but one worker: whoever has none for a while leaves.
+    // There is a job for only one worker, so a second one finds none and leaves.
     assert!(place.ask(&["drain"]).contains("draining"));
     assert_code(&place.work(&["--exec", &exec, "--idle-exit", "1"]), 14);
 
     worker.terminate();
     let (ended, errors) = worker.finish();
     assert_eq!(ended.code(), Some(14), "{errors}");
-    // Drained, with the last result in.
+    // The coordinator was drained and ends after the last report.
     let (ended, errors) = coordinator.finish();
     assert_eq!(ended.code(), Some(14), "{errors}");
     let status = sandbox.status(DB).unwrap();
@@ -272,7 +273,7 @@ fn a_worker_that_leaves_during_a_sample_longer_than_its_lease_hands_it_in() {
 fn a_design_that_kills_its_workers_at_once_is_given_up() {
     let sandbox = Sandbox::new();
     let file = twenty_designs(&sandbox);
-    // The worker is the program's parent.
+    // The worker is the parent process of the program.
     let deadly = before_samples(ONE_OF_20, "os.kill(os.getppid(), 9)");
     let exec = changed_program(&sandbox, "deadly.py", &deadly);
     let place = Place::of_file(&sandbox, &file);
@@ -290,19 +291,20 @@ fn a_design_that_kills_its_workers_at_once_is_given_up() {
     }
     let (ended, errors) = coordinator.finish();
     assert_eq!(ended.code(), Some(13), "{errors}");
-    // Three crashes that count, of the design alone, and perhaps of it with others; the first death
-    // of each is so quick that nobody knows that the job had begun.
+    // Three crashes count against the design alone, and others may count against it together with
+    // other designs. The first crash of each is so quick that the coordinator does not know that
+    // the job had started.
     assert!((3..=10).contains(&deaths), "{deaths} deaths");
     let status = finished(&sandbox, DB);
     assert_eq!(status["designs"]["done"], 19, "{status}");
 }
 
-/// Every coordinator but the last dies after its first commit, before it acknowledges what it committed.
+/// Every coordinator but the last dies after its first commit and before the acknowledgement.
 ///
-/// The failure must be all that its report brings. The results of a report are committed before its
-/// failures, and samples of a design that lacks others are committed again by every coordinator: the
-/// failure would wait for as many deaths as it takes until the design lacks nothing else. So there is
-/// one job until it is done, a run of an optimiser, and its first attempt fails.
+/// The report must contain only the failure. The results of a report are committed before its
+/// failures, and every coordinator commits again the samples of a design that lacks others: the
+/// failure would have to wait until the design lacks no other samples. Therefore the campaign has
+/// only one job until it is done, a run of an optimiser, whose first attempt fails.
 #[test]
 fn a_failure_that_was_not_acknowledged_is_reported_again_and_counts_once() {
     let sandbox = Sandbox::new();
@@ -315,7 +317,7 @@ fn a_failure_that_was_not_acknowledged_is_reported_again_and_counts_once() {
             ("starts = 2", "starts = 1"),
         ],
     );
-    // It fails once in all, when it is asked for the first design.
+    // The program fails once, when it is asked about the first design.
     let log = path(&sandbox.path("failed"));
     let asked = "        pair = Pair(";
     let failing = format!(
@@ -333,7 +335,7 @@ fn a_failure_that_was_not_acknowledged_is_reported_again_and_counts_once() {
     };
     let mut deaths = 0;
     while failures() == 0 {
-        // The generations of what is wanted, the DoE, the digest of the worker's simulator, the failure.
+        // At most four commits: the wanted generations, the DoE, the model digest, the failure.
         assert!(deaths < 4, "the failure was not stored");
         let (status, errors) = place.serve_with(&[], &dying).finish();
         assert_eq!(status.signal(), Some(SIGABRT), "{status} {errors}");
@@ -375,7 +377,7 @@ fn a_design_that_was_given_up_gets_another_chance_when_it_is_asked_for() {
     coordinator.terminate();
     assert_eq!(coordinator.finish().0.code(), Some(0));
 
-    // What the store holds is what an undisturbed campaign would have brought.
+    // The store equals that of an undisturbed campaign.
     let run = ["run", &file, "--db", "alone.db", "--exec", &exec];
     assert_code(&sandbox.coordinator(&run), 0);
     let alone = finished(&sandbox, "alone.db");
@@ -383,14 +385,14 @@ fn a_design_that_was_given_up_gets_another_chance_when_it_is_asked_for() {
     assert_eq!(whole["optima"], alone["optima"]);
 }
 
-/// How a coordinator ended, and its log.
+/// The exit status and the log of a coordinator.
 fn told(sandbox: &Sandbox, arguments: &[&str]) -> (std::process::ExitStatus, String) {
     let log = [("PITCHLINE_LOG", "info"), ("NO_COLOR", "1")];
     sandbox.start_with("coordinator", arguments, &log).finish()
 }
 
-/// All but the first samples of one design always fail: it makes its response of those, once, and the
-/// campaign ends without the others, saying so, however often it is started.
+/// All but the first samples of one design always fail. The response is computed once from those,
+/// and the campaign ends without the others and reports it, however often it is started.
 #[test]
 fn samples_that_always_fail_end_a_campaign_that_wants_more_of_them() {
     let sandbox = Sandbox::new();
@@ -421,7 +423,8 @@ fn samples_that_always_fail_end_a_campaign_that_wants_more_of_them() {
     }
 }
 
-/// A simulator whose answers cannot be is told so, and what is right after that is taken.
+/// Impossible results of a simulator are refused with a message, and correct results afterwards are
+/// accepted.
 #[test]
 fn numbers_that_cannot_be_are_refused_and_the_mended_simulator_goes_on() {
     let sandbox = Sandbox::new();
@@ -450,21 +453,21 @@ fn numbers_that_cannot_be_are_refused_and_the_mended_simulator_goes_on() {
     assert_eq!(status["samples"]["done"], 0, "{status}");
 
     std::fs::write(&mended, "").unwrap();
-    // What is stored of the first attempt is that it found no optimum without samples; the samples
-    // are taken now.
+    // The store has only the finding of the first attempt, that there is no optimum without
+    // samples. The samples are now taken.
     let (_, said) = told(&sandbox, &run);
     let status = sandbox.status(DB).unwrap();
     assert!(status["samples"]["done"].as_u64() > Some(0), "{status}");
     assert!(!said.contains(refused), "{said}");
 }
 
-/// Asleep for longer than a lease, again and again, in the middle of a sample that takes longer than
-/// all of that: nobody is to blame, and what comes of it is kept.
+/// The worker process is paused three times for longer than a lease, in the middle of a sample that
+/// takes even longer. No crash counts, and the sample is stored.
 #[test]
 fn a_long_sample_outlives_three_pauses_of_its_worker() {
     let sandbox = Sandbox::new();
     let file = twenty_designs(&sandbox);
-    // Only the very first sample is long.
+    // Only the first sample is long.
     let log = path(&sandbox.path("begun"));
     let condition = format!("not os.path.exists({log:?})");
     let action = format!(
@@ -495,7 +498,7 @@ fn a_long_sample_outlives_three_pauses_of_its_worker() {
     assert_eq!(told, "x", "the long sample was computed once, to its end");
 }
 
-/// A licence server that is away for two seconds ends nothing.
+/// A licence server that is down for two seconds does not end the campaign.
 #[test]
 fn a_simulator_that_fails_for_two_seconds_costs_nothing_but_time() {
     let sandbox = Sandbox::new();
@@ -522,7 +525,7 @@ fn workers_with_another_simulator_are_refused_for_good() {
     let run = ["run", &file, "--db", "store.db", "--exec", &exec];
     assert_code(&sandbox.coordinator(&run), 0);
 
-    // The store remembers whose numbers it holds.
+    // The store records the simulator whose numbers it holds.
     let address = free_address().to_string();
     let url = format!("https://{address}");
     let serve = [
@@ -564,7 +567,7 @@ fn workers_with_another_simulator_are_refused_for_good() {
     coordinator.terminate();
     assert_eq!(coordinator.finish().0.code(), Some(0));
 
-    // A campaign of the built-in model has no use for a program.
+    // A campaign with the built-in model does not use a program.
     let quick = path(&sandbox.campaign("quick.toml", &[]));
     let address = free_address().to_string();
     let url = format!("https://{address}");
@@ -608,7 +611,7 @@ fn a_program_that_fails_on_one_design_spoils_no_other() {
     assert_eq!(status["designs"]["done"], 19, "{status}");
     let simulable = status["designs"]["simulable"].as_u64().unwrap();
     assert_eq!(status["samples"]["done"], 25 * simulable);
-    // The design that has no samples says why, in its row.
+    // The row of the design without samples contains the reason.
     let table = [
         "export", "--db", "store.db", "--table", "designs", "--out", "-",
     ];

@@ -1,4 +1,4 @@
-//! A coordinator that dies at the worst moments, of which the store's fail points are some.
+//! Crashes of a coordinator at critical points, including the store's fail points.
 
 use std::os::unix::process::ExitStatusExt as _;
 
@@ -7,7 +7,7 @@ use acceptance::{SIGABRT, Sandbox, assert_code, free_address, small_campaign};
 #[test]
 fn a_coordinator_that_dies_around_a_commit_loses_and_repeats_nothing() {
     let sandbox = Sandbox::new();
-    // Enough samples for the store's log to be moved into its file more than once.
+    // Enough samples for the store's log to be copied to its file more than once.
     let file = sandbox.write("campaign.toml", &small_campaign(200, 2500));
     let file = file.to_str().unwrap();
     assert_code(
@@ -21,7 +21,7 @@ fn a_coordinator_that_dies_around_a_commit_loses_and_repeats_nothing() {
     let serve = ["serve", file, "--db", "c.db", "--listen", &address];
     let worker = sandbox.start("worker", &["--connect", &url, "--slots", "2"]);
     let mut done = 0;
-    // The first commits of all hold no samples.
+    // The first commits hold no samples.
     for point in [
         "store::before_commit=3*off->return",
         "store::after_commit=2*off->return",

@@ -1,5 +1,5 @@
-//! What a disk does to a campaign: each fault is refused with a sentence, or survived with
-//! nothing acknowledged lost. Never is a store silently begun anew.
+//! Faults of the disk: each is refused with a sentence, or survived without losing acknowledged
+//! rows. A store is never silently replaced by a new one.
 
 use std::fs::OpenOptions;
 use std::io::{Seek as _, SeekFrom, Write as _};
@@ -10,7 +10,7 @@ use acceptance::{Sandbox, assert_code, binary, errors, small_campaign};
 
 use crate::place::{DB, Place};
 
-/// A campaign that samples long enough to be killed.
+/// A campaign long enough to be killed while it samples.
 fn long() -> String {
     small_campaign(40, 20_000)
 }
@@ -20,7 +20,8 @@ fn samples(sandbox: &Sandbox, db: &str) -> u64 {
     status["samples"]["done"].as_u64().expect("a number")
 }
 
-/// A campaign, killed after some samples; returns its file and how many samples were stored.
+/// Runs a campaign and kills it after some samples. Returns its file and the number of stored
+/// samples.
 fn killed(sandbox: &Sandbox, db: &str) -> (String, u64) {
     let file = sandbox.write("long.toml", &long());
     let file = file.to_str().unwrap().to_owned();
@@ -44,13 +45,13 @@ fn shell(sandbox: &Sandbox, script: &str) -> Output {
         .expect("there is a shell")
 }
 
-/// Whether a mount namespace of one's own can be had, as root in most containers.
+/// Whether a mount namespace can be created, as root can in most containers.
 fn can_unshare() -> bool {
     let probe = Command::new("unshare").args(["-m", "true"]).output();
     probe.is_ok_and(|output| output.status.success())
 }
 
-/// One sentence, with this text in it: the name of the store or of the failure.
+/// Checks for one sentence that contains `text`, the name of the store or of the failure.
 fn assert_refused(output: &Output, codes: &[i32], text: &str) {
     let said = errors(output);
     let code = output.status.code().expect("it ended by itself");
@@ -59,11 +60,11 @@ fn assert_refused(output: &Output, codes: &[i32], text: &str) {
     assert!(!said.contains("panicked"), "{said}");
 }
 
-/// The length of a log beyond which the store's writer moves it into its file, in bytes. Up to that,
-/// a log that is cut is an earlier state of the store, and nothing else.
+/// Length of a log, in bytes, above which the store's writer copies it to the file. A shorter log
+/// that is cut is simply an earlier state of the store.
 const LONG_LOG: u64 = 4 << 20;
 
-/// A store whose log holds nearly all of it, beside copies whose logs lost their ends.
+/// A store with nearly all of its content in the log, and copies whose logs were cut.
 #[test]
 fn a_log_that_lost_its_end_is_refused_where_its_commits_are_noted() {
     let sandbox = Sandbox::new();
@@ -90,7 +91,7 @@ fn a_log_that_lost_its_end_is_refused_where_its_commits_are_noted() {
         file.set_len(keep).unwrap();
         assert!(samples(&sandbox, &db) < samples(&sandbox, DB), "{name}");
 
-        // The lock file says how many commits were acknowledged.
+        // The lock file has the number of acknowledged commits.
         let before = std::fs::read(&copy).unwrap();
         let run = ["run", &place.file, "--db", &db];
         let refused = sandbox.coordinator(&run);
@@ -98,7 +99,8 @@ fn a_log_that_lost_its_end_is_refused_where_its_commits_are_noted() {
         assert_refused(&refused, &[8], "acknowledged commits");
         assert_eq!(std::fs::read(&copy).unwrap(), before, "{name} was touched");
 
-        // Without it, as the message says, the campaign goes on from what is there.
+        // Without the lock file the campaign continues from the remaining rows, as the message
+        // says.
         std::fs::remove_file(&copied_note).unwrap();
         assert_code(&sandbox.coordinator(&run), 0);
         let again = sandbox.status(&db).expect("the store is there");
@@ -124,7 +126,7 @@ fn a_damaged_page_is_refused_and_left_as_it_is() {
     assert_code(&sandbox.coordinator(&["run", file, "--db", "d.db"]), 0);
     let path = sandbox.path("d.db");
     let whole = std::fs::read(&path).unwrap();
-    // Every page but the first, whose damage is that of a file that is no store at all.
+    // Damage to the first page is reported as a file that is not a store, so the others are tested.
     let pages = whole.len() / 4096;
     assert!(pages > 8, "{pages} pages");
     let mut refused = 0;
@@ -153,7 +155,7 @@ fn a_damaged_page_is_refused_and_left_as_it_is() {
 #[test]
 fn a_store_that_cannot_be_written_is_refused_and_loses_nothing() {
     if !can_unshare() {
-        // Permissions do not bind root, and only root gets a mount namespace.
+        // Root ignores permissions, and only root can create a mount namespace.
         read_only_by_permissions();
         return;
     }
@@ -167,7 +169,7 @@ fn a_store_that_cannot_be_written_is_refused_and_loses_nothing() {
     );
     let output = shell(&sandbox, &script);
     assert_refused(&output, &[4], "r.db");
-    // Nothing was lost by trying.
+    // The attempt lost nothing.
     assert_eq!(samples(&sandbox, "kept/r.db"), held);
     assert_code(
         &sandbox.coordinator(&["run", &file, "--db", "kept/r.db"]),
@@ -193,23 +195,23 @@ fn read_only_by_permissions() {
     assert!(samples(&sandbox, "r.db") >= held);
 }
 
-/// A file that may not grow is a disk that is full, for whoever writes it.
+/// A file that must not grow behaves like a full disk.
 #[test]
 fn a_full_disk_ends_the_campaign_with_a_sentence_and_loses_nothing() {
     let sandbox = Sandbox::new();
     let (file, held) = killed(&sandbox, "f.db");
     let size = ["f.db", "f.db-wal"]
         .map(|name| std::fs::metadata(sandbox.path(name)).map_or(0, |file| file.len()));
-    // Blocks of 512 bytes; room for a little more than there is. The signal that a process gets
-    // for trying to write more is ignored, as on a full disk there is none.
+    // Blocks of 512 bytes, with space for a little more than the present size. The signal for
+    // exceeding the limit is ignored, because a full disk sends none.
     let blocks = (size.iter().max().unwrap() + 300_000) / 512;
     let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" run {file} --db f.db");
     let output = shell(&sandbox, &script);
-    // SQLite takes a file that may not grow for one that cannot be written.
+    // SQLite reports a file that must not grow as not writable.
     assert_refused(&output, &[1, 4], "disk");
     let left = samples(&sandbox, "f.db");
     assert!(left >= held, "{left} of {held} samples are left");
-    // With room again, it goes on.
+    // With space again, the campaign continues.
     assert_code(&sandbox.coordinator(&["run", &file, "--db", "f.db"]), 0);
     let status = sandbox.status("f.db").unwrap();
     assert_eq!(status["finished"], true, "{status}");
@@ -226,7 +228,7 @@ fn a_full_file_system_ends_the_campaign_with_a_sentence() {
     let file = sandbox.write("long.toml", &long());
     let file = file.to_str().unwrap();
     std::fs::create_dir(sandbox.path("small")).unwrap();
-    // What is on the small disk when it is full is kept, and continued where there is room.
+    // The contents of the small disk are kept when it is full, and continued where there is space.
     let script = format!(
         "unshare -m sh -c 'mount -t tmpfs -o size=1500k none small && {{ \"$0\" run {file} --db \
          small/s.db; code=$?; cp small/s.db* .; exit $code; }}' \"$0\""

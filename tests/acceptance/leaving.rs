@@ -1,4 +1,4 @@
-//! How workers leave: asked to, together with their simulators, or sent home.
+//! How workers leave: on request, together with their simulators, or after the campaign.
 
 use std::time::{Duration, Instant};
 
@@ -6,7 +6,7 @@ use acceptance::{Sandbox, assert_code, errors, root};
 
 use crate::place::{DB, Place};
 
-/// The example's campaign and program, in which every sample takes a moment.
+/// The example's campaign and program, with slow samples.
 fn slow_example(sandbox: &Sandbox) -> (String, String) {
     let read =
         |name: &str| std::fs::read_to_string(root().join("campaigns/external").join(name)).unwrap();
@@ -21,7 +21,7 @@ fn slow_example(sandbox: &Sandbox) -> (String, String) {
     (file.display().to_string(), exec)
 }
 
-/// The Python processes whose command line holds `mark`.
+/// The ids of the Python processes whose command line contains `mark`.
 fn programs(mark: &str) -> Vec<String> {
     let all = std::fs::read_dir("/proc").expect("processes can be listed");
     all.filter_map(Result::ok)
@@ -35,8 +35,8 @@ fn programs(mark: &str) -> Vec<String> {
         .collect()
 }
 
-/// systemd ends all processes of a service at once, Slurm all of a step, and it preempts with two
-/// signals in a row: nothing of that is anybody's failure.
+/// systemd ends all processes of a service at once, Slurm all of a step, and Slurm preempts with
+/// two signals in a row. None of this counts as a failure.
 #[test]
 fn ending_a_worker_together_with_its_simulators_costs_nothing() {
     let sandbox = Sandbox::new();
@@ -52,14 +52,14 @@ fn ending_a_worker_together_with_its_simulators_costs_nothing() {
             std::thread::sleep(Duration::from_millis(20));
         }
         std::thread::sleep(Duration::from_secs(2));
-        // The programs first, as the order of a process table has it as often as not.
+        // The programs are killed before their worker, as the order of a process table may have it.
         let found = programs(&mark);
         let status = std::process::Command::new("kill").args(&found).status();
         assert!(status.unwrap().success(), "{found:?}");
         worker.terminate();
         worker.terminate();
         std::thread::sleep(Duration::from_millis(200));
-        // It may have nothing left to do by now.
+        // The worker may have no work left by now.
         let (status, errors) = worker.finish();
         assert_eq!(status.code(), Some(14), "{errors}");
     }
@@ -90,7 +90,7 @@ fn a_second_sigterm_changes_nothing_within_the_grace() {
     assert_eq!(status["failures"], 0, "{status}");
 }
 
-/// Whoever waits for a coordinator that will not come back holds a slot of the cluster for nothing.
+/// A worker that waits for a coordinator that will not return would occupy a slot of the cluster.
 #[test]
 fn after_a_drain_workers_leave_and_say_so() {
     let sandbox = Sandbox::new();
@@ -114,7 +114,7 @@ fn after_a_drain_workers_leave_and_say_so() {
     assert_eq!(coordinator.finish().0.code(), Some(14));
 }
 
-/// A coordinator that is gone is waited for, aloud and not for ever.
+/// A worker waits for an absent coordinator for a limited time, and reports it.
 #[test]
 fn a_worker_whose_coordinator_is_gone_says_so_and_leaves() {
     let sandbox = Sandbox::new();
@@ -128,7 +128,7 @@ fn a_worker_whose_coordinator_is_gone_says_so_and_leaves() {
     assert!(said.contains("the coordinator does not answer"), "{said}");
 }
 
-/// A finished coordinator that serves on ends when it is drained, as it says.
+/// A finished coordinator with `--keep-serving` ends when it is drained, as its message says.
 #[test]
 fn a_finished_coordinator_that_keeps_serving_can_be_drained() {
     let sandbox = Sandbox::new();

@@ -1,4 +1,4 @@
-//! Whole programs against each other: nothing here is simulated but the gears.
+//! Tests of whole programs: only the gears are simulated.
 
 mod bad_input;
 mod campaign;

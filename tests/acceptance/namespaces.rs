@@ -1,13 +1,13 @@
-//! A worker on another host, as far as the kernel is concerned: two network namespaces, joined by a
-//! cable that is pulled for longer than a lease. Needs the rights of root and `ip`; where namespaces
-//! cannot be made there is nothing to test.
+//! A worker on another host from the kernel's point of view: two network namespaces, connected by a
+//! cable that is pulled for longer than a lease. Needs root and `ip`; skipped where namespaces
+//! cannot be created.
 
 use std::process::{Command, Output, Stdio};
 
 use acceptance::{Sandbox, assert_code, binary, errors, printed, small_campaign};
 
-/// Makes the namespace `far` and the cable from here to it, 10.77.0.1 to 10.77.0.2. Everything is
-/// gone with the shell that runs this: its own network, and its own view of /run.
+/// Makes the namespace `far` and a cable to it, from 10.77.0.1 to 10.77.0.2. Everything disappears
+/// with the shell that runs this, which has its own network and its own /run.
 const CABLE: &str = "set -e
 mount -t tmpfs none /run
 mkdir /run/netns

@@ -1,4 +1,4 @@
-//! Looking at a running campaign, steering it, and making it larger.
+//! Watching, steering and extending a running campaign.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -39,10 +39,10 @@ fn a_campaign_made_larger_keeps_what_it_has() {
         "a sample has changed"
     );
 
-    // Again, over its own report of before it grew and of after.
+    // The report may be overwritten, before and after the extension.
     assert_code(&run(&larger_file), 0);
 
-    // Smaller again, or another problem, is another campaign.
+    // A smaller size or another problem makes another campaign.
     assert_code(&run(&small), 6);
     let other = larger.replacen("seed = 2009", "seed = 2010", 1);
     assert_ne!(other, larger);
@@ -51,7 +51,7 @@ fn a_campaign_made_larger_keeps_what_it_has() {
     assert_eq!(unchanged["samples_digest"], status["samples_digest"]);
 }
 
-/// From the second growth on, designs that are there share strata of the finer grid.
+/// From the second extension on, existing designs share strata of the finer grid.
 #[test]
 fn a_campaign_grows_again_and_again() {
     let sandbox = Sandbox::new();
@@ -69,7 +69,7 @@ fn a_campaign_grows_again_and_again() {
         let after = export(&sandbox, "c.db", &format!("{n}.csv"));
         let held: BTreeSet<&String> = after.iter().collect();
         assert!(before.iter().all(|row| held.contains(row)), "{n} designs");
-        // A header, and each (design, index) once.
+        // The table has a header, and each (design, index) once.
         let keys: BTreeSet<Vec<&str>> = after
             .iter()
             .map(|row| row.split(',').take(2).collect())
@@ -77,7 +77,7 @@ fn a_campaign_grows_again_and_again() {
         assert_eq!(keys.len() as u64, 6 * simulable + 1);
         assert_eq!(after.len(), keys.len());
 
-        // The store holds the design as it was grown: the same command finds nothing to do.
+        // The store holds the extended DoE, so the same command has no work.
         assert_code(&run(), 0);
         let again = sandbox.status("c.db").unwrap();
         assert_eq!(again["samples_digest"], status["samples_digest"]);
@@ -89,8 +89,8 @@ fn a_campaign_grows_again_and_again() {
 #[test]
 fn a_running_campaign_can_be_asked_and_drained() {
     let sandbox = Sandbox::new();
-    // Far more jobs than a worker ever holds, each of a few milliseconds: the campaign is never run
-    // to its end, and what is out when it is drained comes in soon.
+    // Far more jobs than a worker can hold, each of a few milliseconds: the campaign never
+    // finishes, and leased jobs are reported soon after the drain.
     let file = sandbox.write("long.toml", &small_campaign(1500, 4000));
     let (address, page) = (free_address().to_string(), free_address());
     let http = page.to_string();
@@ -141,7 +141,7 @@ fn a_running_campaign_can_be_asked_and_drained() {
         (&0.into(), &false.into())
     );
 
-    // Drained for good, as far as a worker can know: it holds no slot for nothing.
+    // The worker leaves because it cannot know whether the drain will be lifted.
     assert_eq!(worker.finish().0.code(), Some(14));
     // The same command continues.
     let again = sandbox.start("coordinator", &serve);
@@ -208,7 +208,7 @@ fn who_watches_through_a_restart_sees_the_end_all_the_same() {
     sandbox.wait_for(DB, "the DoE", |status| status["stage"] == "sample");
     let watch = ["status", "--watch", "--connect", &place.url];
     let watch = sandbox.start("coordinator", &watch);
-    // The first answer comes at once; a worker's registration is news.
+    // The first answer comes at once, and a worker's registration counts as a change.
     std::thread::sleep(std::time::Duration::from_secs(3));
     coordinator.kill();
     std::thread::sleep(std::time::Duration::from_secs(2));
@@ -227,7 +227,7 @@ fn whoever_watches_sees_the_end() {
     let sandbox = Sandbox::new();
     let place = Place::new(&sandbox, &small_campaign(60, 6));
     let coordinator = place.serve(&["--keep-serving"]);
-    // The coordinator makes the DoE after it has written the access file.
+    // The coordinator makes the DoE after writing the access file.
     sandbox.wait_for(DB, "the DoE", |status| status["stage"] == "sample");
     let worker = place.worker(&[]);
     let watch = ["status", "--watch", "--json", "--connect", &place.url];

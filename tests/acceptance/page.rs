@@ -1,4 +1,4 @@
-//! The live page of a campaign: its data, who may have them, and the page in a browser.
+//! The live page of a campaign: its data, their protection, and the page in a browser.
 
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,7 +15,7 @@ fn ask(address: SocketAddr, path: &str) -> Answer {
     loop {
         match get(address, LOCALHOST, path, PATIENCE) {
             Ok(answer) => return answer,
-            // It is about to listen.
+            // The server may not be listening yet.
             Err(error) => assert!(since.elapsed() < PATIENCE, "{path}: {error}"),
         }
         std::thread::sleep(Duration::from_millis(20));
@@ -41,7 +41,7 @@ fn wait_for(address: SocketAddr, name: &str, condition: impl Fn(&Value) -> bool)
     }
 }
 
-/// A coordinator with a page and one worker of its own.
+/// Starts a coordinator with a page and one worker of its own.
 fn serve(sandbox: &Sandbox, file: &str, http: SocketAddr) -> Running {
     let http = http.to_string();
     let serve = ["serve", file, "--db", "c.db", "--listen", "127.0.0.1:0"];
@@ -56,7 +56,7 @@ fn samples(status: &Value) -> u64 {
 #[test]
 fn the_views_follow_a_campaign_and_show_it_when_it_has_stopped() {
     let sandbox = Sandbox::new();
-    // More than is computed before it is stopped.
+    // A campaign too long to finish before it is stopped.
     let file = sandbox.write("c.toml", &small_campaign(1500, 4000));
     let http = free_address();
     let coordinator = serve(&sandbox, file.to_str().unwrap(), http);
@@ -121,13 +121,13 @@ fn the_views_follow_a_campaign_and_show_it_when_it_has_stopped() {
     assert_eq!(ask(http, &format!("/api/v1/map/0/{dimension}")).code, 404);
     assert_eq!(ask(http, "/elsewhere").code, 404);
 
-    // What has not changed is not sent again.
+    // An unchanged view is not sent again.
     let path = "/api/v1/failures";
     let tag = ask(http, path).header("etag").unwrap().to_owned();
     let headers = [LOCALHOST[0], ("if-none-match", &tag)];
     assert_eq!(get(http, &headers, path, PATIENCE).unwrap().code, 304);
 
-    // The page loads nothing from elsewhere, and no other site may have it.
+    // The page loads nothing from other sites, and no other site may read it.
     let page = ask(http, "/");
     let policy = page.header("content-security-policy").unwrap();
     assert!(
@@ -148,7 +148,7 @@ fn the_views_follow_a_campaign_and_show_it_when_it_has_stopped() {
         }
     }
 
-    // Whoever listens hears of the last state, and that there is no more.
+    // A listener receives the last state and the end of the stream.
     coordinator.terminate();
     assert!(
         events
@@ -159,7 +159,7 @@ fn the_views_follow_a_campaign_and_show_it_when_it_has_stopped() {
     a_stopped_store_is_shown(&sandbox, &responses);
 }
 
-/// A stopped store is shown alone, and not touched.
+/// The page of a stopped store works without a coordinator and does not change the store.
 fn a_stopped_store_is_shown(sandbox: &Sandbox, responses: &Value) {
     let before = std::fs::read(sandbox.path("c.db")).unwrap();
     let http = free_address();
@@ -195,7 +195,7 @@ fn a_stopped_store_is_shown(sandbox: &Sandbox, responses: &Value) {
     assert_ne!(output.status.code(), Some(0));
 }
 
-/// Pages that ask for everything without a pause, and pages that listen but never read.
+/// Some pages request everything without a pause, others listen but never read.
 #[test]
 fn many_pages_do_not_hold_up_a_campaign() {
     let sandbox = Sandbox::new();
@@ -237,7 +237,7 @@ fn many_pages_do_not_hold_up_a_campaign() {
                             let answer = get(http, LOCALHOST, &path, PATIENCE);
                             asked += u32::from(answer.is_ok_and(|answer| answer.code == 200));
                         }
-                        // A page asks once in three seconds: this is a thousand of them.
+                        // A page asks every three seconds, so this load equals a thousand pages.
                         std::thread::sleep(Duration::from_millis(12));
                     }
                     asked
@@ -268,7 +268,7 @@ const SAMPLES: &str = "Number([...document.querySelectorAll('#tiles div')]
     .find((tile) => tile.firstChild.textContent === 'Samples of the DoE')
     .lastChild.firstChild.textContent.replaceAll(',', ''))";
 
-/// Whether all these pictures are drawn.
+/// A script that tells whether at least `least` images match and all are drawn.
 fn are_drawn(selector: &str, least: usize) -> String {
     format!(
         "(() => {{ const all = [...document.querySelectorAll('{selector}')];
@@ -300,14 +300,14 @@ fn the_page_works_in_a_browser() {
     it_has_names_and_takes_the_keyboard(&mut browser);
     assert_eq!(browser.complaints, [""; 0]);
 
-    // The coordinator dies; the page says so, and follows the next one.
+    // When the coordinator dies, the page says so and then follows the next coordinator.
     let last = browser.value(SAMPLES).as_f64().unwrap();
     coordinator.kill();
     browser.wait_for("document.querySelector('#connection.lost') !== null");
     let coordinator = serve(&sandbox, long.to_str().unwrap(), http);
     browser.wait_for("document.querySelector('#connection.lost') === null");
     browser.wait_for(&format!("{SAMPLES} > {last} + 8000"));
-    // A browser itself notes that nobody answered.
+    // The browser itself logs that its requests failed.
     for complaint in std::mem::take(&mut browser.complaints) {
         assert!(complaint.contains("net::ERR_"), "{complaint}");
     }
@@ -351,9 +351,9 @@ fn the_page_shows_the_end_of_a_campaign_and_a_finished_store() {
     assert_eq!(browser.complaints, [""; 0]);
 }
 
-/// Nothing is wider than the window, and text stands out in both themes.
+/// Checks that nothing is wider than the window and that text has enough contrast in both themes.
 fn it_fits_and_is_readable(browser: &mut Browser) {
-    // The ratio of luminances of WCAG 2.1, of which 4.5 is asked of text.
+    // The contrast ratio of WCAG 2.1, which must be at least 4.5 for text.
     let contrast = "(() => {
         const luminance = (colour) => colour.match(/[\\d.]+/g).slice(0, 3).map((part) => part / 255)
             .map((part) => part <= 0.04045 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4)
@@ -386,7 +386,7 @@ fn it_fits_and_is_readable(browser: &mut Browser) {
     }
 }
 
-/// What screen readers say of every control, picture and region, and where the keyboard gets.
+/// Checks the accessible names of controls, images and regions, and the order of keyboard focus.
 fn it_has_names_and_takes_the_keyboard(browser: &mut Browser) {
     let named = [
         "link",
@@ -416,7 +416,7 @@ fn it_has_names_and_takes_the_keyboard(browser: &mut Browser) {
     for _ in 0..30 {
         browser.press_tab();
         let [name, outline] = [0, 1].map(|place| browser.value(focused)[place].to_string());
-        // Behind the last one the keyboard leaves the page.
+        // After the last control the focus leaves the page.
         assert!(
             name == "\"BODY\"" || outline != "\"none\"",
             "{name} does not show that it has the focus"

@@ -2,7 +2,7 @@
 
 use acceptance::{Sandbox, assert_code, printed, root};
 
-/// A row of the comparison that does not hang on the last bit of an optimiser's path, which may
+/// Whether a row of the comparison is independent of the last bit of an optimiser's path, which may
 /// differ between processors.
 fn is_reproducible(line: &str) -> bool {
     line.starts_with("| ") && !line.starts_with("| Table 5")
@@ -11,7 +11,8 @@ fn is_reproducible(line: &str) -> bool {
 #[test]
 fn the_full_campaign_gives_the_documented_figures() {
     let sandbox = Sandbox::new();
-    // No file and no store named: the built-in campaign, and the defaults in the working directory.
+    // Neither file nor store is given: the built-in campaign, and the defaults in the working
+    // directory.
     assert_code(&sandbox.coordinator(&["run"]), 0);
     let status = sandbox.status("paper.db").expect("the default store");
     assert_eq!(status["finished"], true, "{status}");

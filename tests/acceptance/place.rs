@@ -1,13 +1,13 @@
-//! A coordinator's place on loopback, and workers that find it.
+//! A coordinator on loopback and the workers that connect to it.
 
 use std::process::Output;
 
 use acceptance::{Running, Sandbox, assert_code, free_address, printed, small_campaign};
 
-/// Where the coordinators of a test keep their samples.
+/// The store of the coordinators in a test.
 pub(crate) const DB: &str = "c.db";
 
-/// A coordinator's place: its campaign, its store and its address, whoever holds them.
+/// The fixed campaign, store and address of successive coordinators.
 pub(crate) struct Place<'s> {
     sandbox: &'s Sandbox,
     pub(crate) file: String,
@@ -21,7 +21,7 @@ impl<'s> Place<'s> {
         Self::of_file(sandbox, &file)
     }
 
-    /// With the campaign of a file that is there.
+    /// Uses the campaign in an existing file.
     pub(crate) fn of_file(sandbox: &'s Sandbox, file: &str) -> Self {
         let address = free_address().to_string();
         Self {
@@ -32,7 +32,7 @@ impl<'s> Place<'s> {
         }
     }
 
-    /// With a campaign that samples for some seconds on two cores.
+    /// Uses a campaign that samples for some seconds on two cores.
     pub(crate) fn long(sandbox: &'s Sandbox) -> Self {
         Self::new(sandbox, &small_campaign(300, 4000))
     }
@@ -41,13 +41,13 @@ impl<'s> Place<'s> {
         self.serve_with(options, &[])
     }
 
-    /// With leases of so many seconds.
+    /// Starts a coordinator with leases of this many seconds.
     pub(crate) fn serve_for(&self, lease: &str) -> Running {
         self.start(&["--lease", lease], &[])
     }
 
     pub(crate) fn serve_with(&self, options: &[&str], variables: &[(&str, &str)]) -> Running {
-        // Short leases: tests wait for some of them to run out.
+        // Short leases, because tests wait for some of them to expire.
         self.start(&[&["--lease", "5"], options].concat(), variables)
     }
 
@@ -62,7 +62,7 @@ impl<'s> Place<'s> {
         self.sandbox.start("worker", &[&connect, options].concat())
     }
 
-    /// A worker until it ends by itself.
+    /// Runs a worker until it ends by itself.
     pub(crate) fn work(&self, options: &[&str]) -> Output {
         let connect = ["--connect", &self.url];
         self.sandbox.run("worker", &[&connect, options].concat())
@@ -73,7 +73,7 @@ impl<'s> Place<'s> {
         self.sandbox.wait_for(DB, "some samples", some);
     }
 
-    /// What a command says that asks or steers the coordinator.
+    /// Runs a command that queries or steers the coordinator, and returns its output.
     pub(crate) fn ask(&self, arguments: &[&str]) -> String {
         let output = self
             .sandbox

@@ -1,4 +1,4 @@
-//! Campaigns that sample to a precision and leave out what their constraints rule out.
+//! Campaigns that sample to a precision and skip designs that their constraints rule out.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -6,7 +6,7 @@ use acceptance::{Sandbox, assert_code, small_campaign};
 
 use crate::campaign::{digest, export};
 
-/// Large enough a precision asked for that it takes a moment, and can be killed on the way.
+/// A precision that takes long enough for the campaign to be killed in between.
 fn campaign() -> String {
     small_campaign(100, 200).replace(
         "samples_per_design = 200 ",
@@ -26,7 +26,7 @@ fn killed_and_resumed_it_ends_as_if_nothing_had_been() {
     let all = all["samples"]["done"].as_u64().unwrap();
 
     let killed = sandbox.start("coordinator", &["run", file, "--db", "killed.db"]);
-    // Beyond the first batches of all designs: some have got more than others by then.
+    // After the first batches of all designs, some designs have more samples than others.
     sandbox.wait_for("killed.db", "a good part of the samples", |status| {
         status["samples"]["done"].as_u64() > Some(all / 3)
     });
@@ -44,7 +44,8 @@ fn killed_and_resumed_it_ends_as_if_nothing_had_been() {
     every_design_has_what_it_needs(&sandbox);
 }
 
-/// Groups of samples may be cut into any jobs: each sample is the same whatever it is drawn beside.
+/// Groups of samples may be split between jobs: a sample does not depend on the others drawn with
+/// it.
 #[test]
 fn even_coefficients_give_the_same_table_however_the_work_is_cut() {
     let sandbox = Sandbox::new();
@@ -78,7 +79,7 @@ fn even_coefficients_give_the_same_table_however_the_work_is_cut() {
         });
         assert!(one == two, "{name}: the tables differ");
         digests.push(one.0);
-        // More samples keep those that are there.
+        // Requesting more samples keeps the existing ones.
         let more = text.replace("samples_per_design = 32 ", "samples_per_design = 48 ");
         assert_ne!(more, text);
         let larger = sandbox.write("larger.toml", &more);

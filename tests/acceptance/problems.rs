@@ -1,4 +1,5 @@
-//! Campaigns whose problem the file states and a program simulates, checked against optima that are known.
+//! Campaigns with a problem stated in the file and simulated by a program, checked against known
+//! optima.
 
 use acceptance::{Sandbox, assert_code, errors, printed, root};
 
@@ -20,7 +21,7 @@ fn ishigami(sandbox: &Sandbox, changes: &[(&str, &str)]) -> (String, String) {
     (file, format!("exec python3 -B {program}"))
 }
 
-/// The verified percentile of an approach, from its column.
+/// The verified percentile of an approach, in `column`.
 fn percentile(sandbox: &Sandbox, approach: &str, column: &str) -> f64 {
     let table = ["export", "--db", "i.db", "--table", "optima", "--out", "-"];
     let table = sandbox.coordinator(&table);
@@ -41,7 +42,7 @@ fn verified(sandbox: &Sandbox, approach: &str) -> f64 {
     percentile(sandbox, approach, "p90")
 }
 
-/// −1 − 0.1 π⁴, and the 90 % percentile of the noise above it.
+/// The minimum, −1 − 0.1 π⁴, plus the 90 % percentile of the noise.
 const LEAST: f64 = -10.740_909 + 0.640_776;
 
 #[test]
@@ -58,7 +59,7 @@ fn ishigamis_percentile_is_least_where_its_formula_says() {
     assert_eq!(status["designs"]["simulable"], 150, "{status}");
     let optima = status["optima"].as_array().expect("a list");
     assert_eq!(optima.len(), 3, "baseline, kriging, best of the DoE");
-    // 500 samples: a standard error of 0.04.
+    // The standard error with 500 samples is 0.04.
     let baseline = verified(&sandbox, "baseline");
     assert!((baseline - LEAST).abs() < 0.2, "{baseline}");
     let kriging = verified(&sandbox, "kriging");
@@ -74,7 +75,7 @@ fn ishigamis_percentile_is_least_where_its_formula_says() {
     let designs = sandbox.coordinator(&table);
     assert_code(&designs, 0);
     assert!(printed(&designs).contains("x1,x2,x3"));
-    // What only gears have is refused with the reason.
+    // Commands that apply only to gears are refused with the reason.
     let pair = [
         "export",
         "--db",
@@ -108,7 +109,7 @@ fn a_direct_search_finds_ishigamis_least_percentile() {
     assert_code(&sandbox.coordinator(&run), 0);
     let direct = verified(&sandbox, "direct");
     assert!((direct - LEAST).abs() < 0.2, "{direct}");
-    // The program is asked for 30 samples of every design, and for the response without noise.
+    // The program computes 30 samples of every design, and the response without noise.
     let status = sandbox.status("i.db").expect("the store is there");
     let optima = status["optima"].as_array().expect("a list");
     let names: Vec<_> = optima.iter().map(|o| o["approach"].as_str()).collect();
@@ -133,7 +134,7 @@ fn a_percentile_of_another_level_is_another_optimum_under_its_own_name() {
         "run", &file, "--db", "i.db", "--out", "report", "--exec", &exec,
     ];
     assert_code(&sandbox.coordinator(&run), 0);
-    // The noise has the standard deviation 0.5, and z(0.99) is 2.3263.
+    // The noise has a standard deviation of 0.5, and z(0.99) is 2.3263.
     let least = -10.740_909 + 0.5 * 2.326_348;
     let baseline = percentile(&sandbox, "baseline", "p99");
     assert!((baseline - least).abs() < 0.3, "{baseline}");
@@ -204,7 +205,7 @@ fn copy(sandbox: &Sandbox, folder: &str, names: &[&str]) {
     }
 }
 
-/// Runs a campaign of the sandbox whose program reads `template` and writes `result`.
+/// Runs a campaign in the sandbox whose program reads `template` and writes `result`.
 fn through_files(
     sandbox: &Sandbox,
     campaign: &str,
@@ -216,10 +217,10 @@ fn through_files(
     sandbox.coordinator(&[&["run", campaign], &exec[..], &rest].concat())
 }
 
-/// How the sandbox's beam is run.
+/// The command of the beam in the sandbox.
 const BEAM: &str = "\"$OLDPWD\"/beam";
 
-/// The example of the cantilever beam, compiled, with a campaign of its.
+/// A sandbox with the compiled example of the cantilever beam and one of its campaigns.
 fn beam(campaign: &str) -> Sandbox {
     let sandbox = Sandbox::new();
     copy(&sandbox, "cantilever", &[campaign, "beam.in"]);
@@ -246,8 +247,8 @@ fn a_beam_is_designed_by_a_c_program_through_files() {
     let said = errors(&run("wrong.in"));
     assert!(said.contains("wrong.in has no {thickness}"), "{said}");
     assert_code(&run("beam.in"), 0);
-    // The 90 % percentile over 400 000 draws is 1.778 in at its least, with 2.675 in of width and an area of
-    // 9.5 in²; that of 400 samples has a standard error of 0.014 in.
+    // Over 400 000 draws the minimum of the 90 % percentile is 1.778 in, at a width of 2.675 in and
+    // an area of 9.5 in². Its standard error with 400 samples is 0.014 in.
     let p90 = verified(&sandbox, "kriging");
     assert!((p90 - 1.778).abs() < 0.06, "{p90}");
     let html = std::fs::read_to_string(sandbox.path("report/report.html")).unwrap();
@@ -256,7 +257,7 @@ fn a_beam_is_designed_by_a_c_program_through_files() {
     }
 }
 
-/// The names of a table's columns.
+/// The column names of a table.
 fn columns(sandbox: &Sandbox, table: &str) -> Vec<String> {
     let table = ["export", "--db", "i.db", "--table", table, "--out", "-"];
     let table = printed(&sandbox.coordinator(&table));
@@ -276,11 +277,12 @@ fn an_enrichment_keeps_constraints_that_only_the_program_knows() {
     let run = through_files(&sandbox, file, BEAM, ("beam.in", "beam.out"));
     assert_code(&run, 0);
     let of = |column: &str| percentile(&sandbox, "enriched-kriging", column);
-    // 1.778 in at its least, where the whole area is used; with 60 samples a point it is known to 0.03 in.
+    // The minimum is 1.778 in, where the whole area is used. With 60 samples per point its error is
+    // 0.03 in.
     let (p90, area) = (of("p90"), of("area"));
     assert!((p90 - 1.778).abs() < 0.09, "{p90}");
     assert!((9.3..9.5).contains(&area), "{area}");
-    // Every new point was evaluated once; those that break the limit have no samples.
+    // Every new point was evaluated once. Points that violate the limit have no samples.
     let export = |table| {
         let table = ["export", "--db", "i.db", "--table", table, "--out", "-"];
         let output = sandbox.coordinator(&table);
@@ -293,7 +295,7 @@ fn an_enrichment_keeps_constraints_that_only_the_program_knows() {
         .lines()
         .filter(|row| row.starts_with("enriched-kriging,,"));
     assert_eq!(evaluated.count(), new.count(), "{infill}\n{evaluations}");
-    // A name that a column has would make a table ambiguous.
+    // A name that is already a column's would make a table ambiguous.
     for table in ["designs", "optima", "infill", "evaluations"] {
         for column in columns(&sandbox, table) {
             if ["width", "thickness", "displacement", "area"].contains(&&*column) {
@@ -312,20 +314,20 @@ fn the_beams_published_optimum_of_reliability_is_found() {
     let run = through_files(&sandbox, "reliability.toml", BEAM, ("beam.in", "beam.out"));
     assert_code(&run, 0);
     let of = |approach: &str, column: &str| percentile(&sandbox, approach, column);
-    // Stress at the mean loads falls with the width less than the displacement asks for, so both limits
-    // are active at the optimum of the baseline: the published 2.4460 × 3.8922 in, 2.4484 × 3.8884 in by
-    // the first-order method.
+    // The stress at the mean loads decreases with the width by less than the displacement limit
+    // requires, so both limits are active at the optimum of the baseline: the published 2.4460 ×
+    // 3.8922 in, or 2.4484 × 3.8884 in by the first-order method.
     let (width, thickness) = (of("baseline", "width"), of("baseline", "thickness"));
     assert!((width - 2.4484).abs() < 0.01, "{width}");
     assert!((thickness - 3.8884).abs() < 0.02, "{thickness}");
     let area = of("baseline", "area");
     assert!((9.51..9.5203).contains(&area), "{area}");
-    // The index is 3 there: P99.865 is 0 psi. It is known from 600 samples with a standard deviation of
-    // 3650 psi to 350 psi.
+    // The reliability index is 3 there: P99.865 is 0 psi. With 600 samples and a standard deviation
+    // of 3650 psi its error is 350 psi.
     let overstress = of("baseline", "p99_865");
     assert!(overstress.abs() < 1400.0, "{overstress}");
-    // The percentile itself is flat along the limit of the area: 0 psi at the published width, 80 psi at
-    // 2.6 in, so its minimum is found in value.
+    // The percentile hardly varies along the limit of the area: 0 psi at the published width, 80
+    // psi at 2.6 in. The test therefore compares the value and not the place of the minimum.
     let overstress = of("kriging", "p99_865");
     assert!(overstress.abs() < 1400.0, "{overstress}");
     let area = of("kriging", "area");
@@ -339,7 +341,7 @@ fn the_columns_published_optimum_is_found_by_a_python_program_through_files() {
     let sandbox = Sandbox::new();
     copy(&sandbox, "column", &["campaign.toml", "column.in"]);
     let program = root().join("campaigns/column/column.py");
-    // The interpreter itself: a start through a version manager takes ten times as long.
+    // The interpreter itself is started, since a version manager's wrapper takes ten times as long.
     let python = std::process::Command::new("python3")
         .args(["-c", "import sys; print(sys.executable, end='')"])
         .output();
@@ -354,8 +356,8 @@ fn the_columns_published_optimum_is_found_by_a_python_program_through_files() {
         assert!((b - 8.668).abs() < 0.05, "{approach}: {b}");
         assert!((h - 25.0).abs() < 0.15, "{approach}: {h}");
         assert!((216.4..216.7).contains(&area), "{approach}: {area}");
-        // Over 4 000 000 draws the percentile is -0.009 there, and m + z s, which takes the response as
-        // normal, 0.043; 200 samples with a standard deviation of 0.75 know it to 0.11.
+        // Over 4 000 000 draws the percentile there is -0.009, and m + z s, which assumes
+        // normality, is 0.043. With 200 samples and a standard deviation of 0.75 the error is 0.11.
         let lacking = of("p99_379");
         assert!((lacking - 0.043).abs() < 0.44, "{approach}: {lacking}");
     }

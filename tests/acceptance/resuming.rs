@@ -1,4 +1,4 @@
-//! Optimiser runs on a slow simulator: shared by workers, and gone on with after their end.
+//! Optimiser runs on a slow simulator are shared by workers and continued after a restart.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -10,10 +10,10 @@ use store::{EvaluationRow, Store};
 use crate::external::{campaign, program};
 use crate::place::DB;
 
-/// The only work of the campaign until it is done, as the store calls it.
+/// The only job of the campaign until it is done, by its name in the store.
 const RUN: &str = "run no-wear 0";
 
-/// The example's program, which notes every question before it answers after `seconds`.
+/// The example's program, which logs every request and answers after `seconds`.
 fn noting(sandbox: &Sandbox, name: &str, seconds: f64) -> (String, PathBuf) {
     let log = sandbox.path(&format!("{name}.log"));
     let asked = "        pair = Pair(";
@@ -27,7 +27,7 @@ fn noting(sandbox: &Sandbox, name: &str, seconds: f64) -> (String, PathBuf) {
     (exec, log)
 }
 
-/// The designs whose analysis without wear was asked for by the run: before the first worn one.
+/// The designs whose analysis without wear the run requested, up to the first request with wear.
 fn analysed(log: &PathBuf) -> Vec<String> {
     let text = std::fs::read_to_string(log).unwrap_or_default();
     let whole = text.lines().filter(|line| line.ends_with('}'));
@@ -36,7 +36,7 @@ fn analysed(log: &PathBuf) -> Vec<String> {
     unworn.map(str::to_owned).collect()
 }
 
-/// What the store holds of the run: its result as JSON, and its evaluations.
+/// The stored result of the run as JSON, and its stored evaluations.
 fn held(sandbox: &Sandbox, db: &str) -> (Option<String>, Vec<EvaluationRow>) {
     let runtime = tokio::runtime::Runtime::new().unwrap();
     runtime.block_on(async {
@@ -49,8 +49,8 @@ fn held(sandbox: &Sandbox, db: &str) -> (Option<String>, Vec<EvaluationRow>) {
     })
 }
 
-/// Ends the coordinator and the workers of a run by `end`, goes on, and compares with a run that nothing
-/// disturbed and that one worker computed.
+/// Ends the coordinator and the workers of a run with `end`, continues the run, and compares it
+/// with an undisturbed run of one worker.
 fn goes_on(end: impl Fn(Running)) {
     let sandbox = Sandbox::new();
     let file = campaign(
@@ -96,7 +96,7 @@ fn goes_on(end: impl Fn(Running)) {
     let (exec, ended) = noting(&sandbox, "ended", 0.0);
     assert_code(&sandbox.coordinator(&run(&file, DB, "3", &exec)), 0);
     assert_eq!(held(&sandbox, DB), expected);
-    // What is stored is not asked for again.
+    // Stored evaluations are not requested again.
     let begun: BTreeSet<String> = analysed(&begun).into_iter().collect();
     let ended: BTreeSet<String> = analysed(&ended).into_iter().collect();
     let twice = begun.intersection(&ended).count();
@@ -126,8 +126,8 @@ fn a_run_on_an_external_simulator_that_is_stopped_goes_on() {
     });
 }
 
-/// Every evaluation takes a tenth of a second. Ten workers
-/// compute the candidates of a generation at the same time.
+/// Every evaluation takes a tenth of a second, and ten workers compute the candidates of a
+/// generation in parallel.
 #[test]
 fn the_workers_share_the_candidates_of_a_generation() {
     let sandbox = Sandbox::new();
@@ -145,7 +145,7 @@ fn the_workers_share_the_candidates_of_a_generation() {
     let running = sandbox.start("coordinator", &run);
     let since = Instant::now();
     let mut most = 0;
-    // Each question is noted when it begins: those of one tenth of a second are computed together.
+    // Requests are logged when they begin, so those within one tenth of a second run in parallel.
     while most < 5 {
         assert!(since.elapsed().as_secs() < 60, "{most} at the same time");
         let before = analysed(&log).len();

@@ -1,4 +1,4 @@
-//! Keys made by `keygen`, programs that use them, and programs that try without.
+//! Keys made by `keygen`, programs that use them, and programs without them.
 
 use std::fs;
 use std::io::{Read as _, Write as _};
@@ -11,15 +11,15 @@ use acceptance::{
     Running, Sandbox, assert_code, binary, errors, free_address, printed, small_campaign,
 };
 
-/// A campaign that is over at once.
+/// A campaign that ends at once.
 fn tiny() -> String {
     small_campaign(12, 10)
 }
 
-/// A refusal is no matter of waiting: even a busy machine says no within this.
+/// Time limit for a refusal, even on a busy machine: the program must not wait.
 const BOUNDED: Duration = Duration::from_secs(30);
 
-/// A coordinator with keys of its own, that stays up.
+/// A coordinator with its own keys that keeps serving.
 struct Guarded {
     sandbox: Sandbox,
     coordinator: Running,
@@ -27,7 +27,8 @@ struct Guarded {
 }
 
 impl Guarded {
-    /// Everything that `keygen` offers; `client_ca` demands certificates of workers, too.
+    /// Starts a coordinator with all keys of `keygen`. With `client_ca`, workers need a
+    /// certificate, too.
     fn start(campaign: &str, client_ca: bool) -> Self {
         let sandbox = Sandbox::new();
         assert_code(&sandbox.coordinator(&["keygen", "keys"]), 0);
@@ -66,7 +67,7 @@ impl Guarded {
         self.sandbox.run("worker", &arguments)
     }
 
-    /// A worker that must be refused for good, with a sentence of these `parts`.
+    /// Checks that a worker is refused permanently, with a sentence that contains all `parts`.
     fn refused(&self, scheme: &str, more: &[&str], code: i32, parts: &[&str]) {
         let since = Instant::now();
         let output = self.worker(scheme, more);
@@ -81,7 +82,7 @@ impl Guarded {
     }
 }
 
-/// No token that was made stands in `text`.
+/// Checks that `text` contains no generated token.
 fn no_secret_in(sandbox: &Sandbox, text: &str) {
     let tokens = fs::read_to_string(sandbox.path("keys/coordinator.tokens")).unwrap();
     let secrets: Vec<&str> = tokens
@@ -210,7 +211,7 @@ fn a_worker_without_the_right_to_is_refused_for_good() {
     fs::set_permissions(exposed, fs::Permissions::from_mode(0o640)).unwrap();
     guarded.refused("https", &wrong, 4, &["chmod 600 others/worker.token"]);
 
-    // After all that the right worker is as welcome as ever.
+    // After all refusals the right worker is still accepted.
     assert_code(&guarded.worker("https", &[CA, TOKEN].concat()), 0);
     guarded.coordinator.terminate();
     let (status, log) = guarded.coordinator.finish();
@@ -238,7 +239,7 @@ fn a_worker_without_a_certificate_is_refused_where_one_is_wanted() {
     ];
     let wrong = [&shown[..], &others].concat();
     guarded.refused("https", &wrong, 12, &["does not accept the certificate"]);
-    // The certificate does not stand in for the token.
+    // A certificate does not replace the token.
     let no_token = [&CA[..], &CERTIFICATE].concat();
     guarded.refused("https", &no_token, 12, &["a token is needed"]);
     let half = [&shown[..], &CERTIFICATE[..2]].concat();
@@ -255,7 +256,7 @@ fn clients_look_and_steer_with_their_own_token() {
         let arguments = [&[command, "--connect", &url][..], &CA, &CERTIFICATE, &token].concat();
         guarded.sandbox.coordinator(&arguments)
     };
-    // The port opens before there is anything to tell.
+    // The port opens before the store exists.
     guarded.sandbox.wait_for("c.db", "the store", |_| true);
     for command in ["status", "explain"] {
         assert_code(&ask(command, "keys/client.token"), 0);
@@ -268,7 +269,7 @@ fn clients_look_and_steer_with_their_own_token() {
         assert!(message.contains("takes a client's"), "{message}");
         no_secret_in(&guarded.sandbox, &message);
     }
-    // The refused drain has drained nothing.
+    // The refused drain had no effect.
     let shown = [&CA[..], &TOKEN, &CERTIFICATE].concat();
     assert_code(&guarded.worker("https", &shown), 0);
     let status = guarded.sandbox.status("c.db").unwrap();
@@ -279,7 +280,7 @@ fn clients_look_and_steer_with_their_own_token() {
 fn a_secret_does_not_travel_in_clear() {
     let sandbox = Sandbox::new();
     assert_code(&sandbox.coordinator(&["keygen", "keys"]), 0);
-    // An address that is kept for examples: nothing must be sent there in any case.
+    // An address reserved for documentation: nothing must be sent there.
     let url = "http://192.0.2.1:7400";
     let output = sandbox.run("worker", &["--connect", url, TOKEN[0], TOKEN[1]]);
     assert_code(&output, 2);
@@ -314,7 +315,7 @@ fn half_of_a_guard_is_refused_and_leaves_nothing_behind() {
         assert_code(&output, 2);
         assert!(errors(&output).contains(part), "{}", errors(&output));
     }
-    // The live page and the metrics have no guard at all.
+    // The live page and the metrics have no protection.
     for command in [
         &serve[..],
         &["run", file, "--db", "c.db"],
@@ -348,7 +349,7 @@ fn half_of_a_guard_is_refused_and_leaves_nothing_behind() {
 
 #[test]
 fn strangers_on_the_port_disturb_nobody() {
-    // Some seconds of sampling, meanwhile garbage comes in all the time.
+    // Some seconds of sampling, during which garbage arrives all the time.
     let longer = small_campaign(60, 4000);
     let guarded = Guarded::start(&longer, false);
     let url = format!("https://localhost:{}", guarded.port);
@@ -360,7 +361,7 @@ fn strangers_on_the_port_disturb_nobody() {
             status["samples"]["done"].as_u64() > Some(0)
         });
 
-    // Some hold half a handshake for as long as they are let, others talk rubbish.
+    // Some connections keep half a handshake open as long as possible, others send garbage.
     let mut half_open = Vec::new();
     for index in 0..200_u32 {
         let mut stream = TcpStream::connect(("127.0.0.1", guarded.port)).unwrap();
@@ -370,7 +371,7 @@ fn strangers_on_the_port_disturb_nobody() {
             2 => b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\xff\xff\xff\xff\xff\xff\xff\xff\xff".to_vec(),
             _ => (0..4096).map(|byte| (byte * index % 251) as u8).collect(),
         };
-        // It may have been hung up on already.
+        // The coordinator may have closed the connection already.
         let _ = stream.write_all(&rubbish);
         half_open.push(stream);
     }
@@ -383,7 +384,7 @@ fn strangers_on_the_port_disturb_nobody() {
     let since = Instant::now();
     for mut stream in half_open {
         stream.set_read_timeout(Some(BOUNDED)).unwrap();
-        // Whatever it says, or however hard it hangs up: it must end.
+        // The last bytes and the kind of close do not matter: the connection must end.
         let ended = stream.read_to_end(&mut Vec::new());
         assert!(
             !matches!(&ended, Err(error) if error.kind() == std::io::ErrorKind::WouldBlock),
@@ -431,7 +432,7 @@ fn no_log_is_so_chatty_that_it_tells_a_secret() {
         assert!(since.elapsed() < BOUNDED, "no access file is written");
     };
     let key = fs::read_to_string(sandbox.path("c.access.key")).unwrap();
-    // A copy without the worker's token is refused; the whole file does all the work.
+    // A copy without the worker's token is refused; the whole file works for all programs.
     let lines = access.lines().filter(|l| !l.starts_with("worker_token"));
     let copy = sandbox.write("copy.access", &lines.collect::<Vec<_>>().join("\n"));
     fs::set_permissions(copy, fs::Permissions::from_mode(0o600)).unwrap();
@@ -458,7 +459,7 @@ fn no_log_is_so_chatty_that_it_tells_a_secret() {
     no_secret_in(&log);
 }
 
-/// The access files of a sandbox, where the programs look for them.
+/// The access files in a sandbox's default folder.
 fn access_files(sandbox: &Sandbox) -> Vec<String> {
     let Ok(entries) = fs::read_dir(sandbox.path("pitchline")) else {
         return Vec::new();
@@ -475,7 +476,7 @@ fn programs_on_one_machine_find_each_other_without_a_word() {
     let file = sandbox.write("c.toml", &tiny());
     let serve = ["serve", file.to_str().unwrap(), "--db", "c.db"];
     let serve = [&serve[..], &["--listen", "127.0.0.1:0", "--keep-serving"]].concat();
-    // Workers may be first.
+    // Workers may be started first.
     let worker = sandbox.start("worker", &["--slots", "1"]);
     let coordinator = sandbox.start("coordinator", &serve);
     let (status, said) = worker.finish();
@@ -490,7 +491,8 @@ fn programs_on_one_machine_find_each_other_without_a_word() {
     assert_code(&output, 0);
     assert!(printed(&output).contains("\"finished\":true"));
 
-    // A second coordinator must not take the first one's file, nor can it be told which is meant.
+    // A second coordinator must not take over the first one's file. With two files, a program
+    // without --access cannot choose.
     let again = ["serve", file.to_str().unwrap(), "--db", "d.db"];
     let again = [&again[..], &["--listen", "127.0.0.1:0"]].concat();
     let output = sandbox.coordinator(&again);
@@ -518,7 +520,7 @@ fn programs_on_one_machine_find_each_other_without_a_word() {
     assert!(errors(&output).contains("pitchline"), "{}", errors(&output));
 }
 
-/// Another user of the machine can reach the port on loopback, and has no access file.
+/// Another user of the machine can reach the port on loopback, but has no access file.
 #[test]
 fn on_loopback_too_a_call_without_a_token_is_refused() {
     let sandbox = Sandbox::new();
@@ -542,7 +544,7 @@ fn on_loopback_too_a_call_without_a_token_is_refused() {
     }
     let status = sandbox.status("c.db").unwrap();
     assert_eq!(status["failures"], 0, "{status}");
-    // The owner is served.
+    // The owner's command is accepted.
     assert_code(&sandbox.coordinator(&["drain"]), 0);
 }
 

@@ -1,5 +1,5 @@
-//! The programs as they are shipped, without fail points. Their folder is named by the variable
-//! `PITCHLINE_SHIPPED`, as in
+//! Tests of shipped programs, without fail points. The variable `PITCHLINE_SHIPPED` gives their
+//! folder:
 //!
 //! ```text
 //! cargo build --release -p coordinator -p worker
@@ -13,10 +13,10 @@ use acceptance::{Sandbox, assert_code, errors, small_campaign};
 /// The variable that names the folder of the shipped programs.
 const VARIABLE: &str = "PITCHLINE_SHIPPED";
 
-/// At this point a coordinator with fail points ends before it has stored anything.
+/// A fail point at which a coordinator that has it ends before it stores anything.
 const DEADLY: [(&str, &str); 1] = [("FAILPOINTS", "store::before_commit=return")];
 
-/// The path of the shipped coordinator, or none where there is nothing to test.
+/// The path of the shipped coordinator; `None` if no folder is given.
 fn coordinator() -> Option<String> {
     let Some(folder) = std::env::var_os(VARIABLE) else {
         acceptance::skipped(&format!("{VARIABLE} names no folder of shipped programs"));

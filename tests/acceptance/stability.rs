@@ -40,7 +40,7 @@ fn the_atlas_keeps_its_promises_and_its_page_says_what_was_run() {
         assert!(!listed.is_empty());
         assert_eq!(of_entry.count(), listed.len(), "{id}");
     }
-    // Every chart says what it shows to those who cannot see it, and has its points in a table.
+    // Every chart has an accessible description and a table of its points.
     let charts = page.matches("<svg").count();
     assert_eq!(page.matches("role=\"img\" aria-label=\"").count(), charts);
     let files = std::fs::read_dir(sandbox.path("atlas")).expect("a folder");

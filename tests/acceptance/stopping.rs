@@ -6,11 +6,11 @@ use acceptance::{Sandbox, small_campaign};
 
 use crate::campaign::{digest, export};
 
-/// Far less than the steps take together, on a machine that does other things, too.
+/// Far less than the total time of the steps, even on a busy machine.
 const PROMPTLY: Duration = Duration::from_secs(8);
 
-/// A campaign with as many designs as it takes to make the design of experiments, the kriging model
-/// and the decision of a round last for some tenths of a second each.
+/// A campaign large enough for the design of experiments, the kriging model and the decision of a
+/// round to take some tenths of a second each.
 fn campaign() -> String {
     let section = "\n[enrichment]\ncriterion = \"expected-quantile-improvement\"\n\
                    samples = 20000\nrounds = 1\npoints_per_round = 4\nsamples_per_point = 10\n\
@@ -27,7 +27,7 @@ fn a_signal_ends_the_coordinator_in_the_middle_of_a_step() {
         let run = ["run", file, "--db", db];
         sandbox.start_with("coordinator", &run, &[("PITCHLINE_LOG", "info")])
     };
-    // What is said when a step begins, and when it has ended.
+    // The log lines at the beginning and at the end of each step.
     let steps = [
         ("making the design of experiments", "INFO sampling"),
         ("fitting the kriging model", "kriging model fitted"),

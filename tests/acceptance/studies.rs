@@ -1,8 +1,8 @@
-//! `sweep`, `corrections`, `sensitivity` and `pareto`: what goes beyond one campaign.
+//! `sweep`, `corrections`, `sensitivity` and `pareto`: studies beyond one campaign.
 
 use acceptance::{Sandbox, assert_code, errors, printed, small_campaign};
 
-/// A campaign small enough to be repeated, and its file.
+/// Writes a campaign that is small enough to be repeated, and returns its file.
 fn small(sandbox: &Sandbox, name: &str) -> String {
     let file = sandbox.write(name, &small_campaign(60, 30));
     file.to_str().expect("a plain path").to_owned()
@@ -43,7 +43,7 @@ fn a_sweep_is_continued_after_a_kill_and_repeats_nothing() {
         "nothing to tell yet"
     );
 
-    // What was finished is not touched again: its report is written at the end of a run.
+    // Finished campaigns are not run again: a report is written at the end of a run.
     let report = "sweep/quick-z19-report/report.html";
     let before = modified(&sandbox, report);
     let output = sandbox.coordinator(&arguments);
@@ -60,7 +60,7 @@ fn a_sweep_is_continued_after_a_kill_and_repeats_nothing() {
             .count()
             >= 4
     );
-    // One centre distance: more teeth are smaller ones.
+    // With one centre distance, more teeth have a smaller module.
     let modules: Vec<f64> = table[1..]
         .iter()
         .filter(|row| row[2] == "archard")
@@ -73,7 +73,7 @@ fn a_sweep_is_continued_after_a_kill_and_repeats_nothing() {
     let svg = std::fs::read_to_string(sandbox.path("sweep/sweep.svg")).unwrap();
     assert!(svg.contains("teeth of the pinion"));
 
-    // Again: the same tables from the same stores, in no more than it takes to read them.
+    // A further run writes the same tables from the same stores and only reads.
     let written = std::fs::read(sandbox.path("sweep/sweep.csv")).unwrap();
     let third = modified(&sandbox, "sweep/quick-z21-report/report.html");
     assert_code(&sandbox.coordinator(&arguments), 0);
@@ -86,7 +86,7 @@ fn a_sweep_is_continued_after_a_kill_and_repeats_nothing() {
         third
     );
 
-    // A whole sweep, never interrupted and with another number of workers, gives the same table.
+    // A sweep without interruption and with another number of workers gives the same table.
     let arguments = [
         "sweep",
         file,
@@ -138,7 +138,7 @@ fn bad_ranges_of_teeth_are_refused() {
         assert_code(&output, 2);
         assert!(errors(&output).contains(why), "{}", errors(&output));
     }
-    // 1990 teeth have a mate of 2211: refused before anything is computed.
+    // 1990 teeth have a mate with 2211, which is refused before anything is computed.
     let output = sandbox.coordinator(&["sweep", &file, "--teeth", "20..=1990", "--out", "never"]);
     assert_code(&output, 3);
     assert!(
@@ -163,7 +163,7 @@ fn corrections_are_compared_with_none() {
 
     let section = "\n[corrections]\ntip_relief_um = [0.0, 20.0]\n\
                    tip_relief_length_mm = [0.5, 4.0]\ncrowning_um = [0.0, 5.0]\n";
-    // Whole teeth are not crowned.
+    // The whole-face tooth model does not allow crowning.
     let text = small_campaign(60, 8)
         .replacen("\"whole-face-beam\"", "\"hertz-beam\"", 1)
         .replacen("evaluations = 100 ", "evaluations = 800 ", 1)
@@ -196,10 +196,10 @@ fn corrections_are_compared_with_none() {
         "{}",
         printed(&output)
     );
-    // A campaign takes no notice of its bounds for corrections, but is another one.
+    // The bounds of corrections do not affect the campaign's results, but change its identity.
     assert_code(&sandbox.coordinator(&["check", file]), 0);
 
-    // Workers of other processes compute the same, one of which is killed over it.
+    // Workers in other processes, one of which is killed, give the same result.
     let address = acceptance::free_address().to_string();
     let study = ["corrections", file, "--out", "b", "--workers", "0"];
     let refused = sandbox.coordinator(&[&study[..], &["--listen", &address]].concat());
@@ -235,7 +235,7 @@ fn a_drained_study_ends_and_leaves_nothing_behind() {
         "--admit",
     ];
     let study = sandbox.start("coordinator", &study);
-    // Commands find the study by its access file.
+    // Commands find the study through its access file.
     let access = sandbox.path("pitchline/quick-corrections.access");
     let since = std::time::Instant::now();
     while !access.exists() {
@@ -297,7 +297,7 @@ fn a_finished_campaign_is_looked_at_from_two_more_sides() {
         8,
         "as designed, and three parameters by two factors"
     );
-    // As designed is as verified.
+    // The value of the unchanged design equals the verified one.
     let output = sandbox.coordinator(&[
         "export",
         "--db",

@@ -70,7 +70,7 @@ fn studies_are_measured_once_and_shown_on_one_page() {
         .collect();
     assert!(left.is_empty(), "stores of the studies are left: {left:?}");
 
-    // What was stopped in the middle is measured again, and nothing else: times would differ.
+    // Only the interrupted study is measured again: otherwise the times would differ.
     let read = |study: &str| std::fs::read(sandbox.path(&format!("out/{study}.csv"))).unwrap();
     let before = STUDIES.map(read);
     std::fs::remove_file(sandbox.path("out/kriging.csv")).unwrap();
@@ -87,7 +87,7 @@ fn studies_are_measured_once_and_shown_on_one_page() {
     );
     let page = std::fs::read(sandbox.path("out/tradeoff.html")).unwrap();
 
-    // Errors repeat, times do not.
+    // Errors are reproducible, times are not.
     let json = sandbox.coordinator(&[&arguments[..], &["--json"]].concat());
     assert_code(&json, 0);
     let found: Value = serde_json::from_str(&printed(&json)).expect("one JSON object");

@@ -1,4 +1,4 @@
-//! A small campaign whose store is a list, and what its samples must be.
+//! A small campaign with an in-memory store, and its expected samples.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -15,22 +15,23 @@ use protocol::v2::RegisterRequest;
 use results::status::Status;
 use store::{Batch, FailureRow, Receipt};
 
-/// How long a worker may be silent.
+/// Duration of a lease.
 pub(crate) const LEASE: Duration = Duration::from_secs(5);
 
-/// A commit takes a moment, in which anything may happen.
+/// Duration of a commit, during which anything may happen.
 const COMMIT: Duration = Duration::from_millis(20);
 
-/// Feasible, all of them: the first with the tool's addenda moved a little.
+/// Number of designs, all of which are feasible: the first one with slightly different tool
+/// addenda.
 pub(crate) const DESIGNS: u32 = 6;
 
-/// How many samples each design needs.
+/// Number of samples of each design.
 pub(crate) const SAMPLES: u32 = 400;
 
 /// Samples by (design, index).
 pub(crate) type Samples = BTreeMap<(u64, u64), f64>;
 
-/// What is stored; it outlives every coordinator. Clones share it.
+/// The stored rows, which outlive every coordinator. Clones share them.
 #[derive(Clone, Default)]
 pub(crate) struct Memory {
     inner: Arc<Mutex<Stored>>,
@@ -41,9 +42,9 @@ pub(crate) struct Stored {
     pub(crate) samples: Samples,
     pub(crate) criteria: BTreeMap<u64, bool>,
     pub(crate) failures: Vec<FailureRow>,
-    /// Rows that came again.
+    /// Number of rows stored again with the same value.
     pub(crate) duplicates: u64,
-    /// Rows that came again with another value.
+    /// Number of rows submitted again with another value.
     pub(crate) conflicts: u64,
 }
 
@@ -63,7 +64,7 @@ impl Memory {
         self.with(|stored| stored.samples.len() == (DESIGNS * SAMPLES) as usize)
     }
 
-    /// What a coordinator that starts now finds missing.
+    /// The missing work that a starting coordinator finds.
     fn missing(&self, problem: &Problem) -> Vec<Wanted<Arc<Source>>> {
         let inputs = Inputs::new(problem.campaign(), None);
         let wanted = (0..DESIGNS).map(|design| {
@@ -136,7 +137,7 @@ pub(crate) fn campaign() -> Campaign {
     Campaign::parse("quick.toml", &acceptance::quick_campaign(&[])).expect("it is shipped")
 }
 
-/// A board with what is missing.
+/// A board with the missing work.
 pub(crate) fn board(problem: &Problem, memory: &Memory, epoch: u64) -> Arc<Board> {
     let options = Options {
         lease: LEASE,
@@ -148,7 +149,7 @@ pub(crate) fn board(problem: &Problem, memory: &Memory, epoch: u64) -> Arc<Board
     Arc::new(board)
 }
 
-/// The service over it.
+/// The service of such a board.
 pub(crate) fn service(problem: &Problem, memory: &Memory, epoch: u64) -> Service<Memory> {
     Service {
         board: board(problem, memory, epoch),
@@ -158,13 +159,13 @@ pub(crate) fn service(problem: &Problem, memory: &Memory, epoch: u64) -> Service
     }
 }
 
-/// What the built-in model's answers hash to.
+/// The digest of the built-in model's answers.
 fn digest() -> &'static str {
     static DIGEST: OnceLock<String> = OnceLock::new();
     DIGEST.get_or_init(|| probe::model_digest(&Problem::new(campaign())))
 }
 
-/// How a worker introduces itself.
+/// The registration of a worker.
 pub(crate) fn introduction(worker: &str) -> RegisterRequest {
     RegisterRequest {
         worker_id: worker.to_owned(),
@@ -176,7 +177,7 @@ pub(crate) fn introduction(worker: &str) -> RegisterRequest {
     }
 }
 
-/// The samples as one machine computes them, without a network.
+/// The samples as one machine computes them without a network.
 pub(crate) fn expected(problem: &Problem) -> Samples {
     let mut samples = Samples::new();
     for design in 0..DESIGNS {

@@ -1,20 +1,20 @@
-//! Whatever a file holds, it is refused with a file and a line, or makes sense.
+//! Any file is refused with its name and a line, or is valid.
 
 use acceptance::FIGURE_7;
 use campaign::formulation::Problem;
 use campaign::{Campaign, FileError, PairFile};
 use proptest::prelude::*;
 
-/// A change of a text: of which line, to what.
+/// A change of a text.
 #[derive(Debug, Clone)]
 enum Change {
     Drop(usize),
     Double(usize),
-    /// Another value for its key.
+    /// Replaces the value of a key.
     Value(usize, String),
-    /// Another line in its place.
+    /// Replaces a line.
     Line(usize, String),
-    /// The end of the text.
+    /// Cuts the text after a line.
     Cut(usize),
 }
 
@@ -98,7 +98,7 @@ fn assert_names_the_line(error: &FileError, text: &str) {
         line.parse::<usize>().ok()
     });
     let last = text.lines().count().max(1);
-    // The end of a file that lacks something may be said to be on the line after the last.
+    // A missing item may be reported on the line after the last.
     assert!(
         line.is_some_and(|line| (1..=last + 1).contains(&line)),
         "{sentence}"
@@ -148,7 +148,7 @@ fn a_campaign_file_makes_sense_or_is_refused_by_its_line() {
         match Campaign::parse("some.toml", &text) {
             Err(error) => assert_names_the_line(&error, &text),
             Ok(campaign) => {
-                // What is accepted can be worked with, and survives the wire.
+                // An accepted file can be used and survives serialisation.
                 let json = campaign.to_json();
                 let again = Campaign::from_json(&json).expect("what was written can be read");
                 prop_assert_eq!(&again, &campaign);

@@ -1,5 +1,5 @@
-//! The real service and the real worker library, but nothing around them: messages are made up,
-//! the network and its clock are simulated, and the store is a list.
+//! The real service and the real worker library in a simulated environment: messages are generated,
+//! the network and its clock are simulated, and the store is in memory.
 
 mod bench;
 mod files;

@@ -1,5 +1,5 @@
-//! Whatever arrives, the service answers or refuses. A fixed budget of random messages, from bytes
-//! that may decode to anything, over well-formed nonsense, to almost valid results.
+//! The service answers or refuses any message. A fixed number of random messages ranges from bytes
+//! that may decode to anything, through well-formed nonsense, to almost valid results.
 
 use std::time::Duration;
 
@@ -20,7 +20,7 @@ use tonic::Request;
 
 use crate::bench::{Memory, campaign, introduction, service, source};
 
-/// Nine samples of design 3, as a worker hands them in.
+/// A worker's result with nine samples of design 3.
 fn answer(problem: &Problem) -> UnitResult {
     let unit = Unit {
         stream: StreamId::design(3),
@@ -31,7 +31,8 @@ fn answer(problem: &Problem) -> UnitResult {
     protocol::result(&unit, &output.map(Some), 0.1)
 }
 
-/// A change of some bytes: at a place (in thousandths of the length), how many go, what comes.
+/// A change of some bytes: the place in thousandths of the length, the number of bytes removed, and
+/// the bytes inserted.
 type Change = (usize, usize, Vec<u8>);
 
 fn a_change() -> impl Strategy<Value = Change> {
@@ -68,12 +69,12 @@ fn changed(bytes: &[u8], changes: &[Change]) -> Vec<u8> {
     bytes
 }
 
-/// Sends bytes as every kind of message that they happen to be.
+/// Decodes bytes as every kind of message and sends those that are valid.
 async fn send(service: &Service<Memory>, bytes: &[u8]) {
     macro_rules! call {
         ($($method:ident: $message:ty),*) => {
             $(if let Ok(message) = <$message>::decode(bytes) {
-                // Any answer will do, and so will any refusal.
+                // Any answer or refusal is acceptable.
                 let _ = service.$method(Request::new(message)).await;
             })*
         };
@@ -92,7 +93,7 @@ async fn send(service: &Service<Memory>, bytes: &[u8]) {
     );
 }
 
-/// A runtime whose clock leaps over what is waited for.
+/// A runtime whose clock jumps to the end of every wait.
 fn runtime() -> tokio::runtime::Runtime {
     tokio::runtime::Builder::new_current_thread()
         .enable_time()
@@ -105,7 +106,7 @@ fn a_worker() -> impl Strategy<Value = String> {
     prop_oneof![4 => Just("known".to_owned()), 1 => "\\PC{0,200}"]
 }
 
-/// Leases that exist, might exist, and cannot.
+/// Ids of leases that exist, may exist, and cannot exist.
 fn a_lease() -> impl Strategy<Value = v2::LeaseId> {
     let epoch = prop_oneof![4 => Just(1), 1 => any::<u64>()];
     let number = prop_oneof![4 => 0..40_u64, 1 => any::<u64>()];
@@ -190,7 +191,7 @@ fn a_result() -> impl Strategy<Value = LeaseResult> {
     })
 }
 
-/// A well-formed message without sense, as bytes.
+/// The bytes of a well-formed but meaningless message.
 fn nonsense() -> impl Strategy<Value = Vec<u8>> {
     let state = (a_lease(), any::<bool>());
     let state = state.prop_map(|(id, started)| LeaseState {
@@ -233,7 +234,7 @@ fn nonsense() -> impl Strategy<Value = Vec<u8>> {
     let report = (a_worker(), prop::collection::vec(a_result(), 0..5));
     let report = report
         .prop_map(|(worker_id, results)| ReportRequest { worker_id, results }.encode_to_vec());
-    // None that says it leaves: it would be served no more, and rightly.
+    // No worker announces that it leaves, since it would get no further leases.
     let release = (a_worker(), prop::collection::vec(a_lease(), 0..5));
     let release = release.prop_map(|(worker_id, leases)| {
         ReleaseRequest {
@@ -276,7 +277,7 @@ fn no_bytes_break_the_reading_of_results() {
         };
         if let Ok(batch) = read.rows {
             prop_assert!(batch.times.iter().all(|time| time.cpu_seconds >= 0.0));
-            // What was read covers its unit, and holds nothing that cannot be.
+            // The rows cover the unit and hold only plausible values.
             let range = u64::from(read.unit.samples.start)..u64::from(read.unit.samples.end);
             let is_right = |row: &store::SampleRow| {
                 row.design == read.unit.stream.index
@@ -304,10 +305,10 @@ fn no_message_breaks_the_service() {
             for message in &messages {
                 send(&service, message).await;
             }
-            // It still works: a worker that makes sense is leased something, unless one of the messages
-            // stopped the leasing.
+            // The service still works: a well-behaved worker gets a lease, unless one of the
+            // messages stopped leasing.
             let _ = service.board.drain(false);
-            // Whoever holds all jobs by now has had them for so long that others get them, too.
+            // A worker that holds all jobs has had them so long that others get copies.
             tokio::time::advance(Duration::from_secs(3600)).await;
             let good = Request::new(introduction("good"));
             service.register(good).await.expect("a good introduction");
@@ -319,7 +320,8 @@ fn no_message_breaks_the_service() {
     });
 }
 
-/// So that a worker gives back what it has not begun, and the coordinator can end the sooner.
+/// A worker that knows this releases what it has not started, so that the coordinator can end
+/// sooner.
 #[test]
 fn a_heartbeat_says_whether_jobs_are_leased_at_all() {
     let problem = Problem::new(campaign());

@@ -1,5 +1,5 @@
-//! The service and the worker library on a simulated network that fails in every way there is.
-//! Minutes of its time pass in a moment; only the samples are computed for real.
+//! The service and the worker library on a simulated network with all kinds of faults. Minutes of
+//! simulated time pass in a moment; only the samples are really computed.
 
 use std::net::Ipv4Addr;
 use std::pin::Pin;
@@ -78,14 +78,14 @@ impl AsyncWrite for Accepted {
     }
 }
 
-/// What is left when a coordinator is gone, and the one that runs.
+/// The state that outlives a coordinator, and the running one.
 #[derive(Clone)]
 struct World {
     problem: Arc<Problem>,
     memory: Memory,
     epoch: Arc<AtomicU64>,
     board: Arc<Mutex<Option<Arc<Board>>>>,
-    /// Who fell silent, in the coordinators' eyes.
+    /// Workers that fell silent, as reported by the ledger.
     vanished: Arc<Mutex<Vec<Vanished>>>,
     /// Whether the campaign may end.
     may_end: bool,
@@ -110,7 +110,7 @@ impl World {
             .clone()
     }
 
-    /// A coordinator, until it is crashed.
+    /// Runs a coordinator until it is crashed.
     async fn serve(self) -> turmoil::Result {
         let epoch = 1 + self.epoch.fetch_add(1, Ordering::SeqCst);
         let service = service(&self.problem, &self.memory, epoch);
@@ -199,8 +199,8 @@ fn start_workers(sim: &mut Sim<'_>) {
     }
 }
 
-/// Runs until every worker has left, with `trouble` as soon as both are there and `repair` when
-/// `lasting` is over.
+/// Runs until every worker has left. Calls `trouble` as soon as both workers are present and
+/// `repair` after `lasting`.
 fn run(
     mut sim: Sim<'_>,
     world: &World,
@@ -226,7 +226,7 @@ fn run(
     while !ended {
         ended = sim.step().unwrap();
     }
-    // Everybody lives: silence may cost work, but gives nothing up.
+    // No worker dies, so silence may cost work but quarantines nothing.
     let vanished = world
         .vanished
         .lock()
@@ -248,7 +248,7 @@ fn run(
     });
 }
 
-/// Beyond the lease and beyond what a call may take.
+/// Longer than a lease and longer than the time limit of a call.
 const LONG: Duration = Duration::from_secs(40);
 
 #[test]
@@ -340,8 +340,7 @@ fn a_slow_network_loses_nothing() {
     run(sim, &world, Duration::ZERO, |_| {}, |_| {});
 }
 
-/// The coordinator is restarted while nobody hears of it: the workers' ends of their connections
-/// stay open, to nobody.
+/// The coordinator is restarted without closing its connections: the workers' ends stay open.
 #[test]
 fn connections_half_open_after_a_restart_lose_nothing() {
     let world = World::new();
@@ -374,8 +373,8 @@ fn a_coordinator_that_is_away_for_a_while_loses_nothing() {
     run(sim, &world, LONG, crash, bounce);
 }
 
-/// A worker whose every call arrives twice, over two connections and so in either order, and some
-/// of them once more when they are long out of date.
+/// A worker whose every call arrives twice, over two connections and thus in either order, and some
+/// of whose calls arrive once more when they are out of date.
 async fn stutter(problem: Arc<Problem>) -> turmoil::Result {
     let links = (link(), link());
     let (one, two) = (&links.0, &links.1);
@@ -431,7 +430,7 @@ async fn stutter(problem: Arc<Problem>) -> turmoil::Result {
             worker_id: worker_id.clone(),
             results,
         };
-        // One of two that come at once is put off, and comes again.
+        // One of two simultaneous reports is deferred and sent again.
         let (mut first, mut second) = (one.client(), two.client());
         let twice = tokio::join!(first.report(report.clone()), second.report(report.clone()));
         for answer in [twice.0, twice.1] {
@@ -440,7 +439,7 @@ async fn stutter(problem: Arc<Problem>) -> turmoil::Result {
             }
         }
         first.report(report.clone()).await?;
-        // Out of date by now, all three.
+        // All three are out of date by now.
         twice!(heartbeat, heartbeat);
         let release = ReleaseRequest {
             worker_id: worker_id.clone(),

@@ -11,7 +11,7 @@ use tempfile::TempDir;
 
 use crate::PATIENCE;
 
-/// Debian's name, and that of others.
+/// Names of the browser, beginning with Debian's.
 const NAMES: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 
 /// A browser with one page.
@@ -19,21 +19,21 @@ pub struct Browser {
     child: Child,
     send: ChildStdin,
     receive: BufReader<ChildStdout>,
-    /// The page's session; empty before it is attached to.
+    /// The id of the page's session; empty before it is attached.
     session: String,
     last: u64,
-    /// What the page has complained of: uncaught exceptions, errors on the console, and what the browser
-    /// itself writes there, such as refused or failed requests.
+    /// The page's complaints: uncaught exceptions, errors on the console, and the browser's own
+    /// messages there, such as refused or failed requests.
     pub complaints: Vec<String>,
     _profile: TempDir,
 }
 
 impl Browser {
-    /// Starts a browser; none where none is installed.
+    /// Starts a browser; `None` if none is installed.
     ///
     /// # Panics
     ///
-    /// When it does not start.
+    /// The browser does not start.
     #[must_use]
     pub fn start() -> Option<Self> {
         let path = std::env::var_os("PATH")?;
@@ -42,7 +42,7 @@ impl Browser {
         };
         let name = NAMES.into_iter().find(is_installed)?;
         let profile = tempfile::tempdir().expect("a temporary folder");
-        // It reads from its descriptor 3 and writes to 4.
+        // The browser reads from descriptor 3 and writes to 4.
         let mut command = Command::new("sh");
         command.args([
             "-c",
@@ -91,11 +91,11 @@ impl Browser {
         Some(browser)
     }
 
-    /// Calls a method of the protocol, and returns its result.
+    /// Calls a method of the protocol and returns its result.
     ///
     /// # Panics
     ///
-    /// When it fails, or the browser ends.
+    /// The call fails, or the browser ends.
     pub fn call(&mut self, method: &str, parameters: &Value) -> Value {
         self.last += 1;
         let mut message = json!({ "id": self.last, "method": method, "params": parameters });
@@ -135,7 +135,7 @@ impl Browser {
         self.complaints.push(complaint.to_string());
     }
 
-    /// Opens an address, and waits until the page is loaded.
+    /// Opens an address and waits until the page is loaded.
     pub fn open(&mut self, url: &str) {
         self.call("Page.navigate", &json!({ "url": url }));
         self.wait_for("document.readyState === 'complete'");
@@ -145,7 +145,7 @@ impl Browser {
     ///
     /// # Panics
     ///
-    /// When it throws.
+    /// The expression throws.
     pub fn value(&mut self, expression: &str) -> Value {
         let asked =
             json!({ "expression": expression, "returnByValue": true, "awaitPromise": true });
@@ -161,7 +161,7 @@ impl Browser {
     ///
     /// # Panics
     ///
-    /// When it takes too long.
+    /// The condition does not hold in time.
     pub fn wait_for(&mut self, expression: &str) {
         let since = Instant::now();
         while self.value(expression) != true {
@@ -174,7 +174,7 @@ impl Browser {
         }
     }
 
-    /// Gives the window this size in pixels.
+    /// Sets the size of the window in pixels.
     pub fn resize(&mut self, width: u32, height: u32) {
         let size = json!({
             "width": width, "height": height, "deviceScaleFactor": 1, "mobile": false,

@@ -1,4 +1,4 @@
-//! A client of the live page that is as simple as can be.
+//! A minimal client of the live page.
 
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::{SocketAddr, TcpStream};
@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use serde_json::Value;
 
-/// The header of a browser on the same machine.
+/// The header that a browser on the same machine sends.
 pub const LOCALHOST: &[(&str, &str)] = &[("host", "localhost")];
 
 /// The views of the page at `/api/v1/`.
@@ -20,7 +20,7 @@ pub const VIEWS: [&str; 7] = [
     "rounds",
 ];
 
-/// What the page answered.
+/// An answer of the page.
 #[derive(Debug, Clone)]
 pub struct Answer {
     /// The status code.
@@ -39,18 +39,18 @@ impl Answer {
         named.next().map(|(_, value)| value.as_str())
     }
 
-    /// The body as JSON; null if it is none.
+    /// The body as JSON, or null if it is not JSON.
     #[must_use]
     pub fn json(&self) -> Value {
         serde_json::from_str(&self.body).unwrap_or_default()
     }
 }
 
-/// Asks for a path with these headers, of which `host` must be one.
+/// Requests a path with these headers, which must include `host`.
 ///
 /// # Errors
 ///
-/// Nobody answers in time.
+/// No answer arrives in time.
 pub fn get(
     address: SocketAddr,
     headers: &[(&str, &str)],
@@ -68,7 +68,7 @@ pub fn get(
     })
 }
 
-/// Asks in version 1.0, in which a body ends with the connection and is in one piece.
+/// Sends the request in HTTP/1.0, where the body is in one piece and ends with the connection.
 fn ask(
     address: SocketAddr,
     headers: &[(&str, &str)],
@@ -105,16 +105,16 @@ fn head(reader: &mut BufReader<TcpStream>) -> std::io::Result<(u16, Vec<(String,
     }
 }
 
-/// The events of the page.
+/// The event stream of the page.
 #[derive(Debug)]
 pub struct Events(BufReader<TcpStream>);
 
 impl Events {
-    /// Listens.
+    /// Opens the event stream.
     ///
     /// # Errors
     ///
-    /// Nobody answers in time.
+    /// No answer arrives in time.
     pub fn listen(address: SocketAddr, patience: Duration) -> std::io::Result<Self> {
         let mut reader = ask(address, LOCALHOST, "/api/v1/events", patience)?;
         head(&mut reader)?;
@@ -125,7 +125,7 @@ impl Events {
 impl Iterator for Events {
     type Item = (String, Value);
 
-    /// The next event with its data; none at the end, or after too long a silence.
+    /// The next event with its data; `None` at the end of the stream, or after a time-out.
     fn next(&mut self) -> Option<Self::Item> {
         let (mut name, mut data) = (String::new(), String::new());
         loop {
@@ -136,7 +136,7 @@ impl Iterator for Events {
             match line.trim_end().split_once(':') {
                 Some(("event", value)) => value.trim().clone_into(&mut name),
                 Some(("data", value)) => data += value.trim(),
-                // A comment keeps the line open.
+                // A comment keeps the connection open.
                 Some(_) => {}
                 None if name.is_empty() => {}
                 None => return Some((name, serde_json::from_str(&data).unwrap_or_default())),

@@ -1,5 +1,5 @@
-//! What the acceptance suite needs to drive the real programs: their binaries, processes that end
-//! with the test, and campaign files made from the shipped ones.
+//! Helpers of the acceptance tests: the programs' binaries, processes that end with the test, and
+//! campaign files derived from the shipped ones.
 
 pub mod browser;
 pub mod chaos;
@@ -16,25 +16,25 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// Longer than anything here takes on a slow, busy machine.
+/// Longer than any step takes on a slow, busy machine.
 const PATIENCE: Duration = Duration::from_secs(240);
 
 /// The path of a program of the workspace, built with the profile of the running program.
 ///
 /// # Panics
 ///
-/// When it cannot be built.
+/// The program cannot be built.
 #[must_use]
 pub fn binary(name: &str) -> PathBuf {
     programs().join(name)
 }
 
-/// The folder of the workspace's programs, built with the profile of the running program; or, to
-/// try programs that are installed somewhere, the folder in the variable `PITCHLINE_PROGRAMS`.
+/// The folder of the workspace's programs, built with the profile of the running program. The
+/// variable `PITCHLINE_PROGRAMS` can name the folder of installed programs instead.
 ///
 /// # Panics
 ///
-/// When they cannot be built.
+/// The programs cannot be built.
 #[must_use]
 pub fn programs() -> PathBuf {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
@@ -50,8 +50,8 @@ pub fn programs() -> PathBuf {
         let target = profile.parent().expect("programs live in target/PROFILE");
         let mut cargo = Command::new(env!("CARGO"));
         if is_test {
-            // The command that the suite itself is run with: then there is nothing left to build,
-            // and otherwise nothing is built twice with other features.
+            // The command that runs the suite itself, so that nothing is left to build and nothing
+            // is built again with other features.
             cargo.args(["test", "--workspace", "--no-run", "--quiet"]);
         } else {
             cargo.args(["build", "-p", "coordinator", "-p", "worker", "--quiet"]);
@@ -73,11 +73,11 @@ pub fn root() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
 }
 
-/// The quick campaign's file with `changes` (text to replace, and by what).
+/// The quick campaign's file after `changes` (the text to replace, and its replacement).
 ///
 /// # Panics
 ///
-/// When a change hits nothing.
+/// The text to replace is missing.
 #[must_use]
 pub fn quick_campaign(changes: &[(&str, &str)]) -> String {
     let shipped = root().join("campaigns/quick.toml");
@@ -89,11 +89,11 @@ pub fn quick_campaign(changes: &[(&str, &str)]) -> String {
     text
 }
 
-/// The quick campaign with so many designs of so many samples, which does little besides sampling.
+/// The quick campaign with this number of designs and samples, which does little besides sampling.
 ///
 /// # Panics
 ///
-/// When the quick campaign is no longer what it was.
+/// The quick campaign has changed in these places.
 #[must_use]
 pub fn small_campaign(designs: u32, samples: u32) -> String {
     quick_campaign(&[
@@ -109,7 +109,7 @@ pub fn small_campaign(designs: u32, samples: u32) -> String {
     ])
 }
 
-/// The signal of a process that aborts itself, as at a fail point.
+/// The signal of a process that aborts, for example at a fail point.
 pub const SIGABRT: i32 = 6;
 
 /// The pair file of the paper's Figure 7.
@@ -134,7 +134,8 @@ yield_mpa = 980.0
 hertz_limit_mpa = 1550.0
 "#;
 
-/// A folder of a test's own, with helpers to run programs in it. Their access files are there, too.
+/// A test's own folder, with helpers that run programs in it. The programs' access files are there,
+/// too.
 pub struct Sandbox {
     folder: TempDir,
 }
@@ -150,7 +151,7 @@ impl Sandbox {
     ///
     /// # Panics
     ///
-    /// When it cannot be made.
+    /// The folder cannot be created.
     #[must_use]
     pub fn new() -> Self {
         Self {
@@ -158,28 +159,28 @@ impl Sandbox {
         }
     }
 
-    /// A path in the folder.
+    /// The path of a file in the folder.
     #[must_use]
     pub fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
-    /// Writes a file.
+    /// Writes a file and returns its path.
     ///
     /// # Panics
     ///
-    /// When it cannot be written.
+    /// The file cannot be written.
     pub fn write(&self, name: &str, text: &str) -> PathBuf {
         let path = self.path(name);
         std::fs::write(&path, text).expect("the file can be written");
         path
     }
 
-    /// Writes the quick campaign with `changes` (text to replace, and by what).
+    /// Writes the quick campaign after `changes` (the text to replace, and its replacement).
     ///
     /// # Panics
     ///
-    /// When a change hits nothing.
+    /// The text to replace is missing.
     pub fn campaign(&self, name: &str, changes: &[(&str, &str)]) -> PathBuf {
         self.write(name, &quick_campaign(changes))
     }
@@ -188,7 +189,7 @@ impl Sandbox {
     ///
     /// # Panics
     ///
-    /// When it cannot be started.
+    /// The program cannot be started.
     #[must_use]
     pub fn coordinator(&self, arguments: &[&str]) -> Output {
         self.run("coordinator", arguments)
@@ -198,17 +199,17 @@ impl Sandbox {
     ///
     /// # Panics
     ///
-    /// When it cannot be started.
+    /// The program cannot be started.
     #[must_use]
     pub fn run(&self, program: &str, arguments: &[&str]) -> Output {
         self.run_with(program, arguments, &[])
     }
 
-    /// Runs a program to its end with environment variables of its own.
+    /// Runs a program to its end with additional environment variables.
     ///
     /// # Panics
     ///
-    /// When it cannot be started.
+    /// The program cannot be started.
     #[must_use]
     pub fn run_with(
         &self,
@@ -226,21 +227,21 @@ impl Sandbox {
             .expect("the program starts")
     }
 
-    /// Starts a program; it is killed when the handle is dropped.
+    /// Starts a program, which is killed when the handle is dropped.
     ///
     /// # Panics
     ///
-    /// When it cannot be started.
+    /// The program cannot be started.
     #[must_use]
     pub fn start(&self, program: &str, arguments: &[&str]) -> Running {
         self.start_with(program, arguments, &[])
     }
 
-    /// Starts a program with environment variables of its own.
+    /// Starts a program with additional environment variables.
     ///
     /// # Panics
     ///
-    /// When it cannot be started.
+    /// The program cannot be started.
     #[must_use]
     pub fn start_with(
         &self,
@@ -261,11 +262,11 @@ impl Sandbox {
         Running { child }
     }
 
-    /// The campaign's status, or nothing while there is no store yet.
+    /// The campaign's status; `None` before the store exists.
     ///
     /// # Panics
     ///
-    /// When the status is no JSON.
+    /// The status is not JSON.
     #[must_use]
     pub fn status(&self, db: &str) -> Option<Value> {
         let output = self.coordinator(&["status", "--db", db, "--json"]);
@@ -275,11 +276,11 @@ impl Sandbox {
             .then(|| serde_json::from_slice(&output.stdout).expect("the status is JSON"))
     }
 
-    /// Waits until the campaign's status satisfies `condition`, and returns it.
+    /// Waits until the campaign's status satisfies `condition`, and returns the status.
     ///
     /// # Panics
     ///
-    /// When it takes too long.
+    /// The condition does not hold in time.
     pub fn wait_for(&self, db: &str, what: &str, condition: impl Fn(&Value) -> bool) -> Value {
         let since = Instant::now();
         loop {
@@ -300,11 +301,11 @@ pub struct Running {
 }
 
 impl Running {
-    /// Ends it at once, as `kill -9` does.
+    /// Kills the program at once, as `kill -9` does.
     ///
     /// # Panics
     ///
-    /// When it has ended before: the test then does not test what it means to.
+    /// The program ended before, so the test would not test what it is meant to.
     pub fn kill(mut self) {
         let ended = self.child.try_wait().expect("the process can be asked");
         assert!(
@@ -315,20 +316,20 @@ impl Running {
         self.child.wait().expect("the process can be waited for");
     }
 
-    /// Asks it to end, as `kill` does.
+    /// Sends SIGTERM, as `kill` does.
     ///
     /// # Panics
     ///
-    /// When it cannot be asked.
+    /// The signal cannot be sent.
     pub fn terminate(&self) {
         self.signal("TERM");
     }
 
-    /// Sends it a signal, as in `STOP`.
+    /// Sends a signal, such as `STOP`.
     ///
     /// # Panics
     ///
-    /// When it has ended.
+    /// The program has ended.
     pub fn signal(&self, name: &str) {
         let id = self.child.id().to_string();
         let status = Command::new("kill")
@@ -341,16 +342,16 @@ impl Running {
         );
     }
 
-    /// Waits until it has written a line with `text` to standard error.
+    /// Waits until the program has written a line that contains `text` to standard error.
     ///
     /// # Panics
     ///
-    /// When it ends before.
+    /// The program ends before.
     pub fn wait_for_line(&mut self, text: &str) {
         let pipe = self.child.stderr.as_mut().expect("it is captured");
         let (mut line, mut byte) = (Vec::new(), [0]);
         loop {
-            // Byte by byte: what comes after the line is left for `finish`.
+            // Byte by byte, so that the rest is left for `finish`.
             let read = pipe.read(&mut byte).expect("standard error can be read");
             assert!(read > 0, "the process ended without having said {text:?}");
             if byte != *b"\n" {
@@ -364,11 +365,11 @@ impl Running {
         }
     }
 
-    /// Waits for its end and returns what it wrote to standard error, too.
+    /// Waits for the program's end and returns its status and its standard error.
     ///
     /// # Panics
     ///
-    /// When it takes too long.
+    /// The program does not end in time.
     #[must_use]
     pub fn finish(mut self) -> (ExitStatus, String) {
         let since = Instant::now();
@@ -390,30 +391,30 @@ impl Running {
 
 impl Drop for Running {
     fn drop(&mut self) {
-        // It may have ended; then there is nothing to kill.
+        // It fails if the program has already ended.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
 }
 
-/// Says that a test could not be run here, and why.
+/// Reports that a test could not be run here, and why.
 #[expect(clippy::print_stderr, reason = "for whoever reads the tests' output")]
 pub fn skipped(why: &str) {
     eprintln!("skipped: {why}");
 }
 
-/// An address on loopback that nobody listens on just now, and that nobody gets by chance: the system
-/// takes the ports of clients from 32768 on, and each call gives another port.
+/// A free loopback address. The system assigns the ports of clients from 32768 on, so no other
+/// program gets this one by chance, and each call returns another port.
 ///
 /// # Panics
 ///
-/// When there is none.
+/// There is no free port.
 #[must_use]
 pub fn free_address() -> SocketAddr {
     const FIRST: u32 = 20_000;
     const COUNT: u32 = 12_000;
     static CALLS: AtomicU32 = AtomicU32::new(0);
-    // Processes of one moment have numbers next to each other.
+    // Processes that start together have adjacent ids.
     let start = std::process::id().wrapping_mul(97);
     let is_free = |address: &SocketAddr| TcpListener::bind(address).is_ok();
     (0..COUNT)
@@ -423,23 +424,23 @@ pub fn free_address() -> SocketAddr {
         .expect("a free port")
 }
 
-/// What a program wrote to standard error.
+/// The standard error of a program.
 #[must_use]
 pub fn errors(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// What a program wrote to standard output.
+/// The standard output of a program.
 #[must_use]
 pub fn printed(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
-/// Asserts that a program ended with `code`, and shows why if not.
+/// Asserts that a program ended with `code`, and shows its standard error otherwise.
 ///
 /// # Panics
 ///
-/// When it did not.
+/// The program ended with another code.
 pub fn assert_code(output: &Output, code: i32) {
     assert_eq!(output.status.code(), Some(code), "{}", errors(output));
 }

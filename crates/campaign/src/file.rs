@@ -1,7 +1,7 @@
-//! What a user writes: the campaign file and the pair file.
+//! The user's files: the campaign file and the pair file.
 //!
 //! Both are TOML with units in their keys. A file is parsed strictly (unknown and missing keys are
-//! errors) and validated once, here: whoever holds a [`Campaign`] holds a sensible one.
+//! errors) and validated once, here, so every [`Campaign`] is valid.
 
 mod accuracy;
 mod advice;
@@ -41,31 +41,31 @@ pub use sections::{Load, Manufacture, SimulatorKind, SimulatorSection, Wear, Wea
 pub use settings::{Doe, Optimise, Restarts, Verify};
 pub(crate) use validate::Source;
 
-/// Why a campaign or pair file was refused.
+/// The errors of campaign and pair files.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum FileError {
-    /// The text is no TOML, or has an unknown key, a missing key or a value of the wrong type.
+    /// The text is not TOML, or has an unknown key, a missing key or a value of the wrong type.
     #[error("{file}, line {line}: {message}")]
     Syntax {
         /// The file's name, as the user gave it.
         file: String,
-        /// Where, counted from 1.
+        /// The line, counted from 1.
         line: usize,
-        /// What is wrong, from the parser.
+        /// The parser's message.
         message: String,
     },
-    /// A value that makes no sense.
+    /// A value is invalid.
     #[error("{file}, line {line}: {key} is {found}, but must be {expected}")]
     Value {
         /// The file's name, as the user gave it.
         file: String,
-        /// Where, counted from 1.
+        /// The line, counted from 1.
         line: usize,
-        /// The key with its section, as in `sampling.samples_per_design`.
+        /// The key with its section, such as `sampling.samples_per_design`.
         key: String,
         /// The value found.
         found: String,
-        /// What would be right.
+        /// The values that would be valid.
         expected: String,
     },
 }

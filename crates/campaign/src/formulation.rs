@@ -1,13 +1,13 @@
-//! The problem formulations: from a point of the design space to criteria and constraints.
+//! The problem formulations, which map a point of the design space to criteria and constraints.
 //!
-//! A [`Problem`] names its variables, the deterministic responses of a design, the constraints on them and
-//! the response that is sampled. Everything that samples, models and optimises works with lists of
-//! numbers, [`Design`] and [`Criteria`], in the problem's order.
+//! A [`Problem`] names its variables, the deterministic responses of a design, the constraints on
+//! them and the response that is sampled. The code that samples, models and optimises works with
+//! lists of numbers, [`Design`] and [`Criteria`], in the problem's order.
 //!
-//! [`gears`] is the problem of the paper. Its deterministic problem ((2)–(3)) moves eleven variables,
-//! the problems with wear ((6)–(7), (22), (23)) the first six of them. The number of teeth is a
-//! setting, the module (or the centre distance) follows from the others. `external` is a problem
-//! that the campaign file states and a program of the user's simulates.
+//! [`gears`] is the problem of the paper. Its deterministic problem ((2)–(3)) has eleven variables,
+//! and the problems with wear ((6)–(7), (22), (23)) the first six of them. The number of teeth is a
+//! setting, and the module (or the centre distance) follows from the others. `external` is a
+//! problem that is stated in the campaign file and simulated by a program of the user's.
 
 use std::borrow::Cow;
 
@@ -29,12 +29,12 @@ pub use gears::{GearCriteria, GearVariables};
 pub use space::Coordinate;
 use space::{Derived, Space};
 
-/// A quantity that a simulator takes or gives.
+/// A quantity that is an input or an output of a simulator.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Quantity {
-    /// Its name, as in exported columns.
+    /// The name, as in exported columns.
     pub name: Cow<'static, str>,
-    /// Its unit where the name does not say it; empty for a number without one.
+    /// The unit, if the name does not contain it; empty for a number without one.
     pub unit: Cow<'static, str>,
 }
 
@@ -54,14 +54,14 @@ impl Quantity {
     }
 }
 
-/// What a campaign designs: variables, criteria and constraints.
+/// The problem of a campaign: variables, criteria and constraints.
 #[derive(Debug, Clone)]
 pub struct Problem {
     campaign: Campaign,
     variables: Vec<Quantity>,
-    /// What the approaches search that move everything that is free.
+    /// The search space of the approaches that vary all free variables.
     whole: Space,
-    /// What the DoE, the models and their approaches search.
+    /// The search space of the DoE, the models and the approaches that use them.
     free: Space,
     base: Design,
     criteria: Vec<Quantity>,
@@ -70,7 +70,7 @@ pub struct Problem {
     kind: Formulation,
 }
 
-/// What only one kind of problem has.
+/// The parts that only one kind of problem has.
 #[derive(Debug, Clone)]
 enum Formulation {
     Gears(Box<gears::Gears>),
@@ -78,7 +78,7 @@ enum Formulation {
 }
 
 impl Problem {
-    /// The problem that `campaign` states.
+    /// The problem stated by `campaign`.
     ///
     /// # Panics
     ///
@@ -118,7 +118,7 @@ impl Problem {
         }
     }
 
-    /// What only gear pairs have; none for another kind of problem.
+    /// The parts of a gear problem; `None` for another kind.
     #[must_use]
     pub fn gears(&self) -> Option<&gears::Gears> {
         match &self.kind {
@@ -139,7 +139,7 @@ impl Problem {
         &self.variables
     }
 
-    /// What the DoE moves and the models take.
+    /// The coordinates that the DoE varies, which are the inputs of the models.
     #[must_use]
     pub fn coordinates(&self) -> &[Coordinate] {
         self.free.coordinates()
@@ -152,13 +152,13 @@ impl Problem {
             .map(|coordinate| &*coordinate.name)
     }
 
-    /// How many coordinates the DoE moves.
+    /// The number of coordinates of the DoE.
     #[must_use]
     pub fn dimension(&self) -> usize {
         self.coordinates().len()
     }
 
-    /// How many coordinates the optimiser of an approach moves.
+    /// The number of coordinates that the optimiser of an approach varies.
     #[must_use]
     pub fn dimension_of(&self, approach: Approach) -> usize {
         self.space(approach).coordinates().len()
@@ -178,33 +178,32 @@ impl Problem {
         }
     }
 
-    /// The values that the campaign file gives to the variables that the DoE leaves alone; all others
-    /// are 0.
+    /// The campaign file's values of the variables that the DoE does not vary; 0 for all others.
     #[must_use]
     pub const fn base(&self) -> &Design {
         &self.base
     }
 
-    /// What `design` has where the DoE leaves variables alone; all others are 0.
+    /// The values in `design` of the variables that the DoE does not vary; 0 for all others.
     #[must_use]
     pub fn base_of(&self, design: &Design) -> Design {
         self.free.kept(design)
     }
 
-    /// The design with the coordinates `x` of the DoE, and the values of `base` where the DoE leaves
-    /// variables alone.
+    /// The design with the coordinates `x` of the DoE, and with the values of `base` for the
+    /// variables that the DoE does not vary.
     #[must_use]
     pub fn design(&self, x: &[f64], base: &Design) -> Design {
         self.free.design(x, base, self.derived())
     }
 
-    /// The coordinates of a design, as the DoE moves them.
+    /// The coordinates of a design in the space of the DoE.
     #[must_use]
     pub fn free_values(&self, design: &Design) -> Vec<f64> {
         self.free.coordinates_of(design, self.derived())
     }
 
-    /// The coordinates at `unit` in the unit cube of the DoE.
+    /// The coordinates of the point `unit` of the DoE's unit cube.
     #[must_use]
     pub fn free_point(&self, unit: &[f64]) -> Vec<f64> {
         self.free.scaled(unit)
@@ -216,17 +215,18 @@ impl Problem {
         self.free.unit(x)
     }
 
-    /// `[low, high]` of what the DoE moves.
+    /// The range `[low, high]` of each coordinate of the DoE.
     pub fn free_ranges(&self) -> impl Iterator<Item = [f64; 2]> {
         self.coordinates().iter().map(|coordinate| coordinate.range)
     }
 
-    /// The design at `unit` in the unit cube of what an approach moves; none if there is none.
+    /// The design at the point `unit` of the unit cube of an approach; `None` if no design exists
+    /// there.
     #[must_use]
     pub fn point(&self, approach: Approach, unit: &[f64], base: &Design) -> Option<Design> {
         let space = self.space(approach);
         let design = space.design(&space.scaled(unit), base, self.derived());
-        // Without a module there are no radii, and nothing to ask a simulator about.
+        // Without a module there are no radii, and so no design to simulate.
         let exists = match (approach, self.gears()) {
             (Approach::Nominal, Some(gears)) => gears.normal_module(&design).is_ok(),
             _ => true,
@@ -234,29 +234,30 @@ impl Problem {
         exists.then_some(design)
     }
 
-    /// What constraints are set on, in the order of [`Criteria`].
+    /// The quantities that constraints are set on, in the order of [`Criteria`].
     #[must_use]
     pub fn criteria(&self) -> &[Quantity] {
         &self.criteria
     }
 
-    /// The deterministic responses of a design, as they are stored and exported.
+    /// The deterministic responses of a design that are stored and exported.
     #[must_use]
     pub fn responses(&self) -> &[Quantity] {
         &self.responses
     }
 
-    /// The response that scatters; its name is that of columns.
+    /// The sampled response. Its name is used for columns.
     #[must_use]
     pub const fn sampled(&self) -> &Quantity {
         &self.sampled
     }
 
-    /// Whether this number can be a sample of the response, or the response without random effects.
+    /// Checks that this number can be a sample of the response, or the response without random
+    /// effects.
     ///
     /// # Errors
     ///
-    /// A sentence without subject: what it is, and what it would have to be.
+    /// A sentence without its subject: the value and the valid range.
     pub fn check_sample(&self, value: f64) -> Result<(), String> {
         match &self.kind {
             Formulation::Gears(_) => gears::check_delta_ste(value),
@@ -265,7 +266,7 @@ impl Problem {
         }
     }
 
-    /// The ways in which the campaign designs, in the order of the paper's Table 5.
+    /// The approaches of the campaign, in the order of the paper's Table 5.
     pub fn approaches(&self) -> impl Iterator<Item = Approach> + use<> {
         let has_all = self.gears().is_some();
         let has_baseline = self.has_baseline();
@@ -282,7 +283,7 @@ impl Problem {
             })
     }
 
-    /// How many optimiser runs the campaign has.
+    /// The number of optimiser runs of the campaign.
     #[must_use]
     pub fn optimiser_runs(&self) -> u64 {
         let optimised = |approach: &Approach| Approach::OPTIMISED.contains(approach);
@@ -290,7 +291,7 @@ impl Problem {
         approaches * u64::from(self.campaign.optimise.starts)
     }
 
-    /// Whether the response is also known without random effects.
+    /// Whether the response is also computed without random effects.
     #[must_use]
     pub fn has_baseline(&self) -> bool {
         match &self.kind {
@@ -299,7 +300,7 @@ impl Problem {
         }
     }
 
-    /// What the campaign's tables call an approach.
+    /// The name of an approach in the campaign's tables.
     #[must_use]
     pub fn approach_name(&self, approach: Approach) -> &'static str {
         match approach {
@@ -308,8 +309,8 @@ impl Problem {
         }
     }
 
-    /// The approach whose optimum fixes the variables that the DoE leaves alone; none where the campaign
-    /// file does.
+    /// The approach whose optimum fixes the variables that the DoE does not vary; `None` if the
+    /// campaign file fixes them.
     #[must_use]
     pub fn base_from(&self) -> Option<Approach> {
         let frozen = self.campaign.gears()?.frozen?;
@@ -317,14 +318,14 @@ impl Problem {
         deterministic.then_some(Approach::Nominal)
     }
 
-    /// The response of this name.
+    /// The value of the response with this name.
     #[must_use]
     pub fn response(&self, responses: &[f64], name: &str) -> Option<f64> {
         let place = self.responses().iter().position(|r| r.name == name)?;
         responses.get(place).copied()
     }
 
-    /// The responses that the analyses of all states make, in the order of
+    /// The responses that follow from the analyses in both states, in the order of
     /// [`responses`](Self::responses).
     #[must_use]
     pub fn responses_of(&self, nominal: &Analysis, baseline: &Analysis) -> Vec<f64> {
@@ -334,11 +335,11 @@ impl Problem {
         }
     }
 
-    /// Whether these numbers can be the responses of a design.
+    /// Checks that these numbers can be the responses of a design.
     ///
     /// # Errors
     ///
-    /// A sentence: which response cannot be.
+    /// A sentence that names the invalid response.
     pub fn check_responses(&self, responses: &[f64]) -> Result<(), String> {
         let expected = self.responses().len();
         if responses.len() != expected {
@@ -359,8 +360,8 @@ impl Problem {
         }
     }
 
-    /// The analysis of a design in one state from its responses; none if the responses are not those
-    /// of this problem.
+    /// The analysis of a design in one state, reconstructed from its responses; `None` if they do
+    /// not belong to this problem.
     #[must_use]
     pub fn analysis(&self, design: &Design, responses: &[f64], state: State) -> Option<Analysis> {
         match &self.kind {
@@ -372,7 +373,7 @@ impl Problem {
         }
     }
 
-    /// Every constraint, with how far a design is from breaking it.
+    /// All constraints, with their signed distance from the limit.
     #[must_use]
     pub fn constraints(&self, criteria: &Criteria) -> Vec<Constraint> {
         match &self.kind {
@@ -381,7 +382,7 @@ impl Problem {
         }
     }
 
-    /// The responses that a program must give before a design can be analysed in this state, as places in
+    /// The responses that a program must return for an analysis in this state, as indices in
     /// [`responses`](Self::responses).
     pub fn wanted(&self, state: State) -> impl Iterator<Item = usize> {
         let is_gears = self.gears().is_some();
@@ -391,18 +392,18 @@ impl Problem {
             .map(|(place, _)| place)
     }
 
-    /// What a program is told of a design: names and values.
+    /// The names and values of a design's variables, as sent to a program.
     ///
     /// # Errors
     ///
-    /// Why the design cannot be simulated, as in `involute: …`.
+    /// The reason why the design is not simulable, such as `involute: …`.
     pub fn told(&self, design: &Design) -> Result<Vec<(&str, f64)>, String> {
         let values = self.variables.iter().zip(design.values());
         let mut told: Vec<(&str, f64)> = values
             .map(|(variable, value)| (&*variable.name, *value))
             .collect();
         if let Some(gears) = self.gears() {
-            // The module follows from the campaign's centre distance, whoever simulates.
+            // The module follows from the campaign's centre distance with any simulator.
             let module = gears.normal_module(design);
             let module = module.map_err(|why| format!("{}: {why}", why.code()))?;
             told.push(("normal_module_mm", module));
@@ -410,7 +411,8 @@ impl Problem {
         Ok(told)
     }
 
-    /// What a program calls a response, and the factor from its value to the campaign's.
+    /// The program's name for a response, and the factor from the program's value to the
+    /// campaign's.
     #[must_use]
     pub fn asked<'a>(&'a self, response: &'a Quantity) -> (&'a str, f64) {
         match &self.kind {
@@ -419,22 +421,25 @@ impl Problem {
         }
     }
 
-    /// The sum of the relative violations in the paper's (5), and of the interferences in modules.
+    /// The constraint violation: the sum of the relative violations in the paper's (5), and of the
+    /// interferences in modules.
     ///
-    /// Zero on the feasible side including its edge; [`Problem::is_feasible`] is strict.
+    /// It is zero on the feasible side and on its boundary, whereas [`Problem::is_feasible`] is
+    /// strict.
     #[must_use]
     pub fn violation(&self, criteria: &Criteria) -> f64 {
         let relative = |constraint: &Constraint| constraint.excess.max(0.0) / constraint.scale;
         self.constraints(criteria).iter().map(relative).sum()
     }
 
-    /// Whether a design satisfies every constraint of (3) or (7), with their strict inequalities.
+    /// Whether a design satisfies all constraints of (3) or (7), with their strict inequalities.
     #[must_use]
     pub fn is_feasible(&self, criteria: &Criteria) -> bool {
         self.constraints(criteria).iter().all(Constraint::holds)
     }
 
-    /// The penalised objective (5); none where designs are ranked feasibility first from the start.
+    /// The penalised objective (5); `None` if designs are ranked feasibility first from the
+    /// beginning.
     #[must_use]
     pub fn penalty(&self) -> Option<&Penalty> {
         self.campaign.gears().map(|sections| &sections.penalty)

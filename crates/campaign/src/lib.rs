@@ -1,14 +1,13 @@
-//! The campaign file, the problem formulations, and what workers compute.
+//! The campaign file, the problem formulations, and the computations of workers.
 //!
-//! - [`Campaign`] and [`PairFile`] are what a user writes, parsed and validated ([`mod@file`]).
+//! - [`Campaign`] and [`PairFile`] are the user's files, parsed and validated ([`mod@file`]).
 //! - [`accuracy`] parses a campaign and chooses its settings for a tolerance.
-//! - [`formulation`] turns a design point into a gear pair, its criteria and its constraints.
-//! - [`variant`] is a design as studies ask for it: with profile corrections, say.
-//! - [`simulator`] is what the stages ask of whoever simulates a design.
-//! - [`task`] is what workers compute: what it takes, what comes out, and the pure function between
-//!   them.
+//! - [`formulation`] maps a design point to a gear pair, its criteria and its constraints.
+//! - [`variant`] is a design as studies need it, for example with profile corrections.
+//! - [`simulator`] is the interface between the stages and a simulator.
+//! - [`task`] is the work of a worker: its input, its output, and the pure function between them.
 //!
-//! Nothing here does I/O, reads a clock or knows where it runs.
+//! This crate does no I/O, reads no clock and does not depend on where it runs.
 
 pub mod accuracy;
 pub mod file;

@@ -1,15 +1,16 @@
 //! One run of CMA-ES on one of the formulations.
 //!
 //! A run has two parts. The *printed* part is the paper's: the penalised objective (5) with its
-//! static weight, a fixed number of evaluations, one restart half-way. On this simulator the
-//! printed weight can be too small to be exact: then the penalised winner breaks a constraint. So
-//! a run whose printed winner is infeasible *continues* with feasibility-first ranking, which needs
-//! no weight, until it ends on a feasible design, and the result keeps both.
+//! static weight, a fixed number of evaluations, and one restart half-way. With this simulator the
+//! printed weight can be too small to be exact, and the penalised optimum then violates a
+//! constraint. Therefore a run whose printed optimum is infeasible *continues* with
+//! feasibility-first ranking, which needs no weight, until it ends at a feasible design. The result
+//! has both optima.
 //!
-//! The built-in simulator takes microseconds, so one worker computes a whole run ([`run`]). An external
-//! one may take hours for each evaluation: the coordinator holds the [`Search`] and asks the workers
-//! for a generation of candidates at a time. The store keeps their answers, so a search that was killed
-//! is computed again from them, to the same result.
+//! The built-in simulator takes microseconds, so one worker computes a whole run ([`run`]). An
+//! external one may take hours for each evaluation, so the coordinator keeps the [`Search`] and
+//! leases one generation of candidates at a time to the workers. The store keeps their answers, so
+//! an interrupted search is recomputed from them with the same result.
 
 mod objective;
 #[cfg(test)]
@@ -28,7 +29,7 @@ use crate::task::Run;
 pub use objective::{Answer, COMMON, Candidate, answer};
 use objective::{Objective, Seen};
 
-/// How often a run whose printed winner is infeasible continues before it gives up.
+/// Maximum number of times that a run with an infeasible printed optimum continues.
 const CONTINUATIONS: u32 = 10;
 
 /// A design that a run found.
@@ -42,32 +43,33 @@ pub struct Found {
     pub criterion_um: f64,
     /// Its criteria.
     pub criteria: Criteria,
-    /// Whether it satisfies every constraint.
+    /// Whether it satisfies all constraints.
     pub feasible: bool,
 }
 
-/// One run's result.
+/// The result of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunResult {
-    /// Which problem.
+    /// The approach, which selects the problem formulation.
     pub approach: Approach,
-    /// Which of its starts, from 0.
+    /// The number of the start, from 0.
     pub start: u32,
     /// The best design by the penalised objective (5) after the printed number of evaluations, if
-    /// any design could be simulated.
+    /// any design was simulable.
     pub printed: Option<Found>,
     /// The best feasible design.
     pub best: Option<Found>,
-    /// How many times the run continued beyond the printed evaluations to end on a feasible design.
+    /// Number of times that the run continued beyond the printed evaluations to end at a feasible
+    /// design.
     pub continuations: u32,
-    /// Evaluations, continuations included.
+    /// Number of evaluations, including continuations.
     pub evaluations: u64,
-    /// Calls of the simulator: one per unworn analysis, two with Archard's wear.
+    /// Number of calls of the simulator: one per analysis without wear, two with Archard's wear.
     pub simulator_calls: u64,
-    /// Improvements of the penalised objective: (evaluation, value).
+    /// The improvements of the penalised objective, as (evaluation, value).
     pub history: Vec<(u64, f64)>,
-    /// Why the search restarted, besides the planned restart: (evaluation, reason).
+    /// The restarts besides the planned one, as (evaluation, reason).
     pub restarts: Vec<(u64, String)>,
 }
 
@@ -75,15 +77,15 @@ pub struct RunResult {
 ///
 /// # Errors
 ///
-/// A sentence: the model is missing or cannot be read, or the simulator failed. A run in which no
-/// design could be simulated is a result.
+/// A sentence: the model is missing or cannot be read, or the simulator failed. A run without any
+/// simulable design is a result, not an error.
 pub fn run(simulator: &dyn Simulator, run: &Run) -> Result<RunResult, String> {
     let result = run_while(simulator, run, &|| true)?;
     result.ok_or_else(|| "the run was stopped".to_owned())
 }
 
-/// As [`run`], for as long as `keep_going` says, which is asked before every generation; none when it
-/// was stopped.
+/// Like [`run`], but stops when `keep_going`, which is called before every generation, returns
+/// false. Returns `None` if it was stopped.
 ///
 /// # Errors
 ///
@@ -99,7 +101,8 @@ pub(crate) fn run_while(
         if !keep_going() {
             return Ok(None);
         }
-        // One after the other: what is asked of a candidate depends on the best one before it.
+        // One after the other, because the questions about a candidate depend on the best one
+        // before it.
         let mut told = Vec::new();
         for unit in search.draw() {
             let candidate = search.candidate(problem, unit);
@@ -132,17 +135,17 @@ pub struct Search {
     rng: StreamRng,
     search: cmaes::Run,
     seen: Seen,
-    /// How many times the run has continued beyond the printed evaluations.
+    /// Number of times that the run has continued beyond the printed evaluations.
     continuations: u32,
-    /// The evaluations of the searches before this one.
+    /// Number of evaluations of the searches before this one.
     evaluations: u64,
-    /// The improvements and the restarts of the printed search, once it has ended.
+    /// The improvements and restarts of the printed search, after its end.
     history: Vec<(u64, f64)>,
     restarts: Vec<(u64, String)>,
 }
 
 impl Search {
-    /// The beginning of a run.
+    /// Starts a run.
     ///
     /// # Errors
     ///
@@ -184,13 +187,13 @@ impl Search {
             .collect()
     }
 
-    /// Goes on with the answers for the generation that was asked for last, in its order: none for a
-    /// candidate that cannot be simulated or of which nothing was to be asked. False at the end of the
+    /// Continues with the answers for the last generation, in its order. An answer is `None` for a
+    /// candidate that is not simulable or need not be evaluated. Returns false at the end of the
     /// run.
     ///
     /// # Errors
     ///
-    /// A sentence: the search cannot go on.
+    /// A sentence: the search cannot continue.
     pub fn answered(
         &mut self,
         problem: &Problem,
@@ -224,7 +227,7 @@ impl Search {
             .evaluation(problem, seen, candidate, answer, is_printed)
     }
 
-    /// False at the end of the run.
+    /// Passes evaluations to the search. Returns false at the end of the run.
     fn tell(&mut self, told: &[cmaes::Evaluation]) -> Result<bool, String> {
         self.search
             .tell(told, &mut self.rng)
@@ -232,8 +235,8 @@ impl Search {
         Ok(!self.search.is_finished() || self.continue_search()?)
     }
 
-    /// Ends a search whose budget is spent, and begins the one that continues the run; false at the
-    /// end of the run.
+    /// Ends a search whose budget is spent, and starts the next one if the run continues. Returns
+    /// false at the end of the run.
     fn continue_search(&mut self) -> Result<bool, String> {
         let finished = self.search.clone().outcome();
         let outcome = finished.map_err(|error| error.to_string())?;
@@ -246,7 +249,7 @@ impl Search {
                 .map(|restart| (restart.evaluations as u64, restart.cause.to_string()))
                 .collect();
         }
-        // The printed winner is feasible exactly when nothing is left to do.
+        // If the printed optimum is feasible, the run is complete.
         let is_printed_infeasible = self
             .seen
             .printed
@@ -265,26 +268,27 @@ impl Search {
             restarts: Restarts::FromBest { planned: 0 },
             ..self.settings.run(bounds)
         };
-        // The constrained optimum lies near the penalised one: look there first.
+        // The constrained optimum lies near the penalised one, so the search begins there with a
+        // shorter step.
         options.search.step /= 3.0;
         let search = cmaes::Run::new(&outcome.x, options);
         self.search = search.map_err(|error| error.to_string())?;
         Ok(true)
     }
 
-    /// Evaluations so far.
+    /// The number of evaluations so far.
     #[must_use]
     pub fn evaluations(&self) -> u64 {
         self.evaluations + self.search.evaluations() as u64
     }
 
-    /// With how many evaluations the search ends, unless it has to continue then.
+    /// The number of evaluations at which the search ends, unless it has to continue.
     #[must_use]
     pub fn budget(&self) -> u64 {
         self.evaluations + self.search.budget() as u64
     }
 
-    /// The improvements so far, as in [`RunResult`].
+    /// The improvements so far, as in [`RunResult::history`].
     #[must_use]
     pub fn history(&self) -> Vec<(u64, f64)> {
         match self.continuations {

@@ -1,9 +1,9 @@
-//! Does another build of the simulator give the same numbers to the last bit?
+//! Detection of builds of the simulator that do not give the same numbers to the last bit.
 //!
 //! Two builds may differ in a mathematical library, a compiler or a processor's instructions, and
-//! then their samples differ in a last digit. A campaign's table would depend on who computed what.
-//! So every worker answers the same questions at the start, and only workers that answer like the
-//! coordinator are let in.
+//! then their samples differ in the last digits. A campaign's results would depend on which worker
+//! computed which sample. Therefore every worker answers a fixed set of questions at the start, and
+//! only workers with the coordinator's answers are admitted.
 
 use rand::RngExt as _;
 use sha2::{Digest, Sha256};
@@ -12,7 +12,7 @@ use stats::streams::{Purpose, stream};
 use crate::formulation::Problem;
 use crate::simulator::{NoAnswer, Simulator, State};
 
-/// How many designs are simulated; about two in three can be.
+/// Number of designs to simulate, of which about two in three are simulable.
 pub const DESIGNS: u32 = 12;
 
 /// SHA-256, as hex, of the bits of a fixed set of simulations of `problem` by the built-in model.
@@ -25,12 +25,12 @@ pub fn model_digest(problem: &Problem) -> String {
     digest_of(problem, DESIGNS).expect("the built-in model refuses but never fails")
 }
 
-/// SHA-256, as hex, of the bits of what `simulator` answers about the first `designs` of a fixed
-/// set of designs, and of the version that it gives itself.
+/// SHA-256, as hex, of the bits of the answers of `simulator` about the first `designs` of a fixed
+/// set of designs, and of the version that it reports.
 ///
 /// # Errors
 ///
-/// The simulator failed: a sentence.
+/// A sentence: the simulator failed.
 pub fn digest_of(simulator: &dyn Simulator, designs: u32) -> Result<String, String> {
     let mut hash = Sha256::new();
     if let Some(version) = simulator.version() {

@@ -1,8 +1,8 @@
-//! What the stages ask of a simulator, whoever answers: the built-in gear model, or a program from
-//! elsewhere.
+//! The interface between the stages and a simulator, which is the built-in gear model or an
+//! external program.
 //!
-//! A design is prepared once; then its criteria, its two deterministic analyses and its samples
-//! are asked for one by one, because each may take microseconds or hours.
+//! A design is prepared once. Then its criteria, its two deterministic analyses and its samples are
+//! requested one by one, because each may take microseconds or hours.
 
 use stats::streams::{Purpose, StreamRng};
 
@@ -10,10 +10,10 @@ use crate::formulation::gears::Gears;
 use crate::formulation::{Criteria, Design, Problem};
 use crate::variant::Variant;
 
-/// Why a simulator gave no number.
+/// The reasons why a simulator gives no number.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum NoAnswer {
-    /// The design cannot be simulated, which is a result: a short name and a sentence, as in
+    /// The design is not simulable, which is a result: a short name and a sentence, such as
     /// `contact-gap: …`.
     #[error("{0}")]
     Refused(String),
@@ -25,19 +25,19 @@ pub enum NoAnswer {
 /// The state in which a design is analysed without random effects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum State {
-    /// As made: of a gear pair, with unworn flanks.
+    /// The nominal design: for a gear pair, unworn flanks.
     Nominal,
-    /// As the random samples scatter around: of a gear pair, with Archard's wear.
+    /// The state around which the random samples scatter: for a gear pair, Archard's wear.
     Baseline,
 }
 
 /// A deterministic analysis of a design in one state.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Analysis {
-    /// The response that is sampled, without random effects: of a gear pair ΔSTE, µm. NaN of a problem
+    /// The sampled response without random effects: for a gear pair ΔSTE, in µm. NaN for a problem
     /// [without a baseline](Problem::has_baseline).
     pub value_um: f64,
-    /// What constraints are set on.
+    /// The values that constraints are set on.
     pub criteria: Criteria,
 }
 
@@ -46,7 +46,7 @@ pub trait Simulator {
     /// The campaign's problem.
     fn problem(&self) -> &Problem;
 
-    /// Which program answers, if it says; part of the model digest.
+    /// The version of the program, if it reports one. It is part of the model digest.
     fn version(&self) -> Option<String> {
         None
     }
@@ -55,14 +55,14 @@ pub trait Simulator {
     ///
     /// # Errors
     ///
-    /// The design cannot be simulated, or the simulator failed.
+    /// The design is not simulable, or the simulator failed.
     fn prepare<'a>(&'a self, design: &Design) -> Result<Box<dyn Prepared + 'a>, NoAnswer>;
 
-    /// Prepares a variant of a design. Only the built-in model takes one that is not plain.
+    /// Prepares a variant of a design. Only the built-in model accepts variants that are not plain.
     ///
     /// # Errors
     ///
-    /// The variant cannot be simulated, or the simulator failed.
+    /// The variant is not simulable, or the simulator failed.
     fn prepare_variant<'a>(
         &'a self,
         variant: &Variant,
@@ -78,34 +78,35 @@ pub trait Simulator {
     }
 }
 
-/// A design, ready to be analysed.
+/// A prepared design.
 pub trait Prepared {
-    /// The design without random effects.
+    /// Analyses the design without random effects.
     ///
     /// # Errors
     ///
-    /// The design cannot be simulated, or the simulator failed.
+    /// The design is not simulable, or the simulator failed.
     fn analyse(&mut self, state: State) -> Result<Analysis, NoAnswer>;
 
-    /// The response with random effects, drawn from `rng` alone: of a gear pair ΔSTE, µm.
+    /// Draws a sample of the response using only `rng`: for a gear pair ΔSTE, in µm.
     ///
     /// # Errors
     ///
-    /// The simulator failed. A design that was prepared cannot be refused for one of its samples:
-    /// which samples are drawn together depends on how the campaign is cut into jobs.
+    /// The simulator failed. A prepared design cannot be refused because of one of its samples,
+    /// since the samples that are drawn together depend on how the campaign is cut into leases.
     fn sample(&mut self, rng: &mut StreamRng) -> Result<f64, String>;
 
-    /// How many standard normal coefficients the random flanks are made of; none where it is not
-    /// known how a simulator makes them.
+    /// The number of standard normal coefficients of the random flanks; 0 if the simulator's random
+    /// effects are not known.
     fn modes(&mut self) -> usize {
         0
     }
 
-    /// ΔSTE in µm with the random flanks of these coefficients, as many as [`modes`](Self::modes).
+    /// ΔSTE in µm with the random flanks of these coefficients, whose number is
+    /// [`modes`](Self::modes).
     ///
     /// # Errors
     ///
-    /// The simulator takes no coefficients.
+    /// The simulator does not accept coefficients.
     fn sample_at(&mut self, _coefficients: &[f64]) -> Result<f64, String> {
         Err(
             "this simulator draws its wear itself: sampling.coefficients must be \"independent\""
@@ -121,7 +122,7 @@ impl Simulator for Problem {
     }
 
     fn prepare<'a>(&'a self, design: &Design) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
-        // The stream is named by whoever draws samples.
+        // The caller that draws samples names the stream.
         self.prepare_variant(&Variant::new(design.clone(), (Purpose::Wear, 0)))
     }
 
@@ -155,7 +156,7 @@ struct BuiltIn<'a> {
     gears: &'a Gears,
     pair: gear::Pair,
     wear: gear::Wear,
-    /// Made for the first sample: an optimiser never asks for one.
+    /// Created for the first sample, which an optimiser never draws.
     sampler: Option<gear::Sampler>,
 }
 

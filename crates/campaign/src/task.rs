@@ -1,4 +1,4 @@
-//! What workers compute: what it takes, what comes out, and the pure function between them.
+//! The work of a worker: its input, its output, and the pure function between them.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -13,44 +13,45 @@ use crate::optimise::{self, Answer, RunResult};
 use crate::simulator::{NoAnswer, Prepared, Simulator, State};
 use crate::variant::Variant;
 
-/// What a worker needs to compute a stream.
+/// The data that a worker needs to compute a stream.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Source {
-    /// A design of the DoE, of which criteria and samples are wanted.
+    /// A design of the DoE whose criteria and samples are wanted.
     Design(Design),
-    /// A point, of which samples are wanted.
+    /// A point whose samples are wanted.
     Point(Design),
-    /// A variant of a design, of which criteria and samples are wanted.
+    /// A variant of a design whose criteria and samples are wanted.
     Variant(Box<Variant>),
     /// A run of an optimiser on the built-in simulator.
     Run(Run),
-    /// Candidates of a run on an external simulator, or an infill point whose constraints only such a
-    /// simulator knows.
+    /// Candidates of a run on an external simulator, or an infill point whose constraints only such
+    /// a simulator can evaluate.
     Candidates(Vec<Candidate>),
 }
 
-/// A design that a run of an optimiser asks about.
+/// A design that an optimiser run wants evaluated.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Candidate {
-    /// Which evaluation of the run it is, from 0: the sample of the run's stream.
+    /// The index of the evaluation within the run, from 0, which is the sample index of the run's
+    /// stream.
     pub evaluation: u32,
     /// The design.
     pub design: Design,
-    /// Whether it may be the best design so far, by what is known without the simulator.
+    /// Whether it may be the best design so far, as far as is known without the simulator.
     pub may_improve: bool,
 }
 
-/// What came of a candidate.
+/// The evaluation of a candidate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Evaluated {
     /// The design.
     pub design: Design,
-    /// What the simulator says of it; the error is why it cannot be simulated.
+    /// The simulator's answer. The error is the reason why the design is not simulable.
     pub answer: Result<Answer, String>,
 }
 
 impl Source {
-    /// How many bytes it takes on the way to a worker, about.
+    /// The approximate size of its message, in bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
         match self {
@@ -68,31 +69,31 @@ impl Source {
 /// One run of an optimiser.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Run {
-    /// Which problem.
+    /// The approach, which selects the problem formulation.
     pub approach: Approach,
-    /// Which of its starts, from 0.
+    /// The number of the start, from 0.
     pub start: u32,
-    /// The values of the variables that the DoE leaves alone; ignored where all are moved.
+    /// The values of the variables that the DoE does not vary; ignored if the approach varies all.
     pub base: Design,
     /// The kriging model as JSON, for [`Approach::Kriging`].
     pub model: Option<Arc<str>>,
 }
 
 impl Run {
-    /// The stream of its result.
+    /// The stream of the run's result.
     #[must_use]
     pub const fn stream(&self) -> StreamId {
         StreamId::run(self.approach.number() as u32, self.start)
     }
 }
 
-/// The digest of what all values of a campaign depend on, whatever its size.
+/// The digest of the inputs common to all values of a campaign, independent of the campaign's size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Inputs([u8; 32]);
 
 impl Inputs {
-    /// Those of a campaign whose simulator answers to this digest; without one, as before an external
-    /// program was asked, a store takes the samples of one simulator only.
+    /// The inputs of a campaign whose simulator has this model digest. The digest is absent before
+    /// an external program has answered; a store then accepts the samples of only one simulator.
     #[must_use]
     pub fn new(campaign: &Campaign, model_digest: Option<&str>) -> Self {
         let mut hash = Sha256::new();
@@ -135,7 +136,7 @@ impl Inputs {
         Generation(u64::from_le_bytes(*first))
     }
 
-    /// A stream that is to have this many samples and has none yet, as a ledger wants it.
+    /// A stream that needs this many samples and has none yet, as an input of the ledger.
     #[must_use]
     pub fn wanted(&self, stream: StreamId, source: Source, samples: u32) -> Wanted<Arc<Source>> {
         Wanted {
@@ -149,58 +150,59 @@ impl Inputs {
     }
 }
 
-/// What comes of a unit.
+/// The output of a unit.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Output {
-    /// Of a design that can be simulated.
+    /// The output of a simulable design.
     Design {
-        /// What it is without random effects, in the order of [`Problem::responses`].
+        /// The responses without random effects, in the order of [`Problem::responses`].
         responses: Vec<f64>,
-        /// Why it gets no samples, although it can be simulated: its constraints rule it out, as in
-        /// `ruled-out: …`.
+        /// Why the design gets no samples although it is simulable: its constraints rule it out,
+        /// such as `ruled-out: …`.
         ruled_out: Option<String>,
         /// The response with random effects, from the unit's first sample on.
         samples_um: Vec<f64>,
     },
-    /// Of a design that cannot be simulated: the reason's short name and a sentence, as in
+    /// A design that is not simulable: the reason's short name and a sentence, such as
     /// `contact-gap: …`.
     Refused(String),
-    /// Of a point: the response with random effects, from the unit's first sample on.
+    /// The response of a point with random effects, from the unit's first sample on.
     Samples(Vec<f64>),
-    /// Of a run on the built-in simulator.
+    /// The result of a run on the built-in simulator.
     Run(Box<RunResult>),
-    /// Of candidates of a run, from the unit's first one on.
+    /// The evaluations of a run's candidates, from the unit's first one on.
     Evaluations(Vec<Evaluated>),
 }
 
-/// The name under which a panic of the simulator is recorded against a design.
+/// The short name of the reason for a design on which the simulator panicked.
 pub const SIMULATOR_PANIC: &str = "simulator-panic";
-/// The name under which a design is recorded that its constraints rule out.
+/// The short name of the reason for a design that its constraints rule out.
 pub const RULED_OUT: &str = "ruled-out";
-/// The name under which a result that is no number is recorded against a design.
+/// The short name of the reason for a design with a result that is not a number.
 pub const NOT_A_NUMBER: &str = "not-a-number";
 
-/// Asked before every sample and candidate, and before every generation of a run, whether to go on; the
-/// argument gives what is finished by then, as an output that could be reported.
+/// Decides whether to continue; called before every sample and candidate, and before every
+/// generation of a run. The argument returns what is finished by then, as an output that could be
+/// reported.
 pub type KeepGoing<'a> = dyn Fn(&dyn Fn() -> Option<Output>) -> bool + 'a;
 
 /// Computes a unit.
 ///
 /// # Errors
 ///
-/// A sentence for the failure's record: the simulator failed, or refused a point, or the kriging model
-/// cannot be read. A design of the DoE that cannot be simulated is an output, not an error.
+/// A sentence for the record of failures: the simulator failed, or refused a point, or the kriging
+/// model cannot be read. A design of the DoE that is not simulable is an output, not an error.
 pub fn compute(simulator: &dyn Simulator, unit: &Unit, source: &Source) -> Result<Output, String> {
     let output = compute_until(simulator, unit, source, &|_| true)?;
     output.ok_or_else(|| "nothing was asked for".to_owned())
 }
 
-/// Computes a unit for as long as `keep_going` says, which is asked before every sample. What is
-/// finished by then is given, from the first sample on; nothing before the first is.
+/// Computes a unit until `keep_going`, which is called before every sample, returns false. Returns
+/// what is finished by then, from the first sample on, or `None` before the first is.
 ///
-/// Whether a design is refused does not depend on how its samples are cut: it is decided by its
-/// analyses, which are the same for every unit. A sample for which the simulator panics or gives no
-/// possible number is a failure, which names it.
+/// Whether a design is refused does not depend on how its samples are cut: the analyses decide, and
+/// they are the same for every unit. A sample for which the simulator panics or gives an
+/// implausible number is a failure that names the sample.
 ///
 /// # Errors
 ///
@@ -252,7 +254,8 @@ pub fn compute_until(
                 seed: simulator.problem().campaign().seed,
                 purpose: Purpose::Verify,
                 design: stream.index,
-                // As many verification samples as the file says, which judge all ways alike.
+                // The given number of independent samples, so that all approaches are verified
+                // alike.
                 coefficients: stats::Sampling::Independent,
             };
             let output = |samples_um: &[f64]| {
@@ -271,7 +274,7 @@ pub fn compute_until(
     }
 }
 
-/// Asks about the candidates that a unit covers, of a run or of an infill point; the error names the
+/// Evaluates the candidates that a unit covers, for a run or an infill point. The error names the
 /// evaluation.
 fn evaluate(
     simulator: &dyn Simulator,
@@ -280,7 +283,7 @@ fn evaluate(
     keep_going: &KeepGoing<'_>,
 ) -> Result<Option<Output>, String> {
     let approach = match unit.stream.kind {
-        // Of an infill point, whose constraints are asked for before its samples.
+        // An infill point, whose constraints are evaluated before it is sampled.
         Kind::Point => Some(Approach::EnrichedKriging),
         _ => Approach::numbered(unit.stream.run_parts().0.into()),
     };
@@ -316,7 +319,7 @@ fn evaluate(
     Ok(output(&evaluated))
 }
 
-/// What `work` gives, or the message of its panic.
+/// The result of `work`, or the message of its panic.
 fn guarded<T>(work: impl FnOnce() -> T) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(work)).map_err(|panic| {
         let message = panic
@@ -327,11 +330,11 @@ fn guarded<T>(work: impl FnOnce() -> T) -> Result<T, String> {
     })
 }
 
-/// How the samples of a design are drawn.
+/// The parameters of sampling a design.
 #[derive(Debug, Clone, Copy)]
 struct Sampling {
     names: Names,
-    /// The violation of the constraints above which a design gets no samples.
+    /// The constraint violation above which a design gets no samples.
     skip_violation: Option<f64>,
 }
 
@@ -357,7 +360,7 @@ fn design<'a>(
         }
     };
     let gets_samples = ruled_out.is_none() && !unit.samples.is_empty();
-    // Criteria alone are no answer to a request for samples.
+    // If samples were requested, criteria alone are not an output.
     let output = |samples_um: &[f64]| {
         (!gets_samples || !samples_um.is_empty()).then(|| Output::Design {
             responses: responses.clone(),
@@ -375,7 +378,7 @@ fn design<'a>(
 
 type Analysed<'a> = (Box<dyn Prepared + 'a>, Vec<f64>, Option<String>);
 
-/// A design, ready to be sampled, with what its analyses say, and why it gets no samples.
+/// A prepared design with the responses of its analyses, and the reason if it gets no samples.
 fn analyse<'a>(
     problem: &Problem,
     mut design: Box<dyn Prepared + 'a>,
@@ -396,11 +399,11 @@ fn analyse<'a>(
     Ok((design, responses, ruled_out))
 }
 
-/// Why a design with these criteria in its baseline state gets no samples.
+/// The reason why a design with these criteria in its baseline state gets no samples.
 fn ruled_out(problem: &Problem, criteria: &Criteria, limit: f64) -> Option<String> {
     let violation = problem.violation(criteria);
-    // On the edge itself the violation is zero, but the inequalities are strict. A violation that is
-    // no number is reported as such, not as a broken constraint.
+    // On the boundary the violation is zero, but the inequalities are strict. A violation that is
+    // NaN is reported as such and not as a violated constraint.
     let is_out = violation > limit || violation == 0.0 && !problem.is_feasible(criteria);
     if !is_out {
         return None;
@@ -414,8 +417,8 @@ fn ruled_out(problem: &Problem, criteria: &Criteria, limit: f64) -> Option<Strin
     Some(format!("{RULED_OUT}: {}", broken.join(", ")))
 }
 
-/// What the random streams of one design's samples are named by, besides the sample, and how the
-/// coefficients of their wear come from them.
+/// The key of the random streams of a design's samples, apart from the sample, and the scheme by
+/// which their wear coefficients are drawn.
 #[derive(Debug, Clone, Copy)]
 struct Names {
     seed: u64,
@@ -425,7 +428,7 @@ struct Names {
 }
 
 impl Names {
-    /// The response of one sample: the same whichever samples are drawn beside it.
+    /// The response of one sample, which does not depend on the other samples drawn.
     fn draw(self, design: &mut dyn Prepared, index: u32) -> Result<f64, String> {
         let sample = u64::from(index);
         match self.coefficients {
@@ -449,7 +452,7 @@ impl Names {
     }
 }
 
-/// Samples of the response, each from its own random stream; the error names the sample.
+/// Samples of the response, each from its own random stream. The error names the sample.
 fn draw(
     problem: &Problem,
     design: &mut dyn Prepared,

@@ -1,4 +1,4 @@
-//! Designs as studies ask for them: they may differ from the campaign's where its DoE does not.
+//! Designs for studies, which may differ from the campaign's in more than the variables of its DoE.
 
 use gear::Corrections;
 use stats::streams::Purpose;
@@ -6,8 +6,8 @@ use stats::streams::Purpose;
 use crate::formulation::Design;
 use crate::formulation::gears::Gears;
 
-/// A design that may have profile corrections, another module or other wear than its campaign, with
-/// the name of its random streams.
+/// A design that may differ from its campaign in profile corrections, module or wear, with the key
+/// of its random streams.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Variant {
     /// The design.
@@ -16,23 +16,24 @@ pub struct Variant {
     pub corrections: Corrections,
     /// The normal module in mm; by default it follows from the campaign's centre distance.
     pub normal_module_mm: Option<f64>,
-    /// Factors on the wear field of the campaign.
+    /// Factors on the campaign's wear field.
     pub wear: WearFactors,
-    /// Sample i is drawn from the stream (campaign's seed, purpose, number, i).
+    /// The key of the random streams: sample i uses the stream (campaign's seed, purpose, number,
+    /// i).
     pub stream: (Purpose, u64),
-    /// A variant that breaks a constraint, with the contact pressure of worn flanks, is analysed but
-    /// not sampled.
+    /// Whether a variant that violates a constraint, with the contact pressure of worn flanks, is
+    /// analysed but not sampled.
     pub feasible_only: bool,
 }
 
 /// Factors on the parameters of the wear field.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WearFactors {
-    /// On the depth.
+    /// Factor on the depth.
     pub depth: f64,
-    /// On the variance of the multiplier.
+    /// Factor on the variance of the multiplier.
     pub variance: f64,
-    /// On the correlation range.
+    /// Factor on the correlation range.
     pub range: f64,
 }
 
@@ -46,7 +47,7 @@ impl WearFactors {
 }
 
 impl Variant {
-    /// The design as its campaign has it.
+    /// The unchanged design of a campaign.
     #[must_use]
     pub fn new(design: Design, stream: (Purpose, u64)) -> Self {
         Self {
@@ -59,7 +60,8 @@ impl Variant {
         }
     }
 
-    /// Whether the variant is a design that every simulator of the campaign can simulate.
+    /// Whether every simulator of the campaign can simulate the variant, because it differs in
+    /// nothing.
     #[must_use]
     pub fn is_plain(&self) -> bool {
         self.corrections == Corrections::default()
@@ -97,11 +99,11 @@ impl Variant {
 }
 
 impl Gears {
-    /// Geometry and compliance of a variant, and its wear field.
+    /// The geometry and compliance of a variant, and its wear field.
     ///
     /// # Errors
     ///
-    /// Why the variant cannot be simulated.
+    /// The variant is not simulable.
     pub fn variant(&self, variant: &Variant) -> Result<(gear::Pair, gear::Wear), gear::Error> {
         let mut input = self.pair_input(&variant.design);
         if let Some(module) = variant.normal_module_mm {

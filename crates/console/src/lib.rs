@@ -1,5 +1,5 @@
-//! What the coordinator and the worker share: log, progress bars, signals, help, and the messages to a service
-//! manager.
+//! Console facilities shared by the coordinator and the worker: log, progress bars, signals, help,
+//! and messages to a service manager.
 
 pub mod service;
 
@@ -13,10 +13,10 @@ use tokio_util::sync::CancellationToken;
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::filter::LevelFilter;
 
-/// The environment variable that says what to log.
+/// The environment variable that sets the log levels.
 pub const LOG_VARIABLE: &str = "PITCHLINE_LOG";
 
-/// How the log is written.
+/// The format of the log.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum LogFormat {
     /// Lines for people.
@@ -26,7 +26,7 @@ pub enum LogFormat {
     Json,
 }
 
-/// The environment asks for a log that there is not.
+/// The environment variable for the log levels is invalid.
 #[derive(Debug, thiserror::Error)]
 #[error(
     "{LOG_VARIABLE} is {found:?}, but must be off, error, warn, info, debug or trace, or such levels for \
@@ -36,11 +36,11 @@ pub struct BadLogLevel {
     found: String,
 }
 
-/// Starts logging to standard error, in colour only on a terminal that wants it.
+/// Starts logging to standard error. Colour is used only on a terminal and without `NO_COLOR`.
 ///
 /// # Errors
 ///
-/// The environment variable [`LOG_VARIABLE`] names no level.
+/// The environment variable [`LOG_VARIABLE`] is invalid.
 pub fn start_log(format: LogFormat) -> Result<(), BadLogLevel> {
     let filter = match std::env::var_os(LOG_VARIABLE) {
         None => EnvFilter::new("info"),
@@ -61,8 +61,8 @@ pub fn start_log(format: LogFormat) -> Result<(), BadLogLevel> {
     Ok(())
 }
 
-/// The levels of the log, for the whole program and for parts of it. A bare word that is no level would be
-/// taken as the name of a part, of which everything is logged.
+/// Parses the log levels for the whole program and for parts of it. A bare word that is not a level
+/// is refused: it would be taken as the name of a part, with everything logged.
 fn filter(text: &str) -> Result<EnvFilter, BadLogLevel> {
     let bad = || BadLogLevel {
         found: text.to_owned(),
@@ -77,13 +77,13 @@ fn filter(text: &str) -> Result<EnvFilter, BadLogLevel> {
     EnvFilter::try_new(text).map_err(|_| bad())
 }
 
-/// The progress bars of this program, on standard error; none are drawn unless it is a terminal.
+/// The progress bars of this program, on standard error. They are drawn only on a terminal.
 pub fn bars() -> &'static MultiProgress {
     static BARS: OnceLock<MultiProgress> = OnceLock::new();
     BARS.get_or_init(MultiProgress::new)
 }
 
-/// Standard error, from which the bars step aside while a line of the log is written.
+/// Standard error, with the bars hidden while a line of the log is written.
 struct BesideBars;
 
 impl std::io::Write for BesideBars {
@@ -96,18 +96,18 @@ impl std::io::Write for BesideBars {
     }
 }
 
-/// Says on standard error, whatever is logged, why a program ends.
+/// Prints the reason why a program ends to standard error, whatever the log levels.
 pub fn complain(sentence: &str) {
-    // If even standard error is gone, the exit code has to do.
+    // If standard error is closed, only the exit code tells.
     let _ = writeln!(std::io::stderr(), "error: {sentence}");
 }
 
-/// Says on standard error, whatever is logged, what somebody must know to use a program.
+/// Prints a sentence that the user needs to standard error, whatever the log levels.
 pub fn announce(sentence: &str) {
     let _ = writeln!(std::io::stderr(), "{sentence}");
 }
 
-/// The end of `--help`: environment and exit codes.
+/// The end of `--help`: environment variables and exit codes.
 #[must_use]
 pub fn help_footer() -> String {
     let codes = exit::TABLE
@@ -120,8 +120,8 @@ pub fn help_footer() -> String {
     )
 }
 
-/// Cancels `shutdown` at the first SIGTERM or SIGINT, after logging `notice`. A SIGINT after that, as when
-/// somebody presses Ctrl-C again, ends the program at once; a SIGTERM changes nothing, since batch systems
+/// Cancels `shutdown` at the first SIGTERM or SIGINT, after logging `notice`. A later SIGINT, such
+/// as a second Ctrl-C, ends the program at once. A later SIGTERM has no effect, since batch systems
 /// send several.
 pub async fn watch_signals(shutdown: CancellationToken, notice: &'static str) {
     let (Ok(mut terminate), Ok(mut interrupt)) = (

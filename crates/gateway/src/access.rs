@@ -1,12 +1,13 @@
-//! Access files: all that a worker or a command needs to reach a coordinator, in one file.
+//! Access files: one file with everything a worker or a command needs to reach a coordinator.
 //!
 //! A coordinator writes the file when it starts: its addresses, its certificate, one token for
-//! workers and one for commands. Only the file's owner can read it. The certificate's private key and
-//! the lock that tells a running coordinator's file from an old one are in a second file beside it,
-//! FILE.key, which no other program needs.
+//! workers and one for commands. Only the file's owner can read it. A second file beside it,
+//! FILE.key, holds the certificate's private key and the lock that distinguishes a running
+//! coordinator's file from an old one. No other program needs it.
 //!
-//! A restarted coordinator keeps certificate and tokens, so workers that run need not read the file
-//! again; they do so all the same whenever they connect, and follow a coordinator that moved.
+//! A restarted coordinator keeps its certificate and tokens, so running workers need not read the
+//! file again. They read it anyway for every new connection, and so follow a coordinator that
+//! moved.
 
 mod held;
 
@@ -24,45 +25,45 @@ use crate::token::{Role, Token};
 
 pub use held::Held;
 
-/// The name in every access file's certificate. A client trusts the one certificate in its file, so
-/// the name need not be the machine's, and the file serves wherever it is copied.
+/// The host name in every access file's certificate. A client trusts only the certificate in its
+/// file, so the name need not be the machine's, and the file is valid wherever it is copied.
 pub const SERVER_NAME: &str = "pitchline";
 
 const ENDING: &str = "access";
 
-/// What an access file says.
+/// The contents of an access file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Access {
     /// The campaign's name.
     pub campaign: String,
-    /// Where the coordinator listens, as `host:port`; clients try one after the other.
+    /// The addresses where the coordinator listens, as `host:port`. Clients try them in order.
     pub addresses: Vec<String>,
-    /// The token for workers; a copy for commands alone can leave it out.
+    /// The token for workers. A copy for commands only can leave it out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     worker_token: Option<String>,
-    /// The token for commands; a copy for workers alone can leave it out.
+    /// The token for commands. A copy for workers only can leave it out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     client_token: Option<String>,
     /// The coordinator's certificate, in PEM form.
     certificate: String,
 }
 
-/// Why an access file cannot be used.
+/// The errors of access files.
 #[derive(Debug, thiserror::Error)]
 pub enum AccessError {
-    /// It cannot be read, or others can read it.
+    /// The file cannot be read, or others can read it.
     #[error(transparent)]
     File(#[from] CredentialError),
-    /// It is no access file, or not this coordinator's.
+    /// The file is not an access file, or not one of this coordinator.
     #[error("the access file {} cannot be used: {reason}", path.display())]
     Malformed {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The fault of the file.
         reason: String,
     },
-    /// Another coordinator uses it.
+    /// Another coordinator uses the file.
     #[error(
         "another coordinator uses the access file {}: stop it, or give this one a file of its own \
          with --access FILE",
@@ -72,18 +73,18 @@ pub enum AccessError {
         /// The file.
         path: PathBuf,
     },
-    /// It cannot be written.
+    /// The file cannot be written.
     #[error("cannot write {}: {source}", path.display())]
     Write {
         /// The file or its folder.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         source: io::Error,
     },
-    /// There is no folder to keep it in.
+    /// No default folder is known.
     #[error("neither XDG_STATE_HOME nor HOME is set: say where the access file is, --access FILE")]
     NoFolder,
-    /// Its certificate or tokens cannot be made.
+    /// The certificate or the tokens cannot be made.
     #[error(transparent)]
     Keygen(#[from] KeygenError),
 }
@@ -93,14 +94,14 @@ impl Access {
     ///
     /// # Errors
     ///
-    /// It cannot be read, can be read by others, or is no access file.
+    /// The file cannot be read, can be read by others, or is not an access file.
     pub fn read(path: &Path) -> Result<Self, AccessError> {
         let malformed = |reason: String| AccessError::Malformed {
             path: path.to_owned(),
             reason,
         };
         let text = files::read(path, true)?;
-        // The parser's message would quote the line, which may hold a token.
+        // The parser's full message would quote the line, which may hold a token.
         let access: Self = toml::from_str(&text).map_err(|error| {
             let line = error
                 .span()
@@ -126,12 +127,12 @@ impl Access {
         Ok(access)
     }
 
-    /// The addresses in parts.
+    /// The addresses, each split into host and port.
     pub(crate) fn hosts(&self) -> impl Iterator<Item = Option<(String, u16)>> {
         self.addresses.iter().map(|address| host_and_port(address))
     }
 
-    /// The certificate of the file, which was read from `path`.
+    /// The certificate in the file, which was read from `path`.
     pub(crate) fn certificate(&self, path: &Path) -> Result<CertificateDer<'static>, AccessError> {
         CertificateDer::from_pem_slice(self.certificate.as_bytes()).map_err(|_| {
             AccessError::Malformed {
@@ -141,8 +142,8 @@ impl Access {
         })
     }
 
-    /// The token for `role`; the other one when there is none, so that the coordinator can say what
-    /// is wrong with it.
+    /// The token for `role`, or the other role's token if there is none: the coordinator then
+    /// explains the refusal.
     pub(crate) fn token(&self, role: Role) -> Option<Token> {
         let (own, other) = match role {
             Role::Worker => (&self.worker_token, &self.client_token),
@@ -154,15 +155,14 @@ impl Access {
     }
 }
 
-/// Splits `host:port`, with or without a scheme before it.
+/// Splits `host:port`, optionally preceded by a scheme.
 pub(crate) fn host_and_port(address: &str) -> Option<(String, u16)> {
     let uri: tonic::codegen::http::Uri = address.parse().ok()?;
     let host = uri.host()?.trim_start_matches('[').trim_end_matches(']');
     Some((host.to_owned(), uri.port_u16()?))
 }
 
-/// The folder where access files are kept by default: `pitchline` in `XDG_STATE_HOME`, or in
-/// `~/.local/state`.
+/// The default folder of access files: `pitchline` in `XDG_STATE_HOME` or in `~/.local/state`.
 ///
 /// # Errors
 ///
@@ -175,7 +175,7 @@ pub fn folder() -> Result<PathBuf, AccessError> {
     Ok(state.ok_or(AccessError::NoFolder)?.join("pitchline"))
 }
 
-/// The access file of the campaign of this name in the default folder.
+/// The default access file of the campaign with this name.
 ///
 /// # Errors
 ///
@@ -184,7 +184,7 @@ pub fn default_file(campaign: &str) -> Result<PathBuf, AccessError> {
     Ok(folder()?.join(format!("{campaign}.{ENDING}")))
 }
 
-/// The access files in the default folder, by name; none when there is no folder.
+/// The access files in the default folder, ordered by name; empty if the folder does not exist.
 pub(crate) fn all() -> Result<Vec<PathBuf>, AccessError> {
     let Ok(entries) = fs::read_dir(folder()?) else {
         return Ok(Vec::new());

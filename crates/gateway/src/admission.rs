@@ -1,9 +1,10 @@
-//! Places for connections: for newcomers, which have not shown a token yet, and for the admitted.
+//! Limits on connections: for newcomers, which have not shown a valid token yet, and for admitted
+//! ones.
 //!
-//! When all places of newcomers are taken, the newcomer that came first loses its place. A flood of
-//! silent connections therefore does not delay a worker: it shows its token within milliseconds, and
-//! is admitted before thousands of others have come after it. Admitted connections are counted apart;
-//! one too many is refused with a sentence.
+//! When all newcomers' places are taken, the oldest newcomer loses its place. A flood of silent
+//! connections therefore does not delay a worker, which shows its token within milliseconds and is
+//! admitted before thousands of later connections arrive. Admitted connections are counted
+//! separately; one too many is refused with a message.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -16,14 +17,14 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::Sleep;
 use tokio_util::sync::{CancellationToken, WaitForCancellationFutureOwned};
 
-/// Most connections without a token.
+/// Maximum number of connections without a token.
 pub(crate) const NEWCOMERS: usize = 8192;
-/// Most connections with a token. A worker has one.
+/// Maximum number of connections with a token. A worker has one.
 pub(crate) const ADMITTED: usize = 16_384;
-/// How long a connection may go on without a valid token.
+/// Time that a connection may stay open without a valid token.
 const PROBATION: Duration = Duration::from_secs(30);
 
-/// All places of a port.
+/// The places of a port's connections.
 #[derive(Debug)]
 pub(crate) struct Places {
     newcomers: Mutex<Newcomers>,
@@ -34,7 +35,7 @@ pub(crate) struct Places {
 #[derive(Debug, Default)]
 struct Newcomers {
     arrived: u64,
-    /// By order of arrival; cancelled when the place is lost.
+    /// The newcomers by order of arrival. The value is cancelled when the newcomer loses its place.
     waiting: BTreeMap<u64, CancellationToken>,
 }
 
@@ -53,7 +54,7 @@ impl Places {
             .unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A place for one more newcomer, if need be the oldest one's.
+    /// Gives a place to a new newcomer, if necessary by closing the oldest one.
     pub(crate) fn arrive(self: &Arc<Self>) -> Newcomer {
         let mut newcomers = self.lock();
         if newcomers.waiting.len() >= self.most_newcomers {
@@ -70,7 +71,7 @@ impl Places {
         }
     }
 
-    /// Takes the place of the newcomer that came first, as when the system has no more files.
+    /// Closes the oldest newcomer, for example when the process has run out of file descriptors.
     pub(crate) fn turn_out_oldest(&self) {
         self.lock().turn_out_oldest();
     }
@@ -84,7 +85,7 @@ impl Newcomers {
     }
 }
 
-/// A newcomer's place, until this is dropped or another newcomer takes it.
+/// A newcomer's place, which is held until it is dropped or taken by another newcomer.
 #[derive(Debug)]
 pub(crate) struct Newcomer {
     places: Arc<Places>,
@@ -93,12 +94,12 @@ pub(crate) struct Newcomer {
 }
 
 impl Newcomer {
-    /// Ends when the place is lost.
+    /// Waits until the place is lost.
     pub(crate) async fn lost(&self) {
         self.lost.cancelled().await;
     }
 
-    /// The time for which the connection may go on without a token.
+    /// A future that ends when the connection must have shown a token.
     pub(crate) fn probation(&self) -> Probation {
         Probation {
             time: Box::pin(tokio::time::sleep(PROBATION)),
@@ -113,7 +114,7 @@ impl Drop for Newcomer {
     }
 }
 
-/// Ends when a newcomer's time is up or its place is lost.
+/// A future that ends when a newcomer's time is up or its place is lost.
 #[derive(Debug)]
 pub(crate) struct Probation {
     time: Pin<Box<Sleep>>,
@@ -131,13 +132,13 @@ impl Future for Probation {
     }
 }
 
-/// What the services know about the other end of a connection. Clones are of the same connection,
-/// which keeps its place until the last one is dropped.
+/// The services' knowledge of the peer of a connection. Clones refer to the same connection, which
+/// keeps its place until the last clone is dropped.
 #[derive(Debug, Clone)]
 pub(crate) struct Peer {
-    /// Its address; none within this process.
+    /// The address of the peer; `None` within this process.
     pub(crate) address: Option<SocketAddr>,
-    /// Whether the connection is unencrypted, and must not be.
+    /// Whether the connection is unencrypted although the port requires encryption.
     pub(crate) wants_encryption: bool,
     standing: Arc<Mutex<Standing>>,
 }
@@ -146,13 +147,13 @@ pub(crate) struct Peer {
 enum Standing {
     Newcomer(Newcomer),
     Admitted {
-        /// Given back when this is dropped. A connection within this process takes none.
+        /// Released on drop. A connection within this process has none.
         _place: Option<OwnedSemaphorePermit>,
     },
 }
 
 impl Peer {
-    /// The other end of a connection from `address`.
+    /// The peer of a connection from `address`.
     pub(crate) fn new(address: SocketAddr, wants_encryption: bool, newcomer: Newcomer) -> Self {
         Self {
             address: Some(address),
@@ -161,7 +162,7 @@ impl Peer {
         }
     }
 
-    /// A part of this process.
+    /// The peer of a connection within this process.
     pub(crate) fn local() -> Self {
         Self {
             address: None,
@@ -170,7 +171,7 @@ impl Peer {
         }
     }
 
-    /// Whether it is a part of this process, which needs no token.
+    /// Whether the peer is within this process and needs no token.
     pub(crate) const fn is_local(&self) -> bool {
         self.address.is_none()
     }
@@ -179,12 +180,12 @@ impl Peer {
         self.standing.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether the connection may live for as long as it wants.
+    /// Whether the connection may stay open without a time limit.
     pub(crate) fn is_admitted(&self) -> bool {
         matches!(*self.standing(), Standing::Admitted { .. })
     }
 
-    /// Admits the connection; fails when all places are taken.
+    /// Admits the connection. Returns false if all places are taken.
     pub(crate) fn admit(&self) -> bool {
         let mut standing = self.standing();
         let Standing::Newcomer(newcomer) = &*standing else {
@@ -218,7 +219,7 @@ mod tests {
         assert!(!late.lost.is_cancelled());
         let late = peer(late);
         assert!(late.admit() && late.is_admitted());
-        // An admitted connection takes no newcomer's place.
+        // An admitted connection does not occupy a newcomer's place.
         let _another = places.arrive();
         assert!(!silent[1].lost.is_cancelled());
     }

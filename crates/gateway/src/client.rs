@@ -1,5 +1,5 @@
-//! How workers and commands find their coordinator: the options of the command line, and what they
-//! lead to.
+//! How workers and commands find their coordinator: the command-line options and the links they
+//! describe.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -11,10 +11,10 @@ use crate::files::Credentials;
 use crate::link::{self, Link};
 use crate::token::Role;
 
-/// How often a program that waits for an access file looks for it.
+/// Interval at which a waiting program checks for an access file.
 const LOOKING_PERIOD: Duration = Duration::from_millis(100);
 
-/// How to reach a coordinator. Command-line options, for `#[command(flatten)]`.
+/// Options for reaching a coordinator, to be used with `#[command(flatten)]`.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub struct Reach {
     /// The access file that `coordinator serve` wrote, or a copy of it [default: the one in
@@ -30,16 +30,17 @@ pub struct Reach {
 }
 
 impl Reach {
-    /// A link to the coordinator. Nothing is sent yet. Must be called within a Tokio runtime.
+    /// Makes a link to the coordinator, without sending anything yet. Must be called within a Tokio
+    /// runtime.
     ///
-    /// An address that begins with `http://` is that of a coordinator with `--insecure`, and the
-    /// files of [`Credentials`] make the access file needless. Otherwise the secrets are those of the
-    /// access file: the given one; the one that names the given address; or the only one there is.
+    /// An address that begins with `http://` belongs to a coordinator with `--insecure`, and the
+    /// files of [`Credentials`] replace the access file. Otherwise the secrets come from an access
+    /// file: the given one, the one that contains the given address, or the only one in the default
+    /// folder.
     ///
     /// # Errors
     ///
-    /// No access file is found, or one of several would have to be chosen; or see
-    /// [`link::connect`].
+    /// No access file is found, or there are several to choose from; or see [`link::connect`].
     pub fn link(&self, role: Role) -> Result<Link, Error> {
         let credentials = &self.credentials;
         let has_files = credentials.token_file.is_some() || credentials.tls_ca.is_some();
@@ -53,7 +54,7 @@ impl Reach {
         }
     }
 
-    /// As [`Reach::link`]; waits up to `patience` for an access file that is not there yet, as when
+    /// Like [`Reach::link`], but waits up to `patience` for a missing access file, for example when
     /// worker and coordinator are started together.
     ///
     /// # Errors
@@ -72,7 +73,7 @@ impl Reach {
     }
 }
 
-/// The access file in the default folder that names the address of `url`.
+/// The access file in the default folder that contains the address of `url`.
 fn file_of(url: &str) -> Result<PathBuf, Error> {
     let plain = |(host, port): (String, u16)| match host.as_str() {
         "localhost" | "::1" => ("127.0.0.1".to_owned(), port),
@@ -81,7 +82,7 @@ fn file_of(url: &str) -> Result<PathBuf, Error> {
     let wanted = plain(access::host_and_port(url).ok_or_else(|| Error::Address {
         url: url.to_owned(),
     })?);
-    // A file that cannot be used is not the one that was meant.
+    // An unusable file is not the one looked for.
     let names_it = |path: &PathBuf| {
         Access::read(path)
             .is_ok_and(|access| access.hosts().flatten().map(plain).any(|own| own == wanted))
@@ -111,13 +112,13 @@ fn the_only_one() -> Result<PathBuf, Error> {
     }
 }
 
-/// The default folder, for people.
+/// The default folder as text, for messages.
 fn folder() -> String {
     access::folder().map_or_else(|error| error.to_string(), |path| path.display().to_string())
 }
 
-/// Reads the access file at `path`; a file that is not there is an error of its own, since it may
-/// come.
+/// Reads the access file at `path`. A missing file has an error variant of its own, because it may
+/// appear later.
 pub(crate) fn read(path: &Path) -> Result<Access, Error> {
     match Access::read(path) {
         Err(AccessError::File(crate::files::CredentialError::Unreadable { reason, .. }))

@@ -1,4 +1,4 @@
-//! How a connection to a coordinator is opened: over TCP, unless somebody supplies another way.
+//! How a connection to a coordinator is opened: over TCP by default.
 
 use std::fmt;
 use std::io;
@@ -8,14 +8,14 @@ use std::sync::Arc;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpStream;
 
-/// A connection that bytes go over.
+/// A bidirectional byte stream.
 pub trait Stream: AsyncRead + AsyncWrite + Send + Unpin + 'static {}
 
 impl<S: AsyncRead + AsyncWrite + Send + Unpin + 'static> Stream for S {}
 
 type Dialling = Pin<Box<dyn Future<Output = io::Result<Box<dyn Stream>>> + Send>>;
 
-/// A way to open a connection to a host and a port.
+/// A function that opens a connection to a host and a port.
 #[derive(Clone)]
 pub struct Dial(Arc<dyn Fn(String, u16) -> Dialling + Send + Sync>);
 
@@ -36,7 +36,7 @@ impl Default for Dial {
 }
 
 impl Dial {
-    /// Connections as `dial` opens them; the connections of a simulated network, for example.
+    /// Makes a [`Dial`] of a function, for example one that dials in a simulated network.
     pub fn new<D, F, S>(dial: D) -> Self
     where
         D: Fn(String, u16) -> F + Send + Sync + 'static,

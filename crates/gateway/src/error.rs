@@ -1,4 +1,4 @@
-//! Why a worker, or a command, cannot go on with its coordinator.
+//! Errors of workers and commands that talk to a coordinator.
 
 use std::path::PathBuf;
 
@@ -8,22 +8,22 @@ use crate::access::AccessError;
 use crate::files::CredentialError;
 use crate::tls::TlsFault;
 
-/// Why a program cannot talk to its coordinator, or not any more.
+/// An error that ends a program's communication with its coordinator.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The address is no URL of a coordinator.
+    /// The address is not a URL of a coordinator.
     #[error("{url:?} is no address of a coordinator: give one such as https://127.0.0.1:7400")]
     Address {
-        /// What was given.
+        /// The given address.
         url: String,
     },
-    /// There is no access file, or not yet.
+    /// There is no access file, or none yet.
     #[error(
         "no coordinator's access file {place}: start `coordinator serve` on this machine, or give a \
          copy of its file with --access FILE"
     )]
     NoAccess {
-        /// Where it ought to be.
+        /// The place where it was expected.
         place: String,
     },
     /// The default folder has several access files.
@@ -35,7 +35,7 @@ pub enum Error {
     /// An access file cannot be used.
     #[error(transparent)]
     Access(#[from] AccessError),
-    /// An encrypted connection whose other end cannot be told from an impostor.
+    /// The connection is encrypted, but there is no certificate to authenticate the coordinator.
     #[error(
         "{url} needs --access FILE, the coordinator's access file; or --tls-ca FILE, the ca.pem \
          that `coordinator keygen` made"
@@ -44,7 +44,7 @@ pub enum Error {
         /// The address.
         url: String,
     },
-    /// An authority for a connection that has no use for it.
+    /// A certificate authority was given for an unencrypted connection.
     #[error(
         "--access and --tls-ca are for encrypted connections, and {url} is an open one: is it https://?"
     )]
@@ -52,7 +52,7 @@ pub enum Error {
         /// The address.
         url: String,
     },
-    /// The token would travel for everybody to read.
+    /// The token would be sent unencrypted.
     #[error(
         "the token in {} would go to {url} in clear: use https:// with --tls-ca, or a tunnel to \
          http://127.0.0.1",
@@ -67,12 +67,12 @@ pub enum Error {
     /// A file with a secret or a certificate cannot be used.
     #[error(transparent)]
     Credentials(#[from] CredentialError),
-    /// The two ends do not trust each other.
+    /// The TLS handshake failed because of a certificate or the protocol.
     #[error("the coordinator at {url} {fault}")]
     Tls {
         /// The address.
         url: String,
-        /// What is the matter.
+        /// The fault.
         fault: TlsFault,
     },
     /// No coordinator ever answered.
@@ -83,7 +83,7 @@ pub enum Error {
     Unreachable {
         /// The address.
         url: String,
-        /// What the last attempt met.
+        /// The error of the last attempt.
         reason: String,
     },
     /// The coordinator answered before, but has been away for too long.
@@ -91,39 +91,39 @@ pub enum Error {
     Away {
         /// The address.
         url: String,
-        /// For how long.
+        /// Time without an answer.
         seconds: u64,
     },
-    /// The coordinator refused this program for good.
+    /// The coordinator refused this program permanently.
     #[error("the coordinator at {url} refused: {message}")]
     Refused {
         /// The address.
         url: String,
         /// The kind of refusal.
         refusal: Refusal,
-        /// The coordinator's sentence.
+        /// The coordinator's message.
         message: String,
     },
-    /// The coordinator speaks the protocol but says things that make no sense.
+    /// The coordinator's answer violates the protocol.
     #[error("the coordinator at {url} answered with nonsense: {reason}")]
     Nonsense {
         /// The address.
         url: String,
-        /// What was wrong.
+        /// The violation.
         reason: String,
     },
-    /// The coordinator could not do what it was asked to.
+    /// The coordinator could not carry out the request.
     #[error("the coordinator at {url} could not answer: {reason}")]
     Failed {
         /// The address.
         url: String,
-        /// What it said.
+        /// The coordinator's message.
         reason: String,
     },
 }
 
 impl Error {
-    /// Whether coordinator and program do not know each other's secrets.
+    /// Whether the coordinator and the program do not accept each other's secrets.
     pub(crate) const fn is_about_secrets(&self) -> bool {
         matches!(
             self,

@@ -1,7 +1,7 @@
-//! The files that let a program in: token, certificates, private key.
+//! The files that give a program access: token, certificates, private key.
 //!
-//! Secrets come from files only. A command line can be seen by everybody on the machine, and an
-//! environment is inherited by every child: both carry no more than the files' names.
+//! Secrets come only from files. Everybody on a machine can see a command line, and every child
+//! process inherits the environment, so both contain only the files' names.
 
 use std::fs;
 use std::io::Read as _;
@@ -13,8 +13,8 @@ use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 
 use crate::token::{Token, TokenError};
 
-/// What a program shows to a coordinator, and what it trusts a coordinator by. Its fields are
-/// command-line options, for `#[command(flatten)]`.
+/// The files by which a program identifies itself to a coordinator and authenticates the
+/// coordinator. The fields are command-line options, for `#[command(flatten)]`.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub struct Credentials {
     /// The file with the token; nobody but its owner may be able to read it
@@ -41,18 +41,18 @@ pub struct Credentials {
     pub tls_key: Option<PathBuf>,
 }
 
-/// Why a file with a secret or a certificate is not used.
+/// The errors of files with a secret or a certificate.
 #[derive(Debug, thiserror::Error)]
 pub enum CredentialError {
-    /// It cannot be read.
+    /// The file cannot be read.
     #[error("cannot read {}: {reason}", path.display())]
     Unreadable {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         reason: std::io::Error,
     },
-    /// Others could read it.
+    /// Others can read the file.
     #[error(
         "{} can be read by others (its mode is {mode:03o}), so it is no secret: chmod 600 {}",
         path.display(), path.display()
@@ -63,35 +63,35 @@ pub enum CredentialError {
         /// Its permission bits.
         mode: u32,
     },
-    /// It is no token file.
+    /// The file is not a token file.
     #[error("{} is no token file: {reason}", path.display())]
     Token {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The fault of the file.
         reason: TokenError,
     },
-    /// It holds no certificate, no private key, or not one that fits.
+    /// The file holds no certificate, no private key, or one that does not match.
     #[error("{} {problem}", path.display())]
     Pem {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The fault of the file.
         problem: String,
     },
 }
 
-/// More than any file of certificates or tokens has.
+/// Maximum size of a file of certificates or tokens, in bytes.
 const LARGEST_FILE: u64 = 1 << 20;
 
-/// Reads a file; a secret one only if its owner alone can.
+/// Reads a file. A secret file must be readable only by its owner.
 pub(crate) fn read(path: &Path, secret: bool) -> Result<String, CredentialError> {
     let unreadable = |reason| CredentialError::Unreadable {
         path: path.to_owned(),
         reason,
     };
     let file = fs::File::open(path).map_err(unreadable)?;
-    // Asked of the open file, not of its name, which might be another file's a moment later.
+    // The mode is that of the open file, since its name may refer to another file a moment later.
     let mode = file.metadata().map_err(unreadable)?.mode() & 0o777;
     if secret && mode & 0o077 != 0 {
         return Err(CredentialError::Exposed {
@@ -106,11 +106,11 @@ pub(crate) fn read(path: &Path, secret: bool) -> Result<String, CredentialError>
     Ok(text)
 }
 
-/// The tokens of a file that nobody but its owner can read.
+/// Reads the tokens in a file that only its owner can read.
 ///
 /// # Errors
 ///
-/// The file cannot be read, can be read by others, or is no token file.
+/// The file cannot be read, can be read by others, or is not a token file.
 pub fn read_tokens(path: &Path) -> Result<Vec<Token>, CredentialError> {
     Token::parse_file(&read(path, true)?).map_err(|reason| CredentialError::Token {
         path: path.to_owned(),
@@ -118,7 +118,7 @@ pub fn read_tokens(path: &Path) -> Result<Vec<Token>, CredentialError> {
     })
 }
 
-/// The certificates of a PEM file, of which there must be one at least.
+/// Reads the certificates in a PEM file, which must hold at least one.
 ///
 /// # Errors
 ///
@@ -135,7 +135,7 @@ pub fn read_certificates(path: &Path) -> Result<Vec<CertificateDer<'static>>, Cr
     }
 }
 
-/// The private key of a PEM file that nobody but its owner can read.
+/// Reads the private key in a PEM file that only its owner can read.
 ///
 /// # Errors
 ///

@@ -1,4 +1,4 @@
-//! What guards the port: TLS and tokens.
+//! The protection of a port: TLS and tokens.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -12,8 +12,8 @@ use tokio_rustls::TlsAcceptor;
 use crate::files::{self, CredentialError};
 use crate::token::{Role, TokenSet};
 
-/// Files of one's own that guard a port, in place of an access file: all of the first three, or none.
-/// Command-line options, for `#[command(flatten)]`.
+/// The user's own files that protect a port, in place of an access file: all of the first three, or
+/// none. Command-line options, for `#[command(flatten)]`.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub struct GuardFiles {
     /// The file with the tokens of workers and clients; nobody but its owner may be able to read it
@@ -50,7 +50,7 @@ pub struct GuardFiles {
     pub client_ca: Option<PathBuf>,
 }
 
-/// What guards a port.
+/// The TLS configuration and tokens that protect a port.
 #[derive(Clone)]
 pub struct Guard {
     pub(crate) tls: Option<TlsAcceptor>,
@@ -66,13 +66,13 @@ impl fmt::Debug for Guard {
     }
 }
 
-/// Why a port cannot be guarded as asked.
+/// The errors of setting up a port's protection.
 #[derive(Debug, thiserror::Error)]
 pub enum GuardError {
     /// A file cannot be used.
     #[error(transparent)]
     File(#[from] CredentialError),
-    /// Nobody of a role could ever come in.
+    /// No token grants this role.
     #[error(
         "{} has no {role}'s token: a coordinator's token file holds a worker's and a client's, one \
          per line",
@@ -87,11 +87,11 @@ pub enum GuardError {
 }
 
 impl Guard {
-    /// What is checked by these files; nothing when none is given.
+    /// Loads the protection from these files; `None` if none is given.
     ///
     /// # Errors
     ///
-    /// A file that cannot be read, that others can read, or that is not what it should be.
+    /// A file cannot be read, can be read by others, or has the wrong contents.
     pub fn load(given: &GuardFiles) -> Result<Option<Self>, GuardError> {
         let (Some(certificate), Some(key), Some(tokens)) =
             (&given.tls_cert, &given.tls_key, &given.token_file)
@@ -115,7 +115,8 @@ impl Guard {
         Ok(Some(Self::new(tls, accepted)))
     }
 
-    /// Lets in who speaks TLS with a server of this `tls` and has one of these `tokens`.
+    /// Admits callers that use TLS with a server of this configuration and have one of these
+    /// `tokens`.
     #[must_use]
     pub fn new(tls: ServerConfig, tokens: TokenSet) -> Self {
         Self {
@@ -124,7 +125,7 @@ impl Guard {
         }
     }
 
-    /// Lets in everybody, unencrypted.
+    /// Admits everybody, unencrypted.
     #[must_use]
     pub const fn open() -> Self {
         Self {
@@ -134,8 +135,8 @@ impl Guard {
     }
 }
 
-/// What TLS needs of a coordinator with this certificate, read from `certificate`, and this key;
-/// clients must show a certificate that `client_ca` signed, if it is given.
+/// The TLS configuration of a coordinator with this key and this certificate, which was read from
+/// `certificate`. If `client_ca` is given, clients must show a certificate signed by it.
 pub(crate) fn server_config(
     own: (Vec<CertificateDer<'static>>, PrivateKeyDer<'static>),
     certificate: &Path,
@@ -180,7 +181,7 @@ pub(crate) mod tests {
     use super::*;
     use crate::keygen;
 
-    /// Keys in a folder of their own.
+    /// Generated keys in a temporary folder.
     pub(crate) struct Keys(tempfile::TempDir);
 
     impl Keys {

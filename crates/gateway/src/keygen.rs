@@ -1,8 +1,9 @@
-//! Makes what an encrypted, guarded coordinator needs: an authority, two certificates, two tokens.
+//! Makes the files of an encrypted, protected coordinator: an authority, two certificates, two
+//! tokens.
 //!
-//! The authority signs one certificate for the coordinator and one for everybody who connects (for
-//! `--client-ca`). Neither serves for the other's purpose, so who may connect cannot pose as the
-//! coordinator. The random bits, of tokens and of keys, come from the operating system.
+//! The authority signs one certificate for the coordinator and one for all clients (for
+//! `--client-ca`). Each is valid only for its own purpose, so a client cannot pose as the
+//! coordinator. The random bits of tokens and keys come from the operating system.
 
 use std::fs::{self, DirBuilder, OpenOptions};
 use std::io::{self, Write as _};
@@ -20,15 +21,15 @@ use rcgen::{
 
 use crate::token::{Role, TOKEN_BYTES, Token};
 
-/// How long certificates hold, in days, unless somebody says otherwise.
+/// Default validity of certificates, in days.
 pub const DAYS: u32 = 825;
-/// Clocks of other machines may be behind by so much.
+/// Maximum time by which another machine's clock may be behind.
 const CLOCK_DIFFERENCE: Duration = Duration::from_secs(3600);
 
 const SECRET: u32 = 0o600;
 const PUBLIC: u32 = 0o644;
 
-/// The files, in the order in which they are listed.
+/// The names of the files, in the order in which they are listed.
 pub const FILES: [&str; 9] = [
     CA,
     CA_KEY,
@@ -50,7 +51,7 @@ const TOKENS: &str = "coordinator.tokens";
 const WORKER_TOKEN: &str = "worker.token";
 const CLIENT_TOKEN: &str = "client.token";
 
-/// Why nothing was made. Whatever had been written before the error is gone again.
+/// The errors of making the files. Files written before the error are removed.
 #[derive(Debug, thiserror::Error)]
 pub enum KeygenError {
     /// One of the files exists.
@@ -62,7 +63,7 @@ pub enum KeygenError {
         /// The file.
         path: PathBuf,
     },
-    /// Others could list or change what is in the folder.
+    /// Others can list or change the contents of the folder.
     #[error(
         "others have access to {}: name a new folder, or chmod 700 {}",
         path.display(), path.display()
@@ -71,21 +72,21 @@ pub enum KeygenError {
         /// The folder.
         path: PathBuf,
     },
-    /// The system did not let it be written.
+    /// The file or folder cannot be written.
     #[error("cannot write {}", path.display())]
     Write {
         /// The file or folder.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         source: io::Error,
     },
-    /// A name that no certificate can carry.
+    /// The name cannot be used in a certificate.
     #[error("{host:?} is no name of a host: give one such as head.example.org or 192.0.2.7")]
     Host {
-        /// What was given.
+        /// The given name.
         host: String,
     },
-    /// The system has no random bits.
+    /// The operating system provides no random bits.
     #[error("the system gives no random numbers: {0}")]
     Random(String),
     /// A certificate could not be made.
@@ -93,12 +94,13 @@ pub enum KeygenError {
     Certificate(#[from] rcgen::Error),
 }
 
-/// Makes all files in `folder`, which is made too if it does not exist. The coordinator's certificate
-/// is for this machine's name and loopback, and for `hosts`; it holds for `days` from `now` on.
+/// Makes all files in `folder`, which is created if it does not exist. The coordinator's
+/// certificate is for this machine's name, the loopback addresses and `hosts`, and is valid for
+/// `days` days from `now`.
 ///
 /// # Errors
 ///
-/// See [`KeygenError`]; nothing is left behind then.
+/// See [`KeygenError`]; no file is left behind.
 pub fn make(
     folder: &Path,
     hosts: &[String],
@@ -117,7 +119,7 @@ pub fn make(
         let path = folder.join(name);
         if let Err(error) = write_new(&path, text, *mode) {
             for path in written {
-                // What cannot be removed is not used by anything.
+                // A file that cannot be removed is used by nothing.
                 let _ = fs::remove_file(path);
             }
             if made_folder {
@@ -130,7 +132,7 @@ pub fn make(
     Ok(())
 }
 
-/// What goes where, and the commands to use it with.
+/// A text that lists where each file belongs, and the commands that use them.
 #[must_use]
 pub fn describe(folder: &Path, hosts: &[String]) -> String {
     use std::fmt::Write as _;
@@ -198,7 +200,7 @@ pub fn describe(folder: &Path, hosts: &[String]) -> String {
     text
 }
 
-/// What each file holds, and its permission bits.
+/// The name, text and permission bits of each file.
 fn contents(
     hosts: &[String],
     days: u32,
@@ -261,7 +263,7 @@ pub(crate) fn token(role: Role) -> Result<Token, KeygenError> {
     Ok(Token::new(role, random))
 }
 
-/// The common part of all certificates.
+/// The parameters common to all certificates.
 pub(crate) fn certificate(
     name: &str,
     names: &[String],
@@ -273,7 +275,7 @@ pub(crate) fn certificate(
     params.distinguished_name.push(DnType::CommonName, name);
     params.use_authority_key_identifier_extension = true;
     params.key_usages = vec![KeyUsagePurpose::DigitalSignature];
-    // A clock before 1970 is wrong, and certificates of that time harm nobody.
+    // A clock before 1970 is wrong, and a certificate of that time is harmless.
     let since_1970 = now
         .duration_since(SystemTime::UNIX_EPOCH)
         .unwrap_or_default();
@@ -283,8 +285,8 @@ pub(crate) fn certificate(
     Ok(params)
 }
 
-/// Whether a certificate can be for this name: an address, or letters, digits and hyphens between
-/// dots (RFC 1123, section 2.1).
+/// Whether a certificate can be issued for this name: an IP address, or letters, digits and hyphens
+/// between dots (RFC 1123, section 2.1).
 fn is_host(name: &str) -> bool {
     let label = |label: &str| {
         (1..=63).contains(&label.len())
@@ -304,8 +306,8 @@ pub(crate) fn host_name() -> String {
         .map_or_else(|_| "localhost".to_owned(), str::to_owned)
 }
 
-/// Makes the folder, or sees to it that an old one is nobody else's business and has none of the
-/// files. Returns whether it was made.
+/// Creates the folder, or checks that an existing one is accessible only to its owner and has none
+/// of the files. Returns whether it was created.
 fn private_folder(folder: &Path) -> Result<bool, KeygenError> {
     let path = || folder.to_owned();
     match DirBuilder::new().mode(0o700).create(folder) {
@@ -313,7 +315,7 @@ fn private_folder(folder: &Path) -> Result<bool, KeygenError> {
         Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
             for name in FILES {
                 let path = folder.join(name);
-                // A link that leads nowhere is in the way, too.
+                // A dangling link counts as existing, too.
                 if path.symlink_metadata().is_ok() {
                     return Err(KeygenError::Exists { path });
                 }

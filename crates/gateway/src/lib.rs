@@ -1,17 +1,17 @@
-//! The way into a coordinator, from both sides.
+//! Access to a coordinator, from both sides.
 //!
 //! The coordinator's side:
 //!
-//! - [`port`] accepts connections and serves the calls; `admission` counts connections, those that
-//!   have shown a token and those that have not; [`methods`] says which token each call takes;
-//! - [`guard`] is what the port checks: TLS and tokens, from an [access file](access) or from files
-//!   that [`keygen`] made.
+//! - [`port`] accepts connections and serves the calls; `admission` limits the number of
+//!   connections with and without a token; [`methods`] lists the token that each call requires;
+//! - [`guard`] is the protection of the port, TLS and tokens, from an [access file](access) or from
+//!   files made by [`keygen`].
 //!
 //! The side of workers and commands:
 //!
-//! - [`client`] reads the command line's options and finds the access file; [`link`] opens
-//!   connections and says what a failed call means; [`Dial`] replaces TCP by another kind of
-//!   connection, and `tls` encrypts it.
+//! - [`client`] reads the command-line options and finds the access file; [`link`] opens
+//!   connections and interprets failed calls; [`Dial`] replaces TCP by another kind of connection,
+//!   and `tls` encrypts it.
 //!
 //! Both sides read secrets with [`files`] and compare them with `token`.
 

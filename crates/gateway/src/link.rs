@@ -1,8 +1,8 @@
-//! Connections to a coordinator, for workers and for commands that look or steer.
+//! Connections to a coordinator, for workers and for commands.
 //!
-//! A [`Link`] dials when it is first used and again whenever the connection is lost. A program calls
-//! through [`Link::client`] and asks [`Link::error`] (or [`Link::refusal`], if it wants to try again)
-//! what a failed call means:
+//! A [`Link`] dials when it is first used and again whenever the connection is lost. A program
+//! makes calls through [`Link::client`], and [`Link::error`] (or [`Link::refusal`], for programs
+//! that try again) interprets a failed call:
 //!
 //! ```no_run
 //! # async fn status(reach: gateway::client::Reach) -> Result<String, gateway::Error> {
@@ -37,10 +37,10 @@ use crate::token::{Role, TOKEN_HEADER, Token};
 
 use connector::{Connector, Entrance, Followed, Shared};
 
-/// Calls to a coordinator, each with the token.
+/// A gRPC client that adds the token to every call.
 pub type Client = CampaignClient<InterceptedService<Channel, Bearer>>;
 
-/// Adds the token, if there is one, to every call.
+/// An interceptor that adds the token, if there is one, to every call.
 #[derive(Clone)]
 pub struct Bearer(Arc<Shared>);
 
@@ -53,7 +53,7 @@ impl Interceptor for Bearer {
     }
 }
 
-/// A connection to a coordinator that is opened when it must be.
+/// A connection to a coordinator that is opened on demand.
 #[derive(Clone)]
 pub struct Link {
     client: Client,
@@ -66,14 +66,14 @@ impl std::fmt::Debug for Link {
     }
 }
 
-/// A link by the access file at `path`, which is read again for every new connection; `connect`
-/// replaces the addresses in it.
+/// Makes a link from the access file at `path`, which is read again for every new connection.
+/// `connect` replaces the addresses in the file.
 ///
 /// Nothing is sent yet. Must be called within a Tokio runtime.
 ///
 /// # Errors
 ///
-/// The file cannot be used, or `connect` is no address.
+/// The file cannot be used, or `connect` is not an address.
 pub(crate) fn follow(
     path: &Path,
     connect: Option<&str>,
@@ -107,14 +107,13 @@ pub(crate) fn follow(
     ))
 }
 
-/// A link to the coordinator at `url`, with the credentials of an own choice.
+/// Makes a link to the coordinator at `url` with these credentials.
 ///
 /// Nothing is sent yet. Must be called within a Tokio runtime.
 ///
 /// # Errors
 ///
-/// The address is none, does not go together with the credentials, or one of their files cannot be
-/// used.
+/// The address is invalid or does not match the credentials, or one of their files cannot be used.
 pub fn connect(
     dial: Dial,
     url: &str,
@@ -173,8 +172,8 @@ fn address(url: &str) -> Error {
     }
 }
 
-/// The token for this role; if there is none, another one, so that the coordinator can say what is
-/// wrong with it.
+/// The token for this role, or another one if there is none: the coordinator then explains the
+/// refusal.
 fn choose(tokens: &[Token], role: Role) -> &Token {
     tokens
         .iter()
@@ -201,11 +200,11 @@ impl Link {
             faults,
             unknown_at: Mutex::new(None),
         });
-        // What is dialled is the connector's affair; this address serves as the name of it.
+        // The connector chooses the address to dial; this one only names the channel.
         let channel = Endpoint::from(uri.clone())
             .origin(uri)
             .http2_keep_alive_interval(Duration::from_secs(10))
-            // A line may be busy with results for longer than a ping usually takes.
+            // Results may occupy the connection for longer than a ping usually takes.
             .keep_alive_timeout(Duration::from_secs(30))
             .connect_with_connector_lazy(Connector(Arc::clone(&shared)));
         let client = CampaignClient::with_interceptor(channel, Bearer(Arc::clone(&shared)))
@@ -214,7 +213,7 @@ impl Link {
         Self { client, shared }
     }
 
-    /// The coordinator's address; the first one when there are several.
+    /// The coordinator's address, or the first of several.
     #[must_use]
     pub fn url(&self) -> String {
         let entrance = self.shared.entrance();
@@ -231,18 +230,18 @@ impl Link {
         }
     }
 
-    /// Something to call with. Clones share the connection.
+    /// A client for making calls. Clones share the connection.
     #[must_use]
     pub fn client(&self) -> Client {
         self.client.clone()
     }
 
-    /// What a failed call means if it is final, so that no other attempt will fare better: the
-    /// coordinator refused it, or one of the two does not trust the other.
+    /// The error of a failed call if it is final, that is if no further attempt can succeed: the
+    /// coordinator refused the call, or one side does not trust the other.
     ///
-    /// A coordinator that was started anew may have written other secrets into its access file since
-    /// the call began. So an unknown token or certificate is final only when a second attempt with
-    /// the same file meets it, too.
+    /// A restarted coordinator may have written new secrets to its access file since the call
+    /// began. An unknown token or certificate is therefore final only if a second attempt with the
+    /// same file fails in the same way.
     #[must_use]
     pub fn refusal(&self, status: &Status) -> Option<Error> {
         let error = self.refusal_of_this_call(status)?;
@@ -273,7 +272,7 @@ impl Link {
         Some(Error::Tls { url, fault })
     }
 
-    /// What a failed call means for a program that does not try again.
+    /// The error of a failed call, for a program that does not try again.
     #[must_use]
     pub fn error(&self, status: &Status) -> Error {
         self.refusal_of_this_call(status).unwrap_or_else(|| {
@@ -289,7 +288,7 @@ impl Link {
     }
 }
 
-/// The innermost cause of a failed call, which is what a user can act on.
+/// The innermost cause of a failed call: the part that a user can act on.
 #[must_use]
 pub fn cause(status: &Status) -> String {
     let mut innermost: &dyn std::error::Error = status;
@@ -327,7 +326,7 @@ mod tests {
             "http://192.0.2.1:7400",
             "http://head:7400",
             "http://[2001:db8::1]:7400",
-            // Names that only look like this machine.
+            // Names that only resemble those of this machine.
             "http://localhost.example.org:7400",
             "http://127.0.0.1.example.org:7400",
         ] {

@@ -1,8 +1,8 @@
-//! Who may call what.
+//! Permissions of the methods.
 //!
-//! Every method of every service on the port is listed in [`RULES`], with who may call it and how
-//! large its request may be. A method that is not listed is refused to everybody. The layer decides
-//! on a call's headers, before anything of its body is read.
+//! [`RULES`] lists every method of every service on the port, with the token it requires and the
+//! maximum size of its request. Methods that are not listed are refused. The layer decides from a
+//! call's headers, before it reads any of the body.
 
 use std::fmt;
 use std::pin::Pin;
@@ -21,10 +21,10 @@ use crate::admission::Peer;
 use crate::sparing::Sparing;
 use crate::token::{Role, TOKEN_HEADER, TokenSet};
 
-/// What a caller must have.
+/// The token that a caller must show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Needs {
-    /// Nothing.
+    /// No token.
     Nothing,
     /// A token of either role.
     AnyToken,
@@ -32,14 +32,15 @@ pub enum Needs {
     Token(Role),
 }
 
-/// What holds for one method.
+/// The rule for one method.
 #[derive(Debug, Clone, Copy)]
 pub struct Rule {
     /// `/package.Service/Method`.
     pub path: &'static str,
-    /// What a caller must have.
+    /// The token that a caller must show.
     pub needs: Needs,
-    /// The largest request, in bytes; for a stream of requests, of all of them together.
+    /// Maximum size of a request in bytes. For a stream of requests, the limit applies to their
+    /// total.
     pub limit: usize,
 }
 
@@ -54,7 +55,7 @@ const fn rule(path: &'static str, needs: Needs, limit: usize) -> Rule {
     Rule { path, needs, limit }
 }
 
-/// All methods that there are.
+/// The rules of all methods.
 pub const RULES: [Rule; 13] = {
     use Needs::{AnyToken, Nothing, Token};
     use Role::{Client, Worker};
@@ -69,7 +70,7 @@ pub const RULES: [Rule; 13] = {
         rule("/pitchline.v2.Campaign/Explain", Token(Client), SMALL),
         rule("/pitchline.v2.Campaign/Drain", Token(Client), SMALL),
         rule("/pitchline.v2.Campaign/Retry", Token(Client), SMALL),
-        // Whether the program is alive says nothing about the campaign, and probes have no secrets.
+        // Health probes carry no secrets, and the answer reveals nothing about the campaign.
         rule("/grpc.health.v1.Health/Check", Nothing, SMALL),
         rule("/grpc.health.v1.Health/Watch", Nothing, SMALL),
         rule(
@@ -80,13 +81,14 @@ pub const RULES: [Rule; 13] = {
     ]
 };
 
-/// Decides on one call: the method's rule, or why it is refused.
+/// Decides whether one call is allowed and returns the method's rule.
 ///
-/// `header` is the value of [`TOKEN_HEADER`]. Without `tokens` everybody may call what is listed.
+/// `header` is the value of [`TOKEN_HEADER`]. Without `tokens`, everybody may call the listed
+/// methods.
 ///
 /// # Errors
 ///
-/// The refusal to answer with.
+/// The refusal to send as the answer.
 pub fn decide(
     path: &str,
     header: Option<&[u8]>,
@@ -129,7 +131,7 @@ pub fn decide(
     }
 }
 
-/// Puts [`decide`] before all services.
+/// A layer that applies [`decide`] to all services.
 #[derive(Clone)]
 pub struct AccessLayer {
     tokens: Option<Arc<TokenSet>>,
@@ -145,7 +147,7 @@ impl fmt::Debug for AccessLayer {
 }
 
 impl AccessLayer {
-    /// Lets in whoever has one of these tokens; everybody, if there are none.
+    /// Admits callers with one of these tokens, or everybody if there are none.
     #[must_use]
     pub fn new(tokens: Option<TokenSet>) -> Self {
         Self {
@@ -270,7 +272,7 @@ mod tests {
             .to_vec()
     }
 
-    /// The methods of encoded descriptors, as paths.
+    /// The paths of the methods in encoded descriptors.
     fn methods(descriptors: &[u8]) -> Vec<String> {
         let set = prost_types::FileDescriptorSet::decode(descriptors).unwrap();
         let mut paths = Vec::new();
@@ -356,7 +358,7 @@ mod tests {
         }
     }
 
-    /// Answers when it has read the whole request.
+    /// A service that answers after reading the whole request.
     #[derive(Clone)]
     struct Reader;
 

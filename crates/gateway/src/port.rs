@@ -1,9 +1,10 @@
-//! The port: what a connection must show before the services see it.
+//! The port: the checks that a connection passes before it reaches the services.
 //!
 //! A connection from outside reaches the gRPC server after a TLS handshake and the opening bytes of
-//! HTTP/2; it must begin within two seconds and be through within ten. Until its first call with a
-//! valid token it is a newcomer, whose place others may take (see `admission`). Connections
-//! from within the process, as `coordinator run` makes for its workers, need none of this.
+//! HTTP/2. Its first byte must arrive within two seconds, and these steps must end within ten.
+//! Until its first call with a valid token it is a newcomer and can lose its place to others (see
+//! `admission`). Connections within the process, such as those of the workers of `coordinator run`,
+//! skip these checks.
 
 use std::convert::Infallible;
 use std::io;
@@ -35,16 +36,16 @@ use crate::guard::Guard;
 use crate::methods::AccessLayer;
 use crate::sparing::Sparing;
 
-/// How long a connection may say nothing at all.
+/// Time limit for the first byte of a connection.
 const FIRST_BYTE: Duration = Duration::from_secs(2);
-/// How long a connection may take for the handshake of TLS and the opening bytes of HTTP/2.
+/// Time limit for the TLS handshake and the opening bytes of HTTP/2.
 const GREETING: Duration = Duration::from_secs(10);
-/// How many calls a connection may have open at once. A worker has four, but a load generator may
-/// speak for a thousand workers.
+/// Maximum number of open calls on a connection. A worker has four, but a load generator may act
+/// for a thousand workers.
 const CALLS: u32 = 2048;
-/// What the headers of one call may add up to, in bytes.
+/// Maximum total size of the headers of one call, in bytes.
 const HEADERS: u32 = 16 * 1024;
-/// Bytes that a connection within the process holds, each way.
+/// Size of the buffer of a connection within the process, in each direction, in bytes.
 const LOCAL_BUFFER: usize = 256 * 1024;
 
 /// The opening bytes of HTTP/2 (RFC 9113, section 3.4).
@@ -52,20 +53,20 @@ const PREFACE: &[u8; 24] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
 /// The first byte of a TLS handshake (RFC 8446, section 5.1).
 const TLS_HANDSHAKE: u8 = 0x16;
 
-/// The ways in.
+/// The ways into a coordinator.
 #[derive(Debug)]
 pub struct Doors {
-    /// The port, with what it checks; none for a coordinator that computes by itself.
+    /// The listening port and its protection; `None` for a coordinator that computes alone.
     pub port: Option<(TcpListener, Guard)>,
-    /// For connections from within the process.
+    /// The door for connections within the process.
     pub local: LocalDoor,
 }
 
-/// Where the connections of a [`Dial`] within the process arrive.
+/// The receiving end of connections made by a [`Dial`] within the process.
 #[derive(Debug)]
 pub struct LocalDoor(mpsc::Receiver<DuplexStream>);
 
-/// A way in from within the process: what the inside dials with, and the door where that leads.
+/// Makes a connected pair for connections within the process: a dial and the door it leads to.
 #[must_use]
 pub fn local() -> (Dial, LocalDoor) {
     let (outside, inside) = mpsc::channel(64);
@@ -81,11 +82,11 @@ pub fn local() -> (Dial, LocalDoor) {
     (dial, LocalDoor(inside))
 }
 
-/// Serves the campaign, health and reflection on the `doors` until `hang_up`.
+/// Serves the campaign, health and reflection services on the `doors` until `hang_up`.
 ///
 /// # Errors
 ///
-/// The server cannot go on.
+/// The server failed.
 pub async fn serve<C: Campaign>(
     campaign: C,
     doors: Doors,
@@ -136,7 +137,8 @@ async fn serve_services(
     }
 }
 
-/// Each connection is an open file, and the usual limit of 1024 is too few for a thousand workers.
+/// Raises the limit on open files: each connection needs one, and the usual 1024 are too few for a
+/// thousand workers.
 fn allow_many_files() {
     use rustix::process::{Resource, getrlimit, setrlimit};
     let mut limit = getrlimit(Resource::Nofile);
@@ -144,24 +146,24 @@ fn allow_many_files() {
     let possible = limit.maximum.map_or(wanted, |maximum| maximum.min(wanted));
     if limit.current.is_some_and(|current| current < possible) {
         limit.current = Some(possible);
-        // Without it the port serves fewer workers, and says so when it must turn one away.
+        // Otherwise the port serves fewer workers and logs when it must refuse one.
         let _ = setrlimit(Resource::Nofile, limit);
     }
 }
 
-/// Passes on the connections from within the process.
+/// Passes connections from within the process to the server.
 async fn keep_local_door(
     mut door: LocalDoor,
     through: mpsc::Sender<io::Result<Connection>>,
 ) -> Infallible {
     while let Some(stream) = door.0.recv().await {
-        // It fails only when the server is about to end.
+        // Sending fails only when the server is about to end.
         let _ = through.send(Ok(Connection::local(stream))).await;
     }
     std::future::pending().await
 }
 
-/// Accepts connections and passes on those that show what they are.
+/// Accepts connections and passes those that complete the opening to the server.
 async fn keep_port(
     listener: TcpListener,
     tls: Option<TlsAcceptor>,
@@ -170,7 +172,7 @@ async fn keep_port(
     allow_many_files();
     let places = Places::new(NEWCOMERS, ADMITTED);
     let failures = Arc::new(Sparing::default());
-    // Dropped, and with them all that are half open, when this task is.
+    // Connections that are being opened are dropped together with this task.
     let mut opening = JoinSet::new();
     loop {
         while opening.try_join_next().is_some() {}
@@ -180,7 +182,8 @@ async fn keep_port(
                 if let Some(more) = failures.may_speak() {
                     warn!(%error, more, "cannot accept a connection");
                 }
-                // Out of files, most likely: the oldest newcomer gives up its own.
+                // Most likely there are no file descriptors left: closing the oldest newcomer frees
+                // one.
                 places.turn_out_oldest();
                 tokio::time::sleep(Duration::from_millis(5)).await;
                 continue;
@@ -199,7 +202,7 @@ async fn keep_port(
                 Ok((stream, wants_encryption)) => {
                     let probation = newcomer.probation();
                     let peer = Peer::new(address, wants_encryption, newcomer);
-                    // It fails only when the server is about to end.
+                    // Sending fails only when the server is about to end.
                     let _ = through
                         .send(Ok(Connection::new(stream, peer, probation)))
                         .await;
@@ -218,9 +221,9 @@ fn too_slow() -> io::Error {
     io::Error::new(io::ErrorKind::TimedOut, "says nothing")
 }
 
-/// Finds out what a caller speaks. Returns the connection just behind the opening bytes of HTTP/2,
-/// and whether it is an open one where it ought to be encrypted: such a caller gets through to be
-/// told so in its own language, and no further.
+/// Detects the protocol that a caller uses. Returns the connection after the opening bytes of
+/// HTTP/2, and whether it is unencrypted although the port requires encryption: such a caller is
+/// let through only to receive a gRPC refusal.
 async fn greet(stream: TcpStream, tls: Option<TlsAcceptor>) -> io::Result<(Box<dyn Stream>, bool)> {
     stream.set_nodelay(true)?;
     let mut first = [0];
@@ -266,7 +269,7 @@ async fn expect_preface(mut stream: Box<dyn Stream>) -> io::Result<Box<dyn Strea
     Ok(stream)
 }
 
-/// Says in HTTP/1.1, which people's tools understand, why nothing comes of it.
+/// Refuses a caller with an explanation in HTTP/1.1, which common tools understand.
 async fn turn_away<T>(mut stream: impl Stream, why: &'static str) -> io::Result<T> {
     let answer = format!(
         "HTTP/1.1 400 Bad Request\r\nContent-Type: text/plain\r\nContent-Length: {}\r\n\
@@ -278,7 +281,8 @@ async fn turn_away<T>(mut stream: impl Stream, why: &'static str) -> io::Result<
     Err(io::Error::new(io::ErrorKind::InvalidData, why))
 }
 
-/// Closes a connection so that what was said last arrives: closing with unread bytes would reset it.
+/// Closes a connection after reading the rest of its input: closing with unread bytes would reset
+/// it, and the last answer could be lost.
 async fn linger(mut stream: impl Stream) {
     let closing = async {
         stream.shutdown().await?;
@@ -292,17 +296,17 @@ async fn linger(mut stream: impl Stream) {
         }
         io::Result::Ok(())
     };
-    // Whether it arrives is the caller's concern now.
+    // A caller that has not read the answer by now may lose it.
     let _ = tokio::time::timeout(Duration::from_secs(1), closing).await;
 }
 
-/// A connection that got through.
+/// A connection that completed the opening.
 struct Connection {
     stream: Box<dyn Stream>,
-    /// How many of the opening bytes the HTTP/2 server has not been given yet.
+    /// The opening bytes that have yet to be passed to the HTTP/2 server.
     preface: &'static [u8],
     peer: Peer,
-    /// Until it is admitted.
+    /// The time limit for showing a token, until the connection is admitted.
     probation: Option<Probation>,
 }
 

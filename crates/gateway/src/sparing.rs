@@ -1,10 +1,10 @@
-//! A limit on what strangers can write to the log.
+//! A rate limit on log lines that strangers can cause.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Lets one line a second through and counts those that it holds back.
+/// Allows one line per second and counts the suppressed ones.
 #[derive(Debug, Default)]
 pub(crate) struct Sparing {
     last: Mutex<Option<Instant>>,
@@ -12,7 +12,7 @@ pub(crate) struct Sparing {
 }
 
 impl Sparing {
-    /// The number of lines held back since the last one, if a line may be written now.
+    /// The number of lines suppressed since the last one, if a line may be written now.
     pub(crate) fn may_speak(&self) -> Option<u64> {
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         if last.is_some_and(|last| last.elapsed() < Duration::from_secs(1)) {

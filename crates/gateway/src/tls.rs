@@ -1,8 +1,8 @@
-//! The client's side of TLS, and what its failures mean.
+//! The client's side of TLS, and the interpretation of its failures.
 //!
-//! TLS 1.3 alone: both ends are this project's. A coordinator refuses a client's certificate only
-//! after the client holds the handshake for finished, so such a failure surfaces while reading; hence
-//! [`Watched`], which remembers what a connection died of.
+//! Only TLS 1.3 is used, since both ends belong to this project. A coordinator refuses a client's
+//! certificate only after the handshake is complete for the client, so that the failure appears
+//! while reading. [`Watched`] therefore records the error that ended a connection.
 
 use std::io;
 use std::pin::Pin;
@@ -17,20 +17,21 @@ use tokio_rustls::TlsConnector;
 use crate::dial::Stream;
 use crate::files::{self, CredentialError, Credentials};
 
-/// A failure of TLS that trying again does not mend. Each is a sentence for people, which reads on
-/// after the coordinator's address.
+/// A permanent failure of TLS. Each text continues a sentence that begins with the coordinator's
+/// address.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum TlsFault {
-    /// The coordinator's certificate is not the access file's, nor signed by the authority.
+    /// The coordinator's certificate is neither that of the access file nor signed by the
+    /// authority.
     #[error(
         "shows a certificate that this program has no reason to trust: take the access file, or the \
          ca.pem for --tls-ca, that belongs to this coordinator"
     )]
     Untrusted,
-    /// The coordinator's certificate is too old.
+    /// The coordinator's certificate has expired.
     #[error("shows a certificate that has expired: make new ones with `coordinator keygen`")]
     Expired,
-    /// The coordinator's certificate is from the future.
+    /// The coordinator's certificate is not valid yet.
     #[error("shows a certificate that is not valid yet: is the clock of this machine right?")]
     NotYetValid,
     /// The coordinator's certificate is for other names.
@@ -42,25 +43,25 @@ pub enum TlsFault {
     /// Another flaw of the coordinator's certificate.
     #[error("shows a certificate that cannot be used ({0})")]
     Unusable(String),
-    /// The coordinator wants a certificate, too.
+    /// The coordinator requires a certificate.
     #[error("asks for a certificate: give --tls-cert and --tls-key")]
     WantsCertificate,
-    /// The coordinator does not take this program's certificate.
+    /// The coordinator does not accept this program's certificate.
     #[error(
         "does not accept the certificate in --tls-cert ({0}): is it from its --client-ca, and not \
          expired?"
     )]
     RefusesCertificate(String),
-    /// Whoever answers speaks another protocol.
+    /// The peer speaks another protocol.
     #[error("does not speak TLS: is it meant to be http://?")]
     NoTls,
-    /// Two programs of TLS that have nothing in common.
+    /// The two TLS implementations share no version or parameters.
     #[error("speaks another kind of TLS ({0}): this program speaks TLS 1.3 with HTTP/2")]
     Incompatible(String),
 }
 
 impl TlsFault {
-    /// What a failed connection died of, if that is beyond mending.
+    /// The permanent fault that a connection's error means, if it is one.
     fn of(error: &io::Error) -> Option<Self> {
         use AlertDescription as Alert;
         let error = error.get_ref()?.downcast_ref::<rustls::Error>()?;
@@ -100,7 +101,7 @@ impl TlsFault {
     }
 }
 
-/// The last fault of a client's connections, until it is asked for.
+/// The last fault of a client's connections, until it is taken.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Faults(Arc<Mutex<Option<TlsFault>>>);
 
@@ -120,7 +121,7 @@ impl Faults {
     }
 }
 
-/// What it takes to encrypt connections to one host.
+/// The TLS configuration for connections to one host.
 #[derive(Clone)]
 pub(crate) struct Encrypt {
     connector: TlsConnector,
@@ -135,8 +136,8 @@ impl std::fmt::Debug for Encrypt {
 }
 
 impl Encrypt {
-    /// Trusts the certificates of `authority` alone, which were read from its path, for a host of
-    /// this `name`.
+    /// Trusts only certificates of `authority`, which were read from its path, for a host with this
+    /// `name`.
     pub(crate) fn new(
         name: ServerName<'static>,
         (authority, ca): (Vec<CertificateDer<'static>>, &std::path::Path),
@@ -176,13 +177,13 @@ impl Encrypt {
         })
     }
 
-    /// The encrypted form of a connection.
+    /// Encrypts a connection.
     pub(crate) async fn wrap(&self, stream: Box<dyn Stream>) -> io::Result<Box<dyn Stream>> {
         let connecting = self.connector.connect(self.name.clone(), stream);
         let inner = connecting
             .await
             .inspect_err(|error| self.faults.note(error))?;
-        // What an earlier connection died of no longer matters.
+        // A fault of an earlier connection no longer applies.
         self.faults.take();
         Ok(Box::new(Watched {
             inner,
@@ -191,7 +192,7 @@ impl Encrypt {
     }
 }
 
-/// A connection that leaves word of what it died of.
+/// A connection that records the error that ended it.
 struct Watched<S> {
     inner: S,
     faults: Faults,

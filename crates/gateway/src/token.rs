@@ -1,15 +1,15 @@
-//! The secrets that guard a coordinator: their text, and what each of them allows.
+//! The secrets that protect a coordinator: their text and the role that each grants.
 //!
-//! A token is `pitchline-worker-` or `pitchline-client-` and 64 hexadecimal digits, that is 256
-//! random bits. A token file holds one per line; blank lines and lines that begin with `#` count for
-//! nothing. A caller sends its token as `authorization: Bearer TOKEN`.
+//! A token is `pitchline-worker-` or `pitchline-client-` followed by 64 hexadecimal digits, that is
+//! 256 random bits. A token file holds one per line; blank lines and lines that begin with `#` are
+//! ignored. A caller sends its token as `authorization: Bearer TOKEN`.
 
 use std::fmt;
 
 use subtle::{Choice, ConstantTimeEq as _};
 use tonic::metadata::{Ascii, MetadataValue};
 
-/// How many random bytes a token is made of.
+/// Number of random bytes in a token.
 pub const TOKEN_BYTES: usize = 32;
 
 /// The header that carries a token.
@@ -17,12 +17,12 @@ pub const TOKEN_HEADER: &str = "authorization";
 
 const SCHEME: &str = "Bearer ";
 
-/// Who a token is for.
+/// The role that a token grants.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Role {
-    /// Those who compute: they lease jobs and hand in results.
+    /// Workers, which lease jobs and report results.
     Worker,
-    /// Those who look and steer: they ask for the status, drain, retry.
+    /// Clients, which query the status, drain and retry.
     Client,
 }
 
@@ -46,7 +46,7 @@ impl fmt::Display for Role {
     }
 }
 
-/// A secret. It prints as its role only; [`Token::reveal`] is the one way to its text.
+/// A secret. `Debug` prints only its role; [`Token::reveal`] returns its text.
 #[derive(Clone)]
 pub struct Token {
     role: Role,
@@ -59,7 +59,7 @@ impl fmt::Debug for Token {
     }
 }
 
-/// Why a text is no list of tokens. Names lines only, never what stands in them.
+/// The errors of a token file. They name lines, never their contents.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum TokenError {
     /// A line that is neither a token nor a comment.
@@ -68,13 +68,13 @@ pub enum TokenError {
         /// The line, from 1.
         line: usize,
     },
-    /// There is none.
+    /// There is no token.
     #[error("there is no token in it")]
     Empty,
 }
 
 impl Token {
-    /// The token of these random bytes.
+    /// Makes a token from random bytes.
     #[must_use]
     pub fn new(role: Role, random: [u8; TOKEN_BYTES]) -> Self {
         let digits = random.iter().map(|byte| format!("{byte:02x}"));
@@ -82,11 +82,11 @@ impl Token {
         Self { role, text }
     }
 
-    /// The tokens of a token file's content, in the order of its lines.
+    /// Parses a token file, in the order of its lines.
     ///
     /// # Errors
     ///
-    /// The line that is no token, or that there is none at all.
+    /// A line is not a token, or the file holds none.
     pub fn parse_file(content: &str) -> Result<Vec<Self>, TokenError> {
         let mut tokens = Vec::new();
         for (index, line) in content.lines().enumerate() {
@@ -102,7 +102,7 @@ impl Token {
         Ok(tokens)
     }
 
-    /// The token of this text, if it is one.
+    /// Parses a token; `None` if the text is not one.
     pub(crate) fn parse(text: &str) -> Option<Self> {
         let (role, digits) = Role::ALL
             .into_iter()
@@ -114,19 +114,20 @@ impl Token {
         })
     }
 
-    /// Who it is for.
+    /// The role that the token grants.
     #[must_use]
     pub const fn role(&self) -> Role {
         self.role
     }
 
-    /// The secret itself, for the file that keeps it.
+    /// The text of the secret, to be written to its file.
     #[must_use]
     pub fn reveal(&self) -> &str {
         &self.text
     }
 
-    /// The value of [`TOKEN_HEADER`], marked so that nothing prints or compresses it.
+    /// The value of [`TOKEN_HEADER`], marked as sensitive so that it is neither printed nor
+    /// compressed.
     #[must_use]
     pub fn header(&self) -> MetadataValue<Ascii> {
         let mut value: MetadataValue<Ascii> = format!("{SCHEME}{}", self.text)
@@ -137,29 +138,29 @@ impl Token {
     }
 }
 
-/// The tokens that a coordinator accepts. Several of a role are allowed, so that one can be replaced
-/// while the other is still in use.
+/// The tokens that a coordinator accepts. A role may have several, so that a token can be replaced
+/// while the old one is in use.
 #[derive(Debug, Clone)]
 pub struct TokenSet {
     tokens: Vec<Token>,
 }
 
 impl TokenSet {
-    /// A set of these tokens.
+    /// Makes a set of these tokens.
     #[must_use]
     pub const fn new(tokens: Vec<Token>) -> Self {
         Self { tokens }
     }
 
-    /// Whether there is a token of this role.
+    /// Whether a token grants this role.
     #[must_use]
     pub fn has(&self, role: Role) -> bool {
         self.tokens.iter().any(|token| token.role == role)
     }
 
-    /// Whose token the value of a [`TOKEN_HEADER`] is; nothing if it is none of this set.
+    /// The role that the value of [`TOKEN_HEADER`] grants; `None` if it is not a token of this set.
     ///
-    /// Takes as long for a value that is nearly right as for one that is not: it compares with every
+    /// The time taken does not depend on how much of the value is right: it is compared with every
     /// token, and every byte of each.
     #[must_use]
     pub fn role_of(&self, header: &[u8]) -> Option<Role> {

@@ -1,4 +1,4 @@
-//! The digest of the sources that a program is made from.
+//! The digest of the sources of a program.
 
 use std::fs;
 use std::io;
@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 
 use sha2::{Digest as _, Sha256};
 
-/// What counts of the workspace's folder. `templates` and `campaigns` are embedded in the programs.
+/// The source files and folders at the top of the workspace. `templates` and `campaigns` are
+/// embedded in the programs.
 const OF_WORKSPACE: [&str; 5] = [
     "Cargo.toml",
     "Cargo.lock",
@@ -14,10 +15,10 @@ const OF_WORKSPACE: [&str; 5] = [
     "migrations",
     "proto",
 ];
-/// What counts of each crate's folder.
+/// The source files and folders of each crate.
 const OF_CRATE: [&str; 4] = ["Cargo.toml", "build.rs", "src", "templates"];
 
-/// The files and folders of a workspace that count.
+/// The source files and folders of a workspace.
 pub(crate) fn roots(workspace: &Path) -> io::Result<Vec<PathBuf>> {
     let mut roots: Vec<PathBuf> = OF_WORKSPACE.map(|name| workspace.join(name)).into();
     for entry in fs::read_dir(workspace.join("crates"))? {
@@ -28,8 +29,8 @@ pub(crate) fn roots(workspace: &Path) -> io::Result<Vec<PathBuf>> {
     Ok(roots)
 }
 
-/// SHA-256 over the names, relative to the workspace, and the contents of all files, by name; the
-/// first 48 bits in hex. Hidden files, as editors leave them, do not count.
+/// The first 48 bits, in hex, of the SHA-256 over the names, relative to the workspace, and the
+/// contents of all files, ordered by name. Hidden files, such as those of editors, are left out.
 pub(crate) fn digest(workspace: &Path) -> io::Result<String> {
     let mut files = Vec::new();
     for root in roots(workspace)? {
@@ -52,7 +53,7 @@ pub(crate) fn digest(workspace: &Path) -> io::Result<String> {
         .collect())
 }
 
-/// Adds the files at and below `path`, each with its name, which is the same on every system.
+/// Collects the files at and below `path`, each with a name that is the same on every system.
 fn collect(workspace: &Path, path: &Path, files: &mut Vec<(String, PathBuf)>) -> io::Result<()> {
     let is_hidden = |path: &Path| {
         let name = path.file_name().and_then(|name| name.to_str());

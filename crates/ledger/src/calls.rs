@@ -1,4 +1,4 @@
-//! What happens to a ledger: streams are wanted and forgotten, workers call, time passes.
+//! The calls that change a ledger: streams wanted and forgotten, workers' requests, passing time.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -12,11 +12,11 @@ use crate::types::{
 use crate::workers::Worker;
 
 impl<P: Clone> Ledger<P> {
-    // What is wanted.
+    // Streams.
 
-    /// Notes that a stream needs samples, and says whether that is news. What is known of it already
-    /// stays as it is; another generation takes the place of an earlier one, of which nothing is
-    /// accepted any more.
+    /// Registers a stream that needs samples and returns whether that adds missing samples. Samples
+    /// known already keep their state. A new generation replaces the earlier one, whose results are
+    /// no longer accepted.
     pub fn want(&mut self, wanted: Wanted<P>) -> bool {
         let id = wanted.stream;
         let known = self.settled.get(&id).copied().or_else(|| {
@@ -26,7 +26,7 @@ impl<P: Clone> Ledger<P> {
         let mut missing = wanted.missing;
         match known {
             Some((generation, end)) if generation == wanted.generation => {
-                // Whoever asks may have looked before the latest samples were stored.
+                // The caller may have looked before the latest samples were stored.
                 subtract(&mut missing, &(0..end));
             }
             Some(_) => self.forget(|other| other == id),
@@ -64,8 +64,9 @@ impl<P: Clone> Ledger<P> {
         true
     }
 
-    /// Forgets streams, as when what they were chosen by is learned anew. Nothing of them is accepted
-    /// any more, and whoever computes them is told to stop.
+    /// Forgets streams, for example when the points they sample were chosen again. Their results are
+    /// no longer accepted, and the workers that compute them are told to stop at their next
+    /// heartbeat.
     pub fn forget(&mut self, which: impl Fn(StreamId) -> bool) {
         self.settled.retain(|id, _| !which(*id));
         let gone: Vec<StreamId> = self
@@ -79,7 +80,7 @@ impl<P: Clone> Ledger<P> {
         }
     }
 
-    /// Whether what came of a unit is to be stored; what is not is counted.
+    /// Whether the results of a unit are to be stored. Stale results are counted.
     pub fn accept(&mut self, unit: &Unit) -> Accepted {
         let open = self.streams.get(&unit.stream);
         let known = open.map(|stream| (stream.generation, stream.end));
@@ -96,7 +97,7 @@ impl<P: Clone> Ledger<P> {
 
     // Workers.
 
-    /// Notes a worker; one that is known stays what it was.
+    /// Registers a worker. The counters of a known worker are kept.
     pub fn register(&mut self, worker: &WorkerId, host: &str, slots: usize, now: Duration) {
         let known = self.workers.known.entry(worker.clone());
         let state = known.or_insert_with(|| Worker::new(host, slots));
@@ -105,27 +106,27 @@ impl<P: Clone> Ledger<P> {
         self.slots = None;
     }
 
-    /// Notes a sign of life; false if the worker is not registered.
+    /// Records that a worker called. Returns false if the worker is not registered.
     pub fn see(&mut self, worker: &WorkerId, now: Duration) -> bool {
         self.workers.see(worker, now).is_some()
     }
 
-    /// Notes that a worker leaves: it gets nothing more, and whatever becomes of what it holds, it is
-    /// not blamed.
+    /// Records that a worker is leaving: it gets no further leases, and the crashes and failures of
+    /// those that it still holds do not count.
     pub fn leaves(&mut self, worker: &WorkerId, now: Duration) {
         if let Some(state) = self.workers.see(worker, now) {
             state.is_leaving = true;
         }
     }
 
-    /// Notes that a worker was told that there is nothing more to do.
+    /// Records that a worker was told that the work is done.
     pub fn dismiss(&mut self, worker: &WorkerId) {
         if let Some(state) = self.workers.known.get_mut(worker) {
             state.was_dismissed = true;
         }
     }
 
-    /// Whether everybody who called within `recently` and has not said that it leaves was dismissed.
+    /// Whether every worker that called within `recently` was dismissed or is leaving.
     pub fn all_dismissed(&self, recently: Duration, now: Duration) -> bool {
         let mut present = self.workers.present(recently, now);
         present.all(|worker| worker.was_dismissed || worker.is_leaving)
@@ -133,12 +134,11 @@ impl<P: Clone> Ledger<P> {
 
     // Leases.
 
-    /// Leases something to a registered worker, or nothing if there is nothing for it.
+    /// Grants a lease to a registered worker, or `None` if there is no work for it.
     ///
-    /// A worker that just failed a stream gets that one again only when there is nothing else to do:
-    /// another worker's opinion is worth more than a second one of its own. When nothing is free, a
-    /// worker with an idle slot gets what another one has held for long, as insurance against a slow
-    /// one; whoever delivers first wins.
+    /// A stream that this worker just failed comes last, because a second attempt is worth more on
+    /// another worker. When nothing is free, a worker with an idle slot gets a copy of a lease that
+    /// another worker has held for long, in case that worker is slow. The first delivery counts.
     pub fn lease(&mut self, worker: &WorkerId, now: Duration) -> Option<Grant<P>> {
         self.wake(now);
         let state = self.workers.see(worker, now)?;
@@ -164,9 +164,9 @@ impl<P: Clone> Ledger<P> {
         Some(grant)
     }
 
-    /// Extends what a worker holds, and returns those of its leases that nobody needs any more.
+    /// Extends the leases that a worker holds and returns those that are no longer needed.
     ///
-    /// A lease that ran out meanwhile is taken up again, unless enough others have its samples.
+    /// A lease that expired meanwhile is taken up again, unless other leases cover its samples.
     pub fn heartbeat(
         &mut self,
         worker: &WorkerId,
@@ -192,8 +192,8 @@ impl<P: Clone> Ledger<P> {
         cancelled
     }
 
-    /// Takes over what a worker holds since before a restart, under its old name; false if nobody
-    /// needs it.
+    /// Takes over a lease granted before a restart, under its old id. Returns false if the lease is
+    /// no longer needed.
     pub fn adopt(&mut self, worker: &WorkerId, id: LeaseId, units: &[Unit], now: Duration) -> bool {
         if id.epoch == self.epoch {
             return self.heartbeat(worker, &[(id, false)], now).is_empty();
@@ -212,8 +212,8 @@ impl<P: Clone> Ledger<P> {
         self.take_up(id, lease, now)
     }
 
-    /// Takes leases back from a worker without blaming anybody; those that it does not hold are
-    /// ignored.
+    /// Takes back unfinished leases without counting a failure or a crash. Leases that the worker
+    /// does not hold are ignored.
     pub fn release(&mut self, worker: &WorkerId, leases: &[LeaseId], now: Duration) {
         self.see(worker, now);
         for id in leases {
@@ -223,12 +223,12 @@ impl<P: Clone> Ledger<P> {
         }
     }
 
-    /// Ends a lease whose results are stored. What is stored counts whoever brings it; what failed
-    /// counts only under a lease that this worker holds, or held until it ran out, and so once. The
-    /// rest of the lease is free again.
+    /// Ends a lease whose results are stored. Stored samples count whichever worker delivers them.
+    /// Failures count only under a lease that this worker holds or held until it expired, and thus
+    /// only once. The rest of the lease is free again.
     ///
-    /// Returns what followed from each failure, and until when the worker is suspended for them, if
-    /// it is.
+    /// Returns the consequence of each failure, and the end of the suspension if the failures
+    /// suspended the worker.
     pub fn deliver(
         &mut self,
         worker: &WorkerId,
@@ -280,8 +280,8 @@ impl<P: Clone> Ledger<P> {
         (failures.collect(), suspended)
     }
 
-    /// Ends the leases that have run out, in their order, and returns those that had begun: their
-    /// workers may have died of them.
+    /// Ends the expired leases in order of expiry and returns those that had started: each may be a
+    /// crash.
     pub fn expire(&mut self, now: Duration) -> Vec<Vanished> {
         self.wake(now);
         let due = self
@@ -295,12 +295,12 @@ impl<P: Clone> Ledger<P> {
         vanished
     }
 
-    /// When something happens next by itself after `now`: a lease runs out, or something can be
-    /// leased that cannot be leased now.
+    /// The next time after `now` at which the state changes by itself: a lease expires, or work
+    /// becomes available.
     pub fn next_due(&self, now: Duration) -> Option<Duration> {
         let expiry = self.expiries.first().map(|&(expires, _)| expires);
         let waiting = self.waiting.first().map(|&(until, _)| until);
-        // Leases that are old enough wait for a worker with an idle slot, not for time.
+        // Leases older than the patience wait for a worker with an idle slot, not for a time.
         let patience = self
             .patience
             .map_or(SURVEY_PERIOD, |(_, patience)| patience);
@@ -321,8 +321,8 @@ impl<P: Clone> Ledger<P> {
             .min()
     }
 
-    /// Gives what was quarantined another chance, with fresh counters, and returns it. Whoever asks for
-    /// that has mended the cause: nobody waits after a failure any more, and no worker is suspended.
+    /// Reopens the quarantined streams with their counters reset and returns them. The cause is
+    /// assumed to be fixed, so waits after failures and suspensions of workers end, too.
     pub fn retry(&mut self) -> Vec<StreamId> {
         let retried: Vec<StreamId> = self.quarantined.iter().copied().collect();
         for &id in &retried {

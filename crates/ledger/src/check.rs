@@ -1,4 +1,4 @@
-//! The crate's invariants, for its tests.
+//! Checks of the crate's invariants, for its tests.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -8,7 +8,7 @@ use crate::ranges::subtract;
 use crate::types::{Group, LeaseId, StreamId, WorkerId};
 
 impl<P: Clone> Ledger<P> {
-    /// Panics unless the books agree with each other: the crate's invariants, for tests.
+    /// Panics unless the collections of the ledger agree with each other.
     #[doc(hidden)]
     pub fn check(&self) {
         let mut open: BTreeMap<Group, usize> = BTreeMap::new();

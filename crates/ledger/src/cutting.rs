@@ -1,7 +1,7 @@
-//! Samples cut into leases whose size follows what they cost.
+//! Cutting samples into leases whose size follows the cost of a sample.
 //!
-//! A sample may take microseconds or hours. How samples are cut matters only for the time they take:
-//! every one has a random stream of its own.
+//! A sample may take microseconds or hours. The cuts affect only the running time, because every
+//! sample has its own random stream.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -9,31 +9,31 @@ use std::ops::Range;
 use crate::ledger::Ledger;
 use crate::types::{Kind, StreamId, Unit, WorkerId};
 
-/// How long a lease should take, in seconds: much longer than a round trip, short enough that losing
-/// a worker loses little.
+/// Intended duration of a lease in seconds: much longer than a round trip, and short enough that
+/// losing a worker loses little.
 pub(crate) const TARGET_SECONDS: f64 = 1.0;
-/// How long a lease of one sample is taken to last where samples may be long, in seconds, before one
-/// has come back: so long that nobody holds a second one.
+/// Expected duration in seconds of a one-sample lease while the cost of a long sample is unknown.
+/// It is long enough that no worker prefetches a second lease.
 pub(crate) const UNKNOWN_SECONDS: f64 = 2.0;
-/// A lease gets at most this part of what is left per slot, so that all slots end together.
+/// A lease gets at most the work left per slot divided by this, so that all slots finish together.
 const PARTS_PER_SLOT: u64 = 3;
-/// The criteria of a design cost about as much as this many samples of the built-in simulator.
+/// Cost of computing a design's criteria, in samples of the built-in simulator.
 pub(crate) const DESIGN_WEIGHT: u64 = 20;
-/// The most samples of a lease, whatever they cost: even over a slow line its result must pass before
-/// the call is given up.
+/// Maximum number of samples in a lease, whatever they cost: its results must pass even a slow
+/// connection before the call times out.
 const SAMPLES_MAX: u64 = 50_000;
-/// The weight of the first leases, before anything is known about what a sample costs.
+/// Weight of the first leases, before the cost of a sample is known.
 const FIRST_WEIGHT: u64 = DESIGN_WEIGHT + 10;
 
-/// What units cost, in samples of the built-in simulator.
+/// Cost of units, in samples of the built-in simulator.
 pub(crate) fn weight(units: &[Unit]) -> f64 {
     let weight = |unit: &Unit| unit.samples.len() as u64 + DESIGN_WEIGHT;
     units.iter().map(weight).sum::<u64>() as f64
 }
 
 impl<P: Clone> Ledger<P> {
-    /// What a worker is to have next, while workers of `slots` slots in all are there; nothing when
-    /// nothing is free.
+    /// The units that a worker gets next when the present workers have `slots` slots in total.
+    /// Empty when nothing is free.
     pub(crate) fn cut(&self, worker: &WorkerId, slots: usize) -> Vec<Unit> {
         let failed = self.workers.known.get(worker).map(|state| &state.strikes);
         let has_failed = |id: &StreamId| failed.is_some_and(|failed| failed.contains(id));
@@ -57,8 +57,8 @@ impl<P: Clone> Ledger<P> {
             };
             let count = range.len() as u64;
             let room = target.saturating_sub(weight + DESIGN_WEIGHT);
-            // A design is computed anew by every lease that samples it, so it is cut only when it is
-            // too much for one.
+            // Every lease of a design computes its criteria again, so a design is split only when
+            // it is too large for one lease.
             let take = if units.is_empty() {
                 count.min(room.max(1))
             } else if count <= room && samples + count <= SAMPLES_MAX {
@@ -81,21 +81,21 @@ impl<P: Clone> Ledger<P> {
         units
     }
 
-    /// How much a lease may weigh that begins with this stream.
+    /// Maximum weight of a lease that begins with this stream.
     fn target(&self, first: StreamId, slots: usize) -> u64 {
         let affordable = match self.pace.get(&first.kind) {
             Some(pace) => (TARGET_SECONDS / pace).min(1e9) as u64,
             None if self.options.long_samples => 0,
             None => FIRST_WEIGHT,
         };
-        // Counting exactly would cost more than it is worth: all that is free is taken to be as large
-        // as this one.
+        // An estimate instead of an exact count, which would visit every stream: all free streams
+        // are assumed to be as large as this one.
         let free = self.streams.get(&first).map(|stream| &stream.free);
         let of_stream = free.map_or(0, |free| free.iter().map(Range::len).sum::<usize>()) as u64;
         let left = self.free.len() as u64 * (of_stream + DESIGN_WEIGHT);
         let share = left / (PARTS_PER_SLOT * slots.max(1) as u64);
-        // Cutting a cheap design only to end at the same moment would compute its criteria twice. The
-        // evaluations of a run have nothing in common.
+        // Splitting a cheap design only so that all slots finish together would compute its
+        // criteria twice. The evaluations of a run share no such work.
         let whole = match first.kind {
             Kind::Run => 0,
             Kind::Design | Kind::Point => of_stream + DESIGN_WEIGHT,
@@ -103,7 +103,7 @@ impl<P: Clone> Ledger<P> {
         affordable.min(share.max(whole)).max(DESIGN_WEIGHT + 1)
     }
 
-    /// The workers that hold something.
+    /// The workers that hold leases.
     pub(crate) fn holders_of_leases(&self) -> BTreeSet<&WorkerId> {
         self.leases.values().map(|lease| &lease.worker).collect()
     }

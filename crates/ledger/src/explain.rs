@@ -1,4 +1,4 @@
-//! Why nothing, or nothing more, is being leased.
+//! Reasons why no work, or no more work, is being leased.
 
 use std::fmt;
 use std::time::Duration;
@@ -6,86 +6,86 @@ use std::time::Duration;
 use crate::ledger::Ledger;
 use crate::types::{StreamId, WorkerId};
 
-/// How many workers a sentence names.
+/// Maximum number of workers named in a sentence.
 const NAMED: usize = 3;
 
-/// One reason why nothing, or nothing more, is being leased, or that all is well. As text it is a
-/// sentence that says what is the matter and what to do.
+/// One reason why no work, or no more work, is being leased, or the statement that work is in
+/// progress. `Display` gives a sentence with the problem and the remedy.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Explanation {
-    /// Nothing is wanted, and nothing was quarantined.
+    /// No stream is wanted, and none is quarantined.
     NothingWanted,
-    /// Leasing was stopped.
+    /// Leasing was stopped by [`Ledger::set_draining`].
     Draining {
-        /// Leases that are out.
+        /// Number of leases not yet delivered.
         leased: usize,
     },
     /// There is work, but no worker has called for the length of a lease.
     NoWorkers {
-        /// Workers that are registered.
+        /// Number of registered workers.
         known: usize,
-        /// How long ago the last of them called.
+        /// Time since the last call of any worker.
         silent_for: Option<Duration>,
-        /// Streams that miss something.
+        /// Number of streams with missing samples.
         open: usize,
     },
-    /// Streams are free, and workers that failed several in a row are kept from them.
+    /// Streams are free, but workers are suspended after failing several in a row.
     Suspended {
-        /// Workers that are suspended.
+        /// Number of suspended workers.
         suspended: usize,
-        /// Workers that called recently, those included.
+        /// Number of workers that called recently, including suspended ones.
         present: usize,
-        /// How long until the first of them is leased something again.
+        /// Time until the first suspension ends.
         next_in: Duration,
-        /// Streams that are free.
+        /// Number of free streams.
         free: usize,
     },
     /// Streams wait after a failure.
     Waiting {
-        /// How many.
+        /// Number of such streams.
         waiting: usize,
-        /// How long until the first of them is tried again.
+        /// Time until the first of them is tried again.
         next_in: Duration,
     },
-    /// Nothing is free any more, but some leases are out.
+    /// Nothing is free any more, but some leases are not yet delivered.
     LastLeases {
-        /// How many.
+        /// Number of those leases.
         leased: usize,
-        /// Who holds them.
+        /// The workers that hold them.
         workers: Vec<WorkerId>,
-        /// For how long the oldest has been held.
+        /// Age of the oldest of them.
         oldest_for: Duration,
     },
     /// Streams were quarantined.
     GivenUp {
-        /// How many.
+        /// Number of quarantined streams.
         quarantined: usize,
         /// The first of them.
         stream: StreamId,
-        /// Its error.
+        /// The error of that stream.
         error: String,
     },
-    /// Streams are free and workers are there, but none of them has asked for one yet.
+    /// Streams are free and workers are present, but none has asked for a lease yet.
     NotAsked {
-        /// Streams that are free.
+        /// Number of free streams.
         free: usize,
-        /// Workers that called recently and are not suspended.
+        /// Number of workers that called recently and are not suspended.
         workers: usize,
     },
-    /// All is well.
+    /// Work is being computed, and more is free.
     Running {
-        /// Leases that are out.
+        /// Number of leases not yet delivered.
         leased: usize,
-        /// Workers that hold them.
+        /// Number of workers that hold them.
         workers: usize,
-        /// Streams that are free.
+        /// Number of free streams.
         free: usize,
     },
 }
 
 impl<P: Clone> Ledger<P> {
-    /// Why nothing, or nothing more, is being leased at `now`: never empty, the weightiest reason
-    /// first. A worker is taken to be there if it has called within the length of a lease.
+    /// The reasons why no work, or no more work, is being leased at `now`. Never empty; the most
+    /// important comes first. A worker counts as present if it called within the length of a lease.
     pub fn explain(&self, now: Duration) -> Vec<Explanation> {
         let (free, leased) = (self.free.len(), self.leases.len());
         let open = self.streams.len() - self.quarantined.len();
@@ -274,7 +274,7 @@ fn leases(count: usize) -> String {
     }
 }
 
-/// Designs, points and runs.
+/// A count of streams, in the user's words.
 fn streams(count: usize) -> String {
     if count == 1 {
         "1 design or run".to_owned()
@@ -283,7 +283,7 @@ fn streams(count: usize) -> String {
     }
 }
 
-/// A time for people: whole seconds are exact enough.
+/// A duration rounded up to whole seconds.
 fn seconds(time: Duration) -> String {
     format!("{} s", time.as_secs_f64().ceil())
 }

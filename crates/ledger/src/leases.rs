@@ -1,4 +1,4 @@
-//! How leases come and go.
+//! Granting, extending and ending leases.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -10,11 +10,11 @@ use crate::ranges::{common, overlap};
 use crate::state::{Lease, Stream};
 use crate::types::{Delivery, Grant, Kind, LeaseId, StreamId, Unit, Vanished, WorkerId};
 
-/// How much a new measurement counts against the earlier ones.
+/// Weight of a new measurement in the running mean of the cost of a sample.
 const LEARNING_RATE: f64 = 0.3;
-/// No lease is expected to take longer than this, in seconds: ten years.
+/// Upper bound on the expected duration of a lease, in seconds: ten years.
 const LONGEST_LEASE: f64 = 3e8;
-/// Workers that have been silent for so many leases are forgotten; should one call again, it is told
+/// A worker that was silent for this many lease times is forgotten. If it calls again, it is told
 /// to register.
 const FORGOTTEN_AFTER: u32 = 60;
 
@@ -29,7 +29,7 @@ impl<P: Clone> Ledger<P> {
         stream.map_or_else(Vec::new, |stream| stream.leases.iter().copied().collect())
     }
 
-    /// How long units are expected to take, in seconds.
+    /// Expected duration of units, in seconds.
     pub(crate) fn expected(&self, units: &[Unit]) -> f64 {
         let pace = units
             .first()
@@ -41,8 +41,9 @@ impl<P: Clone> Ledger<P> {
         }
     }
 
-    /// What a worker is told that units take. Nobody is to hold a second lease of candidates while other
-    /// workers have none: the next generation waits for the last of them.
+    /// The expected duration that a worker is told. A worker must not prefetch a second lease of
+    /// candidates while other workers have none, because the next generation waits for the last
+    /// candidate.
     fn as_held(&self, units: &[Unit], seconds: f64) -> f64 {
         let is_run = units.iter().any(|unit| unit.stream.kind == Kind::Run);
         if is_run && self.options.long_samples {
@@ -99,7 +100,7 @@ impl<P: Clone> Ledger<P> {
         self.leases.insert(id, lease);
     }
 
-    /// Extends a lease that the worker holds.
+    /// Extends a lease that the worker holds. Returns false if it does not hold it.
     pub(crate) fn extend(
         &mut self,
         worker: &WorkerId,
@@ -115,19 +116,20 @@ impl<P: Clone> Ledger<P> {
             return false;
         }
         self.expiries.remove(&(lease.expires, id));
-        // A heartbeat that was overtaken must not shorten the lease.
+        // A heartbeat that arrives out of order must not shorten the lease.
         lease.expires = lease.expires.max(expires);
         lease.started |= started;
         self.expiries.insert((lease.expires, id));
         true
     }
 
-    /// Makes a lease of what is still needed of one that ran out or is from before a restart.
+    /// Grants the units that are still needed of a lease that expired or predates a restart.
     pub(crate) fn take_up(&mut self, id: LeaseId, lease: Lease, now: Duration) -> bool {
         let units = self.needed(&lease.units);
         let rivals: BTreeSet<LeaseId> = units.iter().flat_map(|unit| self.rivals(unit)).collect();
-        // Another worker has begun with it, or will: this one may go on if it has begun, too. What it
-        // was leased itself meanwhile, it need not begin.
+        // If another worker holds these samples, this worker may go on only if it has started and
+        // only two leases share them. If this worker itself got them again meanwhile and has not
+        // started, that second lease ends.
         for rival in &rivals {
             let Some(other) = self.leases.get(rival) else {
                 continue;
@@ -168,7 +170,7 @@ impl<P: Clone> Ledger<P> {
         true
     }
 
-    /// The leases that have samples of a unit.
+    /// The leases that share samples with a unit.
     pub(crate) fn rivals(&self, unit: &Unit) -> Vec<LeaseId> {
         let holders = self.holders(unit.stream).into_iter();
         holders
@@ -179,7 +181,7 @@ impl<P: Clone> Ledger<P> {
             .collect()
     }
 
-    /// What is still missing of units.
+    /// The parts of units that are still missing.
     pub(crate) fn needed(&self, units: &[Unit]) -> Vec<Unit> {
         let mut needed = Vec::new();
         for unit in units {
@@ -199,7 +201,8 @@ impl<P: Clone> Ledger<P> {
         needed
     }
 
-    /// What somebody else has held for long enough that another worker is to have it, too.
+    /// An old enough lease of another worker, with those of its units that this worker is to
+    /// compute as well.
     pub(crate) fn double(
         &mut self,
         worker: &WorkerId,
@@ -229,7 +232,7 @@ impl<P: Clone> Ledger<P> {
         None
     }
 
-    /// Ends a lease: what is missing of it and on no other is free again.
+    /// Ends a lease. Its missing samples are free again, except those on another lease.
     pub(crate) fn end(&mut self, id: LeaseId) -> Option<Lease> {
         let lease = self.leases.remove(&id)?;
         self.expiries.remove(&(lease.expires, id));
@@ -261,8 +264,8 @@ impl<P: Clone> Ledger<P> {
         Some(lease)
     }
 
-    /// Ends those of these leases of which nothing is needed any more, and takes out of the others
-    /// what is not: whoever holds one that has ended is told so by its next heartbeat.
+    /// Ends those of these leases that are no longer needed, and removes from the others the units
+    /// that are not. A worker learns of an ended lease at its next heartbeat.
     pub(crate) fn prune(&mut self, leases: &[LeaseId]) {
         for &id in leases {
             let Some(lease) = self.leases.get(&id) else {
@@ -336,7 +339,7 @@ impl<P: Clone> Ledger<P> {
         })
     }
 
-    /// Learns what samples cost from what a lease took.
+    /// Updates the cost of a sample from the duration of a lease.
     pub(crate) fn learn(&mut self, delivery: &Delivery) {
         let refused = delivery.refused.iter().map(|(stream, _)| stream.kind);
         let stored = delivery.stored.iter().map(|unit| unit.stream.kind);
@@ -354,8 +357,8 @@ impl<P: Clone> Ledger<P> {
             .or_insert(measured);
     }
 
-    /// How long a lease is left to its worker alone: twice what one takes, as a second lease of what
-    /// is nearly done is wasted work.
+    /// Age at which a lease may be granted to a second worker: twice the longest expected duration,
+    /// since a copy of a nearly finished lease is wasted work.
     pub(crate) fn patience_at(&mut self, now: Duration) -> Duration {
         if let Some((of, patience)) = self.patience
             && now.saturating_sub(of) < SURVEY_PERIOD
@@ -369,7 +372,7 @@ impl<P: Clone> Ledger<P> {
         patience
     }
 
-    /// The slots of all workers that were heard of lately.
+    /// Total slots of the workers that called recently.
     pub(crate) fn slots_present(&mut self, now: Duration) -> usize {
         if let Some((of, slots)) = self.slots
             && now.saturating_sub(of) < SURVEY_PERIOD
@@ -382,8 +385,7 @@ impl<P: Clone> Ledger<P> {
         slots
     }
 
-    /// Forgets what no longer matters: leases that ran out and of which nothing is needed, workers
-    /// that have been away for long.
+    /// Forgets expired leases that are no longer needed and workers that have been silent for long.
     pub(crate) fn clean(&mut self, now: Duration) {
         let mut lapsed = std::mem::take(&mut self.lapsed);
         lapsed.retain(|_, lease| !self.needed(&lease.units).is_empty());

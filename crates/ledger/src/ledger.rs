@@ -1,4 +1,4 @@
-//! What a ledger holds, and what is known from it.
+//! The state of a ledger and its queries.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -8,14 +8,14 @@ use crate::state::{Lease, Stream};
 use crate::types::{Counts, Generation, Group, Kind, LeaseId, StreamId, WorkerStatus};
 use crate::workers::Workers;
 
-/// What means looking at all leases, or at all workers, is worked out so often: not for each of a
-/// thousand workers that ask.
+/// Interval between full scans of the leases and workers. A scan per request would cost
+/// O(workers²).
 pub(crate) const SURVEY_PERIOD: Duration = Duration::from_secs(1);
 
-/// What is missing, who computes it, and what became of it.
+/// The missing samples, the leases that cover them, and the outcome of each stream.
 ///
 /// Every `now` is the time since one arbitrary origin. A `now` before an earlier one is harmless:
-/// leases then run out a little early or late.
+/// leases then expire a little early or late.
 #[derive(Debug, Clone)]
 pub struct Ledger<P> {
     pub(crate) options: Options,
@@ -23,40 +23,41 @@ pub struct Ledger<P> {
     /// The number of the newest lease.
     pub(crate) newest: u64,
     pub(crate) is_draining: bool,
-    /// Until when nothing is leased, so that workers can say what they hold from before a restart.
+    /// No lease is granted before this time, so that workers can first report the leases they hold
+    /// from before a restart.
     pub(crate) closed_until: Duration,
     pub(crate) streams: BTreeMap<StreamId, Stream<P>>,
-    /// Streams that need nothing more: what their values depended on, and the end of what was wanted.
+    /// Streams with no samples missing: the generation and the end of the samples wanted.
     pub(crate) settled: BTreeMap<StreamId, (Generation, u32)>,
-    /// The streams from which something could be leased now.
+    /// Streams from which work could be leased now.
     pub(crate) free: BTreeSet<StreamId>,
-    /// The streams that wait after a failure, by the end of that.
+    /// Streams that wait after a failure, ordered by the end of the wait.
     pub(crate) waiting: BTreeSet<(Duration, StreamId)>,
     pub(crate) quarantined: BTreeSet<StreamId>,
-    /// How many streams of a group are neither settled nor quarantined.
+    /// Number of streams of a group that are neither settled nor quarantined.
     pub(crate) open: BTreeMap<Group, usize>,
-    /// Whether a group was settled since somebody last asked.
+    /// Whether a group was settled since the last call of [`Self::take_settled`].
     pub(crate) has_settled: bool,
     pub(crate) leases: BTreeMap<LeaseId, Lease>,
-    /// The leases by the time at which they run out.
+    /// The leases in order of expiry.
     pub(crate) expiries: BTreeSet<(Duration, LeaseId)>,
-    /// The leases whose samples nobody else has, the oldest first.
+    /// The leases that share no samples with another lease, oldest first.
     pub(crate) alone: BTreeSet<(Duration, LeaseId)>,
-    /// Leases that ran out: their workers may only have slept.
+    /// Expired leases. Their workers may still be alive, for example on a machine that slept.
     pub(crate) lapsed: BTreeMap<LeaseId, Lease>,
     pub(crate) workers: Workers,
-    /// Seconds per weight of what was delivered, by kind.
+    /// Seconds per weight of delivered work, by kind of stream.
     pub(crate) pace: BTreeMap<Kind, f64>,
-    /// When it was worked out how long a lease is left to its worker alone, and how long that is.
+    /// Result of the last [`Self::patience_at`], with its time.
     pub(crate) patience: Option<(Duration, Duration)>,
-    /// When the slots of the workers were counted, and how many they were.
+    /// Result of the last [`Self::slots_present`], with its time.
     pub(crate) slots: Option<(Duration, usize)>,
     pub(crate) delivered: u64,
     pub(crate) stale: u64,
 }
 
 impl<P: Clone> Ledger<P> {
-    /// A ledger in which nothing is wanted. `epoch` tells it from the ones before a restart.
+    /// Creates an empty ledger. `epoch` distinguishes it from those before a restart.
     pub fn new(options: Options, epoch: u64) -> Self {
         Self {
             options,
@@ -84,35 +85,36 @@ impl<P: Clone> Ledger<P> {
         }
     }
 
-    /// The epoch given at the start.
+    /// The epoch given to [`Self::new`].
     pub const fn epoch(&self) -> u64 {
         self.epoch
     }
 
-    /// How long a lease lasts.
+    /// Duration of a lease.
     pub const fn lease_time(&self) -> Duration {
         self.options.lease
     }
 
-    /// Leases nothing before this time, so that whoever holds something from before a restart can say
-    /// so before others are given it.
+    /// Grants no lease before this time, so that workers that hold leases from before a restart can
+    /// report them first.
     pub const fn close_until(&mut self, time: Duration) {
         self.closed_until = time;
     }
 
-    /// Stops leasing, or goes on with it. What is held goes on, and is delivered as ever.
+    /// Stops or resumes granting leases. Leases already granted continue and are delivered as
+    /// usual.
     pub const fn set_draining(&mut self, is_draining: bool) {
         self.is_draining = is_draining;
     }
 
-    /// Whether nothing is leased for now.
+    /// Whether granting leases is stopped.
     pub const fn is_draining(&self) -> bool {
         self.is_draining
     }
 
-    // What is known.
+    // Queries.
 
-    /// What was quarantined, each with the error that was the last straw.
+    /// The quarantined streams, each with the error that quarantined it.
     pub fn quarantined(&self) -> impl Iterator<Item = (StreamId, &str)> {
         self.quarantined.iter().filter_map(|&id| {
             let quarantined = self.streams.get(&id)?.quarantined.as_ref()?;
@@ -120,22 +122,22 @@ impl<P: Clone> Ledger<P> {
         })
     }
 
-    /// Whether a group was settled since this was last asked.
+    /// Whether a group was settled since this function was last called.
     pub const fn take_settled(&mut self) -> bool {
         std::mem::replace(&mut self.has_settled, false)
     }
 
-    /// Whether a worker that asked now might get something.
+    /// Whether a worker that asked now might get a lease.
     pub fn has_work(&self) -> bool {
         !self.free.is_empty() || !self.alone.is_empty()
     }
 
-    /// Whether no lease is out.
+    /// Whether no lease is held.
     pub fn is_idle(&self) -> bool {
         self.leases.is_empty()
     }
 
-    /// How much there is in which state.
+    /// Counts of streams, leases and results by state.
     pub fn counts(&self) -> Counts {
         Counts {
             free: self.free.len(),

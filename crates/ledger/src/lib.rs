@@ -1,19 +1,20 @@
-//! Who computes which samples: streams, leases, blame and quarantine, without sockets or clocks.
+//! Which worker computes which samples: streams, leases, crashes and quarantine, without sockets or
+//! clocks.
 //!
-//! A [`Ledger`] knows what is missing, hands it out, and takes back what was computed. What a sample
-//! is, it does not know: a stream carries something opaque that a worker needs. What time it is, it
-//! is told with every call, as the time since an origin of the caller's choice.
+//! A [`Ledger`] knows which samples are missing, leases them to workers, and records which were
+//! delivered. It does not know what a sample is: a stream carries an opaque value that a worker
+//! needs. It has no clock: every call passes the time since an origin of the caller's choice.
 //!
 //! - A **stream** ([`StreamId`]) needs samples, or one result: a design, a point, a run of an
 //!   optimiser. Its **generation** ([`Generation`]) is the digest of everything that its values
 //!   depend on.
 //! - A **unit** ([`Unit`]) is a range of one stream's samples.
-//! - A **lease** ([`LeaseId`]) is what a worker holds: a few units, under a number that is never used
+//! - A **lease** ([`LeaseId`]) grants a few units to a worker, under a number that is never used
 //!   again.
 //!
-//! Results are accepted by stream, generation and range alone: who brings them, under which lease
-//! and how late does not matter, because the generation says that they are the right numbers. The
-//! lease only decides who is blamed.
+//! Results are accepted by stream, generation and range alone. The worker, the lease and the time
+//! of delivery do not matter, because the generation guarantees that the numbers are right. The
+//! lease only decides which worker a failure or crash counts against.
 //!
 //! # The life of a stream
 //!
@@ -22,18 +23,18 @@
 //!   free ──────────────► leased ────────────────────────────► settled
 //!    ▲ ▲                  │  │                                   ▲
 //!    │ └── waiting ◄──────┘  └────────► quarantined ────────────────┘
-//!    │     after a failure    a failure or a crash too many   what comes late is kept
+//!    │     after a failure    too many failures or crashes    late samples are kept
 //!    └───── released, expired, delivered in part
 //! ```
 //!
 //! # Invariants
 //!
-//! - What is free of a stream is what is missing and on no lease.
-//! - A sample is on two leases at most, of different workers.
-//! - What is settled stays so, unless more samples are wanted or its generation changes.
-//! - Lease numbers only grow.
-//! - The state is a function of the calls and their times: no clock, no random number and no
-//!   hash-map order takes part.
+//! - The free samples of a stream are its missing samples that are on no lease.
+//! - A sample is on at most two leases, of different workers.
+//! - A settled stream stays settled, unless more samples are wanted or its generation changes.
+//! - Lease numbers only increase.
+//! - The state is a function of the calls and their times. It does not depend on a clock, random
+//!   numbers or hash-map order.
 
 #![warn(missing_docs)]
 

@@ -1,30 +1,31 @@
-//! How patient a ledger is.
+//! Limits and time constants of a ledger.
 
 use std::time::Duration;
 
-/// The limits a [`Ledger`](crate::Ledger) works with.
+/// The limits of a [`Ledger`](crate::Ledger).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Options {
-    /// How long a lease lasts that its worker does not mention. Several heartbeats long, so that a
-    /// lost one is no loss of work.
+    /// Duration of a lease without a heartbeat. It should span several heartbeats, so that losing
+    /// one loses no work.
     pub lease: Duration,
-    /// A stream that this many worker processes fell silent over is quarantined. At least 1 is assumed.
+    /// Crashes of different worker processes after which a stream is quarantined; at least 1.
     pub max_crashes: usize,
-    /// A stream that failed this many times is quarantined. At least 1 is assumed.
+    /// Failures after which a stream is quarantined; at least 1.
     pub max_failures: u32,
-    /// How long a stream waits after its first failure; after each further one, four times as
-    /// long. What fails for a moment, as a licence server that is away, must not fail for good.
+    /// Wait of a stream after its first failure. Each further wait is four times as long, so that a
+    /// passing fault, such as a licence server that is down, does not quarantine it.
     pub retry_after: Duration,
-    /// A worker that failed this many streams, without delivering anything in between, is
-    /// suspended. At least 1 is assumed.
+    /// Streams that a worker may fail without a delivery in between before it is suspended; at
+    /// least 1.
     pub max_worker_strikes: usize,
-    /// How long a worker is suspended the first time; each time in a row is twice as long, up to 32
-    /// times. A worker that is the only one at work is suspended three times in a row at most: with
-    /// bad streams the campaign would stand still.
+    /// Length of a worker's first suspension. Each suspension in a row is twice as long, up to 32
+    /// times. A worker that is the only one at work is suspended at most three times in a row:
+    /// otherwise bad streams would halt the campaign.
     pub suspension: Duration,
-    /// Whether a sample may take hours: until one has come back, a lease has a single sample.
+    /// Whether a sample may take hours. Until the first is delivered, a lease then has a single
+    /// sample.
     pub long_samples: bool,
-    /// Whether several designs may share a lease. Only measurements say no.
+    /// Whether several designs may share a lease. Only benchmarks set this to false.
     pub bundle: bool,
 }
 

@@ -3,12 +3,12 @@
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-/// Whether they have a sample in common.
+/// Whether two ranges have a sample in common.
 pub(crate) const fn overlap(a: &Range<u32>, b: &Range<u32>) -> bool {
     a.start < b.end && b.start < a.end
 }
 
-/// Takes `taken` out of disjoint ascending `ranges`.
+/// Removes `taken` from disjoint, ascending `ranges`.
 pub fn subtract(ranges: &mut Vec<Range<u32>>, taken: &Range<u32>) {
     if !ranges.iter().any(|range| overlap(range, taken)) {
         return;
@@ -25,7 +25,7 @@ pub fn subtract(ranges: &mut Vec<Range<u32>>, taken: &Range<u32>) {
         .collect();
 }
 
-/// What `stored` leaves of `0..wanted`.
+/// The ranges of `0..wanted` that are not in `stored`.
 #[must_use]
 pub fn gaps(stored: &BTreeSet<u32>, wanted: u32) -> Vec<Range<u32>> {
     let mut gaps = Vec::new();
@@ -51,7 +51,7 @@ pub(crate) fn common(ranges: &[Range<u32>], within: &Range<u32>) -> Vec<Range<u3
         .collect()
 }
 
-/// Puts disjoint ranges in order and joins neighbours.
+/// Sorts disjoint ranges and joins neighbours.
 pub(crate) fn join(ranges: &mut Vec<Range<u32>>) {
     ranges.sort_by_key(|range| range.start);
     ranges.dedup_by(|next, range| {

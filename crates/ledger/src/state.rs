@@ -1,4 +1,4 @@
-//! What a ledger remembers of a stream and of a lease.
+//! The state of a stream and of a lease.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -11,32 +11,33 @@ use crate::types::{Generation, History, LeaseId, Unit, WorkerId};
 pub(crate) struct Stream<P> {
     pub(crate) generation: Generation,
     pub(crate) source: P,
-    /// Not stored: disjoint, ascending.
+    /// Samples that are not stored: disjoint, ascending.
     pub(crate) missing: Vec<Range<u32>>,
-    /// The part of it that is on no lease.
+    /// The part of `missing` that is on no lease.
     pub(crate) free: Vec<Range<u32>>,
-    /// The end of what was ever wanted.
+    /// The end of the samples ever wanted.
     pub(crate) end: u32,
     /// The leases with units of this stream.
     pub(crate) leases: BTreeSet<LeaseId>,
-    /// Whether it gets leases of its own, since a worker fell silent over it and others.
+    /// Whether the stream gets leases of its own, because a worker crashed on a lease that it
+    /// shared.
     pub(crate) is_suspect: bool,
-    /// Whether a lease of it ever ran out.
+    /// Whether a lease of the stream ever expired.
     pub(crate) has_lapsed: bool,
-    /// The worker processes that fell silent over it alone.
+    /// The worker processes that crashed on this stream alone.
     pub(crate) blame: BTreeSet<WorkerId>,
     pub(crate) history: History,
     pub(crate) failures: u32,
-    /// Until when it waits after a failure.
+    /// The end of the wait after a failure.
     pub(crate) waits_until: Option<Duration>,
-    /// Why it was quarantined.
+    /// The reason for the quarantine.
     pub(crate) quarantined: Option<GivenUp>,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct GivenUp {
     pub(crate) error: String,
-    /// Whether crashes were the reason, which may be taken back.
+    /// Whether crashes were the reason. A late delivery takes back the crash of its worker.
     pub(crate) for_crashes: bool,
 }
 
@@ -45,7 +46,7 @@ impl<P> Stream<P> {
         self.history.crashes + self.blame.len()
     }
 
-    /// Whether anything could be leased, were it due.
+    /// Whether samples could be leased, apart from a wait after a failure.
     pub(crate) fn has_free(&self) -> bool {
         self.quarantined.is_none() && !self.free.is_empty()
     }
@@ -55,7 +56,7 @@ impl<P> Stream<P> {
         self.leases.insert(lease);
     }
 
-    /// Frees what is missing of `samples`, but for what is on the other leases, `held`.
+    /// Frees the missing part of `samples`, except what the other leases hold, given by `held`.
     pub(crate) fn free_again(&mut self, samples: &Range<u32>, held: &[Range<u32>]) {
         let mut freed = common(&self.missing, samples);
         for range in held {
@@ -76,6 +77,6 @@ pub(crate) struct Lease {
     pub(crate) granted: Duration,
     pub(crate) expires: Duration,
     pub(crate) started: bool,
-    /// How long it is expected to take, in seconds.
+    /// Expected duration, in seconds.
     pub(crate) seconds: f64,
 }

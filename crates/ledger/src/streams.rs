@@ -1,4 +1,4 @@
-//! How streams change: stored, failed, quarantined, opened again.
+//! Transitions of streams: stored, failed, quarantined, reopened.
 
 use std::time::Duration;
 
@@ -7,11 +7,11 @@ use crate::ranges::subtract;
 use crate::state::GivenUp;
 use crate::types::{Failure, Generation, LeaseId, StreamId, Unit, WorkerId};
 
-/// How many times longer each wait after a failure is.
+/// Factor by which each wait after a failure is longer than the one before.
 const RETRY_GROWTH: u32 = 4;
 
 impl<P: Clone> Ledger<P> {
-    /// Puts a stream where it belongs, after any change to it.
+    /// Updates the set of free streams after any change to a stream.
     pub(crate) fn file(&mut self, id: StreamId) {
         let stream = self.streams.get(&id);
         if stream.is_some_and(|stream| stream.has_free() && stream.waits_until.is_none()) {
@@ -21,7 +21,7 @@ impl<P: Clone> Ledger<P> {
         }
     }
 
-    /// Ends waits after failures that are over.
+    /// Ends the waits after failures that are due.
     pub(crate) fn wake(&mut self, now: Duration) {
         while let Some(&(until, id)) = self.waiting.first()
             && until <= now
@@ -58,7 +58,7 @@ impl<P: Clone> Ledger<P> {
         }
     }
 
-    /// Takes a stream out of everything.
+    /// Removes a stream from all collections and from its leases.
     pub(crate) fn remove(&mut self, id: StreamId) -> Option<Generation> {
         let stream = self.streams.remove(&id)?;
         self.file(id);
@@ -127,8 +127,8 @@ impl<P: Clone> Ledger<P> {
         state.failed += 1;
         let suspended = self.workers.strike(worker, id, &self.options, now);
         if stream.waits_until.is_some() {
-            // Leased before the failure for which it waits, and most likely failed for the same
-            // reason.
+            // The lease was granted before the failure that the stream waits for, and most likely
+            // failed for the same reason.
             return (Failure::Ignored, suspended);
         }
         stream.failures += 1;
@@ -145,7 +145,7 @@ impl<P: Clone> Ledger<P> {
         (Failure::Retry(wait), suspended)
     }
 
-    /// A worker was only silent: the stream is not to blame for that.
+    /// Takes back the crash of a worker that was only silent.
     pub(crate) fn take_blame_back(&mut self, worker: &WorkerId, id: StreamId) {
         let Some(stream) = self.streams.get_mut(&id) else {
             return;

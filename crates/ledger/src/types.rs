@@ -1,32 +1,32 @@
-//! What goes in and out of a ledger.
+//! Identifiers, inputs and outputs of a ledger.
 
 use std::fmt;
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// What a stream is; leased in this order.
+/// Kinds of stream, in the order in which they are leased.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Kind {
     /// A run of an optimiser: one result, or the evaluations of a generation.
     Run,
     /// A design of the DoE.
     Design,
-    /// A point that gets samples of its own, as an optimum that is verified or an infill point.
+    /// A point with samples of its own, such as an optimum to verify or an infill point.
     Point,
 }
 
-/// Something that needs samples, or one result.
+/// Identifies a stream: a source of samples, or of one result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct StreamId {
-    /// What it is.
+    /// The kind of stream.
     pub kind: Kind,
-    /// Which of its kind.
+    /// The number within its kind.
     pub index: u64,
 }
 
 impl StreamId {
-    /// A design of the DoE, by its index.
+    /// The stream of a design of the DoE.
     #[must_use]
     pub const fn design(index: u32) -> Self {
         Self {
@@ -35,7 +35,7 @@ impl StreamId {
         }
     }
 
-    /// A point, by its number.
+    /// The stream of a point.
     #[must_use]
     pub const fn point(number: u64) -> Self {
         Self {
@@ -44,7 +44,7 @@ impl StreamId {
         }
     }
 
-    /// The run from a start of an approach, both by their numbers.
+    /// The stream of a run: one start of one approach.
     #[must_use]
     pub const fn run(approach: u32, start: u32) -> Self {
         Self {
@@ -53,13 +53,13 @@ impl StreamId {
         }
     }
 
-    /// The approach and the start of a run.
+    /// The numbers of a run's approach and start.
     #[must_use]
     pub const fn run_parts(self) -> (u32, u32) {
         ((self.index >> 32) as u32, self.index as u32)
     }
 
-    /// What it is settled together with.
+    /// The group that the stream is settled with.
     #[must_use]
     pub const fn group(self) -> Group {
         match self.kind {
@@ -70,7 +70,7 @@ impl StreamId {
     }
 }
 
-/// As in file names and logs: `design-12`, `point-3`, `run-3-0`.
+/// As used in file names and logs: `design-12`, `point-3`, `run-3-0`.
 impl fmt::Display for StreamId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.kind {
@@ -84,7 +84,7 @@ impl fmt::Display for StreamId {
     }
 }
 
-/// Streams that whoever waits for one of them waits for together.
+/// A set of streams that are awaited together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Group {
     /// The runs of one approach.
@@ -95,11 +95,11 @@ pub enum Group {
     Point(u64),
 }
 
-/// The digest of everything that a stream's values depend on.
+/// The digest of everything that the values of a stream depend on.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Generation(pub u64);
 
-/// Names a worker process.
+/// The name of a worker process.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct WorkerId(Arc<str>);
 
@@ -123,13 +123,13 @@ impl fmt::Display for WorkerId {
     }
 }
 
-/// Names a lease. No two leases ever have the same name: every start of a ledger has an epoch of its
-/// own, in which numbers only grow.
+/// Identifies a lease, uniquely across restarts: every start of a ledger has its own epoch, within
+/// which the numbers increase.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct LeaseId {
-    /// Which start of the ledger granted it.
+    /// The start of the ledger that granted the lease.
     pub epoch: u64,
-    /// Its number, from 1.
+    /// The number of the lease, from 1.
     pub number: u64,
 }
 
@@ -144,18 +144,18 @@ impl fmt::Display for LeaseId {
 pub struct Unit {
     /// The stream.
     pub stream: StreamId,
-    /// What its values depend on.
+    /// The generation of the stream's values.
     pub generation: Generation,
-    /// The samples; of a run `0..1`, or evaluations.
+    /// The samples. For a run, `0..1` or the evaluations of a generation.
     pub samples: Range<u32>,
 }
 
-/// What happened to a stream before a restart.
+/// Crashes and failures of a stream before a restart.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct History {
-    /// How many worker processes fell silent over it, since it was last quarantined or retried.
+    /// Worker processes that crashed on the stream since it was last quarantined or retried.
     pub crashes: usize,
-    /// How often it failed since then.
+    /// Failures since then.
     pub failures: u32,
 }
 
@@ -164,107 +164,107 @@ pub struct History {
 pub struct Wanted<P> {
     /// The stream.
     pub stream: StreamId,
-    /// What its values depend on.
+    /// The generation of its values.
     pub generation: Generation,
-    /// What a worker needs to compute it.
+    /// The data that a worker needs to compute it.
     pub source: P,
-    /// How many samples it is to have in all.
+    /// The number of samples wanted in total.
     pub samples: u32,
-    /// Those of them that are not stored: disjoint, ascending.
+    /// Those of the wanted samples that are not stored: disjoint, ascending.
     pub missing: Vec<Range<u32>>,
-    /// What happened before a restart.
+    /// Crashes and failures before a restart.
     pub history: History,
 }
 
-/// What a worker gets.
+/// A lease as granted to a worker.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grant<P> {
-    /// Under which name it holds it.
+    /// The id of the lease.
     pub lease: LeaseId,
-    /// What it is to compute, each with what that takes.
+    /// The units to compute, each with the data that this takes.
     pub units: Vec<(Unit, P)>,
-    /// How long that is expected to take, in seconds.
+    /// Expected duration, in seconds.
     pub seconds: f64,
-    /// Whether somebody fell silent over some of it before: it should be known at once that this worker
-    /// has begun with it, should it fall silent as well.
+    /// Whether an earlier lease of one of the streams expired. The worker should then report at
+    /// once that it has started, so that a crash can be attributed.
     pub announce: bool,
 }
 
-/// What a result is to the ledger.
+/// The ledger's verdict on a result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Accepted {
-    /// Numbers of this stream, which it may still miss: to be stored.
+    /// Samples of a known stream and its present generation, to be stored.
     Yes,
-    /// Nothing that anybody wants: of another generation, perhaps right once, or of no stream.
+    /// A result of another generation, or of no known stream.
     Stale,
 }
 
-/// The end of a lease: what its worker brought is stored.
+/// The outcome of a lease, after the results are stored.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Delivery {
-    /// What is stored.
+    /// The stored units.
     pub stored: Vec<Unit>,
-    /// Streams that need no samples, as a design that cannot be simulated.
+    /// Streams that need no samples, such as designs that are not simulable.
     pub refused: Vec<(StreamId, Generation)>,
-    /// What failed, and why.
+    /// The failed streams, each with its error.
     pub failed: Vec<(StreamId, String)>,
-    /// How long the worker took, in seconds.
+    /// The time that the worker took, in seconds.
     pub seconds: f64,
 }
 
-/// What followed from a failure.
+/// The consequence of a failure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Failure {
-    /// The stream is tried again after this time.
+    /// The stream is tried again after this wait.
     Retry(Duration),
     /// The stream was quarantined.
     GivenUp,
-    /// It does not count: another failure has made the stream wait already, the lease has ended
-    /// before, or the worker is leaving.
+    /// The failure does not count: the stream already waits after another failure or is
+    /// quarantined, the lease ended before, or the worker is leaving.
     Ignored,
 }
 
-/// A lease that ran out after its worker had begun, and so may have died of it.
+/// A lease that expired after its worker had started: possibly a crash.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Vanished {
     /// The lease.
     pub lease: LeaseId,
     /// The worker.
     pub worker: WorkerId,
-    /// The first of its streams.
+    /// The first stream of the lease.
     pub stream: StreamId,
-    /// Whether the worker is blamed for nothing, since it held several streams and nobody knows
-    /// which: each gets a lease of its own from now on.
+    /// Whether the lease had several streams. The crash then counts against none of them, and each
+    /// gets leases of its own from now on.
     pub is_split: bool,
-    /// Whether the stream was quarantined for it.
+    /// Whether the crash quarantined the stream.
     pub quarantined: bool,
 }
 
-/// How much there is in which state.
+/// Counts by state.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Streams with samples that wait for a worker.
+    /// Streams with free samples.
     pub free: usize,
     /// Streams that wait after a failure.
     pub waiting: usize,
-    /// Leases that are out.
+    /// Leases held by workers.
     pub leased: usize,
     /// Leases that were delivered.
     pub delivered: u64,
     /// Streams that were quarantined.
     pub quarantined: usize,
-    /// Results that were dropped because their stream had changed or gone.
+    /// Results dropped because their stream had changed or was forgotten.
     pub stale: u64,
 }
 
-/// What is known of a worker.
+/// The state of a worker.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct WorkerStatus {
     /// The worker.
     pub worker: WorkerId,
-    /// Where it runs, for people.
+    /// The host it runs on, for display.
     pub host: String,
-    /// How many leases it computes at once.
+    /// Number of leases it computes at once.
     pub slots: usize,
     /// Leases that it holds.
     pub leased: usize,
@@ -272,9 +272,9 @@ pub struct WorkerStatus {
     pub delivered: u64,
     /// Failures that it reported.
     pub failed: u64,
-    /// Leases that ran out on it after it had begun.
+    /// Its leases that expired after it had started them.
     pub crashed: u64,
-    /// Until when it gets nothing, if it is suspended.
+    /// The end of its suspension, if it is suspended.
     pub suspended_until: Option<Duration>,
     /// When it last called.
     pub last_seen: Duration,

@@ -1,4 +1,4 @@
-//! Who the workers are, and which of them get nothing for a while.
+//! The registered workers and their suspensions.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -6,10 +6,10 @@ use std::time::Duration;
 use crate::options::Options;
 use crate::types::{LeaseId, StreamId, WorkerId};
 
-/// How often the time of a suspension doubles.
+/// Maximum number of times that the length of a suspension doubles.
 const MAX_DOUBLINGS: u32 = 5;
-/// How often in a row a worker is suspended when nobody else is there to work: by then it is the
-/// streams that are to blame, or what all workers need, and waiting does not mend it.
+/// Maximum number of suspensions in a row of a worker that works alone. By then the fault is in the
+/// streams or in what all workers depend on, and waiting does not cure it.
 const MAX_ALONE: u32 = 3;
 
 #[derive(Debug, Clone)]
@@ -17,14 +17,15 @@ pub(crate) struct Worker {
     pub(crate) host: String,
     pub(crate) slots: usize,
     pub(crate) held: BTreeSet<LeaseId>,
-    /// The streams that it failed since it last delivered anything.
+    /// The streams that the worker failed since its last delivery.
     pub(crate) strikes: BTreeSet<StreamId>,
     pub(crate) suspended_until: Option<Duration>,
-    /// In a row, without delivering in between.
+    /// Number of suspensions in a row, without a delivery in between.
     pub(crate) suspensions: u32,
-    /// It said that it leaves: it gets nothing more, and is blamed for nothing.
+    /// Whether the worker announced that it leaves. It gets no further leases, and its failures and
+    /// crashes do not count.
     pub(crate) is_leaving: bool,
-    /// It was told that there is nothing more to do.
+    /// Whether the worker was told that the work is done.
     pub(crate) was_dismissed: bool,
     pub(crate) delivered: u64,
     pub(crate) failed: u64,
@@ -50,8 +51,8 @@ impl Worker {
         }
     }
 
-    /// Whether it gets nothing at `now`; the end of a suspension is a fresh start, but for the length
-    /// of the next one.
+    /// Whether the worker gets no lease at `now`. The end of a suspension resets its strikes, but
+    /// not the length of the next suspension.
     pub(crate) fn is_kept_from_work(&mut self, now: Duration) -> bool {
         if let Some(until) = self.suspended_until {
             if now < until {
@@ -80,15 +81,16 @@ pub(crate) struct Workers {
 }
 
 impl Workers {
-    /// Notes a sign of life.
+    /// Records that a worker called, and returns its state if it is registered.
     pub(crate) fn see(&mut self, worker: &WorkerId, now: Duration) -> Option<&mut Worker> {
         let state = self.known.get_mut(worker)?;
         state.last_seen = state.last_seen.max(now);
         Some(state)
     }
 
-    /// Counts a failure against a worker, unless others failed the same stream, which then is to
-    /// blame. Returns until when the worker is suspended, if that is news.
+    /// Counts a failure against a worker. If another worker failed the same stream, the stream is
+    /// at fault and the failure counts against neither. Returns the end of the suspension if the
+    /// worker becomes suspended.
     pub(crate) fn strike(
         &mut self,
         worker: &WorkerId,
@@ -108,7 +110,7 @@ impl Workers {
         };
         let is_alone = !others.any(|(_, state)| is_at_work(state));
         let state = self.known.get_mut(worker)?;
-        // Whatever it held when it was suspended fails for the same reason.
+        // The leases it held when it was suspended fail for the same reason.
         if state.is_suspended(now) {
             return None;
         }
@@ -127,7 +129,7 @@ impl Workers {
         Some(until)
     }
 
-    /// Holds a stream against none of those that failed it.
+    /// Removes a stream's failure from all workers that it was counted against.
     pub(crate) fn forgive(&mut self, stream: StreamId, options: &Options) {
         let limit = options.max_worker_strikes.max(1);
         for state in self.known.values_mut() {
@@ -137,7 +139,7 @@ impl Workers {
         }
     }
 
-    /// Those that called within `recently`.
+    /// The workers that called within `recently`.
     pub(crate) fn present(
         &self,
         recently: Duration,

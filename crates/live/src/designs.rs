@@ -1,8 +1,9 @@
-//! The designs of the DoE with their percentiles, also while they are sampled.
+//! The designs of the DoE with their percentiles, including those still being sampled.
 //!
-//! The campaign computes its responses when all samples are there. Until then this holds a percentile of
-//! each design that has its first samples, by the campaign's own rule but without a control variate. A
-//! percentile is computed once, and few at a time, so that looking at a large campaign costs little.
+//! The campaign computes its responses when all samples are stored. Until then, this module
+//! estimates a percentile for each design that has its first samples, by the campaign's own rule
+//! but without a control variate. Each percentile is computed once, and only a few at a time, so
+//! that viewing a large campaign costs little.
 
 use std::collections::BTreeMap;
 
@@ -17,30 +18,30 @@ use store::{CriteriaRow, DesignRow, OptimumRow, Progress, ResponseRow, Store};
 
 use crate::views::{Candidate, Point};
 
-/// The deviate of a two-sided 95 % interval.
+/// The normal deviate of a two-sided 95 % interval.
 const Z95: f64 = 1.959_963_984_540_054;
-/// Preliminary percentiles of so many designs are computed at a time, …
+/// Maximum number of preliminary percentiles computed at a time.
 const DESIGNS_AT_ONCE: usize = 500;
-/// … and of not many more samples than these.
+/// Approximate maximum number of samples that they are computed from.
 const SAMPLES_AT_ONCE: usize = 100_000;
 
-/// The designs that have a percentile.
+/// The designs with their percentiles.
 #[derive(Debug, Default)]
 pub(crate) struct Designs {
-    /// What the store held when it was read.
+    /// The store's progress at the last reading.
     seen: Option<Progress>,
     designs: Vec<DesignRow>,
     criteria: Vec<CriteriaRow>,
-    /// The campaign's responses; empty before it has them.
+    /// The campaign's responses; empty until they are computed.
     responses: Vec<ResponseRow>,
-    /// Percentiles of first samples; none of samples that make none.
+    /// Percentiles of the first samples; `None` where the samples give none.
     preliminary: BTreeMap<u64, Option<ResponseRow>>,
     /// Whether more designs have their first samples than are in `preliminary`.
     is_behind: bool,
 }
 
 impl Designs {
-    /// Reads what is new in the store.
+    /// Reads the changes in the store.
     ///
     /// # Errors
     ///
@@ -94,12 +95,12 @@ impl Designs {
         Ok(())
     }
 
-    /// Whether the percentiles are of first samples.
+    /// Whether the percentiles are preliminary, computed from the first samples only.
     pub(crate) fn is_preliminary(&self) -> bool {
         self.responses.is_empty()
     }
 
-    /// The percentiles, by design.
+    /// The percentiles, ordered by design.
     pub(crate) fn responses(&self) -> Vec<ResponseRow> {
         if self.responses.is_empty() {
             self.preliminary.values().flatten().copied().collect()
@@ -108,7 +109,7 @@ impl Designs {
         }
     }
 
-    /// Each design that has a percentile.
+    /// The designs that have a percentile.
     pub(crate) fn points(&self) -> Vec<Point> {
         let rows = self.responses();
         let point = |row: &ResponseRow| {
@@ -122,12 +123,12 @@ impl Designs {
         rows.iter().filter_map(point).collect()
     }
 
-    /// The design of the least percentile that keeps every constraint, as the campaign chooses it; a row
-    /// that is not feasible if there is none.
+    /// The feasible design with the lowest percentile, chosen as the campaign chooses it. If there
+    /// is none, the row is not feasible.
     ///
     /// # Errors
     ///
-    /// The row cannot be written.
+    /// The row cannot be serialised.
     pub(crate) fn best(
         &self,
         problem: &Problem,
@@ -140,7 +141,7 @@ impl Designs {
                 .collect::<BTreeMap<Approach, Option<Design>>>(),
             ..State::default()
         };
-        // Without a base there are no samples either.
+        // There is no base before there are samples.
         let base = stages::plan::base(problem, &state);
         let base = base.unwrap_or_else(|| problem.base().clone());
         let responses = self.responses();

@@ -1,9 +1,9 @@
 //! The page, its data and the metrics over HTTP.
 //!
-//! On a loopback address everybody on the machine may look, and nothing can be steered. A page of
-//! another site that a browser shows could still ask for it, under a name of its own that it resolves to
-//! this machine (DNS rebinding): such a `Host` is refused. Without a header that allows it, no browser
-//! lets another site read an answer.
+//! On a loopback address everybody on the machine can read the page, and nothing can be controlled.
+//! A page of another site could reach it from a browser under a host name of its own that resolves
+//! to this machine (DNS rebinding), so requests with such a `Host` are refused. Without a header
+//! that permits it, no browser lets another site read an answer.
 
 use std::convert::Infallible;
 use std::net::IpAddr;
@@ -28,13 +28,13 @@ const PAGE: &str = include_str!("../page/page.html");
 const STYLE: &str = include_str!("../page/page.css");
 const SCRIPT: &str = include_str!("../page/page.js");
 
-/// What a browser may load for the page: its own files, and the pictures in its data.
+/// The resources that a browser may load for the page: its own files, and the images in its data.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; \
                       img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
-/// How often somebody who listens hears something, so that a line that is cut is noticed.
+/// Interval between messages to a listening page, so that a broken connection is noticed.
 const HEARTBEAT: Duration = Duration::from_secs(10);
-/// After the last status, pages that are open have this long to fetch the views that go with it.
+/// Time that open pages have after the last status to fetch the views that belong to it.
 const FAREWELL: Duration = Duration::from_secs(1);
 
 /// Serves a site on `listener` until `stop`.
@@ -92,7 +92,7 @@ fn router(site: Arc<Site>, is_loopback: bool) -> Router {
     }
 }
 
-/// Adds what browsers are to heed.
+/// Adds the security headers.
 async fn guarded(mut response: Response) -> Response {
     let headers = response.headers_mut();
     for (name, value) in [
@@ -118,7 +118,7 @@ async fn refuse_other_names(request: Request, next: Next) -> Response {
     (StatusCode::FORBIDDEN, why).into_response()
 }
 
-/// Whether a `Host` names loopback, at whatever port: a tunnel may have another one.
+/// Whether a `Host` is a loopback name, with any port, since a tunnel may use another one.
 fn is_this_machine(host: &str) -> bool {
     let name = match host.strip_prefix('[') {
         Some(rest) => rest.split_once(']').map_or("", |(name, _)| name),
@@ -165,7 +165,7 @@ async fn nothing() -> (StatusCode, String) {
     (StatusCode::NOT_FOUND, why)
 }
 
-/// Whether the store can be read.
+/// Answers whether the store can be read.
 async fn healthz(State(site): State<Arc<Site>>) -> Response {
     match &*site.status().await {
         Ok(_) => "ok\n".into_response(),
@@ -183,12 +183,12 @@ async fn scrape(State(site): State<Arc<Site>>) -> Response {
     }
 }
 
-/// The status now, whenever it changes, and when the server ends.
+/// Streams the status: at once, after every change, and when the server ends.
 async fn events(
     State(site): State<Arc<Site>>,
 ) -> Sse<impl Stream<Item = Result<Event, Infallible>>> {
     let mut changes = site.listen();
-    // The last event may be long past: events are made only while a page listens.
+    // The last event may be old, because events are sent only while a page listens.
     let is_over = changes.borrow_and_update().is_last;
     let first = site.body(View::Status).await;
     let later = stream::unfold((changes, is_over), |(mut changes, is_over)| async move {

@@ -1,15 +1,16 @@
 //! The live page of a campaign, and the data behind it.
 //!
-//! - [`views`] turns what the store holds and what a running coordinator knows into serialisable views:
-//!   pure functions of rows.
-//! - `designs` holds the designs of the DoE with their percentiles, also before the campaign has computed
-//!   its responses.
-//! - [`site`] reads the store for the views, one at a time, and keeps each for a moment, so that a hundred
-//!   open pages cost what one costs and no reader delays the writer.
-//! - [`metrics`] shows the status to Prometheus.
+//! - [`views`] turns the rows of the store and the state of a running coordinator into serialisable
+//!   views, with pure functions.
+//! - `designs` holds the designs of the DoE with their percentiles, including estimates made before
+//!   the campaign computes its responses.
+//! - [`site`] reads the store for the views, one at a time, and caches each for a moment, so that a
+//!   hundred open pages cost as much as one and no reader delays the writer.
+//! - [`metrics`] exposes the status to Prometheus.
 //! - [`http`] serves all of that: `/`, `/api/v1/…`, `/api/v1/events`, `/healthz` and `/metrics`.
 //!
-//! The store is only read. The page itself is in `page/`: HTML, style and script as they are served.
+//! The store is only read. The page itself is in `page/`, as the HTML, style and script that are
+//! served.
 
 mod designs;
 pub mod http;

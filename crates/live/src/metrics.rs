@@ -1,6 +1,6 @@
-//! Metrics for Prometheus: what a dashboard or an alarm would watch.
+//! Metrics for Prometheus, for dashboards and alarms.
 //!
-//! Nothing is counted here: a scrape takes what the status says.
+//! This module counts nothing: a scrape reports the values of the status.
 
 use prometheus_client::collector::Collector;
 use prometheus_client::encoding::text::encode;
@@ -11,7 +11,7 @@ use prometheus_client::registry::Registry;
 use results::live::Live;
 use results::status::Status;
 
-/// The media type of what Prometheus reads.
+/// The media type of the text format.
 pub(crate) const MEDIA_TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
 
 /// The metrics of a campaign in the text format of OpenMetrics.

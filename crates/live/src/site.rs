@@ -1,8 +1,9 @@
-//! Reads the store for the views, and keeps each for a moment.
+//! Reading the store for the views, with a cache.
 //!
-//! The status has a lock of its own and every other view shares one, so a site holds at most two of the
-//! store's reading connections, whatever number of pages is open. A view is kept for half a second, and for
-//! twenty times as long as it took to make: a large store costs at most a twentieth of a processor.
+//! The status has a lock of its own, and all other views share one, so a site holds at most two of
+//! the store's reading connections, however many pages are open. A view is cached for half a
+//! second, and for twenty times as long as it took to make: a large store costs at most a twentieth
+//! of a processor.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -26,24 +27,24 @@ use tokio_util::sync::CancellationToken;
 use crate::designs::Designs;
 use crate::views::{self, Candidate, Responses};
 
-/// Changes of the status are sent so often.
+/// Interval at which changes of the status are sent.
 const SENT: Duration = Duration::from_secs(1);
-/// A view is kept for at least this long: less than a period, so that what is sent is new.
+/// Minimum time that a view is cached: less than [`SENT`], so that every status sent is new.
 const KEPT: Duration = Duration::from_millis(500);
-/// A view is kept for at least so many times what it took to make.
+/// A view is cached for at least this many times the duration of making it.
 const IDLE_SHARE: u32 = 20;
 
-/// Asks a running coordinator.
+/// A function that queries a running coordinator.
 pub type Ask = Box<dyn Fn() -> Running + Send + Sync>;
 
 /// A view of the campaign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum View {
-    /// What `coordinator status --json` prints.
+    /// The object that `coordinator status --json` prints.
     Status,
     /// The workers with their rates.
     Workers,
-    /// What went wrong, by cause.
+    /// The failures, by cause.
     Failures,
     /// The best design so far.
     Best,
@@ -67,7 +68,7 @@ impl View {
         Self::Rounds,
     ];
 
-    /// Its name in the address, as in `/api/v1/status`.
+    /// The name in the view's address, as in `/api/v1/status`.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -82,18 +83,18 @@ impl View {
     }
 }
 
-/// A view as JSON, or the error that stands in its place.
+/// A view as JSON, or an error in its place.
 #[derive(Debug, Clone)]
 pub struct Body {
     /// The JSON.
     pub json: Bytes,
-    /// Whether it is the view.
+    /// Whether it is the view and not an error.
     pub is_ok: bool,
-    /// Equal for equal JSON.
+    /// A tag that is equal for equal JSON.
     pub tag: String,
 }
 
-/// Something that is made again when it is too old.
+/// A cached value with the time at which it expires.
 #[derive(Debug)]
 struct Kept<T>(Mutex<Option<(Arc<T>, Instant)>>);
 
@@ -104,9 +105,9 @@ impl<T> Default for Kept<T> {
 }
 
 impl<T> Kept<T> {
-    /// What is kept, and whether it is still good.
+    /// The cached value, and whether it is still valid.
     fn get(&self) -> Option<(Arc<T>, bool)> {
-        // A pair is replaced as a whole.
+        // A poisoned lock is harmless, because the pair is replaced as a whole.
         let held = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let held = held.as_ref()?;
         Some((Arc::clone(&held.0), Instant::now() < held.1))
@@ -125,7 +126,7 @@ impl<T> Kept<T> {
     }
 }
 
-/// A campaign that can be looked at.
+/// The data of a campaign's page.
 pub struct Site {
     store: Store,
     running: Option<Ask>,
@@ -134,29 +135,30 @@ pub struct Site {
     bodies: [Kept<Body>; View::ALL.len()],
     responses: Kept<Responses>,
     work: tokio::sync::Mutex<Work>,
-    /// The last status that was sent to those who listen.
+    /// The last status sent to the listening pages.
     sent: watch::Sender<Sent>,
 }
 
-/// What those who listen are sent.
+/// An event for the listening pages.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Sent {
-    /// The status; none before the first one.
+    /// The status; `None` before the first one.
     pub(crate) status: Option<Arc<Body>>,
-    /// Whether the server ends: nothing comes after it.
+    /// Whether the server ends and this is the last event.
     pub(crate) is_last: bool,
 }
 
-/// What is remembered between two readings.
+/// State kept between two readings.
 #[derive(Debug, Default)]
 struct Work {
-    /// The digest of the campaign, and its problem.
+    /// The digest of the campaign, with its problem.
     problem: Option<(String, Arc<Problem>)>,
     designs: Designs,
 }
 
 impl Site {
-    /// A site of this store; `running` asks the coordinator that fills it, if there is one.
+    /// Makes the site of a store. `running` queries the coordinator that fills the store, if there
+    /// is one.
     #[must_use]
     pub fn new(store: Store, running: Option<Ask>) -> Arc<Self> {
         Arc::new(Self {
@@ -171,11 +173,11 @@ impl Site {
         })
     }
 
-    /// The status, at most a moment old.
+    /// The status, taken from the cache if it is recent.
     ///
     /// # Errors
     ///
-    /// The store could not be read, in words.
+    /// The store cannot be read; the error is a message.
     pub async fn status(&self) -> Arc<Result<Status, String>> {
         if let Some((status, true)) = self.status.get() {
             return status;
@@ -194,7 +196,7 @@ impl Site {
             .keep(read.map_err(|error| format!("{error:#}")), began)
     }
 
-    /// A view as JSON, at most a moment old; an older one while it is being made anew.
+    /// A view as JSON, taken from the cache if it is recent, or while another caller renews it.
     pub async fn body(&self, view: View) -> Arc<Body> {
         if let Some(make) = of_status(view) {
             return Arc::new(match &*self.status().await {
@@ -222,7 +224,7 @@ impl Site {
         kept.keep(body, began)
     }
 
-    /// The map over two coordinates; none if there are no such.
+    /// The map over two coordinates; `None` if a coordinate does not exist.
     pub async fn map(&self, x: usize, y: usize) -> Option<Body> {
         let body = self.body(View::Responses).await;
         if !body.is_ok {
@@ -232,13 +234,13 @@ impl Site {
         views::map(&responses, x, y).map(|map| Body::of(&map))
     }
 
-    /// Those who listen to changes of the status.
+    /// A receiver of the changes of the status.
     pub(crate) fn listen(&self) -> watch::Receiver<Sent> {
         self.sent.subscribe()
     }
 
-    /// Sends the status to those who listen whenever it has changed, at most once a second, and as it is
-    /// when `stop` comes. Returns whether anybody listens then.
+    /// Sends the status to the listening pages whenever it has changed, at most once a second, and
+    /// a last time at `stop`. Returns whether any page listens then.
     pub(crate) async fn send_changes(&self, stop: &CancellationToken) -> bool {
         let mut period = tokio::time::interval(SENT);
         period.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
@@ -255,7 +257,7 @@ impl Site {
                 is_news
             });
         }
-        // The last views are of this moment.
+        // The views that follow the last status must be up to date.
         self.status.forget();
         self.bodies.iter().for_each(Kept::forget);
         self.sent.send_replace(Sent {
@@ -275,7 +277,7 @@ impl Site {
         }
     }
 
-    /// The problem of the campaign in the store, which may have grown.
+    /// The problem of the campaign in the store, which may have been extended.
     async fn problem(&self, work: &mut Work) -> anyhow::Result<Arc<Problem>> {
         let row = self.store.campaign().await?;
         if let Some((digest, problem)) = &work.problem
@@ -305,7 +307,7 @@ impl Site {
         in_background(move || views::best(&problem, finished, &candidates, estimates)).await
     }
 
-    /// An optimum that has all its verification samples.
+    /// An optimum as a candidate, if it has all its verification samples.
     async fn verified(
         &self,
         problem: &Problem,
@@ -337,7 +339,7 @@ impl Site {
     }
 
     async fn convergence(&self, problem: Arc<Problem>) -> anyhow::Result<Body> {
-        // Before the rows are read: a search that ends in between is shown as it was.
+        // Queried before the rows are read: a search that ends in between is shown as unfinished.
         let searches = self.running.as_ref().map(|ask| ask().searches);
         let rows = self.store.optimiser_runs().await?;
         let mut runs = BTreeMap::new();
@@ -373,7 +375,7 @@ impl Site {
     }
 }
 
-/// Makes and writes a view where no call of a worker waits for it.
+/// Makes and serialises a view on a blocking thread, so that it does not delay workers' calls.
 async fn in_background<V: Serialize>(
     make: impl FnOnce() -> V + Send + 'static,
 ) -> anyhow::Result<Body> {
@@ -381,7 +383,7 @@ async fn in_background<V: Serialize>(
     Ok(made?)
 }
 
-/// How a view is made of the status, if it is.
+/// The function that makes a view from the status, for views that need only the status.
 fn of_status(view: View) -> Option<fn(&Status) -> Body> {
     match view {
         View::Status => Some(Body::of),

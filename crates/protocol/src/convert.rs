@@ -1,7 +1,7 @@
-//! Between what travels and what the programs work with.
+//! Conversions between the protocol's messages and the types of the programs.
 //!
-//! Everything that arrives is checked here: whoever holds a [`Unit`], a [`Source`] or an [`Output`]
-//! holds one that makes sense.
+//! Everything that arrives is checked here: a [`Unit`], a [`Source`] or an [`Output`] read from a
+//! message is valid.
 
 use std::fmt;
 use std::sync::Arc;
@@ -16,7 +16,7 @@ use crate::v2;
 
 mod variant;
 
-/// Why a message makes no sense: a sentence without subject.
+/// The fault of a malformed message, as a sentence without its subject.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Malformed(pub String);
 
@@ -89,14 +89,14 @@ impl TryFrom<&v2::Unit> for Unit {
     }
 }
 
-/// A design as it travels.
+/// The message of a design.
 fn design_message(design: &Design) -> v2::Design {
     v2::Design {
         values: design.values().to_vec(),
     }
 }
 
-/// A lease as it travels.
+/// The message of a lease.
 #[must_use]
 pub fn lease(grant: &Grant<Arc<Source>>) -> v2::Lease {
     let mut lease = v2::Lease {
@@ -132,17 +132,17 @@ pub fn lease(grant: &Grant<Arc<Source>>) -> v2::Lease {
 }
 
 impl v2::Lease {
-    /// Its name.
+    /// The id of the lease.
     #[must_use]
     pub fn name(&self) -> LeaseId {
         self.id.unwrap_or_default().into()
     }
 
-    /// What is to be computed.
+    /// The units to compute, each with the data that this takes.
     ///
     /// # Errors
     ///
-    /// The message makes no sense.
+    /// The message is malformed.
     pub fn units(&self) -> Result<Vec<(Unit, Source)>, Malformed> {
         if !self.variants.is_empty() {
             return self.variants();
@@ -183,7 +183,7 @@ impl v2::Lease {
         (0..).zip(&self.units).map(source).collect()
     }
 
-    /// One candidate for each sample of the unit with this number.
+    /// The candidates of the unit with this number, one for each of its samples.
     fn candidates(&self, number: u32, unit: &Unit) -> Result<Vec<Candidate>, Malformed> {
         let of_unit = || self.candidates.iter().filter(|one| one.unit == number);
         let evaluations = of_unit().map(|one| one.evaluation);
@@ -220,7 +220,7 @@ impl v2::Lease {
     }
 }
 
-/// What came of a unit, as it travels; its serial is left zero.
+/// The message of a unit's result. Its serial is zero.
 #[must_use]
 pub fn result(
     unit: &Unit,
@@ -312,11 +312,11 @@ impl v2::UnitResult {
     }
 }
 
-/// What a result says: the unit that it covers and what came of it, or why nothing did.
+/// The content of a result: the unit that it covers, and its output or the error.
 ///
 /// # Errors
 ///
-/// The message makes no sense.
+/// The message is malformed.
 pub fn output(result: &v2::UnitResult) -> Result<(Unit, Result<Output, String>), Malformed> {
     let Some(unit) = &result.unit else {
         return malformed("names no unit");
@@ -366,7 +366,7 @@ pub fn output(result: &v2::UnitResult) -> Result<(Unit, Result<Output, String>),
     Ok((unit, Ok(output)))
 }
 
-/// The responses of a design.
+/// The responses of a design, if all are finite.
 fn finite(responses: &[f64]) -> Result<Vec<f64>, Malformed> {
     if responses.iter().all(|response| response.is_finite()) {
         return Ok(responses.to_vec());
@@ -385,7 +385,8 @@ mod tests {
 
     use super::*;
 
-    /// A lease of every kind, through its message and back, is computed and comes back as it was.
+    /// Leases of every kind are converted to messages and back, computed, and their results
+    /// returned unchanged.
     #[test]
     fn leases_and_results_survive_bit_for_bit() {
         let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
@@ -418,7 +419,7 @@ mod tests {
             (run.stream(), Source::Run(run)),
         ];
         let plain = Variant::new(bad.clone(), (Purpose::Wear, 7));
-        // One that may improve, one that cannot be simulated.
+        // One candidate that may improve, and one that is not simulable.
         let candidates = [good.clone(), bad.clone()].map(|design| Candidate {
             evaluation: 0,
             design,
@@ -431,7 +432,7 @@ mod tests {
                 travel(&problem, &inputs, &[(stream, source)]);
             }
         }
-        // Points, one of which is asked about before its samples.
+        // Points, one of which is also an infill point that is analysed first.
         let asked = Candidate {
             evaluation: 0,
             design: good.clone(),

@@ -1,43 +1,45 @@
-//! The exit codes of `coordinator` and `worker`. Scripts rely on them: never renumber.
+//! The exit codes of `coordinator` and `worker`. Scripts rely on them, so the numbers must not
+//! change.
 
-/// Everything went well.
+/// The program succeeded.
 pub const OK: u8 = 0;
-/// Something that has no code of its own.
+/// A failure without a code of its own.
 pub const FAILURE: u8 = 1;
-/// The command line makes no sense.
+/// The command line is invalid.
 pub const USAGE: u8 = 2;
-/// An input file (campaign, pair, table or model) has an unknown or missing key, a wrong type or a value
-/// that makes no sense.
+/// An input file (campaign, pair, table or model) has an unknown or missing key, a wrong type or an
+/// invalid value.
 pub const BAD_FILE: u8 = 3;
 /// A file cannot be read or written, would be overwritten, or holds a secret that others can read.
 pub const FILE_ACCESS: u8 = 4;
-/// There is no store where one is expected.
+/// There is no store at the given path.
 pub const NO_STORE: u8 = 5;
 /// The store holds another campaign.
 pub const OTHER_CAMPAIGN: u8 = 6;
-/// The store is no SQLite file.
+/// The store is not an SQLite file.
 pub const NOT_A_STORE: u8 = 7;
 /// The store is damaged, was removed while it was in use, has several names, or was written by a newer
 /// version of the program.
 pub const UNUSABLE_STORE: u8 = 8;
 /// Another coordinator has the store open.
 pub const STORE_LOCKED: u8 = 9;
-/// The address to listen on is taken or not to be had.
+/// The listen address is in use or cannot be bound.
 pub const CANNOT_LISTEN: u8 = 10;
-/// No coordinator answers at the address, or none has for too long. Trying again may help.
+/// No coordinator answers at the address, or has not for too long. Trying again may help.
 pub const UNREACHABLE: u8 = 11;
-/// The coordinator refused for good: another version, other numbers, a token or certificate that it
-/// does not take; or its own certificate is not to be trusted.
+/// The coordinator refused permanently: another version, another model, or a token or certificate
+/// that it does not accept; or its own certificate is not trusted.
 pub const REFUSED: u8 = 12;
-/// The campaign ended, but some of its jobs were quarantined; the report names them.
+/// The campaign ended with quarantined jobs, which the report names.
 pub const INCOMPLETE: u8 = 13;
-/// Stopped by a signal; starting the same command again continues.
+/// A signal stopped the program. The same command continues the work.
 pub const INTERRUPTED: u8 = 14;
 /// The gear pair of `coordinator simulate` is not simulable: no such pair exists, or its teeth lose
-/// contact. Of a campaign, no design gets samples: none is simulable, or the constraints rule all out.
+/// contact. In a campaign: no design gets samples, because none is simulable or the constraints
+/// rule all out.
 pub const NOT_SIMULABLE: u8 = 15;
 
-/// Every code with its meaning, for `--help` and the README.
+/// All codes with their meanings, for `--help` and the README.
 pub const TABLE: [(u8, &str); 16] = [
     (OK, "everything went well"),
     (FAILURE, "something that has no code of its own"),

@@ -1,8 +1,8 @@
-//! The wire: generated gRPC code and its conversions.
+//! The network protocol: generated gRPC code and its conversions.
 //!
-//! The messages are defined in `proto/pitchline/v2/pitchline.proto`; this crate compiles them and
-//! adds what both ends must agree on besides: size limits, the reasons for which a coordinator turns a
-//! call away, and the exit codes of the programs.
+//! The messages are defined in `proto/pitchline/v2/pitchline.proto`. This crate compiles them and
+//! adds the other facts on which both sides must agree: size limits, the reasons for refusals, and
+//! the exit codes of the programs.
 
 /// Version 2 of the protocol, as generated from `proto/pitchline/v2`.
 #[expect(
@@ -17,9 +17,9 @@ pub mod v2 {
 /// The protocol's descriptors, for the reflection service.
 pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/pitchline.bin"));
 
-/// The largest message either side accepts, in bytes.
+/// Maximum size of a message on both sides, in bytes.
 ///
-/// A kriging model of 3000 points travels as about half a megabyte of JSON.
+/// A kriging model of 3000 points has about half a megabyte of JSON.
 pub const MAX_MESSAGE_BYTES: usize = 64 * 1024 * 1024;
 
 mod convert;

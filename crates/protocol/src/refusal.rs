@@ -1,24 +1,24 @@
-//! Reasons for which a coordinator turns a call away for good.
+//! The reasons for which a coordinator refuses a call permanently.
 
 use tonic::metadata::MetadataValue;
 use tonic::{Code, Status};
 
-/// Why a call was refused. A refusal is final: asking again gets the same answer, so a program
-/// that is refused exits. Everything that may pass (a coordinator that is starting, a lost
-/// connection) is a plain gRPC status instead, and the worker tries again.
+/// The reason for a refusal. A refusal is final: a repeated call gets the same answer, so a refused
+/// program exits. Temporary conditions (a coordinator that is starting, a lost connection) are
+/// plain gRPC statuses instead, after which the worker tries again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Refusal {
-    /// The worker is another version of the program than the coordinator.
+    /// The worker and the coordinator are different versions of the program.
     Version,
     /// The worker's simulator gives other numbers than the coordinator's.
     Model,
-    /// The request makes no sense (an empty worker id, no slots).
+    /// The request is malformed (an empty worker id, no slots).
     Malformed,
-    /// The call brought no token, or one that the coordinator does not know.
+    /// The call has no token, or one that the coordinator does not know.
     Unknown,
-    /// The call's token is good, but not for this call.
+    /// The call's token is valid, but does not permit this call.
     Forbidden,
-    /// The call came over an open connection, and the coordinator wants an encrypted one.
+    /// The call came over an unencrypted connection, but the coordinator requires encryption.
     NotEncrypted,
 }
 
@@ -45,7 +45,7 @@ impl Refusal {
         }
     }
 
-    /// The status that carries this refusal with a sentence for people.
+    /// The status of this refusal, with a message for people.
     #[must_use]
     pub fn status(self, message: impl Into<String>) -> Status {
         let code = match self {
@@ -61,7 +61,7 @@ impl Refusal {
         status
     }
 
-    /// The refusal that `status` carries, if it is one.
+    /// The refusal in `status`, if it is one.
     #[must_use]
     pub fn of(status: &Status) -> Option<Self> {
         let name = status.metadata().get(HEADER)?.to_str().ok()?;

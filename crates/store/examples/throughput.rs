@@ -1,8 +1,8 @@
-//! How fast the store takes samples and gives them back: `throughput [DESIGNS] [SAMPLES] [FILE]`.
+//! Measures how fast the store writes and reads samples: `throughput [DESIGNS] [SAMPLES] [FILE]`.
 //!
-//! Four callers submit batches of whole designs, as four busy workers would; then two callers with 256
-//! submissions in flight each submit one-row batches, as no-op jobs would. What a status page and
-//! a restart need is timed afterwards. A file that is there already is not filled again.
+//! First four callers submit batches of whole designs, as four busy workers would. Then two
+//! callers, each with 256 submissions in flight, submit one-row batches, as no-op jobs would. The
+//! reads of a status page and of a restart are timed last. An existing file is not filled again.
 
 #![expect(clippy::print_stdout, reason = "a program for the command line")]
 
@@ -19,7 +19,7 @@ use store::{
 
 type Failure = Box<dyn std::error::Error>;
 
-/// Samples of a large batch, all of one design if it has as many.
+/// Number of samples in a large batch, all of one design if it has that many.
 const LARGE_BATCH: u64 = 5000;
 const SMALL_BATCHES: u64 = 100_000;
 const CALLERS: u64 = 2;
@@ -54,7 +54,7 @@ async fn fill(
     samples: u64,
 ) -> Result<(), Failure> {
     let store = Store::create_or_open(path, campaign).await?;
-    // The last design takes the one-row batches.
+    // The last design gets the one-row batches.
     let rows: Vec<DesignRow> = (0..=designs).map(design).collect();
     let doing = format!("{designs} designs stored");
     timed(&doing, designs, store.put_designs(&rows)).await?;
@@ -140,7 +140,7 @@ async fn fill(
     Ok(())
 }
 
-/// Many submissions in flight, each of one small batch.
+/// Keeps many submissions in flight, each of one small batch.
 async fn small(store: &Store, what: &str, batch: impl Fn(u64) -> Batch) -> Result<(), Failure> {
     let slots = CALLERS * IN_FLIGHT;
     let mut callers = tokio::task::JoinSet::new();
@@ -215,7 +215,7 @@ async fn joined(mut callers: tokio::task::JoinSet<Result<(), Error>>) -> Result<
     Ok(())
 }
 
-/// Runs it and says how long it took, in all and for each of `count`.
+/// Runs a piece of work and prints how long it took, in total and per item of `count`.
 async fn timed<T>(
     doing: &str,
     count: u64,
@@ -236,7 +236,7 @@ async fn timed<T>(
     Ok(result)
 }
 
-/// Of all threads of this process.
+/// Processor time of all threads of this process.
 fn cpu_time() -> Duration {
     let time = clock_gettime(ClockId::ProcessCPUTime);
     Duration::new(time.tv_sec as u64, time.tv_nsec as u32)

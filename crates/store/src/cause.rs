@@ -1,10 +1,10 @@
-//! What failures have in common.
+//! The common cause of similar failures.
 
-/// Longer causes are cut: what they have in common stands at the beginning.
+/// Maximum length of a cause in bytes. The common part of similar errors is at the beginning.
 const LONGEST: usize = 200;
 
-/// The error's first line with every number replaced by `#`: failures that differ in a radius or
-/// in the index of a sample have one cause.
+/// The error's first line with every number replaced by `#`: failures that differ only in a radius
+/// or in the index of a sample have the same cause.
 pub(crate) fn cause(error: &str) -> String {
     let mut cause = String::new();
     let mut characters = first_line(error).chars().peekable();
@@ -17,7 +17,7 @@ pub(crate) fn cause(error: &str) -> String {
             continue;
         }
         cause.push('#');
-        // "1.25" is one number, the full stop of "sample 3." belongs to the sentence.
+        // "1.25" is one number, but the full stop in "sample 3." ends the sentence.
         while let Some(&next) = characters.peek() {
             let mut ahead = characters.clone();
             ahead.next();

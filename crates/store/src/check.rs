@@ -1,10 +1,11 @@
-//! The integrity check: whether the pages of the file are what SQLite wrote, and the samples in them
-//! what was acknowledged.
+//! The integrity check: whether the file's pages are as SQLite wrote them, and its rows as they
+//! were acknowledged.
 //!
-//! A small file is checked before it is opened. A large one, which takes seconds, is checked while
-//! reads go on; nothing is written to it until the verdict on its pages is there. Its samples are
-//! compared with their digest after that, beside everything else: a bit that flipped on the disk
-//! does no harm to what is written meanwhile, and the campaign ends with an error before it is done.
+//! A small file is checked before it is opened. A large one, for which the check takes seconds, is
+//! checked in the background: reads are allowed meanwhile, and writes wait for the verdict on the
+//! pages. Its samples are compared with their digest afterwards, in parallel with normal work. A
+//! bit that flipped on the disk does not harm rows written meanwhile, and the campaign still ends
+//! with an error.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -23,24 +24,24 @@ use crate::{Error, samples, tally};
 
 type Found = watch::Sender<Option<Result<(), Error>>>;
 
-/// What the checks found, or will find.
+/// The results of the checks, as they become known.
 #[derive(Debug, Clone)]
 pub(crate) struct Verdict {
     pages: Found,
     /// The verdict on everything, the pages included.
     all: Found,
-    /// What is checked only when somebody asks.
+    /// The file to check on demand only.
     unasked: Option<Reading>,
 }
 
-/// How a store's file is read.
+/// The path and options for reading a store's file.
 #[derive(Debug, Clone)]
 pub(crate) struct Reading {
     pub(crate) path: Arc<Path>,
     pub(crate) options: SqliteConnectOptions,
 }
 
-/// What is still to be checked.
+/// The checks still to be made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Pending {
     Nothing,
@@ -49,7 +50,7 @@ pub(crate) enum Pending {
 }
 
 impl Verdict {
-    /// Nothing is left to be found.
+    /// A verdict of no errors, with no check left to make.
     pub(crate) fn sound() -> Self {
         Self {
             pages: Found::new(Some(Ok(()))),
@@ -58,7 +59,7 @@ impl Verdict {
         }
     }
 
-    /// Nothing is looked for until somebody wants to know.
+    /// A verdict whose check starts only on the first request.
     pub(crate) fn on_demand(reading: Reading) -> Self {
         Self {
             pages: Found::new(None),
@@ -67,7 +68,7 @@ impl Verdict {
         }
     }
 
-    /// Starts what is still to be checked, on a connection of its own.
+    /// Starts the pending checks on a connection of their own.
     pub(crate) fn of(reading: Reading, pending: Pending) -> Self {
         if pending == Pending::Nothing {
             return Self::sound();
@@ -93,7 +94,7 @@ impl Verdict {
         verdict
     }
 
-    /// Adds a finding. The first error stays.
+    /// Adds a result. The first error is kept.
     pub(crate) fn conclude(&self, result: Result<(), Error>) {
         self.all.send_if_modified(|found| {
             let is_news = !matches!(found, Some(Err(_)));
@@ -104,17 +105,17 @@ impl Verdict {
         });
     }
 
-    /// Whether everything is known to be sound.
+    /// Whether all checks have ended without an error.
     pub(crate) fn is_sound(&self) -> bool {
         matches!(*self.all.borrow(), Some(Ok(())))
     }
 
-    /// Waits until the pages are known to be sound.
+    /// Waits for the check of the pages.
     pub(crate) async fn on_pages(self) -> Result<(), Error> {
         reached(&self.pages).await
     }
 
-    /// Waits until everything is known to be sound.
+    /// Waits for all checks.
     pub(crate) async fn on_everything(self) -> Result<(), Error> {
         if let Some(reading) = self.unasked.as_ref().filter(|_| !self.is_sound()) {
             let mut result = check(reading, Part::Pages).await;
@@ -126,7 +127,7 @@ impl Verdict {
         reached(&self.all).await
     }
 
-    /// Waits for an error, however long everything is sound.
+    /// Waits for an error, possibly for ever.
     pub(crate) async fn on_damage(self) -> Error {
         let mut found = self.all.subscribe();
         loop {
@@ -163,9 +164,8 @@ async fn check(reading: &Reading, part: Part) -> Result<(), Error> {
     connection.close().await
 }
 
-/// Whether all rows are what was stored, by their seals and by the counts and digests that were carried
-/// on when samples were stored. A bit that flipped within a number leaves its page as sound as
-/// before.
+/// Checks all rows against their seals, and against the counts and digests updated when samples
+/// were stored. A bit that flipped within a number leaves its page valid to SQLite.
 pub(crate) async fn rows(connection: &mut Connection<'_>) -> Result<(), Error> {
     samples(connection).await?;
     lasting_rows(connection).await?;
@@ -174,17 +174,17 @@ pub(crate) async fn rows(connection: &mut Connection<'_>) -> Result<(), Error> {
     sealed::<InfillRow>(connection).await
 }
 
-/// As [`rows`], for the evaluations of optimiser runs.
+/// Like [`rows`], for the evaluations of optimiser runs.
 pub(crate) async fn evaluations(connection: &mut Connection<'_>) -> Result<(), Error> {
     sealed::<EvaluationRow>(connection).await
 }
 
-/// Compares the samples of the DoE with their digests.
+/// Checks the samples of the DoE against their digests.
 pub(crate) async fn samples(connection: &mut Connection<'_>) -> Result<(), Error> {
     samples::visit(connection, |_| Ok::<(), Error>(())).await
 }
 
-/// As [`rows`], for the tables whose columns are the same since they have seals.
+/// Like [`rows`], for the tables whose columns have not changed since seals were introduced.
 pub(crate) async fn lasting_rows(connection: &mut Connection<'_>) -> Result<(), Error> {
     tally::check_verify_samples(connection).await?;
     sealed::<CampaignRow>(connection).await?;
@@ -199,7 +199,7 @@ async fn sealed<T: Table>(connection: &mut Connection<'_>) -> Result<(), Error> 
     keyed::all::<T>(connection).await.map(drop)
 }
 
-/// Seals all rows, for the migration that brought the seals.
+/// Seals all rows, for the migration that introduced seals.
 pub(crate) async fn seal(connection: &mut Connection<'_>) -> Result<(), Error> {
     keyed::seal::<CampaignRow>(connection).await?;
     keyed::seal::<OptimiserRunRow>(connection).await?;

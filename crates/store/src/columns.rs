@@ -1,5 +1,5 @@
-//! Designs, criteria and infill points as schemas before 9 have them: with a column for each variable
-//! and each response of a gear pair.
+//! Designs, criteria and infill points in schemas before 9, with one column for each variable and
+//! each response of a gear pair.
 
 use crate::Error;
 use crate::connection::Connection;
@@ -117,14 +117,14 @@ pub(crate) async fn seal(connection: &mut Connection<'_>) -> Result<(), Error> {
     keyed::seal::<OldInfill>(connection).await
 }
 
-/// Compares the rows with their seals.
+/// Checks the rows against their seals.
 pub(crate) async fn check(connection: &mut Connection<'_>) -> Result<(), Error> {
     keyed::all::<OldDesign>(connection).await?;
     keyed::all::<OldCriteria>(connection).await?;
     keyed::all::<OldInfill>(connection).await.map(drop)
 }
 
-/// Makes lists of the columns, and drops these, for the migration that brought the lists.
+/// Replaces the columns by lists of numbers, for the migration that introduced the lists.
 pub(crate) async fn convert(connection: &mut Connection<'_>) -> Result<(), Error> {
     let designs: Vec<OldDesign> = keyed::all(connection).await?;
     let criteria: Vec<OldCriteria> = keyed::all(connection).await?;

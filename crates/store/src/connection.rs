@@ -1,4 +1,4 @@
-//! A connection that knows its file.
+//! A connection that knows the path of its file.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -15,8 +15,8 @@ use tokio_stream::{Stream, StreamExt as _};
 
 use crate::Error;
 
-/// A connection to a store's file: runs statements, and turns what SQLite says into an [`Error`] that
-/// names the file. `doing` completes "the database could not".
+/// A connection to a store's file. It runs statements and converts SQLite's errors to [`Error`]s
+/// that name the file. `doing` completes "the database could not".
 #[derive(Debug)]
 pub(crate) struct Connection<'c> {
     sql: Handle<'c>,
@@ -70,7 +70,7 @@ impl Connection<'_> {
         Arc::clone(&self.path)
     }
 
-    /// What is left of the connection when the database could not do something.
+    /// Converts an SQLite error; `doing` completes "the database could not".
     pub(crate) fn failed(&self, doing: &'static str, source: SqlxError) -> Error {
         Error::sqlite(doing, &self.path, source)
     }
@@ -94,7 +94,7 @@ impl Connection<'_> {
         }
     }
 
-    /// A transaction, which is rolled back when it is dropped.
+    /// Begins a transaction, which is rolled back when it is dropped.
     pub(crate) async fn begin(&mut self, statement: &'static str) -> Result<Connection<'_>, Error> {
         let path = Arc::clone(&self.path);
         let begun = self.sql().begin_with(statement).await;
@@ -124,7 +124,7 @@ impl Connection<'_> {
         done.map(drop).map_err(|e| self.failed(doing, e))
     }
 
-    /// What a statement without parameters returns, one value a row.
+    /// Runs a statement without parameters and returns one value per row.
     pub(crate) async fn pragma<O>(
         &mut self,
         doing: &'static str,
@@ -146,7 +146,7 @@ impl Connection<'_> {
         done.map_err(|e| self.failed(doing, e))
     }
 
-    /// As [`execute`](Self::execute), for rows of `table`.
+    /// Like [`execute`](Self::execute), for rows of `table`.
     pub(crate) async fn insert(
         &mut self,
         table: &'static str,
@@ -195,7 +195,7 @@ impl Connection<'_> {
         row.map_err(|e| self.failed(doing, e))
     }
 
-    /// Rows one by one, for tables that are too large to be held.
+    /// Streams rows, for tables that are too large to hold in memory.
     pub(crate) fn stream<'s, F, O>(
         &'s mut self,
         doing: &'static str,

@@ -1,4 +1,4 @@
-//! The digests of sets of samples.
+//! Digests of sets of samples.
 
 use std::fmt::Write as _;
 use std::ops::AddAssign;
@@ -9,12 +9,12 @@ use sha2::{Digest as _, Sha256};
 /// little-endian integers and of the bits of its ΔSTE in µm, little-endian, read as a
 /// little-endian number.
 ///
-/// A sum does not depend on the order and can be carried on, sample by sample, in the transactions
-/// that store them: that is what a hash over the whole table in order could not. The price is that
-/// it is a checksum and no signature. Two different tables agree by accident with probability
-/// 2⁻²⁵⁶, but somebody who may choose samples freely can construct two that agree (the generalised
-/// birthday problem; Bellare and Micciancio, *A New Paradigm for Collision-Free Hashing*, 1997).
-/// Samples that were wrong before they were stored have a digest as good as any.
+/// A sum does not depend on the order of the samples, and it can be updated sample by sample in the
+/// transactions that store them; a hash over the whole table in order could not. The price is that
+/// the digest is a checksum and not a signature. Two different tables agree by accident with
+/// probability 2⁻²⁵⁶, but anybody who can choose samples freely can construct two that agree (the
+/// generalised birthday problem; Bellare and Micciancio, *A New Paradigm for Collision-Free
+/// Hashing*, 1997). The digest does not reveal samples that were wrong before they were stored.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct SamplesDigest {
     /// The lowest 64 bits first.
@@ -30,8 +30,8 @@ impl SamplesDigest {
         Self::from_bytes(&Sha256::digest(bytes).into())
     }
 
-    /// Of one verification sample: its point's name comes first, with its length, in the place of a
-    /// design's index.
+    /// The digest of one verification sample. The point's name, preceded by its length, takes the
+    /// place of a design's index.
     pub(crate) fn of_point(point: &str, sample: u64, delta_ste_um: f64) -> Self {
         let mut hash = Sha256::new();
         hash.update((point.len() as u64).to_le_bytes());
@@ -41,7 +41,7 @@ impl SamplesDigest {
         Self::from_bytes(&hash.finalize().into())
     }
 
-    /// As a tally holds it; `None` when these are not the bytes of a digest.
+    /// Reads the digest of a tally; `None` unless these are 32 bytes.
     pub(crate) fn from_blob(blob: &[u8]) -> Option<Self> {
         blob.try_into().ok().map(Self::from_bytes)
     }
@@ -62,7 +62,7 @@ impl SamplesDigest {
         bytes
     }
 
-    /// The bytes in hex, the lowest first: so that a single sample shows its SHA-256.
+    /// The bytes in hex, lowest first, so that the digest of a single sample reads as its SHA-256.
     pub(crate) fn to_hex(self) -> String {
         let mut hex = String::with_capacity(64);
         for byte in self.to_bytes() {
@@ -100,7 +100,7 @@ mod tests {
         assert_eq!(sum, SamplesDigest::default());
         sum += largest;
         assert_eq!(sum, largest);
-        // 2^64 - 1 + 2^64 - 1 + no carry, in the lowest limb only.
+        // 2^64 − 1 + 2^64 − 1 without a carry, in the lowest limb only.
         let mut low = SamplesDigest {
             limbs: [u64::MAX, 0, u64::MAX, 0],
         };

@@ -1,11 +1,11 @@
-//! What can go wrong with a store, and what would put it right.
+//! The errors of a store, with their remedies.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Why the store refused, or could not do, something.
+/// An error of the store.
 ///
-/// Cloneable, since one failed commit is the answer to every batch that was part of it.
+/// It can be cloned because one failed commit is reported to every batch of its group.
 #[derive(Debug, Clone, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -24,7 +24,7 @@ pub enum Error {
         /// The refused file.
         path: PathBuf,
     },
-    /// An SQLite file of some other program.
+    /// An SQLite file of another program.
     #[error(
         "{} is a database of another program (application id {application_id:#x}) and was left as \
          it is: choose another file for the store",
@@ -44,10 +44,10 @@ pub enum Error {
     Damaged {
         /// The damaged file.
         path: PathBuf,
-        /// What SQLite, or the check of the files, found.
+        /// The finding of SQLite, or of the check of the files.
         detail: String,
     },
-    /// Rows are not what was stored, or are not the rows that were stored.
+    /// Rows differ from those that were stored, or are missing or additional.
     #[error(
         "the store {} is damaged in table {table}, row {row}: {detail}; restore a copy, or move it \
          away to start again",
@@ -58,12 +58,12 @@ pub enum Error {
         path: PathBuf,
         /// The table.
         table: &'static str,
-        /// The row's key, or which rows it is one of.
+        /// The row's key, or a description of the rows that it is one of.
         row: String,
-        /// What is wrong with it.
+        /// The difference.
         detail: String,
     },
-    /// Less is in the file and its log than was acknowledged.
+    /// The file and its log hold fewer commits than were acknowledged.
     #[error(
         "the store {} holds {held} of {acknowledged} acknowledged commits: its log (-wal) was cut \
          or removed, or an older copy was put in its place; put the newer files back, or remove {} \
@@ -74,7 +74,7 @@ pub enum Error {
     Behind {
         /// The refused file.
         path: PathBuf,
-        /// Its lock file, which has the number of acknowledged commits.
+        /// Its lock file, which records the number of acknowledged commits.
         lock: PathBuf,
         /// Commits in the store.
         held: u64,
@@ -120,9 +120,9 @@ pub enum Error {
         path: PathBuf,
         /// Name and digest of the campaign in the store.
         held: String,
-        /// Name and digest of the campaign that was to be run.
+        /// Name and digest of the campaign to be run.
         offered: String,
-        /// In what they differ, if known.
+        /// The differences between the two, if known.
         changes: Vec<String>,
     },
     /// Another process writes to the store.
@@ -131,7 +131,7 @@ pub enum Error {
         /// The store, not its lock file.
         path: PathBuf,
     },
-    /// The store's file has several names.
+    /// The store's file has several names (hard links).
     #[error(
         "the store {} is one file with {names} names (hard links), of which only the one that it was \
          last written under leads to its log: remove the other names, or copy the file and use the \
@@ -141,10 +141,10 @@ pub enum Error {
     Linked {
         /// The refused name.
         path: PathBuf,
-        /// How many names the file has.
+        /// Number of names of the file.
         names: u64,
     },
-    /// A file of an open store went away.
+    /// A file of an open store was removed or replaced.
     #[error(
         "{} was {how} while the store {} was in use: nothing more is acknowledged; put it back if \
          you moved it, else start again from a copy",
@@ -156,10 +156,10 @@ pub enum Error {
         path: PathBuf,
         /// The store's file or its log.
         file: PathBuf,
-        /// What became of it.
+        /// What happened to it, as a past participle.
         how: &'static str,
     },
-    /// A store that cannot be read without writing beside it.
+    /// The store has an unread log and lies in a folder that is not writable.
     #[error(
         "the store {} cannot be read where it is: {} holds rows that were not moved into it, and \
          their folder may not be written to; copy both to a folder of your own and read the copy",
@@ -172,7 +172,7 @@ pub enum Error {
         /// Its log.
         log: PathBuf,
     },
-    /// A sample came a second time with another value.
+    /// A sample was submitted again with a different value.
     #[error(
         "sample {sample} of design {design} is held as {held:?} um and was offered as {offered:?} \
          um: samples must not depend on who computes them"
@@ -187,7 +187,7 @@ pub enum Error {
         /// The value that was refused, in micrometres.
         offered: f64,
     },
-    /// A verification sample came a second time with another value.
+    /// A verification sample was submitted again with a different value.
     #[error(
         "verification sample {sample} of \"{approach}\" is held as {held:?} um and was offered as \
          {offered:?} um: samples must not depend on who computes them"
@@ -202,7 +202,7 @@ pub enum Error {
         /// The value that was refused, in micrometres.
         offered: f64,
     },
-    /// A design came a second time with other variables.
+    /// A design was submitted again with different variables.
     #[error(
         "design {design} is held with other variables than those offered: a campaign file gives \
          each design once"
@@ -211,7 +211,7 @@ pub enum Error {
         /// The design's index.
         design: u64,
     },
-    /// The criteria of a design came a second time with other values.
+    /// The criteria of a design were submitted again with different values.
     #[error(
         "the criteria of design {design} are held as {held:?} and were offered as {offered:?}: \
          criteria must not depend on who computes them"
@@ -224,7 +224,7 @@ pub enum Error {
         /// The row that was refused.
         offered: Box<crate::CriteriaRow>,
     },
-    /// An optimiser run came a second time with another result.
+    /// An optimiser run was submitted again with a different result.
     #[error(
         "run {start} of \"{approach}\" is held with another result than the one offered: a run \
          must not depend on who computes it"
@@ -235,15 +235,15 @@ pub enum Error {
         /// The run's index.
         start: u64,
     },
-    /// An evaluation is held with other values.
+    /// An evaluation was submitted again with different values.
     #[error(
         "evaluation {evaluation} of {stream:?} is held with other values than those offered: an \
          external simulator must answer the same to the same question"
     )]
     EvaluationConflict {
-        /// What the run is called.
+        /// The name of the run.
         stream: String,
-        /// Which evaluation.
+        /// The index of the evaluation.
         evaluation: u64,
     },
     /// The store was filled with another gear model.
@@ -257,7 +257,7 @@ pub enum Error {
         /// The digest that was refused.
         offered: String,
     },
-    /// A campaign with another seed has other samples.
+    /// The extended campaign has another seed, and therefore other samples.
     #[error("the store's campaign has seed {held}, the extended one has {offered}: keep the seed")]
     OtherSeed {
         /// The seed in the store.
@@ -265,7 +265,7 @@ pub enum Error {
         /// The seed that was refused.
         offered: u64,
     },
-    /// A number that is not finite has no place in the store.
+    /// A number is not finite and cannot be stored.
     #[error("{column} of {key} is {value}: only finite numbers can be stored")]
     NotFinite {
         /// Table and column.
@@ -275,7 +275,7 @@ pub enum Error {
         /// The refused value.
         value: f64,
     },
-    /// SQLite's integers are signed.
+    /// A number exceeds the range of SQLite's signed integers.
     #[error("{column} is {value}: the store holds numbers up to {}", i64::MAX)]
     TooLarge {
         /// Table and column.
@@ -283,16 +283,16 @@ pub enum Error {
         /// The refused value.
         value: u64,
     },
-    /// A row that contradicts the rows it refers to, such as a sample of an unknown design.
+    /// A row contradicts the rows it refers to, such as a sample of an unknown design.
     #[error("rows for table {table} contradict the schema: store what they refer to first")]
     Constraint {
         /// The table that refused the rows.
         table: &'static str,
-        /// What SQLite said.
+        /// The error of SQLite.
         #[source]
         source: Arc<sqlx::Error>,
     },
-    /// A row in the store that this program could not have written.
+    /// A row of the store has a value that this program cannot have written.
     #[error("{column} holds {value:?}, which this program does not know")]
     UnknownValue {
         /// Table and column.
@@ -300,17 +300,18 @@ pub enum Error {
         /// The value found.
         value: String,
     },
-    /// No room. Nothing of the batch was stored; submit it again when there is room.
+    /// The disk is full. Nothing of the batch was stored; it can be submitted again when there is
+    /// space.
     #[error("the disk is full: make room, nothing that was acknowledged is lost")]
     DiskFull {
-        /// What SQLite said.
+        /// The error of SQLite.
         #[source]
         source: Arc<sqlx::Error>,
     },
     /// The store was opened for reading.
     #[error("the store was opened for reading only")]
     ReadOnly,
-    /// The store was closed before it could do what it was asked for.
+    /// The store was closed before the request was carried out.
     #[error("the store is closed")]
     Closed,
     /// The schema could not be brought up to date.
@@ -318,27 +319,27 @@ pub enum Error {
     Migration {
         /// The store.
         path: PathBuf,
-        /// What the migrator said.
+        /// The error of the migrator.
         #[source]
         source: Arc<sqlx::migrate::MigrateError>,
     },
     /// A file operation failed.
     #[error("could not {doing} {}", path.display())]
     Io {
-        /// What was tried.
+        /// The operation, as a verb.
         doing: &'static str,
-        /// On which file.
+        /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         #[source]
         source: Arc<std::io::Error>,
     },
-    /// SQLite failed in a way that is none of the above.
+    /// Any other SQLite error.
     #[error("the database could not {doing}")]
     Sqlite {
-        /// What was tried.
+        /// The operation, as a verb.
         doing: &'static str,
-        /// What SQLite said.
+        /// The error of SQLite.
         #[source]
         source: Arc<sqlx::Error>,
     },
@@ -352,8 +353,8 @@ const SQLITE_CANTOPEN: i32 = 14;
 const SQLITE_NOTADB: i32 = 26;
 
 impl Error {
-    /// True when the rows themselves were refused: another try would fail in the same way, and
-    /// the rest of a group of batches is not concerned.
+    /// True when the rows themselves were refused. Submitting them again would fail in the same
+    /// way, and the other batches of the group are not affected.
     pub fn is_refusal(&self) -> bool {
         matches!(
             self,
@@ -371,7 +372,7 @@ impl Error {
         )
     }
 
-    /// Whether SQLite wanted to write where it may not.
+    /// Whether SQLite tried to write in a place that is not writable.
     pub(crate) fn is_read_only_folder(&self) -> bool {
         matches!(
             self,
@@ -402,7 +403,7 @@ impl Error {
         }
     }
 
-    /// Gives an SQLite error its type; `doing` completes "the database could not".
+    /// Converts an SQLite error to its variant; `doing` completes "the database could not".
     pub(crate) fn sqlite(doing: &'static str, path: &Path, source: sqlx::Error) -> Self {
         if matches!(source, sqlx::Error::PoolClosed) {
             return Self::Closed;
@@ -422,7 +423,7 @@ impl Error {
         }
     }
 
-    /// As [`Error::sqlite`], for an insertion into `table`.
+    /// Like [`Error::sqlite`], for an insertion into `table`.
     pub(crate) fn insertion(table: &'static str, path: &Path, source: sqlx::Error) -> Self {
         use sqlx::error::ErrorKind::{
             CheckViolation, ForeignKeyViolation, NotNullViolation, UniqueViolation,
@@ -445,8 +446,8 @@ fn primary_code(error: &sqlx::Error) -> Option<i32> {
 }
 
 impl Error {
-    /// Of a store at `path` whose campaign is not the one `offered`, each with name and digest;
-    /// `changes` says in what they differ, if that is known.
+    /// The error for a store at `path` whose campaign, `held`, is not the one `offered`; both are
+    /// given as name and digest. `changes` lists the differences, if they are known.
     #[must_use]
     pub fn other_campaign(
         path: &Path,
@@ -464,7 +465,7 @@ impl Error {
     }
 }
 
-/// In what two campaigns differ, as the middle of a sentence.
+/// The differences between two campaigns, as the middle of a sentence.
 fn in_words(changes: &[String]) -> String {
     if changes.is_empty() {
         return String::new();

@@ -1,4 +1,4 @@
-//! Places at which a test can end the process, as `kill -9` does. See the crate's documentation.
+//! Points at which a test can end the process as `kill -9` does. See the crate's documentation.
 
 /// Ends the process here when the point is set to `return`.
 #[cfg(feature = "failpoints")]
@@ -6,7 +6,7 @@ pub(crate) fn at(name: &str) {
     fail::fail_point!(name, |_| std::process::abort());
 }
 
-/// Ends the process a little later, while what follows is under way: with `return(N)` after N
+/// Ends the process while the following operation is in progress: with `return(N)`, after N
 /// microseconds.
 #[cfg(feature = "failpoints")]
 pub(crate) fn during(name: &str) {

@@ -1,8 +1,8 @@
-//! Network file systems, on which SQLite's log does not work.
+//! Network file systems, on which SQLite's write-ahead log does not work.
 
 use std::path::Path;
 
-/// File systems whose locks or shared memory do not hold between machines,
+/// File systems whose locks or shared memory do not work between machines,
 /// <https://www.sqlite.org/wal.html>: "WAL does not work over a network filesystem".
 const NETWORK: &[&str] = &[
     "9p",
@@ -26,13 +26,13 @@ const NETWORK: &[&str] = &[
     "smbfs",
 ];
 
-/// The type of the network file system that `path` lies on, going by `mountinfo`, the text of
-/// Linux's `/proc/self/mountinfo` (proc_pid_mountinfo(5)); `None` when it lies on a local one.
+/// The type of the network file system that holds `path`, or `None` if the file system is local.
+/// `mountinfo` is the text of Linux's `/proc/self/mountinfo` (proc_pid_mountinfo(5)).
 ///
-/// `path` must be absolute and free of links. A store belongs on a local disk, so a caller refuses
-/// such a path unless told otherwise.
+/// `path` must be absolute and free of symbolic links. Callers refuse such a path unless the user
+/// overrides it, because a store belongs on a local disk.
 pub fn network_file_system<'m>(path: &Path, mountinfo: &'m str) -> Option<&'m str> {
-    // Later lines hide earlier ones at the same place, and the longest mount point wins.
+    // The longest mount point applies, and of several at the same place the last one.
     let mut best: Option<(usize, &str)> = None;
     for line in mountinfo.lines() {
         // "36 35 98:0 /root /mount/point rw,noatime master:1 - ext3 /dev/root rw"
@@ -55,7 +55,8 @@ pub fn network_file_system<'m>(path: &Path, mountinfo: &'m str) -> Option<&'m st
         .filter(|kind| NETWORK.contains(kind))
 }
 
-/// The kernel writes space, tab, newline and backslash as `\` and three octal digits.
+/// Decodes the kernel's escapes: space, tab, newline and backslash are written as `\` and three
+/// octal digits.
 fn unescape(text: &str) -> String {
     text.replace("\\040", " ")
         .replace("\\011", "\t")

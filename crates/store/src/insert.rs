@@ -1,4 +1,4 @@
-//! What one transaction of the writer may do, each within a savepoint of the caller.
+//! The operations of the writer's transactions, each within a savepoint of the caller.
 
 use crate::Error;
 use crate::connection::Connection;
@@ -34,7 +34,7 @@ pub(crate) async fn model_digest(
     }
 }
 
-/// Stores rows in the place of those with their keys.
+/// Stores rows, replacing those with the same keys.
 pub(crate) async fn replace<T: Table>(
     connection: &mut Connection<'_>,
     rows: &[T],
@@ -43,7 +43,7 @@ pub(crate) async fn replace<T: Table>(
     Ok(new(rows.len() as u64))
 }
 
-/// Stores responses, and how many samples they were computed from.
+/// Stores responses and the number of samples that they were computed from.
 pub(crate) async fn responses(
     connection: &mut Connection<'_>,
     rows: &[ResponseRow],
@@ -57,8 +57,9 @@ pub(crate) async fn responses(
     replace(connection, rows).await
 }
 
-/// Stores batches, all of them or, with an error, none: the caller then goes back to its
-/// savepoint. One receipt each, in their order; a row that two of them bring is new to the first.
+/// Stores all batches, or returns an error, after which the caller rolls back to its savepoint.
+/// Returns one receipt per batch, in order. A row that two batches contain counts as new for the
+/// first.
 pub(crate) async fn batches(
     connection: &mut Connection<'_>,
     batches: &[&Batch],
@@ -84,7 +85,7 @@ pub(crate) async fn batches(
     Ok(receipts)
 }
 
-/// Whether a batch is of another generation than is wanted.
+/// Whether a batch is for another generation than the wanted one.
 async fn is_stale(connection: &mut Connection<'_>, batch: &Batch) -> Result<bool, Error> {
     let Some((stream, generation)) = &batch.only_for else {
         return Ok(false);
@@ -101,7 +102,7 @@ async fn is_stale(connection: &mut Connection<'_>, batch: &Batch) -> Result<bool
     Ok(wanted.map(|r| r.generation) != Some(generation.cast_signed()))
 }
 
-/// Says which generations are wanted; the samples of others are removed.
+/// Sets the wanted generations and removes the samples of others.
 pub(crate) async fn generations(
     connection: &mut Connection<'_>,
     rows: &[(String, u64)],
@@ -176,7 +177,7 @@ async fn fresh_batches(
     Ok(receipts)
 }
 
-/// The rows of one table, with the index of the batch that brings them.
+/// The rows of one table, each with the index of its batch.
 fn owned<'b, T>(
     batches: &[&'b Batch],
     rows: impl Fn(&'b Batch) -> &'b Vec<T>,
@@ -198,7 +199,7 @@ pub(crate) async fn designs(
     Ok(receipt)
 }
 
-/// Whether the failure was new.
+/// Stores a failure and returns whether it was new.
 async fn failure(connection: &mut Connection<'_>, row: &FailureRow) -> Result<bool, Error> {
     let kind = row.kind.as_str();
     let serial = row.serial.map(u64::cast_signed);
@@ -226,8 +227,7 @@ async fn failure(connection: &mut Connection<'_>, row: &FailureRow) -> Result<bo
     Ok(true)
 }
 
-/// Puts a larger campaign in the place of the one held, and clears what was derived from the
-/// smaller one.
+/// Replaces the campaign by a larger one and removes everything derived from the smaller one.
 pub(crate) async fn extension(
     connection: &mut Connection<'_>,
     row: &CampaignRow,
@@ -251,8 +251,8 @@ pub(crate) async fn extension(
     Ok(new(1))
 }
 
-/// Removes all responses, models and rounds of infill, and of these approaches the runs, the optima
-/// and their samples.
+/// Removes all responses, models and rounds of infill, and the runs, optima and verification
+/// samples of the given approaches.
 pub(crate) async fn clear(
     connection: &mut Connection<'_>,
     approaches: &[String],
@@ -299,7 +299,7 @@ fn new(rows: u64) -> Receipt {
     }
 }
 
-/// Whether any row of this kind cannot be stored whatever the store holds.
+/// Refuses rows that cannot be stored whatever the store holds.
 pub(crate) fn check(batch: &Batch) -> Result<(), Error> {
     fn all<T: Keyed>(rows: &[T]) -> Result<(), Error> {
         rows.iter().try_for_each(T::check)

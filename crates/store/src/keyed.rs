@@ -1,13 +1,14 @@
-//! Rows in general: written many to a statement, and read with their seals.
+//! Generic tables: rows are written many per statement, and read with their seals.
 //!
-//! A row of a *sealed* table carries a digest of its columns, written with it and compared at
-//! every reading: a value that changed on the disk, or under another program's hands, is refused
-//! by the name of its table and row before anybody computes with it.
+//! A row of a *sealed* table carries a digest of its columns, which is written with it and compared
+//! at every read. A value that was changed on the disk or by another program is refused with the
+//! name of its table and row before it is used.
 //!
-//! Every statement is a hop to SQLite's thread and back, which costs more than a row, so rows go
-//! in by up to [`ROWS_PER_STATEMENT`]. Statements come in powers of two, so that few of them are
-//! prepared and kept; a chunk is filled up with copies of its last row, which do nothing in a
-//! table where the first write wins, or is replaced.
+//! Every statement takes a round trip to SQLite's thread, which costs more than a row, so up to
+//! [`ROWS_PER_STATEMENT`] rows go into one statement. The number of rows is a power of two, so that
+//! few different statements are prepared and cached. A chunk is filled up with copies of its last
+//! row: they have no effect in a table where the first write wins, and replace that row by itself
+//! in the others.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -22,8 +23,8 @@ use crate::connection::Connection;
 use crate::rows::Receipt;
 use crate::tables::number;
 
-/// Enough to make the hop cheap, and with the widest table's 15 columns still below SQLite's
-/// 32 766 parameters.
+/// Maximum number of rows per statement: enough to make the round trip cheap and, with the 15
+/// columns of the widest table, below SQLite's limit of 32 766 parameters.
 const ROWS_PER_STATEMENT: usize = 1024;
 
 /// A column's value in one row.
@@ -32,16 +33,16 @@ pub(crate) enum Value<'v> {
     Null,
     /// An index or a count, which SQLite's signed integers must be able to hold.
     Count(u64),
-    /// 64 bits, read as two's complement.
+    /// 64 bits, stored as a two's complement integer.
     Bits(u64),
     Number(f64),
     Text(&'v str),
     Bytes(&'v [u8]),
-    /// Written as their bytes, little-endian.
+    /// A list of numbers, stored as little-endian bytes.
     Numbers(&'v [f64]),
 }
 
-/// A type that is one column.
+/// A type that is stored in one column.
 pub(crate) trait Column: Sized {
     fn value(&self) -> Value<'_>;
 
@@ -129,7 +130,7 @@ impl Column for Option<Vec<f64>> {
     }
 }
 
-/// The numbers in a column's bytes.
+/// Decodes a column's bytes to numbers.
 pub(crate) fn numbers(bytes: &[u8]) -> Result<Vec<f64>, SqlxError> {
     let (numbers, rest) = bytes.as_chunks();
     if !rest.is_empty() {
@@ -149,24 +150,24 @@ impl Column for Option<String> {
     }
 }
 
-/// A table, by its row.
+/// A table, implemented by the type of its rows.
 pub(crate) trait Table: Sized + Send + Sync + Unpin {
     const NAME: &'static str;
-    /// The key's columns first.
+    /// The column names, those of the key first.
     const COLUMNS: &'static [&'static str];
-    /// How many columns the key has.
+    /// The number of key columns.
     const KEYS: usize;
-    /// Whether each row carries its seal, in the column `seal`.
+    /// Whether each row carries a seal, in the column `seal`.
     const SEALED: bool;
-    /// What fails when the rows cannot be read: completes "the database could not".
+    /// The operation of reading the rows; completes "the database could not".
     const READING: &'static str;
 
-    /// Shows the values of all columns, in their order.
+    /// Passes the values of all columns to `visit`, in order.
     fn each(&self, visit: impl FnMut(Value<'_>));
 
     fn read(row: &SqliteRow) -> Result<Self, SqlxError>;
 
-    /// The row's key for messages: "sample 3 of design 17".
+    /// The row's key for messages, such as "sample 3 of design 17".
     fn name(&self) -> String {
         let mut parts = Vec::new();
         self.each(|value| {
@@ -184,7 +185,7 @@ pub(crate) trait Table: Sized + Send + Sync + Unpin {
         parts.join(" of ")
     }
 
-    /// Refuses what SQLite would not give back as it was.
+    /// Refuses values that SQLite would not return unchanged.
     fn check(&self) -> Result<(), Error> {
         let mut columns = Self::COLUMNS.iter();
         let mut result = Ok(());
@@ -210,7 +211,7 @@ pub(crate) trait Table: Sized + Send + Sync + Unpin {
         result
     }
 
-    /// The refusal of a number that SQLite would not give back.
+    /// The error for a number that SQLite would not return.
     fn not_finite(&self, column: String, value: f64) -> Error {
         Error::NotFinite {
             column,
@@ -221,7 +222,7 @@ pub(crate) trait Table: Sized + Send + Sync + Unpin {
 
     /// The first 64 bits of the SHA-256 of the table's name and of all columns.
     ///
-    /// A checksum against accidents: it can be made to fit by whoever edits a row and means to.
+    /// A checksum against accidents: anybody who edits a row on purpose can adapt it.
     fn seal(&self) -> i64 {
         let mut hash = Sha256::new_with_prefix(Self::NAME);
         self.each(|value| match value {
@@ -269,7 +270,7 @@ pub(crate) trait Keyed: Table {
     fn agree(held: &Self, offered: &Self) -> Result<(), Error>;
 }
 
-/// Stores rows, each with the index of its owner's receipt, and returns those that were not held.
+/// Stores rows, each given with the index of its batch's receipt, and returns the new ones.
 pub(crate) async fn insert<'r, T: Keyed>(
     connection: &mut Connection<'_>,
     rows: &[(usize, &'r T)],
@@ -285,14 +286,14 @@ pub(crate) async fn insert<'r, T: Keyed>(
         let offered = &fresh[before..];
         let inserted = write(connection, "INSERT INTO", "ON CONFLICT DO NOTHING", offered).await?;
         if inserted != offered.len() as u64 {
-            // No one else writes, so what was not there a moment ago can go in.
+            // There is only one writer, so rows that were missing a moment ago can be inserted.
             return Err(connection.damaged("rows that it does not hold cannot be inserted"));
         }
     }
     Ok(fresh)
 }
 
-/// Compares rows with those held, and with each other.
+/// Compares rows with the stored ones and with each other.
 async fn look<'r, T: Keyed>(
     connection: &mut Connection<'_>,
     rows: &[(usize, &'r T)],
@@ -339,12 +340,12 @@ async fn held<T: Keyed>(
     collect(connection, &filter, arguments).await
 }
 
-/// All rows, by key.
+/// All rows, ordered by key.
 pub(crate) async fn all<T: Table>(connection: &mut Connection<'_>) -> Result<Vec<T>, Error> {
     collect(connection, "", SqliteArguments::default()).await
 }
 
-/// The rows that a filter with one parameter lets through, by key.
+/// The rows that match a filter, ordered by key.
 pub(crate) async fn all_where<T: Table>(
     connection: &mut Connection<'_>,
     filter: &str,
@@ -379,7 +380,7 @@ async fn collect<T: Table>(
     Ok(rows)
 }
 
-/// Shows the rows that a filter lets through one by one, by key.
+/// Passes the rows that match a filter to `visit`, one by one, ordered by key.
 pub(crate) async fn visit<T: Table, E: From<Error>>(
     connection: &mut Connection<'_>,
     filter: &str,
@@ -422,7 +423,7 @@ fn decode<T: Table>(path: &Path, row: &SqliteRow) -> Result<T, Error> {
     })
 }
 
-/// All rows, as a schema before the seals has them.
+/// All rows of a schema without seals.
 pub(crate) async fn all_unsealed<T: Table>(
     connection: &mut Connection<'_>,
 ) -> Result<Vec<T>, Error> {
@@ -434,13 +435,13 @@ pub(crate) async fn all_unsealed<T: Table>(
         .collect()
 }
 
-/// Seals the rows of a schema before the seals.
+/// Adds seals to the rows of a schema without them.
 pub(crate) async fn seal<T: Table>(connection: &mut Connection<'_>) -> Result<(), Error> {
     let rows: Vec<T> = all_unsealed(connection).await?;
     replace(connection, &rows).await
 }
 
-/// Stores rows in the place of those with their keys.
+/// Stores rows, replacing those with the same keys.
 pub(crate) async fn replace<T: Table>(
     connection: &mut Connection<'_>,
     rows: &[T],
@@ -464,7 +465,7 @@ fn keys<T: Table>() -> String {
     T::COLUMNS[..T::KEYS].join(", ")
 }
 
-/// One statement per chunk; returns how many rows it changed.
+/// Writes rows with one statement per chunk and returns the number of changed rows.
 pub(crate) async fn write<T: Table>(
     connection: &mut Connection<'_>,
     verb: &str,
@@ -490,14 +491,14 @@ pub(crate) async fn write<T: Table>(
             columns::<T>(),
             places(count, width),
         );
-        // Nothing but names and question marks is in the text.
+        // The text consists of names and question marks only.
         let query = sqlx::query_with(AssertSqlSafe(sql), arguments);
         changed += connection.insert(T::NAME, query).await?.rows_affected();
     }
     Ok(changed)
 }
 
-/// Adds the first `count` values of a row, which end with its seal when it has one.
+/// Binds the first `count` values of a row, of which the last is the seal if the table has seals.
 fn bind<T: Table>(row: &T, count: usize, arguments: &mut SqliteArguments) -> Result<(), SqlxError> {
     let mut left = count;
     let mut result = Ok(());
@@ -529,7 +530,7 @@ fn add(value: Value<'_>, arguments: &mut SqliteArguments) -> Result<(), SqlxErro
     .map_err(SqlxError::Encode)
 }
 
-/// `(?,?),(?,?)`: `rows` of them with `columns` places each.
+/// Placeholders such as `(?,?),(?,?)`, for `rows` rows of `columns` columns.
 fn places(rows: usize, columns: usize) -> String {
     let row = format!("({})", vec!["?"; columns].join(","));
     vec![row.as_str(); rows].join(",")

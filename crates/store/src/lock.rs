@@ -1,10 +1,10 @@
-//! The lock file: who may write, and how many commits were acknowledged.
+//! The lock file: it admits one writer and records the number of acknowledged commits.
 //!
-//! SQLite cannot tell a log that was cut or removed from one that never was any longer: a commit
-//! whose end is missing counts as never finished. So the writer notes its commits in the lock
-//! file, too. The note is written after the commit and before the acknowledgement, and is never
-//! synced: it outlives the process, and when the machine goes down it may be behind the store, but
-//! not ahead of it.
+//! SQLite cannot distinguish a log that was cut or removed from one that was never longer: a commit
+//! whose end is missing counts as unfinished. Therefore the writer also records the number of
+//! commits in the lock file, after each commit and before its acknowledgement. The record is never
+//! synced: it survives the process, and after a power failure it may be behind the store, but not
+//! ahead of it.
 
 use std::fs::{File, TryLockError};
 use std::io::{Read as _, Seek as _, Write as _};
@@ -14,7 +14,7 @@ use crate::Error;
 use crate::open::beside;
 use crate::place;
 
-/// Held for as long as this lives.
+/// An exclusive lock on a store, held while this value lives.
 #[derive(Debug)]
 pub(crate) struct Lock {
     store: PathBuf,
@@ -25,8 +25,8 @@ pub(crate) struct Lock {
 }
 
 impl Lock {
-    /// Takes the lock. Its file stays behind when the lock goes: removing it would let two
-    /// processes lock two different files of one name.
+    /// Takes the lock. The lock file is never removed: otherwise two processes could lock two
+    /// different files of the same name.
     pub(crate) fn take(store: &Path) -> Result<Self, Error> {
         let path = beside(store, ".lock");
         let file = File::options()
@@ -50,16 +50,17 @@ impl Lock {
         }
     }
 
-    /// Locks the store's file, too: the lock file goes by the name, and a file can have several.
+    /// Also locks the store's own file, because the lock file depends on the name, and a file can
+    /// have several names.
     pub(crate) fn hold_file(&mut self) -> Result<(), Error> {
         place::refuse_links(&self.store)?;
         self.held = place::lock_file(&self.store)?;
         Ok(())
     }
 
-    /// Notes how many commits there are.
+    /// Records the number of commits.
     pub(crate) fn record(&mut self, commits: u64) -> Result<(), Error> {
-        // Always of one length, so that a shorter number leaves no digits of a longer one.
+        // The length is fixed, so that a shorter number leaves no digits of a longer one behind.
         let note = format!("{commits:020}\n");
         self.file
             .rewind()
@@ -74,7 +75,7 @@ impl Lock {
             .rewind()
             .and_then(|()| self.file.read_to_string(&mut note))
             .map_err(|e| Error::io("read the lock file", &self.path, e))?;
-        // There is none when the store came from elsewhere, or from an older program.
+        // There is no record when the store was copied here or written by an older program.
         let acknowledged: u64 = note.trim().parse().unwrap_or(0);
         if held < acknowledged {
             return Err(Error::Behind {

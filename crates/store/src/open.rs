@@ -1,8 +1,8 @@
-//! Opening a store: what is checked before, how a new one comes into being, and who may write.
+//! Opening and creating a store: the checks, the creation and the lock.
 //!
-//! Nothing is written to a file before it has passed every check, and a new store appears under
-//! its name only when it is complete: a coordinator killed at any moment leaves either no store
-//! or one that opens.
+//! Nothing is written to a file before it has passed every check, and a new store gets its name
+//! only when it is complete. A coordinator that is killed at any moment leaves either no store or
+//! one that can be opened.
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -24,54 +24,58 @@ use crate::rows::CampaignRow;
 use crate::store::Store;
 use crate::{Error, schema, writer};
 
-/// What `PRAGMA quick_check` reads in about a quarter of a second.
+/// Size of a file that is checked before it is opened. `PRAGMA quick_check` reads it in about a
+/// quarter of a second.
 const CHECK_AT_ONCE: u64 = 32 << 20;
 
-/// Whose samples are read and compared with their digest in about a tenth of a second.
+/// Size of a file whose samples are compared with their digest before it is opened. This takes
+/// about a tenth of a second.
 const COMPARE_AT_ONCE: u64 = 4 << 20;
 
 const LEAVE_TO_WRITE: &str = "BEGIN IMMEDIATE; UPDATE campaign SET one = one; ROLLBACK";
 
-/// Reading connections: a status page, an export and a report at once, and one to spare.
+/// Number of reading connections: for a status page, an export and a report at once, and a spare
+/// one.
 const READERS: u32 = 4;
 
-/// How long a statement waits for a lock. Only foreign tools can hold one for long.
+/// Time that a statement waits for a lock. Only foreign tools can hold one for long.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// Rows that a reader takes at a time: a hop between SQLite's thread and ours costs more than a row, and
-/// a row of samples has up to 32 KiB.
+/// Number of rows that a reader fetches at a time. A round trip to SQLite's thread costs more than
+/// a row, and a row of samples has up to 32 KiB.
 const ROW_BUFFER: usize = 64;
 
 impl Store {
-    /// Opens the store at `path` for this campaign, or creates it when there is no such file:
-    /// [`create_or_open_with`](Store::create_or_open_with), no other campaign being accepted.
+    /// Opens the store at `path` for this campaign, or creates it if the file does not exist. Like
+    /// [`create_or_open_with`](Store::create_or_open_with), but refuses every other campaign.
     ///
     /// # Errors
     ///
-    /// As there.
+    /// As for [`create_or_open_with`](Store::create_or_open_with).
     pub async fn create_or_open(path: &Path, campaign: &CampaignRow) -> Result<Self, Error> {
         Self::create_or_open_with(path, campaign, |_| Err(Vec::new())).await
     }
 
-    /// Opens the store at `path` for this campaign, or creates it when there is no such file. A
-    /// store of another campaign is refused unless `may_extend` accepts the campaign it holds; it
-    /// is then opened as it is, and the caller [extends](Store::extend) it. What `may_extend` refuses
-    /// it for, in words, is part of the error.
+    /// Opens the store at `path` for this campaign, or creates it if the file does not exist. A
+    /// store of another campaign is refused unless `may_extend` accepts that campaign; the store is
+    /// then opened unchanged, and the caller [extends](Store::extend) it. The differences that
+    /// `may_extend` returns become part of the error.
     ///
-    /// A file too large to be checked in a moment is checked in the background: reads go on
-    /// meanwhile, the first write waits for the check of the pages. [`Store::checked`] tells the
-    /// verdict on these and on the samples.
+    /// A file that is too large for a quick check is checked in the background. Reads are allowed
+    /// meanwhile, and the first write waits for the check of the pages. [`Store::checked`] returns
+    /// the verdict on the pages and the samples.
     ///
     /// Holds an exclusive lock on `path` + `.lock` until [`Store::close`], or until the last clone
-    /// of the store and of its writers is dropped and what they submitted is committed. Must be
-    /// called within a Tokio runtime, on which the writer's task then runs.
+    /// of the store and of its writers is dropped and their submissions are committed. Must be
+    /// called within a Tokio runtime, which then runs the writer's task.
     ///
     /// # Errors
     ///
     /// [`Error::NotADatabase`], [`Error::NotAStore`], [`Error::Damaged`], [`Error::DamagedRows`],
-    /// [`Error::Behind`], [`Error::Linked`], [`Error::NewerSchema`] and [`Error::OtherCampaign`] for a file that is not this campaign's
-    /// sound store, which is then left as it was; [`Error::Locked`] while another process, or
-    /// another `Store`, writes to it; [`Error::Migration`], [`Error::DiskFull`], [`Error::Io`] and [`Error::Sqlite`].
+    /// [`Error::Behind`], [`Error::Linked`], [`Error::NewerSchema`] and [`Error::OtherCampaign`]
+    /// for a file that is not a sound store of this campaign, which is then left unchanged;
+    /// [`Error::Locked`] while another process, or another `Store`, writes to it;
+    /// [`Error::Migration`], [`Error::DiskFull`], [`Error::Io`] and [`Error::Sqlite`].
     pub async fn create_or_open_with(
         path: &Path,
         campaign: &CampaignRow,
@@ -80,7 +84,7 @@ impl Store {
         Self::create_or_open_checking(path, campaign, may_extend, CHECK_AT_ONCE).await
     }
 
-    /// Files of up to `check_at_once` bytes are checked before anything else.
+    /// Like [`Self::create_or_open_with`]; files of up to `check_at_once` bytes are checked first.
     async fn create_or_open_checking(
         path: &Path,
         campaign: &CampaignRow,
@@ -88,7 +92,8 @@ impl Store {
         check_at_once: u64,
     ) -> Result<Self, Error> {
         let path: Arc<Path> = resolve(path)?.into();
-        // Before the lock, so that a mistyped path does not leave a lock file beside a stranger.
+        // Before the lock is taken, so that a mistyped path leaves no lock file beside another
+        // program's file.
         if exists(&path)? {
             schema::check_header(&path)?;
         }
@@ -104,7 +109,8 @@ impl Store {
         let size = size(&path)?;
         let small = size <= check_at_once;
         let compare_at_once = size <= check_at_once.min(COMPARE_AT_ONCE);
-        // An upgrade writes, and so does a change of the journal's mode.
+        // The file is also checked first before a migration or a change of the journal mode, since
+        // both write to it.
         let at_once = small || found < schema::known() || !is_wal(&mut connection).await?;
         if at_once {
             check::quick_check(&mut connection).await?;
@@ -113,7 +119,7 @@ impl Store {
             schema::check_rows(&mut connection, found).await?;
         }
         let (held, commits) = schema::read(&mut connection, found).await?;
-        // The connection is closed before a refusal: the caller may replace the file after one.
+        // The connection is closed before a refusal, after which the caller may replace the file.
         connection.close().await?;
         if let Some(commits) = commits {
             lock.compare(commits)?;
@@ -132,7 +138,7 @@ impl Store {
         let options = writing(&path);
         let (connection, pending) = if at_once {
             let mut connection = Connection::open(&options, &path).await?;
-            // SQLite opens a file that it may not write to, and complains only when a row is written.
+            // SQLite opens a file that is not writable and reports that only when a row is written.
             connection
                 .run("get leave to write to its file", LEAVE_TO_WRITE)
                 .await?;
@@ -159,15 +165,16 @@ impl Store {
         })
     }
 
-    /// Opens an existing store for reading, without a lock: also while a coordinator writes to it.
+    /// Opens an existing store for reading, without a lock and also while a coordinator writes to
+    /// it.
     ///
-    /// SQLite writes its index of the log (`-shm`) even so, unless one is there. In a folder that may
-    /// not be written to, as an archive is, the file is read without it; its log must then be empty or
-    /// missing, as a coordinator that ended leaves it, and no coordinator may begin meanwhile.
+    /// SQLite normally writes its index of the log (`-shm`) even then, unless it exists. In a
+    /// folder that is not writable, such as an archive, the file is read without it. The log must
+    /// then be empty or missing, as a coordinator leaves it at its end, and no coordinator may
+    /// start meanwhile.
     ///
-    /// A small store is checked first; for a large one, the check is made when
-    /// [`checked`](Store::checked) is called. Rows other than samples are compared with their digests
-    /// whenever they are read.
+    /// A small store is checked first. A large one is checked when [`checked`](Store::checked) is
+    /// called. Rows other than samples are compared with their digests whenever they are read.
     ///
     /// # Errors
     ///
@@ -221,7 +228,8 @@ impl Store {
     }
 }
 
-/// One name per file, whichever symbolic links it was given by: the log goes by the name.
+/// The canonical path of a file, whatever symbolic links lead to it: SQLite derives the log's name
+/// from it.
 fn resolve(path: &Path) -> Result<PathBuf, Error> {
     let failed = |e| Error::io("find", path, e);
     if exists(path)? {
@@ -245,24 +253,24 @@ fn exists(path: &Path) -> Result<bool, Error> {
         .map_err(|e| Error::io("look for", path, e))
 }
 
-/// Of the file and of its log, in bytes.
+/// Size of the file and its log, in bytes.
 fn size(path: &Path) -> Result<u64, Error> {
     let file = fs::metadata(path).map_err(|e| Error::io("look at", path, e))?;
     let log = fs::metadata(beside(path, "-wal"));
     Ok(file.len() + log.map_or(0, |log| log.len()))
 }
 
-/// `path` with `suffix` appended to its name, as SQLite names its own companions.
+/// `path` with `suffix` appended to its name, as SQLite names its auxiliary files.
 pub(crate) fn beside(path: &Path, suffix: &str) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(suffix);
     PathBuf::from(name)
 }
 
-/// Builds the store under another name and moves it into place when it is complete.
+/// Builds the store under a temporary name and renames it when it is complete.
 async fn create(path: &Path, campaign: &CampaignRow, lock: &mut Lock) -> Result<(), Error> {
     let log = beside(path, "-wal");
-    // A reader may leave an empty one behind.
+    // A reader may leave an empty log behind.
     if fs::metadata(&log).is_ok_and(|log| log.len() > 0) {
         // SQLite would replay the old log into the new file.
         return Err(Error::Damaged {
@@ -271,7 +279,8 @@ async fn create(path: &Path, campaign: &CampaignRow, lock: &mut Lock) -> Result<
         });
     }
     let draft = beside(path, ".creating");
-    // What a creation that was killed left behind; the lock says that nobody else is at it.
+    // Leftovers of a creation that was killed. The lock guarantees that no other process is
+    // creating it.
     let companions = ["-journal", "-wal", "-shm"].map(|suffix| beside(&draft, suffix));
     for leftover in std::iter::once(&draft).chain(&companions) {
         match fs::remove_file(leftover) {
@@ -281,7 +290,7 @@ async fn create(path: &Path, campaign: &CampaignRow, lock: &mut Lock) -> Result<
             _ => {}
         }
     }
-    // One file, no log: renaming it is enough.
+    // One file without a log, so that one rename suffices.
     let options = SqliteConnectOptions::new()
         .filename(&draft)
         .create_if_missing(true)
@@ -290,7 +299,7 @@ async fn create(path: &Path, campaign: &CampaignRow, lock: &mut Lock) -> Result<
     let mut connection = Connection::open(&options, &draft.as_path().into()).await?;
     schema::migrate(&mut connection, 0).await?;
     keyed::replace(&mut connection, slice::from_ref(campaign)).await?;
-    // Before it has its name: switching later takes a journal, which a kill would leave behind.
+    // Before the rename, because a later switch creates a journal, which a kill would leave behind.
     connection
         .run("switch to a write-ahead log", "PRAGMA journal_mode = WAL")
         .await?;
@@ -301,13 +310,13 @@ async fn create(path: &Path, campaign: &CampaignRow, lock: &mut Lock) -> Result<
             detail: "its log outlived the connection that wrote it".into(),
         });
     }
-    // What an earlier store of this name had acknowledged does not concern the new one.
+    // The record of an earlier store of this name does not apply to the new one.
     lock.record(0)?;
     fs::rename(&draft, path).map_err(|e| Error::io("move the new store to", path, e))?;
     sync_folder(path)
 }
 
-/// A rename is on disk when its folder is.
+/// Syncs the folder: a rename is durable only after that.
 fn sync_folder(path: &Path) -> Result<(), Error> {
     if cfg!(unix)
         && let Some(folder) = path.parent()
@@ -319,8 +328,9 @@ fn sync_folder(path: &Path) -> Result<(), Error> {
     Ok(())
 }
 
-/// Lets SQLite undo what a process that was killed had begun under a rollback journal, as a switch to
-/// the write-ahead log is: a reading connection may not. Only a store of ours is touched.
+/// Lets SQLite roll back a transaction that a killed process left in a rollback journal, for
+/// example a switch to the write-ahead log. A reading connection cannot do that. Only stores of
+/// this program are touched.
 async fn roll_back(path: &Arc<Path>) -> Result<(), Error> {
     let journal = beside(path, "-journal");
     if !fs::metadata(&journal).is_ok_and(|journal| journal.len() > 0) || !schema::is_marked(path)? {
@@ -348,8 +358,9 @@ pub(crate) fn writing(path: &Path) -> SqliteConnectOptions {
         .journal_mode(SqliteJournalMode::Wal)
         .synchronous(SqliteSynchronous::Full)
         .busy_timeout(BUSY_TIMEOUT)
-        // The writer moves the log into the file itself, after it has acknowledged; that it
-        // begins anew at no length lets its length tell how much there is to move.
+        // The writer copies the log to the file itself, after the acknowledgement. With a size
+        // limit of 0 the log is truncated when it restarts, so its length is the amount left to
+        // copy.
         .pragma("wal_autocheckpoint", "0")
         .pragma("journal_size_limit", "0")
         .disable_statement_logging()
@@ -361,7 +372,8 @@ fn reading(path: &Arc<Path>) -> Reading {
         .read_only(true)
         .busy_timeout(BUSY_TIMEOUT)
         .row_buffer_size(ROW_BUFFER)
-        // A visit of all samples takes as long as its visitor, which is no statement's fault.
+        // Visiting all samples takes as long as the visitor takes, so slow statements are not
+        // logged.
         .disable_statement_logging();
     Reading {
         path: Arc::clone(path),
@@ -405,7 +417,7 @@ pub(crate) mod tests {
         }
     }
 
-    /// A closed store of one design with so many samples.
+    /// Creates a closed store of one design with `count` samples.
     pub(crate) async fn filled(path: &Path, count: u64) {
         let store = Store::create_or_open(path, &campaign()).await.unwrap();
         let design = DesignRow::new(0, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
@@ -443,14 +455,14 @@ pub(crate) mod tests {
         let path = folder.path().join("campaign.db");
         filled(&path, 40_000).await;
         let mut bytes = fs::read(&path).unwrap();
-        // A page of samples: nothing on the way to opening.
+        // A page of samples, which opening does not read.
         let page = bytes.len() / 4096 - 20;
         bytes[page * 4096..(page + 1) * 4096].fill(0xa5);
         fs::write(&path, &bytes).unwrap();
 
         let store = open_as_if_large(&path).await;
         assert_eq!(store.campaign().await.unwrap().digest, "d");
-        // What is held already need not be written.
+        // Values that are stored already need no write.
         store.pin_model_digest("abc").await.unwrap();
         let error = store
             .writer()

@@ -1,8 +1,8 @@
-//! Which file a store is, whatever names it has.
+//! The identity of a store's file, whatever names it has.
 //!
-//! SQLite finds a store's log by the name under which the file was opened. A file that is opened
-//! under two names has two logs, of which each undoes what the other holds; one that is removed or
-//! replaced while it is open takes rows that nobody finds again.
+//! SQLite derives the log's name from the name under which the file was opened. A file that is
+//! opened under two names has two logs, each of which undoes the other's changes. A file that is
+//! removed or replaced while it is open accepts rows that are never found again.
 
 use std::fs::{self, File, Metadata, TryLockError};
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ use crate::Error;
 use crate::filesystem::network_file_system;
 use crate::open::beside;
 
-/// A file's device and its number there; always equal where the system has no such numbers.
+/// A file's device and inode numbers. They are constant on systems without them.
 type Id = (u64, u64);
 
 #[cfg(unix)]
@@ -36,13 +36,13 @@ fn links(_: &Metadata) -> u64 {
     1
 }
 
-/// The store's file and its log, as they were when they were opened.
+/// The identities of the store's file and its log when they were opened.
 #[derive(Debug)]
 pub(crate) struct Place {
     path: Arc<Path>,
     log: PathBuf,
     file: Id,
-    /// `None` until there is one.
+    /// `None` until the log exists.
     log_file: Option<Id>,
 }
 
@@ -61,8 +61,9 @@ impl Place {
         &self.path
     }
 
-    /// Refuses when another file, or none, has the name of the store or of its log. Returns the
-    /// length of the log. While the writer has no connection, SQLite may remove the log by itself.
+    /// Refuses the store if its file or its log was removed or replaced. Returns the length of the
+    /// log. The log is checked only while the writer has a connection, because otherwise SQLite may
+    /// remove it.
     pub(crate) fn check(&mut self, is_connected: bool) -> Result<u64, Error> {
         match fs::metadata(&self.path) {
             Ok(file) if id(&file) == self.file => {}
@@ -94,7 +95,7 @@ impl Place {
     }
 }
 
-/// Refuses a file that has several names, since only one of them leads to its log.
+/// Refuses a file that has several names, because its log belongs to only one of them.
 pub(crate) fn refuse_links(path: &Path) -> Result<(), Error> {
     let file = fs::metadata(path).map_err(|e| Error::io("look at", path, e))?;
     match links(&file) {
@@ -106,9 +107,9 @@ pub(crate) fn refuse_links(path: &Path) -> Result<(), Error> {
     }
 }
 
-/// Locks the file itself, so that whoever opens it by another name finds it in use. `None` where
-/// such a lock could be mixed up with SQLite's own: these are different things on Linux's local file
-/// systems.
+/// Locks the file itself, so that a process that opens it under another name finds it in use.
+/// Returns `None` where such a lock could interfere with SQLite's own; on Linux's local file
+/// systems the two are independent.
 pub(crate) fn lock_file(path: &Path) -> Result<Option<File>, Error> {
     let mounts = fs::read_to_string("/proc/self/mountinfo");
     if !mounts.is_ok_and(|mounts| network_file_system(path, &mounts).is_none()) {
@@ -124,7 +125,7 @@ pub(crate) fn lock_file(path: &Path) -> Result<Option<File>, Error> {
     }
 }
 
-/// Refuses to read a file that a coordinator writes to under another name, with its log there.
+/// Refuses to read a file that a coordinator is writing under another name, where the log is.
 pub(crate) fn refuse_hidden_log(path: &Path) -> Result<(), Error> {
     let linked = refuse_links(path);
     if linked.is_ok() || beside(path, "-wal").exists() {

@@ -1,4 +1,4 @@
-//! The statements that read.
+//! Statements that only read.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -12,10 +12,10 @@ use crate::rows::{
     Progress,
 };
 
-/// What fails when missing work cannot be found.
+/// The operation of finding missing work; completes "the database could not".
 const LOOKING: &str = "look for missing work";
 
-/// The migrations that made the schema: version and checksum, the oldest first.
+/// The applied migrations as version and checksum, oldest first.
 pub(crate) async fn migrations(
     connection: &mut Connection<'_>,
 ) -> Result<Vec<(i64, Vec<u8>)>, Error> {
@@ -27,11 +27,11 @@ pub(crate) async fn migrations(
 
 pub(crate) async fn campaign(connection: &mut Connection<'_>) -> Result<CampaignRow, Error> {
     let row = keyed::all(connection).await?.pop();
-    // A store comes into being with its campaign in it.
+    // A store is created together with its campaign.
     row.ok_or_else(|| connection.damaged("it names no campaign"))
 }
 
-/// As [`campaign`], of a schema that has no seals.
+/// Like [`campaign`], for a schema without seals.
 pub(crate) async fn campaign_before_seals(
     connection: &mut Connection<'_>,
 ) -> Result<CampaignRow, Error> {
@@ -58,17 +58,17 @@ pub(crate) async fn sampled_counts(
         .collect())
 }
 
-/// Designs that lack their criteria, or are feasible, not ruled out, and lack samples below `wanted`,
-/// or below what `more` says of them.
+/// The designs that lack criteria, or that are simulable, not ruled out, and lack samples below
+/// `wanted` or below their larger number in `more`.
 pub(crate) async fn missing_work(
     connection: &mut Connection<'_>,
     wanted: u64,
     more: &BTreeMap<u64, u64>,
 ) -> Result<Vec<MissingWork>, Error> {
-    // Beyond i64::MAX no sample can be stored, so nothing more could be missing or held.
+    // No sample beyond `i64::MAX` can be stored, so none is missing there.
     let limit = i64::try_from(wanted).unwrap_or(i64::MAX);
     let mut missing = BTreeMap::new();
-    // Designs with every sample up to their last one, and enough of them, stay in the database.
+    // The query skips designs that have enough samples without gaps.
     let rows = connection
         .all(
             LOOKING,
@@ -93,7 +93,7 @@ pub(crate) async fn missing_work(
 
     for row in rows {
         let samples = if row.held > row.last {
-            // Without holes: nothing has to be read to know what is missing.
+            // Without gaps, the missing samples are known without reading any.
             gaps(std::iter::once(0..index(row.held)), wanted)
         } else {
             missing_samples(connection, row.design, limit).await?
@@ -148,7 +148,7 @@ async fn design_row(connection: &mut Connection<'_>, design: i64) -> Result<Desi
     })
 }
 
-/// What is missing of the samples `0..limit` of one design.
+/// The missing samples of one design in `0..limit`.
 async fn missing_samples(
     connection: &mut Connection<'_>,
     design: i64,
@@ -172,7 +172,7 @@ async fn missing_samples(
     Ok(gaps(held, index(limit)))
 }
 
-/// What `held`, ascending, leaves of `0..wanted`.
+/// The parts of `0..wanted` that the ascending ranges `held` leave out.
 fn gaps(held: impl IntoIterator<Item = Range<u64>>, wanted: u64) -> Vec<Range<u64>> {
     let mut gaps = Vec::new();
     let mut next = 0;
@@ -188,7 +188,7 @@ fn gaps(held: impl IntoIterator<Item = Range<u64>>, wanted: u64) -> Vec<Range<u6
     gaps
 }
 
-/// How many commits the store holds.
+/// The number of commits in the store.
 pub(crate) async fn commits(connection: &mut Connection<'_>) -> Result<u64, Error> {
     connection
         .one("read the tally", sqlx::query!("SELECT commits FROM tally"))
@@ -211,7 +211,7 @@ pub(crate) async fn verify_counts(
         .collect())
 }
 
-/// How many evaluations there are of each run that is not finished, by the run's name.
+/// The number of evaluations of each unfinished run, by the run's name.
 pub(crate) async fn unfinished_runs(
     connection: &mut Connection<'_>,
 ) -> Result<Vec<(String, u64)>, Error> {
@@ -349,7 +349,7 @@ fn kind(text: String) -> Result<FailureKind, Error> {
 }
 
 pub(crate) async fn progress(connection: &mut Connection<'_>) -> Result<Progress, Error> {
-    // One statement, so that all counts are of one moment.
+    // A single statement, so that all counts are of the same moment.
     let r = connection
         .one(
             "count rows",
@@ -386,7 +386,7 @@ pub(crate) async fn progress(connection: &mut Connection<'_>) -> Result<Progress
     })
 }
 
-/// The schema keeps indices and counts from being negative.
+/// Converts an index or count, which the schema keeps from being negative.
 pub(crate) fn index(value: i64) -> u64 {
     value.cast_unsigned()
 }

@@ -6,56 +6,58 @@ use crate::insert::REMOVING;
 use crate::keyed::{self, Table};
 use crate::rows::Receipt;
 
-/// What one round of infill decided.
+/// The decision of one round of infill.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RoundRow {
     /// The round, from 0.
     pub round: u64,
-    /// The most that was expected of any observation, in µm; `None` where no model could tell.
+    /// The largest expected improvement of any observation, in µm; `None` without a model.
     pub expected_improvement_um: Option<f64>,
     /// The best design so far, as JSON; `None` without a model or a feasible design.
     pub recommendation_json: Option<String>,
-    /// Why the enrichment ends, as JSON; `None` while it goes on.
+    /// Why the enrichment ends, as JSON; `None` while it continues.
     pub stop_json: Option<String>,
-    /// What is to be known of the round, as JSON.
+    /// Remarks on the round, as JSON.
     pub notes_json: String,
-    /// Analyses that the search for points took.
+    /// Number of calls of the simulator made by the search for points.
     pub simulator_calls: u64,
     /// Processor time of the decision, in seconds.
     pub cpu_seconds: f64,
 }
 
-/// A point that a round asked for.
+/// A point that a round adds.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InfillRow {
-    /// Counts over all rounds, from 0.
+    /// Number of the point over all rounds, from 0.
     pub infill: u64,
     /// The round.
     pub round: u64,
-    /// Its name among the verified points.
+    /// Name of the point among those with samples of their own.
     pub name: String,
-    /// The number of its random streams.
+    /// Number of the point's random streams.
     pub number: u64,
-    /// Why it was chosen.
+    /// The reason why it was chosen.
     pub reason: String,
     /// Its variables, in the order of [`DesignRow::x`](crate::DesignRow::x).
     pub x: Vec<f64>,
-    /// How far the exact constraints are missed; while only models of the constraints are known, 0.
+    /// Constraint violation with exact constraints; 0 while only models of the constraints are
+    /// known.
     pub violation: f64,
-    /// How many samples it gets.
+    /// Number of samples to be taken.
     pub samples: u64,
-    /// Whether it got none, as the round after found: it failed, or it is [ruled out](Self::is_ruled_out).
+    /// Whether the point got no samples, as found by a later round: it failed or is
+    /// [ruled out](Self::is_ruled_out).
     pub failed: bool,
 }
 
 impl InfillRow {
-    /// Whether the simulator was asked for the point's constraints and one is broken.
+    /// Whether the simulator evaluated the point's constraints and one is violated.
     #[must_use]
     pub fn is_ruled_out(&self) -> bool {
         self.failed && self.violation > 0.0
     }
 
-    /// Whether it got no samples for another reason than a broken constraint.
+    /// Whether the point got no samples for another reason than a violated constraint.
     #[must_use]
     pub fn has_failed(&self) -> bool {
         self.failed && self.violation <= 0.0
@@ -67,19 +69,18 @@ impl InfillRow {
 pub struct Unsampled {
     /// [`InfillRow::infill`] of the point.
     pub infill: u64,
-    /// How far it misses the constraints, as far as is known.
+    /// Its constraint violation, as far as it is known.
     pub violation: f64,
 }
 
-/// A round as it is written: what it decided, the points it asks for, and which earlier points got no
-/// samples.
+/// A round to be stored: its decision, its points, and the earlier points that got no samples.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NewRound {
-    /// What it decided.
+    /// The decision of the round.
     pub row: RoundRow,
-    /// Its points.
+    /// The points of the round.
     pub infill: Vec<InfillRow>,
-    /// The points before it that got no samples.
+    /// The earlier points that got no samples.
     pub failed: Vec<Unsampled>,
 }
 
@@ -111,7 +112,7 @@ pub(crate) async fn insert(
     })
 }
 
-/// Removes all rounds with their points and the samples of those.
+/// Removes all rounds with their points and the points' samples.
 pub(crate) async fn clear(connection: &mut Connection<'_>) -> Result<(), Error> {
     for statement in [
         "DELETE FROM verify_sample WHERE approach IN (SELECT name FROM infill)",

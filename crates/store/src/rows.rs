@@ -7,9 +7,10 @@ use std::ops::Range;
 pub struct CampaignRow {
     /// The campaign's name.
     pub name: String,
-    /// The campaign file as it was read.
+    /// The text of the campaign file.
     pub file_text: String,
-    /// Digest of the file's canonical content, in hex. Two files with one digest are one campaign.
+    /// Digest of the file's canonical content, in hex. Two files with the same digest are the same
+    /// campaign.
     pub digest: String,
     /// The seed of every random stream.
     pub seed: u64,
@@ -25,7 +26,7 @@ pub struct CampaignRow {
 pub struct DesignRow {
     /// Index in the design of experiments.
     pub design: u64,
-    /// The variables that the design of experiments moves, in their problem's order.
+    /// The variables of the design of experiments, in their problem's order.
     pub x: Vec<f64>,
 }
 
@@ -40,16 +41,17 @@ impl DesignRow {
     }
 }
 
-/// What is known of a design without sampling it.
+/// The deterministic results of a design.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct CriteriaRow {
     /// Index of the design.
     pub design: u64,
-    /// Whether the simulator gives numbers for the design.
+    /// Whether the design is simulable: the simulator gives numbers for it.
     pub feasible: bool,
-    /// Why it gives none, or why the design gets no samples although it does: a code and a sentence.
+    /// Why the design is not simulable, or why it gets no samples although it is: a code and a
+    /// sentence.
     pub reason: Option<String>,
-    /// The deterministic responses in their problem's order; `None` where the simulator gives none.
+    /// The deterministic responses in their problem's order; `None` if the design is not simulable.
     pub responses: Option<Vec<f64>>,
 }
 
@@ -64,7 +66,7 @@ pub struct SampleRow {
     pub delta_ste_um: f64,
 }
 
-/// What kriging learns about a design.
+/// The sampled response of a design, which kriging learns from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ResponseRow {
     /// Index of the design.
@@ -73,11 +75,11 @@ pub struct ResponseRow {
     pub mean_um: f64,
     /// Standard deviation of the samples, in µm.
     pub sd_um: f64,
-    /// Their 90 % percentile, in µm.
+    /// Estimate of the 90 % percentile, in µm.
     pub p90_um: f64,
     /// Variance of that estimate, in µm².
     pub p90_variance_um2: f64,
-    /// p-value of Lilliefors' test of normality; `None` where it has none.
+    /// p-value of Lilliefors' test of normality; `None` if the test does not apply.
     pub lilliefors_p: Option<f64>,
 }
 
@@ -88,7 +90,7 @@ pub struct ModelRow {
     pub name: String,
     /// The whole model, as JSON.
     pub json: String,
-    /// What a reader wants to know of it, as JSON.
+    /// A summary of the model, as JSON.
     pub summary_json: String,
 }
 
@@ -99,11 +101,11 @@ pub struct OptimiserRunRow {
     pub approach: String,
     /// Index of the start.
     pub start: u64,
-    /// Its result, as JSON. What makes two rows the same run, with `simulator_calls`.
+    /// The result, as JSON. Two rows are the same run if this and `simulator_calls` agree.
     pub result_json: String,
-    /// How often it called the simulator.
+    /// Number of calls of the simulator.
     pub simulator_calls: u64,
-    /// Processor time, in seconds. Measured, so not compared.
+    /// Processor time, in seconds. It is measured and therefore not compared.
     pub cpu_seconds: f64,
 }
 
@@ -112,7 +114,7 @@ pub struct OptimiserRunRow {
 pub struct OptimumRow {
     /// The problem formulation.
     pub approach: String,
-    /// An object of every variable's value by name, as JSON.
+    /// The values of all variables, as a JSON object keyed by name.
     pub x_json: String,
     /// The optimised criterion, in µm.
     pub criterion_um: f64,
@@ -120,18 +122,18 @@ pub struct OptimumRow {
     pub feasible: bool,
     /// The criteria at the optimum, as JSON.
     pub criteria_json: String,
-    /// Calls of the simulator over all its runs.
+    /// Calls of the simulator in all runs of the approach.
     pub simulator_calls: u64,
-    /// Processor time over all its runs, in seconds.
+    /// Processor time of all runs of the approach, in seconds.
     pub cpu_seconds: f64,
-    /// A remark for the report; empty when there is none.
+    /// A remark for the report; empty if there is none.
     pub note: String,
 }
 
-/// One sample at an optimum.
+/// One sample of an optimum or an infill point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VerifyRow {
-    /// The approach whose optimum it is.
+    /// The approach of the optimum, or the name of the infill point.
     pub approach: String,
     /// Index of the sample.
     pub sample: u64,
@@ -139,19 +141,19 @@ pub struct VerifyRow {
     pub delta_ste_um: f64,
 }
 
-/// How a job went wrong.
+/// The kinds of event recorded against a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum FailureKind {
-    /// Its worker vanished while it ran.
+    /// The lease expired after the job started.
     Crash,
-    /// Its worker reported an error.
+    /// The job returned an error.
     Failure,
-    /// It was quarantined.
+    /// The job was quarantined.
     Quarantine,
 }
 
 impl FailureKind {
-    /// Its name in the table.
+    /// The name of the kind in the table.
     #[must_use]
     pub fn as_str(self) -> &'static str {
         match self {
@@ -168,84 +170,85 @@ impl FailureKind {
     }
 }
 
-/// One thing that went wrong with one attempt of a job.
+/// One crash, failure or quarantine of one attempt of a job.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FailureRow {
-    /// The job, as its messages name it.
+    /// The name of the job in messages.
     pub job: String,
     /// The attempt.
     pub attempt: u32,
-    /// The worker that had it.
+    /// The worker that held the job's lease.
     pub worker: String,
-    /// The worker's own number of what it reports. A second row of this worker with this number is
-    /// not stored; without a number every row is.
+    /// The worker's own number of the report. A second row with the same worker and number is not
+    /// stored; rows without a number are always stored.
     pub serial: Option<u64>,
-    /// How it went wrong.
+    /// The kind of the event.
     pub kind: FailureKind,
-    /// What was reported.
+    /// The reported error.
     pub error: String,
-    /// When, in milliseconds since 1970 (UTC), if the caller wants that kept.
+    /// The time in milliseconds since 1970 (UTC), if the caller records it.
     pub at_unix_ms: Option<i64>,
 }
 
-/// What went wrong with a job so far.
+/// The recorded crashes and failures of a job.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct JobHistory {
     /// The job's name.
     pub job: String,
-    /// The newest attempt of which something is recorded.
+    /// The newest attempt with a recorded event.
     pub attempts: u32,
-    /// Workers that vanished while it ran, since the job was last quarantined.
+    /// Crashes since the job was last quarantined.
     pub crashes: u32,
-    /// Recorded failures since then.
+    /// Failures since the job was last quarantined.
     pub failures: u32,
 }
 
 /// Failures of one kind with one cause.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FailureGroup {
-    /// How the jobs went wrong.
+    /// The kind of the failures.
     pub kind: FailureKind,
-    /// The first line of what was reported, with `#` in the place of every number and cut after
-    /// some 200 bytes: what the failures of the group have in common.
+    /// The first line of the error with every number replaced by `#`, cut after some 200 bytes: the
+    /// part that the failures of the group have in common.
     pub cause: String,
-    /// How many there are.
+    /// Number of failures in the group.
     pub count: u64,
-    /// The first line of what was reported last, numbers included.
+    /// The first line of the latest error, with its numbers.
     pub last_error: String,
-    /// The job of the last one.
+    /// The job of the latest failure.
     pub last_job: String,
-    /// The worker of the last one.
+    /// The worker of the latest failure.
     pub last_worker: String,
 }
 
-/// What a job cost.
+/// The measured cost of a job.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JobTimeRow {
     /// The job's number.
     pub job: u64,
-    /// Processor time, in seconds. Measured, so never compared: the first one is kept.
+    /// Processor time, in seconds. It is measured and therefore never compared: the first value is
+    /// kept.
     pub cpu_seconds: f64,
 }
 
-/// What an external simulator says of a candidate of an optimiser run.
+/// An external simulator's evaluation of a candidate of an optimiser run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EvaluationRow {
-    /// What the run is called where generations are.
+    /// The name of the run, as in the table of generations.
     pub stream: String,
-    /// Which evaluation of the run, from 0.
+    /// Index of the evaluation within the run, from 0.
     pub evaluation: u64,
     /// The values of all variables.
     pub x: Vec<f64>,
-    /// Why the design cannot be simulated; there is nothing else then.
+    /// Why the design is not simulable. The fields below are then `None`.
     pub refused: Option<String>,
     /// The response without random effects, if the problem has a baseline.
     pub value: Option<f64>,
-    /// What constraints are set on.
+    /// The values that constraints are set on.
     pub criteria: Option<Vec<f64>>,
-    /// The same in the baseline state, where it was asked for.
+    /// The same values in the baseline state, if they were requested.
     pub worn_criteria: Option<Vec<f64>>,
-    /// Of a direct search, the sampled response of a design that keeps the constraints.
+    /// The sampled response of a feasible design, for a direct search.
     pub samples: Option<Vec<f64>>,
 }
 
@@ -262,18 +265,18 @@ pub struct Batch {
     pub runs: Vec<OptimiserRunRow>,
     /// Evaluations of optimiser runs.
     pub evaluations: Vec<EvaluationRow>,
-    /// What jobs cost.
+    /// Costs of jobs.
     pub times: Vec<JobTimeRow>,
-    /// Failures; appended, but for those that are known by their worker's number.
+    /// Failures. They are appended, except those stored already under the same worker and number.
     pub failures: Vec<FailureRow>,
-    /// The stream and the generation whose results these are, if they may be out of date: they are
-    /// stored only if that is the generation which
-    /// [`Store::put_generations`](crate::Store::put_generations) put last.
+    /// The stream and the generation of these results, if they may be out of date. They are stored
+    /// only if that generation was the last one given to
+    /// [`Store::put_generations`](crate::Store::put_generations).
     pub only_for: Option<(String, u64)>,
 }
 
 impl Batch {
-    /// Adds the rows of another batch, which must not be for a generation of its own.
+    /// Appends the rows of another batch, which must not have an `only_for` of its own.
     pub fn append(&mut self, mut other: Self) {
         self.criteria.append(&mut other.criteria);
         self.samples.append(&mut other.samples);
@@ -302,18 +305,18 @@ impl Batch {
     }
 }
 
-/// What became of the rows of a committed batch.
+/// The outcome of a committed batch.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Receipt {
-    /// Rows that were not there before.
+    /// Rows that were not stored before.
     pub new_rows: u64,
-    /// Rows that were there already, with the same value.
+    /// Rows that were stored before with the same value.
     pub duplicate_rows: u64,
-    /// Whether nothing was stored, because it is out of date.
+    /// Whether nothing was stored because the batch is out of date.
     pub is_stale: bool,
 }
 
-/// What a design still lacks.
+/// The missing work of a design.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MissingWork {
     /// The design.
@@ -321,26 +324,26 @@ pub struct MissingWork {
     /// Whether its criteria are missing.
     pub criteria: bool,
     /// The missing samples, as disjoint ascending ranges. For a design whose criteria are missing
-    /// these are needed only if it turns out feasible.
+    /// they are needed only if it proves simulable.
     pub samples: Vec<Range<u64>>,
 }
 
-/// How far a campaign is, all counts of one moment.
+/// The progress of a campaign, with all counts of the same moment.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Progress {
-    /// Designs.
+    /// Number of designs.
     pub designs: u64,
     /// Designs whose criteria are known.
     pub criteria_done: u64,
-    /// Those of them that are feasible.
+    /// Simulable designs.
     pub feasible: u64,
-    /// The feasible ones that get no samples, for a reason beside them.
+    /// Simulable designs that get no samples, for a reason recorded with them.
     pub ruled_out: u64,
     /// Samples of designs.
     pub samples: u64,
     /// Designs with a response.
     pub responses: u64,
-    /// How many samples the responses were computed from, where that is known.
+    /// Number of samples that the responses were computed from, if known.
     pub samples_of_responses: Option<u64>,
     /// Fitted models.
     pub models: u64,

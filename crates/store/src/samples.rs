@@ -10,13 +10,14 @@ use crate::tables::{differ, number};
 use crate::tally::{self, Tally};
 use crate::{Error, failpoints, query};
 
-/// Most samples in a row, as the schema has it: bounds what a reader holds in memory at a time.
+/// Maximum number of samples in a row, as the schema also enforces. It bounds the memory of a
+/// reader.
 const LONGEST: usize = 4096;
 
-/// Rows that an upgrade packs at a time.
+/// Number of rows that an upgrade packs at a time.
 const PACKED_AT_ONCE: i64 = 65_536;
 
-/// The table of schemas before 7, with a row for each sample.
+/// The table of schemas before 7, with one row per sample.
 const UNPACKED: &str = "sample";
 
 /// Consecutive samples of one design.
@@ -24,7 +25,7 @@ const UNPACKED: &str = "sample";
 pub(crate) struct SampleRange {
     pub(crate) design: u64,
     pub(crate) first_sample: u64,
-    /// ΔSTE in µm: 64 bits a sample, little-endian.
+    /// ΔSTE in µm, 64 bits per sample, little-endian.
     pub(crate) delta_ste_um: Vec<u8>,
 }
 
@@ -33,7 +34,7 @@ impl SampleRange {
         self.delta_ste_um.as_chunks().0
     }
 
-    /// The number after the last sample's.
+    /// The index after the last sample.
     pub(crate) fn end(&self) -> u64 {
         self.first_sample.saturating_add(self.values().len() as u64)
     }
@@ -48,7 +49,7 @@ impl SampleRange {
     }
 }
 
-/// Refuses a sample that SQLite would not give back as it was.
+/// Refuses a sample that SQLite would not return unchanged.
 pub(crate) fn check(row: &SampleRow) -> Result<(), Error> {
     for (column, value) in [("design", row.design), ("sample", row.sample)] {
         if i64::try_from(value).is_err() {
@@ -66,7 +67,7 @@ pub(crate) fn check(row: &SampleRow) -> Result<(), Error> {
     })
 }
 
-/// Stores the samples of batches that are not held, with a receipt for each batch, and adds them to
+/// Stores the new samples of batches, updates the receipt of each batch, and adds the samples to
 /// the tally.
 pub(crate) async fn insert(
     connection: &mut Connection<'_>,
@@ -81,7 +82,7 @@ pub(crate) async fn insert(
     if offered.is_empty() {
         return Ok(());
     }
-    // Stable: a sample that two batches bring is new to the first.
+    // The sort is stable: a sample in two batches counts as new for the first.
     offered.sort_by_key(|(_, row)| key(row));
     let held = held(connection, &offered).await?;
     let fresh = fresh(&held, &offered, receipts)?;
@@ -93,7 +94,7 @@ fn key(row: &SampleRow) -> (u64, u64) {
     (row.design, row.sample)
 }
 
-/// The offered samples that are not held. Both are in order.
+/// The offered samples that are not stored yet. Both inputs are sorted.
 fn fresh(
     held: &[SampleRange],
     offered: &[(usize, SampleRow)],
@@ -117,7 +118,8 @@ fn fresh(
     Ok(fresh)
 }
 
-/// The ranges between the first and the last of the samples of each design, which are in order.
+/// The stored ranges between the first and last offered sample of each design. The samples are
+/// sorted.
 async fn held(
     connection: &mut Connection<'_>,
     offered: &[(usize, SampleRow)],
@@ -131,7 +133,7 @@ async fn held(
         ))
     });
     let spans = format!("[{}]", spans.collect::<Vec<_>>().join(","));
-    // The first range that may matter is the last one that begins at or before the first sample.
+    // The first range that may overlap is the last one that begins at or before the first sample.
     let filter = "WHERE (design, first_sample) IN (
         SELECT held.design, held.first_sample
         FROM json_each(?) AS span CROSS JOIN sample_range AS held
@@ -156,7 +158,7 @@ fn agree(held: &SampleRow, offered: &SampleRow) -> Result<(), Error> {
     }
 }
 
-/// Adds a sample to the last range, or begins another one. Samples come in order.
+/// Appends a sample to the last range, or begins a new one. Samples arrive in order.
 fn append(ranges: &mut Vec<SampleRange>, row: &SampleRow) {
     let value = number(row.delta_ste_um).to_le_bytes();
     match ranges.last_mut() {
@@ -174,7 +176,8 @@ fn append(ranges: &mut Vec<SampleRange>, row: &SampleRow) {
     }
 }
 
-/// Inserts ranges with one statement: all values in one array of bytes, and where in it each range is.
+/// Inserts ranges with one statement: the values as one byte array, and the place of each range in
+/// it.
 async fn write(connection: &mut Connection<'_>, ranges: &[SampleRange]) -> Result<(), Error> {
     if ranges.is_empty() {
         return Ok(());
@@ -202,7 +205,7 @@ async fn write(connection: &mut Connection<'_>, ranges: &[SampleRange]) -> Resul
     connection.insert(SampleRange::NAME, query).await.map(drop)
 }
 
-/// Shows every sample to `visit`, and compares what it showed with the tallies of the same moment.
+/// Passes every sample to `visit`, and compares the samples with the tallies of the same moment.
 pub(crate) async fn visit<E: From<Error>>(
     connection: &mut Connection<'_>,
     visit: impl FnMut(SampleRow) -> Result<(), E>,
@@ -212,7 +215,7 @@ pub(crate) async fn visit<E: From<Error>>(
     Ok(moment.commit().await?)
 }
 
-/// As [`visit`], within a transaction. A difference is reported of `table`.
+/// Like [`visit`], within a transaction. A difference is reported for `table`.
 async fn compare<E: From<Error>>(
     connection: &mut Connection<'_>,
     table: &'static str,
@@ -241,7 +244,7 @@ pub(crate) async fn of_design(
     Ok(samples)
 }
 
-/// The digest of the samples that are there.
+/// The digest computed from the stored samples.
 pub(crate) async fn recompute(connection: &mut Connection<'_>) -> Result<SamplesDigest, Error> {
     let mut found = Tally::default();
     ranges(connection, None, |range| {
@@ -252,7 +255,7 @@ pub(crate) async fn recompute(connection: &mut Connection<'_>) -> Result<Samples
     Ok(found.digest())
 }
 
-/// Shows the ranges of one design, or of all, in order.
+/// Passes the ranges of one design, or of all, to `visit` in order.
 async fn ranges<E: From<Error>>(
     connection: &mut Connection<'_>,
     design: Option<u64>,
@@ -280,7 +283,7 @@ fn overlap(path: &Path, range: &SampleRange) -> Error {
     Error::damaged_rows(path, SampleRange::NAME, range.name(), detail)
 }
 
-/// Packs the table that schemas before 7 have, a row for each sample, and drops it.
+/// Packs the table of schemas before 7, which has one row per sample, and drops it.
 pub(crate) async fn pack(connection: &mut Connection<'_>, has_tallies: bool) -> Result<(), Error> {
     let mut after = (-1, -1);
     loop {
@@ -299,7 +302,7 @@ pub(crate) async fn pack(connection: &mut Connection<'_>, has_tallies: bool) -> 
         .await
 }
 
-/// Compares the table that schemas before 7 have with its tallies.
+/// Checks the table of schemas before 7 against its tallies.
 pub(crate) async fn check_unpacked(connection: &mut Connection<'_>) -> Result<(), Error> {
     let (mut after, mut found) = ((-1, -1), Tally::default());
     loop {
@@ -311,7 +314,7 @@ pub(crate) async fn check_unpacked(connection: &mut Connection<'_>) -> Result<()
     }
 }
 
-/// Some of the samples after this design and sample, in order.
+/// Part of the samples after this design and sample, in order.
 async fn unpacked(
     connection: &mut Connection<'_>,
     after: &mut (i64, i64),
@@ -351,7 +354,8 @@ mod tests {
         }
     }
 
-    /// Its seal fits, so a mistake of this program, or another program that seals, has written it.
+    /// The seal fits, so the range was written by a fault of this program or by another program
+    /// that seals.
     #[tokio::test]
     async fn a_range_that_overlaps_another_is_named() {
         let folder = tempfile::tempdir().unwrap();

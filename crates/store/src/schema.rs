@@ -1,4 +1,4 @@
-//! Which files are stores, of which schema, and how an earlier schema is brought up to date.
+//! Recognises stores and their schemas, and migrates earlier schemas.
 
 use std::fs::File;
 use std::io::Read as _;
@@ -13,26 +13,25 @@ use crate::{Error, columns, failpoints, query, samples, tally};
 
 static MIGRATOR: Migrator = sqlx::migrate!("../../migrations");
 
-/// "PTCH", as the first migration sets it.
+/// "PTCH", as set by the first migration.
 const APPLICATION_ID: i64 = 0x5054_4348;
 
-/// How every SQLite file begins, <https://www.sqlite.org/fileformat2.html> 1.3.
+/// The first bytes of every SQLite file, <https://www.sqlite.org/fileformat2.html> 1.3.
 const SQLITE_MAGIC: &[u8; 16] = b"SQLite format 3\0";
 
-/// The schema that brought tallies, which its migration leaves in part to the program.
+/// The schema that introduced tallies. The program completes its migration.
 const FIRST_WITH_TALLIES: i64 = 2;
 
-/// The schema that brought seals, which its migration leaves to the program.
+/// The schema that introduced seals. The program completes its migration.
 const FIRST_WITH_SEALS: i64 = 6;
 
-/// The schema that packs the samples of the DoE, which its migration leaves to the program.
+/// The schema that packs the samples of the DoE. The program completes its migration.
 const FIRST_WITH_RANGES: i64 = 7;
 
-/// The schema that has lists of numbers where there were columns, which its migration leaves to the
-/// program.
+/// The schema that replaced columns by lists of numbers. The program completes its migration.
 const FIRST_WITH_LISTS: i64 = 9;
 
-/// The schema that brought the evaluations of optimiser runs.
+/// The schema that introduced evaluations of optimiser runs.
 const FIRST_WITH_EVALUATIONS: i64 = 10;
 
 pub(crate) fn check_header(path: &Path) -> Result<(), Error> {
@@ -43,8 +42,8 @@ pub(crate) fn check_header(path: &Path) -> Result<(), Error> {
         .read_to_end(&mut head)
         .map_err(|e| Error::io("read", path, e))?;
     if head.is_empty() {
-        // SQLite takes an empty file for an empty database. A store is never empty, so this is
-        // what is left of one: starting afresh would hide the loss.
+        // SQLite accepts an empty file as an empty database. A store is never empty, so its content
+        // was lost, and starting again would hide the loss.
         return Err(Error::Damaged {
             path: path.to_owned(),
             detail: "the file is empty".into(),
@@ -58,7 +57,7 @@ pub(crate) fn check_header(path: &Path) -> Result<(), Error> {
     Ok(())
 }
 
-/// Whether the file's header names it a store.
+/// Whether the application id in the file's header is that of a store.
 pub(crate) fn is_marked(path: &Path) -> Result<bool, Error> {
     // <https://www.sqlite.org/fileformat2.html> 1.3: a big-endian number at offset 68.
     let mut header = Vec::with_capacity(72);
@@ -107,8 +106,8 @@ pub(crate) async fn inspect(reading: &Reading) -> Result<(Connection<'static>, i
     Ok((connection, found))
 }
 
-/// The campaign that a store of a known schema belongs to, and how many commits it holds if that was
-/// counted.
+/// The campaign of a store with a known schema, and its number of commits if the schema counts
+/// them.
 pub(crate) async fn read(
     connection: &mut Connection<'_>,
     found: i64,
@@ -126,7 +125,7 @@ pub(crate) async fn read(
     Ok((held, commits))
 }
 
-/// Compares the rows of a store of a known schema with their digests, if they have any.
+/// Checks the rows of a store with a known schema against their digests, if it has any.
 pub(crate) async fn check_rows(connection: &mut Connection<'_>, found: i64) -> Result<(), Error> {
     if found >= FIRST_WITH_EVALUATIONS {
         check::evaluations(connection).await?;
@@ -150,8 +149,8 @@ pub(crate) fn known() -> i64 {
     MIGRATOR.iter().map(|m| m.version).max().unwrap_or(0)
 }
 
-/// Brings the schema up to date, in one transaction: whatever happens meanwhile, the store has
-/// either its old schema or the new one.
+/// Migrates the schema in one transaction: after an interruption the store has either the old
+/// schema or the new one.
 pub(crate) async fn migrate(connection: &mut Connection<'_>, found: i64) -> Result<(), Error> {
     let mut transaction = connection.begin("BEGIN IMMEDIATE").await?;
     MIGRATOR.run(transaction.sql()).await.map_err(|e| match e {

@@ -1,4 +1,4 @@
-//! The handle through which everyone reads, and through which the stages store their results.
+//! The handle for reading, and for storing the results of the stages.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -21,11 +21,12 @@ use crate::samples;
 use crate::tally;
 use crate::writer::{Rows, Writer};
 
-/// A campaign's store, open for reading or for both. Clones share one writer and one lock.
+/// A campaign's store, open for reading or for reading and writing. Clones share one writer and one
+/// lock.
 ///
-/// Every list is in ascending order of its table's key, so no result depends on who wrote first.
-/// Reads fail with [`Error::Sqlite`], [`Error::Damaged`] or, after [`Store::close`],
-/// [`Error::Closed`]; writes also as described at [`Writer::submit`].
+/// Every list is in ascending order of its table's key, so no result depends on the order of
+/// writing. Reads fail with [`Error::Sqlite`], [`Error::Damaged`] or, after [`Store::close`],
+/// [`Error::Closed`]. Writes can also fail as described at [`Writer::submit`].
 #[derive(Debug, Clone)]
 pub struct Store {
     pub(crate) path: Arc<Path>,
@@ -36,12 +37,12 @@ pub struct Store {
 }
 
 impl Store {
-    /// The store's file, with links resolved.
+    /// The path of the store's file, with links resolved.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// A handle for storing results; cheap to clone and to send to other tasks.
+    /// A handle for storing results. It is cheap to clone and can be sent to other tasks.
     ///
     /// # Errors
     ///
@@ -50,9 +51,9 @@ impl Store {
         self.writer.clone().ok_or(Error::ReadOnly)
     }
 
-    /// Waits until the file is known to be sound, which a small one is when it is open: its pages,
-    /// and that its rows are what was stored. Stop at an error: if pages are damaged, nothing has been
-    /// written. A large store that was opened for reading is checked by the first call.
+    /// Waits for the checks of the file's pages and rows. A small file has been checked when it is
+    /// open. After an error, stop: if pages are damaged, nothing has been written. A large store
+    /// that was opened for reading is checked by the first call.
     ///
     /// # Errors
     ///
@@ -62,28 +63,29 @@ impl Store {
         self.verdict.clone().on_everything()
     }
 
-    /// Whether everything in the file has been compared with its digests since it was opened, without
-    /// a difference: of what was found there, that is; what is stored meanwhile is not read again.
+    /// Whether the rows that the file had when it was opened have been compared with their digests
+    /// without a difference. Rows stored since then are not read again.
     pub fn is_checked(&self) -> bool {
         self.verdict.is_sound()
     }
 
-    /// Waits for what [`checked`](Store::checked) would find, and for the file or its log to go away,
-    /// which the writer notices at its next commit or within a second. Never ends while all is well.
+    /// Waits for an error that [`checked`](Store::checked) would return, or for the removal of the
+    /// file or its log, which the writer notices at its next commit or within a second. Does not
+    /// return while there is no error.
     pub fn damaged(&self) -> impl Future<Output = Error> + Send + use<> {
         self.verdict.clone().on_damage()
     }
 
-    /// Commits what was submitted, moves the log into the file and gives the lock back.
+    /// Commits the queued submissions, copies the log to the file and releases the lock.
     ///
-    /// After a `SIGKILL` instead, the log is replayed when the store is opened next.
+    /// After a `SIGKILL`, the log is replayed the next time the store is opened.
     ///
     /// # Errors
     ///
-    /// [`Error::Sqlite`] or [`Error::DiskFull`] when the log could not be moved: nothing is lost,
-    /// it is replayed later. The lock is given back in any case.
+    /// [`Error::Sqlite`] or [`Error::DiskFull`] if the log could not be copied. Nothing is lost:
+    /// the log is replayed later. The lock is released in any case.
     pub async fn close(&self) -> Result<(), Error> {
-        // First, since the last connection to go removes the log.
+        // The readers are closed first, because the last connection to close removes the log.
         self.readers.close().await;
         match &self.writer {
             Some(writer) => writer.close().await,
@@ -91,18 +93,18 @@ impl Store {
         }
     }
 
-    /// The campaign that the store belongs to.
+    /// The campaign of the store.
     pub async fn campaign(&self) -> Result<CampaignRow, Error> {
         query::campaign(&mut self.reader().await?).await
     }
 
-    /// Records which gear model fills the store; the first call decides.
+    /// Records the digest of the gear model that fills the store. The first call decides it.
     ///
     /// # Errors
     ///
-    /// [`Error::ModelDigestConflict`] when another digest is held.
+    /// [`Error::ModelDigestConflict`] if another digest is stored.
     pub async fn pin_model_digest(&self, digest: &str) -> Result<(), Error> {
-        // The usual case at a restart, and no reason to wait for the check of a large file.
+        // The usual case at a restart, which need not wait for the check of a large file.
         if self.writer.is_some() && self.campaign().await?.model_digest.as_deref() == Some(digest) {
             return Ok(());
         }
@@ -116,11 +118,11 @@ impl Store {
         keyed::all(&mut self.reader().await?).await
     }
 
-    /// Stores designs, all or none; first write wins.
+    /// Stores all of these designs or none. The first write wins.
     ///
     /// # Errors
     ///
-    /// [`Error::DesignConflict`] when one is held with other variables.
+    /// [`Error::DesignConflict`] if one is stored with other variables.
     pub async fn put_designs(&self, rows: &[DesignRow]) -> Result<Receipt, Error> {
         self.put(Rows::Designs(rows.to_vec())).await
     }
@@ -130,15 +132,14 @@ impl Store {
         keyed::all(&mut self.reader().await?).await
     }
 
-    /// How many samples each design has, as (design, samples), designs without any included.
+    /// The number of samples of each design, as (design, samples), including designs without any.
     pub async fn sampled_counts(&self) -> Result<Vec<(u64, u64)>, Error> {
         query::sampled_counts(&mut self.reader().await?).await
     }
 
-    /// What is missing until every design has its criteria and every feasible design its samples
-    /// `0..samples_per_design`, or as many as `more` says of the design: a larger number, of a
-    /// feasible design. A feasible design with a reason beside it gets none. Empty when nothing is
-    /// missing.
+    /// The work missing until every design has its criteria and every simulable design its samples
+    /// `0..samples_per_design`, or the larger number that `more` gives for the design. A simulable
+    /// design with a reason against sampling gets none. Empty when nothing is missing.
     pub async fn missing_work(
         &self,
         samples_per_design: u64,
@@ -152,12 +153,12 @@ impl Store {
         samples::of_design(&mut self.reader().await?, design).await
     }
 
-    /// Shows every sample to `visit`, by design and then by sample, never holding all of them in
+    /// Passes every sample to `visit`, ordered by design and sample, without holding all of them in
     /// memory. The samples are those of one moment, whatever is written meanwhile.
     ///
     /// # Errors
     ///
-    /// The first error of `visit`, at which the visit ends, or the store's own.
+    /// The first error of `visit`, which ends the visit, or the store's own.
     pub async fn visit_samples<E: From<Error>>(
         &self,
         visit: impl FnMut(SampleRow) -> Result<(), E>,
@@ -166,42 +167,42 @@ impl Store {
         samples::visit(&mut reader, visit).await
     }
 
-    /// The digest of all samples, as 64 hex digits; read, not computed.
+    /// The digest of all samples, as 64 hex digits. It is read, not computed.
     ///
-    /// Equal for every run of one campaign file with one version of the program, in whatever order
-    /// the samples came: it is the sum modulo 2²⁵⁶ over all samples of the SHA-256 of design and
-    /// sample as 64-bit little-endian integers and of the bits of ΔSTE in µm, little-endian. A
-    /// hash is read as a little-endian number, and the sum is shown by its bytes in the same
+    /// It is equal for every run of one campaign file with one version of the program, whatever the
+    /// order of the samples. It is the sum modulo 2²⁵⁶ over all samples of the SHA-256 of design
+    /// and sample as 64-bit little-endian integers and of the bits of ΔSTE in µm, little-endian. A
+    /// hash is read as a little-endian number, and the sum is written by its bytes in the same
     /// order, so that the digest of a single sample is its SHA-256 and that of none is all zeros.
     ///
-    /// The sum is carried on by the transactions that store samples. It is a checksum against
-    /// accidents, such as samples that differ, are lost or are there twice. It is not a signature:
-    /// somebody who may choose samples freely can make two tables with one sum.
+    /// The sum is updated in the transactions that store samples. It is a checksum against
+    /// accidents, such as samples that differ, are lost or are stored twice. It is not a signature:
+    /// anybody who can choose samples freely can construct two tables with the same sum.
     pub async fn samples_digest(&self) -> Result<String, Error> {
         let (_, digest) = tally::samples(&mut self.reader().await?).await?;
         Ok(digest.to_hex())
     }
 
-    /// [`samples_digest`](Store::samples_digest) as the samples themselves have it, which takes a
-    /// reading of all of them. A difference says that the store's file was changed by something
-    /// else than this program.
+    /// The [`samples_digest`](Store::samples_digest) computed from the samples, all of which are
+    /// read. A difference means that another program changed the store's file.
     pub async fn recompute_samples_digest(&self) -> Result<String, Error> {
         let digest = samples::recompute(&mut self.reader().await?).await?;
         Ok(digest.to_hex())
     }
 
-    /// The digest of all verification and infill samples, as 64 hex digits; read, not computed.
+    /// The digest of all verification and infill samples, as 64 hex digits. It is read, not
+    /// computed.
     ///
-    /// A sum like [`samples_digest`](Store::samples_digest), in whatever order the samples came, over
-    /// the SHA-256 of the length of the point's name as a 64-bit little-endian integer, the name, the
-    /// sample and the bits of ΔSTE in µm. It is that of the samples which are there: those of an
-    /// optimum that is chosen anew leave it when they are removed.
+    /// It is a sum like [`samples_digest`](Store::samples_digest), independent of the order of the
+    /// samples, over the SHA-256 of the length of the point's name as a 64-bit little-endian
+    /// integer, the name, the sample and the bits of ΔSTE in µm. It covers the samples stored at
+    /// present: the samples of an optimum that is replaced are removed from it.
     pub async fn verify_samples_digest(&self) -> Result<String, Error> {
         let digest = tally::verify_digest(&mut self.reader().await?).await?;
         Ok(digest.to_hex())
     }
 
-    /// [`verify_samples_digest`](Store::verify_samples_digest) as the samples themselves have it.
+    /// The [`verify_samples_digest`](Store::verify_samples_digest) computed from the samples.
     pub async fn recompute_verify_samples_digest(&self) -> Result<String, Error> {
         let digest = tally::recompute_verify(&mut self.reader().await?).await?;
         Ok(digest.to_hex())
@@ -212,8 +213,8 @@ impl Store {
         keyed::all(&mut self.reader().await?).await
     }
 
-    /// Stores responses, all or none, replacing those held. They were computed from so many samples:
-    /// [`Progress::samples_of_responses`].
+    /// Stores all of these responses or none, replacing the stored ones. `samples` is the number of
+    /// samples that they were computed from: [`Progress::samples_of_responses`].
     pub async fn put_responses(
         &self,
         rows: &[ResponseRow],
@@ -222,7 +223,7 @@ impl Store {
         self.put(Rows::Responses(rows.to_vec(), samples)).await
     }
 
-    /// The model of this name, if there is one.
+    /// The model with this name, if it is stored.
     pub async fn model(&self, name: &str) -> Result<Option<ModelRow>, Error> {
         let mut reader = self.reader().await?;
         let models = keyed::all_where(&mut reader, "WHERE name = ?", &[Value::Text(name)]).await?;
@@ -234,7 +235,7 @@ impl Store {
         keyed::all(&mut self.reader().await?).await
     }
 
-    /// Stores a model, replacing the one of its name.
+    /// Stores a model, replacing the one with its name.
     pub async fn put_model(&self, row: &ModelRow) -> Result<(), Error> {
         self.put(Rows::Model(row.clone())).await.map(drop)
     }
@@ -244,7 +245,8 @@ impl Store {
         keyed::all(&mut self.reader().await?).await
     }
 
-    /// The evaluations of a run, by what it is called where generations are, from the `first` one on.
+    /// The evaluations of a run, given by its name in the table of generations, from the `first`
+    /// one on.
     pub async fn evaluations(&self, stream: &str, first: u64) -> Result<Vec<EvaluationRow>, Error> {
         let mut reader = self.reader().await?;
         let of_run = "WHERE stream = ? AND evaluation >= ?";
@@ -252,7 +254,7 @@ impl Store {
         keyed::all_where(&mut reader, of_run, &parameters).await
     }
 
-    /// Removes the evaluations of a run, which another search asked for.
+    /// Removes the evaluations of a run that belong to another search.
     pub async fn clear_evaluations(&self, stream: &str) -> Result<(), Error> {
         self.put(Rows::NoEvaluations(stream.to_owned()))
             .await
@@ -279,96 +281,98 @@ impl Store {
         keyed::all(&mut self.reader().await?).await
     }
 
-    /// Stores a round with its points, and marks the earlier points that it found to have failed,
+    /// Stores a round with its points and marks the earlier points that it found to have failed,
     /// all or nothing.
     ///
     /// # Errors
     ///
-    /// [`Error::Constraint`] when the round or one of its points is held already: a round is
+    /// [`Error::Constraint`] if the round or one of its points is stored already: a round is
     /// decided once.
     pub async fn put_round(&self, new: &NewRound) -> Result<(), Error> {
         self.put(Rows::Round(new.clone())).await.map(drop)
     }
 
-    /// The samples at the optimum of one approach.
+    /// The samples of one approach's optimum, or of one infill point.
     pub async fn verify_samples(&self, approach: &str) -> Result<Vec<VerifyRow>, Error> {
         tally::verify_samples(&mut self.reader().await?, approach).await
     }
 
-    /// How many evaluations there are of each run on an external simulator that is not finished, by the
-    /// run's name.
+    /// The number of evaluations of each unfinished run on an external simulator, by the run's
+    /// name.
     pub async fn unfinished_runs(&self) -> Result<Vec<(String, u64)>, Error> {
         query::unfinished_runs(&mut self.reader().await?).await
     }
 
-    /// How many samples there are at the optimum of each approach that has any, by approach.
+    /// The number of samples of each optimum or infill point that has any, by name.
     pub async fn verify_counts(&self) -> Result<Vec<(String, u64)>, Error> {
         query::verify_counts(&mut self.reader().await?).await
     }
 
-    /// Of which generation results of a stream are wanted, by stream.
+    /// The wanted generation of each stream.
     pub async fn generations(&self) -> Result<BTreeMap<String, u64>, Error> {
         query::generations(&mut self.reader().await?).await
     }
 
-    /// Says of which generation results of these streams are wanted from now on, all or nothing. If
-    /// another one was wanted before, the samples of that point are removed; if none was, as in a
-    /// store of an earlier schema, they stay.
+    /// Sets the wanted generations of these streams, all or nothing. If another generation was
+    /// wanted before, the samples of that point are removed. If none was, as in a store of an
+    /// earlier schema, they are kept.
     pub async fn put_generations(&self, rows: &[(String, u64)]) -> Result<(), Error> {
         self.put(Rows::Generations(rows.to_vec())).await.map(drop)
     }
 
-    /// Puts a larger campaign in the place of the one held, and clears what
-    /// [`clear_derived`](Store::clear_derived) does, all or nothing. Designs, criteria and samples
-    /// stay: what is missing for the larger campaign is found as after any other start.
+    /// Replaces the campaign by a larger one and removes what
+    /// [`clear_derived`](Store::clear_derived) removes, all or nothing. Designs, criteria and
+    /// samples are kept, and the work missing for the larger campaign is found as after any other
+    /// start.
     ///
-    /// Name, text and digest of `campaign` are taken; the versions of program and model stay those
-    /// that filled the store. Whether the campaign is a legal extension is the caller's to decide,
+    /// The name, text and digest of `campaign` are stored; the versions of program and model remain
+    /// those that filled the store. The caller decides whether the campaign is a valid extension,
     /// in [`create_or_open_with`](Store::create_or_open_with).
     ///
     /// # Errors
     ///
-    /// [`Error::OtherSeed`]: the samples held would not be samples of that campaign.
+    /// [`Error::OtherSeed`] if the seed differs: the stored samples would not be samples of that
+    /// campaign.
     pub async fn extend(&self, campaign: &CampaignRow, derived: &[&str]) -> Result<(), Error> {
         self.put(Rows::Extension(campaign.clone(), owned(derived)))
             .await
             .map(drop)
     }
 
-    /// Removes, all or nothing, what was derived from the samples: all responses and all models, all
-    /// rounds of infill with their points' samples, and of the named approaches the optimiser runs,
-    /// the optima and their verification samples.
-    /// For fitting again when samples came late.
+    /// Removes the results derived from the samples, all or nothing: all responses and models, all
+    /// rounds of infill with their points' samples, and the optimiser runs, optima and verification
+    /// samples of the named approaches. Used to fit again when samples arrived late.
     pub async fn clear_derived(&self, approaches: &[&str]) -> Result<(), Error> {
         self.put(Rows::Clearing(owned(approaches))).await.map(drop)
     }
 
-    /// What the finished jobs cost, by number.
+    /// The costs of the finished jobs, by number.
     pub async fn job_times(&self) -> Result<Vec<JobTimeRow>, Error> {
         keyed::all(&mut self.reader().await?).await
     }
 
-    /// Everything that went wrong, in the order in which it was stored.
+    /// All crashes, failures and quarantines, in the order in which they were stored.
     pub async fn failures(&self) -> Result<Vec<FailureRow>, Error> {
         query::failures(&mut self.reader().await?).await
     }
 
-    /// Whether the failure to which its worker gave this number is stored.
+    /// Whether the failure with this number of its worker is stored.
     pub async fn knows_failure(&self, worker: &str, serial: u64) -> Result<bool, Error> {
         query::knows_failure(&mut self.reader().await?, worker, serial).await
     }
 
-    /// What went wrong, by job.
+    /// The crashes and failures of each job.
     pub async fn job_histories(&self) -> Result<Vec<JobHistory>, Error> {
         query::job_histories(&mut self.reader().await?).await
     }
 
-    /// What went wrong, grouped by kind and cause: by kind, and then by the cause's text.
+    /// The failures, grouped and ordered by kind and then by cause.
     pub async fn failure_groups(&self) -> Result<Vec<FailureGroup>, Error> {
         query::failure_groups(&mut self.reader().await?).await
     }
 
-    /// How far the campaign is. Counts designs, but no samples: those are tallied.
+    /// The progress of the campaign. It counts designs, but takes the number of samples from the
+    /// tallies.
     pub async fn progress(&self) -> Result<Progress, Error> {
         query::progress(&mut self.reader().await?).await
     }

@@ -1,4 +1,4 @@
-//! What each table's rows are to SQLite: their columns, and when two of them agree.
+//! The mapping of rows to SQLite: the columns of each table, and when two rows agree.
 
 use sqlx::sqlite::SqliteRow;
 use sqlx::{Error as SqlxError, Row as _};
@@ -13,7 +13,7 @@ use crate::rows::{
 };
 use crate::samples::SampleRange;
 
-/// A table whose columns are the fields of its row, the key's first.
+/// Implements a table whose columns are the fields of its row, those of the key first.
 macro_rules! table {
     ($row:ident: $name:literal, $reading:literal, $keys:literal keys, sealed $sealed:literal,
      $($column:ident)+) => {
@@ -193,7 +193,7 @@ impl Keyed for OptimiserRunRow {
     }
 
     fn agree(held: &Self, offered: &Self) -> Result<(), Error> {
-        // What it cost is measured, and differs from try to try.
+        // The processor time is measured and differs between attempts.
         if (&held.result_json, held.simulator_calls)
             == (&offered.result_json, offered.simulator_calls)
         {
@@ -233,17 +233,17 @@ impl Keyed for JobTimeRow {
     }
 
     fn agree(_: &Self, _: &Self) -> Result<(), Error> {
-        // Measured: the first one is kept, whatever the second one is.
+        // The time is measured, so the first value is kept whatever the second one is.
         Ok(())
     }
 }
 
-/// The value as SQLite gives it back: -0.0 would lose its sign.
+/// The value as SQLite returns it: -0.0 becomes 0.0.
 pub(crate) fn number(value: f64) -> f64 {
     value + 0.0
 }
 
-/// Both values, if they are not the same to the last bit.
+/// Both values, unless they are equal to the last bit.
 pub(crate) fn differ(held: f64, offered: f64) -> Option<(f64, f64)> {
     let (held, offered) = (number(held), number(offered));
     (held.to_bits() != offered.to_bits()).then_some((held, offered))

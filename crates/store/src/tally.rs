@@ -1,4 +1,4 @@
-//! What is known of samples and failures without reading them.
+//! Counts and digests of samples and failures, which are known without reading the rows.
 
 use std::collections::BTreeMap;
 
@@ -12,19 +12,19 @@ use crate::rows::VerifyRow;
 use crate::samples::{self, SampleRange};
 use crate::tables::number;
 
-/// What samples add up to: those that a batch brings, or all that are there.
+/// The counts and digests of a set of samples: those of a batch, or all stored ones.
 #[derive(Debug, Default)]
 pub(crate) struct Tally {
     samples: u64,
     digest: SamplesDigest,
-    /// Count and highest index by design.
+    /// Count and highest index of the samples, by design.
     designs: BTreeMap<u64, (u64, u64)>,
-    /// Count and digest by point.
+    /// Count and digest of the samples, by point.
     points: BTreeMap<String, (u64, SamplesDigest)>,
 }
 
 impl Tally {
-    /// Adds a range that is not empty.
+    /// Adds a non-empty range.
     pub(crate) fn add_range(&mut self, range: &SampleRange) {
         let (count, last) = self.designs.entry(range.design).or_default();
         for row in range.rows() {
@@ -49,7 +49,7 @@ impl Tally {
         *sum += digest;
     }
 
-    /// Adds this to the tallies in the store, in the transaction that stored the rows.
+    /// Adds these counts to the tallies in the store, in the transaction that stored the rows.
     pub(crate) async fn write(&self, connection: &mut Connection<'_>) -> Result<(), Error> {
         if self.samples > 0 {
             let (_, mut digest) = samples(connection).await?;
@@ -103,7 +103,7 @@ impl Tally {
     }
 }
 
-/// Count and digest of the samples of the DoE, as the tally has them.
+/// Count and digest of the samples of the DoE, from the tally.
 pub(crate) async fn samples(
     connection: &mut Connection<'_>,
 ) -> Result<(u64, SamplesDigest), Error> {
@@ -114,7 +114,7 @@ pub(crate) async fn samples(
     Ok((query::index(row.samples), digest))
 }
 
-/// Count and digest of the samples of each point that has any, as the tallies have them.
+/// Count and digest of the samples of each point that has any, from the tallies.
 pub(crate) async fn points(
     connection: &mut Connection<'_>,
 ) -> Result<BTreeMap<String, (u64, SamplesDigest)>, Error> {
@@ -135,7 +135,7 @@ pub(crate) async fn points(
         .collect()
 }
 
-/// The digest of all verification and infill samples, as the tallies have it.
+/// The digest of all verification and infill samples, from the tallies.
 pub(crate) async fn verify_digest(connection: &mut Connection<'_>) -> Result<SamplesDigest, Error> {
     let points = points(connection).await?;
     Ok(sum(points.values()))
@@ -149,7 +149,7 @@ fn sum<'p>(points: impl Iterator<Item = &'p (u64, SamplesDigest)>) -> SamplesDig
 
 const NO_DIGEST: &str = "it has no digest of 32 bytes";
 
-/// Compares the samples of the DoE, read from `table`, with their tallies.
+/// Checks the samples of the DoE, read from `table`, against their tallies.
 pub(crate) async fn compare(
     connection: &mut Connection<'_>,
     found: &Tally,
@@ -184,7 +184,7 @@ pub(crate) async fn compare(
     Ok(())
 }
 
-/// Count and highest index of each design's samples, as the tallies have them.
+/// Count and highest index of each design's samples, from the tallies.
 async fn design_tallies(
     connection: &mut Connection<'_>,
 ) -> Result<BTreeMap<u64, (u64, u64)>, Error> {
@@ -198,7 +198,7 @@ async fn design_tallies(
         .collect())
 }
 
-/// The samples of one point, compared with its tally of the same moment.
+/// The samples of one point, checked against its tally of the same moment.
 pub(crate) async fn verify_samples(
     connection: &mut Connection<'_>,
     point: &str,
@@ -213,7 +213,7 @@ pub(crate) async fn verify_samples(
     Ok(rows)
 }
 
-/// Compares all verification and infill samples with their tallies.
+/// Checks all verification and infill samples against their tallies.
 pub(crate) async fn check_verify_samples(connection: &mut Connection<'_>) -> Result<(), Error> {
     let mut moment = connection.begin("BEGIN").await?;
     let rows: Vec<VerifyRow> = keyed::all(&mut moment).await?;
@@ -246,7 +246,7 @@ fn compare_points(
     Ok(())
 }
 
-/// Counts a commit, in its own transaction.
+/// Counts a commit, in the commit's own transaction.
 pub(crate) async fn count_commit(connection: &mut Connection<'_>) -> Result<u64, Error> {
     connection
         .one(
@@ -282,7 +282,7 @@ pub(crate) async fn count_failure(
     Ok(())
 }
 
-/// The digest of the verification and infill samples that are there.
+/// The digest computed from the stored verification and infill samples.
 pub(crate) async fn recompute_verify(
     connection: &mut Connection<'_>,
 ) -> Result<SamplesDigest, Error> {
@@ -292,7 +292,7 @@ pub(crate) async fn recompute_verify(
     Ok(sum(found.points.values()))
 }
 
-/// Does what the migration that brought the tallies cannot: SQL has neither SHA-256 nor causes.
+/// Completes the migration that introduced tallies: SQL cannot compute SHA-256 or causes.
 pub(crate) async fn fill(connection: &mut Connection<'_>) -> Result<(), Error> {
     let digest = samples::recompute(connection).await?;
     let digest = digest.to_bytes().to_vec();
@@ -305,7 +305,7 @@ pub(crate) async fn fill(connection: &mut Connection<'_>) -> Result<(), Error> {
     Ok(())
 }
 
-/// Does what the migration that brought the seals cannot.
+/// Completes the migration that introduced seals: SQL cannot compute the digests of points.
 pub(crate) async fn fill_points(connection: &mut Connection<'_>) -> Result<(), Error> {
     let rows: Vec<VerifyRow> = keyed::all(connection).await?;
     let mut found = Tally::default();

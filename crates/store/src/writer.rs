@@ -1,10 +1,10 @@
-//! The one task that writes.
+//! The only task that writes.
 //!
-//! It takes what is queued, up to a limit, commits it in one transaction and only then
-//! acknowledges each batch: under load many batches share one sync of the disk, and an idle store
-//! answers at once. The queue is bounded, which makes whoever submits wait when the disk is the
-//! bottleneck. The task is nobody's child: a caller that goes away while it waits does not stop a
-//! transaction half-way.
+//! The task takes the queued batches, up to a limit, commits them in one transaction and only then
+//! acknowledges each of them. Under load many batches share one sync of the disk, and an idle store
+//! answers at once. The queue is bounded, so submitters wait when the disk is the bottleneck. The
+//! task is independent of its callers: a caller that is cancelled while it waits does not interrupt
+//! a transaction.
 
 use std::slice;
 use std::time::Duration;
@@ -20,43 +20,43 @@ use crate::rounds::{self, NewRound};
 use crate::rows::{Batch, CampaignRow, DesignRow, ModelRow, OptimumRow, Receipt, ResponseRow};
 use crate::{Error, failpoints, insert, tally};
 
-/// Batches that wait for the writer before `submit` makes its callers wait.
+/// Number of batches in the queue before `submit` waits.
 const QUEUE: usize = 1024;
 
-/// A group is closed when it has this many rows: what keeps acknowledgements from waiting for
-/// ever longer transactions.
+/// Number of rows that closes a group. It keeps transactions, and so acknowledgements, short.
 const GROUP_ROWS: usize = 20_000;
 
-/// How often an idle writer looks whether its files are still there.
+/// Interval at which an idle writer checks that its files still exist.
 const LOOK: Duration = Duration::from_secs(1);
 
-/// Bytes after which the log is moved into the file: a thousand pages, as SQLite does by itself.
+/// Length of the log, in bytes, above which it is copied to the file: a thousand pages, SQLite's
+/// own default.
 const LONG_LOG: u64 = 4 << 20;
 
-/// A handle of the writing task; clones share it.
+/// A handle to the writing task, which its clones share.
 #[derive(Debug, Clone)]
 pub struct Writer {
     queue: mpsc::Sender<Command>,
 }
 
 impl Writer {
-    /// Stores a batch, all of it or nothing, and returns when it is on disk.
+    /// Stores a batch, all or nothing, and returns when it is on disk.
     ///
-    /// First write wins: rows that are held already, with the same value, are counted as
-    /// duplicates. A batch for a generation that is not wanted any more stores nothing, and its
-    /// receipt says so. Dropping the future once the batch is queued does not withdraw it.
+    /// The first write wins: rows that are stored already with the same value are counted as
+    /// duplicates. A batch for a generation that is no longer wanted stores nothing, and its
+    /// receipt says so. Dropping the future after the batch was queued does not withdraw it.
     ///
     /// # Errors
     ///
     /// - [`Error::Conflict`], [`Error::VerifyConflict`], [`Error::CriteriaConflict`],
-    ///   [`Error::RunConflict`]: held with another value. [`Error::NotFinite`],
-    ///   [`Error::TooLarge`], [`Error::Constraint`]: cannot be stored. Other batches are not
-    ///   concerned; [`Error::is_refusal`] is true.
+    ///   [`Error::RunConflict`]: a row is stored with another value. [`Error::NotFinite`],
+    ///   [`Error::TooLarge`], [`Error::Constraint`]: a row cannot be stored. Other batches are not
+    ///   affected, and [`Error::is_refusal`] is true.
     /// - [`Error::DiskFull`], [`Error::Sqlite`]: not acknowledged. Submitting the batch again is
-    ///   safe, also when it did reach the disk after all.
+    ///   safe, even if it did reach the disk.
     /// - [`Error::Closed`] after [`Store::close`](crate::Store::close).
     pub async fn submit(&self, batch: Batch) -> Result<Receipt, Error> {
-        // Before it takes a place in the queue, and before it can hold up a group.
+        // Checked here, so that a bad batch neither occupies the queue nor delays a group.
         insert::check(&batch)?;
         self.put(Rows::Batch(batch)).await
     }
@@ -70,23 +70,23 @@ impl Writer {
         answer.await.map_err(|_| Error::Closed)?
     }
 
-    /// Waits until the task has committed what was queued before, and has ended.
+    /// Waits until the task has committed everything queued before, and has ended.
     pub(crate) async fn close(&self) -> Result<(), Error> {
         let (ack, answer) = oneshot::channel();
         if self.queue.send(Command::Close { ack }).await.is_err() {
-            // Closed before: nothing left to do.
+            // The writer was closed before.
             return Ok(());
         }
         answer.await.unwrap_or(Ok(()))
     }
 }
 
-/// What one transaction may consist of.
+/// The content of one transaction.
 #[derive(Debug)]
 pub(crate) enum Rows {
     Batch(Batch),
     Designs(Vec<DesignRow>),
-    /// With the number of samples that they were computed from.
+    /// Responses, with the number of samples that they were computed from.
     Responses(Vec<ResponseRow>, u64),
     Model(ModelRow),
     Optimum(OptimumRow),
@@ -141,7 +141,7 @@ enum Command {
 
 type Ack = oneshot::Sender<Result<Receipt, Error>>;
 
-/// Starts the writing task. It owns the lock, so that the lock outlives the last commit.
+/// Starts the writing task. It owns the lock, so that the lock is held until after the last commit.
 pub(crate) fn spawn(
     place: Place,
     options: SqliteConnectOptions,
@@ -164,8 +164,8 @@ pub(crate) fn spawn(
 struct Task {
     place: Place,
     options: SqliteConnectOptions,
-    /// `None` before the file is known to be sound, and after a failed transaction, of whose state
-    /// nothing is then assumed.
+    /// `None` before the file is known to be sound, and after a failed transaction, whose state is
+    /// unknown.
     connection: Option<Connection<'static>>,
     verdict: Verdict,
     lock: Lock,
@@ -179,7 +179,7 @@ impl Task {
                 Ok(Some(command)) => command,
                 Ok(None) => break,
                 Err(_) => {
-                    // The verdict is there for whoever waits for it.
+                    // The error reaches the callers through the verdict.
                     let _ = self.check_place();
                     continue;
                 }
@@ -212,7 +212,7 @@ impl Task {
         let result = self.finish().await;
         drop(self.lock);
         if let Some(ack) = closing {
-            // Whoever closed may have stopped waiting.
+            // The caller of `close` may have stopped waiting.
             let _ = ack.send(result);
         }
     }
@@ -224,7 +224,7 @@ impl Task {
             Ok(answers) => answers,
             Err(error) => {
                 if let Some(connection) = self.connection.take() {
-                    // Rolls back. Its error would only repeat the one at hand.
+                    // Closing rolls back. Its error would only repeat the first one.
                     let _ = connection.close().await;
                 }
                 vec![Err(error); batches]
@@ -232,13 +232,13 @@ impl Task {
         };
         tracing::debug!(batches, rows, "group committed");
         for (ack, answer) in acks.into_iter().zip(answers) {
-            // A caller that stopped waiting asks again, and is then told of duplicates.
+            // A caller that stopped waiting submits again, and its rows then count as duplicates.
             let _ = ack.send(answer);
         }
         self.shorten_log().await;
     }
 
-    /// Moves the log into the file when it has grown long; nobody waits for that.
+    /// Copies the log to the file when it has grown long. No caller waits for this.
     async fn shorten_log(&mut self) {
         let long = self.place.check(self.connection.is_some());
         let long = long.is_ok_and(|log| log > LONG_LOG);
@@ -246,7 +246,7 @@ impl Task {
             return;
         };
         failpoints::during("store::checkpoint");
-        // Passive: what readers still need stays in the log, and moves another time.
+        // Passive: the part that readers still need stays in the log until another time.
         let result = connection
             .run(
                 "move the log into its file",
@@ -254,27 +254,28 @@ impl Task {
             )
             .await;
         if let Err(error) = result {
-            // Nothing is lost, the log holds it.
+            // Nothing is lost: the log still holds the rows.
             tracing::warn!(%error, "the log could not be moved into the store's file");
         }
     }
 
-    /// One transaction. The outer error means that nothing was stored; an inner one that one
+    /// Runs one transaction. The outer error means that nothing was stored, an inner one that a
     /// batch was refused and the others were stored.
     async fn transaction(&mut self, group: &[Rows]) -> Result<Vec<Result<Receipt, Error>>, Error> {
         self.verdict.clone().on_pages().await?;
-        // Before a connection is opened by the name.
+        // Before a connection is opened under the name.
         self.check_place()?;
         let connection = match &mut self.connection {
             Some(connection) => connection,
             none => none.insert(Connection::open(&self.options, self.place.path()).await?),
         };
-        // Immediate: a deferred transaction that turns into a writing one can fail with
-        // SQLITE_BUSY_SNAPSHOT, for which the busy timeout does not wait.
+        // Immediate: a deferred transaction that starts to write can fail with
+        // SQLITE_BUSY_SNAPSHOT, to which the busy timeout does not apply.
         let mut transaction = connection.begin("BEGIN IMMEDIATE").await?;
         let mut answers = Vec::with_capacity(group.len());
         for run in group.chunk_by(|a, b| a.is_batch() && b.is_batch()) {
-            // All of it at once, and when somebody in it is refused, each on its own.
+            // All rows are stored together first; if that is refused, each batch is stored
+            // separately.
             let mut pieces = vec![run];
             while let Some(rows) = pieces.pop() {
                 match store(&mut transaction, rows).await? {
@@ -287,10 +288,10 @@ impl Task {
         let commits = tally::count_commit(&mut transaction).await?;
         failpoints::at("store::before_commit");
         transaction.commit().await?;
-        // Once more: what is acknowledged has to be found again.
+        // The files are checked again before the rows are acknowledged.
         self.check_place()?;
         if let Err(error) = self.lock.record(commits) {
-            // Only the check against a log that is cut later is the worse for it.
+            // Only the later check for a cut log suffers.
             tracing::warn!(%error, "the commit could not be noted");
         }
         failpoints::at("store::after_commit");
@@ -306,13 +307,13 @@ impl Task {
     }
 
     async fn finish(&mut self) -> Result<(), Error> {
-        // Nothing was written, or a transaction failed: the log is left to the next opening.
+        // Nothing was written, or a transaction failed: the next opening replays the log.
         let Some(mut connection) = self.connection.take() else {
             return Ok(());
         };
         failpoints::during("store::checkpoint");
-        // A reader elsewhere may keep part of the log in use: that is reported in the
-        // statement's row, not as an error, and costs nothing but the log's size.
+        // A reader elsewhere may keep part of the log in use. The statement reports that in its
+        // row, not as an error, and the only cost is the log's size.
         connection
             .run(
                 "move the log into its file",
@@ -323,7 +324,7 @@ impl Task {
     }
 }
 
-/// Stores rows of one kind, all or none. The outer error means that the transaction is lost; the
+/// Stores rows of one kind, all or none. The outer error means that the transaction failed, the
 /// inner one that these rows were refused and left no trace.
 async fn store(
     connection: &mut Connection<'_>,
@@ -390,7 +391,7 @@ mod tests {
         filled(&path, 100).await;
         let path: Arc<Path> = path.into();
 
-        // Room for ten more pages of 4096 bytes: some 5000 samples.
+        // Space for ten more pages of 4096 bytes, or some 5000 samples.
         let pages = std::fs::metadata(&path).unwrap().len() / 4096 + 10;
         let options = open::writing(&path).pragma("max_page_count", pages.to_string());
         let connection = Connection::open(&options, &path).await.unwrap();

@@ -1,4 +1,4 @@
-//! A campaign file is refused with its name and a line, or it makes sense and survives the wire.
+//! A campaign file is refused with its name and a line, or is valid and survives serialisation.
 
 #![no_main]
 

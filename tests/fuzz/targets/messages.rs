@@ -1,8 +1,8 @@
-//! Whatever messages arrive, the service answers or refuses, and goes on working.
+//! The service answers or refuses any message and continues to work.
 
 #![no_main]
 
-// The campaign whose store is a list, of which not all is needed here.
+// The in-memory campaign of the simulated tests, of which only a part is used here.
 #[allow(dead_code)]
 #[path = "../../simulated/bench.rs"]
 mod bench;
@@ -22,7 +22,7 @@ use protocol::v2::{
 };
 use tonic::Request;
 
-/// Sends bytes as the kind of message that `kind` says, if they are one.
+/// Decodes bytes as the message that `kind` selects and sends it, if they are valid.
 async fn send(service: &Service<Memory>, kind: u8, bytes: &[u8]) {
     macro_rules! call {
         ($($kind:pat => $method:ident: $message:ty),*) => {
@@ -52,7 +52,7 @@ fuzz_target!(|messages: Vec<(u8, Vec<u8>)>| {
     let problem = PROBLEM.get_or_init(|| Problem::new(campaign()));
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_time()
-        // A clock that leaps over what is waited for.
+        // A clock that jumps to the end of every wait.
         .start_paused(true)
         .build()
         .expect("a runtime");
@@ -63,8 +63,8 @@ fuzz_target!(|messages: Vec<(u8, Vec<u8>)>| {
         for (kind, bytes) in messages.iter().take(20) {
             send(&service, *kind, bytes).await;
         }
-        // A while later, a worker that makes sense is served. Whether there is still a job for it
-        // depends on what the others said.
+        // Later a well-behaved worker is still served. Whether a job is left depends on the
+        // messages before.
         tokio::time::advance(Duration::from_secs(3600)).await;
         service.board.expire();
         let good = Request::new(introduction("good"));

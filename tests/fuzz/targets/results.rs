@@ -1,4 +1,4 @@
-//! What a worker hands in becomes rows that cover what they say, or is refused.
+//! A worker's report becomes rows that cover its unit, or is refused.
 
 #![no_main]
 
@@ -11,7 +11,7 @@ use libfuzzer_sys::fuzz_target;
 use prost::Message as _;
 use protocol::v2::UnitResult;
 
-/// What workers are asked about.
+/// The problem of the workers' reports.
 fn problem() -> &'static Problem {
     static PROBLEM: LazyLock<Problem> = LazyLock::new(|| {
         let campaign = Campaign::parse("paper.toml", Campaign::PAPER);

@@ -1,4 +1,4 @@
-//! Soaks small real campaigns in random faults and checks that nothing is lost.
+//! Runs small real campaigns with random faults and checks that nothing is lost.
 //!
 //! `cargo run --release -p acceptance --bin chaos -- --rounds 200 --seed 1`
 
@@ -61,7 +61,7 @@ fn kind(name: &str) -> Result<Kind, String> {
     found.ok_or_else(|| format!("no kind of campaign is called {name:?}"))
 }
 
-/// What the rounds of a kind did.
+/// Totals of the rounds of one kind.
 #[derive(Debug, Default)]
 struct Count {
     rounds: usize,

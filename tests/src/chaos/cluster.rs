@@ -1,4 +1,4 @@
-//! A coordinator and its workers, as processes that can be hurt.
+//! A coordinator and its workers as processes to which faults are applied.
 
 use std::fs::File;
 use std::net::SocketAddr;
@@ -16,38 +16,39 @@ use super::proxy::{Fault, Proxy};
 use crate::free_address;
 use crate::http::{self, LOCALHOST, VIEWS};
 
-/// The campaign is finished.
+/// Exit code: the campaign is finished.
 const FINISHED: i32 = 0;
-/// The store is open elsewhere.
+/// Exit code: the store is open elsewhere.
 const STORE_LOCKED: i32 = 9;
-/// The access file of a second coordinator on the same store, which the store itself must refuse.
+/// The access file of a second coordinator on the same store, which must be refused because of the
+/// store itself.
 const INTRUDERS_ACCESS: &str = "intruder.access";
-/// No coordinator answers.
+/// Exit code: no coordinator answers.
 const UNREACHABLE: i32 = 11;
-/// The campaign is finished but for what was quarantined.
+/// Exit code: the campaign is finished except for quarantined jobs.
 const INCOMPLETE: i32 = 13;
-/// Asked to leave, or drained.
+/// Exit code: the program was asked to leave, or drained.
 const INTERRUPTED: i32 = 14;
-/// Longer than a well-behaved process takes to end when asked to.
+/// Longer than a well-behaved process takes to end on request.
 const FAREWELL: Duration = Duration::from_secs(20);
 /// Shorter than a worker waits for a coordinator that does not answer.
 const ABSENCE: Duration = Duration::from_secs(25);
 
-/// Longer than a coordinator takes to be refused.
+/// Longer than the refusal of a coordinator takes.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// A process whose log goes to the folder of its round; it ends when this is dropped.
+/// A process that logs to the folder of its round. It is killed when it is dropped.
 pub(crate) struct Process {
     child: Child,
     name: String,
     since: Instant,
     stopped: bool,
-    /// Whether it was sent SIGTERM.
+    /// Whether SIGTERM was sent to it.
     is_asked: bool,
 }
 
 impl Process {
-    /// Starts a command whose log goes to a file of the round's folder.
+    /// Starts a command that logs to a file in the round's folder.
     pub(crate) fn start(
         mut command: Command,
         folder: &Path,
@@ -69,7 +70,7 @@ impl Process {
         })
     }
 
-    /// Its exit status, once it has ended.
+    /// The exit status, if the process has ended.
     pub(crate) fn ended(&mut self) -> Result<Option<ExitStatus>, Violation> {
         let name = &self.name;
         let ended = self.child.try_wait();
@@ -80,7 +81,7 @@ impl Process {
     pub(crate) fn signal(&self, signal: Signal) {
         let id = i32::try_from(self.child.id()).ok().and_then(Pid::from_raw);
         if let Some(id) = id {
-            // It has not been waited for, so the id is still its own.
+            // The process has not been waited for, so the id is still its own.
             let _ = kill_process(id, signal);
         }
     }
@@ -93,7 +94,7 @@ impl Drop for Process {
     }
 }
 
-/// What a cluster computes.
+/// The campaign of a cluster and the programs that run it.
 #[derive(Debug, Clone)]
 pub(crate) struct Setup {
     /// The folder of the round.
@@ -102,9 +103,9 @@ pub(crate) struct Setup {
     pub(crate) programs: Programs,
     /// The campaign file.
     pub(crate) file: PathBuf,
-    /// Whether coordinators stay when the campaign is finished.
+    /// Whether coordinators keep serving when the campaign is finished.
     pub(crate) stays: bool,
-    /// What the workers' command lines say of their simulator.
+    /// The workers' command-line arguments for their simulator.
     pub(crate) simulator: Vec<String>,
 }
 
@@ -113,20 +114,20 @@ pub(crate) struct Cluster {
     pub(crate) setup: Setup,
     address: SocketAddr,
     http: SocketAddr,
-    /// How often the page has answered.
+    /// Number of views that the page has returned.
     pub(crate) visits: usize,
     proxies: Vec<Proxy>,
     coordinator: Option<Process>,
     workers: Vec<Option<Process>>,
-    /// Commands that steer the coordinator and have not ended.
+    /// Running commands that steer the coordinator.
     clients: Vec<Process>,
     started: usize,
     is_drained: bool,
-    /// The exit code of a coordinator that ended by itself, the campaign being finished.
+    /// Exit code of a coordinator that ended by itself because the campaign is finished.
     pub(crate) ended: Option<i32>,
     /// Whether a worker left because the campaign is finished.
     pub(crate) is_dismissed: bool,
-    /// Whether the workers are kept away, which [`heal`](Self::heal) does not change.
+    /// Whether the workers are kept disconnected, which [`heal`](Self::heal) does not change.
     pub(crate) is_cut_off: bool,
 }
 
@@ -181,7 +182,7 @@ impl Cluster {
         Process::start(command, folder, name)
     }
 
-    /// Starts a command that steers the coordinator; it may take as long as it likes.
+    /// Starts a command that steers the coordinator. It has no time limit.
     fn steer(&mut self, words: &[&str]) -> Result<(), Violation> {
         self.started += 1;
         let name = format!("{}-{}", words[0], self.started);
@@ -192,7 +193,7 @@ impl Cluster {
         Ok(())
     }
 
-    /// Gives what was quarantined another chance; false when no coordinator answers.
+    /// Retries the quarantined jobs. Returns false if no coordinator answers.
     pub(crate) fn retry(&mut self) -> Result<bool, Violation> {
         self.started += 1;
         let setup = &self.setup;
@@ -215,8 +216,8 @@ impl Cluster {
         }
     }
 
-    /// Does something to the cluster. What makes no sense just now, such as killing what is not
-    /// running, is left out.
+    /// Applies an act to the cluster. Acts that are impossible at present, such as killing a
+    /// process that is not running, are skipped.
     pub(crate) fn act(&mut self, act: Act) -> Result<(), Violation> {
         self.look()?;
         match act {
@@ -228,7 +229,7 @@ impl Cluster {
                 }
             }
             Act::Kill(who) => {
-                // Dropped is killed.
+                // A dropped process is killed.
                 self.place(who).take();
             }
             Act::Terminate(who) => {
@@ -237,7 +238,7 @@ impl Cluster {
                     process.signal(Signal::TERM);
                     process.signal(Signal::CONT);
                     let status = wait(&mut process)?;
-                    // One that has just been started knows no better than to end at once.
+                    // A process that has just been started may not handle the signal yet.
                     if status.signal() != Some(Signal::TERM.as_raw()) {
                         self.note_end(who, &process, status)?;
                     }
@@ -267,20 +268,20 @@ impl Cluster {
         Ok(())
     }
 
-    /// A second coordinator must not get hold of the store of one that lives, asleep or not.
+    /// A second coordinator must not open the store of a living one, even if that one is stopped.
     fn intrude(&mut self) -> Result<(), Violation> {
         let Some(first) = &self.coordinator else {
             return Ok(());
         };
-        // One that was stopped before it got hold of the store has nothing to defend.
+        // A coordinator that was stopped before it locked the store has nothing to protect.
         let has_lock = holds_a_lock(first.child.id());
         let anywhere = SocketAddr::from(([127, 0, 0, 1], 0));
         let (programs, folder) = (&self.setup.programs, &self.setup.folder);
         let command = programs.coordinator(folder, INTRUDERS_ACCESS, self.serving([anywhere; 2]));
         let log = folder.join("intruder.log");
         let mut intruder = Process::start(command, folder, "intruder".to_owned())?;
-        // One that opens the store before the first, which has just been started, serves: the first
-        // is then refused in its place, and this one ends when it is dropped.
+        // The intruder may open the store before a coordinator that has just been started. Then
+        // that one is refused instead, and the intruder ends when it is dropped.
         let status = ended_within(&mut intruder, PATIENCE);
         drop(intruder);
         if status.is_none()
@@ -290,7 +291,7 @@ impl Cluster {
         {
             self.coordinator.take();
         }
-        // The first one may have ended, or not have got as far as opening the store.
+        // The first coordinator may have ended, or may not have opened the store yet.
         self.look()?;
         let first = self.coordinator.as_ref();
         let is_refused = status.is_some_and(|status| status.code() == Some(STORE_LOCKED));
@@ -304,13 +305,13 @@ impl Cluster {
         Ok(())
     }
 
-    /// Asks for the next view of the page. Whoever is answered gets a view, whatever happens meanwhile.
+    /// Requests the next view of the page. An answer must always be a view.
     pub(crate) fn visit(&mut self) -> Result<(), Violation> {
         if !self.serves() {
             return Ok(());
         }
         let path = format!("/api/v1/{}", VIEWS[self.visits % VIEWS.len()]);
-        // It may be about to listen, or to end.
+        // The coordinator may be starting or ending.
         let Ok(answer) = http::get(self.http, LOCALHOST, &path, PATIENCE) else {
             return Ok(());
         };
@@ -324,7 +325,7 @@ impl Cluster {
         )))
     }
 
-    /// Notices processes that have ended by themselves.
+    /// Records processes that have ended by themselves.
     pub(crate) fn look(&mut self) -> Result<(), Violation> {
         let all = (0..=RELIEF).map(Who::Worker).chain([Who::Coordinator]);
         for who in all {
@@ -351,7 +352,7 @@ impl Cluster {
         Ok(())
     }
 
-    /// Notes how a process ended, if it may end so.
+    /// Records how a process ended, if that is permitted.
     fn note_end(
         &mut self,
         who: Who,
@@ -368,7 +369,7 @@ impl Cluster {
                 true
             }
             (_, Some(INTERRUPTED)) => process.is_asked || self.is_drained,
-            // The coordinator of a finished campaign does not come back.
+            // The coordinator of a finished campaign does not return.
             (Who::Worker(_), Some(UNREACHABLE)) => {
                 process.is_asked || self.ended.is_some() || process.since.elapsed() > ABSENCE
             }
@@ -387,14 +388,14 @@ impl Cluster {
         Violation(format!("{name} ended with {status}: {last}"))
     }
 
-    /// Whether the coordinator runs.
+    /// Whether the coordinator is running and not stopped.
     pub(crate) fn serves(&self) -> bool {
         self.coordinator
             .as_ref()
             .is_some_and(|process| !process.stopped)
     }
 
-    /// Repairs everything: whatever was planned to be repaired later.
+    /// Ends all faults, including those that were to end later.
     pub(crate) fn heal(&mut self) -> Result<(), Violation> {
         self.act(Act::Continue(Who::Coordinator))?;
         let workers = if self.is_cut_off { 0..0 } else { 0..WORKERS };
@@ -405,7 +406,7 @@ impl Cluster {
         self.revive()
     }
 
-    /// Starts whatever is not running, as after a drain.
+    /// Starts all processes that are not running, for example after a drain.
     pub(crate) fn revive(&mut self) -> Result<(), Violation> {
         self.act(Act::Start(Who::Coordinator))?;
         for worker in 0..WORKERS {
@@ -414,7 +415,7 @@ impl Cluster {
         Ok(())
     }
 
-    /// Sends everybody home, in good order.
+    /// Ends all workers with SIGTERM.
     pub(crate) fn end(mut self) -> Result<(), Violation> {
         for worker in 0..=RELIEF {
             self.act(Act::Terminate(Who::Worker(worker)))?;
@@ -423,9 +424,10 @@ impl Cluster {
     }
 }
 
-/// Whether a process holds a lock of any file.
+/// Whether a process holds a lock on any file.
 fn holds_a_lock(id: u32) -> bool {
-    // As in "1: FLOCK  ADVISORY  WRITE 4711 08:02:1234 0 EOF"; one that waits has an arrow.
+    // Lines such as "1: FLOCK  ADVISORY  WRITE 4711 08:02:1234 0 EOF". A waiting process has an
+    // arrow.
     let locks = std::fs::read_to_string("/proc/locks").unwrap_or_default();
     let is_its = |line: &str| {
         let fields: Vec<&str> = line.split_whitespace().collect();

@@ -1,5 +1,5 @@
-//! The turn that some campaigns take in the middle: the campaign grows, or what was quarantined is
-//! tried again. Optima are then chosen anew while samples of the old ones are in flight.
+//! The turn that some campaigns take in the middle: the campaign is extended, or quarantined jobs
+//! are retried. Optima are then chosen again while samples of the old ones are in flight.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -13,17 +13,18 @@ use super::kinds::{Kind, Reference};
 use super::plan::{Act, Purpose, RELIEF, WORKERS, Who, random};
 use super::proxy::Fault;
 
-/// A campaign that keeps saying it is finished, with other results than undisturbed, is ended.
+/// Time after which a campaign is ended that stays finished with other results than the undisturbed
+/// run.
 const SETTLED: Duration = Duration::from_secs(8);
 
-/// How the workers are kept away while optima are chosen anew by what another worker computes.
+/// How the workers are disconnected while another worker's results change the optima.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Cut {
-    /// They are not.
+    /// They stay connected.
     Not,
     /// SIGSTOP.
     Stopped,
-    /// A fault of their networks; what they send arrives when it is over.
+    /// A fault of their networks. Their messages arrive when it is over.
     Network(Fault),
 }
 
@@ -31,40 +32,41 @@ enum Cut {
 enum Phase {
     /// The turn is still to come.
     Before,
-    /// The workers are cut off; the turn is taken at this time.
+    /// The workers are disconnected, and the turn is taken at this time.
     Cut(Duration),
-    /// The turn was taken; the workers come back at this time, or sooner when a new optimum is chosen.
+    /// The turn was taken. The workers return at this time, or sooner if a new optimum is chosen.
     Away(Duration),
-    /// The workers are back.
+    /// The workers have returned.
     After,
 }
 
-/// What happens to the campaign as a whole.
+/// The course of a campaign as a whole.
 #[derive(Debug)]
 pub(crate) struct Course {
     kind: Kind,
     phase: Phase,
-    /// The turn is taken without ending the coordinator by `coordinator retry`.
+    /// Whether the turn is taken by `coordinator retry`, without ending the coordinator.
     is_live: bool,
-    /// The coordinator is asked to end before it is started with the grown campaign.
+    /// Whether the coordinator gets SIGTERM before it is started with the extended campaign.
     is_gentle: bool,
     cut: Cut,
-    /// From the cut to the turn.
+    /// Time from the disconnection to the turn.
     lead: Duration,
-    /// From the turn to the workers' return.
+    /// Time from the turn to the workers' return.
     away: Duration,
-    /// From the choice of a new optimum to the workers' return, into the middle of its verification.
+    /// Time from the choice of a new optimum to the workers' return, in the middle of its
+    /// verification.
     lag: Option<Duration>,
     /// The criterion of the optimum that was being verified.
     chosen: Option<Value>,
-    /// Since when the campaign has said that it is finished.
+    /// Time since which the campaign has been reported finished.
     finished_since: Option<Duration>,
 }
 
 impl Course {
     pub(crate) fn new(kind: Kind, seed: u64, round: u64) -> Self {
         let mut rng = random(seed, round, Purpose::Course);
-        // Straight campaigns are of one kind from the start.
+        // The other kinds of campaign take no turn.
         let takes_turn = matches!(kind, Kind::Grown | Kind::Licence);
         Self {
             kind,
@@ -89,22 +91,22 @@ impl Course {
         }
     }
 
-    /// Whether coordinators stay when the campaign is finished.
+    /// Whether coordinators keep serving when the campaign is finished.
     pub(crate) const fn stays(&self) -> bool {
         self.is_live
     }
 
-    /// Whether a certain moment of the campaign is waited for.
+    /// Whether the course waits for a certain moment of the campaign.
     pub(crate) fn is_waiting(&self) -> bool {
         self.phase != Phase::After
     }
 
-    /// Whether optima may be chosen anew.
+    /// Whether optima may be chosen again.
     pub(crate) const fn takes_turn(&self) -> bool {
         matches!(self.kind, Kind::Grown | Kind::Licence)
     }
 
-    /// Goes on from what the status says.
+    /// Advances the course according to the status.
     pub(crate) fn look(
         &mut self,
         now: Duration,
@@ -140,7 +142,7 @@ impl Course {
         Ok(())
     }
 
-    /// Whether the samples of an optimum that is about to be replaced are in flight.
+    /// Whether samples of an optimum that is about to be replaced are in flight.
     fn is_time(&self, status: &Value) -> bool {
         let number = |value: &Value| value.as_u64().unwrap_or(0);
         let is_verified = kriging(status).is_some_and(|optimum| {
@@ -156,7 +158,7 @@ impl Course {
         self.is_live && is_given_up && (is_verified || status["finished"] == true)
     }
 
-    /// Whether there is another optimum than when the workers were cut off.
+    /// Whether the optimum has changed since the workers were disconnected.
     fn is_chosen_anew(&self, status: &Value) -> bool {
         kriging(status)
             .is_some_and(|optimum| Some(&optimum["criterion_um"]) != self.chosen.as_ref())
@@ -189,7 +191,7 @@ impl Course {
             } else {
                 Act::Kill(coordinator)
             })?;
-            // Whatever it had come to, the campaign grows.
+            // The campaign is extended, however far it was.
             cluster.ended = None;
             cluster.setup.file = grown(reference);
             cluster.act(Act::Start(coordinator))?;
@@ -197,7 +199,7 @@ impl Course {
             pay(cluster)?;
             cluster.act(Act::Continue(Who::Coordinator))?;
             if !cluster.retry()? {
-                // It is tried again at the next look.
+                // The retry is repeated at the next look.
                 return Ok(());
             }
         }
@@ -205,7 +207,7 @@ impl Course {
         Ok(())
     }
 
-    /// Ends a coordinator that would stay for ever.
+    /// Ends a coordinator that would serve for ever.
     fn end(
         &mut self,
         now: Duration,
@@ -228,7 +230,7 @@ impl Course {
         Ok(())
     }
 
-    /// Whether the campaign is over, now that a coordinator has ended by itself.
+    /// Whether the campaign is over after a coordinator has ended by itself.
     pub(crate) fn is_over(
         &mut self,
         code: i32,
@@ -236,7 +238,7 @@ impl Course {
         reference: &Reference,
     ) -> Result<bool, Violation> {
         match (self.kind, self.phase, code) {
-            // It was finished before the moment came.
+            // The campaign was finished before the moment came.
             (Kind::Grown, Phase::Before | Phase::Cut(_), 0) => {
                 cluster.setup.file = grown(reference);
                 self.phase = Phase::Away(Duration::ZERO);
@@ -255,7 +257,7 @@ impl Course {
     }
 }
 
-/// The optimum that was found with kriging.
+/// The optimum found with kriging.
 fn kriging(status: &Value) -> Option<&Value> {
     let optima = status["optima"].as_array()?;
     optima
@@ -275,7 +277,7 @@ fn grown(reference: &Reference) -> PathBuf {
     reference.files.last().cloned().unwrap_or_default()
 }
 
-/// From now on no sample of the locked design fails.
+/// Unlocks the design without a licence: none of its samples fails from now on.
 fn pay(cluster: &Cluster) -> Result<(), Violation> {
     let licence = cluster.setup.folder.join("licence");
     std::fs::write(licence, "paid").map_err(|error| Violation(error.to_string()))

@@ -1,4 +1,4 @@
-//! The kinds of campaign that a round may have, and the undisturbed run that each is compared with.
+//! The kinds of campaign in a round, and the undisturbed run that each is compared with.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -11,17 +11,17 @@ use crate::{root, small_campaign};
 /// A kind of campaign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
-    /// The same number of samples for every design; a study comes after the campaign.
+    /// The same number of samples for every design, followed by a study.
     Plain,
-    /// Samples to a precision, where the constraints allow it.
+    /// Samples to a precision, for designs that the constraints do not rule out.
     Precise,
     /// Rounds of infill after the DoE.
     Enriched,
-    /// Grows while verification samples of its first optimum are in flight.
+    /// Extended while verification samples of its first optimum are in flight.
     Grown,
-    /// An external simulator that fails now and then.
+    /// An external simulator that fails occasionally.
     External,
-    /// An external simulator that cannot compute one design until the licence is paid.
+    /// An external simulator that cannot compute one design without a licence.
     Licence,
     /// A problem without gears, with infill.
     Problem,
@@ -57,7 +57,7 @@ impl Kind {
         }
     }
 
-    /// The external program that simulates the designs, if one does, as it is shipped.
+    /// The shipped external program that simulates the designs, if there is one.
     pub(crate) const fn simulator(self) -> Option<&'static str> {
         match self {
             Self::Plain | Self::Precise | Self::Enriched | Self::Grown => None,
@@ -67,7 +67,7 @@ impl Kind {
         }
     }
 
-    /// Whether that program fails now and then in a round.
+    /// Whether that program fails occasionally in a round.
     pub(crate) const fn is_unreliable(self) -> bool {
         matches!(self, Self::External | Self::Licence)
     }
@@ -101,7 +101,7 @@ impl Kind {
                     let text = law(small_campaign(designs, samples), is_even);
                     change(&text, "\nsamples = 100 ", "\nsamples = 60000 ")
                 };
-                // The larger campaign has another model of the same samples, too.
+                // The extended campaign also has another model of the same samples.
                 vec![grown(30, 1500), model(grown(36, 2000), is_even)]
             }
             Self::External => vec![external(true)],
@@ -112,7 +112,7 @@ impl Kind {
     }
 }
 
-/// Either law of wear, and either way to share the load.
+/// The shipped law of wear and load distribution, or the other ones.
 fn law(shipped: String, is_shipped: bool) -> String {
     if is_shipped {
         return shipped;
@@ -122,7 +122,7 @@ fn law(shipped: String, is_shipped: bool) -> String {
     change(&text, "coefficient_per_mpa = 3.5e-7", "max_depth_um = 3.5")
 }
 
-/// Either the shipped bounds and limits, or some of every other form.
+/// The shipped bounds and limits, or some in every other form.
 fn bounds(shipped: String, is_shipped: bool) -> String {
     if is_shipped {
         return shipped;
@@ -144,7 +144,7 @@ fn bounds(shipped: String, is_shipped: bool) -> String {
     )
 }
 
-/// Either the shipped model and restarts, or others.
+/// The shipped model and restarts, or other ones.
 fn model(shipped: String, is_shipped: bool) -> String {
     if is_shipped {
         return shipped;
@@ -190,7 +190,7 @@ fn problem() -> String {
             points_per_round = 4\nsamples_per_point = 500\ntolerance = 0.001\n"
 }
 
-/// The example of a program that is asked through files, with infill beside its constraint.
+/// The example of a program that communicates through files, with infill and a constraint.
 fn files() -> String {
     change(
         &shipped("cantilever"),
@@ -210,16 +210,16 @@ fn change(text: &str, from: &str, to: &str) -> String {
 pub(crate) struct Reference {
     /// The campaign's files, in the order in which they are run.
     pub(crate) files: Vec<PathBuf>,
-    /// What the run left in its store.
+    /// The contents of the store after the run.
     pub(crate) outcome: Outcome,
-    /// How long the run took.
+    /// Duration of the run.
     pub(crate) span: Duration,
-    /// The table of a study of the campaign, where there is one.
+    /// The table of a study of the campaign, if there is one.
     pub(crate) study: Option<String>,
 }
 
 impl Reference {
-    /// Runs a campaign in `folder` without disturbing it.
+    /// Runs a campaign in `folder` without disturbance.
     pub(crate) fn run(
         kind: Kind,
         seed: u64,

@@ -1,4 +1,4 @@
-//! Small real campaigns on real processes, to which bad things happen at random.
+//! Small real campaigns on real processes with random faults.
 
 mod cluster;
 mod course;
@@ -27,32 +27,32 @@ use plan::{Purpose, random};
 use programs::{DB, Programs};
 use progress::Progress;
 
-/// How often progress is looked at, unless looking itself takes long.
+/// Minimum interval between looks at the progress.
 const LOOK: Duration = Duration::from_millis(250);
-/// The same while a certain moment is waited for.
+/// The interval while a certain moment is waited for.
 const CLOSE_LOOK: Duration = Duration::from_millis(10);
-/// How many undisturbed runs a disturbed one may take on a machine that others use, too.
+/// Time limit of a disturbed run as a multiple of the undisturbed one, on a shared machine.
 const PATIENCE: u32 = 30;
 
-/// A promise that was not kept.
+/// A broken promise.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct Violation(pub(crate) String);
 
-/// What a round did.
+/// The events of a round.
 #[derive(Debug, Clone)]
 pub struct Round {
     /// The kind of campaign.
     pub kind: Kind,
-    /// Acts that were done while the campaign ran.
+    /// Number of acts while the campaign ran.
     pub acts: usize,
-    /// Looks at the progress.
+    /// Number of looks at the progress.
     pub looks: usize,
-    /// Views that the live page gave.
+    /// Number of views that the live page returned.
     pub visits: usize,
-    /// Results that came when their stream had changed, and were dropped.
+    /// Number of results that were dropped because their stream had changed.
     pub stale: usize,
-    /// From the start of the coordinator to its good end.
+    /// Time from the start of the coordinator to its successful end.
     pub time: Duration,
 }
 
@@ -67,11 +67,11 @@ pub struct Soak {
 }
 
 impl Soak {
-    /// A soak in `folder`, with the programs in the folder `programs`.
+    /// Makes a soak in `folder` with the programs in the folder `programs`.
     ///
     /// # Errors
     ///
-    /// The folder cannot be written.
+    /// The folder is not writable.
     pub fn new(folder: &Path, programs: &Path, seed: u64) -> Result<Self, Violation> {
         Ok(Self {
             folder: folder.to_owned(),
@@ -82,19 +82,19 @@ impl Soak {
         })
     }
 
-    /// Whether the folders of rounds stay that went well.
+    /// Sets whether the folders of successful rounds are kept.
     #[must_use]
     pub const fn keeping(mut self, keeps: bool) -> Self {
         self.keeps = keeps;
         self
     }
 
-    /// Runs a round; its folder stays behind only when a promise was broken. The kind of campaign
-    /// follows from seed and round unless it is given.
+    /// Runs a round. Its folder is kept only if a promise was broken. Seed and round determine the
+    /// kind of campaign, unless `kind` is given.
     ///
     /// # Errors
     ///
-    /// A promise was broken, or the undisturbed run of the same campaign does not end well.
+    /// A promise was broken, or the undisturbed run of the same campaign failed.
     pub fn round(&self, round: u64, kind: Option<Kind>) -> Result<Round, Violation> {
         let kind = kind.unwrap_or_else(|| kind_of(self.seed, round));
         let reference = self.reference(kind)?;
@@ -134,7 +134,7 @@ impl Soak {
         Ok(reference)
     }
 
-    /// What the workers' command lines say of a round's simulator.
+    /// The workers' command-line arguments for a round's simulator.
     fn simulator(&self, round: u64, kind: Kind, reference: &Reference) -> Vec<String> {
         if !kind.is_unreliable() {
             let name = kind.simulator();
@@ -143,8 +143,8 @@ impl Soak {
         let mut arguments = format!("{}-{round}", self.seed);
         if kind == Kind::Licence {
             let mut rng = random(self.seed, round, Purpose::Simulator);
-            // A design that gets samples; all of these fail, or so few that the first ones pass, but that
-            // none of 200 fails in one campaign of 30 000 only.
+            // A design that gets samples. Either all of its samples fail, or so few that the first
+            // ones succeed; in the second case, none of 200 fails in only one of 30 000 campaigns.
             let designs = reference.outcome.column("responses", "design");
             let x_p = reference.outcome.column("designs", "x_p");
             let number = &designs[rng.random_range(0..designs.len())];
@@ -203,10 +203,10 @@ impl Soak {
                     cluster.heal()?;
                     healed = true;
                 }
-                // A drained coordinator leaves, and so do its workers.
+                // A drained coordinator and its workers leave.
                 cluster.revive()?;
             }
-            // A coordinator that is down or asleep is looked at, too: its store must be readable.
+            // The store must be readable even while the coordinator is down or stopped.
             if now >= next_look && folder.join(DB).exists() {
                 if let Ok(status) = self.programs.status(folder, DB) {
                     progress.advance(&status, course.takes_turn())?;
@@ -217,7 +217,7 @@ impl Soak {
                         let _ = writeln!(diary, "{now:.3?} {course:?}");
                     }
                 } else if !cluster.serves() && progress.last.is_some() {
-                    // What was there once stays readable; it may be in the middle of ending.
+                    // An existing store stays readable; the coordinator may just be ending.
                     std::thread::sleep(LOOK);
                     let status = self.programs.status(folder, DB)?;
                     progress.advance(&status, course.takes_turn())?;
@@ -226,7 +226,7 @@ impl Soak {
                 let pause = if course.is_waiting() {
                     CLOSE_LOOK
                 } else {
-                    // Most of the time is the campaign's.
+                    // Most of the time should go to the campaign.
                     LOOK.max(4 * took)
                 };
                 next_look = since.elapsed() + pause;
@@ -260,13 +260,13 @@ impl Soak {
     }
 }
 
-/// The kind of campaign of a round.
+/// The random kind of campaign of a round.
 fn kind_of(seed: u64, round: u64) -> Kind {
     let mut rng = random(seed, round, Purpose::Kind);
     Kind::ALL[rng.random_range(0..Kind::ALL.len())]
 }
 
-/// How many stale results the logs of a round's coordinators report.
+/// The number of stale results in the logs of a round's coordinators.
 fn stale(folder: &Path) -> usize {
     let Ok(entries) = std::fs::read_dir(folder) else {
         return 0;

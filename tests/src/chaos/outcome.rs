@@ -1,4 +1,4 @@
-//! What a campaign leaves in its store: nothing lost, nothing twice, nothing else.
+//! The final content of a campaign's store, with nothing lost, duplicated or added.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,7 +10,7 @@ use super::Violation;
 use super::kinds::Kind;
 use super::programs::Programs;
 
-/// Tables whose every column is compared but those that were measured.
+/// Tables that are compared in every column, except measured ones.
 const TABLES: [&str; 6] = [
     "designs",
     "samples",
@@ -20,7 +20,7 @@ const TABLES: [&str; 6] = [
     "infill",
 ];
 
-/// Parts of the status that are compared.
+/// Keys of the status that are compared.
 const KEYS: [&str; 7] = [
     "finished",
     "designs",
@@ -31,16 +31,16 @@ const KEYS: [&str; 7] = [
     "enrichment",
 ];
 
-/// The end of a campaign.
+/// The result of a campaign.
 #[derive(Debug)]
 pub(crate) struct Outcome {
-    /// What `coordinator status` says.
+    /// The output of `coordinator status`.
     pub(crate) status: Value,
     /// The lines of every exported table, without processor times.
     tables: BTreeMap<&'static str, Vec<String>>,
-    /// The samples of every verified point and infill point: index and bits.
+    /// The samples of every optimum and infill point, as index and bits.
     verification: BTreeMap<String, Vec<(u64, u64)>>,
-    /// What went wrong.
+    /// The recorded failures.
     failures: Vec<FailureRow>,
 }
 
@@ -74,7 +74,7 @@ impl Outcome {
             .collect()
     }
 
-    /// Whether this is what an undisturbed run leaves.
+    /// Checks that this equals the outcome of an undisturbed run.
     pub(crate) fn compare(&self, undisturbed: &Self) -> Result<(), Violation> {
         for key in KEYS {
             let (now, then) = (&self.status[key], &undisturbed.status[key]);
@@ -96,8 +96,8 @@ impl Outcome {
         self.is_whole()
     }
 
-    /// Whether nothing went wrong that was not made to: the built-in model never fails, and only a
-    /// design without a licence is quarantined.
+    /// Checks that all failures were provoked: the built-in model never fails, and only a design
+    /// without a licence is quarantined.
     pub(crate) fn check_failures(&self, kind: Kind) -> Result<(), Violation> {
         let is_expected = |row: &FailureRow| match row.kind {
             FailureKind::Crash => true,
@@ -110,7 +110,7 @@ impl Outcome {
         }
     }
 
-    /// Whether every sample is there once.
+    /// Checks that every sample is stored once.
     fn is_whole(&self) -> Result<(), Violation> {
         let keys = self.column("samples", "design");
         let keys = keys.into_iter().zip(self.column("samples", "sample"));
@@ -130,7 +130,7 @@ impl Outcome {
     }
 }
 
-/// Compares rows, and shows the first that differs.
+/// Compares rows and reports the first difference.
 fn same<T: PartialEq + std::fmt::Debug>(
     what: &str,
     now: &[T],
@@ -168,8 +168,7 @@ fn without_times(text: &str) -> Vec<String> {
     lines.map(kept).collect()
 }
 
-/// Rows that no table exports as they are: the samples of all points that are no designs of the DoE,
-/// and failures.
+/// Rows that no table exports unchanged: the samples of optima and infill points, and failures.
 #[expect(clippy::type_complexity, reason = "it is taken apart at once")]
 fn rows(db: &Path) -> Result<(BTreeMap<String, Vec<(u64, u64)>>, Vec<FailureRow>), Violation> {
     let runtime = tokio::runtime::Builder::new_current_thread()

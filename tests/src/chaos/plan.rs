@@ -1,4 +1,4 @@
-//! What goes wrong in a round, and when: all of it follows from a seed.
+//! The faults of a round and their times, all determined by a seed.
 
 use std::time::Duration;
 
@@ -7,13 +7,13 @@ use rand::{RngExt as _, SeedableRng as _};
 
 use super::proxy::Fault;
 
-/// How many workers a round has.
+/// Number of workers in a round.
 pub(crate) const WORKERS: usize = 2;
 
-/// One more worker, which computes while the others are cut off.
+/// Index of an additional worker, which computes while the others are disconnected.
 pub(crate) const RELIEF: usize = WORKERS;
 
-/// Beyond the lease of three seconds.
+/// Longer than the lease of three seconds.
 const LONG: Duration = Duration::from_millis(3600);
 
 /// A process of the cluster.
@@ -25,7 +25,7 @@ pub(crate) enum Who {
     Worker(usize),
 }
 
-/// Something done to the cluster.
+/// An action on the cluster.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Act {
     /// SIGKILL.
@@ -36,18 +36,18 @@ pub(crate) enum Act {
     Stop(Who),
     /// SIGCONT.
     Continue(Who),
-    /// Starts what is not running.
+    /// Starts a process that is not running.
     Start(Who),
-    /// Makes a worker's network good or bad; with `cut`, its connections end.
+    /// Sets the fault of a worker's network.
     Network {
-        /// Whose.
+        /// The worker.
         worker: usize,
-        /// How bad.
+        /// The fault.
         fault: Fault,
-        /// Whether connections end.
+        /// Whether existing connections are closed.
         cut: bool,
     },
-    /// Starts one more coordinator on the same store, which must be refused.
+    /// Starts another coordinator on the same store, which must be refused.
     Intrude,
     /// `coordinator drain`.
     Drain,
@@ -57,7 +57,7 @@ pub(crate) enum Act {
     Retry,
 }
 
-/// The random numbers of a round, which has a stream for each purpose.
+/// The random numbers of a round, with a stream for each purpose.
 #[must_use]
 pub(crate) fn random(seed: u64, round: u64, purpose: Purpose) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -65,7 +65,7 @@ pub(crate) fn random(seed: u64, round: u64, purpose: Purpose) -> ChaCha8Rng {
     rng
 }
 
-/// What random numbers of a round are for.
+/// The purposes of a round's random numbers.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Purpose {
     /// The acts and their times.
@@ -74,13 +74,13 @@ pub(crate) enum Purpose {
     Kind,
     /// The turn that the campaign takes.
     Course,
-    /// What the external simulator fails at.
+    /// The failures of the external simulator.
     Simulator,
-    /// What happens to the workers of a study.
+    /// The faults of a study's workers.
     Study,
 }
 
-/// Acts with their times since the start of the round, in order; trouble starts within `span`.
+/// The acts with their times since the start of the round, in order. Faults begin within `span`.
 #[must_use]
 pub(crate) fn plan(seed: u64, round: u64, span: Duration) -> Vec<(Duration, Act)> {
     let mut rng = random(seed, round, Purpose::Acts);

@@ -1,4 +1,4 @@
-//! The programs under test, and the commands that start them: one function for each.
+//! The programs under test, with one function for each command that starts them.
 
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -9,12 +9,12 @@ use serde_json::Value;
 use super::{Violation, study};
 use crate::root;
 
-/// Where a coordinator keeps the samples of a round.
+/// The store of a round.
 pub(crate) const DB: &str = "c.db";
 /// The access file of a round's coordinator.
 pub(crate) const ACCESS: &str = "c.access";
 
-/// A coordinator to be started.
+/// The arguments of a coordinator.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Serving<'a> {
     /// The campaign file.
@@ -23,14 +23,14 @@ pub(crate) struct Serving<'a> {
     pub(crate) listen: SocketAddr,
     /// The address of its page.
     pub(crate) http: SocketAddr,
-    /// Whether the coordinator stays when the campaign is finished.
+    /// Whether the coordinator keeps serving when the campaign is finished.
     pub(crate) stays: bool,
 }
 
-/// The simulator that reads `beam.in` and writes `beam.out`.
+/// The name of the simulator that reads `beam.in` and writes `beam.out`.
 pub(crate) const BEAM: &str = "beam";
 
-/// The folder of the programs, and that of the external simulators.
+/// The folders of the programs and of the external simulators.
 #[derive(Debug, Clone)]
 pub(crate) struct Programs {
     folder: PathBuf,
@@ -66,7 +66,7 @@ impl Programs {
         })
     }
 
-    /// What command lines say of an external simulator.
+    /// The command-line arguments for an external simulator.
     pub(crate) fn simulator(&self, name: &str, arguments: &str) -> Vec<String> {
         let path = self.simulators.join(name).display().to_string();
         let template = format!("{path}.in");
@@ -96,9 +96,9 @@ impl Programs {
         command
     }
 
-    /// A coordinator that serves workers.
+    /// The command of a coordinator that serves workers.
     pub(crate) fn coordinator(&self, folder: &Path, access: &str, serving: Serving<'_>) -> Command {
-        // Results that came too late are reported at this level.
+        // Stale results are logged at this level.
         let mut command = self.command("coordinator", folder, "info,coordinator=debug");
         command.arg("serve").arg(serving.file);
         command.args(["--db", DB, "--out", "report", "--lease", "3"]);
@@ -110,7 +110,7 @@ impl Programs {
         command
     }
 
-    /// A worker of one slot, with what its command line says of its simulator.
+    /// The command of a worker with one slot and these arguments for its simulator.
     pub(crate) fn worker(
         &self,
         folder: &Path,
@@ -125,7 +125,7 @@ impl Programs {
         command
     }
 
-    /// A command that asks or steers a coordinator.
+    /// The command that queries or steers a coordinator.
     pub(crate) fn client(&self, folder: &Path, address: SocketAddr, words: &[&str]) -> Command {
         let mut command = self.command("coordinator", folder, "off");
         command.args(words);
@@ -152,7 +152,7 @@ impl Programs {
         finish(command).map(drop)
     }
 
-    /// A study of a finished campaign, for workers of other processes.
+    /// The command of a study of a finished campaign, with workers in other processes.
     pub(crate) fn study(&self, folder: &Path, file: &Path, db: &str, out: &str) -> Command {
         let mut command = self.command("coordinator", folder, "info");
         command.arg("pareto").arg(file);
@@ -162,14 +162,14 @@ impl Programs {
         command
     }
 
-    /// A worker of one slot for a study.
+    /// The command of a worker with one slot for a study.
     pub(crate) fn study_worker(&self, folder: &Path) -> Command {
         let mut command = self.command("worker", folder, "info");
         command.args(["--access", study::ACCESS, "--slots", "1", "--grace", "2"]);
         command
     }
 
-    /// The same study to its end on this machine alone.
+    /// Runs the same study to its end on this machine alone.
     pub(crate) fn study_alone(
         &self,
         folder: &Path,
@@ -183,7 +183,7 @@ impl Programs {
         finish(command).map(drop)
     }
 
-    /// The campaign's status as its store has it.
+    /// The campaign's status, read from its store.
     pub(crate) fn status(&self, folder: &Path, db: &str) -> Result<Value, Violation> {
         let mut command = self.command("coordinator", folder, "off");
         command.args(["status", "--db", db, "--json"]);
@@ -191,10 +191,10 @@ impl Programs {
         serde_json::from_slice(&printed).map_err(|error| Violation(format!("no JSON: {error}")))
     }
 
-    /// A table of a store as text.
+    /// The text of an exported table.
     pub(crate) fn export(&self, folder: &Path, db: &str, table: &str) -> Result<String, Violation> {
         let out = folder.join(format!("{db}.{table}.csv"));
-        // Export refuses to overwrite.
+        // Export does not overwrite files.
         let _ = std::fs::remove_file(&out);
         let mut command = self.command("coordinator", folder, "off");
         command.args(["export", "--db", db, "--table", table]);
@@ -204,7 +204,7 @@ impl Programs {
     }
 }
 
-/// Runs a command to its good end and returns what it printed.
+/// Runs a command, which must succeed, and returns its output.
 fn finish(mut command: Command) -> Result<Vec<u8>, Violation> {
     let output = command
         .output()

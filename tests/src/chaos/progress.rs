@@ -1,19 +1,19 @@
-//! Progress that never goes back.
+//! A check that progress never decreases.
 
 use serde_json::Value;
 
 use super::Violation;
 
-/// How far the campaign has been seen to be.
+/// The greatest progress seen so far.
 #[derive(Debug, Default)]
 pub(crate) struct Progress {
-    /// Samples, designs, optimiser runs, samples at optima, points of infill.
+    /// Numbers of samples, designs, optimiser runs, samples at optima, and infill points.
     pub(crate) last: Option<[u64; 5]>,
 }
 
 impl Progress {
-    /// Notes what a status says. Optimiser runs and whatever follows from them go back when optima
-    /// may be chosen anew.
+    /// Records the progress in a status. Optimiser runs and later results may decrease if optima
+    /// may be chosen again.
     pub(crate) fn advance(&mut self, status: &Value, takes_turn: bool) -> Result<(), Violation> {
         let number = |value: &Value| value.as_u64().unwrap_or(0);
         let verified = status["optima"].as_array().map_or(0, |optima| {

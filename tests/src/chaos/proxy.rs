@@ -1,31 +1,31 @@
-//! A network that can be made bad: a TCP proxy on loopback.
+//! A network with faults: a TCP proxy on loopback.
 
 use std::io::{Read as _, Write as _};
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// How often a waiting thread looks up.
+/// Interval at which a waiting thread checks for changes.
 const TICK: Duration = Duration::from_millis(20);
 
-/// What is wrong with the network between a worker and its coordinator.
+/// A fault of the network between a worker and its coordinator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Fault {
-    /// Nothing.
+    /// No fault.
     None,
-    /// Connections are cut, new ones end at once.
+    /// Existing connections are closed, and new ones end at once.
     Refuse,
-    /// Nothing gets from the worker to the coordinator.
+    /// No data passes from the worker to the coordinator.
     Mute,
-    /// Nothing gets from the coordinator to the worker.
+    /// No data passes from the coordinator to the worker.
     Deaf,
-    /// Nothing gets through either way.
+    /// No data passes in either direction.
     Partition,
-    /// Everything arrives this much later.
+    /// All data arrive later by this time.
     Delay(Duration),
-    /// The coordinator's end of every connection is gone, the worker's is still open.
+    /// The coordinator's end of every connection is closed, the worker's is still open.
     HalfOpenAtWorker,
-    /// The worker's end of every connection is gone, the coordinator's is still open.
+    /// The worker's end of every connection is closed, the coordinator's is still open.
     HalfOpenAtCoordinator,
 }
 
@@ -38,7 +38,7 @@ enum Way {
 #[derive(Debug)]
 struct State {
     fault: Fault,
-    /// Raised to cut all connections made before.
+    /// Incremented to close all earlier connections.
     generation: u64,
     ended: bool,
 }
@@ -60,7 +60,7 @@ impl Shared {
         state.ended || state.generation != generation
     }
 
-    /// Waits while the fault holds up what goes this way; false when the connection is cut.
+    /// Waits while the fault blocks this direction. Returns false if the connection is closed.
     fn let_through(&self, way: Way, generation: u64) -> bool {
         let mut state = self.lock();
         loop {
@@ -93,7 +93,7 @@ impl Shared {
     }
 }
 
-/// A proxy; it ends, with all its connections, when it is dropped.
+/// A proxy. It ends with all its connections when it is dropped.
 #[derive(Debug)]
 pub(crate) struct Proxy {
     address: SocketAddr,
@@ -101,7 +101,7 @@ pub(crate) struct Proxy {
 }
 
 impl Proxy {
-    /// Listens on a free port of loopback and passes everything on to `target`.
+    /// Listens on a free loopback port and forwards connections to `target`.
     ///
     /// # Errors
     ///
@@ -132,17 +132,17 @@ impl Proxy {
         Ok(Self { address, shared })
     }
 
-    /// Where it listens.
+    /// The address on which it listens.
     #[must_use]
     pub(crate) const fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Makes the network good or bad. With `cut`, connections made before are ended: what they
-    /// held up is lost, and otherwise delivered late.
+    /// Sets the fault. With `cut`, existing connections are closed and blocked data are lost;
+    /// otherwise blocked data are delivered late.
     pub(crate) fn set(&self, fault: Fault, cut: bool) {
         let mut state = self.shared.lock();
-        // One end of a half-open connection is gone already: its other end learns so now.
+        // One end of a half-open connection is closed already; the other end is closed now.
         let half_open = |fault| {
             matches!(
                 fault,
@@ -162,7 +162,7 @@ impl Drop for Proxy {
     fn drop(&mut self) {
         self.shared.lock().ended = true;
         self.shared.changed.notify_all();
-        // Wakes the thread that accepts.
+        // Wakes the accepting thread.
         let _ = TcpStream::connect(self.address);
     }
 }
@@ -175,7 +175,7 @@ fn accept(shared: &Arc<Shared>, client: TcpStream) {
     if fault == Fault::Refuse {
         return;
     }
-    // A coordinator that is down refuses at once: it is on the same machine.
+    // A coordinator that is down refuses at once, because it is on the same machine.
     let Ok(server) = TcpStream::connect(shared.target) else {
         return;
     };
@@ -192,7 +192,7 @@ fn accept(shared: &Arc<Shared>, client: TcpStream) {
     }
 }
 
-/// Passes on what comes from one end until either end, or the proxy, is done.
+/// Forwards data in one direction until either end or the proxy ends.
 fn pump(shared: &Shared, way: Way, generation: u64, mut from: &TcpStream, mut to: &TcpStream) {
     let mut buffer = vec![0; 64 * 1024];
     let _ = from.set_read_timeout(Some(TICK));
@@ -203,14 +203,14 @@ fn pump(shared: &Shared, way: Way, generation: u64, mut from: &TcpStream, mut to
             _ => None,
         };
         if gone == Some(way) {
-            // This pump closes the far end and leaves the near one open until the fault is over.
+            // The far end is closed, and the near end stays open until the fault is over.
             let _ = to.shutdown(Shutdown::Both);
         }
         if !shared.let_through(way, generation) {
             return;
         }
         match from.read(&mut buffer) {
-            // The end of a connection is held up like anything else.
+            // The end of a connection is delayed like data.
             Ok(0) => {
                 shared.let_through(way, generation);
                 return;
@@ -238,7 +238,7 @@ fn is_timeout(error: &std::io::Error) -> bool {
 mod tests {
     use super::*;
 
-    /// A server that answers every byte with itself.
+    /// A server that echoes every byte.
     fn echo() -> SocketAddr {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         let address = listener.local_addr().unwrap();

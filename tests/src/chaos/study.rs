@@ -1,4 +1,4 @@
-//! A study of a campaign that is finished, whose workers are killed and stopped while they compute.
+//! A study of a finished campaign, whose workers are killed and stopped while they compute.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -15,12 +15,12 @@ use super::programs::{DB, Programs};
 const OUT: &str = "pareto";
 /// The access file of a study.
 pub(crate) const ACCESS: &str = "study.access";
-/// Acts in a study; after them it is left alone.
+/// Number of acts in a study. Afterwards it runs undisturbed.
 const ACTS: usize = 12;
-/// The longest that a study may take on a machine that others use, too.
+/// Time limit of a study on a shared machine.
 const PATIENCE: Duration = Duration::from_secs(180);
 
-/// The table of a study that nothing disturbs.
+/// The table of an undisturbed study.
 pub(crate) fn undisturbed(
     programs: &Programs,
     folder: &Path,
@@ -31,7 +31,7 @@ pub(crate) fn undisturbed(
     read(folder)
 }
 
-/// The table of the same study whose workers are other processes that die and fall asleep.
+/// The table of the same study with workers in other processes that are killed and stopped.
 pub(crate) fn disturbed(
     programs: &Programs,
     folder: &Path,
@@ -72,7 +72,7 @@ pub(crate) fn disturbed(
         let sleep = moment(100, 1500);
         let worker = &mut workers[rng.random_range(0..WORKERS)];
         if rng.random_bool(0.6) {
-            // The one that was there dies as it is dropped.
+            // The previous worker is killed when it is dropped.
             *worker = start()?;
         } else {
             worker.signal(Signal::STOP);

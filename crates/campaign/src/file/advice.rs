@@ -1,4 +1,4 @@
-//! Warnings about values that are legal but doubtful: mostly a unit that was taken for another.
+//! Warnings about values that are valid but doubtful, mostly because of a wrong unit.
 
 use gear::Size;
 
@@ -7,14 +7,14 @@ use super::{
     gear_size,
 };
 
-/// Above this the modulus was probably meant in MPa, GPa. Tungsten carbide has about 650 GPa.
+/// A larger modulus was probably given in MPa. Tungsten carbide has about 650 GPa.
 const STIFFEST_GPA: f64 = 1000.0;
-/// Common face widths, mm: from watch wheels to ring mills.
+/// Common face widths in mm, from watch wheels to ring mills.
 const FACE_WIDTH_MM: [f64; 2] = [0.5, 1000.0];
-/// Deeper wear than this leaves no flank of a usual module, µm.
+/// Wear in µm above which no flank of a usual module is left.
 const DEEPEST_WEAR_UM: f64 = 1000.0;
 
-/// Warnings about the sections that campaign and pair files have in common.
+/// Warnings about the sections common to campaign and pair files.
 pub(super) fn of_sections(material: &Material, wear: &Wear, face_width_mm: f64) -> Vec<String> {
     let mut warnings = Vec::new();
     let modulus = material.youngs_modulus_gpa;
@@ -42,8 +42,8 @@ pub(super) fn of_sections(material: &Material, wear: &Wear, face_width_mm: f64) 
 
 /// Warnings about frozen variables that the campaign's own bounds exclude.
 ///
-/// The bounds of the radii are in modules. With a given centre distance every design has a module
-/// of its own, so a radius is warned of only when no profile shift within the bounds allows it.
+/// The bounds of the radii are in modules. With a given centre distance every design has its own
+/// module, so a radius is warned of only if no profile shift within the bounds allows it.
 pub(super) fn of_frozen(sections: &GearSections) -> Vec<String> {
     let mut warnings = Vec::new();
     let Some(frozen) = &sections.frozen else {
@@ -82,8 +82,8 @@ pub(super) fn of_frozen(sections: &GearSections) -> Vec<String> {
     warnings
 }
 
-/// The least and the greatest normal module of the campaign's designs with the frozen helix angle,
-/// mm. None where a design at the bounds has none, or where the angle is not frozen.
+/// The smallest and largest normal module in mm of the campaign's designs with the frozen helix
+/// angle. `None` if the angle is not frozen, or if a design at the bounds has no module.
 fn modules(
     sections: &GearSections,
     frozen: &FrozenSection,
@@ -104,7 +104,7 @@ fn modules(
     let shifts = settings[..2].iter().map(|setting| match setting {
         Setting::Free(range) => *range,
         Setting::Fixed(shift) => [*shift; 2],
-        // The size is one of the module's above where the shift follows.
+        // A mate's shift follows only if the module is given, which returned above.
         Setting::Tied | Setting::Follows => match settings[0] {
             Setting::Free(range) => range,
             _ => [0.0; 2],
@@ -113,8 +113,9 @@ fn modules(
     let [low, high] = shifts.fold([0.0; 2], |[low, high], range| {
         [low + range[0], high + range[1]]
     });
-    // Larger profile shifts leave a smaller module within the same centre distance. The smallest may
-    // leave no working pressure angle: as it goes to zero, m goes to m(0)/cos α_t.
+    // Larger profile shifts give a smaller module with the same centre distance. The smallest
+    // shifts may have no working pressure angle. As that angle goes to zero, m goes to
+    // m(0)/cos α_t.
     let tan_transverse = pressure_angle.tan() / helix.cos();
     let largest = module(low).or_else(|_| module(0.0).map(|m| m * tan_transverse.hypot(1.0)));
     Some([module(high).ok()?, largest.ok()?])
@@ -124,7 +125,7 @@ fn modules(
 mod tests {
     use crate::Campaign;
 
-    /// The warnings of the shipped campaign with this change.
+    /// The warnings of the shipped campaign after this replacement.
     fn warnings(from: &str, to: &str) -> Vec<String> {
         assert!(Campaign::WEAR.contains(from), "{from}");
         let text = Campaign::WEAR.replacen(from, to, 1);
@@ -185,7 +186,7 @@ mod tests {
             let campaign = Campaign::parse("c.toml", &text).unwrap();
             campaign.warnings().len()
         };
-        // 0.05 to 1 module of 4 mm.
+        // The bounds: 0.05 to 1 times a module of 4 mm.
         assert_eq!(warned("root_radius_mm = [0.2, 4.0]"), 0);
         assert_eq!(warned("root_radius_mm = [0.19, 4.1]"), 2);
     }

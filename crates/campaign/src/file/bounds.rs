@@ -1,4 +1,4 @@
-//! `[bounds]` and `[frozen]` of a gear campaign: what its designs may be.
+//! `[bounds]` and `[frozen]` of a gear campaign: the ranges of its designs.
 
 use std::ops::Range;
 
@@ -9,7 +9,7 @@ use super::FileError;
 use super::sections::parse_name;
 use super::validate::Source;
 
-/// `[bounds]`: what each variable may be, for both gears alike or for each.
+/// `[bounds]`: the values that each variable may take, for both gears together or for each.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Bounds {
@@ -33,65 +33,65 @@ pub struct Bounds {
     pub helix_angle_deg: Written,
 }
 
-/// A kind of variable as it is written, of both gears or of each.
+/// The values of one kind of variable, for both gears together or for each.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(
     untagged,
     expecting = "expected [low, high], a number, or { pinion = …, mate = … } with these or mate = \"tied\""
 )]
 pub enum OfGears {
-    /// The same of both, each with a value of its own.
+    /// The same for both gears, each of which has a value of its own.
     Both(Written),
-    /// Of each.
+    /// Separate values for each gear.
     Each(Each),
 }
 
-/// What is written of pinion and mate.
+/// The values for pinion and mate.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Each {
-    /// Of the pinion.
+    /// The pinion's.
     pub pinion: Written,
-    /// Of the mate.
+    /// The mate's.
     pub mate: Written,
 }
 
-/// What is written of a variable of one gear.
+/// The values of a variable of one gear, as written in the file.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "expected [low, high] or a number")]
 pub enum Written {
-    /// `[low, high]`: free.
+    /// Free within `[low, high]`.
     Free([f64; 2]),
     /// Fixed to a number.
     Fixed(f64),
-    /// A relation.
+    /// Bound to another variable.
     Relation(Relation),
 }
 
-/// What a variable of the mate is bound to.
+/// The relation by which a variable of the mate is bound.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Relation {
-    /// The same as of the pinion.
+    /// Equal to the pinion's variable.
     Tied,
-    /// The profile shift that module and centre distance leave.
+    /// The profile shift that results from module and centre distance.
     Follows,
 }
 
-/// What a variable of one gear may be.
+/// The values that a variable of one gear may take.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Setting {
-    /// Anything within `[low, high]`.
+    /// Free within `[low, high]`.
     Free([f64; 2]),
-    /// This.
+    /// Fixed to a number.
     Fixed(f64),
-    /// The same as of the pinion.
+    /// Equal to the pinion's variable.
     Tied,
-    /// The profile shift that module and centre distance leave.
+    /// The profile shift that results from module and centre distance.
     Follows,
 }
 
-/// Where the variables that the problems with wear leave alone come from.
+/// The source of the variables that the problems with wear do not vary.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FrozenFrom {
@@ -101,11 +101,11 @@ pub enum FrozenFrom {
     Deterministic,
 }
 
-/// `[frozen]`, optional: free variables that only the optimum without wear moves.
+/// `[frozen]`, optional: free variables that are varied only in the optimisation without wear.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FrozenSection {
-    /// Which values are used.
+    /// The source of the values.
     pub from: FrozenFrom,
     /// Tip rounding radii of pinion and mate, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -118,14 +118,14 @@ pub struct FrozenSection {
     pub helix_angle_deg: Option<f64>,
 }
 
-/// The places of the tip radii among the design's variables.
+/// The indices of the tip radii in the design's variables.
 pub(crate) const TIP_RADII: Range<usize> = 6..8;
-/// The places of the root radii.
+/// The indices of the root radii.
 pub(crate) const ROOT_RADII: Range<usize> = 8..10;
-/// The place of the helix angle, the last one.
+/// The index of the helix angle, which is the last variable.
 pub(crate) const HELIX_ANGLE: usize = 10;
 
-/// A kind of variable: its key in `[bounds]`, and the least and the greatest number that makes sense.
+/// A kind of variable: its key in `[bounds]`, and the smallest and largest valid number.
 type Kind = (&'static str, [f64; 2]);
 
 const SHIFT: Kind = ("bounds.profile_shift", [-10.0, 10.0]);
@@ -136,8 +136,8 @@ const ROOT: Kind = ("bounds.root_radius_modules", [1e-6, 10.0]);
 const HELIX: Kind = ("bounds.helix_angle_deg", [-60.0, 60.0]);
 
 impl Bounds {
-    /// What each variable may be, in the order of the design's variables: pinion, then mate, and the helix
-    /// angle last.
+    /// The values of each variable, in the order of the design's variables: pinion, then mate, and
+    /// last the helix angle.
     ///
     /// # Panics
     ///
@@ -163,7 +163,7 @@ impl Bounds {
         [a, b, c, d, e, f, g, h, i, j, self.helix_angle_deg.setting()]
     }
 
-    /// `sizes_given` says that both module and centre distance are.
+    /// Validates the section. `sizes_given` says whether both module and centre distance are given.
     pub(super) fn validate(&self, source: Source<'_>, sizes_given: bool) -> Result<(), FileError> {
         let optional = [
             (ADDENDUM, self.tool_addendum),
@@ -224,13 +224,13 @@ impl Bounds {
     }
 }
 
-/// A value as the file has it, on one line.
+/// A value as JSON on one line, for messages.
 fn shown(written: &impl Serialize) -> String {
     serde_json::to_string(written).expect("numbers and names serialise")
 }
 
 impl OfGears {
-    /// What the variables of pinion and mate may be.
+    /// The settings of pinion and mate.
     pub(crate) fn settings(&self) -> [Setting; 2] {
         match self {
             Self::Both(written) => [written.setting(); 2],
@@ -262,7 +262,7 @@ impl Written {
         }
     }
 
-    /// Requires what a variable can be that is not a mate's.
+    /// Requires a value that is valid for a variable other than the mate's.
     fn validate(self, source: Source<'_>, key: &str, limits: [f64; 2]) -> Result<(), FileError> {
         let [low, high] = limits;
         match self {
@@ -279,7 +279,7 @@ impl Written {
 }
 
 impl FrozenSection {
-    /// Only what is free can be frozen.
+    /// Only free variables can be frozen.
     pub(super) fn validate(&self, source: Source<'_>, bounds: &Bounds) -> Result<(), FileError> {
         let settings = bounds.settings();
         let require_free = |key: &str, found: &dyn std::fmt::Debug, settings: &[Setting]| {

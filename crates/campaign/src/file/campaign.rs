@@ -11,14 +11,14 @@ use super::{
     Sampling, SimulatorKind, SimulatorSection, Verify, WearCoefficients,
 };
 
-/// A campaign file, validated: one problem, one DoE, one seed.
+/// A validated campaign file: one problem, one DoE, one seed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Campaign {
-    /// Names the default store and report.
+    /// The name, from which the default store and report are named.
     pub name: String,
-    /// Every random number of the campaign follows from it.
+    /// The seed of all random numbers of the campaign.
     pub seed: u64,
-    /// What is designed.
+    /// The kind of problem, with its sections.
     pub kind: Kind,
     /// `[doe]`
     pub doe: Doe,
@@ -36,12 +36,12 @@ pub struct Campaign {
     pub enrichment: Option<Enrichment>,
 }
 
-/// What a campaign designs, the file's `kind`.
+/// The object that a campaign designs, the file's `kind`.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Kind {
-    /// A gear pair, which the built-in model or a program simulates.
+    /// A gear pair, simulated by the built-in model or a program.
     Gears(Box<GearSections>),
-    /// Something whose variables and responses the file names, which a program simulates.
+    /// A problem whose variables and responses are named in the file and simulated by a program.
     External(ExternalSections),
 }
 
@@ -55,29 +55,29 @@ impl Campaign {
     /// The version of the file format that this program reads.
     pub const FORMAT: u32 = 1;
 
-    /// The file of a campaign to start from, as shipped.
+    /// The shipped campaign file that users start from.
     pub const PAIR: &'static str = include_str!("../../../../campaigns/pair.toml");
 
-    /// [`Self::PAIR`] with this name, if it can be one.
+    /// [`Self::PAIR`] with this name, if the name is valid.
     #[must_use]
     pub fn pair_named(name: &str) -> String {
         let name = if is_name(name) { name } else { "pair" };
         Self::PAIR.replacen("name = \"pair\"", &format!("name = {name:?}"), 1)
     }
 
-    /// The file of the paper's campaign with Archard's law of wear, as shipped.
+    /// The shipped file of the paper's campaign with Archard's law of wear.
     pub const WEAR: &'static str = include_str!("../../../../campaigns/wear.toml");
 
-    /// The file of the paper's campaign, as shipped.
+    /// The shipped file of the paper's campaign.
     pub const PAPER: &'static str = include_str!("../../../../campaigns/paper.toml");
 
-    /// Whether an external program simulates.
+    /// Whether an external program is the simulator.
     #[must_use]
     pub fn is_external(&self) -> bool {
         self.simulator.kind == SimulatorKind::External
     }
 
-    /// The sections of a gear campaign; none of another kind.
+    /// The sections of a gear campaign; `None` for another kind.
     #[must_use]
     pub fn gears(&self) -> Option<&GearSections> {
         match &self.kind {
@@ -86,7 +86,7 @@ impl Campaign {
         }
     }
 
-    /// As [`gears`](Self::gears), to be changed.
+    /// Like [`gears`](Self::gears), but mutable.
     pub fn gears_mut(&mut self) -> Option<&mut GearSections> {
         match &mut self.kind {
             Kind::Gears(sections) => Some(sections),
@@ -94,16 +94,16 @@ impl Campaign {
         }
     }
 
-    /// Whether the paper's figures stand beside the campaign's in its report.
+    /// Whether the report shows the paper's figures beside the campaign's.
     #[must_use]
     pub fn compares_with_paper(&self) -> bool {
         self.gears()
             .is_some_and(|sections| sections.report.compare_with_paper)
     }
 
-    /// The campaign as the file says it, not validated yet.
+    /// The parsed campaign, not validated.
     pub(crate) fn as_written(source: Source<'_>) -> Result<Self, FileError> {
-        // Of a text that is no TOML the whole form says what is wrong.
+        // If the text is not TOML, parsing the whole form reports the error.
         let kind = toml::from_str(source.text).map_or(None, |Peek { kind }| kind);
         let (format, this) = match kind.as_deref() {
             None | Some("gear") => source.parse::<GearFile>()?.into(),
@@ -122,20 +122,21 @@ impl Campaign {
         Ok(this)
     }
 
-    /// SHA-256 of the campaign's content as hex: comments, layout and key order do not matter.
+    /// SHA-256 of the campaign's content as hex. It does not depend on comments, layout and key
+    /// order.
     #[must_use]
     pub fn digest(&self) -> String {
         hex(Sha256::digest(self.to_json().as_bytes()).into())
     }
 
-    /// [`Self::values_digest`] in hex: what a campaign and those that extend it are known by.
+    /// [`Self::values_digest`] in hex: the identity of a campaign and of those that extend it.
     #[must_use]
     pub fn lineage(&self) -> String {
         hex(self.values_digest())
     }
 
-    /// SHA-256 of everything that the values of a design's samples may depend on: the same for a
-    /// campaign and one that [extends](Self::extends) it.
+    /// SHA-256 of everything that the values of a design's samples may depend on. It is the same
+    /// for a campaign and one that [extends](Self::extends) it.
     #[must_use]
     pub fn values_digest(&self) -> [u8; 32] {
         let mut values = self.clone();
@@ -147,10 +148,10 @@ impl Campaign {
         Sha256::digest(values.to_json().as_bytes()).into()
     }
 
-    /// Whether this is `held` made larger: more designs, more samples per design or more fresh
-    /// samples, an enrichment or a larger budget for it, another model of the same kernel, and everything
-    /// else the same. What was
-    /// sampled for `held` is then part of it.
+    /// Whether this campaign is a larger version of `held`: more designs, more samples per design
+    /// or more verification samples, an enrichment or a larger budget for it, or another model with
+    /// the same kernel, and everything else the same. The samples taken for `held` are then part of
+    /// this campaign.
     #[must_use]
     pub fn extends(&self, held: &Self) -> bool {
         let sizes = |campaign: &Self| {
@@ -182,21 +183,21 @@ impl Campaign {
         grows && enriches && same == *held
     }
 
-    /// The campaign as JSON, for the wire.
+    /// The campaign as JSON, for the protocol.
     ///
     /// # Panics
     ///
-    /// Never: every field is a number, a name or a list of them.
+    /// Never: every field is a number, a name or a list of these.
     #[must_use]
     pub fn to_json(&self) -> String {
         serde_json::to_string(self).expect("plain numbers and names serialise")
     }
 
-    /// Reads what [`Campaign::to_json`] wrote.
+    /// Reads the JSON written by [`Campaign::to_json`].
     ///
     /// # Errors
     ///
-    /// The text is no campaign of this version.
+    /// The text is not a campaign of this version.
     pub fn from_json(json: &str) -> Result<Self, serde_json::Error> {
         fn read<T: DeserializeOwned + Into<(u32, Campaign)>>(
             json: &str,
@@ -211,7 +212,7 @@ impl Campaign {
         }
     }
 
-    /// Advice about settings that are legal but doubtful.
+    /// Advice about settings that are valid but doubtful.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
@@ -237,7 +238,7 @@ impl Campaign {
         warnings
     }
 
-    /// Over random slope deviations ΔSTE has a long tail: the normal formula states half to three
+    /// With random slope deviations ΔSTE has a long tail: the normal formula gives half to three
     /// quarters of the percentile's true standard error (`stages::responses` has the test).
     fn warning_of_normality(&self) -> Option<String> {
         self.gears()?.manufacture?;
@@ -263,7 +264,7 @@ impl Campaign {
             &self.name,
             "1 to 64 letters, digits, hyphens or underscores",
         )?;
-        // TOML's integers are signed: a larger seed could not be written down.
+        // TOML's integers are signed, so a larger seed could not be written to a file.
         source.require(
             i64::try_from(self.seed).is_ok(),
             "seed",
@@ -295,7 +296,7 @@ impl Campaign {
         self.optimise.validate(source)
     }
 
-    /// Whether the coordinator can decide rounds of infill.
+    /// Requires that the coordinator can decide rounds of infill.
     fn infill_is_possible(&self, source: Source<'_>) -> Result<(), FileError> {
         if self.gears().is_some() && self.is_external() {
             let expected = "absent when simulator.kind is \"external\": the coordinator evaluates the \
@@ -315,7 +316,7 @@ fn hex(digest: [u8; 32]) -> String {
     digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// Whether a campaign can have this name.
+/// Whether this is a valid name of a campaign.
 fn is_name(name: &str) -> bool {
     let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
     (1..=64).contains(&name.len()) && name.chars().all(plain)

@@ -1,16 +1,16 @@
-//! In which keys one campaign differs from another.
+//! The differences between two campaigns, by key.
 
 use serde_json::Value;
 
 use super::Campaign;
 
-/// What stands in a sentence for a value of more characters than this is its beginning.
+/// Number of characters after which a value is cut in messages.
 const SHOWN: usize = 60;
 
 impl Campaign {
-    /// The keys in which this campaign differs from `held`, in the order of the alphabet, each with both
-    /// values: `sampling.level: 0.9 there, 0.95 here`. A key that has its default value may count as not
-    /// given.
+    /// The keys in which this campaign differs from `held`, in alphabetical order and with both
+    /// values: `sampling.level: 0.9 there, 0.95 here`. A key with its default value may be reported
+    /// as not given.
     ///
     /// # Panics
     ///
@@ -24,7 +24,7 @@ impl Campaign {
     }
 }
 
-/// Goes down both trees at once; what is in one only counts as a change of the whole.
+/// Compares two JSON trees. A key in only one of them is reported as a whole.
 fn compare(key: &str, held: Option<&Value>, ours: Option<&Value>, changes: &mut Vec<String>) {
     match (held, ours) {
         (Some(Value::Object(held)), Some(Value::Object(ours))) => {

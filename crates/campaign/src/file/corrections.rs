@@ -1,4 +1,4 @@
-//! `[corrections]`: profile corrections, as design variables of a campaign or as those of a pair.
+//! `[corrections]`: profile corrections, as design variables of a campaign or as values of a pair.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,20 +7,20 @@ use super::sections::parse_name;
 use super::validate::Source;
 
 /// `[corrections]`, optional: `[low, high]` of each kind of profile correction. The campaign itself
-/// leaves flanks as they are; `coordinator corrections` designs with and without them.
+/// does not correct flanks; `coordinator corrections` designs with and without corrections.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CorrectionsSection {
-    /// Amount of tip relief, µm normal to the flank at the end of contact; for both gears.
+    /// Amount of tip relief in µm, normal to the flank at the end of contact; for both gears.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tip_relief_um: Option<[f64; 2]>,
-    /// Length of the relieved part, mm along the path of contact; for both gears.
+    /// Length of the relieved part in mm, along the path of contact; for both gears.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tip_relief_length_mm: Option<[f64; 2]>,
-    /// How the relief grows; see [`gear::ReliefShape`]. Linear if absent.
+    /// Shape of the relief; see [`gear::ReliefShape`]. Linear if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tip_relief_shape: Option<String>,
-    /// Lengthwise crowning of both flanks together, µm at the ends of the face.
+    /// Lengthwise crowning of both flanks together in µm, at the ends of the face.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub crowning_um: Option<[f64; 2]>,
 }
@@ -65,16 +65,16 @@ impl CorrectionsSection {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PairCorrections {
-    /// Amounts of tip relief, µm normal to the flank at the end of contact; zero is none.
+    /// Amounts of tip relief in µm, normal to the flank at the end of contact. Zero means none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tip_relief_um: Option<[f64; 2]>,
-    /// Lengths of the relieved parts, mm along the path of contact.
+    /// Lengths of the relieved parts in mm, along the path of contact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tip_relief_length_mm: Option<[f64; 2]>,
-    /// How the relief grows on both gears; see [`gear::ReliefShape`]. Linear if absent.
+    /// Shape of the relief on both gears; see [`gear::ReliefShape`]. Linear if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tip_relief_shape: Option<String>,
-    /// Lengthwise crowning of both flanks together, µm at the ends of the face.
+    /// Lengthwise crowning of both flanks together in µm, at the ends of the face.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub crowning_um: Option<f64>,
 }
@@ -92,7 +92,7 @@ impl PairCorrections {
         let lengths = self.tip_relief_length_mm.unwrap_or_default();
         for (relief, length) in amounts.into_iter().zip(lengths) {
             amount("corrections.tip_relief_um", relief)?;
-            // A gear without relief has no length of it.
+            // The length is not checked for a gear without relief.
             if relief > 0.0 {
                 let [low, high] = RELIEF_LENGTH_MM;
                 source.within("corrections.tip_relief_length_mm", length, low, high, "mm")?;
@@ -102,7 +102,7 @@ impl PairCorrections {
             .map_or(Ok(()), |um| amount("corrections.crowning_um", um))
     }
 
-    /// The section of a pair with these corrections; none for flanks as the tools leave them.
+    /// The section of a pair with these corrections; `None` without any.
     #[must_use]
     pub fn of_gear(corrections: &gear::Corrections) -> Option<Self> {
         if *corrections == gear::Corrections::default() {
@@ -121,7 +121,7 @@ impl PairCorrections {
         })
     }
 
-    /// The simulator's corrections, in mm.
+    /// The corrections as the simulator's input, in mm.
     ///
     /// # Panics
     ///
@@ -149,16 +149,16 @@ impl PairCorrections {
     }
 }
 
-/// Amounts beyond this are no corrections any more, µm.
+/// Largest amount of a correction, in µm.
 const MOST_UM: f64 = 1000.0;
-/// Shortest and longest relieved part, mm along the path of contact.
+/// Shortest and longest relieved part, in mm along the path of contact.
 const RELIEF_LENGTH_MM: [f64; 2] = [1e-3, 1000.0];
 
-/// What `corrections.crowning_um` must be with a tooth model that has one gap for the whole face.
+/// The valid `corrections.crowning_um` with a tooth model that has one gap for the whole face.
 pub(super) const WITHOUT_CROWNING: &str = "absent when pair.tooth_model is \"whole-face-beam\", which \
                                            has one gap for the whole face";
 
-/// Requires a length beside amounts of tip relief, and neither length nor shape without them.
+/// Requires a length beside amounts of tip relief, and no length or shape without them.
 fn relief_keys(
     source: Source<'_>,
     relieved: bool,
@@ -181,7 +181,7 @@ fn relief_keys(
     parse_name::<gear::ReliefShape>(source, key, shape).map(drop)
 }
 
-/// The shape of this name, which validation has parsed; linear without a name.
+/// The shape with this name, which was validated before; linear without a name.
 fn relief_shape(name: Option<&str>) -> gear::ReliefShape {
     name.map_or(gear::ReliefShape::Linear, |name| {
         name.parse().expect("validation has parsed this name")

@@ -10,17 +10,18 @@ use super::validate::Source;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Enrichment {
-    /// How promising an observation is.
+    /// The infill criterion.
     pub criterion: Criterion,
-    /// The most samples in all, those of the DoE included.
+    /// Maximum number of samples in total, including those of the DoE.
     pub samples: u32,
-    /// The most rounds.
+    /// Maximum number of rounds.
     pub rounds: u32,
-    /// Infill points of a round.
+    /// Number of infill points in a round.
     pub points_per_round: u32,
-    /// Samples of a new design, and of each further turn at one that is there.
+    /// Number of samples of a new design, and of each further turn at an existing one.
     pub samples_per_point: u32,
-    /// δ of the stopping rule, µm, or in the unit of an external response: less is not worth looking for.
+    /// δ of the stopping rule, in µm or in the unit of an external response: the smallest expected
+    /// improvement that is worth further rounds.
     #[serde(alias = "tolerance")]
     pub tolerance_um: f64,
 }
@@ -36,7 +37,7 @@ impl Enrichment {
             1,
             1000,
         )?;
-        // Fewer have no percentile.
+        // With fewer samples no percentile can be estimated.
         count(
             "enrichment.samples_per_point",
             self.samples_per_point,
@@ -46,7 +47,7 @@ impl Enrichment {
         source.positive("enrichment.tolerance_um", self.tolerance_um)
     }
 
-    /// Whether this may take the place of `held`: it is the same with a larger budget.
+    /// Whether this section is `held` with the same or a larger budget.
     pub(super) fn extends(&self, held: &Self) -> bool {
         let same = Self {
             samples: held.samples,
@@ -74,7 +75,7 @@ mod tests {
             campaign.sampling.samples_per_design,
             section.samples_per_point
         );
-        // Nothing else sets the two campaigns apart.
+        // The campaigns do not differ in anything else.
         let mut same = campaign.clone();
         same.name.clone_from(&paper.name);
         same.doe = paper.doe;
@@ -87,7 +88,7 @@ mod tests {
 
     #[test]
     fn a_campaign_without_the_section_is_what_it_was() {
-        // The paper's campaign as it was when it had Archard's law.
+        // The paper's campaign in its earlier version with Archard's law.
         let mut held = Campaign::parse("wear.toml", Campaign::WEAR).unwrap();
         held.name = "paper".to_owned();
         held.gears_mut().unwrap().report.compare_with_paper = true;

@@ -1,5 +1,5 @@
-//! The sections of a campaign whose problem is stated in its file and simulated by a program of the
-//! user's: `kind = "external"`.
+//! The sections of a campaign with `kind = "external"`: its problem is stated in the file and
+//! simulated by a program of the user's.
 
 use std::collections::BTreeSet;
 
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::FileError;
 use super::validate::Source;
 
-/// What an external campaign says besides what every campaign says.
+/// The sections that only external campaigns have.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExternalSections {
     /// `[[variables]]`, at least one.
@@ -23,64 +23,64 @@ pub struct ExternalSections {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct VariableSection {
-    /// Its name, as the program knows it.
+    /// The name that the program uses.
     pub name: String,
     /// Its unit; empty for a number without one.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub unit: String,
-    /// Its least value.
+    /// Lower bound.
     pub low: f64,
-    /// Its greatest value.
+    /// Upper bound.
     pub high: f64,
 }
 
-/// A deterministic response of the program, with the limits that a feasible design keeps.
+/// A deterministic response of the program, with limits that a feasible design satisfies.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ConstraintSection {
-    /// Its name, as the program knows it.
+    /// The name that the program uses.
     pub name: String,
     /// Its unit; empty for a number without one.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub unit: String,
-    /// The least value that is allowed.
+    /// Smallest valid value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min: Option<f64>,
-    /// The greatest value that is allowed.
+    /// Largest valid value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max: Option<f64>,
 }
 
-/// The response that scatters, and whose percentile is designed for.
+/// The random response whose percentile is optimised.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ResponseSection {
-    /// Its name, as the program knows it.
+    /// The name that the program uses.
     pub name: String,
     /// Its unit; empty for a number without one.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub unit: String,
-    /// Whether small or large values are good.
+    /// Whether small or large values are preferred.
     #[serde(default)]
     pub aim: Aim,
-    /// Whether the program also gives the response without random effects.
+    /// Whether the program also computes the response without random effects.
     #[serde(default)]
     pub baseline: bool,
 }
 
-/// Which values of the response are good.
+/// The preferred values of the response.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Aim {
-    /// Small ones: what is minimised is the percentile that 90 % of the samples stay below.
+    /// Small values: the percentile below which 90 % of the samples lie is minimised.
     #[default]
     Minimise,
-    /// Large ones: the response is taken with the opposite sign, so what is maximised is the percentile
-    /// that 90 % of the samples exceed.
+    /// Large values: the response changes its sign, so the percentile above which 90 % of the
+    /// samples lie is maximised.
     Maximise,
 }
 
-/// What requests, answers and exported tables call something else.
+/// Names with another meaning in requests, answers and exported tables.
 const RESERVED: [&str; 21] = [
     "id",
     "refused",
@@ -106,7 +106,7 @@ const RESERVED: [&str; 21] = [
 ];
 
 impl ExternalSections {
-    /// Checks the sections; `percentile` is what columns with the percentile begin with.
+    /// Checks the sections. `percentile` is the prefix of columns with the percentile.
     pub(super) fn validate(&self, source: Source<'_>, percentile: &str) -> Result<(), FileError> {
         let is_column = |name: &str| {
             let rest = name.strip_prefix(percentile);

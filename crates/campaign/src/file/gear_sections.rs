@@ -11,7 +11,7 @@ use super::{
     advice,
 };
 
-/// What a gear campaign says besides what every campaign says.
+/// The sections that only gear campaigns have.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GearSections {
     /// `[pair]`
@@ -40,30 +40,31 @@ pub struct GearSections {
     pub accuracy: Option<Accuracy>,
 }
 
-/// The penalised objective (5).
+/// The penalised objective (5) of the paper.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Penalty {
     /// Weight p of a constraint's relative violation.
     pub weight: f64,
-    /// Δ_ref, µm.
+    /// Reference Δ_ref, in µm.
     pub reference_um: f64,
-    /// Value of a design that cannot be simulated.
+    /// Objective of a design that is not simulable.
     pub failure_value: f64,
 }
 
-/// `[pair]` of a campaign: what all its designs share.
+/// `[pair]` of a campaign: the values common to all its designs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pair {
     /// Number of teeth of the pinion.
     pub pinion_teeth: u32,
-    /// The mate has ⌊pinion teeth / ratio⌋ teeth (the paper's (4)); either this or the number.
+    /// Gear ratio: the mate has ⌊pinion teeth / ratio⌋ teeth (the paper's (4)). Either this or
+    /// `gear_teeth` is given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gear_ratio: Option<f64>,
     /// Number of teeth of the mate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gear_teeth: Option<u32>,
-    /// Centre distance, mm; this or the module is given, or both.
+    /// Centre distance, mm. This or the module is given, or both.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub centre_distance_mm: Option<f64>,
     /// Normal module, mm.
@@ -75,7 +76,7 @@ pub struct Pair {
     pub face_width_mm: f64,
     /// Compliance model; see [`gear::ToothModel`].
     pub tooth_model: String,
-    /// What happens to a tip that reaches the mate's root; see [`gear::TipRule`].
+    /// Treatment of a tip that reaches the mate's root; see [`gear::TipRule`].
     pub tip_rule: String,
 }
 
@@ -83,12 +84,12 @@ pub struct Pair {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Report {
-    /// Whether the paper's figures stand beside the campaign's.
+    /// Whether the report shows the paper's figures beside the campaign's.
     pub compare_with_paper: bool,
 }
 
 impl Penalty {
-    /// The objective of a design with this criterion, µm, and violation of the constraints.
+    /// The objective of a design with this criterion, in µm, and this constraint violation.
     #[must_use]
     pub fn objective(&self, criterion_um: f64, violation: f64) -> f64 {
         criterion_um / self.reference_um + self.weight * violation
@@ -96,14 +97,14 @@ impl Penalty {
 }
 
 impl GearSections {
-    /// How finely the simulator cuts pairs up.
+    /// The simulator's grid.
     #[must_use]
     pub fn grid(&self) -> gear::Discretisation {
         self.accuracy
             .map_or_else(gear::Discretisation::default, |accuracy| accuracy.grid())
     }
 
-    /// Advice about settings that are legal but doubtful.
+    /// Advice about settings that are valid but doubtful.
     pub(super) fn warnings(&self) -> Vec<String> {
         let face_width_mm = self.pair.face_width_mm;
         let mut warnings = advice::of_sections(&self.material, &self.wear, face_width_mm);
@@ -152,14 +153,14 @@ impl GearSections {
 }
 
 impl Pair {
-    /// The number of teeth of pinion and mate.
+    /// The numbers of teeth of pinion and mate.
     #[must_use]
     pub fn teeth(&self) -> [u32; 2] {
         let pinion = self.pinion_teeth;
         let mate = match (self.gear_teeth, self.gear_ratio) {
             (Some(teeth), _) => teeth,
-            // The ratio is a decimal such as 0.9, which binary numbers miss by an ulp: 18/0.9 must
-            // give 20, so a quotient that close to a whole number is taken as it.
+            // The ratio is a decimal such as 0.9, which binary numbers miss by an ulp. 18/0.9 must
+            // give 20, so the quotient is rounded up if it is that close to a whole number.
             (None, Some(ratio)) => (f64::from(pinion) / ratio + 1e-9).floor() as u32,
             (None, None) => 0,
         };

@@ -7,26 +7,27 @@ use super::sections::parse_name;
 use super::validate::Source;
 use super::{FileError, Sampling};
 
-/// `[kriging]`. Every key but the first has a default and is left out of the digest when it has that value.
-/// An enrichment takes `kernel` and `noise` for its own models, and none of the other keys.
+/// `[kriging]`. Every key but the first has a default, and is left out of the digest when it has
+/// that value. An enrichment uses `kernel` and `noise` for its own models, and none of the other
+/// keys.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Kriging {
     /// Covariance function; see [`kriging::Kernel`].
     pub kernel: String,
-    /// Whether predictions use all designs or the nearest ones.
+    /// Whether predictions use all designs or only the nearest ones.
     #[serde(default, skip_serializing_if = "is_default")]
     pub method: Method,
-    /// What the parameters maximise.
+    /// Whether the parameters maximise the likelihood or the posterior.
     #[serde(default, skip_serializing_if = "is_default")]
     pub estimator: Estimator,
-    /// The trend around which the response varies.
+    /// The trend of the response.
     #[serde(default, skip_serializing_if = "is_default")]
     pub trend: Trend,
-    /// Where the known noise variances come from.
+    /// The source of the known noise variances.
     #[serde(default, skip_serializing_if = "is_default")]
     pub noise: Noise,
-    /// Whether a noise variance is estimated on top of the known ones.
+    /// Whether a noise variance is estimated in addition to the known ones.
     #[serde(default, skip_serializing_if = "is_default")]
     pub nugget: Nugget,
     /// Whether predicted variances are scaled to the leave-one-out residuals.
@@ -35,30 +36,31 @@ pub struct Kriging {
     /// Whether the response or its logarithm is modelled.
     #[serde(default, skip_serializing_if = "is_default")]
     pub response: Response,
-    /// Numbers of designs, from 0, that the model is not fitted to.
+    /// Numbers, from 0, of designs that are excluded from the fit.
     #[serde(default, skip_serializing_if = "is_default")]
     pub leave_out: Vec<u32>,
 }
 
-/// The noise variance of a response.
+/// The source of a response's noise variance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Noise {
-    /// That of the design's own samples, as in the paper.
+    /// Estimated from the design's own samples, as in the paper.
     #[default]
     Own,
-    /// Smoothed over the designs: it then hardly depends on the error of the design's own response.
+    /// Smoothed over the designs, so that it hardly depends on the error of the design's own
+    /// response.
     Smoothed,
 }
 
-/// The noise on top of it.
+/// Whether a further noise variance is estimated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Nugget {
-    /// The variance of the percentile's estimate, of each design its own.
+    /// No: the noise variance of each design is that of its percentile's estimate.
     #[default]
     Known,
-    /// One more variance, the same for all designs, is estimated.
+    /// Yes: one additional variance, the same for all designs.
     Estimated,
 }
 
@@ -119,8 +121,8 @@ impl Kriging {
         )
     }
 
-    /// The section with the keys that only the model depends on at their defaults: samples of one are samples
-    /// of the other.
+    /// The section with the keys that affect only the model at their defaults. Two campaigns that
+    /// differ only in these keys have the same samples.
     pub(super) fn without_choices(&self) -> Self {
         Self {
             kernel: self.kernel.clone(),
@@ -128,11 +130,11 @@ impl Kriging {
         }
     }
 
-    /// How to fit the model.
+    /// The settings of the fit.
     ///
     /// # Errors
     ///
-    /// Never for a validated section: the kernel's name was read before.
+    /// Never for a validated section: the kernel's name was parsed before.
     pub fn settings(&self, seed: u64) -> Result<Settings, kriging::Error> {
         Ok(Settings {
             fit: FitOptions {
@@ -142,7 +144,7 @@ impl Kriging {
                 trend: self.trend,
                 nugget: self.nugget == Nugget::Estimated,
                 calibrate: self.calibrate,
-                // The optimum of a model that is no better than noise would be a matter of luck.
+                // If the model is no better than noise, its optimum would be a matter of luck.
                 refuse_no_structure: true,
                 ..FitOptions::default()
             },

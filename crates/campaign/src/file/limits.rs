@@ -1,63 +1,64 @@
-//! `[constraints]` on gear pairs, of campaign and pair files.
+//! `[constraints]` on gear pairs, in campaign and pair files.
 
 use serde::{Deserialize, Serialize};
 
 use super::validate::Source;
 use super::{FileError, Material};
 
-/// `[constraints]`: limits that a gear pair is held against. Every key is optional; a criterion without
-/// a limit is not constrained, unless a default is named here.
+/// `[constraints]`: limits of a gear pair. Every key is optional. A criterion without a limit is
+/// not constrained, unless a default is given here.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GearLimits {
-    /// The total contact ratio ε_α + ε_β must be above this.
+    /// Lower limit of the total contact ratio ε_α + ε_β, exclusive.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub contact_ratio_min: Option<f64>,
-    /// The transverse contact ratio ε_α must be above this.
+    /// Lower limit of the transverse contact ratio ε_α, exclusive.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transverse_contact_ratio_min: Option<f64>,
-    /// The largest absolute specific sliding must be below this.
+    /// Upper limit of the largest absolute specific sliding, exclusive.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub specific_sliding_max: Option<f64>,
-    /// The largest contact pressure must be below this, MPa. The material's `hertz_limit_mpa` if
-    /// absent.
+    /// Upper limit of the largest contact pressure in MPa, exclusive. The material's
+    /// `hertz_limit_mpa` if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hertz_pressure_max_mpa: Option<f64>,
-    /// The root stresses must be below this, MPa. The material's `yield_mpa` if absent.
+    /// Upper limit of the root stresses in MPa, exclusive. The material's `yield_mpa` if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub root_stress_max_mpa: Option<f64>,
-    /// Least clearance of a tip above the mate's root, in normal modules. Zero if absent.
+    /// Smallest clearance between a tip and the mate's root, in normal modules. Zero if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tip_clearance_min_modules: Option<f64>,
-    /// Least thickness of a tooth at its tip circle in the normal section, in normal modules.
+    /// Smallest thickness of a tooth at its tip circle in the normal section, in normal modules.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tip_land_min_modules: Option<f64>,
-    /// Least length of involute between the fillet and the active flank, mm along the path of
+    /// Smallest length of involute between the fillet and the active flank, in mm along the path of
     /// contact. Zero if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flank_margin_min_mm: Option<f64>,
-    /// Least nominal root safety S_F of ISO 6336, see [`gear::rating`].
+    /// Smallest nominal root safety S_F of ISO 6336; see [`gear::rating`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub root_safety_min: Option<f64>,
-    /// Least nominal flank safety S_H of ISO 6336, see [`gear::rating`].
+    /// Smallest nominal flank safety S_H of ISO 6336; see [`gear::rating`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flank_safety_min: Option<f64>,
-    /// Least normal module, mm.
+    /// Smallest normal module, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub normal_module_min_mm: Option<f64>,
-    /// Greatest normal module, mm.
+    /// Largest normal module, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub normal_module_max_mm: Option<f64>,
-    /// Least centre distance, mm.
+    /// Smallest centre distance, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub centre_distance_min_mm: Option<f64>,
-    /// Greatest centre distance, mm.
+    /// Largest centre distance, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub centre_distance_max_mm: Option<f64>,
 }
 
 impl GearLimits {
-    /// Whether any limit is on what only [`GearDetails`](crate::formulation::gears::GearDetails) have.
+    /// Whether any limit is on a quantity that only
+    /// [`GearDetails`](crate::formulation::gears::GearDetails) have.
     pub(crate) fn need_details(&self) -> bool {
         [
             self.transverse_contact_ratio_min,
@@ -71,14 +72,14 @@ impl GearLimits {
         .any(Option::is_some)
     }
 
-    /// The limit of the contact pressure, MPa.
+    /// The upper limit of the contact pressure, in MPa.
     #[must_use]
     pub fn hertz_pressure_max(&self, material: &Material) -> f64 {
         self.hertz_pressure_max_mpa
             .unwrap_or(material.hertz_limit_mpa)
     }
 
-    /// The limit of the root stresses, MPa.
+    /// The upper limit of the root stresses, in MPa.
     #[must_use]
     pub fn root_stress_max(&self, material: &Material) -> f64 {
         self.root_stress_max_mpa.unwrap_or(material.yield_mpa)

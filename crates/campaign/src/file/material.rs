@@ -8,7 +8,7 @@ use super::FileError;
 use super::validate::Source;
 
 /// `[material]`, the same for both gears. A file gives the four numbers, or a name whose numbers
-/// are in the table of [`Grade`]; a number beside a name replaces the table's.
+/// are in the table of [`Grade`]. A number beside a name replaces that of the table.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "MaterialSection")]
 pub struct Material {
@@ -36,15 +36,15 @@ pub struct Material {
 /// | C45 | 206 | 0.3 | 370 | – |
 /// | EN-GJS-600-3 | 174 | 0.275 | 370 | – |
 ///
-/// - **E and ν** of the steels are those of ISO 6336-2, those of the cast iron EN 1563's.
-/// - **Yield stress** is the least R_p0.2 (or R_e) of the core. 16MnCr5: a 30 mm test bar after core
-///   hardening (UNI 7846). 42CrMo4 and C45: quenched and tempered bars of 40 to 100 mm, 34CrNiMo6: up
-///   to 16 mm (EN 10083-2 and -3). EN-GJS-600-3: separately cast samples (EN 1563). Larger sections
-///   have less.
-/// - **Permissible pressure** of the case-hardened 16MnCr5 is σ_Hlim of ISO 6336-5, quality MQ, 58 to
-///   64 HRC: the endurance limit of the nominal contact stress at the pitch point. The simulator's
-///   pressure is the largest one along the path, so the comparison is on the safe side. The other
-///   materials have none here, because their σ_Hlim follows from the hardness: a file gives
+/// - **E and ν** are those of ISO 6336-2 for the steels and of EN 1563 for the cast iron.
+/// - **Yield stress** is the minimum R_p0.2 (or R_e) of the core. 16MnCr5: a 30 mm test bar after
+///   core hardening (UNI 7846). 42CrMo4 and C45: quenched and tempered bars of 40 to 100 mm,
+///   34CrNiMo6: up to 16 mm (EN 10083-2 and -3). EN-GJS-600-3: separately cast samples (EN 1563).
+///   Larger sections have lower values.
+/// - **Permissible pressure** of the case-hardened 16MnCr5 is σ_Hlim of ISO 6336-5, quality MQ, 58
+///   to 64 HRC: the endurance limit of the nominal contact stress at the pitch point. The
+///   simulator's pressure is the largest one along the path, so the comparison is conservative. The
+///   other materials have no value here, because their σ_Hlim depends on the hardness: a file gives
 ///   `hertz_limit_mpa` beside the name.
 /// - **20NC6** has the four numbers of the 2009 paper, case-hardened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -69,7 +69,7 @@ pub enum Grade {
 }
 
 impl Grade {
-    /// Every material of the table, in its order.
+    /// All materials, in the order of the table.
     pub const ALL: [Self; 6] = [
         Self::Nc6,
         Self::MnCr5,
@@ -91,7 +91,7 @@ impl Grade {
         }
     }
 
-    /// The name in files.
+    /// The name used in files.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -111,7 +111,7 @@ impl fmt::Display for Grade {
     }
 }
 
-/// `[material]` as written.
+/// `[material]` as written in the file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct MaterialSection {
@@ -207,7 +207,7 @@ mod tests {
             plain.gears().unwrap().material.to_gear()
         );
         assert_eq!(with("name = \"20 NC 6\"").unwrap(), named);
-        // Files without a name serialise as before there were names.
+        // Files without a name serialise as they did before materials had names.
         let json = serde_json::to_string(&plain.gears().unwrap().material).unwrap();
         assert_eq!(
             json,

@@ -12,7 +12,7 @@ use crate::formulation::GearVariables;
 #[cfg(test)]
 mod tests;
 
-/// A pair file, validated.
+/// A validated pair file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PairFile {
@@ -25,13 +25,14 @@ pub struct PairFile {
     /// `[wear]`, optional.
     #[serde(default)]
     pub wear: Wear,
-    /// `[manufacture]`, optional: gears without slope deviations if absent.
+    /// `[manufacture]`, optional. Without it the gears have no slope deviations.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub manufacture: Option<Manufacture>,
-    /// `[corrections]`, optional: flanks as the tools leave them if absent.
+    /// `[corrections]`, optional. Without it the flanks are as cut by the tools.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub corrections: Option<PairCorrections>,
-    /// `[constraints]`, optional: the material's limits and no interference if absent.
+    /// `[constraints]`, optional. Without it the limits are those of the material, and no
+    /// interference.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub constraints: Option<GearLimits>,
 }
@@ -42,7 +43,7 @@ pub struct PairFile {
 pub struct PairSection {
     /// Numbers of teeth.
     pub teeth: [u32; 2],
-    /// Centre distance, mm; either this or the module is given.
+    /// Centre distance, mm. Either this or the module is given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub centre_distance_mm: Option<f64>,
     /// Normal module, mm.
@@ -56,9 +57,9 @@ pub struct PairSection {
     pub face_width_mm: f64,
     /// Addendum modification coefficients x, in modules.
     pub profile_shift: [f64; 2],
-    /// Tool addendum ha0, in modules: cuts the root.
+    /// Tool addendum ha0, in modules. It cuts the root.
     pub tool_addendum: [f64; 2],
-    /// Tool dedendum hf0, in modules: forms the tip.
+    /// Tool dedendum hf0, in modules. It forms the tip.
     pub tool_dedendum: [f64; 2],
     /// Tip rounding radius ρa, mm.
     pub tip_radius_mm: [f64; 2],
@@ -70,7 +71,7 @@ pub struct PairSection {
     /// Compliance model; see [`gear::ToothModel`]. `weber-banaschek` if absent.
     #[serde(default = "default_tooth_model")]
     pub tooth_model: String,
-    /// What happens to a tip that reaches the mate's root; see [`gear::TipRule`].
+    /// Treatment of a tip that reaches the mate's root; see [`gear::TipRule`].
     #[serde(default = "default_tip_rule")]
     pub tip_rule: String,
 }
@@ -88,7 +89,7 @@ impl PairFile {
     ///
     /// # Errors
     ///
-    /// What is wrong, on which line, and what would be right.
+    /// The error names the line, the fault and the valid values.
     pub fn parse(file: &str, text: &str) -> Result<Self, FileError> {
         let source = Source { file, text };
         let this: Self = source.parse()?;
@@ -104,7 +105,7 @@ impl PairFile {
         Self {
             pair: PairSection {
                 teeth: pair.teeth(),
-                // Of both, the design's profile shifts make one follow from the other.
+                // If the campaign gives both, the design's profile shifts already agree with them.
                 centre_distance_mm: match pair.normal_module_mm {
                     Some(_) => None,
                     None => pair.centre_distance_mm,
@@ -131,7 +132,7 @@ impl PairFile {
         }
     }
 
-    /// The file as TOML, which parses to it.
+    /// The file as TOML, which parses to the same file.
     ///
     /// # Panics
     ///
@@ -183,7 +184,7 @@ impl PairFile {
 
     /// Refuses a crowning that the simulator cannot integrate.
     fn crowning(&self, source: Source<'_>) -> Result<(), FileError> {
-        /// More pairs of teeth in contact at a time than this are refused with a crowning.
+        /// Maximum number of tooth pairs in contact at a time with a crowning.
         const MOST_PAIRS: f64 = 100.0;
         let sections = self.corrections.as_ref();
         let crowning_um = sections.and_then(|c| c.crowning_um).unwrap_or_default();
@@ -204,7 +205,8 @@ impl PairFile {
         )
     }
 
-    /// The simulator's tip relief and crowning, in mm; none without a `[corrections]`.
+    /// The simulator's tip relief and crowning, in mm; without effect if there is no
+    /// `[corrections]`.
     #[must_use]
     pub fn corrections(&self) -> gear::Corrections {
         self.corrections
@@ -218,19 +220,19 @@ impl PairFile {
         self.manufacture.and_then(|section| section.to_gear())
     }
 
-    /// Draws random flanks of the file's pair: worn, and of its flank class.
+    /// A sampler of random flanks of the file's pair, with its wear and its flank class.
     #[must_use]
     pub fn sampler(&self, pair: &gear::Pair) -> gear::Sampler {
         pair.sampler_of_class(&self.wear.to_gear(), self.flank_class())
     }
 
-    /// The limits that the file gives; none are given without a `[constraints]`.
+    /// The limits that the file gives, all absent without `[constraints]`.
     #[must_use]
     pub fn limits(&self) -> GearLimits {
         self.constraints.unwrap_or_default()
     }
 
-    /// Advice about values that are legal but doubtful, one sentence each.
+    /// Advice about values that are valid but doubtful, one sentence each.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
         advice::of_sections(&self.material, &self.wear, self.pair.face_width_mm)
@@ -310,7 +312,7 @@ pub(super) fn sizes(
     ))
 }
 
-/// The simulator's size of a validated pair: the module, where both are given.
+/// The simulator's size of a validated pair: the module, if both are given.
 pub(crate) fn gear_size(centre_distance_mm: Option<f64>, normal_module_mm: Option<f64>) -> Size {
     match (centre_distance_mm, normal_module_mm) {
         (_, Some(module)) => Size::NormalModule(module),

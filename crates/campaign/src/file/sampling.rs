@@ -1,4 +1,4 @@
-//! `[sampling]`: how many samples a design gets, and what becomes of them.
+//! `[sampling]`: the number of samples of a design, and the estimation of the percentile.
 
 use serde::{Deserialize, Serialize};
 use stats::{HarrellDavisVariance, NormalOptions, SequentialRule, VarianceFormula};
@@ -8,53 +8,56 @@ use super::validate::Source;
 
 /// `[sampling]`
 ///
-/// Keys that are left out are left out of the campaign's digest, too, as in files of before them.
+/// Absent keys are left out of the campaign's digest, too, so that files older than a key keep
+/// theirs.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sampling {
-    /// Samples of the response per design that can be simulated, k; with a precision those of the first batch.
-    /// Left out beside `[accuracy] tolerance_um`, which chooses it.
+    /// Number k of response samples per simulable design. With a precision, the size of the first
+    /// batch.
+    /// Absent beside `[accuracy] tolerance_um`, which chooses it.
     #[serde(default)]
     pub samples_per_design: u32,
-    /// The standard error of P90 that is good enough, µm: designs get samples until it is reached.
+    /// Target standard error of P90, in µm: each design gets samples until it is reached.
     #[serde(default, alias = "precision", skip_serializing_if = "Option::is_none")]
     pub precision_um: Option<f64>,
-    /// The most samples of a design, with a precision.
+    /// Maximum number of samples of a design, with a precision.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub samples_max: Option<u32>,
-    /// A design that breaks its constraints by more than this, summed as in the paper's (5), gets no
-    /// samples; see [`Sampling::skip_violation`].
+    /// Constraint violation, summed as in the paper's (5), above which a design gets no samples;
+    /// see [`Sampling::skip_violation`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub skip_violation: Option<f64>,
-    /// The level of the percentile, from 0.5 to 0.999; 0.9 if the file does not say.
+    /// Level of the percentile, from 0.5 to 0.999; 0.9 if absent.
     #[serde(default, skip_serializing_if = "Sampling::is_papers_level")]
     pub level: Option<f64>,
-    /// How the percentile is estimated.
+    /// The estimator of the percentile.
     #[serde(default, skip_serializing_if = "PercentileRule::is_default")]
     pub percentile: PercentileRule,
-    /// What is known of a sample beforehand.
+    /// The control variate.
     #[serde(default, skip_serializing_if = "ControlVariate::is_default")]
     pub control: ControlVariate,
-    /// How the wear of a design's samples is drawn.
+    /// The scheme by which the wear of a design's samples is drawn.
     #[serde(default, skip_serializing_if = "WearCoefficients::is_default")]
     pub coefficients: WearCoefficients,
-    /// Samples in each sequence of quasi-random coefficients; see [`Sampling::coefficients`].
+    /// Number of samples in each sequence of quasi-random coefficients; see
+    /// [`Sampling::coefficients`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub group: Option<u32>,
 }
 
-/// How the coefficients of the random wear (Karhunen–Loève) of a design's samples depend on each
-/// other; [`stats::Sampling`] says how, and what the percentile and its variance are then.
+/// The dependence between the coefficients (Karhunen–Loève) of the random wear of a design's
+/// samples. [`stats::Sampling`] defines it, with the resulting percentile and variance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum WearCoefficients {
-    /// Not at all.
+    /// Independent coefficients.
     #[default]
     Independent,
-    /// In pairs of opposite signs. The variance of P90 comes from the scatter of the pairs.
+    /// Pairs of opposite signs. The variance of P90 is estimated from the scatter of the pairs.
     Antithetic,
-    /// In scrambled Sobol sequences that are independent of each other. The variance of P90 comes from
-    /// the scatter of the sequences.
+    /// Scrambled Sobol sequences that are independent of each other. The variance of P90 is
+    /// estimated from the scatter of the sequences.
     QuasiRandom,
 }
 
@@ -64,16 +67,16 @@ impl WearCoefficients {
     }
 }
 
-/// A response whose distribution is known and that samples go along with.
+/// A response with known distribution that correlates with the samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ControlVariate {
-    /// None.
+    /// No control variate.
     #[default]
     None,
     /// ΔSTE, linear in the coefficients of the wear: see [`gear::Sampler::slopes`]. It costs two
-    /// analyses for each coefficient, about 26 in all, and takes up nearly the whole of a sample's
-    /// variance, so that the percentile from 30 samples is as good as from thousands.
+    /// analyses for each coefficient, about 26 in total, and explains nearly all of a sample's
+    /// variance, so that 30 samples estimate the percentile as well as thousands do without it.
     Linearised,
 }
 
@@ -83,20 +86,20 @@ impl ControlVariate {
     }
 }
 
-/// How the percentile is estimated from samples.
+/// The estimator of the percentile.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PercentileRule {
-    /// The paper's m + 1.28 s with the variance of (14); at another level z is exact.
+    /// The paper's m + 1.28 s with the variance of (14). At another level z is exact.
     #[default]
     Paper,
-    /// m + z s without bias, with exact z and the exact variance for normal samples.
+    /// An unbiased m + z s, with exact z and the exact variance for normal samples.
     Normal,
-    /// As `normal`, but Harrell and Davis's estimator where Lilliefors' test rejects normality, with
-    /// its jackknife variance.
+    /// Like `normal`, but with Harrell and Davis's estimator and its jackknife variance if
+    /// Lilliefors' test rejects normality.
     Chosen,
-    /// As `chosen`, with the exact bootstrap variance in the place of the jackknife's. A name of its
-    /// own, since the variance decides about further samples and enters the models.
+    /// Like `chosen`, with the exact bootstrap variance in place of the jackknife's. It has its own
+    /// name because the variance decides about further samples and enters the models.
     ChosenBootstrap,
 }
 
@@ -105,7 +108,8 @@ impl PercentileRule {
         *self == Self::default()
     }
 
-    /// Whether samples that are not normal are estimated in another way, and with which variance.
+    /// The variance estimate used for samples that are not normal; `None` if all are treated as
+    /// normal.
     #[must_use]
     pub const fn harrell_davis(self) -> Option<HarrellDavisVariance> {
         match self {
@@ -117,11 +121,11 @@ impl PercentileRule {
 }
 
 impl Sampling {
-    /// The most samples of a design with a precision, if the file does not say.
+    /// Default maximum number of samples of a design, with a precision.
     const SAMPLES_MAX: u32 = 1000;
-    /// Samples in a quasi-random sequence, if the file does not say.
+    /// Default number of samples in a quasi-random sequence.
     const GROUP: u32 = 8;
-    /// The paper's level of the percentile.
+    /// The level of the paper's percentile.
     const LEVEL: f64 = 0.9;
 
     /// The level of the percentile.
@@ -130,19 +134,19 @@ impl Sampling {
         self.level.unwrap_or(Self::LEVEL)
     }
 
-    /// Whether a level is the paper's; a file that says so is the same campaign as one that does not.
+    /// Whether a level is the paper's. Such a file is the same campaign as one without a level.
     fn is_papers_level(level: &Option<f64>) -> bool {
         level.is_none_or(|level| level == Self::LEVEL)
     }
 
-    /// What the percentile is called: P90, P99.5.
+    /// The name of the percentile: P90, P99.5.
     #[must_use]
     pub fn percentile_name(&self) -> String {
         // Six digits, so that 99.9 is not 99.90000000000001.
         format!("P{}", (self.level() * 1e6).round() / 1e4)
     }
 
-    /// What columns with the percentile begin with: p90, p99_5.
+    /// The prefix of columns with the percentile: p90, p99_5.
     #[must_use]
     pub fn percentile_column(&self) -> String {
         self.percentile_name().to_lowercase().replace('.', "_")
@@ -156,7 +160,7 @@ impl Sampling {
         ["um", "low_um", "high_um"].map(|end| format!("{name}_{end}"))
     }
 
-    /// The percentile's estimate from normal samples, by the campaign's rule.
+    /// The options of the percentile's estimate from normal samples, by the campaign's rule.
     #[must_use]
     pub fn normal(&self) -> NormalOptions {
         match self.percentile {
@@ -171,8 +175,8 @@ impl Sampling {
         }
     }
 
-    /// The percentile of many verification samples, as the optima are verified by: the paper's m + z s with the
-    /// variance of (14), whatever the rule for the designs of the DoE.
+    /// The percentile of verification samples, for the verification of optima: the paper's m + z s
+    /// with the variance of (14), whatever the rule for the designs of the DoE.
     ///
     /// # Errors
     ///
@@ -181,7 +185,7 @@ impl Sampling {
         stats::normal_p90(samples, &self.paper())
     }
 
-    /// The paper's estimate, which rounds z at its own level.
+    /// The paper's estimate, which rounds z at the paper's level.
     fn paper(&self) -> NormalOptions {
         let of_paper = NormalOptions::default();
         if self.level() == Self::LEVEL {
@@ -193,15 +197,15 @@ impl Sampling {
         }
     }
 
-    /// Degrees of freedom of the variance of a response: independent samples or groups of samples, less
-    /// one for their mean.
+    /// Degrees of freedom of a response's variance: the number of independent samples or groups of
+    /// samples, less one for their mean.
     #[must_use]
     pub fn degrees_of_freedom(&self) -> f64 {
         let groups = self.samples_per_design as usize / self.coefficients().group();
         groups.saturating_sub(1).max(1) as f64
     }
 
-    /// How the coefficients of the wear of a design's samples are drawn.
+    /// The scheme by which the wear coefficients of a design's samples are drawn.
     #[must_use]
     pub fn coefficients(&self) -> stats::Sampling {
         match self.coefficients {
@@ -213,7 +217,7 @@ impl Sampling {
         }
     }
 
-    /// When a design has enough samples; none where all designs get the same number.
+    /// The stopping rule for a design's samples; `None` if all designs get the same number.
     #[must_use]
     pub fn rule(&self) -> Option<SequentialRule> {
         let normal = self.normal();
@@ -226,7 +230,7 @@ impl Sampling {
         })
     }
 
-    /// The most samples that a design may get.
+    /// The maximum number of samples of a design.
     #[must_use]
     pub fn samples_max(&self) -> u32 {
         let k = self.samples_per_design;
@@ -236,9 +240,9 @@ impl Sampling {
         }
     }
 
-    /// The violation beyond which a design gets no samples; none where all that can be simulated
-    /// get some. With a precision it is zero if the file does not say: a design that its constraints
-    /// rule out then gets none.
+    /// The constraint violation above which a design gets no samples; `None` if all simulable
+    /// designs get some. With a precision the default is zero, so that a design that its
+    /// constraints rule out gets none.
     #[must_use]
     pub fn skip_violation(&self) -> Option<f64> {
         self.skip_violation

@@ -1,4 +1,4 @@
-//! Sections that the campaign file and the pair file have in common.
+//! Sections common to the campaign file and the pair file.
 
 use serde::{Deserialize, Serialize};
 
@@ -17,13 +17,14 @@ pub struct Load {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Wear {
-    /// The mean profile; left out of the digest where it is Archard's, as in files of before it.
+    /// The law of the mean wear. Archard's is left out of the digest, so that files older than the
+    /// key keep theirs.
     #[serde(default, skip_serializing_if = "WearLaw::is_default")]
     pub law: WearLaw,
-    /// Largest depth of Archard's profile per flank, µm; given with that law only.
+    /// Largest depth of Archard's profile per flank, in µm; only with that law.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_depth_um: Option<f64>,
-    /// Depth per pressure and sliding, 1/MPa; given with the signed law only.
+    /// Depth per pressure and sliding, in 1/MPa; only with the signed law.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coefficient_per_mpa: Option<f64>,
     /// Covariance of the random field; see [`gear::Kernel`].
@@ -38,10 +39,11 @@ pub struct Wear {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum WearLaw {
-    /// Material goes wherever the flanks slide, to the same greatest depth on every pair.
+    /// Material is removed wherever the flanks slide, with the same largest depth on every pair.
     #[default]
     Archard,
-    /// With the sign of the sliding velocity and one coefficient for all pairs, as in the paper.
+    /// Wear with the sign of the sliding velocity and the same coefficient for all pairs, as in the
+    /// paper.
     Signed,
 }
 
@@ -51,7 +53,7 @@ impl WearLaw {
     }
 }
 
-/// `[manufacture]`, optional: flanks as designed if absent.
+/// `[manufacture]`, optional. Without it flanks are as designed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manufacture {
@@ -90,7 +92,7 @@ impl Manufacture {
         )
     }
 
-    /// What is random besides the wear, and what is left out, in words.
+    /// The random effects besides the wear, and the neglected ones, in words.
     #[must_use]
     pub fn describe(&self) -> String {
         format!(
@@ -100,7 +102,7 @@ impl Manufacture {
         )
     }
 
-    /// The simulator's class; none for a number that validation refuses.
+    /// The simulator's class; `None` for an invalid number.
     #[must_use]
     pub fn to_gear(&self) -> Option<gear::FlankClass> {
         gear::FlankClass::new(self.flank_class)
@@ -115,7 +117,7 @@ impl Wear {
         source.within("wear.variance", self.variance, 0.0, 1e3, "")
     }
 
-    /// The simulator's law; each law has a number of its own, and refuses the other's.
+    /// The simulator's law. Each law requires its own number and refuses the other's.
     fn law(&self, source: Source<'_>) -> Result<gear::WearLaw, FileError> {
         let depth = ("wear.max_depth_um", self.max_depth_um);
         let coefficient = ("wear.coefficient_per_mpa", self.coefficient_per_mpa);
@@ -146,7 +148,7 @@ impl Wear {
     ///
     /// # Panics
     ///
-    /// Never for a validated section: law and kernel were read before.
+    /// Never for a validated section: law and kernel were parsed before.
     #[must_use]
     pub fn to_gear(&self) -> gear::Wear {
         let nowhere = Source { file: "", text: "" };
@@ -162,14 +164,14 @@ impl Wear {
     }
 }
 
-/// Who simulates.
+/// The kind of simulator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SimulatorKind {
     /// The gear model of this program.
     #[default]
     BuiltIn,
-    /// A program that every worker is started with.
+    /// A program that every worker starts.
     External,
 }
 
@@ -177,26 +179,27 @@ pub enum SimulatorKind {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SimulatorSection {
-    /// Who simulates; the built-in model if the section is absent.
+    /// The kind of simulator; the built-in model if the section is absent.
     pub kind: SimulatorKind,
-    /// How many designs an external program simulates when a worker starts, to prove that all
-    /// workers run the same one; see [`SimulatorSection::probe_designs`].
+    /// Number of designs that an external program simulates when a worker starts, to verify that
+    /// all workers run the same program; see [`SimulatorSection::probe_designs`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub probe_designs: Option<u32>,
 }
 
 impl SimulatorSection {
-    /// The designs of the model digest if the file does not say.
+    /// Default number of designs behind the model digest.
     const PROBE_DESIGNS: u32 = 3;
 
-    /// How many designs the model digest of an external program rests on. With none it rests on
-    /// the version alone that the program gives itself: for simulations that take very long.
+    /// Number of designs behind the model digest of an external program. With 0 the digest depends
+    /// only on the version that the program reports; this is meant for simulations that take very
+    /// long.
     #[must_use]
     pub fn probe_designs(&self) -> u32 {
         self.probe_designs.unwrap_or(Self::PROBE_DESIGNS)
     }
 
-    /// Whether the section says no more than its absence would.
+    /// Whether the section has the same effect as its absence.
     pub(super) fn is_default(&self) -> bool {
         *self == Self::default()
     }
@@ -220,7 +223,7 @@ impl SimulatorSection {
     }
 }
 
-/// Parses a name such as a kernel's; the error lists what would be right.
+/// Parses a name such as a kernel's. The error lists the valid names.
 pub(super) fn parse_name<T>(source: Source<'_>, key: &str, name: &str) -> Result<T, FileError>
 where
     T: std::str::FromStr,

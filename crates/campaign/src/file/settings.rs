@@ -1,4 +1,4 @@
-//! Sections of the campaign file that every kind of problem has: DoE, optimiser and verification.
+//! Sections of all kinds of campaign: DoE, optimiser and verification.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,10 +9,10 @@ use super::validate::Source;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Doe {
-    /// The number of designs, n.
+    /// Number n of designs.
     pub designs: u32,
-    /// The kind of design; see [`doe::Method`]. Maximin if absent, and then left out of the digest, as
-    /// in files of before it.
+    /// The kind of design; see [`doe::Method`]. Maximin if absent, and then left out of the digest,
+    /// so that files older than the key keep theirs.
     #[serde(
         default,
         with = "doe_method",
@@ -21,7 +21,7 @@ pub struct Doe {
     pub method: doe::Method,
 }
 
-/// A kind of design as its name.
+/// Serialises a kind of design by its name.
 mod doe_method {
     use doe::Method;
     use serde::{Deserialize as _, Deserializer, Serializer, de::Error as _};
@@ -43,29 +43,29 @@ mod doe_method {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Optimise {
-    /// Candidates per generation, λ.
+    /// Number λ of candidates per generation.
     pub population: u32,
-    /// Candidates that survive, µ.
+    /// Number µ of candidates that are selected.
     pub parents: u32,
-    /// Initial step, in parts of each variable's range.
+    /// Initial step size, as a fraction of each variable's range.
     pub step: f64,
-    /// Evaluations per start.
+    /// Number of evaluations per start.
     pub evaluations: u32,
-    /// How a search that has stopped starts again.
+    /// How a search that has stopped restarts.
     pub restarts: Restarts,
-    /// After how many evaluations the search restarts from its best point whatever its state; given
-    /// with [`Restarts::FromBest`] only.
+    /// Number of evaluations after which the search restarts from its best point whatever its
+    /// state; only with [`Restarts::FromBest`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub restart_at: Option<u32>,
-    /// Independent runs.
+    /// Number of independent runs.
     pub starts: u32,
-    /// Whether one more approach searches the percentile itself, without a model: at each design that
-    /// keeps the constraints as many samples as a design of the DoE gets.
+    /// Whether a further approach optimises the sampled percentile itself, without a model: each
+    /// feasible design gets as many samples as a design of the DoE.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub direct: bool,
 }
 
-/// How the optimiser starts again when a search has stopped; see [`cmaes::Restarts`].
+/// The restart strategy of the optimiser; see [`cmaes::Restarts`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Restarts {
@@ -74,7 +74,7 @@ pub enum Restarts {
     FromBest,
     /// From a random point with twice the population.
     Ipop,
-    /// In turns with twice the population, and with a small population and a short step.
+    /// Alternately with twice the population, and with a small population and a short step.
     Bipop,
 }
 
@@ -111,7 +111,7 @@ impl Optimise {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Verify {
-    /// Verification samples at each optimum.
+    /// Number of verification samples at each optimum.
     pub samples: u32,
 }
 
@@ -138,7 +138,7 @@ impl Default for Verify {
 }
 
 impl Default for Optimise {
-    /// What CMA-ES needs on a response of a few variables.
+    /// Settings that suit a response of a few variables.
     fn default() -> Self {
         Self {
             population: 10,

@@ -1,4 +1,4 @@
-//! Helpers that turn a bad value into a sentence with its file, line and key.
+//! Helpers that report an invalid value with its file, line and key.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use serde::de::DeserializeOwned;
 
 use super::FileError;
 
-/// A file being validated: its name and text, kept so that an error can say where.
+/// A file being validated: its name, and its text for finding the line of an error.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Source<'a> {
     pub(crate) file: &'a str,
@@ -22,7 +22,7 @@ impl Source<'_> {
         };
         let mut found = vec![explained(self.text, &first)];
         let mut rest = without_unknown(self.text, &first);
-        // The parser ends at the first unknown key: the others show when it is gone.
+        // The parser stops at the first unknown key, so the next one is found after removing it.
         while let Some(text) = rest {
             let Err(error) = toml::from_str::<T>(&text) else {
                 break;
@@ -32,7 +32,8 @@ impl Source<'_> {
                 found.push(explained(&text, &error));
             }
         }
-        // The parser reads a section before the rest of the file.
+        // The parser may read a section before the rest of the file, so the findings are sorted by
+        // line.
         found.sort();
         let (line, mut message) = found.remove(0);
         for (line, next) in found {
@@ -45,7 +46,7 @@ impl Source<'_> {
         })
     }
 
-    /// Refuses lists with more values than are read: the parser drops the rest without a word.
+    /// Refuses lists with more values than are read, since the parser silently ignores the rest.
     fn whole<T: Serialize>(self, parsed: T) -> Result<T, FileError> {
         let written = toml::from_str::<toml::Table>(self.text);
         let (Ok(written), Ok(read)) = (written, toml::Table::try_from(&parsed)) else {
@@ -91,7 +92,7 @@ impl Source<'_> {
         }
     }
 
-    /// The error for `key` (with its section), which holds `found`.
+    /// The error for `key` (with its section), whose value is `found`.
     pub(crate) fn refuse(
         self,
         key: &str,
@@ -121,7 +122,7 @@ impl Source<'_> {
         }
     }
 
-    /// Requires `low < value < high`; infinite limits only ask for a finite value.
+    /// Requires `low < value < high`. With infinite limits it requires only a finite value.
     pub(super) fn between(
         self,
         key: &str,
@@ -154,7 +155,8 @@ impl Source<'_> {
         )
     }
 
-    /// Requires a number from `low` to `high`, both allowed; `unit` is a word such as `mm`, or empty.
+    /// Requires a number from `low` to `high`, both included. `unit` is a word such as `mm`, or
+    /// empty.
     pub(super) fn within(
         self,
         key: &str,
@@ -172,27 +174,27 @@ impl Source<'_> {
         )
     }
 
-    /// Requires a length that the simulator accepts, mm.
+    /// Requires a length in mm that the simulator accepts.
     pub(super) fn length(self, key: &str, value: f64) -> Result<(), FileError> {
         self.within(key, value, 1e-4, 1e6, "mm")
     }
 
-    /// Requires a tip rounding radius that the simulator accepts, mm; zero is a sharp edge.
+    /// Requires a tip rounding radius in mm that the simulator accepts. Zero is a sharp edge.
     pub(super) fn tip_radius(self, key: &str, value: f64) -> Result<(), FileError> {
         self.within(key, value, 0.0, 1e6, "mm")
     }
 
-    /// Requires a root fillet radius that the simulator accepts, mm.
+    /// Requires a root fillet radius in mm that the simulator accepts.
     pub(super) fn root_radius(self, key: &str, value: f64) -> Result<(), FileError> {
         self.within(key, value, 1e-6, 1e6, "mm")
     }
 
-    /// Requires a pressure angle that the simulator accepts, degrees.
+    /// Requires a pressure angle in degrees that the simulator accepts.
     pub(super) fn pressure_angle(self, key: &str, value: f64) -> Result<(), FileError> {
         self.within(key, value, 1.0, 45.0, "degrees")
     }
 
-    /// Requires a helix angle that the simulator accepts, degrees.
+    /// Requires a helix angle in degrees that the simulator accepts.
     pub(super) fn helix_angle(self, key: &str, value: f64) -> Result<(), FileError> {
         self.within(key, value, -60.0, 60.0, "degrees")
     }
@@ -227,8 +229,8 @@ impl Source<'_> {
         )
     }
 
-    /// The line on which `section.key` stands, or on which its section starts, or 1. The second
-    /// `[[section]]` of an array is `section[2]`.
+    /// The line of `section.key`, or else of its section, or else 1. The second `[[section]]` of an
+    /// array is `section[2]`.
     fn line_of(self, key: &str) -> usize {
         let (section, name) = key.rsplit_once('.').unwrap_or(("", key));
         let mut current = String::new();
@@ -264,13 +266,13 @@ impl Source<'_> {
     }
 }
 
-/// Line (from 0) and byte at which an error begins.
+/// The line (from 0) and byte at which an error begins.
 fn place(text: &str, error: &toml::de::Error) -> (usize, usize) {
     let start = error.span().map_or(0, |span| span.start).min(text.len());
     (text[..start].matches('\n').count(), start)
 }
 
-/// The line (from 0) of an error, and what is wrong there.
+/// The line (from 0) of an error, and its message.
 fn explained(text: &str, error: &toml::de::Error) -> (usize, String) {
     let (line, _) = place(text, error);
     let key = text.lines().nth(line).and_then(|line| line.split_once('='));
@@ -279,8 +281,8 @@ fn explained(text: &str, error: &toml::de::Error) -> (usize, String) {
     (line, key + &in_plain_words(&message))
 }
 
-/// The text with empty lines in the place of the unknown key of `error`, or of the unknown section and all
-/// that is in it; none for another error.
+/// The text with empty lines in place of the unknown key of `error`, or of the unknown section with
+/// its contents; `None` for another error.
 fn without_unknown(text: &str, error: &toml::de::Error) -> Option<String> {
     if !error.message().starts_with("unknown field") {
         return None;
@@ -299,7 +301,7 @@ fn without_unknown(text: &str, error: &toml::de::Error) -> Option<String> {
     Some([&text[..begin], &lines, &text[end..]].concat())
 }
 
-/// Replaces the names of Rust's types by what a user would call them.
+/// Replaces the names of Rust's types by the user's terms.
 fn in_plain_words(message: &str) -> String {
     [
         ("expected u32", "expected a whole number, zero or more"),

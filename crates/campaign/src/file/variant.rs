@@ -1,18 +1,18 @@
-//! Campaigns made from another one.
+//! Campaigns derived from another one.
 
 use super::{Campaign, FileError};
 
 impl Campaign {
     /// The same campaign with another number of pinion teeth, and the text of its file, which
-    /// parses to it. Its name gets the number as its end, and it leaves out the comparison with the
-    /// paper, whose designs are of one tooth number. The mate's number follows from the ratio, or
-    /// stays what it is; the module follows from the centre distance, or the other way round.
+    /// parses to it. The number is appended to its name. It leaves out the comparison with the
+    /// paper, whose designs have one tooth number. The mate's number follows from the ratio, or is
+    /// unchanged; the module follows from the centre distance, or the reverse.
     ///
     /// `file` names the original in errors.
     ///
     /// # Errors
     ///
-    /// With these teeth the file makes no sense; the line is that of the new text.
+    /// The file is invalid with these teeth. The line is that of the new text.
     ///
     /// # Panics
     ///

@@ -1,7 +1,7 @@
-//! The campaign file as it is written, one form for each kind of problem.
+//! The campaign file as it is written, with one form for each kind of problem.
 //!
-//! A campaign's digest is that of its JSON, so the order of the fields and what is left out where it says
-//! nothing new must stay as they are.
+//! A campaign's digest is that of its JSON, so the order of the fields and the rules for leaving
+//! out defaults must not change.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,7 +13,7 @@ use super::{
     SimulatorSection, VariableSection, Verify, Wear,
 };
 
-/// What a file says it is.
+/// The kind of a file.
 #[derive(Deserialize)]
 pub(super) struct Peek {
     #[serde(default)]
@@ -38,7 +38,7 @@ enum ExternalKind {
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct GearFile {
-    /// Not written: files of before there was another kind have none.
+    /// Not written, because files older than the key have none.
     #[serde(default, skip_serializing, rename = "kind")]
     _kind: Option<GearKind>,
     format: u32,
@@ -91,7 +91,7 @@ struct PenalisedOptimise {
     failure_value: f64,
 }
 
-/// The file of a campaign with a problem of the user's.
+/// The file of a campaign with an external problem.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ExternalFile {
@@ -125,7 +125,7 @@ struct ExternalSimulator {
     probe_designs: Option<u32>,
 }
 
-/// Either form, for writing.
+/// Either form, for serialisation.
 #[derive(Serialize)]
 #[serde(untagged)]
 pub(super) enum Written {

@@ -1,28 +1,29 @@
-//! One constraint of one design.
+//! A constraint evaluated at a design.
 
 use std::borrow::Cow;
 
-/// One constraint at one design.
+/// A constraint evaluated at a design.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Constraint {
     /// The constrained quantity.
     pub name: Cow<'static, str>,
-    /// Its unit with a space before it, or nothing.
+    /// The unit preceded by a space, or an empty string.
     pub unit: Cow<'static, str>,
     /// Its value.
     pub value: f64,
     /// Its limit.
     pub limit: f64,
-    /// How far the value lies beyond the limit, in its unit; negative on the good side.
+    /// The distance by which the value exceeds the limit, in its unit; negative if the constraint
+    /// holds.
     pub excess: f64,
-    /// What the paper's (5) divides the excess by: the limit, or the module for a length. Of an external
-    /// problem the limit's size, or 1 where the limit is 0.
+    /// The divisor of the excess in the paper's (5): the limit, or the module for a length. For an
+    /// external problem, the limit's absolute value, or 1 if the limit is 0.
     pub scale: f64,
-    /// On which side of the limit the value must be.
+    /// The side of the limit on which the value must lie.
     pub bound: Bound,
 }
 
-/// On which side of its limit a value must be.
+/// The side of its limit on which a value must lie.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Bound {
     /// Below the limit.
@@ -36,7 +37,7 @@ pub enum Bound {
 }
 
 impl Bound {
-    /// The relation between value and limit, as a sign.
+    /// The relation between value and limit, as a symbol.
     #[must_use]
     pub const fn sign(self) -> &'static str {
         match self {
@@ -49,7 +50,7 @@ impl Bound {
 }
 
 impl Constraint {
-    /// A value that must be below its limit.
+    /// A constraint whose value must be below its limit.
     #[must_use]
     pub fn below(
         name: impl Into<Cow<'static, str>>,
@@ -68,7 +69,7 @@ impl Constraint {
         }
     }
 
-    /// A value that must not exceed its limit.
+    /// A constraint whose value must not exceed its limit.
     #[must_use]
     pub fn at_most(
         name: impl Into<Cow<'static, str>>,
@@ -82,7 +83,7 @@ impl Constraint {
         }
     }
 
-    /// A value that must be above its limit.
+    /// A constraint whose value must be above its limit.
     #[must_use]
     pub fn above(
         name: impl Into<Cow<'static, str>>,
@@ -97,7 +98,7 @@ impl Constraint {
         }
     }
 
-    /// A value that must reach its limit.
+    /// A constraint whose value must reach its limit.
     #[must_use]
     pub fn at_least(
         name: impl Into<Cow<'static, str>>,
@@ -111,7 +112,7 @@ impl Constraint {
         }
     }
 
-    /// Whether the design satisfies the constraint; false for a value that is no number.
+    /// Whether the constraint holds; false if the value is NaN.
     #[must_use]
     pub fn holds(&self) -> bool {
         match self.bound {
@@ -131,9 +132,9 @@ impl std::fmt::Display for Constraint {
             excess,
             ..
         } = self;
-        // A limit in modules becomes one in mm with all its digits.
+        // A limit in modules has many digits when converted to mm.
         let limit = (limit * 1e4).round() / 1e4;
-        // An optimum sits on a constraint: by how little it misses is what matters.
+        // An optimum lies on a constraint, where only the size of a small violation matters.
         if excess.abs() < 1e-3 {
             write!(
                 f,

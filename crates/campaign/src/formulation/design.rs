@@ -1,4 +1,4 @@
-//! Designs and what deterministic analyses say of them, as lists of numbers that the problem names.
+//! Designs and deterministic criteria, as lists of numbers whose names the problem gives.
 
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -78,7 +78,7 @@ impl From<GearCriteria> for Criteria {
     }
 }
 
-/// A list of numbers or, as in stores before schema 9, an object of a gear pair.
+/// A list of numbers or, in stores before schema 9, an object of a gear pair.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum Written<G> {
@@ -108,7 +108,7 @@ impl<'de> Deserialize<'de> for Criteria {
 mod tests {
     use super::*;
 
-    /// JSON of earlier versions has objects where there are lists now.
+    /// JSON of earlier versions has objects in place of lists.
     #[test]
     fn objects_of_earlier_versions_are_read() {
         let old = r#"{"profile_shift":[0.1,0.2],"tool_addendum":[1.0,1.1],

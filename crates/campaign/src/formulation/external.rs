@@ -1,10 +1,10 @@
-//! A problem that the campaign file states and a program of the user's simulates.
+//! A problem that is stated in the campaign file and simulated by a program of the user's.
 
 use super::{Constraint, Coordinate, Criteria, Quantity};
 use crate::file::{Aim, ExternalSections};
 use crate::simulator::Analysis;
 
-/// What an external campaign says of its problem.
+/// The problem of an external campaign.
 #[derive(Debug, Clone)]
 pub(super) struct External {
     sections: ExternalSections,
@@ -22,7 +22,7 @@ impl External {
             .collect()
     }
 
-    /// The DoE moves all variables.
+    /// The coordinates of the DoE, which varies all variables.
     pub(super) fn coordinates(&self) -> Vec<Coordinate> {
         let variables = self.sections.variables.iter();
         variables
@@ -47,7 +47,7 @@ impl External {
         self.criteria().into_iter().chain(baseline).collect()
     }
 
-    /// What is minimised, under a name that says so.
+    /// The minimised response. The name of a maximised one says that its sign is changed.
     pub(super) fn sampled(&self) -> Quantity {
         let response = &self.sections.response;
         let name = match response.aim {
@@ -57,7 +57,7 @@ impl External {
         Quantity::new(&name, &response.unit)
     }
 
-    /// What the program calls the response, and the factor from its value to what is minimised.
+    /// The program's name for the response, and the factor from its value to the minimised one.
     pub(super) fn asked(&self) -> (&str, f64) {
         let response = &self.sections.response;
         let factor = match response.aim {
@@ -71,14 +71,14 @@ impl External {
         self.sections.response.baseline
     }
 
-    /// The responses are the same in every state.
+    /// The responses, which do not depend on the state.
     pub(super) fn responses_of(&self, analysis: &Analysis) -> Vec<f64> {
         let baseline = self.has_baseline().then_some(analysis.value_um);
         let criteria = analysis.criteria.values().iter().copied();
         criteria.chain(baseline).collect()
     }
 
-    /// The analysis that the responses hold; its value is NaN without a baseline.
+    /// The analysis in the responses. Its value is NaN without a baseline.
     pub(super) fn analysis(&self, responses: &[f64]) -> Option<Analysis> {
         let count = self.sections.constraints.len();
         let (criteria, baseline) = responses.split_at_checked(count)?;

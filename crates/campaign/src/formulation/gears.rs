@@ -1,4 +1,4 @@
-//! The gear pair: its variables and criteria by name, and how a design becomes a pair.
+//! The gear pair: named variables and criteria, and the conversion of a design to a pair.
 
 use gear::{Discretisation, PairInput};
 
@@ -20,7 +20,7 @@ pub(super) use spaces::{base, free, whole};
 pub(super) use variables::variables;
 pub use variables::{ALL_VARIABLES, GearVariables, VARIABLE_NAMES};
 
-/// What a campaign's pairs share.
+/// The values common to all pairs of a campaign.
 #[derive(Debug, Clone)]
 pub struct Gears {
     sections: GearSections,
@@ -30,7 +30,7 @@ pub struct Gears {
 }
 
 impl Gears {
-    /// What the pairs of a validated campaign share.
+    /// The values common to all pairs of a validated campaign.
     pub(super) fn new(sections: GearSections) -> Self {
         let pair = &sections.pair;
         let template = PairInput {
@@ -72,7 +72,7 @@ impl Gears {
             .and_then(|section| section.to_gear())
     }
 
-    /// Draws random flanks of a pair: worn, and of the campaign's flank class.
+    /// A sampler of random flanks of a pair, with the campaign's wear and its flank class.
     #[must_use]
     pub fn sampler(&self, pair: &gear::Pair) -> gear::Sampler {
         pair.sampler_of_class(&self.wear, self.flank_class())
@@ -99,7 +99,8 @@ impl Gears {
         }
     }
 
-    /// The normal module of a design in mm: the campaign's, or what follows from its centre distance.
+    /// The normal module of a design in mm: the campaign's, or the one that follows from its centre
+    /// distance.
     ///
     /// # Errors
     ///
@@ -121,29 +122,29 @@ impl Gears {
         )
     }
 
-    /// How finely pairs are discretised.
+    /// The discretisation of pairs.
     #[must_use]
     pub const fn discretisation(&self) -> &Discretisation {
         &self.discretisation
     }
 
-    /// Geometry and compliance of a design.
+    /// The geometry and compliance of a design.
     ///
     /// # Errors
     ///
-    /// Why the design cannot be simulated.
+    /// The design is not simulable.
     pub fn pair(&self, design: &Design) -> Result<gear::Pair, gear::Error> {
         gear::Pair::new(&self.pair_input(design), &self.discretisation)
     }
 
-    /// The criteria of a pair, with the contact pressure of the analysis that matters, in MPa.
+    /// The criteria of a pair, with the contact pressure of the relevant analysis, in MPa.
     #[must_use]
     pub fn pair_criteria(&self, pair: &gear::Pair, hertz_pressure_mpa: f64) -> GearCriteria {
         let detailed = self.sections.constraints.need_details();
         GearCriteria::of_pair(pair, hertz_pressure_mpa, detailed)
     }
 
-    /// Every constraint, with how far a pair is from breaking it.
+    /// All constraints, with their signed distance from the limit.
     pub(super) fn constraints(&self, criteria: &GearCriteria) -> Vec<Constraint> {
         constraints(
             &self.sections.constraints,

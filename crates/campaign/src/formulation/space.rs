@@ -1,41 +1,41 @@
-//! The box that an approach searches, and how its points become designs.
+//! The search space of an approach, and the conversion of its points to designs.
 
 use std::borrow::Cow;
 
 use super::Design;
 
-/// A number that an approach moves.
+/// A number that an approach varies.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Coordinate {
-    /// Its name, with its unit at the end where it has one of the gear pair's.
+    /// The name. For gear pairs it ends with the unit, if there is one.
     pub name: Cow<'static, str>,
-    /// Its unit where the name does not say it; empty for a number without one.
+    /// The unit, if the name does not contain it; empty for a number without one.
     pub unit: Cow<'static, str>,
-    /// `[low, high]`.
+    /// The range, `[low, high]`.
     pub range: [f64; 2],
 }
 
-/// Where the value of a variable of a design comes from.
+/// The source of the value of a design's variable.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Source {
-    /// From elsewhere: a given design, which another approach may have found.
+    /// A given design, which may come from another approach.
     Kept,
     /// The campaign file.
     Fixed(f64),
     /// The campaign file, in modules of the design.
     FixedInModules(f64),
-    /// The coordinate of this number.
+    /// The coordinate with this number.
     Moved(usize),
-    /// The coordinate of this number, in modules of the design.
+    /// The coordinate with this number, in modules of the design.
     MovedInModules(usize),
-    /// The same as of the pinion, which stands before the mate.
+    /// The pinion's variable, which precedes the mate's.
     Tied,
-    /// What is left of the sum of the profile shifts that module and centre distance ask for.
+    /// The remainder of the sum of profile shifts that module and centre distance require.
     Follows,
 }
 
-/// What follows from other variables of a design. Where a design has no such number, another finite one
-/// stands for it, with which the simulator refuses the design.
+/// Values that follow from other variables of a design. If such a value does not exist, the result
+/// is another finite number with which the simulator refuses the design.
 pub(super) trait Derived {
     /// The normal module, mm.
     fn module(&self, values: &[f64]) -> f64;
@@ -44,7 +44,7 @@ pub(super) trait Derived {
     fn mate_shift(&self, values: &[f64]) -> f64;
 }
 
-/// Of a problem in which nothing follows.
+/// For a problem without such values.
 impl Derived for () {
     fn module(&self, _values: &[f64]) -> f64 {
         1.0
@@ -55,7 +55,7 @@ impl Derived for () {
     }
 }
 
-/// The box that an approach searches.
+/// The search space of an approach, a box.
 #[derive(Debug, Clone)]
 pub(super) struct Space {
     coordinates: Vec<Coordinate>,
@@ -63,7 +63,7 @@ pub(super) struct Space {
 }
 
 impl Space {
-    /// A box, and the source of each variable.
+    /// Makes a space from its coordinates and the source of each variable.
     pub(super) const fn new(coordinates: Vec<Coordinate>, sources: Vec<Source>) -> Self {
         Self {
             coordinates,
@@ -71,7 +71,7 @@ impl Space {
         }
     }
 
-    /// A box of all variables.
+    /// Makes a space that varies all variables.
     pub(super) fn of_all(coordinates: Vec<Coordinate>) -> Self {
         let sources = (0..coordinates.len()).map(Source::Moved).collect();
         Self::new(coordinates, sources)
@@ -81,7 +81,7 @@ impl Space {
         &self.coordinates
     }
 
-    /// Whether variables are left to other designs.
+    /// Whether some variables are taken from a given design.
     pub(super) fn keeps(&self) -> bool {
         self.sources.contains(&Source::Kept)
     }
@@ -108,7 +108,8 @@ impl Space {
             .collect()
     }
 
-    /// What `design` has where this space keeps variables; 0 elsewhere.
+    /// The values in `design` of the variables that this space takes from a given design; 0 for all
+    /// others.
     pub(super) fn kept(&self, design: &Design) -> Design {
         let values = self.sources.iter().zip(design.values());
         Design::new(
@@ -121,7 +122,8 @@ impl Space {
         )
     }
 
-    /// The design with the coordinates `x`, and the values of `base` where this space keeps variables.
+    /// The design with the coordinates `x`, and with the values of `base` for the variables that
+    /// this space takes from a given design.
     pub(super) fn design(&self, x: &[f64], base: &Design, derived: &dyn Derived) -> Design {
         let mut values = base.values().to_vec();
         for (value, source) in values.iter_mut().zip(&self.sources) {

@@ -88,7 +88,8 @@ fn the_unit_cube_covers_the_bounds_and_radii_follow_the_module() {
     assert_eq!(variables.helix_angle_deg, 30.0);
 }
 
-/// The paper's campaign with these lines in `[bounds]` and `[frozen]`, and these in `[pair]`.
+/// The paper's campaign with these lines in `[bounds]` and `[frozen]`, and with this size in
+/// `[pair]`.
 fn bounded(size: &str, bounds: &str, constraints: &str) -> Result<Problem, String> {
     let (head, rest) = Campaign::WEAR.split_once("[bounds]").unwrap();
     let (_, rest) = rest.split_once("[doe]").unwrap();
@@ -181,7 +182,7 @@ fn each_gear_has_bounds_of_its_own_and_a_mate_may_be_tied() {
     let back = problem.free_values(&design);
     let near = back.iter().zip(&x).all(|(a, b)| (a - b).abs() < 1e-14);
     assert!(near, "{back:?}");
-    // What is frozen is left alone by the DoE, and moved without wear.
+    // The DoE does not vary frozen variables, but the optimisation without wear does.
     let frozen = format!("{bounds}[frozen]\nfrom = \"deterministic\"\nhelix_angle_deg = 18.0");
     let problem = bounded("centre_distance_mm = 110.0", &frozen, "").unwrap();
     assert_eq!(
@@ -301,7 +302,8 @@ fn a_limit_on_the_tip_land_is_a_constraint_of_campaign_and_store() {
             .any(|b| b.starts_with(says) && b.ends_with("limit of 2 mm")),
         "{broken:?}"
     );
-    // The responses hold all of it, so that constraints are judged again without the simulator.
+    // The responses include the details, so that constraints can be evaluated again without the
+    // simulator.
     let responses = limited.responses_of(&analyses[0], &analyses[1]);
     assert_eq!(responses.len(), limited.responses().len());
     limited.check_responses(&responses).unwrap();

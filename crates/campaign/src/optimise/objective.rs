@@ -1,4 +1,4 @@
-//! The criterion of a run, and what it remembers of the designs that it has evaluated.
+//! The objective of a run, and its record of evaluated designs.
 
 use cmaes::Evaluation;
 use stats::streams::{Purpose, stream};
@@ -8,45 +8,45 @@ use crate::formulation::{Approach, Criteria, Design, Problem};
 use crate::simulator::{Analysis, NoAnswer, Simulator, State};
 use crate::task::Run;
 
-/// The violation of a design that cannot be simulated, when ranked feasibility first: more than any real
-/// design's.
+/// The violation of a design that is not simulable in feasibility-first ranking: larger than that
+/// of any simulable design.
 const FAILURE_VIOLATION: f64 = 1e300;
 
-/// The random streams that all designs of a direct search share, so that two designs differ by what
-/// they are and not by chance. A design of a campaign is numbered below 2³².
+/// The random streams common to all designs of a direct search, so that two designs differ only in
+/// their variables and not by chance. The designs of a campaign have numbers below 2³².
 pub const COMMON: (Purpose, u64) = (Purpose::Wear, 1 << 40);
 
-/// A design that a search wants to know of.
+/// A design that a search wants evaluated.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Candidate {
-    /// The design; none where the point of the search's box stands for no design.
+    /// The design; `None` if no design exists at the point of the search space.
     pub design: Option<Design>,
-    /// Whether the simulator is asked about it.
+    /// Whether the simulator is needed.
     pub is_asked: bool,
-    /// Whether it may be the best design so far, by what is known without the simulator.
+    /// Whether it may be the best design so far, as far as is known without the simulator.
     pub may_improve: bool,
-    /// The model's mean, of a search on a model.
+    /// The model's mean, in a search on a model.
     predicted: Option<f64>,
 }
 
-/// What the simulator says of a candidate.
+/// The simulator's evaluation of a candidate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Answer {
-    /// The analysis that the approach searches by.
+    /// The analysis on which the approach's search is based.
     pub analysis: Analysis,
-    /// The criteria in the baseline state, where a gear pair that was searched without wear must keep
-    /// them worn, too.
+    /// The criteria in the baseline state, if a gear pair that was searched without wear must
+    /// satisfy them with wear, too.
     pub worn: Option<Criteria>,
-    /// Of a direct search, the samples of a design that keeps all constraints.
+    /// The samples of a feasible design, in a direct search.
     pub samples_um: Vec<f64>,
 }
 
-/// Asks the simulator about a design that an approach may end with. `may_improve` says that it may be the
-/// best design so far.
+/// Evaluates a design that an approach may end at. `may_improve` says whether it may be the best
+/// design so far.
 ///
 /// # Errors
 ///
-/// The design cannot be simulated, or the simulator failed.
+/// The design is not simulable, or the simulator failed.
 pub fn answer(
     simulator: &dyn Simulator,
     approach: Approach,
@@ -70,8 +70,9 @@ pub fn answer(
         return Ok(answer);
     }
     if approach == Approach::Kriging && may_improve && problem.gears().is_some() {
-        // The search takes the pressure of the unworn pair, one call as in the paper. What is kept as
-        // an optimum must satisfy its limit worn, too; that costs a call now and then.
+        // The search uses the pressure of the unworn pair, one call as in the paper. A design that
+        // is kept as an optimum must also satisfy the limit with wear, which costs an occasional
+        // call.
         answer.worn = Some(prepared.analyse(State::Baseline)?.criteria);
     }
     if approach == Approach::Direct {
@@ -90,19 +91,19 @@ pub fn answer(
     Ok(answer)
 }
 
-/// The criterion of one formulation.
+/// The objective of one approach.
 pub(super) struct Objective {
     approach: Approach,
     base: Design,
     model: Option<kriging::Surrogate>,
 }
 
-/// What a run remembers of the designs that it has evaluated.
+/// A run's record of the designs that it has evaluated.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Seen {
     pub(super) simulator_calls: u64,
-    /// The best design by the penalised objective, or the nearest to feasible where there is no penalty,
-    /// with its value.
+    /// The best design by the penalised objective, or the one with the smallest violation if there
+    /// is no penalty, with its value.
     pub(super) printed: Option<(f64, Found)>,
     /// The best feasible design.
     pub(super) best: Option<Found>,
@@ -115,7 +116,7 @@ struct Evaluated {
 }
 
 impl Seen {
-    /// Keeps what the printed part of a run found, if it is the best by its value.
+    /// Records a design of the printed part of a run, if its value is the best.
     fn keep(&mut self, value: f64, found: Found) {
         if self.printed.as_ref().is_none_or(|(best, _)| value < *best) {
             self.printed = Some((value, found));
@@ -129,7 +130,8 @@ impl Seen {
     }
 }
 
-/// An evaluated design, to be ranked feasibility first; none cannot be simulated.
+/// The evaluation of a design for feasibility-first ranking; `None` stands for a design that is not
+/// simulable.
 fn ranked(evaluated: Option<&Evaluated>) -> Evaluation {
     evaluated.map_or(
         Evaluation {
@@ -138,7 +140,7 @@ fn ranked(evaluated: Option<&Evaluated>) -> Evaluation {
         },
         |Evaluated { found, violation }| Evaluation {
             value: found.criterion_um,
-            // On the edge itself the violation is zero, but the inequalities are strict.
+            // On the boundary the violation is zero, but the inequalities are strict.
             violation: if found.feasible {
                 0.0
             } else {
@@ -177,7 +179,7 @@ impl Objective {
         self.approach
     }
 
-    /// The candidate at `unit` in the box of the search.
+    /// The candidate at the point `unit` of the search space.
     pub(super) fn candidate(&self, problem: &Problem, seen: &Seen, unit: &[f64]) -> Candidate {
         let design = problem.point(self.approach, unit, &self.base);
         let model = self.model.as_ref();
@@ -185,7 +187,7 @@ impl Objective {
             .as_ref()
             .and_then(|design| Some(model?.mean(&problem.free_values(design))));
         let may_improve = predicted.is_none_or(|criterion_um| seen.improves(criterion_um));
-        // Without constraints there is nothing to ask about a design that is no improvement.
+        // Without constraints a design that is no improvement need not be evaluated.
         let is_settled = predicted.is_some() && problem.criteria().is_empty() && !may_improve;
         Candidate {
             is_asked: design.is_some() && !is_settled,
@@ -195,11 +197,12 @@ impl Objective {
         }
     }
 
-    /// The evaluation of a candidate; `answer` is none where it cannot be simulated or nothing was asked.
+    /// The evaluation of a candidate. `answer` is `None` if it is not simulable or need not be
+    /// evaluated.
     ///
-    /// The printed part of a run minimises the penalised objective (5), in which designs that cannot be
-    /// simulated get the failure value. Without a penalty, in a direct search, and after the printed
-    /// part, designs are ranked feasibility first.
+    /// The printed part of a run minimises the penalised objective (5), in which designs that are
+    /// not simulable get the failure value. Without a penalty, in a direct search, and after the
+    /// printed part, designs are ranked feasibility first.
     pub(super) fn evaluation(
         &self,
         problem: &Problem,
@@ -212,7 +215,7 @@ impl Objective {
         if !is_printed {
             return ranked(evaluated.as_ref());
         }
-        // A design that breaks a constraint has no samples, so a direct search has nothing to penalise.
+        // An infeasible design has no samples, so a direct search cannot use the penalty.
         let penalty = problem.penalty();
         let Some(penalty) = penalty.filter(|_| self.approach != Approach::Direct) else {
             let ranked = ranked(evaluated.as_ref());
@@ -232,8 +235,8 @@ impl Objective {
         value.into()
     }
 
-    /// What an answer says of a candidate, which is kept if it is the best feasible one so far; none when
-    /// it cannot be simulated.
+    /// The evaluated design of an answer, which is recorded if it is the best feasible one so far;
+    /// `None` if it is not simulable.
     fn evaluated(
         &self,
         problem: &Problem,
@@ -256,14 +259,14 @@ impl Objective {
         seen.simulator_calls += 1;
         let answer = answer?;
         let is_worn = matches!(self.approach, Approach::Baseline | Approach::Direct);
-        // Archard's wear rests on the unworn analysis.
+        // The analysis with Archard's wear also takes the one without.
         seen.simulator_calls += u64::from(is_worn && problem.gears().is_some());
         seen.simulator_calls += u64::from(answer.worn.is_some()) + answer.samples_um.len() as u64;
         let analysis = answer.analysis;
         let violation = problem.violation(&analysis.criteria);
         let mut feasible = problem.is_feasible(&analysis.criteria);
         let criterion_um = match self.approach {
-            // One that breaks a constraint is ranked by its violation alone.
+            // An infeasible design is ranked by its violation alone.
             Approach::Direct if !feasible => 0.0,
             Approach::Direct => {
                 let percentile = problem.campaign().sampling.verified(&answer.samples_um);

@@ -34,7 +34,7 @@ fn a_run_is_a_function_of_campaign_approach_and_start() {
     assert_eq!(serde_json::from_str::<RunResult>(&json).unwrap(), first);
 }
 
-/// Where no design can be simulated, a search ends on a plateau after some hundred evaluations.
+/// If no design is simulable, a search ends on a plateau after some hundred evaluations.
 #[test]
 fn the_kinds_of_restarts_give_different_runs_that_are_reproducible() {
     let restarts = |restarts, restart_at| {
@@ -114,7 +114,7 @@ fn a_kriging_run_needs_a_model_that_can_be_read() {
     assert!(error.contains("cannot be read"), "{error}");
 }
 
-/// A run whose generations are answered by somebody else, the last candidate first, as workers may.
+/// A run whose generations are answered in reverse order, as parallel workers may.
 fn by_generations(problem: &Problem, of: &Run) -> RunResult {
     let mut search = Search::new(problem, of).unwrap();
     loop {
@@ -131,8 +131,8 @@ fn by_generations(problem: &Problem, of: &Run) -> RunResult {
     }
 }
 
-/// Also where the weight is too small, so that the run continues, and where most designs cannot be
-/// simulated.
+/// This includes a weight that is too small, so that the run continues, and a space where most
+/// designs are not simulable.
 #[test]
 fn a_run_by_generations_ends_as_one_that_a_worker_computes() {
     let problem = problem(|campaign| {
@@ -162,7 +162,7 @@ fn a_direct_search_minimises_the_percentile_of_designs_that_keep_the_constraints
     assert_eq!(again.samples_um.len(), 12);
     let percentile = stats::percentile_p90(&again.samples_um).unwrap();
     assert_eq!(percentile.p90, best.criterion_um);
-    // Two analyses of a design, and samples of those that keep the constraints alone.
+    // Two analyses per design, and samples only of feasible designs.
     let most = 14 * result.evaluations;
     assert!((2 * result.evaluations..most).contains(&result.simulator_calls));
     let values = result.history.iter().map(|(_, value)| *value);

@@ -49,7 +49,8 @@ fn analysis(problem: &Problem, pair: &gear::Pair, analysis: &gear::Analysis) -> 
     }
 }
 
-/// With a flank class the deterministic analyses stay, and samples deviate as the gear model's do.
+/// A flank class does not change the deterministic analyses, and samples deviate as the gear
+/// model's do.
 #[test]
 fn a_flank_class_changes_the_samples_alone() {
     let perfect = problem();
@@ -76,7 +77,7 @@ fn a_flank_class_changes_the_samples_alone() {
     assert_eq!(with.1, drawn.collect::<Vec<f64>>());
 }
 
-/// What workers compute is what the gear model computes, to the last bit.
+/// A worker's numbers equal those of the gear model to the last bit.
 #[test]
 fn units_ask_the_built_in_model_and_nothing_else() {
     let problem = problem();
@@ -106,7 +107,7 @@ fn units_ask_the_built_in_model_and_nothing_else() {
         gears.normal_module(&asked).unwrap(),
         pair.geometry().normal_module
     );
-    // x_p + x_r = −2 leaves the involute equation without a solution.
+    // With x_p + x_r = −2 the involute equation has no solution.
     let refused = [-1.0, -1.0, 1.0, 1.0, 1.0, 1.0];
     let refused = problem.design(&refused, problem.base());
     let output = compute(&problem, &design(0..3), &Source::Design(refused)).unwrap();
@@ -142,7 +143,7 @@ fn a_design_that_its_constraints_rule_out_gets_no_samples() {
     assert!(reason.starts_with("ruled-out: "), "{reason}");
     assert!(reason.contains("mate flank margin = -"), "{reason}");
     assert_eq!(output(Some(0.99 * violation)).1, 0);
-    // It breaks the constraints by less than the limit, or nobody asked.
+    // The violation is below the limit, or there is no limit.
     assert_eq!(output(Some(1.01 * violation)), (violation, 5, None));
     assert_eq!(output(None), (violation, 5, None));
 }
@@ -164,7 +165,7 @@ fn a_sample_does_not_depend_on_who_draws_its_neighbours() {
 fn what_is_stopped_gives_what_is_done() {
     let problem = problem();
     for (source, whole, asked_before) in [
-        // Before its analyses and before each sample.
+        // Calls of `keep_going` before the first sample: one before the analyses of a design.
         (Source::Design(asked()), design(4..8), 1),
         (Source::Point(asked()), unit(StreamId::point(2), 4..8), 0),
     ] {
@@ -192,10 +193,10 @@ fn what_is_stopped_gives_what_is_done() {
     }
 }
 
-/// Makes a sample up.
+/// A function that makes up a sample.
 type Sampled = fn() -> Result<f64, String>;
 
-/// A simulator whose design can be analysed and whose samples are made up.
+/// A simulator whose designs can be analysed and whose samples are made up.
 struct Fake {
     problem: Problem,
     analysed_um: f64,
@@ -230,7 +231,7 @@ impl Prepared for Ready<'_> {
     }
 }
 
-/// Whether a design is feasible must not depend on which of its samples are asked for together.
+/// Whether a design is simulable must not depend on which of its samples are drawn together.
 #[test]
 fn analyses_refuse_a_design_and_samples_fail() {
     let of = |analysed_um: f64, sample: Sampled, x_p: f64| {
@@ -277,7 +278,7 @@ fn analyses_refuse_a_design_and_samples_fail() {
     );
 }
 
-/// Every input changes the generation, and what no value depends on does not.
+/// Every input that values depend on changes the generation, and no other does.
 #[test]
 fn a_generation_is_the_digest_of_what_values_depend_on() {
     let campaign = problem().campaign().clone();

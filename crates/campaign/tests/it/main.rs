@@ -1,4 +1,4 @@
-//! Runs of the campaign's optimiser on problems that are made to be hard.
+//! Problems stated in a file, and optimiser runs on problems that are made to be hard.
 
 mod problems;
 mod stability;

@@ -1,4 +1,4 @@
-//! Problems that the campaign file states.
+//! Problems stated in the campaign file.
 
 use campaign::formulation::{Approach, Criteria, Problem};
 use campaign::{Campaign, Design};
@@ -41,7 +41,7 @@ fn limits_of_either_side_are_constraints_and_their_values_the_criteria() {
     let broken = problem.constraints(&Criteria::new(vec![250.0]));
     assert_eq!(broken.len(), 2);
     assert!(broken[0].holds() && !broken[1].holds());
-    // Relative to the limit, and to 1 where the limit is 0.
+    // The violation is relative to the limit, or to 1 if the limit is 0.
     assert_eq!(problem.violation(&Criteria::new(vec![250.0])), 0.25);
     assert_eq!(problem.violation(&Criteria::new(vec![-3.0])), 3.0);
     assert!(problem.is_feasible(&Criteria::new(vec![200.0])));

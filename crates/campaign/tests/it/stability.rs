@@ -1,8 +1,8 @@
-//! What a run does where the gear model is at its worst: next to nothing feasible, plateaus of
-//! failures, numbers that are none, optima in corners and on constraints. Each has a defined and
-//! reported result.
+//! Runs under the worst conditions of the gear model: hardly any feasible designs, plateaus of
+//! designs that are not simulable, NaN, optima in corners and on constraints. Each case has a
+//! defined and reported result.
 //!
-//! The simulator is made of formulas of the six robust variables, scaled to [0, 1].
+//! The simulator consists of formulas in the six robust variables, scaled to [0, 1].
 
 use campaign::formulation::{Design, GearCriteria, Problem};
 use campaign::optimise::{self, RunResult};
@@ -10,7 +10,7 @@ use campaign::simulator::{Analysis, NoAnswer, Prepared, Simulator, State};
 use campaign::{Approach, Campaign};
 use stats::streams::StreamRng;
 
-/// What a formula says of a point of the unit cube.
+/// The values of a formula at a point of the unit cube.
 #[derive(Debug, Clone, Copy)]
 struct Answer {
     /// ΔSTE, µm.
@@ -19,7 +19,7 @@ struct Answer {
     sliding: f64,
 }
 
-/// None where the design cannot be simulated.
+/// A formula; `None` if the design is not simulable.
 type Formula = fn(&[f64; 6]) -> Option<Answer>;
 
 struct Made {
@@ -91,7 +91,7 @@ fn unit(result: &RunResult) -> [f64; 6] {
     six(&Problem::new(campaign), &best.design)
 }
 
-/// A design in the unit cube.
+/// The coordinates of a design in the unit cube.
 fn six(problem: &Problem, design: &Design) -> [f64; 6] {
     let unit = problem.unit_point(&problem.free_values(design));
     unit.try_into().expect("six variables are free")
@@ -109,7 +109,7 @@ fn a_feasible_region_of_a_thousandth_of_the_box_is_found() {
     assert!((volume / 1e-3 - 1.0).abs() < 0.02, "{volume}");
     let formula: Formula = |u| {
         Some(Answer {
-            // The criterion draws away from the ball.
+            // The criterion decreases away from the ball.
             delta_ste_um: 1.0 + u.iter().sum::<f64>(),
             sliding: 1.999 + squares(u, 0.7).sqrt() - RADIUS,
         })
@@ -118,9 +118,9 @@ fn a_feasible_region_of_a_thousandth_of_the_box_is_found() {
         let result = run(formula, 6000, start);
         let best = result.best.expect("the ball is found");
         assert!(best.feasible && best.criteria.gears().specific_sliding < 2.0);
-        // Its lowest point lies on its surface, where all coordinates are equal.
+        // The lowest point of the ball lies on its surface, where all coordinates are equal.
         let lowest = 1.0 + 6.0 * (0.7 - (RADIUS + 0.001) / 6f64.sqrt());
-        // A tenth of a per cent: what a constraint's strict inequality and 6000 designs leave.
+        // A tenth of a per cent: the error due to strict inequality and 6000 designs.
         assert!(
             (best.criterion_um / lowest - 1.0).abs() < 1e-3,
             "start {start}: {} against {lowest}",
@@ -129,7 +129,7 @@ fn a_feasible_region_of_a_thousandth_of_the_box_is_found() {
     }
 }
 
-/// Most of the box cannot be simulated and is valued 100, as level as a table.
+/// Most of the box is not simulable and has the constant value 100.
 #[test]
 fn a_run_gets_off_a_plateau_of_100s() {
     let formula: Formula = |u| {
@@ -165,7 +165,7 @@ fn plateaus_of_100s_everywhere_end_without_a_design_and_say_why_they_restarted()
     }
 }
 
-/// A criterion that is no number is a failure, never an optimum.
+/// A NaN criterion is a failure, never an optimum.
 #[test]
 fn a_criterion_that_is_no_number_is_a_failure() {
     let formula: Formula = |u| {
@@ -181,7 +181,7 @@ fn a_criterion_that_is_no_number_is_a_failure() {
     let result = run(formula, 4000, 0);
     let found = unit(&result);
     assert!(result.best.unwrap().criterion_um.is_finite());
-    // The best of what is left lies at the edge of the region without numbers.
+    // The best of the other points lies at the edge of the region with NaN.
     assert!((found[2] - 0.3).abs() < 1e-3, "{found:?}");
     let nothing = run(
         |_| {
@@ -196,7 +196,7 @@ fn a_criterion_that_is_no_number_is_a_failure() {
     assert_eq!((nothing.printed, nothing.best), (None, None));
 }
 
-/// A constraint that is no number is not satisfied.
+/// A NaN constraint is not satisfied.
 #[test]
 fn a_constraint_that_is_no_number_makes_no_optimum() {
     let result = run(
@@ -232,7 +232,7 @@ fn an_optimum_in_a_corner_is_reached() {
     };
     for start in 0..3 {
         let result = run(formula, 4000, start);
-        // To the corner itself within 1e-6 of each variable's range.
+        // The corner is reached within 1e-6 of each variable's range.
         let found = unit(&result);
         assert!(
             found.iter().all(|u| (0.0..1e-6).contains(u)),
@@ -242,12 +242,13 @@ fn an_optimum_in_a_corner_is_reached() {
     }
 }
 
-/// The optimum lies on a constraint, and the printed weight is too small to hold the search there.
+/// The optimum lies on a constraint, and the printed weight is too small to keep the search there.
 #[test]
 fn an_optimum_on_a_constraint_is_approached_from_the_feasible_side() {
     let formula: Formula = |u| {
         Some(Answer {
-            // One unit of the first variable gains more than the weight of 10 · ½ takes.
+            // One unit of the first variable gains more than the penalty with its weight of 10 · ½
+            // costs.
             delta_ste_um: 20.0 - 10.0 * u[0] + squares(u, 0.5),
             sliding: 1.5 + u[0],
         })
@@ -266,7 +267,7 @@ fn an_optimum_on_a_constraint_is_approached_from_the_feasible_side() {
             .as_ref()
             .expect("the run goes on until it is feasible");
         assert!(best.criteria.gears().specific_sliding < 2.0);
-        // What one continuation of 1500 designs leaves.
+        // The error after one continuation of 1500 designs.
         assert!((0.5 - found[0]).abs() < 1e-3, "start {start}: {found:?}");
     }
 }

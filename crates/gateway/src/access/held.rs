@@ -1,4 +1,4 @@
-//! The coordinator's side of an access file: the secrets and the lock behind it.
+//! The coordinator's side of an access file: its secrets and its lock.
 
 use std::fs::{self, DirBuilder, File, OpenOptions, TryLockError};
 use std::io::{self, Write as _};
@@ -17,29 +17,29 @@ use crate::guard::{Guard, server_config};
 use crate::keygen::{self, KeygenError};
 use crate::token::{Role, TokenSet};
 
-/// Days for which a certificate is valid: longer than any campaign runs.
+/// Validity of a certificate in days: longer than any campaign runs.
 const DAYS: u32 = 3650;
 
-/// A running coordinator's hold on its access file.
+/// An access file locked by its running coordinator.
 #[derive(Debug)]
 pub struct Held {
     path: PathBuf,
     access: Access,
     key: String,
-    /// Whether the secrets are new and in no file yet.
+    /// Whether the secrets are new and not yet in any file.
     is_unwritten: bool,
     /// Locked while this lives.
     _lock: File,
 }
 
 impl Held {
-    /// Takes the access file at `path` for a coordinator of `campaign`: certificate and tokens are
-    /// those of an earlier coordinator of that campaign, or new ones. Nothing is written to the
-    /// access file yet.
+    /// Locks the access file at `path` for a coordinator of `campaign`. The certificate and tokens
+    /// are those of an earlier coordinator of the same campaign, or new ones. The access file is
+    /// not written yet.
     ///
     /// # Errors
     ///
-    /// Another coordinator uses the file, it is no access file, or the folder cannot be written.
+    /// Another coordinator uses the file, it is not an access file, or the folder is not writable.
     pub fn take(path: &Path, campaign: &str) -> Result<Self, AccessError> {
         if let Some(parent) = path.parent().filter(|p| !p.as_os_str().is_empty()) {
             DirBuilder::new()
@@ -111,17 +111,17 @@ impl Held {
         })
     }
 
-    /// The port at which an earlier coordinator listened; nothing if there was none.
+    /// The port on which an earlier coordinator listened, if there was one.
     #[must_use]
     pub fn last_port(&self) -> Option<u16> {
         self.access.hosts().flatten().next().map(|(_, port)| port)
     }
 
-    /// What a port with this certificate and these tokens checks.
+    /// The guard of a port with this certificate and these tokens.
     ///
     /// # Errors
     ///
-    /// Certificate and key cannot be used.
+    /// The certificate or the key cannot be used.
     pub fn guard(&self) -> Result<Guard, AccessError> {
         let key_path = key_file(&self.path);
         let key = PrivateKeyDer::from_pem_slice(self.key.as_bytes()).map_err(|_| {
@@ -140,12 +140,12 @@ impl Held {
         Ok(Guard::new(tls, TokenSet::new(tokens.to_vec())))
     }
 
-    /// Writes the file for a coordinator that listens at `address`, and can be reached as one of
-    /// `hosts`, too. Returns where it is.
+    /// Writes the file for a coordinator that listens at `address` and can also be reached under
+    /// `hosts`. Returns the path of the file.
     ///
     /// # Errors
     ///
-    /// It cannot be written.
+    /// The file cannot be written.
     pub fn publish(&mut self, address: SocketAddr, hosts: &[String]) -> Result<&Path, AccessError> {
         self.access.addresses = addresses(address, hosts);
         let failed = |source| write_error(&self.path, source);
@@ -161,16 +161,17 @@ impl Held {
         Ok(&self.path)
     }
 
-    /// Removes the files of a coordinator that will not come back.
+    /// Removes the files of a coordinator that will not be restarted.
     pub fn remove(mut self) {
-        // What cannot be removed leads nowhere, and clients say so.
+        // A file that cannot be removed names an address without a coordinator, which clients
+        // report.
         let _ = fs::remove_file(&self.path);
         self.is_unwritten = true;
     }
 }
 
 impl Drop for Held {
-    /// A file that was made for its lock alone goes with the lock.
+    /// Removes the key file if it was made only for its lock.
     fn drop(&mut self) {
         if self.is_unwritten {
             let _ = fs::remove_file(key_file(&self.path));
@@ -195,8 +196,9 @@ fn new_secrets(campaign: &str) -> Result<(Access, String), AccessError> {
     Ok((access, key.serialize_pem()))
 }
 
-/// Where a coordinator that listens at `address` can be reached: under the names that the user gave,
-/// then, when it listens on all interfaces, under this machine's name and on loopback.
+/// The addresses of a coordinator that listens at `address`: first the hosts given by the user;
+/// then its own address or, if it listens on all interfaces, this machine's name and the loopback
+/// address.
 fn addresses(address: SocketAddr, hosts: &[String]) -> Vec<String> {
     let port = address.port();
     let own = if address.ip().is_unspecified() {
@@ -231,8 +233,8 @@ fn write_error(path: &Path, source: io::Error) -> AccessError {
     }
 }
 
-/// Writes a file that its owner alone can read; `at_once` replaces it, so that a reader finds the old
-/// text or the new one. Otherwise the file stays the same one, with its lock.
+/// Writes a file that only its owner can read. With `at_once` the file is replaced, so that a
+/// reader finds the old text or the new one; otherwise it is rewritten in place and keeps its lock.
 fn write_secret(path: &Path, text: &str, at_once: bool) -> Result<(), AccessError> {
     let draft = path.with_extension("part");
     let target = if at_once { &draft } else { path };

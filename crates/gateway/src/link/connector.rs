@@ -1,4 +1,5 @@
-//! How a link's connections are opened: where the coordinator is, and what its access file says now.
+//! Opening a link's connections: the coordinator's addresses and the current contents of its access
+//! file.
 
 use std::io;
 use std::path::PathBuf;
@@ -20,12 +21,12 @@ use crate::files::Credentials;
 use crate::tls::{Encrypt, Faults};
 use crate::token::Role;
 
-/// How long opening a connection may take.
+/// Time limit for opening a connection.
 const DIAL_TIMEOUT: Duration = Duration::from_secs(5);
-/// How long encrypting it may take: thousands of workers may have come at once.
+/// Time limit for the TLS handshake, which is slow when thousands of workers connect at once.
 const ENCRYPT_TIMEOUT: Duration = Duration::from_secs(20);
 
-/// Where the coordinator is, how it is told from an impostor, and the token that it asks for.
+/// The coordinator's addresses, the means to authenticate it, and the token that it requires.
 pub(super) struct Entrance {
     pub(super) hosts: Vec<(String, u16)>,
     pub(super) encrypt: Option<Encrypt>,
@@ -40,10 +41,10 @@ impl Entrance {
     }
 }
 
-/// An entrance that changes whenever its access file does.
+/// A source of entrances that follows an access file.
 pub(super) struct Followed {
     pub(super) path: PathBuf,
-    /// An address that replaces those of the file.
+    /// An address that replaces those in the file.
     pub(super) instead: Option<(String, u16)>,
     pub(super) credentials: Credentials,
     pub(super) role: Role,
@@ -72,13 +73,13 @@ impl Followed {
     }
 }
 
-/// What a link's clones share.
+/// The state that a link's clones share.
 pub(super) struct Shared {
     pub(super) dial: Dial,
     pub(super) entrance: Mutex<Arc<Entrance>>,
     pub(super) followed: Option<Followed>,
     pub(super) faults: Faults,
-    /// The entrance at which the coordinator and this program last did not know each other.
+    /// The entrance at which the two sides last did not accept each other's secrets.
     pub(super) unknown_at: Mutex<Option<Arc<Entrance>>>,
 }
 
@@ -113,14 +114,14 @@ impl Shared {
         self.entrance.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Reads the access file again. Without one that can be used, as after the campaign's end, the
-    /// entrance stays as it was.
+    /// Reads the access file again. If it cannot be used, for example after the campaign's end, the
+    /// entrance is kept.
     async fn follow(self: &Arc<Self>) {
         if self.followed.is_none() {
             return;
         }
         let shared = Arc::clone(self);
-        // A file in a shared home may take its time.
+        // Reading a file on a network file system may block.
         let read = tokio::task::spawn_blocking(move || {
             let followed = shared.followed.as_ref()?;
             followed.read(&shared.faults).ok()
@@ -130,7 +131,7 @@ impl Shared {
         }
     }
 
-    /// Opens a connection to the first address that answers; or returns the first failure.
+    /// Opens a connection to the first address that answers, or returns the first failure.
     async fn open(&self) -> io::Result<Box<dyn Stream>> {
         let entrance = self.entrance();
         let mut first = None;

@@ -1,4 +1,4 @@
-//! The port as callers find it.
+//! Tests of the port through real connections.
 
 use std::net::SocketAddr;
 use std::time::SystemTime;
@@ -25,7 +25,7 @@ fn credentials(keys: &Keys, token: Option<&str>, certificate: bool) -> Credentia
     }
 }
 
-/// A port with the health service alone: calls of the campaign that get through are unknown there.
+/// A port with only the health service: campaign calls that get through end as unimplemented.
 struct Port {
     address: SocketAddr,
     stop: CancellationToken,
@@ -50,7 +50,7 @@ impl Port {
         connect(Dial::default(), &url, credentials, role).unwrap()
     }
 
-    /// Whether the callers of a `role` get through.
+    /// Whether calls with the token of `role` get through.
     async fn admits(&self, scheme: &str, credentials: &Credentials, role: Role) -> bool {
         let link = self.link(scheme, credentials, role);
         status(&link).await.code() == Code::Unimplemented
@@ -63,14 +63,14 @@ impl Drop for Port {
     }
 }
 
-/// How the call that asks for the status ends.
+/// The status with which a `Status` call ends.
 async fn status(link: &Link) -> tonic::Status {
     let mut client = link.client();
     let call = tokio::time::timeout(Duration::from_secs(20), client.status(StatusRequest {}));
     call.await.expect("an answer in time").unwrap_err()
 }
 
-/// The fault of TLS that the call meets.
+/// The TLS fault that a call meets.
 async fn fault(port: &Port, credentials: &Credentials) -> TlsFault {
     let link = port.link("https", credentials, Role::Client);
     let status = status(&link).await;
@@ -87,7 +87,7 @@ async fn tokens_and_certificates_open_the_port() {
         let port = Port::open(keys.guard(client_ca)).await;
         let client = credentials(&keys, Some("client.token"), client_ca);
         assert!(port.admits("https", &client, Role::Client).await);
-        // The coordinator's own file serves a client on the same machine, too.
+        // A client on the same machine can also use the coordinator's own token file.
         let both = credentials(&keys, Some("coordinator.tokens"), client_ca);
         assert!(port.admits("https", &both, Role::Client).await);
 
@@ -120,7 +120,7 @@ async fn certificates_that_do_not_fit_are_told_apart() {
         ..client.clone()
     };
     assert_eq!(fault(&port, &astray).await, TlsFault::Untrusted);
-    // An address that the certificate does not name, although it leads to the same port.
+    // An address that is not in the certificate, although it leads to the same port.
     let url = format!("https://127.0.0.2:{}", port.address.port());
     let dial = Dial::new(move |_, port| tokio::net::TcpStream::connect(("127.0.0.1", port)));
     let link = connect(dial, &url, &client, Role::Client).unwrap();
@@ -153,7 +153,7 @@ async fn a_client_without_a_certificate_of_the_authority_is_told_so() {
     assert_eq!(fault(&port, &none).await, TlsFault::WantsCertificate);
     for (certificate, key) in [
         (others.path("client.pem"), others.path("client.key")),
-        // The coordinator's certificate does not make a client.
+        // A client must not use the coordinator's certificate.
         (keys.path("server.pem"), keys.path("server.key")),
     ] {
         let wrong = Credentials {
@@ -167,7 +167,7 @@ async fn a_client_without_a_certificate_of_the_authority_is_told_so() {
             "{fault:?}"
         );
     }
-    // Nor does a client's certificate make a coordinator.
+    // A coordinator must not use a client's certificate.
     let impostor = Guard::load(&GuardFiles {
         token_file: Some(keys.path("coordinator.tokens")),
         tls_cert: Some(keys.path("client.pem")),
@@ -233,7 +233,7 @@ async fn a_thousand_callers_with_certificates_get_in_at_once() {
         let link = port.link("https", &client, Role::Client);
         links.push(link.clone());
         callers.spawn(async move {
-            // On a machine with other things to do, some are late and try again, as workers do.
+            // On a busy machine some connections are too slow and try again, as workers do.
             loop {
                 let status = link.client().status(StatusRequest {}).await.unwrap_err();
                 if status.code() == Code::Unimplemented {
@@ -260,7 +260,7 @@ async fn who_says_nothing_is_dropped_in_time() {
     let open = Port::open(Guard::open()).await;
     let encrypted = Port::open(keys.guard(false)).await;
     let mut callers = JoinSet::new();
-    // Nothing, half of the opening bytes, half a handshake.
+    // Callers that send nothing, half of the opening bytes, or half a handshake.
     for (port, bytes) in [
         (&open, &b""[..]),
         (&open, b"PRI * HT"),
@@ -272,7 +272,7 @@ async fn who_says_nothing_is_dropped_in_time() {
         callers.spawn(async move {
             let mut stream = TcpStream::connect(address).await.unwrap();
             stream.write_all(bytes).await.unwrap();
-            // What the last words are does not matter; that there is an end does.
+            // The last bytes do not matter, only that the connection ends.
             let mut rest = Vec::new();
             let limit = GREETING + Duration::from_secs(10);
             let ended = tokio::time::timeout(limit, stream.read_to_end(&mut rest)).await;
@@ -317,7 +317,7 @@ async fn silent_connections_delay_nobody() {
     let client = credentials(&keys, Some("client.token"), false);
     let since = std::time::Instant::now();
     assert!(port.admits("https", &client, Role::Client).await);
-    // Long before the first of them is dropped for its silence.
+    // Well before the first of them is dropped for its silence.
     assert!(since.elapsed() < FIRST_BYTE, "{:?}", since.elapsed());
 }
 
@@ -335,13 +335,13 @@ async fn an_access_file_is_all_it_takes_and_leads_to_a_coordinator_that_moved() 
     };
     let link = reach.link(Role::Client).unwrap();
     assert_eq!(status(&link).await.code(), Code::Unimplemented);
-    // Somewhere else, and with other secrets.
+    // A second coordinator at another address and with other secrets.
     drop(first);
     held.remove();
     let mut held = Held::take(&path, "c").unwrap();
     let second = Port::open(held.guard().unwrap()).await;
     held.publish(second.address, &[]).unwrap();
-    // The old connection may answer a last time.
+    // The old connection may answer one last time.
     let second_port = second.address.port().to_string();
     for _ in 0..100 {
         let answer = status(&link).await;
@@ -363,7 +363,7 @@ async fn an_access_file_is_all_it_takes_and_leads_to_a_coordinator_that_moved() 
     };
     let link = reach.link(Role::Client).unwrap();
     let refused = status(&link).await;
-    // A file that is just being replaced looks the same; a second look tells.
+    // A file that is being replaced looks the same, so the first failure is not final.
     assert!(link.refusal(&refused).is_none());
     let refused = status(&link).await;
     assert!(matches!(

@@ -1,15 +1,15 @@
-//! How much a lease holds.
+//! The size of a lease.
 
 use ledger::{Delivery, Kind, Ledger, Options, StreamId};
 
 use crate::{all_of, at, lease_all, ledger, units, wanted, worker};
 
-/// Samples of a grant.
+/// Number of samples in a grant.
 fn samples(grant: &ledger::Grant<()>) -> usize {
     units(grant).iter().map(|unit| unit.samples.len()).sum()
 }
 
-/// Teaches a ledger that a sample takes so long.
+/// A ledger that has measured the given cost of a sample.
 fn taught(options: Options, designs: u32, wanted: u32, seconds_per_sample: f64) -> Ledger<()> {
     let mut ledger = ledger(options, designs, wanted, &["a"]);
     let grant = ledger.lease(&worker("a"), at(0.0)).unwrap();
@@ -28,13 +28,13 @@ fn leases_take_about_a_second_once_it_is_known_what_a_sample_costs() {
     let grant = cheap.lease(&worker("a"), at(0.0)).unwrap();
     assert!((0.5..1.1).contains(&grant.seconds), "{}", grant.seconds);
     assert!(grant.units.len() > 100, "designs share a lease");
-    // A design that takes longer is cut.
+    // An expensive design is split.
     let mut dear = taught(Options::default(), 2, 3000, 1e-2);
     let grant = dear.lease(&worker("a"), at(0.0)).unwrap();
     assert!(grant.units.len() == 1 && (0.5..1.1).contains(&grant.seconds));
 }
 
-/// What the first designs cost is known even if none of them can be simulated.
+/// The cost of the first designs is measured even if none of them is simulable.
 #[test]
 fn refused_designs_tell_what_a_design_costs() {
     let mut ledger = ledger(Options::default(), 3000, 30, &["a"]);
@@ -88,7 +88,8 @@ fn runs_come_before_designs_and_designs_before_points() {
     assert_eq!(StreamId::run(2, 1).run_parts(), (2, 1));
 }
 
-/// A generation waits for its last candidate, so a worker that held several would keep others idle.
+/// A generation waits for its last candidate, so a worker with several leases would keep others
+/// idle.
 #[test]
 fn candidates_of_a_run_are_not_held_ahead_however_short_they_are() {
     let options = Options {
@@ -101,7 +102,7 @@ fn candidates_of_a_run_are_not_held_ahead_however_short_they_are() {
         ledger.want(wanted(StreamId::run(2, 0), generation, evaluations));
         let mut granted = Vec::new();
         while let Some(grant) = ledger.lease(&worker("a"), at(0.0)) {
-            // Of a worker that asks for two seconds of work, one fills its slot.
+            // The worker prefetches up to two seconds of work: one such lease suffices.
             assert!(grant.seconds >= 2.0, "{}", grant.seconds);
             assert!(samples(&grant) <= 2, "ten candidates for five workers");
             granted.push(grant);

@@ -1,4 +1,4 @@
-//! What becomes of streams and leases, case by case.
+//! The life of streams and leases, case by case.
 
 use ledger::{Accepted, Delivery, Failure, Generation, Ledger, Options, StreamId, Unit, Vanished};
 
@@ -19,13 +19,13 @@ fn a_result_is_accepted_by_what_it_is_and_not_by_who_brings_it() {
     let grant = ledger.lease(&worker("a"), at(0.0)).unwrap();
     assert_eq!(units(&grant)[0].samples, 0..10);
     assert_eq!(ledger.accept(&units(&grant)[0]), Accepted::Yes);
-    // Another worker, which never leased it.
+    // The delivery comes from another worker, which never leased it.
     ledger.deliver(&worker("b"), grant.lease, &all_of(&grant), at(1.0));
     assert!(ledger.is_idle() && !ledger.has_work());
     assert_eq!(beat(&mut ledger, "a", &[&grant], at(2.0)), [grant.lease]);
-    // It may come again, and is then compared with what is stored.
+    // The result may come again. It is then compared with the stored one.
     assert_eq!(ledger.accept(&units(&grant)[0]), Accepted::Yes);
-    // But no samples that nobody asked for.
+    // Samples beyond those wanted are not accepted.
     let mut beyond = units(&grant)[0].clone();
     beyond.samples = 9..11;
     assert_eq!(ledger.accept(&beyond), Accepted::Stale);
@@ -38,7 +38,7 @@ fn nothing_of_an_earlier_generation_is_accepted() {
     ledger.register(&worker("a"), "here", 1, at(0.0));
     ledger.want(wanted(point, 1, 0..8));
     let old = ledger.lease(&worker("a"), at(0.0)).unwrap();
-    // The optimum is chosen anew while the worker is cut off.
+    // The optimum is chosen again while the worker is disconnected.
     ledger.forget(|id| id == point);
     assert_eq!(ledger.accept(&units(&old)[0]), Accepted::Stale);
     ledger.want(wanted(point, 2, 0..8));
@@ -51,7 +51,7 @@ fn nothing_of_an_earlier_generation_is_accepted() {
         "none of the new one's samples is there"
     );
     assert_eq!(ledger.counts().stale, 2);
-    // Without being forgotten first, too.
+    // A new generation also replaces the old one without `forget`.
     ledger.want(wanted(point, 3, 0..8));
     assert_eq!(ledger.accept(&units(&new)[0]), Accepted::Stale);
     assert_eq!(beat(&mut ledger, "a", &[&new], at(10.0)), [new.lease]);
@@ -84,7 +84,7 @@ fn the_rest_of_a_partial_result_is_free_at_once() {
 #[test]
 fn three_processes_that_fall_silent_over_a_stream_end_it_and_one_that_only_slept_does_not() {
     let mut ledger = ledger(alone(), 1, 1, &["a", "b", "c"]);
-    // The same worker again and again: it sleeps, it does not die.
+    // The same worker each time: it slept and did not crash.
     let mut now = at(0.0);
     let mut newest = ledger.lease(&worker("a"), now).unwrap();
     for _ in 0..5 {
@@ -100,7 +100,7 @@ fn three_processes_that_fall_silent_over_a_stream_end_it_and_one_that_only_slept
         ));
         newest = ledger.lease(&worker("a"), now).unwrap();
     }
-    // What it brings after all takes the blame back, too.
+    // A late delivery takes the crash back, too.
     for (name, quarantined) in [("b", false), ("c", true)] {
         ledger.release(&worker("a"), &[newest.lease], now);
         let grant = ledger.lease(&worker(name), now).unwrap();
@@ -111,7 +111,7 @@ fn three_processes_that_fall_silent_over_a_stream_end_it_and_one_that_only_slept
     }
     assert!(ledger.take_settled());
     assert_eq!(ledger.quarantined().count(), 1);
-    // The last of them had only slept, and goes on where it was.
+    // The last worker had only been silent, and continues its lease.
     assert_eq!(beat(&mut ledger, "c", &[&newest], now), []);
     ledger.deliver(&worker("c"), newest.lease, &all_of(&newest), now);
     assert_eq!(ledger.quarantined().count(), 0);
@@ -121,7 +121,7 @@ fn three_processes_that_fall_silent_over_a_stream_end_it_and_one_that_only_slept
 #[test]
 fn a_lease_of_several_designs_that_kills_its_worker_is_split_before_anybody_is_blamed() {
     let mut ledger = ledger(Options::default(), 60, 4, &["a", "b", "c"]);
-    // Until it is known what a sample costs, designs do not share a lease.
+    // Designs do not share a lease until the cost of a sample is known.
     let first = ledger.lease(&worker("a"), at(0.0)).unwrap();
     ledger.deliver(&worker("a"), first.lease, &all_of(&first), at(0.0));
     let grant = ledger.lease(&worker("a"), at(0.0)).unwrap();
@@ -158,7 +158,7 @@ fn whoever_begins_with_what_another_slept_over_goes_on_beside_it() {
     ledger.expire(at(60.0));
     let other = ledger.lease(&worker("b"), at(60.0)).unwrap();
     assert_eq!(beat(&mut ledger, "a", &[&slept], at(61.0)), []);
-    // A third time would insure against bad luck twice.
+    // No third worker gets the same samples.
     assert!(ledger.lease(&worker("c"), at(600.0)).is_none());
     ledger.deliver(&worker("a"), slept.lease, &all_of(&slept), at(62.0));
     assert_eq!(beat(&mut ledger, "b", &[&other], at(62.0)), [other.lease]);
@@ -173,7 +173,7 @@ fn failures_wait_longer_and_longer_and_the_third_ends_it() {
         let failure = failure_of(&grant);
         let (failed, _) = ledger.deliver(&worker("a"), grant.lease, &failure, now);
         assert_eq!(failed, [Failure::Retry(at(wait))]);
-        // The same call again counts once.
+        // A repeated call counts once.
         let (again, _) = ledger.deliver(&worker("a"), grant.lease, &failure, now);
         assert_eq!(again, [Failure::Ignored]);
         assert!(ledger.lease(&worker("a"), now + at(0.9 * wait)).is_none());
@@ -235,7 +235,7 @@ fn a_worker_that_fails_many_streams_is_suspended_once_however_many_it_holds() {
     assert!(ledger.workers().all(|status| status.failed <= 9));
 }
 
-/// With nothing but failures, a lone worker comes to an end in minutes.
+/// With nothing but failures, a lone worker quarantines all streams within minutes.
 #[test]
 fn a_worker_alone_is_suspended_three_times_and_then_the_streams_are_to_blame() {
     let mut ledger = ledger(alone(), 40, 1, &["a"]);
@@ -309,7 +309,7 @@ fn what_is_held_from_before_a_restart_is_held_on_under_its_old_name() {
     let other = after.lease(&worker("b"), at(3.0)).unwrap();
     assert_eq!(units(&other)[0].stream, StreamId::design(1));
     after.deliver(&worker("a"), grant.lease, &all_of(&grant), at(4.0));
-    // Neither what is settled nor what is of another generation is taken over.
+    // Neither a settled stream nor another generation is taken over.
     assert!(!after.adopt(&worker("a"), grant.lease, &units(&grant), at(5.0)));
     let mut stale = units(&other);
     stale[0].generation = Generation(8);
@@ -320,7 +320,7 @@ fn what_is_held_from_before_a_restart_is_held_on_under_its_old_name() {
     assert!(!after.adopt(&worker("a"), lease, &stale, at(5.0)));
 }
 
-/// Its last samples came by another way: what is held still has those in front of them.
+/// The stream's last samples were delivered in another way: the ranges held precede them.
 #[test]
 fn what_is_held_from_before_a_restart_is_accepted_though_the_last_of_it_is_stored() {
     let mut before = ledger(alone(), 1, 12, &["a"]);

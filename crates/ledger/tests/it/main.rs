@@ -1,4 +1,4 @@
-//! The ledger as its callers see it.
+//! Tests of the ledger through its public interface.
 
 mod cutting;
 mod life;
@@ -33,7 +33,7 @@ pub(crate) fn wanted(stream: StreamId, generation: u64, missing: Range<u32>) -> 
     }
 }
 
-/// A ledger that wants `samples` of each of `designs`, and these workers of one slot.
+/// A ledger that wants `samples` samples of each of `designs` designs, with these one-slot workers.
 pub(crate) fn ledger(options: Options, designs: u32, samples: u32, workers: &[&str]) -> Ledger<()> {
     let mut ledger = Ledger::new(options, 1);
     for design in 0..designs {
@@ -49,7 +49,7 @@ pub(crate) fn units(grant: &Grant<()>) -> Vec<Unit> {
     grant.units.iter().map(|(unit, ())| unit.clone()).collect()
 }
 
-/// The delivery of everything that was granted.
+/// The delivery of a whole grant.
 pub(crate) fn all_of(grant: &Grant<()>) -> Delivery {
     Delivery {
         stored: units(grant),
@@ -65,12 +65,12 @@ pub(crate) fn failure_of(grant: &Grant<()>) -> Delivery {
     }
 }
 
-/// Leases until nothing more is to be had.
+/// Takes leases until none is granted.
 pub(crate) fn lease_all(ledger: &mut Ledger<()>, name: &str, now: Duration) -> Vec<Grant<()>> {
     std::iter::from_fn(|| ledger.lease(&worker(name), now)).collect()
 }
 
-/// A heartbeat for what was granted, begun; the leases that are cancelled.
+/// Sends a heartbeat with these leases as started, and returns the cancelled ones.
 pub(crate) fn beat(
     ledger: &mut Ledger<()>,
     name: &str,

@@ -1,5 +1,5 @@
-//! Any sequence of calls, against a model that knows only which samples are stored and who said that
-//! it holds what.
+//! Random sequences of calls, checked against a model that knows only the stored samples and the
+//! leases that each worker claims.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -15,7 +15,7 @@ const WORKERS: usize = 3;
 const STREAMS: u32 = 5;
 const SAMPLES: u32 = 12;
 
-/// What may happen. Numbers that name a grant count those of its worker from the newest.
+/// A call on the ledger. An index of a grant counts those of its worker from the newest.
 #[derive(Debug, Clone)]
 enum Call {
     Lease(usize),
@@ -23,13 +23,13 @@ enum Call {
         who: usize,
         started: bool,
     },
-    /// The first part of a lease's samples, in tenths.
+    /// Delivers the first part of a lease's samples, in tenths.
     Deliver {
         who: usize,
         which: usize,
         part: u32,
     },
-    /// By somebody else.
+    /// Delivers a lease of one worker by another.
     DeliverForeign {
         who: usize,
         which: usize,
@@ -47,7 +47,7 @@ enum Call {
     Pass(f64),
     Drain(bool),
     Retry,
-    /// A stream's values depend on something else from now on.
+    /// Changes the generation of a stream.
     Change(u32),
     Restart,
 }
@@ -78,12 +78,12 @@ struct World {
     epoch: u64,
     now: Duration,
     generations: BTreeMap<StreamId, u64>,
-    /// What is on disk, by stream and generation.
+    /// The stored samples, by stream and generation.
     stored: BTreeMap<(StreamId, Generation), BTreeSet<u32>>,
-    /// What workers were granted and have neither delivered nor given back, whatever the ledger thinks
-    /// of it.
+    /// Grants that the worker has neither delivered nor released, whatever their state in the
+    /// ledger.
     held: Vec<Vec<Grant<()>>>,
-    /// Every lease that was ever granted, with when.
+    /// Every lease ever granted.
     names: BTreeSet<LeaseId>,
     crashed: BTreeMap<StreamId, BTreeSet<WorkerId>>,
     log: Vec<String>,
@@ -156,7 +156,7 @@ impl World {
         Some(held.remove(place))
     }
 
-    /// As the coordinator does it: what is accepted is on disk before the ledger hears of it.
+    /// Delivers as the coordinator does: accepted results are stored before the ledger is told.
     fn deliver(&mut self, who: usize, lease: LeaseId, brought: &[Unit]) {
         let mut delivery = Delivery {
             seconds: 0.2,
@@ -165,7 +165,7 @@ impl World {
         for unit in brought.iter().filter(|unit| !unit.samples.is_empty()) {
             let expected = unit.generation.0 == self.generations[&unit.stream];
             let accepted = self.ledger.accept(unit);
-            // What was stored before a restart may not be known after it, and is not needed.
+            // Samples stored before a restart may be unknown after it, and are not needed.
             let missing = self.missing(unit.stream);
             let is_needless = !unit.samples.clone().any(|sample| missing.contains(&sample));
             assert!(expected || accepted == Accepted::Stale, "{unit:?}");
@@ -275,7 +275,7 @@ impl World {
         }
     }
 
-    /// Whatever happened, one healthy worker that comes now finishes everything.
+    /// Whatever happened before, one healthy worker finishes all streams.
     fn finish(&mut self) {
         self.now += 100 * LEASE;
         self.ledger.expire(self.now);

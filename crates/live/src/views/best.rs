@@ -14,40 +14,41 @@ use super::{Chart, Named, SCHEMA_VERSION};
 pub struct Best {
     /// The version of this object.
     pub schema_version: u32,
-    /// Whether the campaign is finished: before that, no conclusion is to be drawn.
+    /// Whether the campaign is finished. Before that, the result is not conclusive.
     pub finished: bool,
-    /// What is minimised is this percentile, as in P90, …
+    /// Name of the minimised percentile, such as P90.
     pub percentile: String,
-    /// … of this response, …
+    /// Name of the response.
     pub response: String,
-    /// … in this unit; empty for a number without one.
+    /// Unit of the response; empty for a number without one.
     pub unit: String,
-    /// What is to be known of the number, or why there is none, in a sentence.
+    /// A sentence about the number, or the reason why there is none.
     pub note: String,
-    /// The design; none before any design has a percentile and keeps its constraints.
+    /// The design; `None` until a design has a percentile and is feasible.
     pub best: Option<BestDesign>,
 }
 
 /// A design.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BestDesign {
-    /// Where it comes from: a design of the DoE, or an approach.
+    /// The origin: a design of the DoE, or an approach.
     pub name: String,
-    /// Whether the percentile is of verification samples, taken at this design after it was chosen.
+    /// Whether the percentile was estimated from verification samples, taken after the design was
+    /// chosen.
     pub verified: bool,
     /// The percentile.
     pub value: f64,
-    /// The lower end of its 95 % interval.
+    /// Lower end of the 95 % confidence interval.
     pub low: f64,
-    /// The upper end.
+    /// Upper end of the 95 % confidence interval.
     pub high: f64,
-    /// How many samples it rests on.
+    /// Number of samples behind the percentile.
     pub samples: u64,
     /// The variables.
     pub variables: Vec<Named>,
     /// The constraints.
     pub constraints: Vec<Limit>,
-    /// Of a gear pair, section and transmission error.
+    /// For a gear pair: its section and its transmission error.
     pub charts: Vec<Chart>,
 }
 
@@ -60,7 +61,7 @@ pub struct Limit {
     pub unit: String,
     /// Its value.
     pub value: f64,
-    /// How the value must stand to the limit: `<`, `≤`, `>` or `≥`.
+    /// The relation that must hold between value and limit: `<`, `≤`, `>` or `≥`.
     pub relation: &'static str,
     /// The limit.
     pub limit: f64,
@@ -71,16 +72,16 @@ pub struct Limit {
 /// An estimate of a design's percentile.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Candidate {
-    /// The design as an optimum's row, whose criterion is not looked at.
+    /// The design as a row of an optimum. Its criterion is not used.
     pub row: OptimumRow,
-    /// Its name, if it is a design of the DoE.
+    /// The design's number, if it is from the DoE.
     pub design: Option<u64>,
-    /// The percentile with its 95 % interval.
+    /// The percentile with its 95 % confidence interval.
     pub percentile: report::Percentile,
 }
 
-/// The best of `candidates`: of the verified ones, if there are any, or else the best of the DoE, the least
-/// of so many estimates.
+/// The best of `candidates`: the best verified one if there is any, otherwise the best of the DoE,
+/// chosen as the lowest of `estimates` estimates.
 #[must_use]
 pub fn best(problem: &Problem, finished: bool, candidates: &[Candidate], estimates: usize) -> Best {
     let is_usable = |candidate: &&Candidate| {
@@ -118,7 +119,7 @@ pub fn best(problem: &Problem, finished: bool, candidates: &[Candidate], estimat
     }
 }
 
-/// A candidate with its numbers and charts; none if the row is not of this problem.
+/// A candidate with its numbers and charts; `None` if the row does not belong to this problem.
 #[must_use]
 pub fn of_design(problem: &Problem, candidate: &Candidate) -> Option<BestDesign> {
     let design = optimum_design(problem, &candidate.row)?;
@@ -168,7 +169,7 @@ fn limit(constraint: &Constraint) -> Limit {
     }
 }
 
-/// Drawings and curves are the built-in model's.
+/// The charts of a gear pair. They are drawn only for the built-in model.
 fn charts(problem: &Problem, design: &Design) -> Vec<Chart> {
     let built_in = !problem.campaign().is_external();
     let Some(gears) = problem.gears().filter(|_| built_in) else {

@@ -1,22 +1,22 @@
-//! A chart with the table that says the same in numbers.
+//! A chart with a table of its numbers.
 
 use serde::Serialize;
 
 /// A chart.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Chart {
-    /// What the picture shows, in a sentence: its alternative text.
+    /// The image's alternative text, in a sentence.
     pub description: String,
-    /// The picture, a whole SVG file that follows the reader's light or dark theme.
+    /// The image, a complete SVG file that adapts to a light or dark theme.
     pub svg: String,
-    /// The heads of the table's columns.
+    /// The headings of the table's columns.
     pub columns: Vec<String>,
-    /// The rows of the table; none where another table of the page has the numbers.
+    /// The rows of the table; empty if another table of the page has the numbers.
     pub rows: Vec<Vec<String>>,
 }
 
 impl Chart {
-    /// A chart of the report; none where there is nothing to draw.
+    /// A chart of the report; `None` if there is nothing to draw.
     #[must_use]
     pub fn new(
         drawn: Result<String, report::Error>,
@@ -26,7 +26,7 @@ impl Chart {
         let svg = drawn.ok()?;
         let title = svg.split_once("<title>")?.1.split_once("</title>")?.0;
         Some(Self {
-            // The pictures of the report escape their titles.
+            // The report escapes the titles of its charts.
             description: title
                 .replace("&lt;", "<")
                 .replace("&gt;", ">")

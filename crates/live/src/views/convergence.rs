@@ -1,4 +1,4 @@
-//! The optimiser's runs, also those that are not finished.
+//! The optimiser's runs, including unfinished ones.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ use super::{Chart, SCHEMA_VERSION, rounded};
 pub struct Convergence {
     /// The version of this object.
     pub schema_version: u32,
-    /// The approaches that have a run, in the order of the campaign's tables.
+    /// The approaches with a run, in the order of the campaign's tables.
     pub approaches: Vec<Approach>,
 }
 
@@ -24,24 +24,25 @@ pub struct Approach {
     pub name: String,
     /// Its runs, by start.
     pub runs: Vec<Run>,
-    /// The best value over the evaluations.
+    /// The best value against the number of evaluations.
     pub chart: Option<Chart>,
 }
 
 /// One run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Run {
-    /// Its start, from 1.
+    /// Number of the start, from 1.
     pub start: usize,
-    /// Whether it is finished. Another one, on an external simulator, goes on.
+    /// Whether the run is finished. Runs on an external simulator are also shown while they are in
+    /// progress.
     pub finished: bool,
-    /// Evaluations so far, and the best value with them: every improvement.
+    /// Every improvement, as the number of evaluations and the best value.
     pub history: Vec<(u64, f64)>,
-    /// Evaluations at which it restarted.
+    /// Numbers of evaluations at which the run restarted.
     pub restarts: Vec<u64>,
 }
 
-/// The view of the runs by approach and start; `true` is said of those that are finished.
+/// The view of the runs, by approach and start. The flag says whether a run is finished.
 #[must_use]
 pub fn convergence(
     problem: &Problem,

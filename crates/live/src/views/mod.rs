@@ -1,4 +1,6 @@
-//! What the page shows, as objects with a `schema_version`. The status is that of `coordinator status`.
+//! The views of the page, as objects with a `schema_version`.
+//!
+//! The status is that of `coordinator status`.
 
 mod best;
 mod chart;
@@ -16,7 +18,7 @@ pub use convergence::{Approach, Convergence, Run, convergence};
 pub use responses::{Coordinate, Map, Point, Responses, map, responses};
 pub use rounds::{Round, Rounds, rounds};
 
-/// The version of every view but the status, which has its own.
+/// The version of all views except the status, which has its own.
 pub const SCHEMA_VERSION: u32 = 1;
 
 /// A number with its name and unit.
@@ -24,7 +26,7 @@ pub const SCHEMA_VERSION: u32 = 1;
 pub struct Named {
     /// The name.
     pub name: String,
-    /// The unit where the name does not say it; empty for a number without one.
+    /// The unit, if the name does not contain it; empty for a number without one.
     pub unit: String,
     /// The number.
     pub value: f64,
@@ -35,9 +37,9 @@ pub struct Named {
 pub struct Workers {
     /// The version of this object.
     pub schema_version: u32,
-    /// Whether a coordinator runs; the workers of a store alone are not known.
+    /// Whether a coordinator is running. A store alone does not record its workers.
     pub running: bool,
-    /// Samples stored per second, lately.
+    /// Recent rate of stored samples, per second.
     pub samples_per_second: f64,
     /// The workers.
     pub workers: Vec<Worker>,
@@ -55,14 +57,14 @@ pub fn workers(status: &Status) -> Workers {
     }
 }
 
-/// What went wrong.
+/// The recorded failures.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Failures {
     /// The version of this object.
     pub schema_version: u32,
-    /// Failures on record.
+    /// Number of recorded failures.
     pub failures: u64,
-    /// The same by cause.
+    /// The failures grouped by cause.
     pub groups: Vec<FailureGroup>,
 }
 
@@ -76,7 +78,7 @@ pub fn failures(status: &Status) -> Failures {
     }
 }
 
-/// Up to `digits` significant digits: what a chart or a table shows.
+/// A value rounded to `digits` significant digits, for a chart or a table.
 fn rounded(value: f64, digits: i32) -> f64 {
     if value == 0.0 || !value.is_finite() {
         return value;

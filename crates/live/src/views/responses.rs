@@ -1,15 +1,16 @@
-//! The percentile over the design space, as far as it is known.
+//! The percentile over the design space.
 
 use campaign::formulation::Problem;
 use serde::Serialize;
 
 use super::{Chart, SCHEMA_VERSION, rounded};
 
-/// The most points: more would say no more in a chart, and cost every page their transfer.
+/// Maximum number of points: more would not be visible in a chart, and every page would have to
+/// load them.
 const POINTS: usize = 3000;
-/// The least percentiles that stand in a map's table.
+/// Number of lowest percentiles in a map's table.
 const ROWS: usize = 20;
-/// Digits of coordinates and percentiles.
+/// Significant digits of coordinates and percentiles.
 const DIGITS: i32 = 6;
 
 /// The designs that have a percentile.
@@ -23,27 +24,27 @@ pub struct Responses {
     pub response: String,
     /// Its unit; empty for a number without one.
     pub unit: String,
-    /// What the DoE moves, in the order of each point's `x`.
+    /// The coordinates that the DoE varies, in the order of each point's `x`.
     pub coordinates: Vec<Coordinate>,
-    /// Whether the percentiles are preliminary: of each design's first samples, without what the campaign
-    /// makes of them when all are there.
+    /// Whether the percentiles are preliminary: estimated from each design's first samples, without
+    /// the methods that the campaign applies to all of them.
     pub preliminary: bool,
-    /// How many designs have a percentile.
+    /// Number of designs with a percentile.
     pub designs: usize,
-    /// So many of them at most, evenly chosen; the best is always among them.
+    /// A selection of them, evenly spaced, of limited size. The best is always included.
     pub points: Vec<Point>,
-    /// The design of the least percentile that keeps every constraint.
+    /// The feasible design with the lowest percentile.
     pub best: Option<u64>,
 }
 
-/// Something that the DoE moves.
+/// A coordinate that the DoE varies.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Coordinate {
     /// Its name.
     pub name: String,
-    /// Its unit where the name does not say it; empty for a number without one.
+    /// The unit, if the name does not contain it; empty for a number without one.
     pub unit: String,
-    /// `[low, high]`.
+    /// The interval, as `[low, high]`.
     pub range: [f64; 2],
 }
 
@@ -68,7 +69,7 @@ pub fn responses(
 ) -> Responses {
     let designs = points.len();
     let shown = designs.min(POINTS);
-    // Of `designs` places `shown` begin a new share of the whole.
+    // Selects `shown` evenly spaced places of `designs`.
     let is_chosen = |place: usize| place * shown % designs < shown;
     let chosen = points
         .enumerate()
@@ -96,26 +97,27 @@ pub fn responses(
     }
 }
 
-/// The percentile over two of the coordinates: what a page shows, without every point in numbers.
+/// The percentile over two of the coordinates: a chart for the page, without the numbers of every
+/// point.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Map {
     /// The version of this object.
     pub schema_version: u32,
     /// The percentile's name.
     pub percentile: String,
-    /// What the DoE moves.
+    /// The coordinates that the DoE varies.
     pub coordinates: Vec<Coordinate>,
-    /// As in [`Responses`].
+    /// Whether the percentiles are preliminary, as in [`Responses`].
     pub preliminary: bool,
-    /// How many designs have a percentile.
+    /// Number of designs with a percentile.
     pub designs: usize,
-    /// How many of them are in the chart.
+    /// Number of designs in the chart.
     pub shown: usize,
-    /// The chart with the designs of the least percentiles; none before any design has one.
+    /// The chart, with a table of the lowest percentiles; `None` until a design has a percentile.
     pub chart: Option<Chart>,
 }
 
-/// The map over the coordinates of these numbers; none if there are no such.
+/// The map over the coordinates with these numbers; `None` if one does not exist.
 #[must_use]
 pub fn map(responses: &Responses, x: usize, y: usize) -> Option<Map> {
     let label = |place: usize| {
@@ -168,7 +170,7 @@ pub fn map(responses: &Responses, x: usize, y: usize) -> Option<Map> {
     })
 }
 
-/// A quantity and its unit, if it has one.
+/// A quantity with its unit, if it has one.
 fn with_unit(name: &str, unit: &str) -> String {
     match unit {
         "" => name.to_owned(),
@@ -203,7 +205,7 @@ mod tests {
         let map = super::map(&many, 0, 5).unwrap().chart.unwrap();
         assert_eq!(map.svg.matches("h0").count(), many.points.len());
         assert_eq!((map.rows.len(), map.columns.len()), (ROWS, 4));
-        // 6000, which has the least percentile, is not among them.
+        // Design 6000 has the lowest percentile but is not among the points shown.
         assert_eq!(map.rows[0][0], "5999");
         assert_eq!(super::map(&many, 0, 6), None, "there are six coordinates");
         let none = responses(&problem, points(0), None, false);

@@ -12,11 +12,11 @@ pub struct Rounds {
     pub schema_version: u32,
     /// Whether the campaign has an enrichment.
     pub enriches: bool,
-    /// Why the enrichment ended, in a sentence; empty while it goes on.
+    /// Why the enrichment ended, in a sentence; empty while it continues.
     pub stop: String,
-    /// The rounds, in their order.
+    /// The rounds, in order.
     pub rounds: Vec<Round>,
-    /// The prediction, and what a further observation may gain.
+    /// Charts of the prediction and of the expected improvement.
     pub charts: Vec<Chart>,
 }
 
@@ -25,25 +25,25 @@ pub struct Rounds {
 pub struct Round {
     /// The round, from 1.
     pub round: u64,
-    /// New designs.
+    /// Number of new designs.
     pub new_designs: u64,
-    /// Designs that got more samples.
+    /// Number of designs that got further samples.
     pub further_turns: u64,
-    /// Samples asked for.
+    /// Number of samples requested.
     pub samples: u64,
-    /// Points whose samples were quarantined.
+    /// Number of points whose samples were quarantined.
     pub failed: u64,
-    /// The most that was expected of an observation; `null` where no model could tell.
+    /// The largest expected improvement of an observation; `null` without a model.
     pub expected_improvement: f64,
     /// The model's prediction for the recommended design; `null` without one.
     pub predicted: f64,
-    /// The lower end of its 95 % interval.
+    /// Lower end of the 95 % interval of the prediction.
     pub low: f64,
-    /// The upper end.
+    /// Upper end of the 95 % interval of the prediction.
     pub high: f64,
 }
 
-/// The view of an enrichment; of none, if the campaign has none.
+/// The view of an enrichment; without rounds if the campaign has none.
 #[must_use]
 pub fn rounds(enrichment: Option<&Enrichment>, percentile: &str) -> Rounds {
     let rounds = enrichment.map_or(&[][..], |enrichment| &enrichment.rounds);
@@ -65,7 +65,7 @@ pub fn rounds(enrichment: Option<&Enrichment>, percentile: &str) -> Rounds {
             ]
         })
         .collect();
-    // Before the first round there is only the tolerance to draw.
+    // Before the first round there is nothing to draw except the tolerance.
     let begun = enrichment.filter(|_| !rounds.is_empty());
     let charts = begun.map_or_else(Vec::new, |enrichment| {
         let prediction = Chart::new(

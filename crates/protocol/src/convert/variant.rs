@@ -1,4 +1,4 @@
-//! Variants of designs on their way to a worker.
+//! The messages of design variants.
 
 use campaign::{Design, Variant, WearFactors};
 use gear::{Corrections, ReliefShape, TipRelief};
@@ -7,7 +7,7 @@ use stats::streams::Purpose;
 use super::{Malformed, malformed};
 use crate::v2;
 
-/// A variant as it travels.
+/// The message of a variant.
 pub(super) fn message(variant: &Variant) -> v2::Variant {
     let relief = |relief: TipRelief| v2::TipRelief {
         amount_mm: relief.amount,
@@ -42,11 +42,11 @@ pub(super) fn message(variant: &Variant) -> v2::Variant {
     }
 }
 
-/// The variant in a message.
+/// Reads a variant from its message.
 ///
 /// # Errors
 ///
-/// The message makes no sense.
+/// The message is malformed.
 pub(super) fn read(message: &v2::Variant) -> Result<Variant, Malformed> {
     let Some(design) = &message.design else {
         return malformed("has a variant of no design");

@@ -1,4 +1,4 @@
-//! Crashes and accidents: what is left opens with everything in it, or is refused.
+//! Crashes and accidents: the remaining store opens with all its rows, or is refused.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use crate::{
 const BATCHES: u64 = 6;
 const ROWS: u64 = 300;
 
-/// What a crash leaves after six acknowledged batches: the file and its log, under another name.
+/// The store that a crash leaves after six acknowledged batches: a copy of the file and its log.
 async fn crashed(path: &Path) -> PathBuf {
     let store = store_with(path, 1).await;
     for batch in 0..BATCHES {
@@ -32,7 +32,7 @@ async fn crashed(path: &Path) -> PathBuf {
 async fn a_log_with_a_torn_end_is_resumed() {
     let (_folder, path) = folder();
     let left = crashed(&path).await;
-    // The beginning of a commit that was never finished, as a power failure leaves it.
+    // The beginning of an unfinished commit, as a power failure leaves it.
     let mut log = read(&beside(&left, "-wal"));
     log.extend_from_within(32..5000);
     fs::write(beside(&left, "-wal"), log).unwrap();
@@ -60,7 +60,7 @@ async fn a_log_that_was_cut_is_refused() {
         assert_eq!(read(&left), before);
     }
 
-    // Put back, it goes on with everything.
+    // With the log restored, the store continues with all rows.
     fs::write(beside(&left, "-wal"), &log).unwrap();
     let store = open(&left).await;
     assert_eq!(store.progress().await.unwrap().samples, BATCHES * ROWS);
@@ -101,7 +101,7 @@ async fn an_older_copy_is_refused_in_the_place_of_a_newer_store() {
     let error = Store::create_or_open(&path, &campaign()).await.unwrap_err();
     assert!(matches!(error, Error::Behind { .. }), "{error}");
 
-    // Removed by its owner, who wants a new one.
+    // The owner removed the file to start a new store.
     fs::remove_file(&path).unwrap();
     let store = open(&path).await;
     assert_eq!(store.designs().await.unwrap(), []);
@@ -114,7 +114,8 @@ async fn a_damaged_log_page_is_refused() {
     let (_folder, path) = folder();
     let left = crashed(&path).await;
     let mut log = read(&beside(&left, "-wal"));
-    // In the middle: everything after it is unreachable, too, since checksums are chained.
+    // In the middle of the log: all later frames become unreadable, too, because the checksums are
+    // chained.
     let middle = log.len() / 2;
     log[middle..middle + 64].fill(0xa5);
     fs::write(beside(&left, "-wal"), log).unwrap();
@@ -142,7 +143,7 @@ async fn a_store_that_may_not_be_written_is_refused_and_can_be_read() {
         fs::set_permissions(path, fs::Permissions::from_mode(mode)).unwrap();
     };
     mode(&path, 0o444);
-    // The superuser may write to anything, and then there is nothing to refuse.
+    // The superuser may write to any file, and then nothing is refused.
     let may_write_anyway = fs::File::options().append(true).open(&path).is_ok();
     let opened = Store::create_or_open(&path, &campaign()).await;
     assert_eq!(opened.is_ok(), may_write_anyway);
@@ -159,8 +160,8 @@ async fn a_store_that_may_not_be_written_is_refused_and_can_be_read() {
     mode(folder.path(), 0o755);
 }
 
-/// What a kill in the middle of a transaction under a rollback journal leaves: part of it is in the file,
-/// and the journal knows how to undo it.
+/// A kill during a transaction under a rollback journal: part of the changes are in the file, and
+/// the journal can undo them.
 #[tokio::test]
 async fn a_transaction_under_a_journal_that_was_killed_is_undone() {
     use sqlx::Connection as _;
@@ -168,7 +169,7 @@ async fn a_transaction_under_a_journal_that_was_killed_is_undone() {
 
     let (_folder, path) = folder();
     let store = store_with(&path, 3).await;
-    // With gaps, so that each has a row of its own.
+    // Samples with gaps, so that each has a row of its own.
     let whole = (0..500).map(|i| sample(0, 2 * i, 1.5));
     store
         .writer()
@@ -180,7 +181,7 @@ async fn a_transaction_under_a_journal_that_was_killed_is_undone() {
     let options = SqliteConnectOptions::new()
         .filename(&path)
         .journal_mode(SqliteJournalMode::Delete)
-        // Pages go to the file while the transaction is under way.
+        // Small enough that pages are written to the file during the transaction.
         .pragma("cache_size", "1")
         .pragma("cache_spill", "1");
     let mut connection = SqliteConnection::connect_with(&options).await.unwrap();
@@ -217,7 +218,7 @@ async fn a_transaction_under_a_journal_that_was_killed_is_undone() {
     );
 }
 
-/// A new store is born with its log: a kill at its first opening finds no journal to leave behind.
+/// A new store is created with its log, so a kill at its first opening leaves no journal behind.
 #[tokio::test]
 async fn a_new_store_never_has_a_rollback_journal() {
     let (_folder, path) = folder();
@@ -226,10 +227,10 @@ async fn a_new_store_never_has_a_rollback_journal() {
     assert_eq!(read(&path)[18..20], [2, 2]);
 }
 
-/// A number that changes on the disk leaves its page sound.
+/// A number that changes on the disk leaves its page valid.
 #[tokio::test]
 async fn a_bit_that_flipped_in_a_sample_is_found_at_the_next_opening() {
-    // Some megabytes are compared with their digest in the background.
+    // Larger stores are compared with their digest in the background.
     for (count, at_once) in [(500_u64, true), (600_000, false)] {
         let (_folder, path) = folder();
         let store = store_with(&path, 3).await;
@@ -271,7 +272,7 @@ async fn a_bit_that_flipped_in_a_sample_is_found_at_the_next_opening() {
     }
 }
 
-/// A row in every table that has seals, and samples of both kinds.
+/// Creates a store with a row in every sealed table, and samples of both kinds.
 async fn with_every_row(path: &Path) {
     let store = store_with(path, 2).await;
     let batch = Batch {
@@ -327,7 +328,7 @@ fn verified(point: &str, sample: u64) -> VerifyRow {
     }
 }
 
-/// Refused by whoever reads or writes, with the names of file, table and row.
+/// Checks that readers and writers refuse the store, naming file, table and row.
 async fn is_refused(path: &Path, table: &str, row: &str) {
     let reading = Store::open_read_only(path).await.expect_err(table);
     let writing = Store::create_or_open(path, &campaign())
@@ -414,7 +415,7 @@ async fn an_edited_row_of_any_table_is_named() {
                 || x'000000000000f43f' || substr(delta_ste_um, 65) AS BLOB)
                 WHERE first_sample = 50",
         ),
-        // Sample 50 becomes no number.
+        // Sample 50 becomes NaN.
         (
             "sample_range",
             "first_sample 50 of design 1",
@@ -484,12 +485,12 @@ async fn an_edited_row_of_any_table_is_named() {
         is_refused(&path, table, row).await;
         fs::write(&path, &whole).unwrap();
     }
-    // Untouched, it opens.
+    // The unchanged file opens.
     open(&path).await.close().await.unwrap();
     drop(folder);
 }
 
-/// Bytes that are no whole number of samples, which the schema itself refuses.
+/// The length is not a multiple of a sample's, which the schema itself forbids.
 #[tokio::test]
 async fn a_range_that_was_cut_within_a_number_is_named() {
     let (_folder, path) = folder();
@@ -504,7 +505,7 @@ async fn a_range_that_was_cut_within_a_number_is_named() {
     is_damaged_or_refused(&path).await;
 }
 
-/// SQLite's own check of the file finds a broken constraint before the seals are compared.
+/// Either check may fail: SQLite finds a broken constraint before the seals are compared.
 async fn is_damaged_or_refused(path: &Path) {
     let reading = Store::open_read_only(path).await.expect_err("reading");
     let writing = Store::create_or_open(path, &campaign())
@@ -519,7 +520,7 @@ async fn is_damaged_or_refused(path: &Path) {
     }
 }
 
-/// JSON with a flipped bit may still be JSON, or be refused by a parser that knows no file.
+/// JSON with a flipped bit may still be valid, or be refused by a parser that knows no file name.
 #[tokio::test]
 async fn a_bit_that_flipped_in_text_is_found() {
     let (_folder, path) = folder();
@@ -539,7 +540,7 @@ async fn a_bit_that_flipped_in_text_is_found() {
             .windows(text.len())
             .rposition(|window| window == text.as_bytes())
             .unwrap();
-        // The comma of an array becomes a hyphen, and so on.
+        // One flipped bit, for example a comma that becomes a hyphen.
         for byte in [at + text.len() / 2, at + text.len() - 2] {
             let mut bytes = whole.clone();
             bytes[byte] ^= 1;
@@ -549,7 +550,7 @@ async fn a_bit_that_flipped_in_text_is_found() {
     }
 }
 
-/// What is replaced, marked or removed by the program itself is no damage.
+/// Rows that the program itself replaces, marks or removes are not damage.
 #[tokio::test]
 async fn rows_that_the_program_changes_stay_sound() {
     let (_folder, path) = folder();
@@ -600,7 +601,7 @@ async fn the_digest_of_verification_samples_is_that_of_any_order() {
             rows.reverse();
         }
         for part in rows.chunks(step) {
-            // Twice: the second time counts as nothing.
+            // Twice: the repetition changes nothing.
             for _ in 0..2 {
                 let verify = part.to_vec();
                 let batch = Batch {
@@ -626,7 +627,7 @@ async fn the_digest_of_verification_samples_is_that_of_any_order() {
     assert_ne!(digests[0], "0".repeat(64));
 }
 
-/// A large store is opened for reading without a check, and says so.
+/// A large store is opened for reading without a check, and `is_checked` is false.
 #[tokio::test]
 async fn a_reader_of_a_large_store_checks_it_when_asked() {
     let (_folder, path) = folder();
@@ -664,7 +665,7 @@ async fn a_reader_of_a_large_store_checks_it_when_asked() {
         "{error}"
     );
     assert!(!reader.is_checked());
-    // Whoever reads all of them hears of it, too.
+    // Reading all samples finds the damage, too.
     let error = reader
         .visit_samples(|_| Ok::<(), Error>(()))
         .await

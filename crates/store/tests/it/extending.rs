@@ -1,4 +1,4 @@
-//! A campaign may grow: what was derived from the smaller sampling goes, what was sampled stays.
+//! An extended campaign loses the results derived from the smaller sampling and keeps its samples.
 
 use std::collections::BTreeMap;
 
@@ -19,7 +19,7 @@ fn larger() -> CampaignRow {
     }
 }
 
-/// Two designs with three samples each, and something in every derived table.
+/// Stores two designs with three samples each, and a row in every derived table.
 async fn finished(store: &Store) {
     let rows = (0..2).flat_map(|d| (0..3).map(move |s| sample(d, s, 1.5)));
     let of = |approach: &str| approach.to_owned();
@@ -136,7 +136,7 @@ async fn an_extension_keeps_samples_and_clears_what_was_derived() {
     assert_eq!(store.samples_digest().await.unwrap(), digest);
     assert_eq!(store.criteria().await.unwrap().len(), 2);
 
-    // One more design, two more samples: only those are missing.
+    // One more design and two more samples per design: only those are missing.
     let designs: Vec<_> = (0..3).map(design).collect();
     assert_eq!(store.put_designs(&designs).await.unwrap().new_rows, 1);
     let missing = |number, criteria, from| MissingWork {
@@ -153,7 +153,7 @@ async fn an_extension_keeps_samples_and_clears_what_was_derived() {
         ]
     );
 
-    // The same approach again, with another result: the old one is gone.
+    // The same approach with another result: the old one was removed.
     let verify = VerifyRow {
         approach: "kriging".into(),
         sample: 0,

@@ -1,6 +1,6 @@
-//! The process dies at a fail point; what it had acknowledged is there afterwards, once.
+//! The process dies at a fail point. Afterwards its acknowledged rows are stored exactly once.
 //!
-//! The dying is done by a child: this very program, told to run the one ignored test below.
+//! A child process dies: this test program, told to run only the ignored test below.
 
 use std::os::unix::process::ExitStatusExt as _;
 use std::path::Path;
@@ -20,7 +20,7 @@ fn batch(index: u64) -> Batch {
     samples((0..ROWS).map(|i| sample(0, index * ROWS + i, i as f64)))
 }
 
-/// `cargo test -p store --features failpoints --test it failpoints` runs it as often as its tests need.
+/// Run by the other tests, with `cargo test -p store --features failpoints --test it failpoints`.
 #[expect(clippy::print_stderr, reason = "how the child tells its parent")]
 #[tokio::test]
 #[ignore = "run by the other tests, as a process that dies"]
@@ -37,7 +37,7 @@ async fn child() {
     eprintln!("closed");
 }
 
-/// Runs the child; returns how many batches were acknowledged, and whether it was killed.
+/// Runs the child. Returns the number of acknowledged batches, and whether the child was killed.
 fn run_child(path: &Path, fail_points: &str) -> (u64, bool) {
     let Output { status, stderr, .. } = Command::new(std::env::current_exe().unwrap())
         .args(["--exact", "failpoints::child", "--ignored", "--nocapture"])
@@ -55,7 +55,7 @@ fn run_child(path: &Path, fail_points: &str) -> (u64, bool) {
     (acknowledged as u64, killed)
 }
 
-/// How many whole batches are held, after checking that nothing else is.
+/// The number of stored batches, after checking that all are whole and nothing else is stored.
 async fn held_batches(store: &Store) -> u64 {
     let held = store.progress().await.unwrap().samples;
     assert_eq!(held % ROWS, 0, "part of a batch");
@@ -69,7 +69,7 @@ async fn held_batches(store: &Store) -> u64 {
     held / ROWS
 }
 
-/// What the store's digest is when nobody dies.
+/// The store's digest after an uninterrupted run.
 async fn undisturbed() -> String {
     let (_folder, path) = folder();
     let store = store_with(&path, 1).await;
@@ -79,7 +79,7 @@ async fn undisturbed() -> String {
     store.samples_digest().await.unwrap()
 }
 
-/// Submits everything once more: what is missing goes in, the rest are duplicates.
+/// Submits all batches again: missing rows are stored, the others are duplicates.
 async fn finish(path: &Path, held: u64) {
     let store = open(path).await;
     assert_eq!(held_batches(&store).await, held);
@@ -118,7 +118,7 @@ async fn killed_during_a_checkpoint() {
         store_with(&path, 1).await.close().await.unwrap();
         let point = format!("store::checkpoint=return({microseconds})");
         let (acknowledged, killed) = run_child(&path, &point);
-        // A late death may come after the end.
+        // With a long delay the child may end before it is killed.
         deaths += u32::from(killed);
         assert_eq!(acknowledged, BATCHES);
         finish(&path, BATCHES).await;
@@ -126,7 +126,7 @@ async fn killed_during_a_checkpoint() {
     assert!(deaths > 0, "no child died in time");
 }
 
-/// Design 1 gets so many samples that they are packed in several parts.
+/// Design 1 gets enough samples to be packed in several parts.
 #[tokio::test]
 async fn killed_while_samples_are_packed() {
     let (_folder, path) = folder();

@@ -25,7 +25,7 @@ fn campaign() -> CampaignRow {
         name: "paper".into(),
         file_text: "# a campaign\nname = \"paper\"\n".into(),
         digest: "00ff".into(),
-        // The largest seed has no positive counterpart in SQLite.
+        // The largest seed exceeds SQLite's signed integers.
         seed: u64::MAX,
         program_version: "0.1.0".into(),
         model_digest: None,
@@ -42,7 +42,7 @@ async fn open(path: &Path) -> Store {
     Store::create_or_open(path, &campaign()).await.unwrap()
 }
 
-/// A new store with the designs `0..designs`.
+/// Creates a store with the designs `0..designs`.
 async fn store_with(path: &Path, designs: u64) -> Store {
     let store = open(path).await;
     let rows: Vec<DesignRow> = (0..designs).map(design).collect();
@@ -75,7 +75,7 @@ fn feasible(design: u64) -> CriteriaRow {
         design,
         feasible: true,
         reason: None,
-        // As a gear pair's in the columns of the schemas before 9.
+        // The columns of a gear pair, as in the schemas before 9.
         responses: Some(vec![
             2.25, 1.5, 1100.0, 1050.0, 250.0, 0.5, 0.6, 0.01, 0.02, 1.7, 2.9,
         ]),
@@ -100,7 +100,7 @@ fn beside(path: &Path, suffix: &str) -> PathBuf {
     name.into()
 }
 
-/// The newest schema that the program knows, going by the migrations' names.
+/// The newest schema, according to the file names of the migrations.
 fn newest_migration() -> i64 {
     let migrations = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../migrations");
     std::fs::read_dir(migrations)

@@ -1,4 +1,4 @@
-//! The same file under several names, files that go away, and folders that may not be written to.
+//! One file under several names, files that are removed, and folders that are not writable.
 
 use std::fs;
 use std::time::Duration;
@@ -20,7 +20,7 @@ async fn a_file_with_two_names_is_refused_under_either() {
         assert!(matches!(error, Error::Linked { names: 2, .. }), "{error}");
     }
     assert_eq!(read(&path), before);
-    // Nobody writes: a snapshot made of links can be read.
+    // No process writes, so a snapshot made of links can be read.
     Store::open_read_only(&second).await.unwrap();
     fs::remove_file(&path).unwrap();
     assert_eq!(open(&second).await.designs().await.unwrap().len(), 3);
@@ -37,11 +37,11 @@ async fn a_store_in_use_is_locked_under_every_name() {
         .await
         .unwrap_err();
     assert!(matches!(error, Error::Linked { .. }), "{error}");
-    // Its log is elsewhere.
+    // The log belongs to the other name.
     let error = Store::open_read_only(&second).await.unwrap_err();
     assert!(matches!(error, Error::Linked { .. }), "{error}");
     Store::open_read_only(&path).await.unwrap();
-    // A file that was moved has one name.
+    // A file that was moved has one name, but is still locked.
     fs::remove_file(&path).unwrap();
     let error = Store::create_or_open(&second, &campaign())
         .await
@@ -78,14 +78,14 @@ async fn a_store_that_is_removed_while_it_is_used_is_missed() {
         assert_eq!(*lost, file.canonicalize().unwrap_or(lost.clone()));
         assert_eq!(*how == "removed", !replaced, "{error}");
         assert!(!error.is_refusal());
-        // The campaign does not end well.
+        // The check reports the loss, so the campaign ends with an error.
         assert!(matches!(store.checked().await, Err(Error::Lost { .. })));
         let error = store.damaged().await;
         assert!(error.to_string().contains("put it back"), "{error}");
     }
 }
 
-/// Nobody has to write for it.
+/// The loss is noticed without a write.
 #[cfg(unix)]
 #[tokio::test]
 async fn an_idle_store_is_missed_within_seconds() {
@@ -122,7 +122,7 @@ async fn a_store_in_a_folder_that_may_not_be_written_to_can_be_read() {
     let reader = reader.unwrap();
     assert_eq!(reader.designs().await.unwrap().len(), 3);
     reader.checked().await.unwrap();
-    // The superuser may write to anything, and then there is nothing to refuse.
+    // The superuser may write to any folder, and then nothing is refused.
     assert_eq!(written.is_ok(), may_write_anyway);
     match log {
         Ok(_) => assert!(may_write_anyway),

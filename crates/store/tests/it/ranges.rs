@@ -1,4 +1,4 @@
-//! Samples are packed in ranges, and nobody notices: what is stored and refused is as with a row for each.
+//! Samples are packed in ranges, with the same results and refusals as with one row per sample.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -12,7 +12,7 @@ use store::{Batch, Error, Receipt, SampleRow, Store};
 use crate::reading::documented_digest;
 use crate::{campaign, folder, sample, samples, store_with};
 
-/// Design, first sample, and the values as they are in the file.
+/// Design, first sample and values of each row in the file.
 async fn ranges(path: &Path) -> Vec<(i64, i64, Vec<f64>)> {
     let options = SqliteConnectOptions::new().filename(path).read_only(true);
     let mut connection = SqliteConnection::connect_with(&options).await.unwrap();
@@ -54,13 +54,13 @@ async fn a_range_stores_what_is_missing() {
     let submit = async |batch| writer.submit(batch).await.unwrap();
     assert_eq!(submit(range(1, 10..20)).await, receipt(10, 0));
     assert_eq!(submit(range(1, 30..40)).await, receipt(10, 0));
-    // Within, before, beyond, and over all of them and the gaps.
+    // Within a stored range, overlapping its beginning or end, and across all ranges and gaps.
     assert_eq!(submit(range(1, 12..18)).await, receipt(0, 6));
     assert_eq!(submit(range(1, 5..15)).await, receipt(5, 5));
     assert_eq!(submit(range(1, 35..45)).await, receipt(5, 5));
     assert_eq!(submit(range(1, 0..50)).await, receipt(20, 30));
     assert_eq!(submit(range(1, 0..50)).await, receipt(0, 50));
-    // As its neighbour in the table, it is no concern of design 1.
+    // A neighbouring design in the table does not affect design 1.
     assert_eq!(submit(range(0, 45..55)).await, receipt(10, 0));
     let expected: Vec<(u64, f64)> = (0..50).map(|i| (i, value(1, i))).collect();
     assert_eq!(store.samples_of(1).await.unwrap(), expected);
@@ -129,7 +129,7 @@ async fn a_long_run_is_cut_into_ranges_of_4096() {
 async fn the_bytes_are_numbers_in_the_order_of_the_samples() {
     let (_folder, path) = folder();
     let store = store_with(&path, 1).await;
-    // Handed in from the last to the first, a batch each: one group, and one range.
+    // Submitted in descending order, one batch: the result is one range.
     let writer = store.writer().unwrap();
     let rows = [sample(0, 2, 0.25), sample(0, 1, -0.0), sample(0, 0, 1.5)];
     writer.submit(samples(rows)).await.unwrap();
@@ -138,7 +138,7 @@ async fn the_bytes_are_numbers_in_the_order_of_the_samples() {
     assert!(held[0].2[1].is_sign_positive());
 }
 
-/// The largest number of a sample that SQLite can hold.
+/// The largest index of a sample that SQLite can hold.
 #[tokio::test]
 async fn the_last_sample_of_all_has_a_range() {
     const LAST: u64 = i64::MAX as u64;
@@ -160,8 +160,8 @@ async fn the_last_sample_of_all_has_a_range() {
     );
 }
 
-/// A batch: ranges as (design, first, length), and whether one of its samples is another one than
-/// all other batches bring.
+/// A batch: ranges as (design, first, length), and the index of a sample whose value differs from
+/// that in all other batches.
 type Offer = (Vec<(u64, u64, u64)>, Option<usize>);
 
 fn batch((ranges, other): &Offer) -> Batch {
@@ -176,7 +176,7 @@ fn batch((ranges, other): &Offer) -> Batch {
     samples(rows)
 }
 
-/// What a table with a row for each sample does with a batch: its receipt, or nothing if it is refused.
+/// The receipt from a model with one entry per sample, or `None` if it refuses the batch.
 fn offer(table: &mut BTreeMap<(u64, u64), f64>, batch: &Batch) -> Option<Receipt> {
     let mut with = table.clone();
     let mut counts = receipt(0, 0);

@@ -1,4 +1,4 @@
-//! What is stored is what is read.
+//! Rows are read as they were stored.
 
 use std::collections::BTreeMap;
 
@@ -237,7 +237,8 @@ async fn missing_work_is_what_a_restart_has_to_do() {
         feasible(5),
     ];
     let rows = [
-        // Design 0 complete (and one more), 2 in pieces, 3 begun, 4 without criteria, 5 untouched.
+        // Design 0 has all samples and one more, 2 has gaps, 3 has a few, 4 has no criteria, 5 has
+        // nothing.
         vec![
             sample(0, 0, 1.0),
             sample(0, 1, 1.0),
@@ -283,7 +284,7 @@ async fn missing_work_is_what_a_restart_has_to_do() {
     assert_eq!(counts, [(0, 6), (1, 0), (2, 2), (3, 2), (4, 1), (5, 0)]);
 }
 
-/// The sum of the hashes, byte by byte as one adds on paper.
+/// The sum of the hashes, added byte by byte.
 pub(crate) fn documented_digest(rows: &[SampleRow]) -> String {
     let mut sum = [0_u8; 32];
     for row in rows {
@@ -346,7 +347,7 @@ async fn tallies_are_what_a_count_of_the_rows_would_say() {
         sample,
         delta_ste_um,
     };
-    // Some new, some held, some twice, some with the sign of zero, and some refused.
+    // New rows, stored ones, repeated ones, negative zeros, and refused ones.
     let mut held = Vec::new();
     let mut count = [0, 0];
     for round in 0..40_u64 {

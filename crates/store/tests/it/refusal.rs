@@ -1,4 +1,4 @@
-//! Files that are not this campaign's sound store are refused and left as they were.
+//! Files that are not a sound store of this campaign are refused and left unchanged.
 
 use std::fs;
 use std::path::Path;
@@ -7,7 +7,7 @@ use store::{CampaignRow, Error, Store};
 
 use crate::{beside, campaign, execute, folder, open, read, sample, samples, store_with};
 
-/// Opens in both ways, and checks that both fail and neither changes the file.
+/// Opens the file in both ways, and checks that both fail and neither changes it.
 async fn refused(path: &Path) -> (Error, Error) {
     let before = read(path);
     let writing = Store::create_or_open(path, &campaign())
@@ -166,7 +166,7 @@ async fn another_campaign_is_refused_with_both_names() {
     }
     assert_eq!(read(&path), before);
 
-    // The text may change as long as its content does not: a comment, say.
+    // The text may change, for example a comment, as long as the content is the same.
     let same = CampaignRow {
         file_text: "name = \"paper\"".into(),
         ..campaign()
@@ -238,7 +238,7 @@ async fn a_creation_that_was_killed_is_begun_anew() {
     assert!(!beside(&path, ".creating-journal").exists());
 }
 
-/// A closed store of some dozens of pages.
+/// Creates a closed store of some dozens of pages.
 async fn filled(path: &Path) {
     let store = store_with(path, 10).await;
     let rows = (0..10).flat_map(|d| (0..500).map(move |s| sample(d, s, 1.0 / (s + 1) as f64)));

@@ -1,4 +1,5 @@
-//! Rounds of infill points: written once, all or nothing, and cleared with what they rest on.
+//! Rounds of infill points: written once, all or nothing, and removed with the other derived
+//! results.
 
 use store::{Batch, Error, InfillRow, NewRound, RoundRow, Store, Unsampled, VerifyRow};
 
@@ -91,7 +92,7 @@ async fn a_round_is_decided_once_and_never_stored_in_part() {
     store.put_round(&new_round(0, &[])).await.unwrap();
     let again = store.put_round(&new_round(0, &[])).await.unwrap_err();
     assert!(matches!(again, Error::Constraint { .. }), "{again}");
-    // Its last point is one that is held already.
+    // The last point of this round is stored already.
     let mut mixed = new_round(1, &[0]);
     mixed.infill[2] = InfillRow {
         round: 1,
@@ -105,7 +106,7 @@ async fn a_round_is_decided_once_and_never_stored_in_part() {
     assert!(matches!(endless, Error::NotFinite { .. }), "{endless}");
     assert_eq!(store.rounds().await.unwrap().len(), 1);
     assert_eq!(store.infill().await.unwrap(), new_round(0, &[]).infill);
-    // The writer goes on.
+    // The writer continues after the refusals.
     store.put_round(&new_round(1, &[])).await.unwrap();
 }
 
@@ -124,7 +125,7 @@ async fn rounds_go_with_what_was_derived_and_their_samples_with_them() {
     );
     assert_eq!(store.verify_samples("infill-0000").await.unwrap(), []);
 
-    // A larger campaign decides its rounds anew.
+    // A larger campaign decides its rounds again.
     store.put_round(&new_round(0, &[])).await.unwrap();
     sampled(&store, &["infill-0001"]).await;
     store.extend(&campaign(), &[]).await.unwrap();

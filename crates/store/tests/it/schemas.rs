@@ -1,7 +1,7 @@
-//! Stores of earlier schemas are brought up to date with every row in them.
+//! Stores of earlier schemas are migrated with all their rows.
 //!
-//! `tests/fixtures/schema-N.db` was made by the program whose newest schema was N, with the rows
-//! below. Before a migration is added, the fixture of the schema it starts from is made with
+//! The program whose newest schema was N made `tests/fixtures/schema-N.db`, with the rows below.
+//! Before a migration is added, make the fixture of the present schema with
 //! `cargo test -p store --test it -- --ignored makes_the_fixture`.
 
 use std::collections::BTreeMap;
@@ -22,7 +22,7 @@ use crate::{
 
 const DESIGNS: u64 = 12;
 
-/// Design 0 is refused, 1 is not begun, 2 has holes, and the others have 0..40 samples.
+/// The samples: design 0 is refused, 1 has none, 2 has gaps, and design d from 3 on has `0..3 * d`.
 fn all_samples() -> Vec<SampleRow> {
     let of = |design: u64| match design {
         0 | 1 => vec![],
@@ -149,7 +149,7 @@ async fn every_released_schema_is_brought_up_to_date() {
         holds_rounds(&store, schema >= 3).await;
         holds_evaluations(&store, schema >= 10).await;
         store.close().await.unwrap();
-        // Once is enough, and readers are welcome now.
+        // The store needs only one migration, and can now be opened for reading.
         let store = Store::open_read_only(&path).await.unwrap();
         holds_every_row(&store).await;
         holds_rounds(&store, schema >= 3).await;
@@ -212,7 +212,7 @@ pub(crate) async fn holds_every_row(store: &Store) {
     assert_eq!(times, rows.times);
     assert_eq!(store.failures().await.unwrap(), rows.failures);
 
-    // The tallies, against the rows.
+    // Compares the tallies with the rows.
     let counts: Vec<(u64, u64)> = (0..DESIGNS)
         .map(|design| {
             let of = rows.samples.iter().filter(|row| row.design == design);
@@ -264,7 +264,7 @@ pub(crate) async fn holds_every_row(store: &Store) {
         [
             (1, vec![(0, 9)]),
             (2, vec![(0, 3), (4, 5), (7, 9)]),
-            // Without criteria.
+            // A design without criteria.
             (11, vec![]),
         ]
     );
@@ -274,7 +274,7 @@ pub(crate) async fn holds_every_row(store: &Store) {
 async fn an_upgrade_that_fails_leaves_the_store_as_it_was() {
     let (_folder, path) = folder();
     std::fs::copy(fixture(1), &path).unwrap();
-    // In the way of the last statement of the second migration.
+    // The table conflicts with the last statement of the second migration.
     execute(&path, "CREATE TABLE failure_tally (kind)").await;
     let error = Store::create_or_open(&path, &campaign()).await.unwrap_err();
     assert!(error.to_string().contains("up to date"), "{error}");
@@ -322,7 +322,8 @@ async fn a_store_of_an_earlier_schema_that_was_edited_is_left_as_it_was() {
 async fn an_upgrade_that_was_killed_is_begun_anew() {
     let (folder, path) = folder();
     std::fs::copy(fixture(1), &path).unwrap();
-    // Part of it in the log, with pages spilt to it before any commit, as a large upgrade has.
+    // Part of the store is in the log, with pages written there before any commit, as in a large
+    // upgrade.
     let options = SqliteConnectOptions::new()
         .filename(&path)
         .journal_mode(SqliteJournalMode::Wal)
@@ -359,7 +360,8 @@ async fn a_migration_that_was_edited_is_noticed() {
     assert_eq!(read(&path), before);
 }
 
-/// `cargo test -p store --test it -- --ignored makes_the_fixture`, with a new migration.
+/// Run with `cargo test -p store --test it -- --ignored makes_the_fixture` before adding a
+/// migration.
 #[tokio::test]
 #[ignore = "makes the fixture of the present schema, once per schema"]
 async fn makes_the_fixture() {

@@ -1,4 +1,4 @@
-//! First write wins, acknowledged is on disk, and one coordinator at a time.
+//! The first write wins, acknowledged rows are on disk, and there is one coordinator at a time.
 
 use std::fs;
 use std::path::Path;
@@ -84,7 +84,7 @@ async fn another_value_for_a_sample_is_refused_with_its_whole_batch() {
     let writer = store.writer().unwrap();
     writer.submit(samples([sample(3, 17, 1.5)])).await.unwrap();
 
-    // The smallest difference there is.
+    // The smallest possible difference.
     let other = f64::from_bits(1.5_f64.to_bits() + 1);
     let bad = samples([sample(0, 0, 1.0), sample(3, 17, other), sample(0, 1, 1.0)]);
     // Queued together, so that they share a transaction.
@@ -277,7 +277,7 @@ async fn what_is_acknowledged_is_on_disk() {
     let reader = Store::open_read_only(&path).await.unwrap();
     assert_eq!(reader.samples_of(0).await.unwrap(), [(0, 1.5)]);
 
-    // What a SIGKILL at this moment would leave: the file and its log, no goodbye.
+    // The file and its log as a SIGKILL at this moment would leave them.
     let survivor = folder.path().join("survivor.db");
     fs::copy(&path, &survivor).unwrap();
     fs::copy(beside(&path, "-wal"), beside(&survivor, "-wal")).unwrap();
@@ -326,8 +326,8 @@ async fn batches_that_wait_share_a_commit() {
     );
 }
 
-/// The transactions in the log: frames whose header says "commit" in bytes 4 to 8,
-/// <https://www.sqlite.org/fileformat2.html> 4.1.
+/// The number of transactions in the log: frames with a non-zero commit size in bytes 4 to 8 of
+/// their header, <https://www.sqlite.org/fileformat2.html> 4.1.
 fn commits(path: &Path) -> usize {
     let log = fs::read(beside(path, "-wal")).unwrap();
     let page = u32::from_be_bytes(log[8..12].try_into().unwrap()) as usize;
@@ -350,8 +350,8 @@ async fn batches_that_share_a_commit_have_receipts_of_their_own() {
         error: "no".into(),
         at_unix_ms: None,
     };
-    // Every batch brings one sample of its own, one that it shares with its neighbour, and what
-    // all of them bring; every tenth contradicts what is held.
+    // Every batch has one sample of its own, one shared with its neighbour, and rows common to all.
+    // Every tenth contradicts a stored row.
     let batch = |i: u64| Batch {
         criteria: vec![feasible(0)],
         times: vec![JobTimeRow {
@@ -377,7 +377,7 @@ async fn batches_that_share_a_commit_have_receipts_of_their_own() {
         match one.await.unwrap() {
             Ok(receipt) => {
                 assert_eq!(receipt.new_rows + receipt.duplicate_rows, 6, "batch {i}");
-                // Its own sample and its failure, whoever else brings the rest.
+                // Its own sample and its failure are new, whichever batch stored the others.
                 assert!(receipt.new_rows >= 2, "batch {i}: {receipt:?}");
                 total.new_rows += receipt.new_rows;
                 total.duplicate_rows += receipt.duplicate_rows;
@@ -391,8 +391,8 @@ async fn batches_that_share_a_commit_have_receipts_of_their_own() {
             }
         }
     }
-    // 90 batches with a sample and a failure each; a sample and a time for each pair, of which
-    // none is refused as a whole; the criteria and the sample that all bring.
+    // 90 batches with a sample and a failure each; a sample and a time for each of 50 pairs, none
+    // of which is refused entirely; and the criteria and the sample common to all.
     assert_eq!(total.new_rows, 2 * 90 + 2 * 50 + 2);
     assert_eq!(total.duplicate_rows, 6 * 90 - total.new_rows);
     let progress = store.progress().await.unwrap();
@@ -479,7 +479,7 @@ async fn dropping_the_store_commits_and_gives_the_lock_back() {
     );
     writer.submit(samples([sample(0, 0, 1.0)])).await.unwrap();
     drop(writer);
-    // The task ends by itself, a moment later.
+    // The task ends by itself a moment later.
     let store = loop {
         match Store::create_or_open(&path, &campaign()).await {
             Err(Error::Locked { .. }) => {
@@ -536,7 +536,7 @@ async fn a_failure_is_stored_once_for_each_number_of_its_worker() {
     assert!(!store.knows_failure("b", 2).await.unwrap());
 }
 
-/// What comes late for an optimum that was chosen anew must not be taken for the new one's.
+/// Late samples of a replaced optimum must not be counted for the new one.
 #[tokio::test]
 async fn a_batch_is_stored_for_the_generation_that_is_wanted_only() {
     let (_folder, path) = folder();
@@ -573,11 +573,11 @@ async fn a_batch_is_stored_for_the_generation_that_is_wanted_only() {
     assert_eq!(submit(0, 1).await, (1, false));
     put(1).await;
     assert_eq!(submit(1, 1).await, (1, false));
-    // Others of the same group are not concerned.
+    // Other batches of the same group are not affected.
     let both = tokio::join!(writer.submit(batch(2, 9)), writer.submit(batch(2, 1)));
     assert!(both.0.unwrap().is_stale && !both.1.unwrap().is_stale);
     assert_eq!(held().await, [1.0; 3]);
-    // Another design: the samples of the old one go.
+    // A new generation removes the samples of the old one.
     put(2).await;
     assert_eq!(held().await, [0.0; 0]);
     assert_eq!(submit(0, 1).await, (0, true));
@@ -587,7 +587,7 @@ async fn a_batch_is_stored_for_the_generation_that_is_wanted_only() {
     assert_eq!(held().await, [0.0; 0]);
 }
 
-/// A store of an earlier schema says of no point which generation its samples are.
+/// A store of an earlier schema does not record the generations of its samples.
 #[tokio::test]
 async fn samples_that_were_there_before_generations_stay() {
     let (_folder, path) = folder();

@@ -39,7 +39,7 @@ fn the_kind_of_design_is_named_and_its_default_changes_no_digest() {
         assert_eq!(other.doe.method.name(), method);
         assert_ne!(other.digest(), absent.digest());
         assert_eq!(Campaign::from_json(&other.to_json()).unwrap(), other);
-        // Designs of one kind are not the beginning of another.
+        // A campaign with another kind of design does not extend this one.
         assert!(!other.extends(&absent) && !absent.extends(&other));
         let mut larger = other.clone();
         larger.doe.designs += 1;
@@ -127,7 +127,7 @@ fn an_absent_flank_class_changes_no_digest_and_a_given_one_does() {
         six.changes_from(&perfect),
         [r#"manufacture: not given there, {"flank_class":6} here"#]
     );
-    // The normal percentile of the shipped file suits its wear alone.
+    // The normal percentile of the shipped file is valid only with wear alone.
     assert!(perfect.warnings().is_empty());
     let warnings = six.warnings();
     assert!(

@@ -5,7 +5,7 @@ use crate::formulation::Problem;
 use super::*;
 use crate::Campaign;
 
-/// A pair file with every section and every key whose value is a number or a list of two.
+/// A pair file with every section, and with every key whose value is a number or a list of two.
 const FULL: &str = r#"[pair]
 teeth = [20, 22]
 centre_distance_mm = 110.0
@@ -119,7 +119,7 @@ fn the_pair_file_of_a_design_is_the_campaigns_simulator_input() {
     assert_eq!(parse(&full.to_toml()).unwrap(), full);
 }
 
-/// Whatever the simulator refuses as a bad number, the file refuses first, in its own units.
+/// The file refuses every number that the simulator would refuse, in its own units.
 #[test]
 fn what_is_accepted_is_no_bad_input_of_the_simulator() {
     let extremes = [
@@ -144,7 +144,7 @@ fn what_is_accepted_is_no_bad_input_of_the_simulator() {
                 Err(message) => {
                     refused += 1;
                     assert!(message.starts_with("p.toml, line "), "{new}: {message}");
-                    // A wide face makes the file's crowning too much.
+                    // With a wide face, the file's crowning is too large.
                     let named = message.contains(key) || message.contains("whose contact ratio");
                     assert!(named, "{new}: {message}");
                 }

@@ -1,4 +1,4 @@
-//! What a gear pair is judged by, and how that is stored.
+//! The criteria of a gear pair and their representation in the store.
 
 use gear::rating;
 use serde::{Deserialize, Serialize};
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::super::{Criteria, Quantity};
 use crate::simulator::{Analysis, State};
 
-/// What a pair is judged by, in the order of the fields of [`GearCriteria`].
+/// The criteria, in the order of the fields of [`GearCriteria`].
 static CRITERIA: [Quantity; GearCriteria::COUNT] = [
     Quantity::of("contact_ratio", ""),
     Quantity::of("specific_sliding", ""),
@@ -19,7 +19,7 @@ static CRITERIA: [Quantity; GearCriteria::COUNT] = [
     Quantity::of("normal_module_mm", "mm"),
 ];
 
-/// What is known of a pair without random wear: its responses, by name and unit.
+/// The deterministic responses of a pair, by name and unit.
 static RESPONSES: [Quantity; 11] = [
     Quantity::of("contact_ratio", ""),
     Quantity::of("specific_sliding", ""),
@@ -34,7 +34,8 @@ static RESPONSES: [Quantity; 11] = [
     Quantity::of("delta_ste_archard_um", "µm"),
 ];
 
-/// More of both, for campaigns that limit any of it, in the order of the fields of [`GearDetails`].
+/// Additional criteria and responses of campaigns that limit any of them, in the order of the
+/// fields of [`GearDetails`].
 static DETAILS: [Quantity; GearDetails::COUNT] = [
     Quantity::of("transverse_contact_ratio", ""),
     Quantity::of("tip_land_p_mm", "mm"),
@@ -46,12 +47,12 @@ static DETAILS: [Quantity; GearDetails::COUNT] = [
     Quantity::of("centre_distance_mm", "mm"),
 ];
 
-/// What pairs are judged by, with details or without.
+/// The criteria of pairs, with or without details.
 pub(in super::super) fn criteria(detailed: bool) -> Vec<Quantity> {
     with_details(&CRITERIA, detailed)
 }
 
-/// The responses of pairs, with details or without.
+/// The responses of pairs, with or without details.
 pub(in super::super) fn responses(detailed: bool) -> Vec<Quantity> {
     with_details(&RESPONSES, detailed)
 }
@@ -64,11 +65,11 @@ fn with_details(quantities: &[Quantity], detailed: bool) -> Vec<Quantity> {
 /// The response that is sampled.
 pub(in super::super) const SAMPLED: Quantity = Quantity::of("delta_ste_um", "µm");
 
-/// The largest ΔSTE that is believed, µm: a metre. A number beyond it would make everything that is
-/// learned from it worthless.
+/// Largest plausible ΔSTE in µm: one metre. A larger number would spoil everything that is learned
+/// from it.
 const MAX_DELTA_STE_UM: f64 = 1e6;
 
-/// What a gear pair is judged by besides ΔSTE. Pairs are pinion, mate.
+/// The criteria of a gear pair besides ΔSTE. Two-element arrays are pinion, mate.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GearCriteria {
@@ -80,22 +81,22 @@ pub struct GearCriteria {
     pub hertz_pressure_mpa: f64,
     /// σ_vm, the larger of the two root stresses, MPa.
     pub root_stress_mpa: f64,
-    /// Clearance between tip and mating root, mm; negative when a tip is pressed in.
+    /// Clearance between tip and mating root, mm; negative if the tip penetrates the root.
     pub clearance_mm: [f64; 2],
-    /// How far the active flank ends above the fillet, mm along the path of contact; negative when
-    /// the mate's tip runs into the fillet.
+    /// Distance of the end of the active flank from the fillet, in mm along the path of contact;
+    /// negative if the mate's tip reaches into the fillet.
     pub flank_margin_mm: [f64; 2],
     /// Normal module, mm.
     pub normal_module_mm: f64,
-    /// More, where the campaign limits any of it.
+    /// Additional criteria, if the campaign limits any of them.
     #[serde(skip)]
     pub details: Option<GearDetails>,
 }
 
-/// What few campaigns limit. Pairs are pinion, mate.
+/// Criteria that few campaigns limit. Two-element arrays are pinion, mate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GearDetails {
-    /// ε_α.
+    /// ε_α, the transverse contact ratio.
     pub transverse_contact_ratio: f64,
     /// Thickness at the tip circle in the normal section, mm, as if the tip were not rounded.
     pub tip_land_mm: [f64; 2],
@@ -108,11 +109,11 @@ pub struct GearDetails {
 }
 
 impl GearCriteria {
-    /// How many there are without details.
+    /// The number of criteria without details.
     const COUNT: usize = 9;
 
-    /// The criteria of a pair, with the contact pressure of the analysis that matters, in MPa; with details
-    /// if they are asked for.
+    /// The criteria of a pair, with the contact pressure of the relevant analysis in MPa, and with
+    /// details if `detailed`.
     #[must_use]
     pub fn of_pair(pair: &gear::Pair, hertz_pressure_mpa: f64, detailed: bool) -> Self {
         let geometry = pair.geometry();
@@ -130,8 +131,8 @@ impl GearCriteria {
         }
     }
 
-    /// The criteria with these values, in the order of the fields; none if they are not as many as there are
-    /// with details or without.
+    /// The criteria with these values, in the order of the fields; `None` if their number fits
+    /// neither form.
     #[must_use]
     pub fn of_values(values: &[f64]) -> Option<Self> {
         let (first, details) = values.split_at_checked(Self::COUNT)?;
@@ -184,7 +185,7 @@ impl GearDetails {
         }
     }
 
-    /// The details with these values, in the order of the fields, or none of no values.
+    /// The details with these values, in the order of the fields; `Some(None)` for an empty list.
     fn of_values(values: &[f64]) -> Option<Option<Self>> {
         match *values {
             [] => Some(None),
@@ -214,7 +215,7 @@ impl GearDetails {
     }
 }
 
-/// Whether a response is one of a pair in this state.
+/// Whether a response belongs to the analysis in this state.
 pub(in super::super) fn belongs_to(response: &str, state: State) -> bool {
     let of_the_other = match state {
         State::Nominal => ["hertz_pressure_worn_mpa", "delta_ste_archard_um"],
@@ -223,7 +224,7 @@ pub(in super::super) fn belongs_to(response: &str, state: State) -> bool {
     !of_the_other.contains(&response)
 }
 
-/// The responses of a pair, from its analyses unworn and with Archard's wear.
+/// The responses of a pair, from its analyses without wear and with Archard's wear.
 pub(in super::super) fn responses_of(unworn: &Analysis, worn: &Analysis) -> Vec<f64> {
     let criteria = unworn.criteria.gears();
     let mut responses = vec![
@@ -243,7 +244,7 @@ pub(in super::super) fn responses_of(unworn: &Analysis, worn: &Analysis) -> Vec<
     responses
 }
 
-/// Whether the ΔSTE of both states can be one.
+/// Checks that the ΔSTE of both states are plausible.
 pub(in super::super) fn check(response: impl Fn(&str) -> Option<f64>) -> Result<(), String> {
     for (name, state) in [
         ("delta_ste_um", "unworn"),
@@ -255,11 +256,12 @@ pub(in super::super) fn check(response: impl Fn(&str) -> Option<f64>) -> Result<
     Ok(())
 }
 
-/// Whether a ΔSTE can be one: the difference of a largest and a smallest error is not negative.
+/// Checks that a ΔSTE is plausible: as the difference of a largest and a smallest error it cannot
+/// be negative.
 ///
 /// # Errors
 ///
-/// A sentence without subject: what it is, and what it would have to be.
+/// A sentence without its subject: the value and the valid range.
 pub(in super::super) fn check_delta_ste(delta_ste_um: f64) -> Result<(), String> {
     if (0.0..=MAX_DELTA_STE_UM).contains(&delta_ste_um) {
         return Ok(());
@@ -269,7 +271,7 @@ pub(in super::super) fn check_delta_ste(delta_ste_um: f64) -> Result<(), String>
     ))
 }
 
-/// The analysis that the responses hold, of a pair with this module.
+/// The analysis in the responses of a pair with this module.
 pub(in super::super) fn analysis(
     responses: &[f64],
     state: State,

@@ -1,12 +1,12 @@
-//! The constraints on a gear pair: the limits that a file gives, and the defaults where it gives none.
+//! The constraints on a gear pair: the limits in a file, and the defaults of absent ones.
 
 use super::super::Constraint;
 use super::{GearCriteria, GearDetails};
 use crate::file::{GearLimits, Material};
 
-/// Every constraint of a pair with these criteria. Contact pressure and root stress are held against the
-/// material where `limits` say nothing, clearances and margins against 0. Limits on what only
-/// [`GearDetails`] have need criteria with details.
+/// All constraints on a pair with these criteria. Without limits, contact pressure and root stress
+/// must stay below the material's, and clearances and margins above 0. Limits on quantities that
+/// only [`GearDetails`] have need criteria with details.
 #[must_use]
 pub fn constraints(
     limits: &GearLimits,

@@ -1,4 +1,4 @@
-//! The boxes that the approaches search, from the campaign file.
+//! The search spaces of the approaches, from the campaign file.
 
 use super::super::Design;
 use super::super::space::{Coordinate, Source, Space};
@@ -13,22 +13,22 @@ const RADII_IN_MODULES: [&str; 4] = [
     "rho_f_r_modules",
 ];
 
-/// The box of everything that the campaign leaves free.
+/// The space of all variables that the campaign leaves free.
 pub(in super::super) fn whole(sections: &GearSections) -> Space {
     space(sections, &[None; ALL_VARIABLES])
 }
 
-/// The box of the DoE: without the variables that are frozen.
+/// The space of the DoE, without the frozen variables.
 pub(in super::super) fn free(sections: &GearSections) -> Space {
     space(sections, &frozen(sections))
 }
 
-/// The values that the campaign file gives to the variables that the DoE leaves alone.
+/// The campaign file's values of the variables that the DoE does not vary.
 pub(in super::super) fn base(sections: &GearSections) -> Design {
     Design::new(frozen(sections).map(Option::unwrap_or_default).to_vec())
 }
 
-/// The value of each variable that is frozen.
+/// The value of each frozen variable.
 fn frozen(sections: &GearSections) -> [Option<f64>; ALL_VARIABLES] {
     let mut values = [None; ALL_VARIABLES];
     let Some(frozen) = &sections.frozen else {

@@ -28,7 +28,7 @@ pub(in super::super) fn variables() -> Vec<Quantity> {
     names.map(|name| Quantity::of(name, "")).collect()
 }
 
-/// A gear pair's eleven variables, those of the paper's (1). Pairs are pinion, mate.
+/// The eleven variables of a gear pair, as in the paper's (1). Two-element arrays are pinion, mate.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GearVariables {
