@@ -6,6 +6,24 @@
 //! (rank-one and rank-µ updates, cumulative step-size adaptation). Only ranks enter, so the search
 //! does not change under a monotone transformation of the objective.
 //!
+//! ```
+//! use cmaes::{Bounds, CmaEs, Options};
+//! use stats::streams::{Purpose, stream};
+//!
+//! let sphere = |x: &[f64]| (x[0] - 0.5).powi(2) + (x[1] + 0.25).powi(2);
+//! let bounds = Bounds::new([(-2.0, 2.0), (-2.0, 2.0)])?;
+//! let mut search = CmaEs::new(&[1.0, 1.0], Options::new(bounds))?;
+//! let mut rng = stream(1, Purpose::Test, 0, 0);
+//! while search.stop().is_none() && search.evaluations() < 2000 {
+//!     let candidates = search.ask(&mut rng);
+//!     let values: Vec<f64> = candidates.iter().map(|x| sphere(x)).collect();
+//!     search.tell(&values)?;
+//! }
+//! let (x, _) = search.best().expect("all candidates have values");
+//! assert!((x[0] - 0.5).abs() < 1e-4 && (x[1] + 0.25).abs() < 1e-4);
+//! # Ok::<(), cmaes::Error>(())
+//! ```
+//!
 //! - [`CmaEs`] is the strategy itself, with an ask-and-tell interface: the caller evaluates.
 //! - [`Run`] runs one search after another until a budget is spent. Its [`Restarts`] are from the best
 //!   design so far (as in the gear paper), with growing populations (IPOP) or with two regimes (BIPOP).

@@ -5,6 +5,16 @@
 //! (n!)^(d − 1) of them, a *maximin* one has the largest distance between its two nearest points,
 //! which spreads the points in all variables together.
 //!
+//! ```
+//! use doe::{Options, maximin, random_lhs};
+//!
+//! // Twenty points in the open unit box of three variables.
+//! let design = maximin(20, 3, &Options { seed: 1, effort: 1.0 })?;
+//! assert!(design.is_latin());
+//! assert!(design.min_distance() > random_lhs(20, 3, 1)?.min_distance());
+//! # Ok::<(), doe::Error>(())
+//! ```
+//!
 //! - [`maximin`] searches for such a design by swaps of levels; see there for the method.
 //! - [`enlarge`] adds points to a design and keeps the existing ones. It can be repeated;
 //!   [`check_enlarge`] says beforehand whether it is possible.

@@ -6,6 +6,32 @@
 //! I/O and keeps no memory: a round is a function of rows, settings and seed, so it can be
 //! interrupted and repeated anywhere. The caller evaluates the constraints, exactly.
 //!
+//! ```
+//! use cmaes::Bounds;
+//! use enrich::{Options, Sampled, State, decide};
+//!
+//! // A response of one variable, with its least value at 0.3, known at eight designs.
+//! let response = |x: f64| 1.0 + (x - 0.3).powi(2);
+//! let sampled = |x: f64| Sampled {
+//!     x: vec![x],
+//!     samples: 30,
+//!     response_um: response(x),
+//!     variance_um2: 1e-6,
+//!     violation: 0.0,
+//!     baseline_um: 0.0,
+//! };
+//! let state = State {
+//!     sampled: (0..8).map(|i| sampled(f64::from(i) / 7.0)).collect(),
+//!     ..State::default()
+//! };
+//! let options = Options::new(Bounds::new([(0.0, 1.0)])?);
+//! // No constraints: every design keeps them.
+//! let decision = decide(&state, &options, &|_: &[f64]| Some(-1.0))?;
+//! let recommended = decision.recommendation.expect("a design is feasible");
+//! assert!((recommended.x[0] - 2.0 / 7.0).abs() < 0.01, "the nearest to 0.3");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! - [`State`] holds the rows, [`Options`] the settings; [`Criterion`] names the infill criteria.
 //! - [`Decision`] is the answer: [`Infill`] (new designs, and more samples at promising ones),
 //!   [`Recommendation`], [`Stop`] and [`Note`]s.

@@ -3,6 +3,25 @@
 //! Equation numbers in brackets are those of the paper the project reproduces: "Gears Design with
 //! Shape Uncertainties using Monte Carlo Simulations and Kriging" (2009), section III.A.
 //!
+//! ```
+//! use stats::streams::{Purpose, stream};
+//! use stats::{NormalOptions, lilliefors, normal_p90, p90_interval};
+//! use rand::RngExt as _;
+//!
+//! // Thirty samples, each from a random stream of its own: sums of twelve uniform numbers are nearly normal.
+//! let draw = |sample| {
+//!     let mut rng = stream(1, Purpose::Test, 0, sample);
+//!     (0..12).map(|_| rng.random::<f64>()).sum::<f64>()
+//! };
+//! let samples: Vec<f64> = (0..30).map(draw).collect();
+//! assert!(lilliefors(&samples)?.p_value > 0.05);
+//! let found = normal_p90(&samples, &NormalOptions::default())?;
+//! let (low, high) = p90_interval(&found, 0.95)?;
+//! // The sum's 90 % percentile is 6 + 1.28 = 7.28.
+//! assert!(low < 7.28 && 7.28 < high);
+//! # Ok::<(), stats::Error>(())
+//! ```
+//!
 //! - [`percentile_p90`]: a 90 % percentile from the mean and the standard deviation of a normal
 //!   sample, and the variance of that estimate, (8), (9), (14). Kriging takes the variance as the
 //!   known noise of the observation.
