@@ -19,8 +19,8 @@ mod modelling;
 mod studies;
 pub(crate) use self::modelling::{Fit, Predict};
 pub(crate) use self::studies::{
-    Corrections, FinishedCampaign, Pareto, Sensitivity, SleepProgram, Stability, StudyWorkers,
-    Sweep, Tradeoff,
+    Corrections, FinishedCampaign, Pareto, Sensitivity, SimulateCluster, SleepProgram, Stability,
+    StudyWorkers, Sweep, Tradeoff,
 };
 
 /// Plans a Monte Carlo campaign of gear designs, leases its jobs to workers, and writes the report.
@@ -65,6 +65,8 @@ pub(crate) enum Command {
     Pareto(Pareto),
     /// Chart speed against accuracy: simulator, percentile, kriging, optimisation, runner
     Tradeoff(Tradeoff),
+    /// Simulate a cluster: how far one coordinator carries
+    SimulateCluster(SimulateCluster),
     /// Answer as a simulator that sleeps, for `tradeoff`
     #[command(hide = true)]
     SleepProgram(SleepProgram),

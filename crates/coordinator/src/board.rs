@@ -68,7 +68,6 @@ struct Inner {
 /// The ledger of a campaign.
 pub struct Board {
     inner: Mutex<Inner>,
-    lease: Duration,
     epoch: u64,
     origin: Instant,
     /// Rings when something may have become free.
@@ -84,7 +83,6 @@ impl Board {
     #[must_use]
     pub fn new(options: Options, epoch: u64) -> Self {
         Self {
-            lease: options.lease,
             epoch,
             inner: Mutex::new(Inner {
                 ledger: Ledger::new(options, epoch),
@@ -115,8 +113,8 @@ impl Board {
 
     /// How long a worker may be silent.
     #[must_use]
-    pub const fn lease_time(&self) -> Duration {
-        self.lease
+    pub fn lease_time(&self) -> Duration {
+        self.lock().ledger.lease_time()
     }
 
     fn lock(&self) -> MutexGuard<'_, Inner> {
@@ -297,7 +295,9 @@ impl Board {
     /// Whether every worker that was heard of within a lease has been told to leave.
     #[must_use]
     pub fn all_dismissed(&self) -> bool {
-        self.lock().ledger.all_dismissed(self.lease, self.now())
+        let inner = self.lock();
+        let recently = inner.ledger.lease_time();
+        inner.ledger.all_dismissed(recently, self.now())
     }
 
     // For workers.

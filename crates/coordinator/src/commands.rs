@@ -27,6 +27,7 @@ use crate::arguments::{self, Command};
 use crate::progress::Progress;
 
 mod checking;
+mod cluster;
 mod modelling;
 mod output;
 mod sharding;
@@ -61,6 +62,7 @@ pub(crate) async fn execute(command: Command) -> anyhow::Result<u8> {
         Command::Sensitivity(arguments) => studies::sensitivity(arguments).await,
         Command::Pareto(arguments) => studies::pareto(arguments).await,
         Command::Tradeoff(arguments) => tradeoff::tradeoff(arguments).await,
+        Command::SimulateCluster(arguments) => cluster::simulate_cluster(&arguments),
         Command::SleepProgram(arguments) => {
             tradeoff::sleep_program(arguments.seconds).map(|()| exit::OK)
         }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use campaign::formulation::Problem;
-use ledger::{LeaseId, Unit, WorkerId};
+use ledger::{HEARTBEATS_PER_LEASE, LeaseId, Unit, WorkerId};
 use protocol::Refusal;
 use protocol::v2::{
     Directive, DrainRequest, DrainResponse, ExplainRequest, ExplainResponse, HeartbeatRequest,
@@ -27,8 +27,6 @@ const LONGEST_WAIT: Duration = Duration::from_secs(60);
 const HOST_BYTES: usize = 256;
 /// The most leases that a worker may say to hold from before: several times what one ever holds.
 const HELD_LEASES: usize = 100_000;
-/// How often a worker calls while a lease lasts.
-const HEARTBEATS_PER_LEASE: u32 = 6;
 
 /// What the service needs to answer; clones share it.
 #[derive(Clone)]
@@ -92,12 +90,11 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
             info!(worker = %request.worker_id, host = %request.host, slots = request.slots,
                 held = request.held.len(), "worker registered");
         }
-        let lease = self.board.lease_time();
         Ok(Response::new(RegisterResponse {
             campaign_json: self.problem.campaign().to_json(),
             epoch: self.board.epoch(),
-            lease_ms: lease.as_millis() as u32,
-            heartbeat_ms: (lease / HEARTBEATS_PER_LEASE).as_millis() as u32,
+            lease_ms: self.board.lease_time().as_millis() as u32,
+            heartbeat_ms: self.heartbeat_ms(),
             cancelled: cancelled.into_iter().map(Into::into).collect(),
         }))
     }
@@ -173,6 +170,7 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
             return Ok(Response::new(HeartbeatResponse {
                 directive: Directive::Register.into(),
                 cancelled: Vec::new(),
+                heartbeat_ms: self.heartbeat_ms(),
             }));
         }
         let held = request.held.iter();
@@ -183,6 +181,7 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
         Ok(Response::new(HeartbeatResponse {
             directive: self.directive(&worker).into(),
             cancelled: cancelled.into_iter().map(Into::into).collect(),
+            heartbeat_ms: self.heartbeat_ms(),
         }))
     }
 
@@ -265,6 +264,11 @@ impl<R: Recorder> Service<R> {
         } else {
             Err(Status::unavailable("the coordinator is starting"))
         }
+    }
+
+    /// Period of a worker's heartbeats.
+    fn heartbeat_ms(&self) -> u32 {
+        (self.board.lease_time() / HEARTBEATS_PER_LEASE).as_millis() as u32
     }
 
     async fn check_model(&self, offered: &str) -> Result<(), Status> {

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use crate::ledger::{Ledger, SURVEY_PERIOD};
+use crate::options::lease_for;
 use crate::ranges::subtract;
 use crate::state::{Lease, Stream};
 use crate::types::{
@@ -104,6 +105,9 @@ impl<P: Clone> Ledger<P> {
         state.slots = slots.max(1);
         self.workers.see(worker, now);
         self.slots = None;
+        // Never shorter again: workers that were told the longer time rely on it.
+        let needed = lease_for(self.workers.known.len());
+        self.options.lease = self.options.lease.max(needed);
     }
 
     /// Records that a worker called. Returns false if the worker is not registered.

@@ -53,7 +53,7 @@ mod workers;
 
 pub use explain::Explanation;
 pub use ledger::Ledger;
-pub use options::Options;
+pub use options::{HEARTBEATS_PER_LEASE, Options};
 pub use ranges::{gaps, subtract};
 pub use types::{
     Accepted, Counts, Delivery, Failure, Generation, Grant, Group, History, Kind, LeaseId,

@@ -179,6 +179,7 @@ impl campaign_server::Campaign for Service {
         Ok(Response::new(HeartbeatResponse {
             directive: Directive::Continue.into(),
             cancelled: Vec::new(),
+            heartbeat_ms: HEARTBEAT_MS,
         }))
     }
 

@@ -11,6 +11,7 @@ use gateway::Link;
 use ledger::LeaseId;
 use protocol::v2::ReleaseRequest;
 use tokio::sync::mpsc::UnboundedSender;
+use tokio::sync::watch;
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, info, warn};
@@ -21,6 +22,8 @@ use crate::held::HeldLeases;
 
 use registering::Registered;
 
+/// Period of the heartbeats until the coordinator has said one.
+const FIRST_HEARTBEAT: Duration = Duration::from_secs(1);
 /// How long the answer to a call may take before it counts as lost.
 const CALL_TIMEOUT: Duration = Duration::from_secs(20);
 
@@ -78,6 +81,8 @@ struct Shared {
     /// another campaign.
     problem: RwLock<Option<Arc<Registered>>>,
     held: HeldLeases,
+    /// Period of the heartbeats, as the coordinator last said.
+    heartbeat: watch::Sender<Duration>,
     /// Asks samplers to stop between two samples.
     hurry: AtomicBool,
     /// Results that the coordinator has.
@@ -123,6 +128,7 @@ impl Worker {
             connection: self.connection,
             problem: RwLock::new(None),
             held: HeldLeases::default(),
+            heartbeat: watch::Sender::new(FIRST_HEARTBEAT),
             hurry: AtomicBool::new(false),
             acknowledged: AtomicU64::new(0),
             stop: stop.clone(),
@@ -208,6 +214,18 @@ enum End {
 }
 
 impl Shared {
+    /// Notes the period of the heartbeats that the coordinator wants; none if it names none.
+    fn set_heartbeat(&self, milliseconds: u32) {
+        let period = Duration::from_millis(milliseconds.max(10).into());
+        self.heartbeat.send_if_modified(|held| {
+            let is_news = milliseconds > 0 && *held != period;
+            if is_news {
+                *held = period;
+            }
+            is_news
+        });
+    }
+
     /// Whether an external simulator was ended because this worker ends.
     fn programs_are_stopped(&self) -> bool {
         self.registered()

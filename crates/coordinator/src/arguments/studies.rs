@@ -172,6 +172,49 @@ pub(crate) struct Tradeoff {
 }
 
 #[derive(Debug, Args)]
+pub(crate) struct SimulateCluster {
+    /// Numbers of workers
+    #[arg(long, value_name = "N", value_delimiter = ',', default_value = "10,100,1000,10000,100000",
+        value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub(crate) workers: Vec<u32>,
+    /// Seconds that a sample takes
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        value_delimiter = ',',
+        default_value = "0.001,0.1,1,60,3600"
+    )]
+    pub(crate) sample_seconds: Vec<f64>,
+    /// Jobs that a worker computes at once
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub(crate) slots: u32,
+    /// Simulated seconds [default: 20, or the time of five samples]
+    #[arg(long, value_name = "SECONDS")]
+    pub(crate) seconds: Option<f64>,
+    /// Mean hours until a worker fails [default: never]
+    #[arg(long, value_name = "HOURS")]
+    pub(crate) failure_hours: Option<f64>,
+    /// Share of the workers that each wave of preemption takes [default: no waves]
+    #[arg(long, value_name = "SHARE")]
+    pub(crate) wave_share: Option<f64>,
+    /// Seconds between two waves
+    #[arg(long, value_name = "SECONDS", default_value_t = 60.0)]
+    pub(crate) wave_every: f64,
+    /// Seconds until preempted workers are back
+    #[arg(long, value_name = "SECONDS", default_value_t = 30.0)]
+    pub(crate) wave_away: f64,
+    /// Seed of the simulated times and failures
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub(crate) seed: u64,
+    /// The folder for cluster.csv and cluster.svg
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Print one JSON object for each scenario, as a list
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
 pub(crate) struct SleepProgram {
     /// Seconds for each sample
     pub(crate) seconds: f64,

@@ -376,13 +376,14 @@ pub(super) async fn heartbeat(
     mut announcements: UnboundedReceiver<Announcement>,
 ) -> Result<End, Error> {
     let mut client = shared.connection.client();
+    let mut told = shared.heartbeat.subscribe();
     loop {
-        let period = shared
-            .registered()
-            .map_or(Duration::from_secs(1), |registered| registered.heartbeat);
+        let period = *told.borrow_and_update();
         let mut waiting: Vec<Announcement> = Vec::new();
         tokio::select! {
             () = tokio::time::sleep(period) => {}
+            // A coordinator that was restarted may want them sooner.
+            _ = told.changed() => {}
             // The shared state has a sender, so there always is one.
             announcement = announcements.recv() => waiting.extend(announcement),
         }
@@ -396,9 +397,9 @@ pub(super) async fn heartbeat(
         };
         // One that hangs must not keep the next one from being in time.
         let call = tokio::time::timeout(2 * period, client.heartbeat(request)).await;
-        for told in waiting {
+        for announcement in waiting {
             // One that waits no longer needs no answer.
-            let _ = told.try_send(());
+            let _ = announcement.try_send(());
         }
         // A lost heartbeat needs nothing but the next one; the lease task watches how long the
         // coordinator is away.
@@ -406,6 +407,7 @@ pub(super) async fn heartbeat(
             continue;
         };
         let response = response.into_inner();
+        shared.set_heartbeat(response.heartbeat_ms);
         shared.held.cancel(&ids(&response.cancelled));
         match response.directive() {
             Directive::Finished => return Ok(End::Finished),

@@ -23,7 +23,6 @@ pub(super) struct Registered {
     pub(super) backend: Arc<Backend>,
     campaign_json: String,
     model_digest: String,
-    pub(super) heartbeat: Duration,
 }
 
 impl Shared {
@@ -79,7 +78,6 @@ impl Shared {
                             problem,
                             backend,
                             campaign_json: response.campaign_json.clone(),
-                            heartbeat: Duration::from_millis(response.heartbeat_ms.max(10).into()),
                         });
                         let done = confirmed.is_some();
                         if done {
@@ -91,6 +89,7 @@ impl Shared {
                         *self.problem.write().unwrap_or_else(|e| e.into_inner()) =
                             Some(Arc::clone(&registered));
                         if done {
+                            self.set_heartbeat(response.heartbeat_ms);
                             return Ok(registered);
                         }
                         continue;

@@ -1,0 +1,76 @@
+//! A simulated worker: what it holds, and when it asks for more, as `worker::held` does.
+
+use std::collections::VecDeque;
+
+use ledger::{LeaseId, Unit, WorkerId};
+
+/// Work that is held for each slot, seconds.
+const HELD_SECONDS: f64 = 2.0;
+/// More is asked for when less than this part of it is left.
+const LOW: f64 = 0.75;
+/// The most leases for each slot.
+const HELD_LEASES: usize = 2000;
+
+/// A lease of a worker.
+#[derive(Debug, Clone)]
+pub(crate) struct Held {
+    pub(crate) id: LeaseId,
+    pub(crate) units: Vec<Unit>,
+    /// Time that it is expected to take, seconds.
+    pub(crate) seconds: f64,
+}
+
+impl Held {
+    pub(crate) fn samples(&self) -> u64 {
+        self.units
+            .iter()
+            .map(|unit| unit.samples.len() as u64)
+            .sum()
+    }
+}
+
+/// A worker process.
+#[derive(Debug)]
+pub(crate) struct Worker {
+    pub(crate) name: WorkerId,
+    /// Counts the processes of this place; events of an earlier one are void.
+    pub(crate) life: u32,
+    pub(crate) is_up: bool,
+    pub(crate) waiting: VecDeque<Held>,
+    pub(crate) computing: Vec<Held>,
+    /// Whether a call for leases is on its way.
+    pub(crate) asks: bool,
+}
+
+impl Worker {
+    pub(crate) fn new(number: u32, life: u32) -> Self {
+        Self {
+            name: WorkerId::from(format!("w{number}-{life}").as_str()),
+            life,
+            is_up: true,
+            waiting: VecDeque::new(),
+            computing: Vec::new(),
+            asks: false,
+        }
+    }
+
+    fn held(&self) -> impl Iterator<Item = &Held> {
+        self.computing.iter().chain(&self.waiting)
+    }
+
+    /// The most leases and seconds to ask for; none while enough is held.
+    pub(crate) fn wanted(&self, slots: usize) -> Option<(usize, f64)> {
+        let held = self.held().count();
+        let worth: f64 = self.held().map(|held| held.seconds).sum();
+        let (leases, seconds) = (HELD_LEASES * slots, HELD_SECONDS * slots as f64);
+        let is_low = worth < LOW * seconds && (held as f64) < LOW * leases as f64;
+        (held < slots || is_low).then_some((leases - held, seconds - worth))
+    }
+
+    /// What a heartbeat mentions: each lease, and whether it is being computed.
+    pub(crate) fn states(&self) -> Vec<(LeaseId, bool)> {
+        let computing = self.computing.iter().map(|held| (held.id, true));
+        let waiting = self.waiting.iter().map(|held| (held.id, false));
+        computing.chain(waiting).collect()
+    }
+}
