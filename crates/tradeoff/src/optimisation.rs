@@ -166,7 +166,8 @@ fn enriched(campaign: &Campaign, effort: f64) -> Campaign {
     campaign.optimise.direct = false;
     campaign.optimise.starts = 1;
     campaign.optimise.evaluations = campaign.optimise.evaluations.min(FEWEST);
-    campaign.optimise.restart_at = None;
+    let restart_at = campaign.optimise.restart_at;
+    campaign.optimise.restart_at = restart_at.map(|at| at.min(FEWEST / 2));
     campaign.enrichment = Some(Enrichment {
         criterion: enrich::Criterion::ExpectedQuantileImprovement,
         samples: (18_000.0 * effort).round() as u32,
