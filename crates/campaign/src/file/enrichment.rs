@@ -10,7 +10,7 @@ use super::validate::Source;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Enrichment {
-    /// How promising an observation is.
+    /// The infill criterion: the value of an observation.
     pub criterion: Criterion,
     /// The most samples in all, those of the DoE included.
     pub samples: u32,
@@ -18,9 +18,10 @@ pub struct Enrichment {
     pub rounds: u32,
     /// Infill points of a round.
     pub points_per_round: u32,
-    /// Samples of a new design, and of each further turn at one that is there.
+    /// Samples of a new design, and of each repetition at an existing one.
     pub samples_per_point: u32,
-    /// δ of the stopping rule, µm, or in the unit of an external response: less is not worth looking for.
+    /// Tolerance δ of the stopping rule, µm or the unit of an external response: the enrichment ends when it
+    /// expects to gain less.
     #[serde(alias = "tolerance")]
     pub tolerance_um: f64,
 }

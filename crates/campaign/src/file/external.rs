@@ -72,11 +72,11 @@ pub struct ResponseSection {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Aim {
-    /// Small ones: what is minimised is the percentile that 90 % of the samples stay below.
+    /// Small values are good: the campaign minimises the percentile that 90 % of the samples stay below.
     #[default]
     Minimise,
-    /// Large ones: the response is taken with the opposite sign, so what is maximised is the percentile
-    /// that 90 % of the samples exceed.
+    /// Large values are good: the response is taken with the opposite sign, so the campaign maximises the
+    /// percentile that 90 % of the samples exceed.
     Maximise,
 }
 

@@ -6,9 +6,8 @@ use stats::{HarrellDavisVariance, NormalOptions, SequentialRule, VarianceFormula
 use super::FileError;
 use super::validate::Source;
 
-/// `[sampling]`
-///
-/// Keys that are left out are left out of the campaign's digest, too, as in files of before them.
+/// `[sampling]`: how many samples a design gets, and how the percentile is estimated.
+// Absent keys are left out of the digest, so that files without a new key keep theirs.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sampling {
@@ -30,7 +29,7 @@ pub struct Sampling {
     /// How the percentile is estimated.
     #[serde(default, skip_serializing_if = "PercentileRule::is_default")]
     pub percentile: PercentileRule,
-    /// What is known of a sample beforehand.
+    /// Control variate that reduces the variance of the percentile.
     #[serde(default, skip_serializing_if = "ControlVariate::is_default")]
     pub control: ControlVariate,
     /// How the wear of a design's samples is drawn.
@@ -46,13 +45,13 @@ pub struct Sampling {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum WearCoefficients {
-    /// Not at all.
+    /// The coefficients of every sample are independent.
     #[default]
     Independent,
-    /// In pairs of opposite signs. The variance of P90 comes from the scatter of the pairs.
+    /// Pairs of samples have opposite signs. The variance of P90 comes from the scatter of the pairs.
     Antithetic,
-    /// In scrambled Sobol sequences that are independent of each other. The variance of P90 comes from
-    /// the scatter of the sequences.
+    /// Groups of samples are scrambled Sobol sequences, independent of each other. The variance of P90
+    /// comes from the scatter of the groups.
     QuasiRandom,
 }
 
@@ -66,12 +65,12 @@ impl WearCoefficients {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ControlVariate {
-    /// None.
+    /// No control variate.
     #[default]
     None,
-    /// ΔSTE, linear in the coefficients of the wear: see [`gear::Sampler::slopes`]. It costs two
-    /// analyses for each coefficient, about 26 in all, and takes up nearly the whole of a sample's
-    /// variance, so that the percentile from 30 samples is as good as from thousands.
+    /// The part of ΔSTE that is linear in the coefficients of the wear, see [`gear::Sampler::slopes`]. It
+    /// costs two analyses per coefficient, about 26 per design, and explains nearly all of a sample's
+    /// variance, so the percentile from 30 samples is as good as one from thousands.
     Linearised,
 }
 

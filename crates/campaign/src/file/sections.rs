@@ -17,7 +17,8 @@ pub struct Load {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Wear {
-    /// The mean profile; left out of the digest where it is Archard's, as in files of before it.
+    /// The law of the mean wear.
+    // The default is left out of the digest, so that files without the key keep theirs.
     #[serde(default, skip_serializing_if = "WearLaw::is_default")]
     pub law: WearLaw,
     /// Largest depth of Archard's profile per flank, µm; given with that law only.
@@ -38,10 +39,11 @@ pub struct Wear {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum WearLaw {
-    /// Material goes wherever the flanks slide, to the same greatest depth on every pair.
+    /// Material is removed wherever the flanks slide, to the same greatest depth on every pair.
     #[default]
     Archard,
-    /// With the sign of the sliding velocity and one coefficient for all pairs, as in the paper.
+    /// The depth has the sign of the sliding velocity, and one coefficient holds for all pairs, as in the
+    /// paper.
     Signed,
 }
 
@@ -177,7 +179,7 @@ pub enum SimulatorKind {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SimulatorSection {
-    /// Who simulates; the built-in model if the section is absent.
+    /// The simulator; the built-in model if the section is absent.
     pub kind: SimulatorKind,
     /// How many designs an external program simulates when a worker starts, to prove that all
     /// workers run the same one; see [`SimulatorSection::probe_designs`].
