@@ -6,7 +6,7 @@
 //! |---|---|
 //! | `console` | runs the commands behind `$ ` in a shell, in the page's folder, and looks for the other lines in what they print; `…` stands for anything |
 //! | `console exit=N` | the same; the last command ends with this exit code |
-//! | `console needs=A,B` | the same, where the programs or Python modules A and B are installed |
+//! | `console needs=A,B` | the same, where the programs, Python modules or R packages (`r:A`) are installed |
 //! | `console not-run` | nothing; the line before it is a comment with the reason |
 //! | `LANGUAGE file=NAME` | writes the file |
 //! | `toml merge=NAME` | puts the sections in the place of those of the file, and checks the campaign |
@@ -138,9 +138,12 @@ fn missing<'a>(shown: &[&'a str], printed: &str) -> Option<&'a str> {
         .find(|shown| !lines.any(|line| agrees(shown, line)))
 }
 
-/// Whether a program or a Python module of this name is there.
+/// Whether a program, a Python module or, with `r:` before it, an R package of this name is there.
 fn is_installed(name: &str) -> bool {
-    let test = format!("command -v {name} || python3 -c 'import {name}'");
+    let test = match name.strip_prefix("r:") {
+        Some(package) => format!("Rscript -e 'library({package})'"),
+        None => format!("command -v {name} || python3 -c 'import {name}'"),
+    };
     let status = Command::new("sh")
         .args(["-c", &test])
         .stdout(Stdio::null())
