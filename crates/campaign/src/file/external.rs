@@ -141,10 +141,10 @@ impl ExternalSections {
             )
         };
         source.require(
-            (1..=100).contains(&self.variables.len()),
+            (1..=doe::MAX_VARIABLES).contains(&self.variables.len()),
             "variables",
             self.variables.len(),
-            "1 to 100 sections [[variables]]",
+            &format!("1 to {} sections [[variables]]", doe::MAX_VARIABLES),
         )?;
         for (index, variable) in self.variables.iter().enumerate() {
             let section = format!("variables[{}]", index + 1);
