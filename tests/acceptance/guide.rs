@@ -365,6 +365,34 @@ fn links_lead_somewhere() {
 }
 
 #[test]
+fn every_program_that_measures_a_claim_exists() {
+    let claims = read(&pages().join("claims.md"));
+    let commands = claims.lines().filter(|line| line.starts_with("$ cargo "));
+    let mut count = 0;
+    for command in commands {
+        let words: Vec<&str> = command.split_whitespace().collect();
+        let after = |flag: &str| {
+            let place = words.iter().position(|word| *word == flag)?;
+            words.get(place + 1).copied()
+        };
+        let krate = after("-p").expect("a crate");
+        let folder = match krate {
+            "acceptance" => root().join("tests"),
+            krate => root().join("crates").join(krate),
+        };
+        let sources = match (after("--example"), after("--bin")) {
+            (Some(name), _) => [format!("examples/{name}.rs"), format!("examples/{name}/main.rs")],
+            (None, Some(name)) => [format!("src/bin/{name}.rs"), format!("src/bin/{name}/main.rs")],
+            (None, None) => ["src/lib.rs".to_owned(), "src/main.rs".to_owned()],
+        };
+        let exists = sources.iter().any(|source| folder.join(source).exists());
+        assert!(exists, "{command}: none of {sources:?}");
+        count += 1;
+    }
+    assert!(count > 15, "{count} commands");
+}
+
+#[test]
 fn every_page_is_in_the_contents_and_is_run() {
     let contents = read(&pages().join("SUMMARY.md"));
     let linked: BTreeSet<&str> = links(&contents).filter(|link| !link.contains('/')).collect();

@@ -1,7 +1,7 @@
 //! The reference pages of the guide are those of the code.
 //!
-//! Keys come from the structs that the files are parsed into, values of names from the parser, columns from
-//! the programs and the store, exit codes from their table. `PITCHLINE_WRITE_GUIDE=1` writes the pages anew;
+//! Keys come from the structs that the files are parsed into, columns from the programs and the store, exit
+//! codes from their table, and commands from `-h`. `PITCHLINE_WRITE_GUIDE=1` writes the pages anew;
 //! meanings of columns, which no code holds, stay as they are on the page.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -657,4 +657,34 @@ fn the_exit_codes_are_those_of_the_code() {
         let _ = writeln!(out, "| {code} | {meaning} |");
     }
     compare("exit-codes.md", "exit codes", out.trim_end());
+}
+
+/// What a program prints with `-h`, without what the pages on variables and exit codes say.
+fn help(sandbox: &Sandbox, command: &str) -> String {
+    let (code, text) = run(sandbox, &format!("{command} -h"));
+    assert_eq!(code, Some(0), "{text}");
+    let text = text.split("\nEnvironment:").next().unwrap_or_default();
+    let lines = text.lines().map(|line| format!("{}\n", line.trim_end()));
+    format!("### `{command}`\n\n```text\n{}\n```\n\n", lines.collect::<String>().trim_end())
+}
+
+#[test]
+fn the_commands_are_those_of_the_programs() {
+    let sandbox = Sandbox::new();
+    let mut out = help(&sandbox, "coordinator");
+    let commands = out.lines().skip_while(|line| *line != "Commands:").skip(1);
+    let commands: Vec<String> = commands
+        .take_while(|line| line.starts_with("  "))
+        // What follows a long line is indented.
+        .filter(|line| !line.starts_with("   "))
+        .filter_map(|line| line.split_whitespace().next())
+        .filter(|name| *name != "help")
+        .map(|name| format!("coordinator {name}"))
+        .collect();
+    assert!(commands.len() > 10, "{out}");
+    for command in commands {
+        out += &help(&sandbox, &command);
+    }
+    out += &help(&sandbox, "worker");
+    compare("commands.md", "commands", out.trim_end());
 }
