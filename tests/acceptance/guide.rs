@@ -8,13 +8,14 @@
 //! | `console exit=N` | the same; the last command ends with this exit code |
 //! | `console needs=A,B` | the same, where the programs, Python modules or R packages (`r:A`) are installed |
 //! | `console not-run` | nothing; the line before it is a comment with the reason |
-//! | `LANGUAGE file=NAME` | writes the file |
+//! | `LANGUAGE file=NAME` | writes the file, which the line before the block names |
 //! | `toml merge=NAME` | puts the sections in the place of those of the file, and checks the campaign |
 //! | `text` | nothing |
 //!
 //! A page has one folder, with the repository's `campaigns` in it, and its blocks follow one another.
 
 mod reference;
+mod sources;
 
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -158,7 +159,7 @@ fn run(sandbox: &Sandbox, script: &str) -> (Option<i32>, String) {
     let log = sandbox.path(".printed");
     let out = File::create(&log).expect("the folder can be written");
     let errors = out.try_clone().expect("a file has two handles");
-    let status = Command::new("timeout")
+    let mut child = Command::new("timeout")
         .args([SECONDS, "sh", "-e", "-c", script])
         .current_dir(sandbox.path(""))
         .env("PATH", format!("{}:{path}", programs().display()))
@@ -168,9 +169,20 @@ fn run(sandbox: &Sandbox, script: &str) -> (Option<i32>, String) {
         .stdin(Stdio::null())
         .stdout(out)
         .stderr(errors)
+        .spawn()
+        .expect("timeout runs");
+    let status = child.wait().expect("the script can be waited for");
+    // A script that failed may leave a coordinator behind. The group is the one that timeout makes.
+    let group = format!("-{}", child.id());
+    let _ = Command::new("kill")
+        .args(["-KILL", "--", &group])
+        .stderr(Stdio::null())
         .status();
-    let status = status.expect("timeout runs");
-    (status.code(), String::from_utf8_lossy(&std::fs::read(&log).expect("the log")).into_owned())
+    let printed = std::fs::read(&log).expect("the log can be read");
+    (
+        status.code(),
+        String::from_utf8_lossy(&printed).into_owned(),
+    )
 }
 
 /// The lines of a TOML file by section: the part before the first one, then each with its header.
@@ -210,6 +222,10 @@ fn merged(text: &str, changes: &str) -> String {
 fn check(sandbox: &Sandbox, block: &Block) {
     let place = &block.place;
     if let Some(name) = block.value("file") {
+        assert!(
+            block.before.contains(name),
+            "{place}: the text does not name {name}"
+        );
         sandbox.write(name, &block.text());
         return;
     }
@@ -230,7 +246,10 @@ fn check(sandbox: &Sandbox, block: &Block) {
         assert!(reason.is_some(), "{place}: no reason why it is not run");
         return;
     }
-    let needs = block.value("needs").into_iter().flat_map(|all| all.split(','));
+    let needs = block
+        .value("needs")
+        .into_iter()
+        .flat_map(|all| all.split(','));
     if let Some(lacking) = needs.into_iter().find(|name| !is_installed(name)) {
         skipped(&format!("{place}: {lacking} is not installed"));
         return;
@@ -239,7 +258,11 @@ fn check(sandbox: &Sandbox, block: &Block) {
     assert!(!script.is_empty(), "{place}: no line begins with $");
     let (code, printed) = run(sandbox, &script);
     let expected = block.value("exit").map_or(Ok(0), str::parse);
-    assert_eq!(code, Some(expected.expect("a number")), "{place}: {printed}");
+    assert_eq!(
+        code,
+        Some(expected.expect("a number")),
+        "{place}: {printed}"
+    );
     if let Some(line) = missing(&shown, &printed) {
         panic!("{place}: {line:?} was not printed, or not there:\n{printed}");
     }
@@ -355,7 +378,8 @@ fn links_lead_somewhere() {
                 "" => document.clone(),
                 file => document.parent().expect("a folder").join(file),
             };
-            let leads = target.exists() && (wanted.is_empty() || has_anchor(&read(&target), wanted));
+            let leads =
+                target.exists() && (wanted.is_empty() || has_anchor(&read(&target), wanted));
             if !leads {
                 broken.push(format!("{}: {link}", document.display()));
             }
@@ -381,8 +405,14 @@ fn every_program_that_measures_a_claim_exists() {
             krate => root().join("crates").join(krate),
         };
         let sources = match (after("--example"), after("--bin")) {
-            (Some(name), _) => [format!("examples/{name}.rs"), format!("examples/{name}/main.rs")],
-            (None, Some(name)) => [format!("src/bin/{name}.rs"), format!("src/bin/{name}/main.rs")],
+            (Some(name), _) => [
+                format!("examples/{name}.rs"),
+                format!("examples/{name}/main.rs"),
+            ],
+            (None, Some(name)) => [
+                format!("src/bin/{name}.rs"),
+                format!("src/bin/{name}/main.rs"),
+            ],
             (None, None) => ["src/lib.rs".to_owned(), "src/main.rs".to_owned()],
         };
         let exists = sources.iter().any(|source| folder.join(source).exists());
@@ -395,7 +425,9 @@ fn every_program_that_measures_a_claim_exists() {
 #[test]
 fn every_page_is_in_the_contents_and_is_run() {
     let contents = read(&pages().join("SUMMARY.md"));
-    let linked: BTreeSet<&str> = links(&contents).filter(|link| !link.contains('/')).collect();
+    let linked: BTreeSet<&str> = links(&contents)
+        .filter(|link| !link.contains('/'))
+        .collect();
     let run: BTreeSet<&str> = RUN.iter().copied().collect();
     assert_eq!(linked, run);
     let mut files: BTreeSet<String> = documents(&pages())
@@ -413,7 +445,10 @@ fn the_checks_of_the_guide_find_mistakes() {
     assert!(agrees("done", " done ") && !agrees("done", "done so far"));
     assert_eq!(missing(&["b", "a"], "a\nb\n"), Some("a"));
     assert_eq!(missing(&["a", "…", "b"], "a\nx\nb\n"), None);
-    assert_eq!(merged("x = 1\n[a]\ny = 2\n", "[a] # b\ny = 3\n[b]\n"), "x = 1\n[a] # b\ny = 3\n[b]\n");
+    assert_eq!(
+        merged("x = 1\n[a]\ny = 2\n", "[a] # b\ny = 3\n[b]\n"),
+        "x = 1\n[a] # b\ny = 3\n[b]\n"
+    );
     assert_eq!(anchor(" What `fit` says: two"), "what-fit-says-two");
     let page = "text\n```console exit=3\n$ a \\\nb\nprinted\n```\n";
     let found = blocks("page", page);
@@ -421,5 +456,8 @@ fn the_checks_of_the_guide_find_mistakes() {
     assert_eq!(script(&found[0]), ("a \\\nb\n".to_owned(), vec!["printed"]));
     let sandbox = Sandbox::new();
     assert_eq!(run(&sandbox, "false\ntrue\n").0, Some(1));
-    assert_eq!(run(&sandbox, "echo x >&2; exit 4\n"), (Some(4), "x\n".to_owned()));
+    assert_eq!(
+        run(&sandbox, "echo x >&2; exit 4\n"),
+        (Some(4), "x\n".to_owned())
+    );
 }

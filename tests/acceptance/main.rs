@@ -10,6 +10,7 @@ mod enriched;
 mod external;
 mod failpoints;
 mod faults;
+mod guide;
 mod leaving;
 mod namespaces;
 mod operations;

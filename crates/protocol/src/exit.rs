@@ -37,7 +37,7 @@ pub const INTERRUPTED: u8 = 14;
 /// contact. Of a campaign, no design gets samples: none is simulable, or the constraints rule all out.
 pub const NOT_SIMULABLE: u8 = 15;
 
-/// Every code with its meaning, for `--help` and the README.
+/// Every code with its meaning, for `--help` and the guide.
 pub const TABLE: [(u8, &str); 16] = [
     (OK, "everything went well"),
     (FAILURE, "something that has no code of its own"),

@@ -6,13 +6,13 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
-use std::path::PathBuf;
 
 use acceptance::{FIGURE_7, Sandbox, assert_code, printed, root};
 use campaign::Campaign;
 use campaign::file::PairFile;
 use protocol::exit;
 
+use super::sources::{EXPLAINED_BY, Item, Sources, about, inner, names, plain, value_of};
 use super::{header, merged, pages, read, run, sections};
 
 /// What opens a part of a page that is compared; a name and `-->` follow.
@@ -42,258 +42,6 @@ fn compare(page: &str, part: &str, expected: &str) {
     );
 }
 
-/// A struct or an enum, or one of its fields or variants.
-#[derive(Debug, Clone, Default)]
-struct Item {
-    name: String,
-    /// The type of a field.
-    kind: String,
-    attributes: String,
-    doc: String,
-    members: Vec<Item>,
-}
-
-/// The structs and enums of a crate's source, with the file that each stands in.
-fn items(folder: &str) -> Vec<(Item, String)> {
-    let mut files = vec![root().join(folder)];
-    let mut found = Vec::new();
-    while let Some(path) = files.pop() {
-        if path.is_dir() {
-            let entries = std::fs::read_dir(&path).expect("a folder");
-            let mut entries: Vec<PathBuf> = entries.map(|entry| entry.expect("an entry").path()).collect();
-            entries.sort();
-            files.extend(entries);
-        } else if path.extension().is_some_and(|kind| kind == "rs") {
-            let text = read(&path);
-            found.extend(items_of(&text).into_iter().map(|item| (item, text.clone())));
-        }
-    }
-    found
-}
-
-/// The structs and enums of a file that rustfmt has formatted, without those of its modules.
-fn items_of(text: &str) -> Vec<Item> {
-    let mut found: Vec<Item> = Vec::new();
-    let mut is_inside = false;
-    let (mut doc, mut attributes) = (String::new(), String::new());
-    let mut lines = text.lines();
-    while let Some(line) = lines.next() {
-        let indent = if is_inside { "    " } else { "" };
-        let Some(line) = line.strip_prefix(indent).filter(|line| !line.starts_with(' ')) else {
-            is_inside &= line != "}";
-            continue;
-        };
-        if let Some(text) = line.strip_prefix("///") {
-            doc += text;
-            doc.push('\n');
-        } else if line.starts_with("#[") {
-            attributes += line;
-            while !attributes.ends_with(']') {
-                let next = lines.next().expect("an attribute ends");
-                attributes += next.trim();
-            }
-        } else if line.starts_with("//") {
-            // A reason for people who read the code.
-        } else if is_inside {
-            let item = found.last_mut().expect("its head was read");
-            if let Some(member) = member(line) {
-                item.members.push(Item {
-                    attributes: std::mem::take(&mut attributes),
-                    doc: std::mem::take(&mut doc),
-                    ..member
-                });
-            }
-        } else {
-            let words: Vec<&str> = line.split_whitespace().collect();
-            let place = words.iter().position(|word| ["struct", "enum"].contains(word));
-            if let Some(name) = place.and_then(|place| words.get(place + 1)).filter(|_| line.ends_with('{')) {
-                found.push(Item {
-                    name: (*name).to_owned(),
-                    kind: String::new(),
-                    attributes: std::mem::take(&mut attributes),
-                    doc: std::mem::take(&mut doc),
-                    members: Vec::new(),
-                });
-                is_inside = true;
-            }
-            doc.clear();
-            attributes.clear();
-        }
-    }
-    found
-}
-
-/// The name and type of a field, or the name of a variant.
-fn member(line: &str) -> Option<Item> {
-    let line = line.trim_end_matches(['{', ' ']).strip_suffix(',').unwrap_or(line);
-    let line = match line.strip_prefix("pub") {
-        Some(rest) => rest.split_once(' ')?.1,
-        None => line,
-    };
-    let (name, kind) = line.split_once(": ").unwrap_or((line, ""));
-    let name = name.split('(').next()?;
-    let is_name = !name.is_empty() && name.chars().all(|c| c.is_alphanumeric() || c == '_');
-    is_name.then(|| Item {
-        name: name.to_owned(),
-        kind: kind.to_owned(),
-        ..Item::default()
-    })
-}
-
-/// All that files are parsed into.
-struct Sources {
-    /// By crate.
-    crates: BTreeMap<&'static str, Vec<(Item, String)>>,
-}
-
-/// Structs that only say which keys there are, and the one that says what they mean.
-const EXPLAINED_BY: [(&str, &str); 3] = [
-    ("PenalisedOptimise", "Optimise"),
-    ("MaterialSection", "Material"),
-    ("ExternalSimulator", "SimulatorSection"),
-];
-
-impl Sources {
-    fn read() -> Self {
-        let crates = ["campaign", "doe", "enrich", "gear", "kriging"];
-        let folder = |name: &str| match name {
-            "campaign" => "crates/campaign/src/file".to_owned(),
-            name => format!("crates/{name}/src"),
-        };
-        Self {
-            crates: crates.into_iter().map(|name| (name, items(&folder(name)))).collect(),
-        }
-    }
-
-    fn of(&self, krate: &str, name: &str) -> Option<&(Item, String)> {
-        let all = self.crates.get(krate)?;
-        all.iter().find(|(item, _)| item.name == name)
-    }
-
-    /// The item that `kind` names in a file of the campaign crate: one of this file, one of that crate, or
-    /// one of another crate that is named with it or imported from it.
-    fn resolve(&self, kind: &str, file: &str) -> Option<&(Item, String)> {
-        if let Some((krate, name)) = kind.split_once("::") {
-            return self.of(krate, name);
-        }
-        let mut own = self.crates["campaign"].iter();
-        let own = own.find(|(item, of)| item.name == kind && of == file);
-        own.or_else(|| self.of("campaign", kind)).or_else(|| {
-            let mut imports = file.lines().filter(|line| line.starts_with("use "));
-            imports.find_map(|line| {
-                let (krate, names) = line.strip_prefix("use ")?.split_once("::")?;
-                let mut names = names.split(|c: char| !c.is_alphanumeric());
-                names.find(|name| *name == kind).and_then(|name| self.of(krate, name))
-            })
-        })
-    }
-
-    /// The struct of a section's keys as they are written.
-    fn section(&self, name: &str) -> &(Item, String) {
-        let found = self.of("campaign", name).unwrap_or_else(|| panic!("no struct {name}"));
-        match value_of(&found.0.attributes, "try_from") {
-            Some(name) => self.section(&name),
-            None => found,
-        }
-    }
-
-    /// What a key means: its own words, or those of the struct that explains this one. `names` are those
-    /// that it takes.
-    fn doc(&self, section: &Item, key: &Item, names: &[(String, String)]) -> String {
-        let other = EXPLAINED_BY.iter().find(|(name, _)| *name == section.name);
-        let other = other.and_then(|(_, other)| self.of("campaign", other));
-        let explained = other.and_then(|(item, _)| item.members.iter().find(|of| of.name == key.name));
-        let doc = if key.doc.is_empty() {
-            explained.map_or("", |key| &key.doc)
-        } else {
-            &key.doc
-        };
-        assert!(!doc.is_empty(), "{}.{} has no words", section.name, key.name);
-        plain(doc, names)
-    }
-}
-
-/// The value of `key = "value"` among attributes.
-fn value_of(attributes: &str, key: &str) -> Option<String> {
-    let (_, rest) = attributes.split_once(&format!("{key} = \""))?;
-    // A quote within is escaped.
-    let rest = rest.replace("\\\"", "\u{0}");
-    Some(rest.split('"').next()?.replace('\u{0}', "\""))
-}
-
-/// A doc comment for people who do not read the code: without links into it. Variants get their `names`.
-fn plain(doc: &str, names: &[(String, String)]) -> String {
-    let mut text = doc.split_whitespace().collect::<Vec<_>>().join(" ");
-    while let Some(begin) = text.find("[`") {
-        let Some(length) = text[begin..].find("`]") else { break };
-        let inside = text[begin + 2..begin + length].to_owned();
-        let mut end = begin + length + 2;
-        if text[end..].starts_with('(') {
-            end += text[end..].find(')').map_or(0, |length| length + 1);
-        }
-        let last = inside.rsplit("::").next().unwrap_or_default();
-        let name = names.iter().find(|(variant, _)| variant == last);
-        let asides = ["; see ", ", see ", ": see ", ": "];
-        let aside = asides.into_iter().find(|aside| text[..begin].ends_with(aside));
-        let ends = text[end..].starts_with('.');
-        match (name, aside) {
-            (Some((_, name)), _) => text.replace_range(begin..end, &format!("`\"{name}\"`")),
-            (None, Some(aside)) if ends => text.replace_range(begin - aside.len()..end, ""),
-            _ => text.replace_range(begin..end, &format!("`{last}`")),
-        }
-    }
-    text.replace('|', "\\|")
-}
-
-/// The names of an enum's variants in files.
-fn names(item: &Item, file: &str) -> Vec<(String, String)> {
-    let named = |variant: &Item| {
-        let of = &variant.name;
-        let given = [format!(" {of} = \""), format!("::{of} => \"")];
-        let given = given.iter().find_map(|begin| {
-            let (_, rest) = file.split_once(begin)?;
-            Some(rest.split('"').next()?.to_owned())
-        });
-        let renamed = value_of(&variant.attributes, "rename");
-        let name = renamed.or(given).unwrap_or_else(|| kebab(&variant.name));
-        (variant.name.clone(), name)
-    };
-    item.members.iter().map(named).collect()
-}
-
-fn kebab(name: &str) -> String {
-    let mut kebab = String::new();
-    for c in name.chars() {
-        if c.is_uppercase() && !kebab.is_empty() {
-            kebab.push('-');
-        }
-        kebab.extend(c.to_lowercase());
-    }
-    kebab
-}
-
-/// The first sentence of a section's words, without its own name.
-fn about(item: &Item) -> String {
-    let text = plain(&item.doc, &[]);
-    let text = text.strip_prefix('`').and_then(|rest| Some(rest.split_once('`')?.1));
-    let text = text.unwrap_or_default().trim_start_matches(&[',', ':', ' '][..]);
-    let text = text.strip_prefix("optional").unwrap_or(text);
-    let text = text.trim_start_matches(&[',', ':', ' ', '.'][..]);
-    let mut chars = text.chars();
-    chars
-        .next()
-        .map(|first| first.to_uppercase().chain(chars).collect())
-        .unwrap_or_default()
-}
-
-/// The type inside an `Option`, a `Vec` or a `Box`.
-fn inner(kind: &str) -> &str {
-    ["Option<", "Vec<", "Box<"]
-        .iter()
-        .find_map(|outer| kind.strip_prefix(outer)?.strip_suffix('>'))
-        .map_or(kind, inner)
-}
-
 /// A kind of file: how it is read, and a file of this kind.
 struct Format {
     root: &'static str,
@@ -320,28 +68,47 @@ impl Format {
         let (_, expected) = message
             .split_once("unknown field `no_such_key`, expected ")
             .unwrap_or_else(|| panic!("{head}: {message}"));
-        expected.split('`').skip(1).step_by(2).map(str::to_owned).collect()
+        expected
+            .split('`')
+            .skip(1)
+            .step_by(2)
+            .map(str::to_owned)
+            .collect()
     }
 
     /// Requires that the parser names all of these where it refuses another name.
     fn require_names(&self, head: &str, key: &str, names: &[(String, String)]) {
-        let held = sections(&self.text).into_iter().find(|section| header(section) == header(head));
+        let held = sections(&self.text)
+            .into_iter()
+            .find(|section| header(section) == header(head));
         let held = held.unwrap_or_else(|| {
-            let keys = self.defaults.iter().filter(|((section, _), _)| head == format!("[{section}]"));
+            let keys = self
+                .defaults
+                .iter()
+                .filter(|((section, _), _)| head == format!("[{section}]"));
             let keys = keys.map(|((_, key), value)| format!("{key} = {value}\n"));
             format!("{head}\n{}", keys.collect::<String>())
         });
-        let others = held.lines().filter(|line| line.split('=').next().map(str::trim) != Some(key));
+        let others = held
+            .lines()
+            .filter(|line| line.split('=').next().map(str::trim) != Some(key));
         let changed: String = others.map(|line| format!("{line}\n")).collect();
         let message = self.refusal(&format!("{changed}{key} = \"no-such-name\"\n"));
         for (_, name) in names {
-            assert!(message.contains(name.as_str()), "{head} {key}: no {name} in {message}");
+            assert!(
+                message.contains(name.as_str()),
+                "{head} {key}: no {name} in {message}"
+            );
         }
     }
 }
 
 /// What a value of this type is called, and the enum whose names it takes.
-fn values<'a>(sources: &'a Sources, key: &Item, file: &str) -> (String, Option<&'a (Item, String)>) {
+fn values<'a>(
+    sources: &'a Sources,
+    key: &Item,
+    file: &str,
+) -> (String, Option<&'a (Item, String)>) {
     let kind = inner(&key.kind);
     let simple = match kind {
         "f64" => "number",
@@ -354,7 +121,11 @@ fn values<'a>(sources: &'a Sources, key: &Item, file: &str) -> (String, Option<&
         _ => "",
     };
     // A name that is parsed later: the words say where it is defined.
-    let linked = key.doc.split("see [`").nth(1).and_then(|rest| rest.split_once("`]"));
+    let linked = key
+        .doc
+        .split("see [`")
+        .nth(1)
+        .and_then(|rest| rest.split_once("`]"));
     let named = match kind {
         "String" => linked.and_then(|(path, _)| sources.resolve(path, file)),
         _ if simple.is_empty() => sources.resolve(kind, file),
@@ -377,7 +148,9 @@ fn values<'a>(sources: &'a Sources, key: &Item, file: &str) -> (String, Option<&
 
 /// A file as Markdown: its sections with their keys, but for those that were `shown` before.
 fn file(sources: &Sources, format: &Format, shown: &mut BTreeSet<String>) -> String {
-    let (top, _) = sources.of("campaign", format.root).expect("the file's struct");
+    let (top, _) = sources
+        .of("campaign", format.root)
+        .expect("the file's struct");
     let is_section = |key: &&Item| {
         let kind = sources.of("campaign", inner(&key.kind));
         kind.is_some_and(|(item, _)| {
@@ -407,7 +180,10 @@ fn file(sources: &Sources, format: &Format, shown: &mut BTreeSet<String>) -> Str
         let _ = write!(out, "### `{head}`{optional}\n\n");
         let keys = keys(sources, format, &head, section, of_file);
         if !shown.insert(kind.to_owned()) {
-            let defaults = format.defaults.iter().filter(|((of, _), _)| *of == key.name);
+            let defaults = format
+                .defaults
+                .iter()
+                .filter(|((of, _), _)| *of == key.name);
             let defaults: Vec<String> = defaults
                 .map(|((_, key), value)| format!("`{key} = {value}`"))
                 .collect();
@@ -432,7 +208,10 @@ fn keys(sources: &Sources, format: &Format, head: &str, section: &Item, file: &s
     let mut lists = String::new();
     let mut known = BTreeSet::new();
     let name = head.trim_matches(&['[', ']'][..]);
-    let named = section.members.iter().filter_map(|key| values(sources, key, file).1);
+    let named = section
+        .members
+        .iter()
+        .filter_map(|key| values(sources, key, file).1);
     let of_section: Vec<_> = named.flat_map(|(item, file)| names(item, file)).collect();
     for key in &section.members {
         let aliases = key.attributes.split("alias = \"").skip(1);
@@ -455,7 +234,9 @@ fn keys(sources: &Sources, format: &Format, head: &str, section: &Item, file: &s
             (false, Some(value)) => format!("required; `{value}` without the section"),
             (false, None) => "required".to_owned(),
         };
-        let of_key = named.map(|(item, file)| names(item, file)).unwrap_or_default();
+        let of_key = named
+            .map(|(item, file)| names(item, file))
+            .unwrap_or_default();
         let meaning = sources.doc(section, key, &of_section);
         let _ = writeln!(out, "| `{}` | {value} | {absent} | {meaning} |", key.name);
         if let Some((item, _)) = named {
@@ -469,7 +250,10 @@ fn keys(sources: &Sources, format: &Format, head: &str, section: &Item, file: &s
     }
     let of_parser = format.known_keys(head);
     let unknown: Vec<_> = of_parser.difference(&known).collect();
-    assert!(unknown.is_empty(), "{head}: the reference lacks {unknown:?}");
+    assert!(
+        unknown.is_empty(),
+        "{head}: the reference lacks {unknown:?}"
+    );
     let section: BTreeSet<String> = section.members.iter().map(|key| key.name.clone()).collect();
     let gone: Vec<_> = section.difference(&of_parser).collect();
     assert!(gone.is_empty(), "{head}: the parser does not know {gone:?}");
@@ -496,14 +280,20 @@ fn the_keys_of_files_are_those_of_the_code() {
         text: read(&root().join("campaigns/pair.toml")),
         defaults: BTreeMap::new(),
     };
-    compare("campaign-file.md", "gear campaigns", &file(&sources, &gears, shown));
+    compare(
+        "campaign-file.md",
+        "gear campaigns",
+        &file(&sources, &gears, shown),
+    );
     // The example leaves out all that has a default.
     let text = read(&root().join("campaigns/ishigami/campaign.toml"));
     let written: serde_json::Value =
         serde_json::from_str(&campaign_json(&text).expect("it is shipped")).expect("JSON");
     let mut defaults = BTreeMap::new();
     for (section, keys) in written.as_object().expect("an object") {
-        let is_given = sections(&text).iter().any(|held| header(held) == format!("[{section}"));
+        let is_given = sections(&text)
+            .iter()
+            .any(|held| header(held) == format!("[{section}"));
         for (key, value) in keys.as_object().into_iter().flatten() {
             if !is_given {
                 defaults.insert((section.clone(), key.clone()), value.to_string());
@@ -516,12 +306,18 @@ fn the_keys_of_files_are_those_of_the_code() {
         text,
         defaults,
     };
-    compare("campaign-file.md", "external campaigns", &file(&sources, &external, shown));
+    compare(
+        "campaign-file.md",
+        "external campaigns",
+        &file(&sources, &external, shown),
+    );
     let mut defaults = BTreeMap::new();
     let written = pair_toml(FIGURE_7).expect("a pair");
     for section in sections(&written) {
         let head = header(&section).trim_start_matches('[').to_owned();
-        let is_given = sections(FIGURE_7).iter().any(|held| header(held) == header(&section));
+        let is_given = sections(FIGURE_7)
+            .iter()
+            .any(|held| header(held) == header(&section));
         for (key, value) in section.lines().filter_map(|line| line.split_once(" = ")) {
             let is_given = is_given && FIGURE_7.contains(&format!("\n{key} = "));
             if !is_given {
@@ -538,7 +334,11 @@ fn the_keys_of_files_are_those_of_the_code() {
         ),
         defaults,
     };
-    compare("campaign-file.md", "pair files", &file(&sources, &pair, shown));
+    compare(
+        "campaign-file.md",
+        "pair files",
+        &file(&sources, &pair, shown),
+    );
 }
 
 /// The meanings on a page, by what a table is of and the name of the row.
@@ -568,7 +368,10 @@ fn columns(heading: &str, columns: &[(String, String)]) -> String {
         let meaning = known.get(&key(heading)).or_else(|| Some(elsewhere()?.1));
         let meaning = meaning.map_or("", String::as_str);
         let is_asked = std::env::var_os("PITCHLINE_WRITE_GUIDE").is_none();
-        assert!(!is_asked || !meaning.is_empty(), "{heading}: nothing is said of {name}");
+        assert!(
+            !is_asked || !meaning.is_empty(),
+            "{heading}: nothing is said of {name}"
+        );
         let _ = writeln!(out, "| `{name}` | {unit} | {meaning} |");
     }
     out.push('\n');
@@ -605,7 +408,11 @@ const TABLES: [&str; 9] = [
 fn exported(sandbox: &Sandbox, store: &str, table: &str) -> Vec<String> {
     let table = sandbox.coordinator(&["export", "--db", store, "--table", table, "--out", "-"]);
     assert_code(&table, 0);
-    let header = printed(&table).lines().next().unwrap_or_default().to_owned();
+    let header = printed(&table)
+        .lines()
+        .next()
+        .unwrap_or_default()
+        .to_owned();
     header.split(',').map(str::to_owned).collect()
 }
 
@@ -633,12 +440,17 @@ fn the_columns_of_tables_are_those_of_the_programs() {
     let mut out = String::new();
     for table in TABLES {
         let names = exported(&sandbox, "pair.db", table).into_iter();
-        let names: Vec<_> = names.map(|name| (name.clone(), unit(&name).to_owned())).collect();
+        let names: Vec<_> = names
+            .map(|name| (name.clone(), unit(&name).to_owned()))
+            .collect();
         out += &columns(&format!("`{table}`"), &names);
     }
     compare("tables.md", "exported tables", out.trim_end());
 
-    let (code, schema) = run(&sandbox, &format!("python3 -c \"$(cat <<'EOF'\n{SCHEMA}EOF\n)\"\n"));
+    let (code, schema) = run(
+        &sandbox,
+        &format!("python3 -c \"$(cat <<'EOF'\n{SCHEMA}EOF\n)\"\n"),
+    );
     assert_eq!(code, Some(0), "{schema}");
     let mut tables: BTreeMap<&str, Vec<(String, String)>> = BTreeMap::new();
     for line in schema.lines() {
@@ -646,8 +458,14 @@ fn the_columns_of_tables_are_those_of_the_programs() {
         let column = (cells[1].to_owned(), cells[2].to_lowercase());
         tables.entry(cells[0]).or_default().push(column);
     }
-    let tables = tables.iter().map(|(table, names)| columns(&format!("Table `{table}`"), names));
-    compare("tables.md", "the store", tables.collect::<String>().trim_end());
+    let tables = tables
+        .iter()
+        .map(|(table, names)| columns(&format!("Table `{table}`"), names));
+    compare(
+        "tables.md",
+        "the store",
+        tables.collect::<String>().trim_end(),
+    );
 }
 
 #[test]
@@ -665,7 +483,10 @@ fn help(sandbox: &Sandbox, command: &str) -> String {
     assert_eq!(code, Some(0), "{text}");
     let text = text.split("\nEnvironment:").next().unwrap_or_default();
     let lines = text.lines().map(|line| format!("{}\n", line.trim_end()));
-    format!("### `{command}`\n\n```text\n{}\n```\n\n", lines.collect::<String>().trim_end())
+    format!(
+        "### `{command}`\n\n```text\n{}\n```\n\n",
+        lines.collect::<String>().trim_end()
+    )
 }
 
 #[test]
