@@ -12,7 +12,8 @@
 //! | `toml merge=NAME` | puts the sections in the place of those of the file, and checks the campaign |
 //! | `text` | nothing |
 //!
-//! A page has one folder, with the repository's `campaigns` in it, and its blocks follow one another.
+//! A page has one folder, with the repository's `campaigns` in it, and its blocks follow one another. Port 7400 of a page
+//! stands for a free one.
 
 mod reference;
 mod sources;
@@ -22,7 +23,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use acceptance::{Sandbox, programs, root, skipped};
+use acceptance::{Sandbox, free_address, programs, root, skipped};
 
 /// A block may take so long: many times what it takes.
 const SECONDS: &str = "120";
@@ -91,7 +92,7 @@ fn blocks(page: &str, text: &str) -> Vec<Block> {
 }
 
 /// The commands of a console block as a script, and the lines that it must print.
-fn script(block: &Block) -> (String, Vec<&str>) {
+fn script(block: &Block, port: u16) -> (String, Vec<&str>) {
     let (mut script, mut printed) = (String::new(), Vec::new());
     let mut continues = false;
     for line in &block.lines {
@@ -107,7 +108,7 @@ fn script(block: &Block) -> (String, Vec<&str>) {
         script.push('\n');
         continues = command.ends_with('\\');
     }
-    (script, printed)
+    (script.replace(":7400", &format!(":{port}")), printed)
 }
 
 /// Whether a printed line is the one of the page, in which `…` stands for anything.
@@ -219,7 +220,7 @@ fn merged(text: &str, changes: &str) -> String {
     all.concat()
 }
 
-fn check(sandbox: &Sandbox, block: &Block) {
+fn check(sandbox: &Sandbox, block: &Block, port: u16) {
     let place = &block.place;
     if let Some(name) = block.value("file") {
         assert!(
@@ -254,7 +255,7 @@ fn check(sandbox: &Sandbox, block: &Block) {
         skipped(&format!("{place}: {lacking} is not installed"));
         return;
     }
-    let (script, shown) = script(block);
+    let (script, shown) = script(block, port);
     assert!(!script.is_empty(), "{place}: no line begins with $");
     let (code, printed) = run(sandbox, &script);
     let expected = block.value("exit").map_or(Ok(0), str::parse);
@@ -284,8 +285,9 @@ fn follow(page: &str) {
     let campaigns = root().join("campaigns").canonicalize().expect("a folder");
     std::os::unix::fs::symlink(campaigns, sandbox.path("campaigns")).expect("a link");
     let text = written_by_hand(&read(&pages().join(page)));
+    let port = free_address().port();
     for block in blocks(page, &text) {
-        check(&sandbox, &block);
+        check(&sandbox, &block, port);
     }
 }
 
@@ -450,10 +452,13 @@ fn the_checks_of_the_guide_find_mistakes() {
         "x = 1\n[a] # b\ny = 3\n[b]\n"
     );
     assert_eq!(anchor(" What `fit` says: two"), "what-fit-says-two");
-    let page = "text\n```console exit=3\n$ a \\\nb\nprinted\n```\n";
+    let page = "text\n```console exit=3\n$ a:7400 \\\nb\nprinted\n```\n";
     let found = blocks("page", page);
     assert_eq!((found.len(), found[0].value("exit")), (1, Some("3")));
-    assert_eq!(script(&found[0]), ("a \\\nb\n".to_owned(), vec!["printed"]));
+    assert_eq!(
+        script(&found[0], 9),
+        ("a:9 \\\nb\n".to_owned(), vec!["printed"])
+    );
     let sandbox = Sandbox::new();
     assert_eq!(run(&sandbox, "false\ntrue\n").0, Some(1));
     assert_eq!(
