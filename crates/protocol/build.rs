@@ -1,5 +1,10 @@
 //! Compiles `proto/` with a pure Rust compiler: no `protoc` is needed on the machine.
 
+#![expect(
+    clippy::disallowed_methods,
+    reason = "cargo tells build scripts its folders by variables"
+)]
+
 use std::path::PathBuf;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -1,6 +1,11 @@
 //! Applies the migrations to a scratch database, against which `sqlx::query!` checks every
 //! statement: nothing has to be installed or running to build the store.
 
+#![expect(
+    clippy::disallowed_methods,
+    reason = "cargo tells build scripts its folders by variables"
+)]
+
 use std::error::Error;
 use std::path::{Path, PathBuf};
 

@@ -1,5 +1,10 @@
 //! Whole programs against each other: nothing here is simulated but the gears.
 
+#![expect(
+    clippy::disallowed_methods,
+    reason = "tests wait with time limits and are told by variables what to run"
+)]
+
 mod bad_input;
 mod campaign;
 mod chaos;

@@ -1,6 +1,11 @@
 //! What the acceptance suite needs to drive the real programs: their binaries, processes that end
 //! with the test, and campaign files made from the shipped ones.
 
+#![expect(
+    clippy::disallowed_methods,
+    reason = "tests wait with time limits and are told by variables what to run"
+)]
+
 pub mod browser;
 pub mod chaos;
 pub mod http;

@@ -1,6 +1,11 @@
 //! What the coordinator and the worker share: log, progress bars, signals, help, and the messages to a service
 //! manager.
 
+#![expect(
+    clippy::disallowed_methods,
+    reason = "reads PITCHLINE_LOG and NO_COLOR for both programs, and feeds a watchdog"
+)]
+
 pub mod service;
 
 use std::io::{IsTerminal as _, Write as _};

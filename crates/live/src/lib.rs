@@ -11,6 +11,8 @@
 //!
 //! The store is only read. The page itself is in `page/`: HTML, style and script as they are served.
 
+#![expect(clippy::disallowed_methods, reason = "views are kept for a moment")]
+
 mod designs;
 pub mod http;
 pub mod metrics;

@@ -4,6 +4,7 @@
 //! submissions in flight each submit one-row batches, as no-op jobs would. What a status page and
 //! a restart need is timed afterwards. A file that is there already is not filled again.
 
+#![expect(clippy::disallowed_methods, reason = "it measures time")]
 #![expect(clippy::print_stdout, reason = "a program for the command line")]
 
 use std::collections::BTreeMap;
