@@ -1,5 +1,10 @@
 //! Computes the digest of the sources, and recomputes it when one of them changes.
 
+#![expect(
+    clippy::disallowed_methods,
+    reason = "cargo tells build scripts its folders by variables"
+)]
+
 use std::error::Error;
 use std::path::Path;
 

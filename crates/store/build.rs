@@ -1,6 +1,11 @@
 //! Applies the migrations to a scratch database, against which `sqlx::query!` checks every
 //! statement. Building the store therefore needs no installed or running database.
 
+#![expect(
+    clippy::disallowed_methods,
+    reason = "cargo tells build scripts its folders by variables"
+)]
+
 use std::error::Error;
 use std::path::{Path, PathBuf};
 

@@ -1,5 +1,10 @@
 //! Tests of whole programs: only the gears are simulated.
 
+#![expect(
+    clippy::disallowed_methods,
+    reason = "tests wait with time limits and are told by variables what to run"
+)]
+
 mod bad_input;
 mod campaign;
 mod chaos;
@@ -10,6 +15,7 @@ mod enriched;
 mod external;
 mod failpoints;
 mod faults;
+mod guide;
 mod leaving;
 mod namespaces;
 mod operations;

@@ -1,6 +1,11 @@
 //! Helpers of the acceptance tests: the programs' binaries, processes that end with the test, and
 //! campaign files derived from the shipped ones.
 
+#![expect(
+    clippy::disallowed_methods,
+    reason = "tests wait with time limits and are told by variables what to run"
+)]
+
 pub mod browser;
 pub mod chaos;
 pub mod http;

@@ -1,6 +1,11 @@
 //! Console facilities shared by the coordinator and the worker: log, progress bars, signals, help,
 //! and messages to a service manager.
 
+#![expect(
+    clippy::disallowed_methods,
+    reason = "reads PITCHLINE_LOG and NO_COLOR for both programs, and feeds a watchdog"
+)]
+
 pub mod service;
 
 use std::io::{IsTerminal as _, Write as _};

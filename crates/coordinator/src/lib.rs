@@ -10,6 +10,11 @@
 //! - [`made`] says where and when a report is made.
 //! - `leases` takes back what silent workers hold.
 
+#![expect(
+    clippy::disallowed_methods,
+    reason = "the board gives the ledger the time, and a run gets a random identity"
+)]
+
 pub mod board;
 pub mod compute;
 pub mod engine;

@@ -1,5 +1,10 @@
 //! The `coordinator` binary: see `coordinator --help`.
 
+#![expect(
+    clippy::disallowed_methods,
+    reason = "commands measure time, date certificates and read the environment"
+)]
+
 mod arguments;
 mod commands;
 mod progress;

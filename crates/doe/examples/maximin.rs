@@ -5,6 +5,7 @@
 //! A fourth argument is the effort (1 by default), a fifth the kind of design (`maximin`, `random`,
 //! `sobol`).
 
+#![expect(clippy::disallowed_methods, reason = "it measures time")]
 #![expect(
     clippy::print_stdout,
     clippy::print_stderr,

@@ -8,7 +8,7 @@ use crate::Error;
 /// The largest number of points. An optimised design of more points would take minutes.
 pub(crate) const MAX_POINTS: usize = 100_000;
 /// The largest number of variables.
-pub(crate) const MAX_VARIABLES: usize = 20;
+pub const MAX_VARIABLES: usize = 20;
 
 /// n points in the open unit box (0, 1)ᵈ. Designs of [`crate::maximin`] and [`random_lhs`] are
 /// Latin hypercubes of cell centres: each coordinate is (level + ½)/n, and each level 0, …, n − 1

@@ -45,7 +45,7 @@ mod nested;
 mod search;
 mod table;
 
-pub use design::{Design, random_lhs};
+pub use design::{Design, MAX_VARIABLES, random_lhs};
 pub use error::Error;
 pub use maximin::{Options, maximin};
 pub use method::{Method, SOBOL_POINTS, sobol};

@@ -21,12 +21,12 @@ const SAME: f64 = 0.5 * HALF_SPACING;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Method {
-    /// [`random_lhs`].
+    /// Any Latin hypercube: [`random_lhs`].
     Random,
-    /// [`maximin`].
+    /// A Latin hypercube whose points lie far apart: [`maximin`].
     #[default]
     Maximin,
-    /// [`sobol`].
+    /// A scrambled Sobol sequence of at most 65 536 points: [`sobol`].
     Sobol,
 }
 

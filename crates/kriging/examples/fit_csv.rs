@@ -9,6 +9,7 @@
 //! ignored. A file whose first line holds numbers only has no header; its last columns are `y` and
 //! `noise_var`, or `f_true`, and those before them the coordinates.
 
+#![expect(clippy::disallowed_methods, reason = "it measures time")]
 #![expect(
     clippy::print_stdout,
     clippy::print_stderr,

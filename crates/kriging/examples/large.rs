@@ -6,6 +6,7 @@
 //! random points, by [`kriging::fit_vecchia`] with its default options. The error is the root mean
 //! square one of the mean against the truth at 2000 other points.
 
+#![expect(clippy::disallowed_methods, reason = "it measures time")]
 #![expect(clippy::print_stdout, reason = "an example's output is its purpose")]
 
 mod common;

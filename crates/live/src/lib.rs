@@ -12,6 +12,8 @@
 //! The store is only read. The page itself is in `page/`, as the HTML, style and script that are
 //! served.
 
+#![expect(clippy::disallowed_methods, reason = "views are kept for a moment")]
+
 mod designs;
 pub mod http;
 pub mod metrics;

@@ -39,7 +39,7 @@ pub const INTERRUPTED: u8 = 14;
 /// rule all out.
 pub const NOT_SIMULABLE: u8 = 15;
 
-/// All codes with their meanings, for `--help` and the README.
+/// Every code with its meaning, for `--help` and the guide.
 pub const TABLE: [(u8, &str); 16] = [
     (OK, "everything went well"),
     (FAILURE, "something that has no code of its own"),

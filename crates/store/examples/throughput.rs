@@ -4,6 +4,7 @@
 //! callers, each with 256 submissions in flight, submit one-row batches, as no-op jobs would. The
 //! reads of a status page and of a restart are timed last. An existing file is not filled again.
 
+#![expect(clippy::disallowed_methods, reason = "it measures time")]
 #![expect(clippy::print_stdout, reason = "a program for the command line")]
 
 use std::collections::BTreeMap;

@@ -2,6 +2,7 @@
 //!
 //! `cargo run --release -p acceptance --bin chaos -- --rounds 200 --seed 1`
 
+#![expect(clippy::disallowed_methods, reason = "rounds are timed")]
 #![expect(
     clippy::print_stdout,
     clippy::print_stderr,

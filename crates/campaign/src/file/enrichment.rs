@@ -10,7 +10,7 @@ use super::validate::Source;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Enrichment {
-    /// The infill criterion.
+    /// The infill criterion: the value of an observation.
     pub criterion: Criterion,
     /// Maximum number of samples in total, including those of the DoE.
     pub samples: u32,
@@ -18,10 +18,10 @@ pub struct Enrichment {
     pub rounds: u32,
     /// Number of infill points in a round.
     pub points_per_round: u32,
-    /// Number of samples of a new design, and of each further turn at an existing one.
+    /// Samples of a new design, and of each repetition at an existing one.
     pub samples_per_point: u32,
-    /// δ of the stopping rule, in µm or in the unit of an external response: the smallest expected
-    /// improvement that is worth further rounds.
+    /// Tolerance δ of the stopping rule, µm or the unit of an external response: the enrichment ends when it
+    /// expects to gain less.
     #[serde(alias = "tolerance")]
     pub tolerance_um: f64,
 }

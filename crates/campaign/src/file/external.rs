@@ -72,11 +72,11 @@ pub struct ResponseSection {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Aim {
-    /// Small values: the percentile below which 90 % of the samples lie is minimised.
+    /// Small values are good: the campaign minimises the percentile that 90 % of the samples stay below.
     #[default]
     Minimise,
-    /// Large values: the response changes its sign, so the percentile above which 90 % of the
-    /// samples lie is maximised.
+    /// Large values are good: the response is taken with the opposite sign, so the campaign maximises the
+    /// percentile that 90 % of the samples exceed.
     Maximise,
 }
 
@@ -141,10 +141,10 @@ impl ExternalSections {
             )
         };
         source.require(
-            (1..=100).contains(&self.variables.len()),
+            (1..=doe::MAX_VARIABLES).contains(&self.variables.len()),
             "variables",
             self.variables.len(),
-            "1 to 100 sections [[variables]]",
+            &format!("1 to {} sections [[variables]]", doe::MAX_VARIABLES),
         )?;
         for (index, variable) in self.variables.iter().enumerate() {
             let section = format!("variables[{}]", index + 1);

@@ -7,9 +7,9 @@ use super::sections::parse_name;
 use super::validate::Source;
 use super::{FileError, Sampling};
 
-/// `[kriging]`. Every key but the first has a default, and is left out of the digest when it has
-/// that value. An enrichment uses `kernel` and `noise` for its own models, and none of the other
-/// keys.
+/// `[kriging]`: the model of the percentile. An enrichment takes `kernel` and `noise` for its own models, and
+/// none of the other keys.
+// Every key but the first is left out of the digest when it has its default.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Kriging {
@@ -45,10 +45,10 @@ pub struct Kriging {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Noise {
-    /// Estimated from the design's own samples, as in the paper.
+    /// The variance from the design's own samples, as in the paper.
     #[default]
     Own,
-    /// Smoothed over the designs, so that it hardly depends on the error of the design's own
+    /// A variance smoothed over the designs, which hardly depends on the error of the design's own
     /// response.
     Smoothed,
 }
@@ -57,10 +57,10 @@ pub enum Noise {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Nugget {
-    /// No: the noise variance of each design is that of its percentile's estimate.
+    /// Only the variance of each design's percentile.
     #[default]
     Known,
-    /// Yes: one additional variance, the same for all designs.
+    /// One more variance, the same for all designs, is estimated and added.
     Estimated,
 }
 

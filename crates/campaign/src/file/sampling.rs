@@ -6,10 +6,8 @@ use stats::{HarrellDavisVariance, NormalOptions, SequentialRule, VarianceFormula
 use super::FileError;
 use super::validate::Source;
 
-/// `[sampling]`
-///
-/// Absent keys are left out of the campaign's digest, too, so that files older than a key keep
-/// theirs.
+/// `[sampling]`: how many samples a design gets, and how the percentile is estimated.
+// Absent keys are left out of the digest, so that files without a new key keep theirs.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sampling {
@@ -34,7 +32,7 @@ pub struct Sampling {
     /// The estimator of the percentile.
     #[serde(default, skip_serializing_if = "PercentileRule::is_default")]
     pub percentile: PercentileRule,
-    /// The control variate.
+    /// Control variate that reduces the variance of the percentile.
     #[serde(default, skip_serializing_if = "ControlVariate::is_default")]
     pub control: ControlVariate,
     /// The scheme by which the wear of a design's samples is drawn.
@@ -51,13 +49,13 @@ pub struct Sampling {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum WearCoefficients {
-    /// Independent coefficients.
+    /// The coefficients of every sample are independent.
     #[default]
     Independent,
-    /// Pairs of opposite signs. The variance of P90 is estimated from the scatter of the pairs.
+    /// Pairs of samples have opposite signs. The variance of P90 comes from the scatter of the pairs.
     Antithetic,
-    /// Scrambled Sobol sequences that are independent of each other. The variance of P90 is
-    /// estimated from the scatter of the sequences.
+    /// Groups of samples are scrambled Sobol sequences, independent of each other. The variance of P90
+    /// comes from the scatter of the groups.
     QuasiRandom,
 }
 
@@ -74,9 +72,9 @@ pub enum ControlVariate {
     /// No control variate.
     #[default]
     None,
-    /// ΔSTE, linear in the coefficients of the wear: see [`gear::Sampler::slopes`]. It costs two
-    /// analyses for each coefficient, about 26 in total, and explains nearly all of a sample's
-    /// variance, so that 30 samples estimate the percentile as well as thousands do without it.
+    /// The part of ΔSTE that is linear in the coefficients of the wear, see [`gear::Sampler::slopes`]. It
+    /// costs two analyses per coefficient, about 26 per design, and explains nearly all of a sample's
+    /// variance, so the percentile from 30 samples is as good as one from thousands.
     Linearised,
 }
 

@@ -17,8 +17,8 @@ pub struct Load {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Wear {
-    /// The law of the mean wear. Archard's is left out of the digest, so that files older than the
-    /// key keep theirs.
+    /// The law of the mean wear.
+    // The default is left out of the digest, so that files without the key keep theirs.
     #[serde(default, skip_serializing_if = "WearLaw::is_default")]
     pub law: WearLaw,
     /// Largest depth of Archard's profile per flank, in µm; only with that law.
@@ -39,10 +39,10 @@ pub struct Wear {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum WearLaw {
-    /// Material is removed wherever the flanks slide, with the same largest depth on every pair.
+    /// Material is removed wherever the flanks slide, to the same greatest depth on every pair.
     #[default]
     Archard,
-    /// Wear with the sign of the sliding velocity and the same coefficient for all pairs, as in the
+    /// The depth has the sign of the sliding velocity, and one coefficient holds for all pairs, as in the
     /// paper.
     Signed,
 }
@@ -179,7 +179,7 @@ pub enum SimulatorKind {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SimulatorSection {
-    /// The kind of simulator; the built-in model if the section is absent.
+    /// The simulator; the built-in model if the section is absent.
     pub kind: SimulatorKind,
     /// Number of designs that an external program simulates when a worker starts, to verify that
     /// all workers run the same program; see [`SimulatorSection::probe_designs`].

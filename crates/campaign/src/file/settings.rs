@@ -11,8 +11,8 @@ use super::validate::Source;
 pub struct Doe {
     /// Number n of designs.
     pub designs: u32,
-    /// The kind of design; see [`doe::Method`]. Maximin if absent, and then left out of the digest,
-    /// so that files older than the key keep theirs.
+    /// The kind of design; see [`doe::Method`].
+    // The default is left out of the digest, so that files without the key keep theirs.
     #[serde(
         default,
         with = "doe_method",

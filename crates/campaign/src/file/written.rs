@@ -86,8 +86,11 @@ struct PenalisedOptimise {
     starts: u32,
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     direct: bool,
+    /// Weight p of a constraint's relative violation in the penalised objective.
     penalty: f64,
+    /// Divisor of the criterion in the penalised objective, µm.
     reference_um: f64,
+    /// Objective of a design that cannot be simulated.
     failure_value: f64,
 }
 

@@ -36,6 +36,22 @@ fn the_shipped_example_is_a_problem_without_gears() {
 }
 
 #[test]
+fn as_many_variables_are_accepted_as_a_design_of_experiments_has() {
+    let of = |count: usize| {
+        let more = (4..=count)
+            .map(|i| format!("[[variables]]\nname = \"x{i}\"\nlow = 0.0\nhigh = 1.0\n\n"));
+        let more: String = more.collect();
+        with("[response]", &format!("{more}[response]"))
+    };
+    assert_eq!(of(20).unwrap().name, "ishigami");
+    let error = of(21).unwrap_err();
+    assert!(
+        error.contains("variables is 21, but must be 1 to 20"),
+        "{error}"
+    );
+}
+
+#[test]
 fn limits_of_either_side_are_constraints_and_their_values_the_criteria() {
     let problem = Problem::new(with("[response]", STRESS).unwrap());
     let broken = problem.constraints(&Criteria::new(vec![250.0]));

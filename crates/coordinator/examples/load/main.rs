@@ -14,6 +14,7 @@
 //! Run it in release mode; every figure is printed with what it is compared to, measured in the
 //! same run.
 
+#![expect(clippy::disallowed_methods, reason = "it measures time")]
 #![expect(clippy::print_stdout, reason = "a program for the command line")]
 
 mod crowd;

@@ -22,6 +22,7 @@ fn batch(index: u64) -> Batch {
 
 /// Run by the other tests, with `cargo test -p store --features failpoints --test it failpoints`.
 #[expect(clippy::print_stderr, reason = "how the child tells its parent")]
+#[expect(clippy::disallowed_methods, reason = "how the parent tells its child")]
 #[tokio::test]
 #[ignore = "run by the other tests, as a process that dies"]
 async fn child() {
