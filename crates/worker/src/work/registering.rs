@@ -1,7 +1,7 @@
 //! How a worker introduces itself, and learns what there is to simulate.
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use campaign::Campaign;
 use campaign::formulation::Problem;
