@@ -27,29 +27,29 @@ pub(crate) use self::studies::{
 #[derive(Debug, Parser)]
 #[command(version = identity::BUILD, after_help = console::help_footer())]
 pub(crate) struct Arguments {
-    /// How to write the log
+    /// The format of the log
     #[arg(long, value_enum, default_value_t, global = true)]
     pub(crate) log_format: LogFormat,
     #[command(subcommand)]
     pub(crate) command: Command,
 }
 
-/// What to do.
+/// The commands.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Run a whole campaign on this machine
     Run(Run),
-    /// Run a campaign with workers that connect from anywhere
+    /// Run a campaign with workers that connect over the network
     Serve(Serve),
     /// Write the missing jobs as shard files, for nodes that cannot connect to a coordinator
     Plan(Plan),
     /// Store the result files (parts) that workers made of shards
     Merge(Merge),
-    /// Say how far a campaign is, also while it runs
+    /// Print the progress of a campaign, during or after the run
     Status(Status),
     /// Serve the live page of a campaign from its store alone, during or after the run
     View(View),
-    /// Say why nothing, or nothing more, is being computed
+    /// Print why no job, or no further job, is being computed
     Explain(Explain),
     /// Stop leasing jobs; the coordinator ends once the leased jobs are reported
     Drain(Drain),
@@ -70,7 +70,7 @@ pub(crate) enum Command {
     /// Answer as a simulator that sleeps, for `tradeoff`
     #[command(hide = true)]
     SleepProgram(SleepProgram),
-    /// Write the report of a campaign, also while it runs
+    /// Write the report of a campaign, during or after the run
     Report(Report),
     /// Write a table of a campaign as CSV or JSON, its model, or an optimum as a pair file
     Export(Export),
@@ -78,7 +78,7 @@ pub(crate) enum Command {
     Fit(Fit),
     /// Predict at points with a fitted model
     Predict(Predict),
-    /// Print the paper's figures beside a campaign's, as Markdown
+    /// Print a campaign's figures next to the paper's, as Markdown
     Compare(Compare),
     /// Simulate one gear pair
     Simulate(Simulate),
@@ -158,7 +158,7 @@ pub(crate) struct Merge {
     pub(crate) json: bool,
 }
 
-/// Where workers and commands of other processes connect.
+/// The port for workers and commands of other processes.
 #[derive(Debug, Args)]
 pub(crate) struct PortArguments {
     /// The address to listen on, such as 127.0.0.1:7400 [default: all interfaces, at the port of
@@ -242,7 +242,7 @@ pub(crate) struct View {
     /// The store, which is only read
     #[arg(long, value_name = "FILE")]
     pub(crate) db: PathBuf,
-    /// Where to serve the page; loopback only [default: 127.0.0.1 at a free port]
+    /// The address of the page; loopback only [default: 127.0.0.1 at a free port]
     #[arg(long, value_name = "ADDR")]
     pub(crate) http: Option<SocketAddr>,
 }
@@ -305,7 +305,7 @@ pub(crate) struct Export {
     pub(crate) approach: Option<Approach>,
 }
 
-/// What to export.
+/// The object to export.
 #[derive(Debug, Args)]
 #[group(required = true, multiple = false)]
 pub(crate) struct Exported {
@@ -345,7 +345,7 @@ pub(crate) struct Simulate {
     /// The seed of random wear; only with --wear random [default: 1]
     #[arg(long, value_name = "S")]
     pub(crate) seed: Option<u64>,
-    /// How many samples of random wear, at least 4; only with --wear random [default: 30]
+    /// Number of samples of random wear, at least 4; only with --wear random [default: 30]
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(4..=10_000_000))]
     pub(crate) samples: Option<u32>,
     /// Write an HTML page with charts (SVG) and their points (CSV) into this folder, new or empty
@@ -368,7 +368,7 @@ pub(crate) struct Check {
 
 #[derive(Debug, Args)]
 pub(crate) struct Keygen {
-    /// The folder to put them in
+    /// The folder for the certificates and tokens
     #[arg(value_name = "DIR")]
     pub(crate) folder: PathBuf,
     /// A further name or address by which workers and clients reach the coordinator; may be repeated

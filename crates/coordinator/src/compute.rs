@@ -16,7 +16,7 @@ pub(crate) async fn blocking<T: Send + 'static>(
     tokio::task::spawn_blocking(timed).await?
 }
 
-/// CPU time of this thread, seconds.
+/// CPU time of this thread, in seconds.
 #[must_use]
 pub fn thread_seconds() -> f64 {
     let time = clock_gettime(ClockId::ThreadCPUTime);

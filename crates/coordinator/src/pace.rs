@@ -1,12 +1,13 @@
 //! The rate of stored samples with a confidence interval, and the durations of optimiser runs.
 //!
-//! Deliveries are counted in batches. A batch ends with the first delivery a second or more after the end
-//! of the batch before, so a batch of a fast simulator holds a second of samples and one of a slow
-//! simulator holds a single delivery. The rate is the ratio estimator R = Σaᵢ/Σdᵢ over the last [`KEPT`]
-//! batches of aᵢ samples and dᵢ seconds; its variance is that of the linearised ratio,
-//! n/(n−1) Σ(aᵢ − R dᵢ)²/(Σdᵢ)² (W. G. Cochran, *Sampling Techniques*, 3rd ed., 1977, section 6.3).
-//! When the last [`LEAST`] batches have another rate than the earlier ones, by [`CHANGED`] standard errors
-//! of the difference, the earlier ones are forgotten: workers came or left, or samples take longer now.
+//! Deliveries are counted in batches. A batch ends with the first delivery a second or more after
+//! the end of the previous batch, so a batch of a fast simulator holds a second of samples and one
+//! of a slow simulator holds a single delivery. The rate is the ratio estimator R = Σaᵢ/Σdᵢ over
+//! the last [`KEPT`] batches of aᵢ samples and dᵢ seconds; its variance is that of the linearised
+//! ratio, n/(n−1) Σ(aᵢ − R dᵢ)²/(Σdᵢ)² (W. G. Cochran, *Sampling Techniques*, 3rd ed., 1977,
+//! section 6.3). When the rate of the last [`LEAST`] batches differs from that of the earlier ones
+//! by more than [`CHANGED`] standard errors of the difference, the earlier ones are forgotten:
+//! workers joined or left, or samples take a different time now.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;

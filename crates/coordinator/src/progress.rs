@@ -21,7 +21,7 @@ struct Line {
 /// The progress of a stage.
 struct Step {
     done: u64,
-    /// Zero for a stage that is not counted.
+    /// Number of items in the stage; zero if they are not counted.
     wanted: u64,
     message: String,
 }

@@ -44,7 +44,7 @@ pub enum Security {
     Guard(Guard),
 }
 
-/// Why a campaign or a study could not be run.
+/// An error that ends a campaign or a study.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The store refused.
@@ -63,7 +63,7 @@ pub enum Error {
         /// The system's error.
         source: std::io::Error,
     },
-    /// Anything else.
+    /// Any other error.
     #[error(transparent)]
     Other(#[from] anyhow::Error),
 }
@@ -94,7 +94,7 @@ pub(crate) struct OpenPort {
 }
 
 impl OpenPort {
-    /// Binds the port of the campaign or study of this name.
+    /// Binds the port of the campaign or study `name`.
     pub(crate) async fn new(port: &Port, name: &str) -> Result<Self, Error> {
         let mut for_hosts = Vec::new();
         let (guard, access) = match &port.security {
@@ -221,7 +221,7 @@ impl Serving {
     }
 }
 
-/// Waits until the workers know that they are to leave.
+/// Waits until the workers know that they are to leave, at most for [`FAREWELL`].
 pub(crate) async fn farewell(board: &Board) {
     let deadline = tokio::time::Instant::now() + FAREWELL;
     while !board.all_dismissed() && tokio::time::Instant::now() < deadline {

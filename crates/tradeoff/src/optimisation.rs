@@ -76,7 +76,7 @@ pub struct Ended {
     pub calls: f64,
     /// CPU time, with the same inclusion, in seconds.
     pub seconds: f64,
-    /// The percentile of verification samples, µm; infinite without a feasible design.
+    /// The percentile of verification samples, in µm; infinite without a feasible design.
     pub percentile_um: f64,
 }
 

@@ -18,7 +18,7 @@ use worker::{Options, SimulatorArguments, Summary, Worker};
 #[derive(Debug, Parser)]
 #[command(version = identity::BUILD, after_help = console::help_footer())]
 struct Arguments {
-    /// How to write the log
+    /// The format of the log
     #[arg(long, value_enum, default_value_t)]
     log_format: console::LogFormat,
     #[command(flatten)]

@@ -87,7 +87,7 @@ struct Shared {
     hurry: AtomicBool,
     /// Number of acknowledged results.
     acknowledged: AtomicU64,
-    /// Ends the worker.
+    /// Cancelled to end the worker.
     stop: CancellationToken,
     /// Requests for an immediate heartbeat.
     announcements: UnboundedSender<calls::Announcement>,

@@ -1,14 +1,14 @@
 //! Load tests of the coordinator: its throughput and its cost.
 //!
 //! ```text
-//! load noop [LEASES]       leases that do nothing, each given out, run, reported and committed by itself, by
-//!                          two workers of one slot in processes of their own
+//! load noop [LEASES]       leases without work, each granted, run, reported and committed singly,
+//!                          by two workers of one slot in separate processes
 //! load overhead [SAMPLES]  the CPU time of a campaign's samples over gRPC and into the store, against
 //!                          the same samples in one process; with the built-in simulator, and with
 //!                          an external one that takes a millisecond per sample
-//! load crowd [WORKERS] [SECONDS]   workers that are connected at once, the coordinator in a process
-//!                          of its own: what it takes and how soon it answers
-//! load large [DESIGNS] [SAMPLES]   a large store: how soon status answers and leasing starts
+//! load crowd [WORKERS] [SECONDS]   simultaneously connected workers, with the coordinator in a
+//!                          separate process: its memory and response times
+//! load large [DESIGNS] [SAMPLES]   a large store: the time until status answers and leasing starts
 //! ```
 //!
 //! Run it in release mode; every figure is printed with what it is compared to, measured in the

@@ -122,7 +122,7 @@ pub(crate) struct Sensitivity {
 pub(crate) struct Pareto {
     #[command(flatten)]
     pub(crate) finished: FinishedCampaign,
-    /// The objective beside the percentile
+    /// The second objective, against the percentile
     #[arg(long, value_enum, default_value_t = Against::Pressure)]
     pub(crate) against: Against,
     /// Number of direct searches, each of optimise.evaluations designs, to add to the front

@@ -26,10 +26,10 @@ struct Plan {
     seed: u64,
     #[serde(skip_serializing_if = "Option::is_none")]
     teeth: Option<[u32; 2]>,
-    /// What is random besides the wear, and what is left out, in words.
+    /// The random quantities besides the wear, and those left out, in words.
     #[serde(skip_serializing_if = "Option::is_none")]
     manufacture: Option<String>,
-    /// What `[accuracy] tolerance_um` chooses, in words.
+    /// The choice made by `[accuracy] tolerance_um`, in words.
     #[serde(skip_serializing_if = "Option::is_none")]
     accuracy: Option<String>,
     /// The stages in order.
@@ -86,9 +86,9 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
     let runs = problem.optimiser_runs();
     let optimising = f64::from(campaign.optimise.starts) * run_seconds;
     let verifying = (points * verify) as f64 * sample_seconds;
-    // Measured with the paper's campaign: 6 s of search for its DoE, which has a budget for each
-    // variable and point and for 320 points more (`doe::maximin`), and 10 s of a fit whose time is cubic in
-    // the points.
+    // Measured with the paper's campaign: 6 s of search for its DoE, whose budget grows with the
+    // number of variables and with the number of points plus 320 (`doe::maximin`), and 10 s of a
+    // fit whose time is cubic in the points.
     let making = match campaign.doe.method {
         doe::Method::Maximin if problem.dimension() > 1 => {
             6.0 * (n as f64 + 320.0) / 3320.0 * problem.dimension() as f64 / 6.0

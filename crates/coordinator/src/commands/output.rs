@@ -97,8 +97,8 @@ pub(super) fn write(out: &Path, content: &[u8]) -> anyhow::Result<()> {
     Ok(written.map_err(|source| cannot("write", out, source))?)
 }
 
-/// Refuses a path that `--out` would overwrite, before anything is computed: a file, or a folder that is not
-/// empty.
+/// Refuses a path that `--out` would overwrite: a file, or a folder that is not empty. Called
+/// before anything is computed.
 pub(super) fn refuse_taken(out: &Path) -> Result<(), FileAccess> {
     if is_stdout(out) || !out.exists() {
         return Ok(());

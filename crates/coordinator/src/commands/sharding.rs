@@ -1,4 +1,4 @@
-//! `plan` and `merge`: a campaign stage by stage, without a network between nodes.
+//! `plan` and `merge`: a campaign stage by stage, without a network between the nodes.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

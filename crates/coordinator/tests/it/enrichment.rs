@@ -129,7 +129,7 @@ async fn rounds_end_within_the_budget_and_resume_as_if_nothing_had_been() {
     let searches: u64 = expected.rounds.iter().map(|row| row.simulator_calls).sum();
     assert!(searches > 0 && expected.optimum.simulator_calls > sampled + asked + searches);
 
-    // Stopped again and again in the middle of a round, with another number of workers.
+    // Stopped in the middle of several rounds, each time with another number of workers.
     for (round, workers) in [(0, 2), (1, 3), (2, 1)] {
         let before = infill.iter().filter(|row| row.round < round);
         let before: u64 = before.map(|row| row.samples).sum();

@@ -228,7 +228,7 @@ fn a_process_that_died_is_replaced() {
 
 #[test]
 fn a_process_that_died_between_jobs_fails_none() {
-    // It ends by itself after the third sample, when nobody asks.
+    // The process ends by itself after the third sample, between two requests.
     let dying = r#"
         n=0
         on_sample() { n=$((n + 1)); answer '"delta_ste_um":1'; [ $n -lt 3 ] || exit 0; }"#;
