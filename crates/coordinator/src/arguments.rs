@@ -27,50 +27,50 @@ pub(crate) use self::studies::{
 #[derive(Debug, Parser)]
 #[command(version = identity::BUILD, after_help = console::help_footer())]
 pub(crate) struct Arguments {
-    /// How to write the log
+    /// The format of the log
     #[arg(long, value_enum, default_value_t, global = true)]
     pub(crate) log_format: LogFormat,
     #[command(subcommand)]
     pub(crate) command: Command,
 }
 
-/// What to do.
+/// The commands.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Run a whole campaign on this machine
     Run(Run),
-    /// Run a campaign with workers that connect from anywhere
+    /// Run a campaign with workers that connect over the network
     Serve(Serve),
-    /// Write what is to be computed as files, for nodes without a network between them
+    /// Write the missing jobs as shard files, for nodes that cannot connect to a coordinator
     Plan(Plan),
-    /// Store what workers made of such files
+    /// Store the result files (parts) that workers made of shards
     Merge(Merge),
-    /// Say how far a campaign is, also while it runs
+    /// Print the progress of a campaign, during or after the run
     Status(Status),
-    /// Serve the live page of a campaign from its store alone, also while it runs or when it is finished
+    /// Serve the live page of a campaign from its store alone, during or after the run
     View(View),
-    /// Say why nothing, or nothing more, is being computed
+    /// Print why no job, or no further job, is being computed
     Explain(Explain),
-    /// Lease no more jobs; the coordinator ends when those that are out are in
+    /// Stop leasing jobs; the coordinator ends once the leased jobs are reported
     Drain(Drain),
-    /// Give jobs that were quarantined another chance
+    /// Try the quarantined jobs again
     Retry(Retry),
     /// Run a campaign for each of several numbers of teeth, and compare
     Sweep(Sweep),
     /// Design with and without profile corrections, and compare
     Corrections(Corrections),
-    /// Say what the recommended design owes to the wear's parameters and to tolerances
+    /// Measure how the wear's parameters and tolerances affect the recommended design
     Sensitivity(Sensitivity),
-    /// Weigh the percentile against the contact pressure or the root stress
+    /// Show the trade-off between the percentile and the contact pressure or the root stress
     Pareto(Pareto),
     /// Chart speed against accuracy: simulator, percentile, kriging, optimisation, runner
     Tradeoff(Tradeoff),
-    /// Simulate a cluster: how far one coordinator carries
+    /// Simulate a cluster, to show how many workers one coordinator can serve
     SimulateCluster(SimulateCluster),
     /// Answer as a simulator that sleeps, for `tradeoff`
     #[command(hide = true)]
     SleepProgram(SleepProgram),
-    /// Write the report of a campaign, also while it runs
+    /// Write the report of a campaign, during or after the run
     Report(Report),
     /// Write a table of a campaign as CSV or JSON, its model, or an optimum as a pair file
     Export(Export),
@@ -78,11 +78,12 @@ pub(crate) enum Command {
     Fit(Fit),
     /// Predict at points with a fitted model
     Predict(Predict),
-    /// Print the paper's figures beside a campaign's, as Markdown
+    /// Print a campaign's figures next to the paper's, as Markdown
     Compare(Compare),
     /// Simulate one gear pair
     Simulate(Simulate),
-    /// Run the inputs on which methods fail, and write what is detected and what is done instead
+    /// Run inputs on which numerical methods fail, and write how each failure is detected and
+    /// handled
     Stability(Stability),
     /// Validate a campaign file and say what it would do
     Check(Check),
@@ -100,10 +101,10 @@ pub(crate) struct Run {
     /// The store; a campaign that it holds is continued [default: NAME.db]
     #[arg(long, value_name = "FILE")]
     pub(crate) db: Option<PathBuf>,
-    /// Accept a store on a network file system, whose locks and syncs may not keep their word
+    /// Accept a store on a network file system, whose locks and syncs may be unreliable
     #[arg(long)]
     pub(crate) allow_network_store: bool,
-    /// How many workers to start in this process [default: the number of processors]
+    /// Number of workers to start in this process [default: the number of processors]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) workers: Option<u16>,
     #[command(flatten)]
@@ -124,10 +125,10 @@ pub(crate) struct Plan {
     /// The store; a campaign that it holds is continued
     #[arg(long, value_name = "FILE")]
     pub(crate) db: PathBuf,
-    /// Accept a store on a network file system, whose locks and syncs may not keep their word
+    /// Accept a store on a network file system, whose locks and syncs may be unreliable
     #[arg(long)]
     pub(crate) allow_network_store: bool,
-    /// How many shards to deal the jobs out to
+    /// Number of shards to divide the jobs among
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub(crate) shards: u32,
     /// The folder of the shards; one that is not empty is refused
@@ -146,10 +147,10 @@ pub(crate) struct Merge {
     /// The store that planned the shards
     #[arg(long, value_name = "FILE")]
     pub(crate) db: PathBuf,
-    /// Accept a store on a network file system, whose locks and syncs may not keep their word
+    /// Accept a store on a network file system, whose locks and syncs may be unreliable
     #[arg(long)]
     pub(crate) allow_network_store: bool,
-    /// What workers made of shards; the same part may be merged again
+    /// Result files that workers made of shards; the same part may be merged again
     #[arg(value_name = "FILE.part", required = true)]
     pub(crate) parts: Vec<PathBuf>,
     /// Print one JSON object
@@ -157,11 +158,11 @@ pub(crate) struct Merge {
     pub(crate) json: bool,
 }
 
-/// Where workers and commands of other processes connect.
+/// The port for workers and commands of other processes.
 #[derive(Debug, Args)]
 pub(crate) struct PortArguments {
-    /// The address to listen on, such as 127.0.0.1:7400 [default: all interfaces, at a free port,
-    /// or at the last one]
+    /// The address to listen on, such as 127.0.0.1:7400 [default: all interfaces, at the port of
+    /// the last run if it is free, else at any free port]
     #[arg(long, value_name = "ADDR")]
     pub(crate) listen: Option<SocketAddr>,
     /// The access file to write, for workers and commands [default: NAME.access in
@@ -173,7 +174,8 @@ pub(crate) struct PortArguments {
     pub(crate) hosts: Vec<String>,
     #[command(flatten)]
     pub(crate) guard: GuardFiles,
-    /// Listen without TLS, tokens or access file, although anybody could join or read along
+    /// Listen without TLS, tokens or access file: anybody who reaches the port can join or listen
+    /// in
     #[arg(long, conflicts_with_all = ["token_file", "tls_cert", "tls_key", "client_ca"],
         requires = "listen")]
     pub(crate) insecure: bool,
@@ -187,12 +189,12 @@ pub(crate) struct Serve {
     /// The store; a campaign that it holds is continued
     #[arg(long, value_name = "FILE")]
     pub(crate) db: PathBuf,
-    /// Accept a store on a network file system, whose locks and syncs may not keep their word
+    /// Accept a store on a network file system, whose locks and syncs may be unreliable
     #[arg(long)]
     pub(crate) allow_network_store: bool,
     #[command(flatten)]
     pub(crate) port: PortArguments,
-    /// How many workers to start in this process
+    /// Number of workers to start in this process
     #[arg(long, value_name = "N", default_value_t = 0,
         value_parser = clap::value_parser!(u16).range(0..=1024))]
     pub(crate) workers: u16,
@@ -205,11 +207,11 @@ pub(crate) struct Serve {
     /// Prometheus at /metrics; loopback only, unless --insecure
     #[arg(long, value_name = "ADDR", alias = "metrics")]
     pub(crate) http: Option<SocketAddr>,
-    /// Stay up when the campaign is finished, until a signal or a drain comes
+    /// Keep serving when the campaign is finished, until a signal or `drain`
     #[arg(long)]
     pub(crate) keep_serving: bool,
-    /// After how many seconds of silence what a worker holds goes to others; a worker that was only
-    /// slow is not blamed, and what it brings late is kept
+    /// Seconds without a heartbeat after which a worker's leases expire and others get the jobs;
+    /// results that arrive later are still stored
     #[arg(long, value_name = "SECONDS", default_value_t = server::LEASE.as_secs(),
         value_parser = clap::value_parser!(u64).range(2..=86_400))]
     pub(crate) lease: u64,
@@ -217,12 +219,14 @@ pub(crate) struct Serve {
 
 #[derive(Debug, Args)]
 pub(crate) struct Status {
-    /// The store, instead of the running coordinator, which knows its workers and their pace, too
+    /// Read the store instead of asking the running coordinator; workers and rates are then not
+    /// shown
     #[arg(long, value_name = "FILE")]
     pub(crate) db: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) reach: Reach,
-    /// Compare everything in the store with its digests first: seconds for millions of samples
+    /// Check everything in the store against its digests first, which takes seconds for millions of
+    /// samples
     #[arg(long, requires = "db")]
     pub(crate) check: bool,
     /// Print one JSON object
@@ -238,7 +242,7 @@ pub(crate) struct View {
     /// The store, which is only read
     #[arg(long, value_name = "FILE")]
     pub(crate) db: PathBuf,
-    /// Where to serve the page; loopback only [default: 127.0.0.1 at a free port]
+    /// The address of the page; loopback only [default: 127.0.0.1 at a free port]
     #[arg(long, value_name = "ADDR")]
     pub(crate) http: Option<SocketAddr>,
 }
@@ -256,7 +260,7 @@ pub(crate) struct Explain {
 pub(crate) struct Drain {
     #[command(flatten)]
     pub(crate) reach: Reach,
-    /// Take an earlier request back
+    /// Lease jobs again after an earlier `drain`
     #[arg(long)]
     pub(crate) resume: bool,
 }
@@ -295,17 +299,17 @@ pub(crate) struct Export {
         conflicts_with = "pair"
     )]
     pub(crate) out: Option<PathBuf>,
-    /// Whose optimum --pair writes
+    /// The approach whose optimum --pair writes
     #[arg(long, value_name = "APPROACH", value_parser = approach_of_name, requires = "pair",
         required_unless_present = "table")]
     pub(crate) approach: Option<Approach>,
 }
 
-/// What to export.
+/// The object to export.
 #[derive(Debug, Args)]
 #[group(required = true, multiple = false)]
 pub(crate) struct Exported {
-    /// Which table
+    /// The table to export
     #[arg(long, value_enum)]
     pub(crate) table: Option<Table>,
     /// Write the optimum of an approach as a pair file for `simulate`; one that exists is refused
@@ -335,13 +339,13 @@ pub(crate) struct Simulate {
     /// The pair file
     #[arg(long, value_name = "PAIR.toml")]
     pub(crate) pair: PathBuf,
-    /// Which wear
+    /// The wear of the tooth flanks
     #[arg(long, value_enum, default_value_t = WearChoice::None)]
     pub(crate) wear: WearChoice,
     /// The seed of random wear; only with --wear random [default: 1]
     #[arg(long, value_name = "S")]
     pub(crate) seed: Option<u64>,
-    /// How many samples of random wear, at least 4; only with --wear random [default: 30]
+    /// Number of samples of random wear, at least 4; only with --wear random [default: 30]
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(4..=10_000_000))]
     pub(crate) samples: Option<u32>,
     /// Write an HTML page with charts (SVG) and their points (CSV) into this folder, new or empty
@@ -364,13 +368,13 @@ pub(crate) struct Check {
 
 #[derive(Debug, Args)]
 pub(crate) struct Keygen {
-    /// The folder to put them in
+    /// The folder for the certificates and tokens
     #[arg(value_name = "DIR")]
     pub(crate) folder: PathBuf,
     /// A further name or address by which workers and clients reach the coordinator; may be repeated
     #[arg(long = "host", value_name = "NAME")]
     pub(crate) hosts: Vec<String>,
-    /// For how many days the certificates hold
+    /// Days for which the certificates are valid
     #[arg(long, value_name = "N", default_value_t = gateway::keygen::DAYS,
         value_parser = clap::value_parser!(u32).range(1..=36_500))]
     pub(crate) days: u32,

@@ -1,5 +1,4 @@
-//! The ledger behind a lock, with real time and the bells that wake whoever waits: where the service
-//! and the engine meet.
+//! The ledger behind a lock, with real time and notifications. The service and the engine share it.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -19,49 +18,49 @@ use tokio::time::Instant;
 
 use crate::pace::{Meters, Runs};
 
-/// The most bytes of models in an answer, unless one alone is larger.
+/// No further lease is added to a response once its sources reach this many bytes.
 const BYTES_PER_ANSWER: usize = MAX_MESSAGE_BYTES / 8;
 
-/// What a worker asks for.
+/// The limits of a lease request.
 #[derive(Debug, Clone, Copy)]
 pub struct Room {
-    /// At most this many leases.
+    /// Maximum number of leases.
     pub leases: usize,
-    /// No more once they are expected to take this long, in seconds.
+    /// No further lease is added once the leases are expected to take this long, in seconds.
     pub seconds: f64,
 }
 
-/// What workers are to do, beyond what they are leased.
+/// The instruction to all workers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Course {
-    /// Go on.
+    /// Keep working.
     Work,
     /// Leave: the campaign is finished.
     Finished,
-    /// Leave: the coordinator ends, and the campaign is not finished.
+    /// Leave: the coordinator ends before the campaign is finished.
     Leave,
 }
 
 struct Inner {
     ledger: Ledger<Arc<Source>>,
-    /// What points are called in the store, by their numbers.
+    /// Names of the points in the store, by their numbers.
     points: BTreeMap<u64, String>,
-    /// What went wrong before this coordinator started, by the streams' names.
+    /// Crashes and failures before this coordinator started, by stream name.
     histories: BTreeMap<String, History>,
-    /// How fast results come, of all workers and of each.
+    /// Rates of stored samples, of all workers and of each.
     meters: Meters,
     of_workers: BTreeMap<WorkerId, Meters>,
-    /// How long whole runs of optimisers take.
+    /// Durations of whole optimiser runs.
     runs: Runs,
-    /// How far the searches on an external simulator are.
+    /// Progress of the searches on an external simulator.
     searches: Vec<Progress>,
     /// Workers whose results are being stored.
     reporting: BTreeSet<WorkerId>,
-    /// Whether the first plan is posted: before, nobody can be told what is needed.
+    /// Whether the engine has posted its first plan. Before, the service refuses workers.
     is_ready: bool,
     course: Course,
     retries: u64,
-    /// Grows with whatever a client might want to see.
+    /// Number of the current state, for clients that watch for changes.
     revision: u64,
 }
 
@@ -70,16 +69,16 @@ pub struct Board {
     inner: Mutex<Inner>,
     epoch: u64,
     origin: Instant,
-    /// Rings when something may have become free.
+    /// Notified when a job may have become free.
     available: Notify,
-    /// Rings when a group of streams is settled.
+    /// Notified when a group of streams is settled.
     settled: Notify,
-    /// Rings when the revision grows.
+    /// Notified when the revision grows.
     changed: Notify,
 }
 
 impl Board {
-    /// A board on which nothing is wanted.
+    /// Creates a board without jobs.
     #[must_use]
     pub fn new(options: Options, epoch: u64) -> Self {
         Self {
@@ -105,20 +104,20 @@ impl Board {
         }
     }
 
-    /// Differs after every start of the coordinator.
+    /// A number that differs after every start of the coordinator.
     #[must_use]
     pub const fn epoch(&self) -> u64 {
         self.epoch
     }
 
-    /// How long a worker may be silent.
+    /// Duration of a lease.
     #[must_use]
     pub fn lease_time(&self) -> Duration {
         self.lock().ledger.lease_time()
     }
 
     fn lock(&self) -> MutexGuard<'_, Inner> {
-        // No update can be half done when its code panics, so what is there stays usable.
+        // A panic cannot leave an update half done, so the state stays usable.
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -126,7 +125,7 @@ impl Board {
         self.origin.elapsed()
     }
 
-    /// Changes something, and rings the bells that this is worth.
+    /// Applies a change and notifies the tasks that wait for it.
     fn change<T>(&self, act: impl FnOnce(&mut Inner, Duration) -> T) -> T {
         let mut inner = self.lock();
         let result = act(&mut inner, self.now());
@@ -150,7 +149,7 @@ impl Board {
 
     // For the engine.
 
-    /// Goes on with the counters of streams that went wrong before a restart.
+    /// Restores the crashes and failures of streams from before a restart.
     pub fn remember(&self, histories: Vec<store::JobHistory>) {
         let known = histories.into_iter().map(|history| {
             let counted = History {
@@ -162,13 +161,14 @@ impl Board {
         self.lock().histories = known.collect();
     }
 
-    /// Leases nothing for so long, so that workers can say what they hold from before a restart.
+    /// Grants no lease for this long, so that workers that hold leases from before a restart can
+    /// report them first.
     pub fn hold_back(&self, grace: Duration) {
         let until = self.now() + grace;
         self.change(|inner, _| inner.ledger.close_until(until));
     }
 
-    /// Notes what is missing; what is known of it already stays as it is.
+    /// Adds missing samples to the ledger. Samples known already keep their state.
     pub fn want(&self, wanted: Vec<Wanted<Arc<Source>>>) {
         self.change(|inner, _| {
             for mut wanted in wanted {
@@ -181,12 +181,12 @@ impl Board {
         });
     }
 
-    /// Notes what a point is called in the store.
+    /// Records the name of a point in the store.
     pub fn name_point(&self, number: u64, name: &str) {
         self.lock().points.insert(number, name.to_owned());
     }
 
-    /// What the points among streams are called in the store.
+    /// Returns the name of a point in the store, or none if the stream is no known point.
     #[must_use]
     pub fn point_name(&self, stream: StreamId) -> Option<String> {
         let is_point = stream.kind == Kind::Point;
@@ -195,23 +195,23 @@ impl Board {
         name.flatten().cloned()
     }
 
-    /// Forgets streams of which nothing is wanted any more.
+    /// Forgets streams whose samples are no longer needed.
     pub fn forget(&self, which: impl Fn(StreamId) -> bool) {
         self.change(|inner, _| inner.ledger.forget(which));
     }
 
-    /// Opens the board to workers.
+    /// Lets workers register: the first plan is posted.
     pub fn open(&self) {
         self.lock().is_ready = true;
     }
 
-    /// Whether workers can be told what is needed.
+    /// Whether the first plan is posted.
     #[must_use]
     pub fn is_open(&self) -> bool {
         self.lock().is_ready
     }
 
-    /// Takes back what silent workers hold; returns what they may have died of.
+    /// Ends the expired leases and returns those that had started: each may be a crash.
     pub fn expire(&self) -> Vec<Vanished> {
         let now = self.now();
         let mut inner = self.lock();
@@ -223,7 +223,7 @@ impl Board {
         vanished
     }
 
-    /// What was quarantined.
+    /// The quarantined streams.
     #[must_use]
     pub fn quarantined(&self) -> BTreeSet<StreamId> {
         let inner = self.lock();
@@ -234,19 +234,19 @@ impl Board {
             .collect()
     }
 
-    /// A future that ends when one more group of streams is settled.
+    /// Returns a future that ends when the next group of streams is settled.
     pub fn watch(&self) -> tokio::sync::futures::Notified<'_> {
         self.settled.notified()
     }
 
-    /// Whether leasing was stopped and nothing is out any more.
+    /// Whether leasing was stopped and no lease is left.
     #[must_use]
     pub fn is_drained(&self) -> bool {
         let inner = self.lock();
         inner.ledger.is_draining() && inner.ledger.is_idle()
     }
 
-    /// Ends when [`is_drained`](Self::is_drained).
+    /// Waits until [`is_drained`](Self::is_drained).
     pub async fn drained(&self) {
         loop {
             let changed = self.changed.notified();
@@ -257,19 +257,19 @@ impl Board {
         }
     }
 
-    /// Tells all workers to go on or to leave.
+    /// Sets the instruction to all workers.
     pub fn set_course(&self, course: Course) {
         self.change(|inner, _| inner.course = course);
     }
 
-    /// How many retries have found something to do.
+    /// Number of retries that found quarantined streams.
     #[must_use]
     pub fn retries(&self) -> u64 {
         self.lock().retries
     }
 
-    /// Tells all workers that the campaign is finished, unless there were more retries than `seen`: one
-    /// may come while the report is written. Returns whether the campaign is finished.
+    /// Tells all workers that the campaign is finished, unless there were more retries than `seen`:
+    /// a retry may arrive while the report is written. Returns whether the campaign is finished.
     #[must_use]
     pub fn finish(&self, seen: u64) -> bool {
         self.change(|inner, _| {
@@ -281,7 +281,7 @@ impl Board {
         })
     }
 
-    /// Ends when a finished campaign has work again, as after a retry.
+    /// Waits until a finished campaign has work again, which a retry adds.
     pub async fn reopened(&self) {
         loop {
             let changed = self.changed.notified();
@@ -292,7 +292,7 @@ impl Board {
         }
     }
 
-    /// Whether every worker that was heard of within a lease has been told to leave.
+    /// Whether every worker that called within the duration of a lease has been told to leave.
     #[must_use]
     pub fn all_dismissed(&self) -> bool {
         let inner = self.lock();
@@ -302,7 +302,8 @@ impl Board {
 
     // For workers.
 
-    /// Notes a worker with what it holds from before. Returns what nobody needs of that.
+    /// Registers a worker with the leases that it holds from before a restart. Returns those that
+    /// are no longer needed.
     pub fn register(
         &self,
         worker: &WorkerId,
@@ -320,15 +321,15 @@ impl Board {
         })
     }
 
-    /// Notes a sign of life; false if the worker is not registered.
+    /// Records that a worker called. Returns false if the worker is not registered.
     #[must_use]
     pub fn is_known(&self, worker: &WorkerId) -> bool {
         let now = self.now();
         self.lock().ledger.see(worker, now)
     }
 
-    /// Leases as much as there is room for; waits up to `wait` for something. None when the time is up
-    /// or the worker is to leave.
+    /// Grants leases up to the limits of `room`. Waits up to `wait` for a free job, and returns no
+    /// lease if none becomes free or the worker is to leave.
     pub async fn lease(
         &self,
         worker: &WorkerId,
@@ -352,7 +353,7 @@ impl Board {
                 }
                 inner.ledger.next_due(self.now())
             };
-            // Some things become free with time alone.
+            // Some jobs become free with time, without a notification.
             let due = due.map_or(deadline, |due| deadline.min(self.origin + due));
             let _ = tokio::time::timeout_at(due, available).await;
             if Instant::now() >= deadline {
@@ -361,13 +362,13 @@ impl Board {
         }
     }
 
-    /// Extends what a worker holds; returns what nobody needs any more.
+    /// Extends the leases that a worker holds and returns those that are no longer needed.
     pub fn heartbeat(&self, worker: &WorkerId, held: &[(LeaseId, bool)]) -> Vec<LeaseId> {
         let now = self.now();
         self.lock().ledger.heartbeat(worker, held, now)
     }
 
-    /// Takes leases back; `leaving` says that the worker wants no more.
+    /// Takes released leases back. `leaving` says that the worker asks for no more.
     pub fn release(&self, worker: &WorkerId, leases: &[LeaseId], leaving: bool) {
         self.change(|inner, now| {
             if leaving {
@@ -377,8 +378,8 @@ impl Board {
         });
     }
 
-    /// Begins to store what a worker hands in; none while that is still being done for an earlier call
-    /// of it.
+    /// Marks that the results of a worker are being stored. Returns none while those of an earlier
+    /// call are.
     #[must_use]
     pub fn begin_report(self: &Arc<Self>, worker: &WorkerId) -> Option<Reporting> {
         let is_first = self.lock().reporting.insert(worker.clone());
@@ -388,14 +389,14 @@ impl Board {
         })
     }
 
-    /// Whether what came of a unit is to be stored.
+    /// Whether the results of a unit are to be stored.
     #[must_use]
     pub fn accept(&self, unit: &Unit) -> Accepted {
         self.lock().ledger.accept(unit)
     }
 
-    /// Ends a lease whose results are stored. Returns what followed from its failures, and for how
-    /// long the worker is suspended, if that is news.
+    /// Ends a lease whose results are stored. Returns the consequence of each failure, and the
+    /// duration of the suspension if the failures suspended the worker.
     pub fn deliver(
         &self,
         worker: &WorkerId,
@@ -403,7 +404,8 @@ impl Board {
         delivery: Delivery,
     ) -> (Vec<Failure>, Option<Duration>) {
         self.change(|inner, now| {
-            // Whatever a worker says, nothing has lasted longer than this coordinator.
+            // A worker may report any number, but no lease can have lasted longer than this
+            // coordinator.
             let seconds = delivery.seconds.min(now.as_secs_f64());
             let delivery = Delivery {
                 seconds,
@@ -422,7 +424,8 @@ impl Board {
         })
     }
 
-    /// What workers are to do; notes that `worker` has been told if that is to leave.
+    /// Returns the instruction to workers, and records that `worker` has been told if it is to
+    /// leave.
     #[must_use]
     pub fn course_for(&self, worker: &WorkerId) -> Course {
         let mut inner = self.lock();
@@ -434,7 +437,7 @@ impl Board {
 
     // For clients.
 
-    /// Gives what was quarantined another chance, and returns it.
+    /// Frees the quarantined streams and returns them.
     pub fn retry(&self) -> Vec<StreamId> {
         let retried = self.change(|inner, _| {
             let retried = inner.ledger.retry();
@@ -444,12 +447,12 @@ impl Board {
             }
             retried
         });
-        // The engine waits for streams that it took to be settled.
+        // Wakes the engine, which counts the retried streams as settled.
         self.settled.notify_waiters();
         retried
     }
 
-    /// Stops or resumes leasing; returns how many leases are out.
+    /// Stops or resumes leasing. Returns the number of leases that workers hold.
     pub fn drain(&self, is_draining: bool) -> usize {
         self.change(|inner, _| {
             inner.ledger.set_draining(is_draining);
@@ -463,7 +466,7 @@ impl Board {
         self.lock().ledger.is_draining()
     }
 
-    /// Waits until the revision is another one than `seen`, at most for `wait`; returns it.
+    /// Waits up to `wait` for a revision other than `seen` and returns the current one.
     pub async fn changed(&self, seen: u64, wait: Duration) -> u64 {
         let deadline = Instant::now() + wait;
         loop {
@@ -475,7 +478,7 @@ impl Board {
         }
     }
 
-    /// Why nothing, or nothing more, is being computed.
+    /// Returns the reasons why no job, or no further job, is being computed.
     #[must_use]
     pub fn explain(&self) -> Vec<String> {
         let inner = self.lock();
@@ -486,12 +489,12 @@ impl Board {
         reasons.iter().map(ToString::to_string).collect()
     }
 
-    /// Notes how far the searches on an external simulator are.
+    /// Records the progress of the searches on an external simulator.
     pub fn show_searches(&self, searches: Vec<Progress>) {
         self.lock().searches = searches;
     }
 
-    /// What only the running coordinator knows.
+    /// The part of the status that only the running coordinator knows.
     #[must_use]
     pub fn live(&self) -> Running {
         let now = self.now();
@@ -534,7 +537,7 @@ impl Inner {
     }
 }
 
-/// Says, until it is dropped, that results of a worker are being stored.
+/// Marks, until it is dropped, that results of a worker are being stored.
 pub struct Reporting {
     board: Arc<Board>,
     worker: WorkerId,

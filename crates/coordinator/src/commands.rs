@@ -40,12 +40,12 @@ mod viewing;
 
 use self::output::{FileAccess, create_new, print, print_either, print_text};
 
-/// A command line that makes no sense although it parses.
+/// A command line that can be parsed but makes no sense.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 struct Usage(String);
 
-/// Does what the command line says; returns the exit code.
+/// Executes the command and returns the exit code.
 pub(crate) async fn execute(command: Command) -> anyhow::Result<u8> {
     match command {
         Command::Run(arguments) => run(arguments).await,
@@ -79,7 +79,7 @@ pub(crate) async fn execute(command: Command) -> anyhow::Result<u8> {
     }
 }
 
-/// The exit code that an error means.
+/// The exit code for an error.
 pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
     for cause in error.chain() {
         if cause.is::<FileError>() {
@@ -174,7 +174,7 @@ fn read(path: &Path) -> Result<String, FileAccess> {
     })
 }
 
-/// The campaign of a file, or the paper's, with its text.
+/// Reads a campaign from a file, or takes the paper's. Returns it with its text.
 fn campaign_or_paper(file: Option<&Path>) -> anyhow::Result<(Campaign, String)> {
     let (name, text) = match file {
         Some(path) => (path.display().to_string(), read(path)?),
@@ -215,7 +215,7 @@ fn processors() -> u16 {
     u16::try_from(processors).unwrap_or(u16::MAX)
 }
 
-/// So many workers of this process, with the simulator that the campaign asks for.
+/// The settings of `count` workers of this process, with the campaign's simulator.
 fn local_workers(
     campaign: &Campaign,
     simulator: &worker::SimulatorArguments,
@@ -265,7 +265,7 @@ async fn serve(arguments: arguments::Serve) -> anyhow::Result<u8> {
     conduct(plan).await
 }
 
-/// The port of a campaign or study of this name.
+/// The port of the campaign or study `name`.
 fn port(arguments: arguments::PortArguments, name: &str) -> anyhow::Result<Port> {
     let security = if arguments.insecure {
         Security::Guard(Guard::open())
@@ -284,14 +284,14 @@ fn port(arguments: arguments::PortArguments, name: &str) -> anyhow::Result<Port>
     })
 }
 
-/// A store must be able to lock its file and to sync it, which network file systems promise rather
-/// than do.
+/// Refuses a store on a network file system unless allowed: locks and syncs of its file may be
+/// unreliable there.
 fn refuse_network_store(db: &Path, allowed: bool) -> anyhow::Result<()> {
     let folder = match db.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     };
-    // Where there is no such list, or no such folder, opening the store says what is wrong.
+    // Without a mount table or a folder, opening the store reports the error.
     let (Ok(mounts), Ok(folder)) = (
         fs::read_to_string("/proc/self/mountinfo"),
         fs::canonicalize(folder),
@@ -313,7 +313,7 @@ fn out_folder(out: Option<PathBuf>, campaign: &Campaign) -> PathBuf {
     out.unwrap_or_else(|| PathBuf::from(format!("{}-report", campaign.name)))
 }
 
-/// Refuses a folder with the report of another campaign.
+/// Refuses a folder that holds the report of another campaign.
 async fn refuse_report_of_another(
     out: &Path,
     campaign: &Campaign,
@@ -321,7 +321,8 @@ async fn refuse_report_of_another(
 ) -> anyhow::Result<()> {
     // Reports of version 0.1 have the digest of the whole campaign file.
     let mut own = vec![campaign.lineage(), campaign.digest()];
-    // A store of another campaign is refused as such, beside its own report, too.
+    // The report beside a store of another campaign is accepted here: opening that store is refused
+    // with the better message.
     if let Ok(store) = Store::open_read_only(db).await {
         let row = store.campaign().await?;
         let held = Campaign::parse("the store's campaign file", &row.file_text);
@@ -386,7 +387,7 @@ async fn export(arguments: arguments::Export) -> anyhow::Result<u8> {
     let what = &arguments.what;
     if let (Some(table), Some(out)) = (what.table, &arguments.out) {
         if table == Table::Model {
-            // Read before the file is made: a campaign may have none yet.
+            // Read before the file is created: the campaign may have no model yet.
             let model = results::model::stored(&store).await?.to_json()?;
             output::write(out, format!("{model}\n").as_bytes())?;
         } else {

@@ -1,8 +1,8 @@
-//! Work for the processors, off the runtime's threads.
+//! Computations outside the threads of the async runtime.
 
 use rustix::time::{ClockId, clock_gettime};
 
-/// Runs `work` on compute threads of its own, one per processor; returns their CPU time, too, in
+/// Runs `work` on separate compute threads, one per processor. Also returns their CPU time, in
 /// seconds.
 pub(crate) async fn blocking<T: Send + 'static>(
     work: impl FnOnce() -> T + Send + 'static,
@@ -16,7 +16,7 @@ pub(crate) async fn blocking<T: Send + 'static>(
     tokio::task::spawn_blocking(timed).await?
 }
 
-/// CPU time of this thread, seconds.
+/// CPU time of this thread, in seconds.
 #[must_use]
 pub fn thread_seconds() -> f64 {
     let time = clock_gettime(ClockId::ThreadCPUTime);

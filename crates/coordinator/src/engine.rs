@@ -21,13 +21,13 @@ use tracing::{info, warn};
 use crate::board::Board;
 use crate::steps::Steps;
 
-/// What the engine works with.
+/// The engine of a campaign.
 pub struct Engine {
     /// The campaign's problem.
     pub problem: Arc<Problem>,
     /// The store.
     pub store: Store,
-    /// What is missing and who computes it.
+    /// The missing jobs, and the workers that compute them.
     pub board: Arc<Board>,
     inputs: Inputs,
     steps: Steps,
@@ -36,12 +36,12 @@ pub struct Engine {
 /// How a campaign ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Ended {
-    /// The names of what was quarantined.
+    /// The names of the quarantined streams.
     pub quarantined: Vec<String>,
 }
 
 impl Engine {
-    /// An engine for a campaign.
+    /// Creates the engine of a campaign.
     #[must_use]
     pub fn new(
         problem: Arc<Problem>,
@@ -58,7 +58,7 @@ impl Engine {
         }
     }
 
-    /// Runs all stages until nothing is missing.
+    /// Runs all stages until nothing is missing. Returns none if `shutdown` or a drain came first.
     ///
     /// # Errors
     ///
@@ -67,7 +67,7 @@ impl Engine {
         self.advance(shutdown, true).await
     }
 
-    /// Runs until only workers can go on: what they are to compute is on the board then. It has ended if
+    /// Runs until only workers can continue; their jobs are on the board then. Returns [`Ended`] if
     /// nothing is missing.
     ///
     /// # Errors
@@ -90,7 +90,7 @@ impl Engine {
             if shutdown.is_cancelled() || self.board.is_drained() {
                 return Ok(None);
             }
-            // Before the state is read: what is settled in between must not be slept through.
+            // Subscribed before the state is read, so that no stream settles unnoticed in between.
             let settled = self.board.watch();
             let mut state = snapshot::load(&self.store, &self.problem, references, more).await?;
             state.quarantined = self.board.quarantined();
@@ -118,7 +118,7 @@ impl Engine {
                 let step = self.do_step(step, base.as_ref(), fit_failed, more);
                 tokio::select! {
                     done = step => done?,
-                    // What it computes is lost; nothing of it is stored before it is whole.
+                    // The step's results are lost: it stores them only at its end.
                     () = shutdown.cancelled() => return Ok(None),
                 }
                 continue;
@@ -144,8 +144,8 @@ impl Engine {
         self.problem.campaign()
     }
 
-    /// Tells store and board what is missing; false if a run has ended meanwhile, so that something else is
-    /// missing.
+    /// Records the missing jobs in the store and on the board. Returns false if a run has ended
+    /// meanwhile, which changes what is missing.
     async fn post(
         &self,
         next: &Next,
@@ -168,7 +168,7 @@ impl Engine {
         for point in &next.points {
             self.board.name_point(point.number, &point.name);
         }
-        // The store first: what is wanted on the board may come back at once.
+        // The store first: results of a job on the board may arrive at once.
         if !generations.is_empty() {
             let held = self.store.generations().await?;
             generations.retain(|(name, generation)| held.get(name) != Some(generation));
@@ -180,7 +180,8 @@ impl Engine {
         Ok(true)
     }
 
-    /// Asks for what is next in a run on an external simulator; false if it has ended.
+    /// Adds the next candidates of a run on an external simulator to `asked`. Returns false if the
+    /// run has ended.
     async fn search(
         &self,
         run: &Run,
@@ -265,22 +266,22 @@ impl Engine {
         }
     }
 
-    /// Forgets what was computed from the samples of the DoE.
+    /// Forgets all results computed from the samples of the DoE.
     async fn forget_derived(&self) -> anyhow::Result<()> {
         self.board.forget(is_derived);
         self.store.clear_derived(&DERIVED_APPROACHES).await?;
         Ok(())
     }
 
-    /// Computes the responses once every design has enough samples; until then, returns which want
-    /// more.
+    /// Computes the responses once every design has enough samples; until then, returns the designs
+    /// that need more.
     async fn compute_responses(
         &self,
         base: Option<&Design>,
     ) -> anyhow::Result<Option<BTreeMap<u64, u64>>> {
         if !self.store.responses().await?.is_empty() {
-            // Samples came after the model was fitted, as of jobs that got another chance: what
-            // was learned without them is learned again.
+            // Samples arrived after the model was fitted, for example of retried jobs. The results
+            // computed without them are computed again.
             self.forget_derived().await?;
         }
         self.steps

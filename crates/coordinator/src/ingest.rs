@@ -1,4 +1,4 @@
-//! From what workers hand in to rows of the store.
+//! The conversion of reported results to rows of the store.
 
 use campaign::formulation::Problem;
 use campaign::task::{Evaluated, Output};
@@ -8,28 +8,28 @@ use stages::names::{run_name, run_stream_name, stream_name, time_key};
 use stages::searching;
 use store::{Batch, CriteriaRow, JobTimeRow, OptimiserRunRow, SampleRow, VerifyRow};
 
-/// What a worker says of one unit, read and checked.
+/// The result of one unit, read and checked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Read {
-    /// What it covers.
+    /// The unit.
     pub unit: Unit,
-    /// What is to be stored, or why there is nothing.
+    /// The rows to store, or the error of a failed job.
     pub rows: Result<Batch, String>,
-    /// Whether the design needs no samples.
+    /// Whether the design gets no samples: it is not simulable, or was ruled out.
     pub is_refused: bool,
-    /// The worker's own number of a failure, if it gave one.
+    /// The worker's number of the failure, if the worker gave one.
     pub serial: Option<u64>,
 }
 
-/// Why a result of a point is refused.
+/// Reason for refusing the result of an unknown point.
 const UNKNOWN_POINT: &str = "is of a point that was not asked for";
 
-/// Reads what came of a unit and turns it into rows. Numbers that cannot be are a failure. `point` says
-/// what a point is called in the store.
+/// Reads the result of a unit and converts it to rows. Numbers that are not plausible are a
+/// failure. `point` returns the name of a point in the store.
 ///
 /// # Errors
 ///
-/// A sentence without subject: the message does not even say what it is about.
+/// The message does not say which unit it is about. The error is a phrase without its subject.
 pub fn read(
     problem: &Problem,
     result: &UnitResult,
@@ -39,7 +39,7 @@ pub fn read(
     let (unit, output) = match protocol::output(result) {
         Ok(read) => read,
         Err(malformed) => {
-            // A worker that sends nonsense about a stream has failed it.
+            // A malformed result counts as a failure of its stream.
             let unit = result.unit.as_ref().map(Unit::try_from);
             match unit {
                 Some(Ok(unit)) => {
@@ -165,7 +165,7 @@ fn rows(
     Ok(batch)
 }
 
-/// Whether these can be the numbers of a candidate; if not, a sentence without subject.
+/// Checks the numbers of a candidate. The error is a phrase without its subject.
 fn check_evaluation(problem: &Problem, evaluated: &Evaluated) -> Result<(), String> {
     let Ok(answer) = &evaluated.answer else {
         return Ok(());

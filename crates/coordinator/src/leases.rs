@@ -1,4 +1,4 @@
-//! Takes back what silent workers hold.
+//! The expiry of leases.
 
 use std::time::Duration;
 
@@ -12,15 +12,14 @@ use tracing::{error, warn};
 use crate::board::Board;
 use crate::recorder::Recorder;
 
-/// How often leases are looked over.
+/// Interval between checks for expired leases.
 const EXPIRY_PERIOD: Duration = Duration::from_millis(200);
 
-/// Takes back the leases of silent workers until it is dropped, and records what their workers may have
-/// died of.
+/// Ends expired leases until it is dropped, and records the possible crashes.
 ///
 /// # Errors
 ///
-/// A failure cannot be recorded.
+/// A crash cannot be recorded.
 pub(crate) async fn watch<R: Recorder>(board: &Board, recorder: &R) -> Result<(), store::Error> {
     let mut period = tokio::time::interval(EXPIRY_PERIOD);
     period.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -32,7 +31,8 @@ pub(crate) async fn watch<R: Recorder>(board: &Board, recorder: &R) -> Result<()
         let now = Instant::now();
         let half_a_lease = board.lease_time() / 2;
         if now.duration_since(last) > half_a_lease {
-            // It was this process that slept: the heartbeats of the meantime are still to be read.
+            // This process was suspended: the workers' heartbeats of the meantime are still to be
+            // read.
             patient_until = now + half_a_lease;
         }
         last = now;
@@ -45,7 +45,8 @@ pub(crate) async fn watch<R: Recorder>(board: &Board, recorder: &R) -> Result<()
                 recorder.record(batch).await?;
             }
         }
-        // This line is reached only while the board's lock can be had and the writer goes on.
+        // This line is reached only while the board's lock is available and the writer makes
+        // progress.
         watchdog.feed();
     }
 }

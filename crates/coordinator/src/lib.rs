@@ -1,14 +1,13 @@
 //! Plans a campaign, leases its jobs to workers, and writes the report.
 //!
-//! - [`engine`] runs the stages: it asks [`stages::plan`] what comes next, does the local steps and puts
-//!   the jobs on the [`board`].
-//! - [`board`] holds the ledger behind one lock, with real time and bells; [`service`] is the gRPC face
-//!   of it; [`ingest`] turns what workers hand in into rows, which a [`recorder`] stores.
-//! - [`server`] opens the store and runs it all; [`study`] runs the simulations of a study, without a
-//!   store. [`serving`] is what both have beside the board: the port, and [`local`] workers of the same
-//!   process.
-//! - [`made`] says where and when a report is made.
-//! - `leases` takes back what silent workers hold.
+//! - [`engine`] runs the stages: it asks [`stages::plan`] for the next step, does the local steps and
+//!   puts the jobs on the [`board`].
+//! - [`board`] holds the ledger behind one lock, with real time and notifications. [`service`] is its
+//!   gRPC service. [`ingest`] converts reported results to rows, which a [`recorder`] stores.
+//! - [`server`] opens the store and runs a campaign. [`study`] runs the simulations of a study, without
+//!   a store. Both use [`serving`] for the port and for [`local`] workers of the same process.
+//! - [`made`] names the machine, time and program version of a report.
+//! - `leases` ends expired leases.
 
 #![expect(
     clippy::disallowed_methods,

@@ -11,9 +11,9 @@ use worker::{Exec, Options, Summary, Worker};
 /// Workers of the coordinator's own process.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LocalWorkers {
-    /// How many, of one slot each.
+    /// The number of workers, of one slot each.
     pub count: usize,
-    /// The external simulator that they run, for a campaign that asks for one.
+    /// The external simulator of the workers, if the campaign uses one.
     pub exec: Option<Exec>,
 }
 
@@ -22,7 +22,7 @@ impl LocalWorkers {
     ///
     /// # Errors
     ///
-    /// None that can be mended: the address is a constant.
+    /// The connection cannot be set up. The address is a constant, so this is not expected.
     pub fn start(
         &self,
         dial: &Dial,

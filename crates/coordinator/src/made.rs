@@ -1,4 +1,4 @@
-//! Where and when a report is made: the only facts in it that are no part of any result.
+//! The machine, time and program version of a report, which are no part of any result.
 
 use std::time::SystemTime;
 

@@ -1,13 +1,13 @@
-//! The rate at which samples are stored, with an interval from its scatter, and how long runs of
-//! optimisers take.
+//! The rate of stored samples with a confidence interval, and the durations of optimiser runs.
 //!
-//! Deliveries are counted in batches. A batch ends with the first delivery a second or more after the end
-//! of the batch before, so a batch of a fast simulator holds a second of samples and one of a slow
-//! simulator holds a single delivery. The rate is the ratio estimator R = Σaᵢ/Σdᵢ over the last [`KEPT`]
-//! batches of aᵢ samples and dᵢ seconds; its variance is that of the linearised ratio,
-//! n/(n−1) Σ(aᵢ − R dᵢ)²/(Σdᵢ)² (W. G. Cochran, *Sampling Techniques*, 3rd ed., 1977, section 6.3).
-//! When the last [`LEAST`] batches have another rate than the earlier ones, by [`CHANGED`] standard errors
-//! of the difference, the earlier ones are forgotten: workers came or left, or samples take longer now.
+//! Deliveries are counted in batches. A batch ends with the first delivery a second or more after
+//! the end of the previous batch, so a batch of a fast simulator holds a second of samples and one
+//! of a slow simulator holds a single delivery. The rate is the ratio estimator R = Σaᵢ/Σdᵢ over
+//! the last [`KEPT`] batches of aᵢ samples and dᵢ seconds; its variance is that of the linearised
+//! ratio, n/(n−1) Σ(aᵢ − R dᵢ)²/(Σdᵢ)² (W. G. Cochran, *Sampling Techniques*, 3rd ed., 1977,
+//! section 6.3). When the rate of the last [`LEAST`] batches differs from that of the earlier ones
+//! by more than [`CHANGED`] standard errors of the difference, the earlier ones are forgotten:
+//! workers joined or left, or samples take a different time now.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
@@ -15,47 +15,47 @@ use std::time::Duration;
 use ledger::{Kind, Unit};
 use results::live::{Pace, Paces};
 
-/// A batch lasts at least this long.
+/// Minimum duration of a batch.
 const BATCH: Duration = Duration::from_secs(1);
-/// How many batches an estimate rests on at most.
+/// Maximum number of batches in an estimate.
 const KEPT: usize = 20;
-/// How long so many batches last at least, in seconds.
+/// Minimum duration of [`KEPT`] batches, in seconds.
 const SHORTEST: f64 = KEPT as f64 * BATCH.as_secs_f64();
-/// With fewer batches the scatter says too little.
+/// Minimum number of batches for a confidence interval.
 const LEAST: usize = 5;
-/// See the module.
+/// Standard errors by which rates must differ for the earlier batches to be forgotten.
 const CHANGED: f64 = 4.0;
-/// With a larger standard error, relative to the rate, the rate is not known.
+/// Maximum standard error of a rate, relative to the rate, for a confidence interval.
 const ROUGHEST: f64 = 0.5;
 /// The 97.5 % quantile of Student's t with 4 to 19 degrees of freedom (n − 1 for n batches).
 const STUDENT: [f64; KEPT - LEAST + 1] = [
     2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131, 2.120,
     2.110, 2.101, 2.093,
 ];
-/// How many runs of optimisers a mean rests on at most.
+/// Maximum number of optimiser runs in a mean.
 const RUNS_KEPT: usize = 20;
 
-/// Samples stored in some time.
+/// Samples stored over a time.
 #[derive(Debug, Clone, Copy)]
 struct Batch {
     seconds: f64,
     samples: f64,
 }
 
-/// Counts what is stored.
+/// Counts stored samples.
 #[derive(Debug, Clone, Default)]
 struct Meter {
-    /// The last batches, the oldest first.
+    /// The latest batches, the oldest first.
     batches: VecDeque<Batch>,
     /// The end of the last batch, or the first delivery; none before that.
     since: Option<Duration>,
-    /// What was counted after it.
+    /// Samples counted after `since`.
     open: u64,
 }
 
 impl Meter {
-    /// Counts a delivery. When the work behind the first delivery began is not known, so it only starts
-    /// the clock, and so does the first one after a long silence.
+    /// Counts a delivery. The first delivery, and the first after a long silence, only starts the
+    /// clock: it is unknown when the work for it began.
     fn count(&mut self, now: Duration, samples: u64) {
         if samples == 0 {
             return;
@@ -83,7 +83,7 @@ impl Meter {
         self.forget_another_rate();
     }
 
-    /// Forgets batches of another rate than that of the last ones.
+    /// Forgets the earlier batches if their rate differs from that of the latest ones.
     fn forget_another_rate(&mut self) {
         let batches = self.batches.make_contiguous();
         let Some(earlier) = batches.len().checked_sub(LEAST).filter(|n| *n >= LEAST) else {
@@ -97,8 +97,8 @@ impl Meter {
         }
     }
 
-    /// Whether the last batch ended longer ago than all batches together lasted, and than as many short
-    /// ones would.
+    /// Whether the last batch ended longer ago than all batches together lasted, and longer ago
+    /// than [`SHORTEST`].
     fn is_silent(&self, now: Duration) -> bool {
         let silence = now.saturating_sub(self.since.unwrap_or_default());
         let lasted: f64 = self.batches.iter().map(|batch| batch.seconds).sum();
@@ -106,7 +106,7 @@ impl Meter {
         !self.batches.is_empty() && silence.as_secs_f64() > lasted.max(SHORTEST)
     }
 
-    /// The rate now; nought after a silence.
+    /// The current rate; zero after a silence.
     fn pace(&self, now: Duration) -> Pace {
         let Some(since) = self.since.filter(|_| !self.is_silent(now)) else {
             return Pace::default();
@@ -118,7 +118,7 @@ impl Meter {
         if batches.is_empty() {
             return Pace::of(with_open, None);
         }
-        // The batch that is open has no end yet. It counts when even so it lowers the rate.
+        // The open batch has no end yet. It counts only when it lowers the rate.
         let per_second = ratio.value.min(with_open);
         let degrees = batches.len().checked_sub(LEAST);
         let factor = degrees
@@ -131,7 +131,7 @@ impl Meter {
     }
 }
 
-/// Samples per second of some batches.
+/// The rate of some batches, in samples per second.
 struct Ratio {
     samples: f64,
     seconds: f64,
@@ -157,8 +157,8 @@ impl Ratio {
     }
 }
 
-/// A meter for each kind of work: what one kind takes says nothing of another, and while one is computed
-/// another may have to wait.
+/// A meter for each kind of work. The kinds take different times, and one may wait while another is
+/// computed.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Meters(BTreeMap<Kind, Meter>);
 
@@ -173,14 +173,14 @@ impl Meters {
         }
     }
 
-    /// The rates now.
+    /// The current rates.
     pub(crate) fn paces(&self, now: Duration) -> Paces {
         let paces = self.0.iter().map(|(kind, meter)| (*kind, meter.pace(now)));
         Paces(paces.collect())
     }
 }
 
-/// How long the last runs of optimisers took, in seconds.
+/// Durations of the last optimiser runs, in seconds.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Runs(VecDeque<f64>);
 
@@ -192,7 +192,7 @@ impl Runs {
         self.0.push_back(seconds);
     }
 
-    /// The mean and the shortest and the longest of them; none before one has ended.
+    /// The mean, shortest and longest duration; none before a run has ended.
     pub(crate) fn seconds(&self) -> Option<results::live::RunSeconds> {
         let of = |pick: fn(f64, f64) -> f64| self.0.iter().copied().reduce(pick);
         Some(results::live::RunSeconds {
@@ -236,8 +236,8 @@ mod tests {
         assert!(pace.factor.unwrap() < 1.1, "{pace:?}");
     }
 
-    /// Samples that came to the store (s, samples), seen every 10 ms, of `campaigns/wear.toml` with 1500 samples
-    /// of each design on two cores that others used, too. The first leases are short.
+    /// Samples stored by time (s, samples), read every 10 ms, of `campaigns/wear.toml` with 1500
+    /// samples of each design on two cores that other programs shared. The first leases are short.
     const SEEN: [(f64, u64); 42] = [
         (0.0, 100),
         (0.02, 230),
@@ -312,7 +312,7 @@ mod tests {
             low < 500.0 && high > 500.0 && high < 800.0,
             "{low} to {high}"
         );
-        // As many again come.
+        // As many workers again join.
         deliver(&mut meter, (37.5, 45.0), 0.1, 150);
         let (low, high) = interval(meter.pace(at(45.0)));
         assert!(
@@ -336,7 +336,7 @@ mod tests {
         assert!((again.per_second - 100.0).abs() < 10.0, "{again:?}");
     }
 
-    /// Four workers, each of whose samples takes ten minutes.
+    /// Four workers whose samples take ten minutes each.
     #[test]
     fn hours_between_deliveries_are_batches_like_seconds() {
         let mut meter = Meter::default();

@@ -9,30 +9,30 @@ use results::status::Status;
 
 const TICK: Duration = Duration::from_millis(200);
 
-/// What is shown while a campaign runs: the stages that are done, and the one that runs.
+/// The progress of a campaign: a line for each finished stage and one for the running stage.
 pub(crate) struct Progress(Mutex<Option<Line>>);
 
-/// The line of the stage that runs.
+/// The line of the running stage.
 struct Line {
     stage: String,
     bar: ProgressBar,
 }
 
-/// How far a stage is.
+/// The progress of a stage.
 struct Step {
     done: u64,
-    /// Zero for a stage that is not counted.
+    /// Number of items in the stage; zero if they are not counted.
     wanted: u64,
     message: String,
 }
 
 impl Progress {
-    /// No lines yet; none are drawn unless standard error is a terminal.
+    /// Creates the display without lines. It draws only if standard error is a terminal.
     pub(crate) fn new() -> Self {
         Self(Mutex::new(None))
     }
 
-    /// Shows the stage that runs. The line of the one before stays, with the time that it took.
+    /// Shows the running stage. The line of the previous one stays, with its duration.
     pub(crate) fn show(&self, status: &Status) {
         let mut line = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if line.as_ref().is_none_or(|line| line.stage != status.stage) {
@@ -83,7 +83,7 @@ impl Line {
         self.bar.set_message(step.message);
     }
 
-    /// The stage is done.
+    /// Marks the stage as done, with its duration.
     fn end(self) {
         let took = format!("done in {}", HumanDuration(self.bar.elapsed()));
         if let Ok(style) = ProgressStyle::with_template("{prefix:>9} {wide_msg}") {

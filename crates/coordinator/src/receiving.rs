@@ -1,4 +1,5 @@
-//! What workers hand in: accepted by the board, stored, and told to the board.
+//! The path of reported results: the board accepts them, the recorder stores them, the board counts
+//! them.
 
 use std::ops::Range;
 
@@ -15,16 +16,16 @@ use crate::board::Board;
 use crate::ingest;
 use crate::recorder::Recorder;
 
-/// The most bytes of what a worker says about a failure that are kept.
+/// Maximum length of a recorded error message, in bytes.
 const ERROR_BYTES: usize = 16 << 10;
 
-/// Takes the results of workers.
+/// The receiver of reported results.
 pub(crate) struct Receiving<'a, R> {
-    /// What is designed.
+    /// The campaign's problem.
     pub(crate) problem: &'a Problem,
-    /// What is wanted.
+    /// The board with the jobs.
     pub(crate) board: &'a Board,
-    /// Where results go.
+    /// The recorder of results.
     pub(crate) recorder: &'a R,
 }
 
@@ -42,7 +43,8 @@ impl<R: Recorder> Receiving<'_, R> {
             for unit in &result.results {
                 self.take(worker, unit, &mut brought);
             }
-            // Designs go together; what depends on a generation goes alone.
+            // Designs are committed together. A result that depends on a generation is committed
+            // alone.
             let (alone, together): (Vec<Part>, Vec<Part>) = std::mem::take(&mut brought.parts)
                 .into_iter()
                 .partition(|part| part.batch.only_for.is_some());
@@ -53,7 +55,7 @@ impl<R: Recorder> Receiving<'_, R> {
             }
             all.push(brought);
         }
-        // The writer commits all that are waiting at once.
+        // The writer commits all waiting batches at once.
         for (of, committed) in join_all(commits).await {
             let committed = committed.map_err(|failed| {
                 error!(error = %failed, "results could not be stored");
@@ -64,7 +66,7 @@ impl<R: Recorder> Receiving<'_, R> {
             }
         }
         for (result, mut brought) in results.into_iter().zip(all) {
-            // One that was reported to a coordinator before this one counts already.
+            // A failure that an earlier coordinator recorded counts already.
             let mut counted = Vec::with_capacity(brought.failed.len());
             for failed in std::mem::take(&mut brought.failed) {
                 let is_known = match failed.serial {
@@ -95,7 +97,7 @@ impl<R: Recorder> Receiving<'_, R> {
         Ok(())
     }
 
-    /// Sorts out what came of a unit.
+    /// Reads the result of a unit and adds it to `brought`.
     fn take(&self, worker: &WorkerId, result: &UnitResult, brought: &mut Brought) {
         let read = match ingest::read(self.problem, result, |stream| self.board.point_name(stream))
         {
@@ -127,7 +129,7 @@ impl<R: Recorder> Receiving<'_, R> {
         }
     }
 
-    /// Stores parts, and what became of each; the outer error says that nothing was stored.
+    /// Stores parts and returns the outcome of each. The outer error says that nothing was stored.
     async fn commit(
         &self,
         parts: Vec<Part>,
@@ -143,7 +145,7 @@ impl<R: Recorder> Receiving<'_, R> {
                 .map(|part| (part, Err(refused.clone())))
                 .collect()),
             Err(refused) if refused.is_refusal() => {
-                // One that contradicts the store must not take the others with it.
+                // A part that contradicts the store must not keep the others from being stored.
                 let mut outcomes = Vec::with_capacity(parts.len());
                 for part in parts {
                     match self.recorder.record(part.batch.clone()).await {
@@ -157,7 +159,7 @@ impl<R: Recorder> Receiving<'_, R> {
         }
     }
 
-    /// Records a failure, once for each of the worker's numbers.
+    /// Records a failure, once for each serial number of the worker.
     async fn record(
         &self,
         worker: &WorkerId,
@@ -177,7 +179,7 @@ impl<R: Recorder> Receiving<'_, R> {
                 warn!(%job, %worker, %error, again_in, "a failure");
                 FailureKind::Failure
             }
-            // Other numbers than are stored must not go unrecorded, whoever brings them when.
+            // A contradiction of the store is always recorded, even if the lease no longer counts.
             Failure::Ignored if failed.contradicts => FailureKind::Failure,
             Failure::Ignored => {
                 info!(%job, %worker, %error, "a failure that does not count");
@@ -202,17 +204,17 @@ impl<R: Recorder> Receiving<'_, R> {
     }
 }
 
-/// What a lease brought, as far as it is known.
+/// The results of a lease, sorted by outcome.
 #[derive(Debug, Default)]
 struct Brought {
-    /// To be stored.
+    /// Results not yet stored.
     parts: Vec<Part>,
     stored: Vec<Unit>,
     refused: Vec<(StreamId, Generation)>,
     failed: Vec<Failed>,
 }
 
-/// What came of a unit, to be stored.
+/// The result of a unit, not yet stored.
 #[derive(Debug)]
 struct Part {
     unit: Unit,
@@ -227,12 +229,12 @@ struct Failed {
     samples: Range<u32>,
     serial: Option<u64>,
     error: String,
-    /// Whether the store holds other numbers.
+    /// Whether the result differs from the stored one.
     contradicts: bool,
 }
 
 impl Brought {
-    /// Notes what became of a part.
+    /// Records the outcome of storing a part.
     fn note(&mut self, worker: &WorkerId, part: Part, outcome: Result<Receipt, store::Error>) {
         let Part { unit, serial, .. } = part;
         let job = names::job_name(unit.stream, &unit.samples);
@@ -241,8 +243,8 @@ impl Brought {
             Ok(_) if part.is_refused => self.refused.push((unit.stream, unit.generation)),
             Ok(_) => self.stored.push(unit),
             Err(refused) => {
-                // What is stored stays. Somebody computes other numbers, which must be heard; what
-                // is settled stays so, anything else is tried again elsewhere.
+                // The stored numbers stay, and the contradiction is recorded. Settled samples stay
+                // settled; any others are leased to another worker.
                 error!(%job, %worker, error = %refused, "a worker contradicts the store");
                 self.failed.push(Failed {
                     stream: unit.stream,
@@ -260,7 +262,7 @@ fn not_stored(error: &store::Error) -> Status {
     Status::unavailable(format!("not stored: {error}"))
 }
 
-/// As much of a text as fits into so many bytes.
+/// Returns the beginning of a text, at most `bytes` long.
 pub(crate) fn beginning(text: &str, bytes: usize) -> &str {
     &text[..text.floor_char_boundary(bytes)]
 }

@@ -1,4 +1,4 @@
-//! Where results are stored and status is read.
+//! The recorder of results and source of the status.
 
 use std::sync::Arc;
 
@@ -6,34 +6,35 @@ use results::status::{self, Status};
 use store::{Batch, Receipt, Store, Writer};
 use tokio::sync::watch;
 
-/// Where results go and where status comes from: the store, or a stand-in for it in tests whose
-/// clock is not the system's.
+/// The recorder of results and source of the status: the store, or a substitute for it, such as
+/// that of a study.
 #[tonic::async_trait]
 pub trait Recorder: Clone + Send + Sync + 'static {
-    /// Stores a batch, all of it or nothing, and returns when it is safe.
+    /// Stores a batch as a whole or not at all, and returns once it is durable.
     async fn record(&self, batch: Batch) -> Result<Receipt, store::Error>;
 
-    /// Whether the failure to which its worker gave this number is recorded.
+    /// Whether the failure of this worker with this serial number is recorded.
     async fn knows_failure(&self, worker: &str, serial: u64) -> Result<bool, store::Error>;
 
-    /// The digest of the simulator whose samples are held, which becomes `offered` if there is none.
+    /// Compares `offered` with the recorded digest of the simulator, and records it if there is
+    /// none.
     async fn pin_model(&self, offered: &str) -> Result<(), store::Error>;
 
-    /// How far the campaign is; none of a study, which is no campaign.
+    /// The status of the campaign; none for a study.
     async fn status(&self) -> anyhow::Result<Option<Status>>;
 }
 
-/// The real thing.
+/// A recorder that writes to a store.
 #[derive(Debug, Clone)]
 pub struct StoreRecorder {
     store: Store,
     writer: Writer,
-    /// The first failure to write that is not the rows' fault.
+    /// The first write error not caused by the rows themselves.
     broken: Arc<watch::Sender<Option<store::Error>>>,
 }
 
 impl StoreRecorder {
-    /// A recorder of this store.
+    /// Creates a recorder of this store.
     ///
     /// # Errors
     ///
@@ -46,7 +47,8 @@ impl StoreRecorder {
         })
     }
 
-    /// Ends when the store cannot be written any more, as when the disk is full, with the reason.
+    /// Waits until the store cannot be written any more, for example because the disk is full, and
+    /// returns the error.
     pub async fn broken(&self) -> store::Error {
         let mut watched = self.broken.subscribe();
         loop {
@@ -54,7 +56,7 @@ impl StoreRecorder {
                 return error;
             }
             if watched.changed().await.is_err() {
-                // This recorder is a sender, so there is one.
+                // The channel stays open because this recorder holds a sender.
                 std::future::pending::<()>().await;
             }
         }

@@ -23,42 +23,42 @@ use crate::recorder::{Recorder as _, StoreRecorder};
 use crate::service::Service;
 use crate::serving::{Error, OpenPort, Port, Serving, farewell, listen};
 
-/// How long a worker may be silent before others get what it holds, unless somebody says otherwise.
+/// Default duration of a lease.
 pub const LEASE: Duration = Duration::from_secs(30);
-/// How long after a restart nothing is leased, so that workers can say what they hold: as long as it
-/// takes those that a short absence has not made patient.
+/// Time after a restart without leasing, so that workers can report the leases that they hold. It
+/// is long enough for workers whose reconnection interval has not grown yet.
 const GRACE: Duration = Duration::from_millis(500);
 
-/// How long open pages may take to fetch the last numbers when a coordinator ends.
+/// Time for open pages to fetch the last numbers when a coordinator ends.
 const PAGE_ENDS: Duration = Duration::from_secs(2);
 
-/// How often an observer sees the status.
+/// Interval at which an observer receives the status.
 const OBSERVING_PERIOD: Duration = Duration::from_millis(500);
 
-/// What to run.
+/// The settings of a run.
 #[derive(Debug)]
 pub struct Plan {
     /// The campaign.
     pub campaign: Campaign,
-    /// Its file's text.
+    /// The text of the campaign file.
     pub file_text: String,
     /// The store's file.
     pub db: PathBuf,
-    /// Where the report goes.
+    /// The folder of the report.
     pub out: PathBuf,
-    /// Workers of this process; there may be none.
+    /// The workers of this process; may be empty.
     pub workers: LocalWorkers,
-    /// Where others connect, if anywhere.
+    /// The port for other processes, if any.
     pub port: Option<Port>,
-    /// Whether to stay up when the campaign is finished.
+    /// Whether to keep serving when the campaign is finished.
     pub keep_serving: bool,
-    /// How long a worker may be silent before others get what it holds.
+    /// Duration of a lease.
     pub lease: Duration,
-    /// Where the live page is served, if anywhere.
+    /// The address of the live page, if any.
     pub http: Option<SocketAddr>,
 }
 
-/// Sees how far a campaign is, twice a second.
+/// Receives the status of a campaign twice a second.
 pub type Observer = Box<dyn Fn(&Status) + Send>;
 
 /// How a run ended.
@@ -66,12 +66,12 @@ pub type Observer = Box<dyn Fn(&Status) + Send>;
 pub enum Outcome {
     /// All stages are done and the report is written.
     Finished {
-        /// What was quarantined.
+        /// The names of the quarantined streams.
         quarantined: Vec<String>,
         /// The report.
         report: PathBuf,
     },
-    /// A signal came first.
+    /// A signal or a drain came first.
     Interrupted,
 }
 
@@ -79,7 +79,7 @@ pub enum Outcome {
 ///
 /// # Errors
 ///
-/// The store, the address or a stage.
+/// The store fails, an address cannot be used, or a stage fails.
 pub async fn run(
     plan: Plan,
     observer: Option<Observer>,
@@ -89,9 +89,9 @@ pub async fn run(
         warn!("{warning}");
     }
     let problem = Arc::new(Problem::new(plan.campaign.clone()));
-    // An external simulator is asked by workers alone: the first of them decides.
+    // Only workers ask an external simulator: the first one to register sets the digest.
     let model_digest = (!plan.campaign.is_external()).then(|| probe::model_digest(&problem));
-    // The ports first: a taken one must not leave a store behind.
+    // The ports first: a run whose port is in use must not leave a store behind.
     let opened = match &plan.port {
         Some(port) => Some(OpenPort::new(port, &plan.campaign.name).await?),
         None => None,
@@ -117,7 +117,8 @@ pub async fn run(
     Ok(outcome)
 }
 
-/// Opens the store of a campaign, or makes it; one that the campaign [extends](Campaign::extends) grows.
+/// Opens or creates the store of a campaign. The store of a campaign that this one
+/// [extends](Campaign::extends) is extended.
 ///
 /// # Errors
 ///
@@ -133,7 +134,7 @@ pub async fn open_store(problem: &Problem, file_text: &str, db: &Path) -> Result
         model_digest: None,
     };
     let store = Store::create_or_open_with(db, &row, |held| {
-        // A campaign that is not of this version's form has no keys to compare.
+        // A campaign in another version's format has no keys to compare.
         let held = Campaign::parse("the store's campaign file", &held.file_text)
             .map_err(|_| Vec::new())?;
         if campaign.extends(&held) {
@@ -143,7 +144,7 @@ pub async fn open_store(problem: &Problem, file_text: &str, db: &Path) -> Result
     })
     .await?;
     if store.campaign().await?.digest != row.digest {
-        // Refused before the store takes it: it would be stuck with designs that cannot be made.
+        // Refused before the store takes the campaign: the DoE could then never be completed.
         stages::designs::check_growth(problem, &store.designs().await?)?;
         info!("the campaign has grown: what the store holds is kept, the rest is added");
         store.extend(&row, &DERIVED_APPROACHES).await?;
@@ -151,7 +152,7 @@ pub async fn open_store(problem: &Problem, file_text: &str, db: &Path) -> Result
     Ok(store)
 }
 
-/// What is listened on.
+/// The bound ports.
 struct Ports {
     opened: Option<OpenPort>,
     http: Option<TcpListener>,
@@ -176,7 +177,7 @@ async fn run_open(
     };
     let board = Arc::new(Board::new(options, rand::random()));
     board.remember(store.job_histories().await?);
-    // Workers that nobody can have started before need not be waited for.
+    // Without a port or designs, no worker can hold a lease from before.
     if plan.port.is_some() && store.progress().await?.designs > 0 {
         board.hold_back(GRACE);
     }
@@ -230,8 +231,8 @@ async fn run_open(
             Ok(Some(Ended { quarantined })) => quarantined,
             Ok(None) => {
                 if engine.board.is_drained() {
-                    // Nobody will lease anything any more. After a signal a coordinator may be
-                    // back in a moment, and workers wait for it.
+                    // After a drain, workers leave: nothing will be leased. After a signal they
+                    // stay, because the coordinator may be restarted.
                     engine.board.set_course(Course::Leave);
                     farewell(&engine.board).await;
                 }
@@ -239,7 +240,7 @@ async fn run_open(
             }
             Err(error) => break Err(error),
         };
-        // Nothing is called finished of which the check of a large file is still to tell.
+        // A campaign is not finished before the check of its store file has ended.
         if let Err(damaged) = store.checked().await {
             break Err(Error::Store(damaged));
         }
@@ -268,7 +269,7 @@ async fn run_open(
         .end(matches!(outcome, Ok(Outcome::Finished { .. })))
         .await;
     if let Some(page) = page {
-        // A browser that reads nothing does not keep a coordinator.
+        // A browser that stops reading must not keep the coordinator from ending.
         let _ = tokio::time::timeout(PAGE_ENDS, page).await;
     }
     outcome

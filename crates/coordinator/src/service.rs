@@ -1,4 +1,4 @@
-//! The gRPC face of the board.
+//! The gRPC service of the board.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -20,24 +20,25 @@ use crate::board::{Board, Course, Room};
 use crate::receiving::{Receiving, beginning};
 use crate::recorder::Recorder;
 
-/// The longest a call may wait for something to happen.
+/// Maximum time that a call may wait for a change.
 const LONGEST_WAIT: Duration = Duration::from_secs(60);
 
-/// The most bytes of the name of a worker's host that are kept.
+/// Maximum length of a recorded host name, in bytes.
 const HOST_BYTES: usize = 256;
-/// The most leases that a worker may say to hold from before: several times what one ever holds.
+/// Maximum number of leases that a worker may register with: several times what a worker ever
+/// holds.
 const HELD_LEASES: usize = 100_000;
 
-/// What the service needs to answer; clones share it.
+/// The service. Clones share their state.
 #[derive(Clone)]
 pub struct Service<R> {
-    /// What is missing and who computes it.
+    /// The missing jobs, and the workers that compute them.
     pub board: Arc<Board>,
-    /// Where results go.
+    /// The recorder of results.
     pub recorder: R,
-    /// What is designed.
+    /// The campaign's problem.
     pub problem: Arc<Problem>,
-    /// What a worker's simulator must answer like; none for an external simulator, which only
+    /// The digest that a worker's simulator must have; none for an external simulator, which only
     /// workers can ask.
     pub model_digest: Option<String>,
 }
@@ -67,14 +68,14 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
             )));
         }
         self.require_open()?;
-        // A worker's first call asks what the campaign is; only the one that brings the digest of
-        // its answers makes it a worker.
+        // A worker's first call only asks for the campaign. The call that brings the digest of its
+        // simulator registers it.
         let mut cancelled = Vec::new();
         if !request.model_digest.is_empty() {
             self.check_model(&request.model_digest).await?;
             let held = request.held.iter().map(|held| {
                 let units: Result<Vec<Unit>, _> = held.units.iter().map(Unit::try_from).collect();
-                // Nobody needs what makes no sense.
+                // A lease with malformed units is registered without any, as one that nobody needs.
                 (
                     held.id.unwrap_or_default().into(),
                     units.unwrap_or_default(),
@@ -134,14 +135,14 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
                 directive: Directive::Register.into(),
             }));
         }
-        // A worker whose calls time out must not pile them up here.
+        // A worker whose calls time out must not pile up reports here.
         let Some(reporting) = self.board.begin_report(&worker) else {
             return Err(Status::unavailable(
                 "results of an earlier call are still being stored",
             ));
         };
         let service = self.clone();
-        // A caller that goes away must not leave results stored but their leases open.
+        // The task outlives its caller, so that no lease stays open whose results are stored.
         let taken = tokio::spawn(async move {
             let receiving = Receiving {
                 problem: &service.problem,
@@ -191,7 +192,7 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
     ) -> Result<Response<ReleaseResponse>, Status> {
         let request = request.into_inner();
         let worker = WorkerId::from(request.worker_id.as_str());
-        // What a stranger gives back is not its own.
+        // Only a registered worker can release its leases.
         if self.board.is_known(&worker) {
             let leases: Vec<LeaseId> = request.leases.into_iter().map(Into::into).collect();
             self.board.release(&worker, &leases, request.leaving);
@@ -225,7 +226,7 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
         _request: Request<ExplainRequest>,
     ) -> Result<Response<ExplainResponse>, Status> {
         let mut sentences = self.board.explain();
-        // Without the store there is less to say, but something.
+        // If the store cannot be read, only the board's sentences are returned.
         let status = self.recorder.status().await.ok().flatten();
         sentences.extend(status.and_then(|status| status.round_sentence()));
         Ok(Response::new(ExplainResponse { sentences }))
@@ -257,7 +258,7 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
 }
 
 impl<R: Recorder> Service<R> {
-    /// Refuses, for a moment only, while the board does not know yet what is needed.
+    /// Refuses calls until the first plan is posted, shortly after the start.
     fn require_open(&self) -> Result<(), Status> {
         if self.board.is_open() {
             Ok(())
@@ -266,7 +267,7 @@ impl<R: Recorder> Service<R> {
         }
     }
 
-    /// Period of a worker's heartbeats.
+    /// Interval between a worker's heartbeats, in milliseconds.
     fn heartbeat_ms(&self) -> u32 {
         (self.board.lease_time() / HEARTBEATS_PER_LEASE).as_millis() as u32
     }
@@ -305,7 +306,7 @@ impl<R: Recorder> Service<R> {
         serde_json::to_string(&status).map_err(|error| Status::internal(error.to_string()))
     }
 
-    /// What a worker is to do as a whole.
+    /// The instruction to a worker.
     fn directive(&self, worker: &WorkerId) -> Directive {
         match self.board.course_for(worker) {
             Course::Finished => Directive::Finished,

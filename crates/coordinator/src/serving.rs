@@ -17,34 +17,34 @@ use crate::local::LocalWorkers;
 use crate::recorder::Recorder;
 use crate::service::Service;
 
-/// How long workers get to hear that they are to leave.
+/// Maximum time to wait until the workers know that they are to leave.
 const FAREWELL: Duration = Duration::from_secs(3);
 
 /// A port for workers and clients.
 #[derive(Debug)]
 pub struct Port {
-    /// The address to listen on; all interfaces, at the port of the last time if it is free, unless
-    /// it is given.
+    /// The address to listen on. Without one: all interfaces, at the port of the last run if it is
+    /// free.
     pub listen: Option<SocketAddr>,
-    /// What the port checks.
+    /// How the port authenticates its callers.
     pub security: Security,
 }
 
-/// What a port checks.
+/// How a port authenticates its callers.
 #[derive(Debug)]
 pub enum Security {
     /// The secrets of an access file, which the coordinator writes.
     Access {
         /// The file.
         file: PathBuf,
-        /// Names and addresses of this machine to write into it, besides those that it knows.
+        /// Names and addresses of this machine to write into the access file, besides those found.
         hosts: Vec<String>,
     },
-    /// Certificates and tokens of the user's own; or nothing.
+    /// Certificates and tokens of the user, or no checks at all.
     Guard(Guard),
 }
 
-/// Why a campaign or a study could not be run.
+/// An error that ends a campaign or a study.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The store refused.
@@ -60,10 +60,10 @@ pub enum Error {
         option: &'static str,
         /// The address.
         address: SocketAddr,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// Anything else.
+    /// Any other error.
     #[error(transparent)]
     Other(#[from] anyhow::Error),
 }
@@ -83,7 +83,7 @@ pub async fn listen(option: &'static str, address: SocketAddr) -> Result<TcpList
         })
 }
 
-/// A port that is bound, and the access file that is locked, but not yet written.
+/// A bound port, and its access file, which is locked but not yet written.
 pub(crate) struct OpenPort {
     /// The names of this machine for the access file.
     hosts: Vec<String>,
@@ -94,7 +94,7 @@ pub(crate) struct OpenPort {
 }
 
 impl OpenPort {
-    /// Binds the port of the campaign or study of this name.
+    /// Binds the port of the campaign or study `name`.
     pub(crate) async fn new(port: &Port, name: &str) -> Result<Self, Error> {
         let mut for_hosts = Vec::new();
         let (guard, access) = match &port.security {
@@ -108,7 +108,7 @@ impl OpenPort {
         let everywhere = |port| SocketAddr::from((Ipv4Addr::UNSPECIFIED, port));
         let listener = match (port.listen, access.as_ref().and_then(Held::last_port)) {
             (Some(address), _) => listen("--listen", address).await?,
-            // Workers that wait for this coordinator try that port first.
+            // Workers that wait for this coordinator try the last port first.
             (None, Some(last)) => match listen("--listen", everywhere(last)).await {
                 Ok(listener) => listener,
                 Err(_) => listen("--listen", everywhere(0)).await?,
@@ -130,7 +130,7 @@ impl OpenPort {
     }
 }
 
-/// What runs beside the board.
+/// The server and the workers of this process.
 pub(crate) struct Serving {
     hang_up: CancellationToken,
     server: JoinHandle<anyhow::Result<()>>,
@@ -140,7 +140,7 @@ pub(crate) struct Serving {
 }
 
 impl Serving {
-    /// Answers at the port, if there is one, and starts the workers of this process.
+    /// Serves the port, if there is one, and starts the workers of this process.
     ///
     /// # Errors
     ///
@@ -180,12 +180,12 @@ impl Serving {
         })
     }
 
-    /// Cancelled when everything ends.
+    /// A token that is cancelled when the server is to end.
     pub(crate) const fn hang_up(&self) -> &CancellationToken {
         &self.hang_up
     }
 
-    /// The first failure of a worker of this process; never when they all end well.
+    /// Waits for the first failure of a worker of this process; never returns if there is none.
     pub(crate) async fn failed(&mut self) -> anyhow::Error {
         while let Some(ended) = self.workers.join_next().await {
             match ended {
@@ -201,8 +201,8 @@ impl Serving {
         std::future::pending().await
     }
 
-    /// Ends the workers of this process and the port. When all is finished, nobody needs the access
-    /// file any more.
+    /// Ends the workers of this process and the port. The access file is removed when the work is
+    /// finished.
     pub(crate) async fn end(mut self, is_finished: bool) {
         self.stop_workers.cancel();
         let finish_workers = async { while self.workers.join_next().await.is_some() {} };
@@ -213,7 +213,7 @@ impl Serving {
             warn!("workers of this process did not end in time");
         }
         self.hang_up.cancel();
-        // Connections that linger are cut: their workers know how to cope.
+        // Connections still open are cut: their workers reconnect.
         let _ = tokio::time::timeout(Duration::from_secs(2), self.server).await;
         if let (true, Some(access)) = (is_finished, self.access) {
             access.remove();
@@ -221,7 +221,7 @@ impl Serving {
     }
 }
 
-/// Waits until the workers know that they are to leave.
+/// Waits until the workers know that they are to leave, at most for [`FAREWELL`].
 pub(crate) async fn farewell(board: &Board) {
     let deadline = tokio::time::Instant::now() + FAREWELL;
     while !board.all_dismissed() && tokio::time::Instant::now() < deadline {

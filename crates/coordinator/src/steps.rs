@@ -1,5 +1,5 @@
-//! The local steps of a campaign: each reads the store, has the stages compute, and stores what comes
-//! of it. A step that is dropped before its end has stored nothing.
+//! The local steps of a campaign. Each reads the store, calls the stages, and stores the results at
+//! its end. A step that is dropped has stored nothing.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -23,16 +23,16 @@ use tracing::{debug, info, warn};
 
 use crate::compute::blocking;
 
-/// What the local steps work with.
+/// The local steps of a campaign.
 pub(crate) struct Steps {
     problem: Arc<Problem>,
     store: Store,
-    /// The linear responses of designs, once they were needed.
+    /// The linear responses of designs, computed on first use.
     linear: Mutex<BTreeMap<u64, LinearResponse>>,
 }
 
 impl Steps {
-    /// The steps of a campaign.
+    /// Creates the steps of a campaign.
     pub(crate) fn new(problem: Arc<Problem>, store: Store) -> Self {
         Self {
             problem,
@@ -41,7 +41,7 @@ impl Steps {
         }
     }
 
-    /// Makes the DoE, or what is missing of it.
+    /// Makes the missing designs of the DoE.
     pub(crate) async fn make_doe(&self) -> anyhow::Result<()> {
         let problem = Arc::clone(&self.problem);
         let existing = self.store.designs().await?;
@@ -59,8 +59,8 @@ impl Steps {
         Ok(())
     }
 
-    /// The responses, and how many samples there are, once every design has enough of them; until then,
-    /// which want more. Those that were quarantined get none.
+    /// The responses once every design has enough samples, until then the designs that need more;
+    /// and the number of samples. Quarantined designs get no response.
     async fn responses(
         &self,
         base: Option<&Design>,
@@ -77,8 +77,8 @@ impl Steps {
         Ok((collector.finish()?, samples))
     }
 
-    /// Computes the responses once every design has enough samples; until then, returns which want
-    /// more. Those that were quarantined get none.
+    /// Computes the responses once every design has enough samples; until then, returns the designs
+    /// that need more. Quarantined designs get no response.
     pub(crate) async fn compute_responses(
         &self,
         base: Option<&Design>,
@@ -101,7 +101,7 @@ impl Steps {
         }
     }
 
-    /// Whether the samples that have come since leave the stored responses as they are.
+    /// Whether the responses stay as stored with the samples that have arrived since.
     pub(crate) async fn responses_stay(
         &self,
         base: Option<&Design>,
@@ -116,8 +116,7 @@ impl Steps {
         Ok(true)
     }
 
-    /// The linear responses of the sampled designs, where the campaign asks for them as control
-    /// variates.
+    /// The linear responses of the sampled designs, if the campaign uses them as control variates.
     async fn linear_responses(
         &self,
         base: Option<&Design>,
@@ -144,7 +143,7 @@ impl Steps {
         Ok(linear)
     }
 
-    /// The inner error says why the data cannot be fitted.
+    /// Fits the kriging model and stores it. The inner error says why the data cannot be fitted.
     pub(crate) async fn fit(&self) -> anyhow::Result<Result<(), String>> {
         let designs = self.store.designs().await?;
         let responses = self.store.responses().await?;
@@ -177,7 +176,7 @@ impl Steps {
         Ok(Ok(()))
     }
 
-    /// Decides the next round and stores it; its points are posted after that.
+    /// Decides the next round of enrichment and stores it.
     pub(crate) async fn decide_round(&self, base: Design) -> anyhow::Result<()> {
         let rows = Rows::read(&self.store, &self.problem).await?;
         let problem = Arc::clone(&self.problem);
@@ -284,7 +283,7 @@ impl Steps {
         rounds::recommended(&self.problem, base, &last, told, cost)
     }
 
-    /// The analyses that the control variates of infill points took.
+    /// Number of analyses for the control variates of infill points.
     async fn control_analyses(&self, base: Design, infill: &[InfillRow]) -> anyhow::Result<u64> {
         if self.problem.campaign().sampling.control == ControlVariate::None {
             return Ok(0);

@@ -1,7 +1,7 @@
 //! The simulations of a study: a board and workers as for a campaign, without a store.
 //!
-//! The designs on the board are the variants that the study asks for, numbered as they come. What workers
-//! bring is kept until the study has taken it.
+//! The designs on the board are the variants that the study asks for, in the order of its requests.
+//! Results are kept until the study takes them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -29,33 +29,33 @@ use crate::recorder::Recorder;
 use crate::service::Service;
 use crate::serving::{Error, OpenPort, Port, Serving, farewell};
 
-/// Who computes a study.
+/// The name, campaign and workers of a study.
 #[derive(Debug)]
 pub struct Plan {
-    /// What the study is called, as in its access file.
+    /// The name of the study, used for its access file.
     pub name: String,
     /// The campaign that it belongs to.
     pub campaign: Campaign,
-    /// Workers of this process; there may be none.
+    /// The workers of this process; may be empty.
     pub workers: LocalWorkers,
-    /// Where others connect, if anywhere.
+    /// The port for other processes, if any.
     pub port: Option<Port>,
-    /// How long a worker may be silent before others get what it holds.
+    /// Duration of a lease.
     pub lease: Duration,
 }
 
-/// Runs a study with the workers of `plan`; nothing when `shutdown` or a drain came first.
+/// Runs a study with the workers of `plan`. Returns none if `shutdown` or a drain came first.
 ///
 /// # Errors
 ///
-/// The port, a worker of this process, or the study itself.
+/// The port cannot be used, a worker of this process fails, or the study does.
 pub async fn run<T: Send + 'static>(
     plan: Plan,
     study: impl FnOnce(&dyn Simulations) -> anyhow::Result<T> + Send + 'static,
     shutdown: CancellationToken,
 ) -> Result<Option<T>, Error> {
     let problem = Arc::new(Problem::new(plan.campaign.clone()));
-    // An external simulator is asked by workers alone: the first of them decides.
+    // Only workers ask an external simulator: the first one to register sets the digest.
     let model_digest = (!plan.campaign.is_external()).then(|| probe::model_digest(&problem));
     let opened = match &plan.port {
         Some(port) => Some(OpenPort::new(port, &plan.name).await?),
@@ -111,7 +111,7 @@ pub async fn run<T: Send + 'static>(
     outcome
 }
 
-/// The workers, as a study sees them.
+/// The simulations of a study, computed by workers.
 struct Workers {
     problem: Arc<Problem>,
     inputs: Inputs,
@@ -181,7 +181,7 @@ impl Simulations for Workers {
 }
 
 impl Workers {
-    /// Waits until `ready` finds everything in what was collected.
+    /// Waits until `ready` returns a value for the collected results.
     fn wait<T>(&self, mut ready: impl FnMut(&mut Collected) -> Option<T>) -> anyhow::Result<T> {
         self.runtime.block_on(async {
             loop {
@@ -204,11 +204,11 @@ impl Workers {
     }
 }
 
-/// What workers have brought.
+/// The results of workers, shared with the study.
 #[derive(Clone, Default)]
 struct Answers {
     collected: Arc<Mutex<Collected>>,
-    /// Rings when there is more.
+    /// Notified when a batch of results arrives.
     changed: Arc<Notify>,
 }
 
@@ -217,14 +217,14 @@ struct Collected {
     designs: BTreeMap<u64, Brought>,
     /// Results of runs as JSON, by approach and start.
     runs: BTreeMap<(String, u64), String>,
-    /// Failures by worker and the worker's number.
+    /// Failures by worker and the worker's serial number.
     failures: BTreeSet<(String, u64)>,
-    /// What was tried in vain too often.
+    /// The error of the first quarantined job.
     quarantined: Option<String>,
     model_digest: Option<String>,
 }
 
-/// What workers brought of one variant.
+/// The results of one variant.
 #[derive(Default)]
 struct Brought {
     criteria: Option<CriteriaRow>,

@@ -1,10 +1,12 @@
-//! The ledger at work for simulated workers: how far one coordinator carries.
+//! The simulation of a cluster: the real ledger serves simulated workers, to show how many workers
+//! one coordinator can serve.
 //!
 //! [`rehearse`] runs a [`Ledger`](ledger::Ledger), as a coordinator does, for the workers of a
-//! [`Scenario`]: their clock, network and failures are simulated, and their messages are encoded and decoded
-//! for real. What happens is a function of the scenario and its seed; the CPU time is measured.
+//! [`Scenario`]. Their clock, network and failures are simulated, and their messages are really
+//! encoded and decoded. The events depend only on the scenario and its seed; the CPU time is
+//! measured.
 //!
-//! Left out: sockets, TLS and the store. [`Rehearsed::coordinator_cores`] adds what they cost by two
+//! Sockets, TLS and the store are left out. [`Rehearsed::coordinator_cores`] adds their cost by two
 //! constants that were measured with real programs ([`CALL_SECONDS`], [`SAMPLE_SECONDS`]).
 
 #![warn(missing_docs)]

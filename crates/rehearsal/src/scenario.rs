@@ -1,25 +1,25 @@
-//! What is simulated.
+//! The scenario of a simulation.
 
 use serde::Serialize;
 
 /// A cluster and its jobs.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Scenario {
-    /// Worker processes.
+    /// Number of workers.
     pub workers: u32,
-    /// Jobs that each computes at once.
+    /// Number of jobs that a worker computes at once.
     pub slots: u32,
-    /// Mean time of a sample, seconds; single ones vary by 20 %.
+    /// Mean time of a sample, in seconds; single leases vary by 20 %.
     pub sample_seconds: f64,
-    /// Samples of a design.
+    /// Number of samples of a design.
     pub samples_per_design: u32,
-    /// Simulated time, seconds.
+    /// Simulated time, in seconds.
     pub seconds: f64,
-    /// Time of a lease, seconds; above 5000 workers it is longer.
+    /// Duration of a lease, in seconds; longer with more than 5000 workers.
     pub lease_seconds: f64,
-    /// Mean time of a message one way, seconds.
+    /// Mean time of a message one way, in seconds.
     pub network_seconds: f64,
-    /// Mean time between failures of a worker, seconds; none for workers that never fail.
+    /// Mean time between failures of a worker, in seconds; none if workers never fail.
     pub failure_seconds: Option<f64>,
     /// Preemption of many workers at once.
     pub wave: Option<Wave>,
@@ -27,19 +27,20 @@ pub struct Scenario {
     pub seed: u64,
 }
 
-/// Preemption of many workers at once, again and again.
+/// Repeated preemption of many workers at once.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Wave {
-    /// Time between two waves, seconds.
+    /// Time between two waves, in seconds.
     pub every_seconds: f64,
     /// Share of the workers that a wave takes.
     pub share: f64,
-    /// Time until they are back, seconds.
+    /// Time until the workers are back, in seconds.
     pub away_seconds: f64,
 }
 
 impl Scenario {
-    /// Workers of one slot that never fail, for so long that each has several samples.
+    /// Creates a scenario of workers with one slot that never fail, with time for several samples
+    /// each.
     #[must_use]
     pub fn new(workers: u32, sample_seconds: f64) -> Self {
         Self {

@@ -1,4 +1,4 @@
-//! The simulation: events in the order of their times.
+//! The simulation of a scenario: a queue of events by time.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -22,15 +22,15 @@ use crate::rehearsed::{Calls, Rehearsed};
 use crate::scenario::Scenario;
 use crate::worker::{Held, Worker};
 
-/// How long a call for leases waits at the coordinator.
+/// Time that a lease request waits at the coordinator, in seconds.
 const LEASE_WAIT: f64 = 5.0;
 /// Scatter of the time of a lease: standard deviation of its logarithm.
 const SCATTER: f64 = 0.2;
-/// Time between two looks for leases that have run out, seconds.
+/// Interval between checks for expired leases, in seconds.
 const EXPIRY: f64 = 1.0;
-/// Time until a failed worker is replaced, seconds.
+/// Time until a failed worker is replaced, in seconds.
 const REPLACED: f64 = 60.0;
-/// Designs that are wanted at a time.
+/// Number of designs that are added at a time.
 const PLANNED: u32 = 10_000;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -57,13 +57,13 @@ struct Simulation<'a> {
     ledger: Ledger<Arc<Source>>,
     workers: Vec<Worker>,
     events: BinaryHeap<Reverse<(u64, u64, Event)>>,
-    /// Of equal times the first that was scheduled comes first.
+    /// Number of the last event. Events of the same time occur in the order of their numbers.
     scheduled: u64,
     now: f64,
     rng: StreamRng,
     scatter: LogNormal<f64>,
     source: Arc<Source>,
-    /// Designs that were wanted.
+    /// Number of designs added.
     planned: u32,
     outcome: Rehearsed,
     busy_seconds: f64,
@@ -102,7 +102,7 @@ impl<'a> Simulation<'a> {
             busy_seconds: 0.0,
         };
         for number in 0..scenario.workers {
-            // Schedulers start many at once, but not in the same instant.
+            // Schedulers start many workers at once, but not in the same instant.
             let at = simulation.rng.random::<f64>();
             simulation.schedule(at, Event::Start(number));
         }
@@ -119,13 +119,13 @@ impl<'a> Simulation<'a> {
         self.events.push(Reverse((at, self.scheduled, event)));
     }
 
-    /// The time of a message one way.
+    /// Draws the time of a message one way, in seconds.
     fn delay(&mut self) -> f64 {
         let delay: f64 = Exp1.sample(&mut self.rng);
         delay * self.scenario.network_seconds
     }
 
-    /// What the coordinator does at an event; its CPU time is measured.
+    /// Does the coordinator's work at an event and measures its CPU time.
     fn coordinate<T>(&mut self, act: impl FnOnce(&mut Ledger<Arc<Source>>, Duration) -> T) -> T {
         let before = thread_seconds();
         let result = act(&mut self.ledger, Duration::from_secs_f64(self.now));
@@ -133,7 +133,7 @@ impl<'a> Simulation<'a> {
         result
     }
 
-    /// Handles the next event; false at the end.
+    /// Handles the next event. Returns false at the end.
     fn step(&mut self) -> bool {
         let Some(Reverse((at, _, event))) = self.events.pop() else {
             return false;
@@ -157,7 +157,7 @@ impl<'a> Simulation<'a> {
                 self.coordinate(|ledger, now| ledger.expire(now));
                 self.schedule(EXPIRY, Event::Expiry);
             }
-            // Of a process that is gone.
+            // An event of a worker process that no longer exists.
             _ => {}
         }
         true
@@ -189,7 +189,7 @@ impl<'a> Simulation<'a> {
         self.ledger.lease_time().as_secs_f64() / f64::from(HEARTBEATS_PER_LEASE)
     }
 
-    /// Asks for leases if the worker wants some and does not ask already.
+    /// Schedules a lease request if the worker needs leases and has no request under way.
     fn consider(&mut self, number: u32) {
         let slots = self.scenario.slots as usize;
         let worker = &mut self.workers[number as usize];
@@ -249,7 +249,7 @@ impl<'a> Simulation<'a> {
         self.outcome.most_leases = self.outcome.most_leases.max(out);
     }
 
-    /// Starts what waits where a slot is free.
+    /// Starts waiting leases in free slots.
     fn compute(&mut self, number: u32, delay: f64) {
         loop {
             let worker = &mut self.workers[number as usize];
@@ -309,7 +309,7 @@ impl<'a> Simulation<'a> {
         self.schedule(beat, Event::Heartbeat(number, life));
     }
 
-    /// A worker falls silent; another process takes its place after a while.
+    /// Ends a worker without notice; another process takes its place after `away` seconds.
     fn lose(&mut self, number: u32, away: f64) {
         let worker = &mut self.workers[number as usize];
         self.outcome.lost_samples += worker.computing.iter().map(Held::samples).sum::<u64>();
@@ -318,7 +318,7 @@ impl<'a> Simulation<'a> {
         self.schedule(away, Event::Start(number));
     }
 
-    /// Workers that are asked to leave give back what they hold.
+    /// Preempts a share of the workers, which release their leases.
     fn wave(&mut self) {
         let Some(wave) = self.scenario.wave else {
             return;
@@ -340,7 +340,7 @@ impl<'a> Simulation<'a> {
         self.schedule(wave.every_seconds, Event::Wave);
     }
 
-    /// Wants further designs when few are left.
+    /// Adds designs when few are left.
     fn plan(&mut self) {
         let few = PLANNED.max(2 * self.scenario.workers * self.scenario.slots) as usize;
         while self.ledger.counts().free < few {
@@ -370,7 +370,7 @@ impl<'a> Simulation<'a> {
     }
 }
 
-/// A report as it travels.
+/// An encoded report.
 fn report(name: &ledger::WorkerId, held: &Held, seconds: f64) -> Vec<u8> {
     let result = |unit: &Unit| {
         let samples = vec![1.5; unit.samples.len()];
@@ -396,7 +396,7 @@ fn report(name: &ledger::WorkerId, held: &Held, seconds: f64) -> Vec<u8> {
     request.encode_to_vec()
 }
 
-/// The units of a report.
+/// The units of an encoded report.
 fn decoded(request: &[u8]) -> Vec<Unit> {
     let request = ReportRequest::decode(request).unwrap_or_default();
     let results = request.results.iter().flat_map(|result| &result.results);
@@ -436,7 +436,8 @@ mod tests {
     #[test]
     fn workers_without_failures_are_busy_and_lose_nothing() {
         let found = rehearse(&scenario());
-        // 200 slots, 0.5 s a sample: 400 samples a second, less the beginning and what is under way at the end.
+        // 200 slots at 0.5 s a sample give 400 samples a second, less the start and the unfinished
+        // samples at the end.
         assert!(
             found.samples <= 48_000 && found.samples > 40_000,
             "{found:?}"
@@ -486,7 +487,7 @@ mod tests {
             ..Scenario::new(20_000, 60.0)
         };
         let found = rehearse(&many);
-        // The first to register were told a shorter time, once.
+        // The first workers to register got the shorter interval once.
         let rate = found.calls.heartbeat as f64 / found.seconds;
         assert!(rate < 1500.0, "{rate} heartbeats a second");
         let few = rehearse(&scenario());

@@ -1,14 +1,14 @@
-//! A simulated worker: what it holds, and when it asks for more, as `worker::held` does.
+//! A simulated worker: its leases and its requests for more, as in `worker::held`.
 
 use std::collections::VecDeque;
 
 use ledger::{LeaseId, Unit, WorkerId};
 
-/// Work that is held for each slot, seconds.
+/// Seconds of work to hold per slot.
 const HELD_SECONDS: f64 = 2.0;
-/// More is asked for when less than this part of it is left.
+/// The worker asks for more leases when less than this share of the work is left.
 const LOW: f64 = 0.75;
-/// The most leases for each slot.
+/// Maximum number of leases per slot.
 const HELD_LEASES: usize = 2000;
 
 /// A lease of a worker.
@@ -16,7 +16,7 @@ const HELD_LEASES: usize = 2000;
 pub(crate) struct Held {
     pub(crate) id: LeaseId,
     pub(crate) units: Vec<Unit>,
-    /// Time that it is expected to take, seconds.
+    /// Expected time, in seconds.
     pub(crate) seconds: f64,
 }
 
@@ -33,12 +33,12 @@ impl Held {
 #[derive(Debug)]
 pub(crate) struct Worker {
     pub(crate) name: WorkerId,
-    /// Counts the processes of this place; events of an earlier one are void.
+    /// Number of the worker process in this place. Events of earlier processes are ignored.
     pub(crate) life: u32,
     pub(crate) is_up: bool,
     pub(crate) waiting: VecDeque<Held>,
     pub(crate) computing: Vec<Held>,
-    /// Whether a call for leases is on its way.
+    /// Whether a lease request is under way.
     pub(crate) asks: bool,
 }
 
@@ -58,7 +58,7 @@ impl Worker {
         self.computing.iter().chain(&self.waiting)
     }
 
-    /// The most leases and seconds to ask for; none while enough is held.
+    /// The maximum leases and seconds to ask for; none while the worker has enough.
     pub(crate) fn wanted(&self, slots: usize) -> Option<(usize, f64)> {
         let held = self.held().count();
         let worth: f64 = self.held().map(|held| held.seconds).sum();
@@ -67,7 +67,7 @@ impl Worker {
         (held < slots || is_low).then_some((leases - held, seconds - worth))
     }
 
-    /// What a heartbeat mentions: each lease, and whether it is being computed.
+    /// The leases for a heartbeat, each with whether it is being computed.
     pub(crate) fn states(&self) -> Vec<(LeaseId, bool)> {
         let computing = self.computing.iter().map(|held| (held.id, true));
         let waiting = self.waiting.iter().map(|held| (held.id, false));

@@ -1,4 +1,4 @@
-//! What a report is made from: plain data, filled by whoever holds the results.
+//! The contents of a report: plain data, filled by the caller.
 //!
 //! A value that could not be computed is `f64::NAN`; it appears as a dash in the tables and is left
 //! out of the charts. An empty list appears as a sentence that says so.

@@ -1,11 +1,11 @@
-//! What is wrong with a shard or a part.
+//! The errors of shards and parts.
 
 use std::io;
 use std::path::{Path, PathBuf};
 
 use protocol::exit;
 
-/// Why a shard or a part cannot be used.
+/// An error of a shard or a part.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The file cannot be read or written.
@@ -13,26 +13,26 @@ pub enum Error {
     Io {
         /// The file.
         path: PathBuf,
-        /// Why not.
+        /// The reason.
         source: io::Error,
     },
-    /// The file is no shard.
+    /// The file is not a shard.
     #[error("{} is not a shard of `coordinator plan`: {reason}", path.display())]
     NotAShard {
         /// The file.
         path: PathBuf,
-        /// Why not.
+        /// The reason.
         reason: String,
     },
-    /// The file is no part.
+    /// The file is not a part.
     #[error("{} is not a part of `worker --shard`: {reason}", path.display())]
     NotAPart {
         /// The file.
         path: PathBuf,
-        /// Why not.
+        /// The reason.
         reason: String,
     },
-    /// A record in the middle of a part has another checksum.
+    /// A record of a part does not match its checksum.
     #[error(
         "{} is damaged at byte {at}: remove it, and compute shard {shard} again with `worker --shard`",
         path.display()
@@ -40,12 +40,12 @@ pub enum Error {
     Damaged {
         /// The file.
         path: PathBuf,
-        /// Where the record begins.
+        /// The byte at which the record begins.
         at: u64,
         /// The shard's number.
         shard: u32,
     },
-    /// Build of the programs and build of the file differ.
+    /// The file is of another build than the program.
     #[error(
         "{} is of build {theirs}, this program is build {}: use the same build for `plan`, `worker` and `merge`",
         path.display(), identity::BUILD
@@ -56,7 +56,7 @@ pub enum Error {
         /// The file's build.
         theirs: String,
     },
-    /// The part exists and is another shard's.
+    /// The part exists and belongs to another shard.
     #[error(
         "{} holds results of another shard, of plan {theirs}: choose another file with --out",
         path.display()
@@ -64,13 +64,13 @@ pub enum Error {
     OtherShard {
         /// The file.
         path: PathBuf,
-        /// The plan of the results in it.
+        /// The plan of the results in the file.
         theirs: String,
     },
 }
 
 impl Error {
-    /// The exit code of a program that ends with it.
+    /// The exit code of a program that ends with this error.
     #[must_use]
     pub const fn exit_code(&self) -> u8 {
         match self {

@@ -1,9 +1,9 @@
-//! A campaign's jobs in files, for nodes without a network between them.
+//! A campaign's jobs in files, for nodes that cannot connect to a coordinator.
 //!
-//! A [`Shard`] is what one node computes: the campaign and some of the leases of its present stage, as JSON. A
-//! [`Part`] is what came of it: a header, then one record for each report of the worker, each with a checksum,
-//! so that a worker that is stopped goes on where it was. [`Service`] answers a worker as a coordinator would:
-//! it leases what the shard holds and appends what is reported to the part.
+//! A [`Shard`] is the work of one node: the campaign and some of the leases of its present stage,
+//! as JSON. A [`Part`] holds the results: a header, then one record with a checksum for each report
+//! of the worker, so that a stopped worker can continue. [`Service`] answers a worker as a
+//! coordinator would: it leases the jobs of the shard and appends reports to the part.
 
 mod error;
 mod part;

@@ -1,8 +1,8 @@
-//! What came of a shard: a line of JSON, then records.
+//! The results of a shard: a line of JSON, then records.
 //!
-//! A record is its length (4 bytes, little-endian), the first 8 bytes of the SHA-256 of its content, and the
-//! content, a [`LeaseResult`]. A record that is cut off at the end of the file is what a worker was writing
-//! when it ended; a checksum that does not fit is damage.
+//! A record is its length (4 bytes, little-endian), the first 8 bytes of the SHA-256 of its
+//! content, and the content, a [`LeaseResult`]. A truncated record at the end of the file was being
+//! written when the worker ended. A wrong checksum means damage.
 
 use std::fs::{File, OpenOptions};
 use std::io::{ErrorKind, Read as _, Seek as _, SeekFrom, Write as _};
@@ -17,48 +17,48 @@ use crate::error::Error;
 use crate::shard::Shard;
 
 const SCHEMA_VERSION: u32 = 1;
-/// Bytes of a record before its content.
+/// Size of a record before its content, in bytes.
 const HEAD: usize = 12;
 
-/// What a part belongs to.
+/// The header of a part: its shard and campaign.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Header {
     schema_version: u32,
     program_version: String,
-    /// The plan of its shard.
+    /// The plan of the shard.
     pub plan: String,
-    /// Which shard it is of, from 1.
+    /// The number of the shard, from 1.
     pub shard: u32,
-    /// How many shards the plan has.
+    /// The number of shards in the plan.
     pub shards: u32,
     /// The campaign's digest.
     pub campaign_digest: String,
-    /// The digest of what the simulator answered.
+    /// The digest of the simulator's answers.
     pub model_digest: String,
     /// The units of the shard.
     units: Vec<Unit>,
 }
 
-/// A part that was read.
+/// A part read from a file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Part {
     /// The file.
     pub path: PathBuf,
-    /// What it belongs to.
+    /// The header.
     pub header: Header,
-    /// What came of the leases, in the order in which it was reported.
+    /// The results of the leases, in the order of their reports.
     pub results: Vec<LeaseResult>,
-    /// Where the last whole record ends.
+    /// The end of the last whole record, in bytes.
     end: u64,
 }
 
 impl Part {
-    /// Reads a part; a record that is cut off at its end is left out.
+    /// Reads a part; a truncated record at its end is left out.
     ///
     /// # Errors
     ///
-    /// The file cannot be read, is no part, is damaged, or is of another build.
+    /// The file cannot be read, is not a part, is damaged, or is of another build.
     pub fn read(path: &Path) -> Result<Self, Error> {
         let mut bytes = Vec::new();
         File::open(path)
@@ -103,7 +103,7 @@ impl Part {
         })
     }
 
-    /// The units of its shard of which something is missing.
+    /// The units of the shard with missing results.
     #[must_use]
     pub fn missing(&self) -> Vec<Unit> {
         let units = self.header.units.iter();
@@ -113,14 +113,14 @@ impl Part {
             .collect()
     }
 
-    /// The units of its shard.
+    /// The units of the shard.
     #[must_use]
     pub fn units(&self) -> &[Unit] {
         &self.header.units
     }
 }
 
-/// Whether the results have all of a unit, or say why there is nothing.
+/// Whether the results cover a unit, or say why it has none.
 pub(crate) fn is_done(unit: &Unit, results: &[LeaseResult]) -> bool {
     let of_unit = results.iter().flat_map(|result| &result.results);
     let of_unit = of_unit.filter(|result| {
@@ -134,7 +134,7 @@ pub(crate) fn is_done(unit: &Unit, results: &[LeaseResult]) -> bool {
         let Some(own) = &result.unit else { continue };
         let says_why =
             result.refused.is_some() || result.ruled_out.is_some() || result.error.is_some();
-        // Only what begins where the unit does tells of all of it.
+        // Only a result that begins within the unit applies to all of it.
         if says_why && own.first >= unit.first && own.first < end.max(unit.first + 1) {
             return true;
         }
@@ -145,17 +145,18 @@ pub(crate) fn is_done(unit: &Unit, results: &[LeaseResult]) -> bool {
     covered >= end
 }
 
-/// A part that is written to.
+/// A writer of a part.
 #[derive(Debug)]
 pub(crate) struct PartWriter {
     path: PathBuf,
     file: File,
-    /// What it held already.
+    /// The results in the file.
     pub(crate) results: Vec<LeaseResult>,
 }
 
 impl PartWriter {
-    /// Opens the part of a shard: a new file, or one of the same shard, which is continued.
+    /// Opens the part of a shard: a new file, or an existing part of the same shard, which is
+    /// continued.
     pub(crate) fn open(path: &Path, shard: &Shard, model_digest: &str) -> Result<Self, Error> {
         let header = Header {
             schema_version: SCHEMA_VERSION,
@@ -220,7 +221,7 @@ impl PartWriter {
     }
 }
 
-/// The first record: its content and checksum; none if it is cut off.
+/// Returns the content and the checksum of the first record; none if it is truncated.
 fn record(bytes: &[u8]) -> Option<(&[u8], [u8; 8])> {
     let (length, rest) = bytes.split_first_chunk::<4>()?;
     let (checksum, rest) = rest.split_first_chunk::<8>()?;

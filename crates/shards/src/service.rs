@@ -1,4 +1,4 @@
-//! A coordinator's answers to the worker of a shard.
+//! The coordinator's service for the worker of a shard.
 
 use std::collections::VecDeque;
 use std::path::PathBuf;
@@ -18,13 +18,13 @@ use crate::error::Error;
 use crate::part::{PartWriter, is_done};
 use crate::shard::Shard;
 
-/// How long a worker that asks in vain waits.
+/// Time that a lease request waits if no lease is left.
 const PAUSE: Duration = Duration::from_millis(20);
-/// Nobody else gets what a worker holds: leases last.
+/// Duration of a lease: long, because no other worker waits for its jobs.
 const LEASE_MS: u32 = 3_600_000;
 const HEARTBEAT_MS: u32 = 600_000;
 
-/// Leases what a shard holds, and writes its part; clones share it.
+/// The service of a shard, which leases its jobs and writes its part. Clones share their state.
 #[derive(Clone)]
 pub struct Service(Arc<Inner>);
 
@@ -36,7 +36,7 @@ struct Inner {
 
 #[derive(Default)]
 struct State {
-    /// Open once the worker has brought its simulator's digest.
+    /// The part, open once the worker has sent its simulator's digest.
     part: Option<PartWriter>,
     waiting: VecDeque<Lease>,
     leased: Vec<Lease>,
@@ -44,7 +44,7 @@ struct State {
 }
 
 impl Service {
-    /// A service of a shard, whose part is `out`.
+    /// Creates the service of a shard, whose part is `out`.
     #[must_use]
     pub fn new(shard: Shard, out: PathBuf) -> Self {
         Self(Arc::new(Inner {
@@ -54,7 +54,7 @@ impl Service {
         }))
     }
 
-    /// Why the part cannot be written, if it cannot.
+    /// Takes the error that prevents writing the part, if there is one.
     #[must_use]
     pub fn failed(&self) -> Option<Error> {
         self.state().failed.take()
@@ -64,7 +64,7 @@ impl Service {
         self.0.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Opens the part; what it has already is not computed again.
+    /// Opens the part. Jobs with results in it are not leased again.
     fn open(&self, model_digest: &str) -> Result<(), Status> {
         let shard = &self.0.shard;
         if shard
@@ -95,7 +95,7 @@ impl Service {
 }
 
 impl State {
-    /// Notes the failure; the worker is refused, and leaves.
+    /// Records the error and returns the refusal that makes the worker leave.
     fn fail(&mut self, error: Error) -> Status {
         let status = Refusal::Malformed.status(error.to_string());
         self.failed = Some(error);
@@ -114,7 +114,7 @@ impl campaign_server::Campaign for Service {
         request: Request<RegisterRequest>,
     ) -> Result<Response<RegisterResponse>, Status> {
         let model_digest = request.into_inner().model_digest;
-        // The first call only asks what the campaign is.
+        // The first call only asks for the campaign.
         if !model_digest.is_empty() {
             self.open(&model_digest)?;
         }
@@ -183,7 +183,7 @@ impl campaign_server::Campaign for Service {
         }))
     }
 
-    /// What a leaving worker gives back stays out of the part; the next worker computes it.
+    /// A released lease has no results in the part; the next worker of the shard computes it.
     async fn release(
         &self,
         _: Request<ReleaseRequest>,

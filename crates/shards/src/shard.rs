@@ -1,4 +1,4 @@
-//! What one node computes.
+//! The work of one node.
 
 use std::fs;
 use std::io::Write as _;
@@ -12,30 +12,31 @@ use crate::error::Error;
 
 const SCHEMA_VERSION: u32 = 1;
 
-/// The jobs of one node.
+/// A shard: the jobs of one node.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Shard {
     schema_version: u32,
     program_version: String,
-    /// Tells plans apart: a digest of all their shards' jobs.
+    /// The id of the plan: a digest of the jobs of all its shards.
     pub plan: String,
-    /// Which shard it is, from 1.
+    /// The number of the shard, from 1.
     pub shard: u32,
-    /// How many there are.
+    /// The number of shards in the plan.
     pub shards: u32,
     /// The campaign's digest.
     pub campaign_digest: String,
-    /// The digest of the simulator's answers; none where only workers can ask the simulator.
+    /// The digest of the simulator's answers; none for an external simulator, which only workers
+    /// can ask.
     pub model_digest: Option<String>,
-    /// The campaign, as workers get it.
+    /// The campaign in the form that workers get.
     pub campaign_json: String,
-    /// What to compute.
+    /// The leases to compute.
     pub leases: Vec<Lease>,
 }
 
 impl Shard {
-    /// Deals the leases out to so many shards at most, in turn; there are fewer if there are fewer leases.
+    /// Divides the leases among at most `shards` shards, in turn. No shard is empty.
     #[must_use]
     pub fn deal(
         leases: Vec<Lease>,
@@ -63,7 +64,7 @@ impl Shard {
         (1..).zip(dealt).map(shard).collect()
     }
 
-    /// Writes the shard as `N.json` in a folder; the file is whole or not there.
+    /// Writes the shard as `N.json` in a folder. The file is whole or does not exist.
     ///
     /// # Errors
     ///
@@ -86,7 +87,7 @@ impl Shard {
     ///
     /// # Errors
     ///
-    /// The file cannot be read, is no shard, or is of another build.
+    /// The file cannot be read, is not a shard, or is of another build.
     pub fn read(path: &Path) -> Result<Self, Error> {
         let text = fs::read(path).map_err(Error::io(path))?;
         let not = |reason: String| Error::NotAShard {

@@ -2,13 +2,13 @@
 
 use rustix::time::{ClockId, clock_gettime};
 
-/// CPU seconds of this process so far.
+/// CPU time of this process so far, in seconds.
 #[must_use]
 pub fn process_seconds() -> f64 {
     seconds(ClockId::ProcessCPUTime)
 }
 
-/// CPU microseconds of this thread so far.
+/// CPU time of this thread so far, in microseconds.
 pub(crate) fn thread_micros() -> f64 {
     1e6 * seconds(ClockId::ThreadCPUTime)
 }

@@ -1,4 +1,4 @@
-//! A campaign's DoE, sampled in this thread as workers sample it.
+//! A campaign's DoE, sampled in this thread with the samples that workers would draw.
 
 use std::collections::BTreeMap;
 
@@ -15,15 +15,16 @@ use store::{DesignRow, ResponseRow};
 pub(crate) struct Doe {
     /// All designs.
     pub(crate) designs: Vec<DesignRow>,
-    /// The responses of those that can be simulated.
+    /// The responses of the simulable designs.
     pub(crate) responses: Vec<ResponseRow>,
-    /// The numbers of those that satisfy every constraint.
+    /// The numbers of the feasible designs.
     pub(crate) feasible: Vec<u64>,
-    /// Calls of the simulator.
+    /// Number of simulator calls.
     pub(crate) calls: u64,
 }
 
-/// The campaign's DoE, made and sampled; `base` has the values of the variables that it leaves alone.
+/// Creates and samples the campaign's DoE; `base` has the values of the variables that the campaign
+/// does not vary.
 pub(crate) fn sampled(problem: &Problem, base: &Design) -> anyhow::Result<Doe> {
     let settings = &problem.campaign().sampling;
     let designs = stages::designs::make(problem, &[])?;
@@ -34,7 +35,8 @@ pub(crate) fn sampled(problem: &Problem, base: &Design) -> anyhow::Result<Doe> {
     let mut doe = Doe {
         responses: Vec::new(),
         feasible: Vec::new(),
-        // As the campaign counts them: one without wear, and of what can be simulated one with Archard's.
+        // Counted as in the campaign: one call without wear, and for simulable designs one with
+        // Archard's wear.
         calls: designs.len() as u64,
         designs,
     };

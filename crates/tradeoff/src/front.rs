@@ -1,28 +1,28 @@
-//! The Pareto front of cost and error, and which of its settings to take.
+//! The Pareto front of cost and error, and the choice of a setting.
 
 use std::cmp::Ordering;
 
-/// Which setting to recommend.
+/// The rule that chooses the recommended setting.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Rule {
-    /// The cheapest whose error is at most this. Where none is, the most accurate.
+    /// The cheapest setting whose error is at most this; the most accurate one if there is none.
     Within(f64),
-    /// The cheapest whose error exceeds the least one by at most this share of it.
+    /// The cheapest setting whose error exceeds the least error by at most this share of it.
     NearBest(f64),
 }
 
-/// Why a setting is recommended.
+/// The reason for a recommendation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reason {
-    /// It is the cheapest with an error of at most this.
+    /// The setting is the cheapest with an error of at most this.
     CheapestWithin(f64),
-    /// No error is as small as the rule wants; it has the least.
+    /// No error is within the rule's limit; the setting has the least error.
     MostAccurate,
 }
 
-/// The Pareto front of points (cost, error), by rising cost: their places. No other point costs as little and
-/// errs as little as one of the front, and less in one of the two. Points that are not finite are left out;
-/// of equal points the first is taken.
+/// Returns the indices of the Pareto front of points (cost, error), by rising cost. A point is on
+/// the front if no other point is at most as large in both and smaller in one. Points that are not
+/// finite are left out; of equal points the first is taken.
 #[must_use]
 pub fn front(points: &[[f64; 2]]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..points.len())
@@ -38,14 +38,15 @@ pub fn front(points: &[[f64; 2]]) -> Vec<usize> {
     order
 }
 
-/// The place of the point (cost, error) to take, with the reason; none without a finite point.
+/// Returns the index of the recommended point (cost, error) with the reason; none without a finite
+/// point.
 #[must_use]
 pub fn recommend(points: &[[f64; 2]], rule: Rule) -> Option<(usize, Reason)> {
     let front = front(points);
     let best = *front.last()?;
     let limit = match rule {
         Rule::Within(limit) => limit,
-        // The share is of the size of an error, which may be below zero where it is a response.
+        // The share applies to the absolute error: an error that is a response may be negative.
         Rule::NearBest(share) => points[best][1] + share * points[best][1].abs(),
     };
     let cheapest = front.iter().find(|&&i| points[i][1] <= limit);
@@ -55,7 +56,7 @@ pub fn recommend(points: &[[f64; 2]], rule: Rule) -> Option<(usize, Reason)> {
     })
 }
 
-/// By cost, then by error.
+/// Orders points by cost, then by error.
 fn compare(a: [f64; 2], b: [f64; 2]) -> Ordering {
     a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1]))
 }

@@ -1,4 +1,4 @@
-//! What kriging models of the percentile cost and how well they predict designs that they have not seen.
+//! The cost of kriging models of the percentile, and their errors at held-out designs.
 
 use ::kriging::{Data, Kernel, Method, Response, Settings, Surrogate, Trend, smoothed_noise};
 use anyhow::{Context as _, bail};
@@ -34,7 +34,7 @@ const COLUMNS: [&str; 7] = [
     "coverage of 90 % intervals (%)",
 ];
 
-/// Errors closer than this to each other are hardly told apart on some hundred held-out designs.
+/// Errors closer than this cannot be distinguished with some hundred held-out designs.
 const NEAR: Rule = Rule::NearBest(0.1);
 
 pub(crate) const PAIRS: &[view::Pair] = &[
@@ -50,16 +50,17 @@ pub(crate) const PAIRS: &[view::Pair] = &[
     },
 ];
 
-/// Numbers of designs; all there are besides.
+/// Numbers of designs for a fit, besides all of them.
 const COUNTS: [usize; 3] = [250, 500, 1000];
-/// The DoE of a quick run: 1000 designs to fit to beside a fifth, if all can be simulated.
+/// Size of the DoE in a quick run: 1000 designs for the fit besides a fifth held out, if all are
+/// simulable.
 const QUICK: u32 = 1250;
-/// One in so many is held out.
+/// One in this many designs is held out.
 const HELD_OUT: usize = 5;
-/// The 95 % quantile of the standard normal distribution, of intervals that cover 90 %.
+/// The 95 % quantile of the standard normal distribution, for intervals that cover 90 %.
 const Z95: f64 = 1.644_853_626_951_472;
 
-/// The truth at held-out designs.
+/// The held-out designs and the truth there.
 struct Test {
     x: Vec<f64>,
     truth: Vec<f64>,
@@ -172,7 +173,7 @@ fn name(method: Method, response: Response) -> String {
     format!("{method}, {response}")
 }
 
-/// The truth at the held-out designs, from samples that no response was made of.
+/// Computes the truth at the held-out designs from samples that are in no response.
 fn test(
     problem: &Problem,
     base: &Design,

@@ -1,13 +1,14 @@
-//! Speed against accuracy, measured on the machine at hand: what each method and setting costs, and how far
-//! its results are from converged ones.
+//! Speed against accuracy, measured on this machine: the cost of each method and setting, and the
+//! distance of its results from converged ones.
 //!
-//! A [`Kind`] of study fills a [`Table`] with one row for each method and setting, costs and errors alike.
-//! [`View`] picks one cost and one error, and finds the Pareto front and the setting to recommend.
-//! [`page`] makes the report of all tables. Views and page are functions of the tables, so a table that
-//! was read from its CSV file gives the page that it gave when it was measured.
+//! A [`Kind`] of study fills a [`Table`] with one row for each method and setting, which holds
+//! costs and errors. [`View`] picks one cost and one error, and finds the Pareto front and the
+//! recommended setting. [`page`] makes the report of all tables. Views and page depend only on the
+//! tables, so a table read from its CSV file gives the same page as when it was measured.
 //!
-//! Times are CPU times of the calling thread where it alone computes, and of the process otherwise: what
-//! other processes do meanwhile counts little. All else depends on the campaign and the [`Size`] alone.
+//! Times are CPU times: of the calling thread if it alone computes, otherwise of the process. Other
+//! processes have little influence on them. Everything else depends only on the campaign and the
+//! [`Size`].
 
 #![warn(missing_docs)]
 

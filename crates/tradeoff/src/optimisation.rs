@@ -1,7 +1,7 @@
-//! What each approach to the optimum costs and how good the design is that it ends on.
+//! The cost of each approach to the optimum, and the quality of its design.
 //!
-//! Whole campaigns run, as `coordinator run` runs them. Effort is the share of the campaign's designs of the
-//! DoE, of its optimiser's evaluations and of the enrichment's samples.
+//! Whole campaigns run, as with `coordinator run`. The effort is the share of the campaign's DoE
+//! designs, optimiser evaluations and enrichment samples.
 
 use campaign::Campaign;
 use campaign::file::{Enrichment, PercentileRule};
@@ -30,10 +30,10 @@ const COLUMNS: [&str; 7] = [
     "runs that end on a feasible design (%)",
 ];
 
-/// Seconds of a call of the paper's simulator.
+/// Time of a call of the paper's simulator, in seconds.
 const PAPER_SECONDS: f64 = 2.0;
 
-/// Percentiles closer than this to each other are no reason to compute longer.
+/// Percentiles closer than this do not justify more computation.
 const NEAR: Rule = Rule::NearBest(0.02);
 
 pub(crate) const PAIRS: &[view::Pair] = &[
@@ -54,7 +54,7 @@ pub(crate) const PAIRS: &[view::Pair] = &[
     },
 ];
 
-/// The approaches that are measured, in the order of the paper's Table 5.
+/// The measured approaches, in the order of the paper's Table 5.
 const APPROACHES: [Approach; 6] = [
     Approach::Nominal,
     Approach::Baseline,
@@ -64,19 +64,19 @@ const APPROACHES: [Approach; 6] = [
     Approach::EnrichedKriging,
 ];
 
-/// The fewest designs and evaluations, whatever the effort.
+/// Minimum number of designs and of evaluations.
 const FEWEST: u32 = 60;
 
-/// What one approach came to for one seed.
+/// The result of one approach for one seed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ended {
     /// The approach.
     pub approach: Approach,
-    /// Calls of the simulator, those of the DoE included where the approach rests on it.
+    /// Number of simulator calls, including those of the DoE if the approach uses it.
     pub calls: f64,
-    /// CPU time likewise, seconds.
+    /// CPU time, with the same inclusion, in seconds.
     pub seconds: f64,
-    /// The percentile of verification samples, µm; infinite without a feasible design.
+    /// The percentile of verification samples, in µm; infinite without a feasible design.
     pub percentile_um: f64,
 }
 
@@ -131,7 +131,7 @@ pub(crate) fn run(
     Ok(table)
 }
 
-/// The campaign without an enrichment and with the direct search, at this effort.
+/// Returns the campaign at this effort, without enrichment and with the direct search.
 fn scaled(campaign: &Campaign, effort: f64) -> Campaign {
     let mut campaign = campaign.clone();
     let scaled = |count: u32| ((f64::from(count) * effort).round() as u32).max(FEWEST.min(count));
@@ -151,8 +151,9 @@ fn scaled(campaign: &Campaign, effort: f64) -> Campaign {
     campaign
 }
 
-/// A small DoE that is enriched, with the settings of `campaigns/enriched.toml`; the other approaches, which
-/// such a campaign has, too, search next to nothing.
+/// Returns a campaign with a small DoE and enrichment, with the settings of
+/// `campaigns/enriched.toml`. Such a campaign has the other approaches, too; their searches are cut
+/// to the minimum.
 fn enriched(campaign: &Campaign, effort: f64) -> Campaign {
     let mut campaign = campaign.clone();
     campaign.doe.designs = campaign.doe.designs.min(120);

@@ -5,7 +5,7 @@ use report::{TradeoffPage, TradeoffRow, TradeoffStudy};
 
 use crate::study::{Size, Study};
 
-/// What the page of these studies shows; `facts` say where and by what they were measured.
+/// The page of these studies; `facts` say where and by which program they were measured.
 #[must_use]
 pub fn page(
     campaign: &Campaign,

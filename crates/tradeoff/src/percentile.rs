@@ -1,7 +1,7 @@
-//! What estimators of the percentile cost and how far they are from the truth.
+//! The cost of estimators of the percentile, and their errors.
 //!
-//! The truth is the empirical percentile of many independent samples of a design. At each design every method
-//! estimates it again and again, from samples of its own.
+//! The truth is the empirical percentile of many independent samples of a design. At each design,
+//! every method estimates the percentile repeatedly, from separate samples.
 
 use anyhow::{Context as _, bail};
 use campaign::accuracy::ESTIMATORS;
@@ -34,7 +34,7 @@ const COLUMNS: [&str; 6] = [
     "variance stated / variance found, median",
 ];
 
-/// What the paper's 30 samples of a normal response give: √(1/30 + z²/58) = 0.25.
+/// The relative error of the paper's 30 samples of a normal response: √(1/30 + z²/58) = 0.25.
 const TOLERANCE: f64 = 0.25;
 
 pub(crate) const PAIRS: &[view::Pair] = &[view::Pair {
@@ -46,26 +46,27 @@ pub(crate) const PAIRS: &[view::Pair] = &[view::Pair {
 /// Numbers of samples.
 const COUNTS: [usize; 8] = [5, 10, 20, 32, 64, 125, 250, 500];
 const GROUP: u32 = 8;
-/// Difference of m + z s from the truth beyond which a design is not normal, standard deviations.
+/// Difference of m + z s from the truth above which a design is not normal, in standard deviations.
 const NOT_NORMAL: f64 = 0.05;
-/// The violation of the constraints up to which a design counts as nearly feasible.
+/// Constraint violation up to which a design counts as nearly feasible.
 const NEARLY: f64 = 0.5;
-/// For every second design the least normal of so many is taken, by so many samples of each.
+/// Every second design is the least normal of [`SCREENED`] random ones, screened with [`SCREENING`]
+/// samples each.
 const SCREENED: usize = 12;
 const SCREENING: u64 = 2_000;
-/// How many random designs in a row may be unfit.
+/// Maximum number of random designs tried for one nearly feasible design.
 const UNFIT: usize = 100_000;
 
-/// A way to estimate.
+/// An estimator of the percentile.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Estimator {
-    /// As a campaign with these keys does.
+    /// The estimator of a campaign with these keys.
     Campaign(PercentileRule, ControlVariate, WearCoefficients),
-    /// Harrell and Davis's whatever the samples.
+    /// The Harrell–Davis estimator.
     HarrellDavis,
 }
 
-/// The estimators by name: those of campaigns, and Harrell and Davis's.
+/// Returns the estimators by name: those of campaigns, and Harrell–Davis.
 fn methods() -> Vec<(&'static str, Estimator)> {
     let of_campaigns = ESTIMATORS.iter().map(|one| {
         (
@@ -84,18 +85,18 @@ struct Draws {
     controls: Vec<f64>,
 }
 
-/// The draws of a design for each kind of coefficients, and what is known of it.
+/// The draws of a design for each kind of coefficients, with the design's statistics.
 struct Sampled {
     truth: f64,
     sd: f64,
     is_normal: bool,
     control: Control,
     modes: usize,
-    /// In the order of [`DRAWN`].
+    /// The draws of each kind, in the order of [`DRAWN`].
     draws: [Vec<Draws>; 3],
 }
 
-/// What is drawn anew for each repetition.
+/// The kinds of coefficients, drawn again for each repetition.
 const DRAWN: [WearCoefficients; 3] = [
     WearCoefficients::Independent,
     WearCoefficients::Antithetic,
@@ -107,7 +108,7 @@ const DRAWN: [WearCoefficients; 3] = [
 struct Errors {
     rmse: f64,
     bias: f64,
-    /// The mean variance that the estimator states, over that of its estimates.
+    /// Mean of the variance stated by the estimator, divided by the variance of its estimates.
     stated: f64,
 }
 
@@ -128,7 +129,7 @@ pub(crate) fn run(
     }
     let mut rows = [Vec::new(), Vec::new()];
     let mut found = [0, 0];
-    // Designs one after the other: the draws of all would take a gigabyte.
+    // One design at a time: the draws of all designs would take a gigabyte.
     let mut errors: Vec<(usize, usize, bool, f64, f64, Errors)> = Vec::new();
     for number in 0..count as u64 {
         let sampled = sampled(problem, number, size, &mut rng)?;
@@ -208,7 +209,7 @@ pub(crate) fn run(
     Ok(table)
 }
 
-/// The next random design that is nearly feasible, with its truth and its draws.
+/// Returns the next random design that is nearly feasible, with its truth and draws.
 fn sampled(
     problem: &Problem,
     number: u64,
@@ -224,7 +225,7 @@ fn sampled(
         let criteria = gears.pair_criteria(&pair, 0.0).into();
         (problem.violation(&criteria) <= NEARLY).then_some(pair)
     });
-    // Few designs are far from normal: they are looked for, so that half of all is to be, if there are such.
+    // Few designs are far from normal. The screening makes them up to half of all designs.
     let (seed, level) = (problem.campaign().seed, settings.level());
     let mut best: Option<(f64, gear::Pair)> = None;
     let looked_at = if number.is_multiple_of(2) {
@@ -300,7 +301,7 @@ fn sampled(
     })
 }
 
-/// The section `[sampling]` with these choices.
+/// Returns the section `[sampling]` with these choices.
 fn with(
     own: &Sampling,
     percentile: PercentileRule,
@@ -333,7 +334,8 @@ impl Estimator {
         }
     }
 
-    /// Whether a campaign with this section estimates so. The two choices differ in the variance alone.
+    /// Whether this is the estimator of a campaign with this section. [`PercentileRule::Chosen`]
+    /// and [`PercentileRule::ChosenBootstrap`] differ in the variance alone.
     fn is_of(self, own: &Sampling) -> bool {
         let percentile = match own.percentile {
             PercentileRule::ChosenBootstrap => PercentileRule::Chosen,
@@ -342,7 +344,7 @@ impl Estimator {
         self == Self::Campaign(percentile, own.control, own.coefficients)
     }
 
-    /// Which of the draws it takes.
+    /// The index in [`DRAWN`] of the draws that the estimator takes.
     fn drawn(self) -> usize {
         let Self::Campaign(_, _, coefficients) = self else {
             return 0;
@@ -353,7 +355,7 @@ impl Estimator {
             .unwrap_or(0)
     }
 
-    /// The most samples in whole groups.
+    /// The largest number of samples in whole groups.
     fn whole(self, settings: &Sampling, samples: usize) -> usize {
         let group = settings.coefficients().group();
         samples / group * group
@@ -376,7 +378,7 @@ impl Estimator {
         (samples + linear) as f64
     }
 
-    /// The errors of estimates from the first `count` samples of each repetition.
+    /// Computes the errors of estimates from the first `count` samples of each repetition.
     fn errors(
         self,
         draws: &[Draws],
@@ -426,7 +428,8 @@ mod tests {
         Problem::new(Campaign::parse("paper.toml", Campaign::PAPER).unwrap())
     }
 
-    /// Of normal samples the standard error of m + z s is σ √(1/k + z²/(2 (k − 1))) but for terms in 1/k².
+    /// The standard error of m + z s is σ √(1/k + z²/(2 (k − 1))) for normal samples, except for
+    /// terms in 1/k².
     #[test]
     fn errors_of_a_normal_percentile_shrink_like_the_root_of_the_samples() {
         let normal = stats::Sampling::Independent;
@@ -452,7 +455,7 @@ mod tests {
             errors.rmse
         };
         for count in [25, 100] {
-            // 600 repetitions know a standard deviation to 3 %.
+            // The standard error of a standard deviation from 600 repetitions is 3 %.
             let ratio = rmse(count) / rmse(4 * count);
             assert!((ratio - 2.0).abs() < 0.25, "{count}: {ratio}");
         }

@@ -1,4 +1,4 @@
-//! What leases, messages, processes and the store take beside the simulator.
+//! The time of leases, messages, processes and the store besides the simulator.
 
 use campaign::Campaign;
 
@@ -37,38 +37,38 @@ pub(crate) const PAIRS: &[view::Pair] = &[
     },
 ];
 
-/// Samples to be run.
+/// The samples to run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Load {
-    /// Seconds that a program sleeps for each; none for the built-in simulator.
+    /// Time that a program sleeps for each sample, in seconds; none for the built-in simulator.
     pub sleep: Option<f64>,
-    /// Workers of one slot each.
+    /// Number of workers, of one slot each.
     pub workers: usize,
-    /// How many samples.
+    /// Number of samples.
     pub samples: u32,
 }
 
-/// What it took to run them.
+/// The time of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ran {
-    /// From the first sample to the last one in the store, seconds.
+    /// Time from the first sample until the last one is stored, in seconds.
     pub seconds: f64,
-    /// CPU time of this process meanwhile, seconds.
+    /// CPU time of this process meanwhile, in seconds.
     pub cpu_seconds: f64,
-    /// CPU time of a sample in one thread, seconds; zero for a program's.
+    /// CPU time of a sample in one thread, in seconds; zero for a program's sample.
     pub alone_seconds: f64,
 }
 
-/// What runs samples and campaigns.
+/// A runner of samples and campaigns.
 pub trait Runner {
-    /// Runs samples by workers.
+    /// Runs samples with workers.
     ///
     /// # Errors
     ///
     /// A worker or the store failed.
     fn samples(&mut self, load: &Load) -> anyhow::Result<Ran>;
 
-    /// Runs a whole campaign; what each of its approaches came to.
+    /// Runs a whole campaign and returns the result of each approach.
     ///
     /// # Errors
     ///
@@ -95,7 +95,7 @@ pub(crate) fn run(
             let samples = match sleep {
                 None => built_in,
                 Some(sleep) => {
-                    // Two for each worker at least.
+                    // At least two samples for each worker.
                     let each = (most_seconds / sleep).max(2.0);
                     (each * workers as f64) as u32
                 }
@@ -174,7 +174,7 @@ mod tests {
         );
     }
 
-    /// Notes what it is asked.
+    /// A runner that records its calls.
     struct Fake(Vec<Load>);
 
     impl Runner for Fake {

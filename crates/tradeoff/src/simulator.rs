@@ -1,8 +1,8 @@
-//! What a grid of the simulator costs and what it loses.
+//! The cost of a grid of the simulator, and its error.
 //!
-//! The errors of ΔSTE are relative to the converged value of the same design and, with random wear, of the same
-//! random numbers. The plain sum ([`PlainSum`]) gets compliance and gap from the converged pair, and its time
-//! leaves out the drawing of the random field.
+//! The errors of ΔSTE are relative to the converged value of the same design and, with random wear,
+//! of the same random numbers. The plain sum ([`PlainSum`]) uses compliance and gap of the
+//! converged pair, and its time does not include drawing the random field.
 
 use std::hint::black_box;
 
@@ -35,7 +35,7 @@ const COLUMNS: [&str; 8] = [
     "error with Archard’s wear, 95th percentile (%)",
 ];
 
-/// Half a percent of ΔSTE is below what random wear and 500 verification samples leave uncertain.
+/// Half a percent of ΔSTE is below the uncertainty of random wear and 500 verification samples.
 const TOLERANCE: Rule = Rule::Within(0.5);
 
 pub(crate) const PAIRS: &[view::Pair] = &[
@@ -51,7 +51,7 @@ pub(crate) const PAIRS: &[view::Pair] = &[
     },
 ];
 
-/// Cells and phases.
+/// Numbers of cells and phases.
 const GRIDS: [[usize; 2]; 10] = [
     [12, 8],
     [16, 12],
@@ -64,29 +64,29 @@ const GRIDS: [[usize; 2]; 10] = [
     [192, 96],
     [256, 128],
 ];
-/// Samples for each design whose error is measured, and whose time is.
+/// Numbers of samples per design: for the error and for the time.
 const COMPARED: u64 = 4;
 const TIMED: u64 = 20;
-/// How often a time is measured.
+/// Number of measurements of a time.
 const REPEATED: u32 = 5;
-/// How many designs in a row may be refused before the campaign's box counts as empty.
+/// Number of designs refused in a row after which the campaign's box counts as empty.
 const REFUSED: usize = 10_000;
-/// The last change of a converged value, relative.
+/// Relative change at which a value counts as converged.
 const CONVERGED: f64 = 1e-6;
 
-/// A design with its converged answers, µm.
+/// A design with its converged values of ΔSTE, in µm.
 struct Reference {
     input: PairInput,
     unworn: f64,
     archard: f64,
     random: Vec<f64>,
-    /// The places and gaps of the samples, for the plain sum.
+    /// The positions and gaps of the samples, for the plain sum.
     nodes: Vec<f64>,
     gaps: Vec<Vec<f64>>,
     pair: Pair,
 }
 
-/// What one method took and lost, over the designs.
+/// The times and errors of one method, for all designs.
 #[derive(Default)]
 struct Measured {
     design_micros: Vec<f64>,
@@ -121,7 +121,7 @@ pub(crate) fn run(
         let references = references(problem, model, size.designs(200, 40))?;
         let mut of_grids: Vec<Measured> = grids.iter().map(|_| Measured::default()).collect();
         let mut of_plain = Measured::default();
-        // Design by design, so that what slows the machine for a while slows all grids.
+        // Design by design, so that a temporary slowdown of the machine affects all grids alike.
         for (number, reference) in references.iter().enumerate() {
             for (&[cells, phases], measured) in grids.iter().zip(&mut of_grids) {
                 measured.ours(reference, number, wear, &Discretisation { cells, phases })?;
@@ -140,7 +140,7 @@ pub(crate) fn run(
     Ok(table)
 }
 
-/// So many random designs of the campaign's box that can be simulated.
+/// Returns `count` simulable random designs of the campaign's box.
 fn references(
     problem: &Problem,
     tooth_model: ToothModel,
@@ -199,7 +199,8 @@ fn draw(sampler: &mut Sampler, design: usize, sample: u64) -> f64 {
     sampler.draw(&mut stream(2009, Purpose::Test, design as u64, sample))
 }
 
-/// CPU microseconds of `work`: the least of several, since caches are cold at first and the processor is shared.
+/// CPU time of `work`, in microseconds: the minimum of several runs, because caches are cold at
+/// first and the processor is shared.
 fn micros<T>(mut work: impl FnMut() -> T) -> f64 {
     let mut least = f64::INFINITY;
     for _ in 0..REPEATED {

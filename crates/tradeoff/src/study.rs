@@ -8,19 +8,19 @@ use crate::table::Table;
 use crate::view::View;
 use crate::{kriging, optimisation, percentile, runner, simulator};
 
-/// How thoroughly a study measures.
+/// The size of a study.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Size {
-    /// For figures to rely on: eight minutes of CPU time for the paper's campaign.
+    /// Reliable figures: eight minutes of CPU time for the paper's campaign.
     Full,
-    /// For a look: a minute or two.
+    /// Rough figures: a minute or two.
     Quick,
-    /// For a test of the program: from about so many designs.
+    /// A test of the program with about this many designs.
     Designs(u32),
 }
 
 impl Size {
-    /// The size in a word or two, which tells sizes apart.
+    /// The name of the size.
     #[must_use]
     pub fn name(self) -> String {
         match self {
@@ -30,7 +30,7 @@ impl Size {
         }
     }
 
-    /// The one of these values that belongs to the size; a test takes the third.
+    /// Picks the value for this size; a test takes the third.
     pub(crate) fn pick<T>(self, full: T, quick: T, test: T) -> T {
         match self {
             Self::Full => full,
@@ -39,7 +39,7 @@ impl Size {
         }
     }
 
-    /// How many designs to measure: so many at most in a test.
+    /// Number of designs to measure; a test measures at most its own number.
     pub(crate) fn designs(self, full: usize, quick: usize) -> usize {
         match self {
             Self::Designs(count) => quick.min(count as usize),
@@ -48,7 +48,7 @@ impl Size {
     }
 }
 
-/// A study.
+/// The kinds of study.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// The grid of the simulator.
@@ -59,21 +59,21 @@ pub enum Kind {
     Kriging,
     /// The approach to the optimum.
     Optimisation,
-    /// What runs the samples.
+    /// The runner of the samples.
     Runner,
 }
 
-/// A study with what it measured.
+/// A study with its measurements.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Study {
-    /// Which one.
+    /// The kind of study.
     pub kind: Kind,
-    /// What it measured.
+    /// The measurements.
     pub table: Table,
 }
 
 impl Kind {
-    /// All of them, from the inside out.
+    /// All kinds, from the simulator outwards.
     pub const ALL: [Self; 5] = [
         Self::Simulator,
         Self::Percentile,
@@ -82,7 +82,7 @@ impl Kind {
         Self::Runner,
     ];
 
-    /// The name of its files.
+    /// The name of the study's files.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -94,7 +94,7 @@ impl Kind {
         }
     }
 
-    /// Its heading.
+    /// The heading of the study.
     #[must_use]
     pub const fn title(self) -> &'static str {
         match self {
@@ -106,7 +106,7 @@ impl Kind {
         }
     }
 
-    /// What it measures, in a paragraph.
+    /// A paragraph that says what the study measures.
     #[must_use]
     pub const fn lead(self) -> &'static str {
         match self {
@@ -118,11 +118,11 @@ impl Kind {
         }
     }
 
-    /// Measures; `runner` runs samples and campaigns, `progress` is told what is done.
+    /// Measures. `runner` runs samples and campaigns; `progress` receives messages on the way.
     ///
     /// # Errors
     ///
-    /// The campaign designs no gears, too few of its designs can be simulated, or the runner failed.
+    /// The campaign designs no gears, too few of its designs are simulable, or the runner fails.
     pub fn run(
         self,
         problem: &Problem,
@@ -143,7 +143,7 @@ impl Kind {
 }
 
 impl Study {
-    /// Its charts.
+    /// The charts of the study.
     #[must_use]
     pub fn views(&self) -> Vec<View<'_>> {
         let pairs = match self.kind {

@@ -1,6 +1,6 @@
-//! Medians and other quantiles of what was measured.
+//! Quantiles and root mean squares of measurements.
 
-/// The quantile of the values at `level`, from 0 to 1, interpolated; not a number without values.
+/// The interpolated quantile of the values at `level`, from 0 to 1; NaN without values.
 pub(crate) fn quantile(values: &[f64], level: f64) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -9,19 +9,19 @@ pub(crate) fn quantile(values: &[f64], level: f64) -> f64 {
     };
     let at = level * last as f64;
     let (low, high) = (sorted[at.floor() as usize], sorted[at.ceil() as usize]);
-    // Infinite values, too, may be equal.
+    // The interpolation of two infinite values would give NaN.
     match low == high {
         true => low,
         false => low + at.fract() * (high - low),
     }
 }
 
-/// Their median.
+/// The median of the values.
 pub(crate) fn median(values: &[f64]) -> f64 {
     quantile(values, 0.5)
 }
 
-/// The square root of the mean of their squares.
+/// The root mean square of the values.
 pub(crate) fn root_mean_square(values: &[f64]) -> f64 {
     let squares: f64 = values.iter().map(|value| value * value).sum();
     (squares / values.len() as f64).sqrt()

@@ -1,36 +1,36 @@
-//! What a study measured, and its CSV file.
+//! The measurements of a study, and their CSV file.
 
 use anyhow::{Context as _, bail};
 
-/// What each row says beside its values.
+/// The columns of a row before its values.
 const LABELS: [&str; 4] = ["measured_for", "method", "setting", "campaign"];
 
 /// One setting of one method.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
-    /// For what it was measured; rows of different panels are not compared.
+    /// The object of the measurement; rows of different panels are not compared.
     pub panel: String,
     /// The method.
     pub method: String,
     /// The method's setting.
     pub setting: String,
-    /// Whether it is the campaign's.
+    /// Whether the setting is the campaign's own.
     pub is_campaign: bool,
-    /// One value for each column; not a number where there is none.
+    /// One value for each column; NaN if there is none.
     pub values: Vec<f64>,
 }
 
-/// What a study measured.
+/// The measurements of a study.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
-    /// What the values are, with units.
+    /// The names of the values, with units.
     pub columns: Vec<String>,
-    /// All settings.
+    /// One row for each setting.
     pub rows: Vec<Row>,
 }
 
 impl Table {
-    /// A table without rows.
+    /// Creates a table without rows.
     #[must_use]
     pub fn new(columns: &[&str]) -> Self {
         Self {
@@ -39,7 +39,7 @@ impl Table {
         }
     }
 
-    /// The panels, in the order of the rows.
+    /// The panels, in the order of their rows.
     #[must_use]
     pub fn panels(&self) -> Vec<&str> {
         let mut panels: Vec<&str> = Vec::new();
@@ -51,11 +51,11 @@ impl Table {
         panels
     }
 
-    /// The table as CSV; numbers have the digits that read back as the same numbers.
+    /// The table as CSV, with enough digits to read back the same numbers.
     ///
     /// # Errors
     ///
-    /// A row has not one value for each column.
+    /// The number of values in a row is not the number of columns.
     pub fn csv(&self) -> anyhow::Result<Vec<u8>> {
         let mut out = csv::Writer::from_writer(Vec::new());
         let columns = self.columns.iter().map(String::as_str);
@@ -72,11 +72,11 @@ impl Table {
         Ok(out.into_inner()?)
     }
 
-    /// The table that was written as this CSV.
+    /// Reads a table from CSV.
     ///
     /// # Errors
     ///
-    /// It is not the CSV of a table: the line that is not, and why.
+    /// The text is not the CSV of a table; the error names the line and the reason.
     pub fn from_csv(csv: &[u8]) -> anyhow::Result<Self> {
         let mut reader = csv::Reader::from_reader(csv);
         let header = reader.headers()?.clone();
@@ -129,7 +129,7 @@ mod tests {
             .push(row("weber-banaschek", false, [3.0, f64::INFINITY]));
         assert_eq!(Table::from_csv(&table.csv().unwrap()).unwrap(), table);
         assert_eq!(table.panels(), ["hertz-beam", "weber-banaschek"]);
-        // There is no value for this one.
+        // This row has no value in one column.
         table.rows.push(row("hertz-beam", false, [f64::NAN, 1.0]));
         let again = Table::from_csv(&table.csv().unwrap()).unwrap();
         assert!(again.rows[2].values[0].is_nan() && again.rows[2].values[1] == 1.0);

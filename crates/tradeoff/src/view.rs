@@ -1,31 +1,31 @@
-//! One cost against one error: the chart and the sentence.
+//! A view of one cost against one error: a chart and a recommendation.
 
 use report::{TradeoffChart, TradeoffSeries};
 
 use crate::front::{Reason, Rule, front, recommend};
 use crate::table::{Row, Table};
 
-/// A cost and an error of a study, by their columns.
+/// A cost and an error of a study.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pair {
     /// The column of the cost.
     pub cost: usize,
     /// The column of the error.
     pub error: usize,
-    /// Which setting to recommend.
+    /// The rule that chooses the recommended setting.
     pub rule: Rule,
 }
 
-/// One panel of a study, seen as cost against error.
+/// One panel of a study, as cost against error.
 #[derive(Debug, Clone, PartialEq)]
 pub struct View<'a> {
-    /// The name of the chart's files, without an ending.
+    /// The name of the chart's files, without extension.
     pub file: String,
     /// The study's table.
     pub table: &'a Table,
     /// The panel.
     pub panel: &'a str,
-    /// What is shown.
+    /// The cost and the error.
     pub pair: Pair,
 }
 
@@ -80,7 +80,7 @@ impl<'a> View<'a> {
             rows[place].setting,
             figures(place)
         );
-        // A campaign may have several settings here, as approaches.
+        // A campaign may have several settings here, such as approaches.
         let own: Vec<usize> = (0..rows.len()).filter(|&i| rows[i].is_campaign).collect();
         let best = own
             .iter()

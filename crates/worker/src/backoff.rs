@@ -1,4 +1,4 @@
-//! Pauses between attempts that grow, with jitter so that a thousand workers do not come at once.
+//! Growing pauses between attempts, randomised so that many workers do not call at the same time.
 
 use std::time::Duration;
 

@@ -1,31 +1,31 @@
-//! Why a worker ends without having been told to.
+//! The errors that end a worker.
 
 use protocol::exit;
 
-/// Why a worker ended without having been told to.
+/// An error that ends a worker.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The coordinator cannot be reached, or refused.
     #[error(transparent)]
     Gateway(#[from] gateway::Error),
-    /// The campaign's designs are not for the simulator that this worker has.
+    /// The campaign needs another simulator than the one that this worker has.
     #[error("{reason}")]
     WrongSimulator {
-        /// What is wrong and what would be right.
+        /// The mismatch, and the options that resolve it.
         reason: String,
     },
-    /// The external simulator does not answer the questions that every worker answers first.
+    /// The external simulator fails on the probe questions, which every worker asks first.
     #[error("the external simulator is of no use: {reason}")]
     Program {
-        /// What it did.
+        /// The program's failure.
         reason: String,
     },
     /// The compute threads cannot be started.
     #[error("cannot start {slots} compute threads: {reason}")]
     Threads {
-        /// How many were asked for.
+        /// The number of threads.
         slots: usize,
-        /// What the system said.
+        /// The system's error.
         reason: String,
     },
 }

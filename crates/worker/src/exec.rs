@@ -1,9 +1,9 @@
-//! Simulators from elsewhere: programs that answer one line of JSON for each line they are asked, or
-//! read and write files.
+//! External simulators: programs that answer each line of JSON with a line, or read and write
+//! files.
 //!
-//! A slot keeps a process over many requests. A process that dies, answers nonsense or takes too
-//! long fails the job that asked, and the next job gets a new one. `campaigns/external/README.md`
-//! describes the protocol for whoever writes such a program.
+//! A slot keeps a process over many requests. A process that dies, sends a malformed answer or
+//! takes too long fails the current job, and the next job gets a new process.
+//! `campaigns/external/README.md` describes the protocol for authors of such programs.
 
 mod files;
 mod messages;
@@ -31,23 +31,24 @@ pub use files::FileMode;
 use messages::{Answer, Content, Described, Numbers};
 use program::Program;
 
-/// How long a program may take to get ready, at least.
+/// Minimum time limit for the start of a program.
 const START: Duration = Duration::from_secs(30);
 
-/// What both programs' command lines say about an external simulator.
+/// The arguments of both programs for an external simulator.
 #[derive(Debug, Clone, PartialEq, clap::Args)]
 pub struct SimulatorArguments {
     /// The simulator of a campaign whose [simulator] is "external": a command for `sh -c`
     #[arg(long, value_name = "CMD")]
     exec: Option<String>,
-    /// How many seconds the external simulator may take for one answer
+    /// Seconds that the external simulator may take for one answer
     #[arg(long, value_name = "SECONDS", default_value = "600", value_parser = seconds)]
     exec_timeout: Duration,
-    /// The file that the external simulator reads, with {name} for each variable and {seed}: it is asked
-    /// through files instead of lines, a run for each question in a folder of its own ($OLDPWD is this one)
+    /// The template of the external simulator's input file, with {name} for each variable and
+    /// {seed}: the command is then run once for each request, in a new folder ($OLDPWD is the
+    /// folder of this program)
     #[arg(long, value_name = "FILE", requires_all = ["exec", "result"])]
     template: Option<PathBuf>,
-    /// The file that it leaves: lines of name = value, or a JSON object
+    /// The result file that the external simulator writes: lines of name = value, or a JSON object
     #[arg(long, value_name = "NAME", requires = "template")]
     result: Option<PathBuf>,
 }
@@ -67,7 +68,7 @@ impl SimulatorArguments {
 
 fn seconds(text: &str) -> Result<Duration, String> {
     let seconds: f64 = text.parse().map_err(|_| "no number".to_owned())?;
-    // Above a century it is no timeout any more, and clocks overflow.
+    // A timeout of more than a century has no effect and overflows clocks.
     if seconds > 0.0 && seconds < 3e9 {
         Ok(Duration::from_secs_f64(seconds))
     } else {
@@ -75,44 +76,44 @@ fn seconds(text: &str) -> Result<Duration, String> {
     }
 }
 
-/// An external simulator, as the command line names it.
+/// The command of an external simulator.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Exec {
-    /// What `sh -c` runs.
+    /// The command for `sh -c`.
     pub command: String,
-    /// How long one answer may take.
+    /// Time limit of an answer.
     pub timeout: Duration,
-    /// The files through which it is asked; none where it answers lines.
+    /// The files of a program that is called through files; none for one that answers lines.
     pub files: Option<FileMode>,
 }
 
-/// What simulates the designs of one campaign on this worker.
+/// The simulator of a campaign on this worker.
 #[derive(Debug)]
 pub(crate) enum Backend {
     /// The built-in gear model.
     BuiltIn,
-    /// A program.
+    /// An external simulator.
     External(Programs),
 }
 
-/// The processes of an external simulator: as many as are asked at once.
+/// The processes of an external simulator, one for each simultaneous job.
 #[derive(Debug)]
 pub(crate) struct Programs {
     exec: Exec,
     idle: Mutex<Vec<Program>>,
-    /// What the first process called itself; the others must be the same program.
+    /// The version that the first process named; the others must name the same.
     version: OnceLock<String>,
     stop: Arc<AtomicBool>,
-    /// How many sessions there are, each of which may hold a process.
+    /// Number of sessions, each of which may hold a process.
     sessions: AtomicUsize,
 }
 
 impl Backend {
-    /// What the campaign asks for, if this worker has it.
+    /// Returns the simulator that the campaign needs.
     ///
     /// # Errors
     ///
-    /// The campaign needs an external simulator and there is none, or the other way round.
+    /// The campaign needs an external simulator and none is given, or the other way round.
     pub(crate) fn choose(problem: &Problem, exec: Option<&Exec>) -> Result<Self, Error> {
         let campaign = problem.campaign();
         let name = &campaign.name;
@@ -140,11 +141,11 @@ impl Backend {
         }
     }
 
-    /// The digest of the answers to the fixed questions. It may take as long as they do.
+    /// Returns the digest of the answers to the probe questions, which may take the program's time.
     ///
     /// # Errors
     ///
-    /// The program fails on them.
+    /// The program fails on a question.
     pub(crate) fn model_digest(&self, problem: &Problem) -> Result<String, Error> {
         match self {
             Self::BuiltIn => Ok(probe::model_digest(problem)),
@@ -159,8 +160,8 @@ impl Backend {
         }
     }
 
-    /// Lets `work` ask the simulator. Returns its result, and how many seconds a program took to
-    /// answer: no clock of this process counts them.
+    /// Runs `work` with the simulator. Returns its result and the seconds that a program took to
+    /// answer, which no CPU clock of this process counts.
     pub(crate) fn with<T>(
         &self,
         problem: &Problem,
@@ -176,7 +177,7 @@ impl Backend {
         }
     }
 
-    /// Whether a program is asked.
+    /// Whether the simulator is an external program.
     pub(crate) const fn is_external(&self) -> bool {
         matches!(self, Self::External(_))
     }
@@ -186,7 +187,7 @@ impl Backend {
         matches!(self, Self::External(programs) if programs.stop.load(Ordering::Relaxed))
     }
 
-    /// Ends all programs, also those that are being waited for.
+    /// Ends all programs, including those that have not answered yet.
     pub(crate) fn stop(&self) {
         if let Self::External(programs) = self {
             programs.stop.store(true, Ordering::Relaxed);
@@ -194,7 +195,7 @@ impl Backend {
         }
     }
 
-    /// Whether a program is still asked something, or about to be ended.
+    /// Whether a program is still working on a request, or about to be ended.
     pub(crate) fn is_busy(&self) -> bool {
         matches!(self, Self::External(programs) if programs.sessions.load(Ordering::Acquire) > 0)
     }
@@ -213,31 +214,31 @@ impl Programs {
     }
 
     fn idle(&self) -> std::sync::MutexGuard<'_, Vec<Program>> {
-        // A list of processes is never half changed.
+        // A panic cannot leave the list half changed.
         self.idle.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// A program for the length of one job.
+/// The use of a program by one job.
 #[derive(Debug)]
 struct Session<'a> {
     programs: &'a Programs,
     problem: &'a Problem,
-    /// Taken out while it is asked, so that what goes wrong there ends it.
+    /// Taken out during a request, so that a failed request ends the process.
     process: RefCell<Option<Program>>,
-    /// Numbers the requests.
+    /// The number of the last request.
     requests: Cell<u64>,
     waited: Cell<Duration>,
 }
 
 impl Session<'_> {
-    /// Makes sure that there is a process that is ready to be asked.
+    /// Starts a process, or takes an idle one, unless the session has one.
     fn start(&self) -> Result<(), String> {
         if self.process.borrow().is_some() {
             return Ok(());
         }
         while let Some(process) = self.programs.idle().pop() {
-            // One that died while nobody asked it is nobody's failure.
+            // A process that died while idle fails no job.
             if !process.has_ended() {
                 *self.process.borrow_mut() = Some(process);
                 return Ok(());
@@ -271,7 +272,8 @@ impl Session<'_> {
         Ok(())
     }
 
-    /// Asks about a design for the numbers of these names; the answer may hold some of `others`, too.
+    /// Sends a request for the `wanted` numbers of a design. The answer may also hold some of
+    /// `others`.
     fn ask(
         &self,
         question: Map<String, Value>,
@@ -330,7 +332,7 @@ impl Drop for Session<'_> {
         {
             self.programs.idle().push(process);
         }
-        // After a process that is not kept has ended and was waited for.
+        // Decremented last: a process that is not kept has ended by now.
         self.programs.sessions.fetch_sub(1, Ordering::Release);
     }
 }
@@ -356,18 +358,18 @@ impl Simulator for Session<'_> {
     }
 }
 
-/// A design that a program is asked about.
+/// A design that a program simulates.
 struct Asked<'a> {
     session: &'a Session<'a>,
     design: Design,
     told: Value,
-    /// What the program has answered so far; the others are NaN.
+    /// The responses known so far; the others are NaN.
     responses: Vec<f64>,
     was_evaluated: bool,
 }
 
 impl Asked<'_> {
-    /// Asks for those of the responses at `places` that are not known yet.
+    /// Requests the responses at `places` that are not known yet.
     fn evaluate(&mut self, places: &[usize]) -> Result<(), NoAnswer> {
         let problem = self.session.problem;
         let known: Vec<&Quantity> = problem.responses().iter().collect();
@@ -376,7 +378,7 @@ impl Asked<'_> {
             .iter()
             .filter(|place| self.responses[**place].is_nan());
         let wanted: Vec<&str> = missing.map(|place| asked(*place)).collect();
-        // Where nothing is wanted the program may still refuse the design, once.
+        // If nothing is wanted, the program is still asked once: it may refuse the design.
         if wanted.is_empty() && self.was_evaluated {
             return Ok(());
         }
@@ -404,7 +406,7 @@ impl Prepared for Asked<'_> {
             NoAnswer::Failed("the responses are not those of the campaign".to_owned())
         })?;
         if problem.has_baseline() {
-            // An optimiser would take a number that cannot be for a find.
+            // An optimiser would take an implausible number for an optimum.
             problem.check_sample(analysis.value_um).map_err(|why| {
                 let name = &problem.sampled().name;
                 NoAnswer::Failed(format!("the simulator's {name} {why}"))
@@ -414,7 +416,7 @@ impl Prepared for Asked<'_> {
     }
 
     fn sample(&mut self, rng: &mut StreamRng) -> Result<f64, String> {
-        // 128 bits of the stream, in words that every program's numbers can hold.
+        // 128 bits of the stream, in words of 32 bits, which every program can represent.
         let [low, high] = [rng.next_u64(), rng.next_u64()];
         let seed = [low, low >> 32, high, high >> 32].map(|word| word as u32);
         let problem = self.session.problem;

@@ -1,5 +1,5 @@
-//! What a worker holds: leases that wait, leases that are being computed, and results that the
-//! coordinator has not acknowledged yet.
+//! The leases of a worker: those that wait, those that are being computed, and those whose results
+//! the coordinator has not acknowledged yet.
 
 mod outbox;
 
@@ -14,34 +14,34 @@ use tokio::sync::Notify;
 
 use outbox::Outbox;
 
-/// Work is held for this long per slot, in seconds, that which is being computed included: enough
-/// that round trips vanish in it. Of leases that take longer none is held ahead: another worker may
-/// have a slot free for it.
+/// Seconds of work to hold per slot, including the job that is being computed: enough to make the
+/// time of round trips negligible. Long jobs are not prefetched: another worker may have a free
+/// slot.
 const HELD_SECONDS: f64 = 2.0;
 
-/// More is asked for when less than this part of it is left.
+/// The worker asks for more leases when less than this share of the work is left.
 const LOW: f64 = 0.75;
 
-/// The most leases per slot, however short they are.
+/// Maximum number of leases per slot.
 const HELD_LEASES: usize = 2000;
 
-/// How much more work to ask for.
+/// The amount of work to ask for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Wanted {
-    /// At most this many leases.
+    /// Maximum number of leases.
     pub(crate) leases: usize,
-    /// No more once they are worth this, in seconds.
+    /// Expected time of the leases, in seconds, after which no more are needed.
     pub(crate) seconds: f64,
 }
 
-/// A lease, read.
+/// A lease read from a response.
 #[derive(Debug)]
 pub(crate) struct Lease {
     pub(crate) id: LeaseId,
     pub(crate) units: Vec<(Unit, Source)>,
-    /// How long it is expected to take, in seconds.
+    /// Expected time, in seconds.
     pub(crate) seconds: f64,
-    /// Whether the coordinator is to know at once that it has begun.
+    /// Whether to tell the coordinator at once that the lease has started.
     pub(crate) announce: bool,
 }
 
@@ -50,11 +50,11 @@ struct Held {
     lease: Arc<Lease>,
     started: bool,
     cancelled: Arc<AtomicBool>,
-    /// What is finished of it.
+    /// Results of finished units.
     done: Vec<UnitResult>,
-    /// What is finished of the unit that is being computed, should there be no time for the rest.
+    /// The finished part of the current unit, in case there is no time for the rest.
     part: Option<UnitResult>,
-    /// How long it has taken so far, in seconds.
+    /// Time taken so far, in seconds.
     seconds: f64,
 }
 
@@ -62,12 +62,12 @@ struct Held {
 struct Inner {
     computing: BTreeMap<LeaseId, Held>,
     outbox: Outbox,
-    /// The number of the newest failure.
+    /// The serial number of the newest failure.
     serial: u64,
 }
 
 impl Inner {
-    /// Keeps what came of a lease until it is acknowledged.
+    /// Keeps the results of a lease until they are acknowledged.
     fn finish(&mut self, held: Held) {
         let result = LeaseResult {
             id: Some(held.lease.id.into()),
@@ -82,17 +82,18 @@ impl Inner {
 #[derive(Debug, Default)]
 pub(crate) struct HeldLeases {
     inner: Mutex<Inner>,
-    /// Rings whenever they have changed.
+    /// Notified when the leases change.
     pub(crate) changed: Notify,
 }
 
 impl HeldLeases {
     fn with<T>(&self, act: impl FnOnce(&mut Inner) -> T) -> T {
-        // No update can be half done when its code panics.
+        // A panic cannot leave an update half done.
         act(&mut self.inner.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Adds a lease; false if it is held already, as when an answer came twice.
+    /// Adds a lease. Returns false if the worker has it already, for example because a response
+    /// arrived twice.
     pub(crate) fn take(&self, lease: &Arc<Lease>) -> bool {
         self.with(|inner| {
             let id = lease.id;
@@ -112,8 +113,8 @@ impl HeldLeases {
         })
     }
 
-    /// Marks a lease as started; returns what tells that it was cancelled, or none if it was given up
-    /// meanwhile.
+    /// Marks a lease as started. Returns its cancellation flag, or none if the lease was released
+    /// or cancelled meanwhile.
     pub(crate) fn start(&self, id: LeaseId) -> Option<Arc<AtomicBool>> {
         self.with(|inner| {
             let held = inner.computing.get_mut(&id)?;
@@ -122,8 +123,8 @@ impl HeldLeases {
         })
     }
 
-    /// Keeps what is finished of a unit, should there be no time for the rest. `seconds` is what the
-    /// lease has taken so far.
+    /// Keeps the finished part of a unit, in case there is no time for the rest. `seconds` is the
+    /// time that the lease has taken so far.
     pub(crate) fn keep(&self, id: LeaseId, part: UnitResult, seconds: f64) {
         self.with(|inner| {
             if let Some(held) = inner.computing.get_mut(&id) {
@@ -133,7 +134,7 @@ impl HeldLeases {
         });
     }
 
-    /// Adds the result of a unit; a failure gets its number here.
+    /// Adds the result of a unit. A failure gets its serial number here.
     pub(crate) fn add(&self, id: LeaseId, result: UnitResult, seconds: f64) {
         self.with(|inner| {
             let Some(held) = inner.computing.get_mut(&id) else {
@@ -150,7 +151,8 @@ impl HeldLeases {
         });
     }
 
-    /// Ends the computing of a lease: what came of it is to be handed in, unless nobody needs it.
+    /// Ends the computation of a lease. Its results are kept for a report, unless the lease was
+    /// cancelled.
     pub(crate) fn finish(&self, id: LeaseId) {
         self.with(|inner| {
             if let Some(held) = inner.computing.remove(&id)
@@ -162,8 +164,8 @@ impl HeldLeases {
         self.changed.notify_waiters();
     }
 
-    /// Forgets leases of which nobody needs anything; those that are being computed are told to stop.
-    /// What is finished is handed in all the same: whether it is needed is the coordinator's to say.
+    /// Forgets leases that are no longer needed and stops those that are being computed. Finished
+    /// results are reported all the same: the coordinator decides whether it needs them.
     pub(crate) fn cancel(&self, leases: &[LeaseId]) {
         if leases.is_empty() {
             return;
@@ -181,7 +183,7 @@ impl HeldLeases {
         self.changed.notify_waiters();
     }
 
-    /// Forgets everything, as when the coordinator has another campaign.
+    /// Forgets everything, for a coordinator with another campaign.
     pub(crate) fn cancel_all(&self) {
         let leases: Vec<LeaseId> = self.with(|inner| {
             inner.outbox.clear();
@@ -190,7 +192,7 @@ impl HeldLeases {
         self.cancel(&leases);
     }
 
-    /// Forgets every lease that has not started, and returns them.
+    /// Forgets the leases that have not started, and returns them.
     pub(crate) fn give_up_waiting(&self) -> Vec<LeaseId> {
         let quarantined = self.with(|inner| {
             let waiting = inner.computing.extract_if(.., |_, held| !held.started);
@@ -200,8 +202,8 @@ impl HeldLeases {
         quarantined
     }
 
-    /// Ends every lease that is not finished: those of which something was kept are finished with that,
-    /// the others are forgotten and returned.
+    /// Ends the leases that are not finished. Those with kept results are finished with these; the
+    /// others are forgotten and returned.
     pub(crate) fn give_up_all(&self) -> Vec<LeaseId> {
         let quarantined = self.with(|inner| {
             let mut quarantined = Vec::new();
@@ -219,18 +221,18 @@ impl HeldLeases {
         quarantined
     }
 
-    /// How many leases are held and not finished.
+    /// Number of unfinished leases.
     pub(crate) fn computing(&self) -> usize {
         self.with(|inner| inner.computing.len())
     }
 
-    /// How many results wait for their acknowledgement.
+    /// Number of results that are not acknowledged.
     pub(crate) fn unacknowledged(&self) -> usize {
         self.with(|inner| inner.outbox.len())
     }
 
-    /// What to ask for with `slots` slots; none while enough is held, or too much waits for its
-    /// acknowledgement.
+    /// Returns the amount of work to ask for with `slots` slots; none while there is enough, or too
+    /// many results are unacknowledged.
     pub(crate) fn wanted(&self, slots: usize) -> Option<Wanted> {
         self.with(|inner| {
             if inner.outbox.is_full() {
@@ -251,8 +253,8 @@ impl HeldLeases {
         })
     }
 
-    /// As many of the results that wait for their acknowledgement as have at most so many bytes, or one
-    /// alone; and how many bytes they have.
+    /// Returns unacknowledged results of at most `most` bytes, or one larger result, and their size
+    /// in bytes.
     pub(crate) fn results(&self, most: usize) -> (Vec<LeaseResult>, usize) {
         self.with(|inner| inner.outbox.first(most))
     }
@@ -263,7 +265,8 @@ impl HeldLeases {
         self.changed.notify_waiters();
     }
 
-    /// All leases for a heartbeat; finished but unacknowledged ones included, as they are still ours.
+    /// All leases, for a heartbeat. Finished but unacknowledged leases are included: they still
+    /// belong to this worker.
     pub(crate) fn states(&self) -> Vec<LeaseState> {
         let state = |id: LeaseId, started| LeaseState {
             id: Some(id.into()),
@@ -430,7 +433,7 @@ mod tests {
             .collect();
         assert_eq!(counts, [vec![2, 1], vec![2]]);
         assert_eq!(results[0].wall_seconds, 2.0);
-        // The sample that was in the way ends after all: the part has gone its way.
+        // The sample ends after the part was kept: the kept part stays the result.
         held.finish(id(1));
         assert_eq!(held.results(ANY).0, results);
     }

@@ -1,10 +1,10 @@
 //! Leases jobs from a coordinator, simulates, and reports the results.
 //!
-//! A [`Worker`] is four tasks around one shared list of the jobs it holds: one leases, one hands
-//! results in until they are acknowledged, one sends heartbeats, and a pool of compute threads,
-//! one per slot, simulates. A lost coordinator stops none of them: finished results are kept, calls
-//! are repeated with growing pauses, and when a coordinator answers again the worker registers
-//! anew and hands in what it has.
+//! A [`Worker`] is four tasks around one shared list of leases: one requests leases, one reports
+//! results until they are acknowledged, one sends heartbeats, and a pool of compute threads, one
+//! per slot, simulates. The loss of the coordinator stops none of them: finished results are kept,
+//! calls are repeated with growing pauses, and when a coordinator answers again, the worker
+//! registers again and reports its results.
 
 #![expect(
     clippy::disallowed_methods,

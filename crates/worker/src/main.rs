@@ -18,35 +18,35 @@ use worker::{Options, SimulatorArguments, Summary, Worker};
 #[derive(Debug, Parser)]
 #[command(version = identity::BUILD, after_help = console::help_footer())]
 struct Arguments {
-    /// How to write the log
+    /// The format of the log
     #[arg(long, value_enum, default_value_t)]
     log_format: console::LogFormat,
     #[command(flatten)]
     reach: Reach,
-    /// How many jobs to compute at once [default: the number of processors]
+    /// Number of jobs to compute at once [default: the number of processors]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     slots: Option<u16>,
     #[command(flatten)]
     simulator: SimulatorArguments,
-    /// Compute the shard of a file of `coordinator plan`, without a coordinator; needs --out
+    /// Compute a shard written by `coordinator plan`, without a coordinator; needs --out
     #[arg(long, value_name = "FILE.json", requires = "out")]
     shard: Option<PathBuf>,
-    /// The file for what comes of the shard; one of the same shard is continued
+    /// The file for the shard's results; an existing file of the same shard is continued
     #[arg(long, value_name = "FILE.part", requires = "shard")]
     out: Option<PathBuf>,
-    /// How many seconds to wait for the coordinator to answer for the first time
+    /// Seconds to wait for the first answer of the coordinator
     #[arg(long, value_name = "SECONDS", default_value_t = 30)]
     connect_timeout: u64,
-    /// After how many seconds without the coordinator to leave
+    /// Seconds without an answer of the coordinator after which to leave
     #[arg(long, value_name = "SECONDS", default_value_t = 60)]
     give_up_after: u64,
-    /// How many seconds jobs that are being computed may take to end after SIGTERM
+    /// Seconds that running jobs may take to end after SIGTERM
     #[arg(long, value_name = "SECONDS", default_value_t = 30)]
     grace: u64,
-    /// After how many seconds to drain and leave, as when the time on a cluster ends
+    /// Seconds after which to drain and leave, for example before the time on a cluster ends
     #[arg(long, value_name = "SECONDS")]
     max_runtime: Option<u64>,
-    /// After how many seconds without any job to leave
+    /// Seconds without any job after which to leave
     #[arg(long, value_name = "SECONDS")]
     idle_exit: Option<u64>,
 }
@@ -69,7 +69,7 @@ fn main() -> ExitCode {
         idle_exit: arguments.idle_exit.map(Duration::from_secs),
     };
     let runtime = match tokio::runtime::Builder::new_multi_thread()
-        // The compute threads have the processors; the network needs next to nothing.
+        // The compute threads use the processors; the network needs little.
         .worker_threads(1)
         .enable_all()
         .build()
@@ -96,7 +96,7 @@ fn main() -> ExitCode {
         };
         Ok(Worker::new(link, options).run(shutdown).await?)
     });
-    // Threads that still compute what nobody waits for must not hold up the exit.
+    // Threads that still compute must not delay the exit.
     runtime.shutdown_background();
     match result {
         Ok(summary) => {
@@ -118,7 +118,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Why the program ends.
+/// An error that ends the program.
 #[derive(Debug, thiserror::Error)]
 enum Failed {
     #[error(transparent)]
@@ -139,7 +139,7 @@ impl Failed {
     }
 }
 
-/// Computes a shard: the worker's coordinator is this process.
+/// Computes a shard, with a service in this process as the coordinator.
 async fn compute_shard(
     shard: &Path,
     out: &Path,
@@ -163,7 +163,7 @@ async fn compute_shard(
     }
 }
 
-/// The machine's name and the process, for people.
+/// The machine's name and the process id, for display.
 fn host() -> String {
     let name = std::fs::read_to_string("/etc/hostname")
         .map_or_else(|_| "unknown".to_owned(), |name| name.trim().to_owned());

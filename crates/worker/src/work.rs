@@ -1,4 +1,4 @@
-//! The worker itself: how it begins and how it leaves.
+//! The worker: its start and its end.
 
 mod calls;
 mod registering;
@@ -22,57 +22,57 @@ use crate::held::HeldLeases;
 
 use registering::Registered;
 
-/// Period of the heartbeats until the coordinator has said one.
+/// Interval between heartbeats until the coordinator names one.
 const FIRST_HEARTBEAT: Duration = Duration::from_secs(1);
-/// How long the answer to a call may take before it counts as lost.
+/// Time limit of a call.
 const CALL_TIMEOUT: Duration = Duration::from_secs(20);
 
-/// The part of the grace period for which jobs may go on as if nothing had happened.
+/// Share of the grace period during which jobs continue as usual.
 const PATIENT_PART: f64 = 0.8;
-/// How long a leaving worker waits for the programs that it has ended.
+/// Time that a leaving worker waits for the programs that it has ended.
 const LAST_PROGRAMS: Duration = Duration::from_secs(1);
-/// How long a worker that has nothing left to compute tries at least to hand in what it has.
+/// Minimum time for the last report of a leaving worker.
 const LAST_REPORT: Duration = Duration::from_secs(2);
 
 /// A worker's settings.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// How many jobs are computed at once.
+    /// Number of jobs computed at once.
     pub slots: usize,
     /// The external simulator, for a campaign that is not simulated by the built-in model.
     pub exec: Option<Exec>,
-    /// Where the worker runs, for people.
+    /// The name of the worker's machine, for display.
     pub host: String,
-    /// How long the first contact may take.
+    /// Time limit of the first contact with the coordinator.
     pub connect_timeout: Duration,
-    /// How long a coordinator that was there before may be away.
+    /// Time without an answer of the coordinator after which the worker leaves.
     pub give_up_after: Duration,
-    /// How long jobs that are being computed may take to end after a shutdown was asked for.
+    /// Time for running jobs to end after a shutdown.
     pub grace: Duration,
-    /// After how long the worker drains by itself, as when its time on a cluster ends.
+    /// Time after which the worker drains, for example because its time on a cluster ends.
     pub max_runtime: Option<Duration>,
-    /// After how long without any job the worker leaves.
+    /// Time without any job after which the worker leaves.
     pub idle_exit: Option<Duration>,
 }
 
-/// What a worker did.
+/// The result of a worker's run.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Summary {
     /// Leases whose results were acknowledged.
     pub leases: u64,
-    /// Whether the coordinator said that the campaign is finished; or else the worker was asked to
-    /// leave before.
+    /// Whether the coordinator said that the campaign is finished. Otherwise the worker left
+    /// before.
     pub finished: bool,
 }
 
-/// A worker, ready to run.
+/// A worker.
 #[derive(Debug)]
 pub struct Worker {
     connection: Link,
     options: Options,
 }
 
-/// What all tasks of a worker share.
+/// The state shared by all tasks of a worker.
 struct Shared {
     options: Options,
     connection: Link,
@@ -81,21 +81,21 @@ struct Shared {
     /// another campaign.
     problem: RwLock<Option<Arc<Registered>>>,
     held: HeldLeases,
-    /// Period of the heartbeats, as the coordinator last said.
+    /// Interval between heartbeats, as last named by the coordinator.
     heartbeat: watch::Sender<Duration>,
-    /// Asks samplers to stop between two samples.
+    /// Set to stop jobs between two samples.
     hurry: AtomicBool,
-    /// Results that the coordinator has.
+    /// Number of acknowledged results.
     acknowledged: AtomicU64,
-    /// Ends the worker.
+    /// Cancelled to end the worker.
     stop: CancellationToken,
-    /// Those who want the coordinator to know at once what is held.
+    /// Requests for an immediate heartbeat.
     announcements: UnboundedSender<calls::Announcement>,
 }
 
 impl Worker {
-    /// A worker with these settings for the coordinator at the other end of `connection`, which must
-    /// be a link of a worker's role.
+    /// Creates a worker for the coordinator at the other end of `connection`, which must be a link
+    /// in the role of a worker.
     #[must_use]
     pub const fn new(connection: Link, options: Options) -> Self {
         Self {
@@ -119,7 +119,7 @@ impl Worker {
                 slots,
                 reason: error.to_string(),
             })?;
-        // Cancelled by us when the campaign is finished or an error ends the worker, too.
+        // Also cancelled when the campaign is finished or an error ends the worker.
         let stop = CancellationToken::new();
         let (announcements, announced) = tokio::sync::mpsc::unbounded_channel();
         let shared = Arc::new(Shared {
@@ -175,7 +175,7 @@ impl Worker {
             Ok(End::Finished) | Err(_) => {}
         }
         reporter_stop.cancel();
-        // A coordinator that does not answer must not keep a worker that was asked to leave.
+        // A coordinator that does not answer must not delay a worker that was asked to leave.
         let last = tokio::time::Instant::now() + LAST_REPORT;
         let leave_by = last.max(asked + shared.options.grace);
         if tokio::time::timeout_at(leave_by, &mut reporter)
@@ -190,8 +190,8 @@ impl Worker {
         tasks.shutdown().await;
         if let Some(registered) = shared.registered() {
             registered.backend.stop();
-            // Programs that are asked something end within a moment; a worker that left before them
-            // would leave nobody to wait for them.
+            // Programs with a request end soon. If the worker left before them, no process would
+            // wait for them.
             let since = Instant::now();
             while registered.backend.is_busy() && since.elapsed() < LAST_PROGRAMS {
                 tokio::time::sleep(Duration::from_millis(5)).await;
@@ -202,19 +202,19 @@ impl Worker {
     }
 }
 
-/// Why a task of a worker ended by itself.
+/// The reason why a worker's task ended.
 #[derive(Debug, Clone, Copy)]
 enum End {
     /// The campaign is finished.
     Finished,
     /// The worker was asked to stop.
     Stopped,
-    /// The coordinator said that it ends, and that the campaign is not finished.
+    /// The coordinator ends before the campaign is finished.
     Dismissed,
 }
 
 impl Shared {
-    /// Notes the period of the heartbeats that the coordinator wants; none if it names none.
+    /// Records the interval between heartbeats that the coordinator named. Zero changes nothing.
     fn set_heartbeat(&self, milliseconds: u32) {
         let period = Duration::from_millis(milliseconds.max(10).into());
         self.heartbeat.send_if_modified(|held| {
@@ -232,7 +232,7 @@ impl Shared {
             .is_some_and(|registered| registered.backend.is_stopped())
     }
 
-    /// Ends when nothing has been held for as long as the options allow.
+    /// Waits until the worker has had no lease for the time limit of the options.
     async fn idle(&self) {
         let Some(limit) = self.options.idle_exit else {
             return std::future::pending().await;
@@ -246,10 +246,10 @@ impl Shared {
         }
     }
 
-    /// Says that this worker leaves, gives back what has not started and waits for the rest. Towards
-    /// the end of the grace period samplers stop between two samples and hand in what they have. Of a
-    /// lease whose sample takes even longer, what was kept is handed in; if that is nothing, it is
-    /// given back.
+    /// Tells the coordinator that this worker leaves, releases the leases that have not started,
+    /// and waits for the others. Towards the end of the grace period, jobs stop between two samples
+    /// and report what they have. If a sample takes even longer, the kept part of its lease is
+    /// reported; without one the lease is released.
     async fn drain(&self) {
         let now = tokio::time::Instant::now();
         let patient_until = now + self.options.grace.mul_f64(PATIENT_PART);
@@ -263,7 +263,7 @@ impl Shared {
         self.give_back(self.held.give_up_all(), true).await;
     }
 
-    /// Tells the coordinator that it may lease this to others, and whether this worker leaves.
+    /// Releases leases, and tells the coordinator whether this worker leaves.
     async fn give_back(&self, leases: Vec<LeaseId>, leaving: bool) {
         if leases.is_empty() && !leaving {
             return;
@@ -274,14 +274,14 @@ impl Shared {
             leaving,
         };
         let mut client = self.connection.client();
-        // A release that gets lost costs no more than the wait for the lease to run out.
+        // If the release is lost, the leases expire.
         let call = tokio::time::timeout(Duration::from_secs(2), client.release(request));
         if !matches!(call.await, Ok(Ok(_))) {
             debug!("the release of unfinished leases was not acknowledged");
         }
     }
 
-    /// Waits until nothing is being computed, at most until `deadline`.
+    /// Waits until no lease is being computed, at most until `deadline`.
     async fn computed_by(&self, deadline: tokio::time::Instant) {
         loop {
             let changed = self.held.changed.notified();
@@ -294,7 +294,7 @@ impl Shared {
     }
 }
 
-/// Waits for a limit, or for ever without one.
+/// Waits for a time limit, or for ever without one.
 async fn after(limit: Option<Duration>) {
     match limit {
         Some(limit) => tokio::time::sleep(limit).await,

@@ -26,7 +26,7 @@ struct Arguments {
     /// How many rounds
     #[arg(long, value_name = "N", default_value_t = 20)]
     rounds: u64,
-    /// What goes wrong, and when, follows from it
+    /// Seed of the faults and their times
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
     /// The first round, to run one of them again

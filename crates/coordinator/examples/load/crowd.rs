@@ -1,4 +1,4 @@
-//! A thousand workers at once, each with a connection of its own, real calls and real results.
+//! Many workers at once, each with its own connection, real calls and real results.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -17,7 +17,7 @@ use super::{campaign, coordinator, link, wait_for_jobs};
 pub(super) async fn crowd(workers: usize, seconds: usize) -> anyhow::Result<()> {
     let exe = std::env::current_exe()?;
     let folder = tempfile::tempdir_in(exe.parent().context("the program has a folder")?)?;
-    // Work for much longer than it lasts.
+    // More work than the measurement can finish.
     let campaign = campaign(20_000, 200)?;
     let problem = Arc::new(Problem::new(campaign.clone()));
     let digest = probe::model_digest(&problem);
@@ -73,7 +73,7 @@ struct Member {
     jobs: u64,
 }
 
-/// One worker of the crowd: real calls on a connection of its own, and real results.
+/// One worker of the crowd: real calls on its own connection, and real results.
 async fn member(
     index: usize,
     access: PathBuf,
@@ -84,7 +84,7 @@ async fn member(
     let worker_id = format!("member-{index}");
     let began = Instant::now();
     let mut client = link(&access)?.client();
-    // Some are late on a busy machine, and try again, as workers do.
+    // A worker that is late on a busy machine tries again, as real workers do.
     while let Err(status) = client.register(introduction(&worker_id, &digest)).await {
         ensure!(status.code() == tonic::Code::Unavailable, "{status}");
         tokio::time::sleep(Duration::from_millis(50)).await;
@@ -113,11 +113,13 @@ async fn member(
                     .iter()
                     .any(|(unit, _)| unit.stream.kind == ledger::Kind::Run)
                 {
-                    // The processors are needed to measure with: this one is busy to the end.
+                    // The processors are needed for the measurement: this worker pretends to be
+                    // busy to the end.
                     tokio::time::sleep_until(until).await;
                     return Ok(1);
                 }
-                // Off the network's threads: it is the coordinator that is to be measured.
+                // Computed outside the network's threads, because the coordinator is to be
+                // measured.
                 let problem = Arc::clone(&problem);
                 let computed = tokio::task::spawn_blocking(move || {
                     let result = |(unit, source): &(_, _)| {
@@ -129,7 +131,8 @@ async fn member(
                 let result = LeaseResult {
                     id: lease.id,
                     results: computed.await?,
-                    // As from a slow machine, so that leases stay small and all get some.
+                    // The time of a slow machine, so that leases stay small and all workers get
+                    // some.
                     wall_seconds: 1.0,
                 };
                 let request = ReportRequest {
@@ -141,7 +144,7 @@ async fn member(
                 if tokio::time::Instant::now() > until {
                     return anyhow::Ok(jobs);
                 }
-                // The time that the job would take there.
+                // The time that the job would take on the slow machine.
                 tokio::time::sleep(Duration::from_secs(1)).await;
             }
             if tokio::time::Instant::now() > until {

@@ -1,14 +1,14 @@
-//! How much a coordinator bears, and what it costs.
+//! Load tests of the coordinator: its throughput and its cost.
 //!
 //! ```text
-//! load noop [LEASES]       leases that do nothing, each given out, run, reported and committed by itself, by
-//!                          two workers of one slot in processes of their own
+//! load noop [LEASES]       leases without work, each granted, run, reported and committed singly,
+//!                          by two workers of one slot in separate processes
 //! load overhead [SAMPLES]  the CPU time of a campaign's samples over gRPC and into the store, against
 //!                          the same samples in one process; with the built-in simulator, and with
 //!                          an external one that takes a millisecond per sample
-//! load crowd [WORKERS] [SECONDS]   workers that are connected at once, the coordinator in a process
-//!                          of its own: what it takes and how soon it answers
-//! load large [DESIGNS] [SAMPLES]   a large store: how soon status answers and leasing starts
+//! load crowd [WORKERS] [SECONDS]   simultaneously connected workers, with the coordinator in a
+//!                          separate process: its memory and response times
+//! load large [DESIGNS] [SAMPLES]   a large store: the time until status answers and leasing starts
 //! ```
 //!
 //! Run it in release mode; every figure is printed with what it is compared to, measured in the
@@ -57,7 +57,7 @@ fn main() -> anyhow::Result<()> {
         })
     };
     let what = arguments.first().map(String::as_str);
-    // As many threads for the network as the two programs have.
+    // The same number of threads as in the two programs.
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(if what == Some("worker") { 1 } else { 2 })
         .enable_all()
@@ -67,7 +67,7 @@ fn main() -> anyhow::Result<()> {
         Some("overhead") => runtime.block_on(overhead::measure(number(1, 90_000)?)),
         Some("crowd") => runtime.block_on(crowd::crowd(number(1, 1000)?, number(2, 20)?)),
         Some("large") => runtime.block_on(large(number(1, 100_000)?, number(2, 100)?)),
-        // What the others start.
+        // Processes that the measurements start.
         Some("worker") => runtime.block_on(work(&arguments[1..])),
         Some("serve") => runtime.block_on(serve(&arguments[1..])),
         Some("simulate") => slow::simulate(),
@@ -75,7 +75,7 @@ fn main() -> anyhow::Result<()> {
     }
 }
 
-/// A process of this program that ends with its handle.
+/// A process of this program that is killed when its handle is dropped.
 struct Process(Child);
 
 impl Process {
@@ -96,7 +96,7 @@ impl Process {
 
 impl Drop for Process {
     fn drop(&mut self) {
-        // It may have ended.
+        // The process may have ended.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
@@ -166,7 +166,8 @@ async fn served(
     digest: Option<String>,
     bundle: bool,
 ) -> anyhow::Result<Served> {
-    // Beside the program rather than in /tmp, which may be memory: commits are to cost what they do.
+    // Beside the program rather than in /tmp, which may be memory: commits must cost their real
+    // time.
     let exe = std::env::current_exe()?;
     let folder = tempfile::tempdir_in(exe.parent().context("the program has a folder")?)?;
     let store = new_store(&folder.path().join("load.db"), campaign).await?;
@@ -239,7 +240,7 @@ async fn noop(jobs: usize) -> anyhow::Result<()> {
     let problem = Problem::new(campaign.clone());
     let served = served(&campaign, Some(probe::model_digest(&problem)), false).await?;
     let access = &served.access;
-    // Designs that no pair can be made of: the simulator sees that at once.
+    // Designs that are no gear pair: the simulator refuses them at once.
     let impossible = problem.design(&[-1.0; 6], problem.base());
     let rows: Vec<DesignRow> = (0..jobs as u64)
         .map(|design| DesignRow::new(design, [-1.0; 6]))
@@ -259,7 +260,7 @@ async fn noop(jobs: usize) -> anyhow::Result<()> {
     served.board.open();
     let mut began = None;
     while served.board.live().counts.delivered < jobs as u64 {
-        // Not the start of the processes, but from the first lease on.
+        // The time counts from the first delivery, not from the start of the processes.
         if began.is_none() && served.board.live().counts.delivered > 0 {
             began = Some((Instant::now(), served.board.live().counts.delivered));
         }
@@ -316,8 +317,8 @@ async fn serve(arguments: &[String]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A coordinator in a process of its own, with the campaign's file and store in `folder`, and its
-/// access file.
+/// Starts a coordinator in a separate process, with the campaign's file and store in `folder`.
+/// Returns it with its access file.
 async fn coordinator(folder: &Path, campaign: &Campaign) -> anyhow::Result<(Process, PathBuf)> {
     let file = folder.join("load.toml");
     std::fs::write(&file, toml::to_string(campaign)?)?;
@@ -327,7 +328,7 @@ async fn coordinator(folder: &Path, campaign: &Campaign) -> anyhow::Result<(Proc
     Ok((process, access))
 }
 
-/// Waits until a design can be leased, and how long that took.
+/// Waits until a design can be leased, and returns the time that this took.
 async fn wait_for_jobs(access: &Path, digest: &str) -> anyhow::Result<Duration> {
     let began = Instant::now();
     let link = loop {
@@ -371,11 +372,11 @@ async fn large(designs: usize, samples: usize) -> anyhow::Result<()> {
         .map(|design| DesignRow::new(design, x))
         .collect();
     store.put_designs(&rows).await?;
-    // As every campaign that was interrupted has it.
+    // As in the store of every interrupted campaign.
     store.pin_model_digest(&digest).await?;
     let writer = store.writer()?;
     let began = Instant::now();
-    // All but the last hundred designs: there is something to lease.
+    // All but the last hundred designs, so that there is something to lease.
     let held = designs.saturating_sub(100) as u64;
     let mut commits = tokio::task::JoinSet::new();
     for first in (0..held).step_by(200) {
@@ -424,8 +425,8 @@ async fn large(designs: usize, samples: usize) -> anyhow::Result<()> {
     drop(writer);
     store.close().await?;
     let size = std::fs::metadata(&path)?.len();
-    // The first one stores what it wants of which generation, for which the pages are checked first;
-    // after a restart that is known.
+    // The first start stores the generations of the wanted streams, and the pages of the file are
+    // checked before that. After a restart the generations are known.
     for how in ["started", "restarted"] {
         let began = Instant::now();
         let (_process, url) = coordinator(folder.path(), &campaign).await?;

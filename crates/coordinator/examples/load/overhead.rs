@@ -1,4 +1,4 @@
-//! What a sample costs over gRPC and into the store, beside what it costs alone.
+//! The cost of a sample over gRPC and into the store, against its cost in one process.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -14,12 +14,12 @@ use store::DesignRow;
 
 use crate::{Process, campaign, cpu, cpu_parts, served, slow};
 
-/// Both ways so often, in turn.
+/// Number of measurements of both ways, in turn.
 const ROUNDS: usize = 7;
 
 const PER_DESIGN: usize = 30;
 
-/// Designs spread over the paper's box; those that cannot be simulated are left out.
+/// Simulable designs, spread over the paper's box.
 fn designs(problem: &Problem, count: usize) -> Vec<Vec<f64>> {
     use rand::RngExt as _;
     use stats::streams::{Purpose, stream};
@@ -69,7 +69,7 @@ pub(super) async fn measure(samples: usize) -> anyhow::Result<()> {
         + "\n[simulator]\nkind = \"external\"\nprobe_designs = 0\n";
     let external = Campaign::parse("external.toml", &text)?;
     let points = &points[..slow / PER_DESIGN];
-    // Two slots that ask the program themselves, without coordinator and store.
+    // Two slots that call the program directly, without coordinator and store.
     let before = cpu();
     std::thread::scope(|scope| {
         let halves = points.chunks(points.len().div_ceil(2));
@@ -90,7 +90,8 @@ pub(super) async fn measure(samples: usize) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The samples of all points in this process, on two threads, as the workers have two processors.
+/// Computes the samples of all points in this process, on two threads, because the workers have two
+/// processors.
 fn alone(problem: &Problem, points: &[Vec<f64>]) {
     std::thread::scope(|scope| {
         for half in points.chunks(points.len().div_ceil(2)) {
@@ -110,7 +111,7 @@ fn alone(problem: &Problem, points: &[Vec<f64>]) {
     });
 }
 
-/// How many bytes the leases and the results of all points have as messages.
+/// Size of the leases and results of all points as messages, in bytes.
 fn bytes(problem: &Problem, points: &[Vec<f64>]) -> usize {
     let inputs = Inputs::new(problem.campaign(), None);
     let unit = |(design, x): (u32, &Vec<f64>)| {
@@ -144,7 +145,7 @@ fn bytes(problem: &Problem, points: &[Vec<f64>]) -> usize {
     protocol::lease(&grant).encoded_len() + result.encoded_len()
 }
 
-/// CPU time of a campaign's samples with two workers, their and the coordinator's start included.
+/// CPU time of a campaign's samples with two workers, including their start and the coordinator's.
 async fn over_grpc(
     campaign: &Campaign,
     points: &[Vec<f64>],
@@ -184,7 +185,7 @@ async fn over_grpc(
     Ok([after[0] - before[0], after[1] - before[1]])
 }
 
-/// The round of the median ratio, and how far the ratios lie apart.
+/// Prints the round of the median ratio and the range of the ratios.
 fn tell(what: &str, samples: usize, mut rounds: Vec<(f64, [f64; 2])>) {
     let more = |(alone, [coordinator, workers]): &(f64, [f64; 2])| {
         100.0 * ((coordinator + workers) / alone - 1.0)

@@ -41,7 +41,7 @@ pub(super) fn simulate() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Asks such a program what a worker asks it.
+/// Sends the program the requests of a worker.
 pub(super) fn ask(program: &Path, designs: usize, samples: usize) -> anyhow::Result<()> {
     let mut child = Command::new(program)
         .arg("simulate")
@@ -55,7 +55,7 @@ pub(super) fn ask(program: &Path, designs: usize, samples: usize) -> anyhow::Res
         "rho_f_r_mm": 0.8, "beta_deg": 30.0, "normal_module_mm": 4.36});
     let mut line = String::new();
     for _ in 0..designs {
-        // Once for each state.
+        // One evaluation for each state.
         let questions = ["evaluate", "evaluate"]
             .into_iter()
             .chain(std::iter::repeat_n("sample", samples));

@@ -33,7 +33,7 @@ pub(crate) struct Fit {
     pub(crate) json: bool,
 }
 
-/// How to fit: the keys of a campaign's section [kriging], with their names.
+/// The settings of a fit, named like the keys of a campaign file's section [kriging].
 #[derive(Debug, Args)]
 pub(crate) struct How {
     /// matern-5-2, matern-3-2, squared-exponential, exponential, or radial-matern-5-2,
@@ -87,7 +87,7 @@ pub(crate) struct Predict {
     pub(crate) json: bool,
 }
 
-/// A choice by the name that it has in a campaign file.
+/// Parses a choice by its name in a campaign file.
 fn by_name<T: for<'a> Deserialize<'a>>(name: &str) -> Result<T, String> {
     let name: StrDeserializer<'_, Error> = name.into_deserializer();
     T::deserialize(name).map_err(|error| error.to_string().replace("unknown variant", "no choice"))

@@ -27,10 +27,10 @@ pub(crate) struct Sweep {
     /// [default: NAME-sweep]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// Accept stores on a network file system, whose locks and syncs may not keep their word
+    /// Accept stores on a network file system, whose locks and syncs may be unreliable
     #[arg(long)]
     pub(crate) allow_network_store: bool,
-    /// How many workers to start in this process [default: the number of processors]
+    /// Number of workers to start in this process [default: the number of processors]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) workers: Option<u16>,
     #[command(flatten)]
@@ -40,10 +40,10 @@ pub(crate) struct Sweep {
     pub(crate) json: bool,
 }
 
-/// Who computes a study's simulations.
+/// The workers that compute a study's simulations.
 #[derive(Debug, Args)]
 pub(crate) struct StudyWorkers {
-    /// How many workers to start in this process [default: the number of processors]
+    /// Number of workers to start in this process [default: the number of processors]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=1024))]
     pub(crate) workers: Option<u16>,
     #[command(flatten)]
@@ -92,7 +92,7 @@ pub(crate) struct FinishedCampaign {
 pub(crate) struct Sensitivity {
     #[command(flatten)]
     pub(crate) finished: FinishedCampaign,
-    /// The approach whose optimum is looked at [default: that of the least verified percentile]
+    /// The approach whose optimum is analysed [default: the one with the least verified percentile]
     #[arg(long, value_name = "NAME", value_parser = approach)]
     pub(crate) approach: Option<String>,
     /// Largest deviation of each of the six variables, in modules
@@ -104,7 +104,7 @@ pub(crate) struct Sensitivity {
     /// Largest deviation of the wear's depth, variance and range, as a share of each
     #[arg(long, value_name = "SHARE", default_value_t = 0.2, value_parser = share)]
     pub(crate) scenario: f64,
-    /// Rows of the analysis, best a power of two; it takes 11 and 12 simulated pairs per row
+    /// Rows of the analysis, preferably a power of two; each row takes 11 and 12 simulated pairs
     #[arg(long, value_name = "N", default_value_t = 1024,
         value_parser = clap::value_parser!(u32).range(8..=stats::SENSITIVITY_ROWS as i64))]
     pub(crate) rows: u32,
@@ -122,10 +122,10 @@ pub(crate) struct Sensitivity {
 pub(crate) struct Pareto {
     #[command(flatten)]
     pub(crate) finished: FinishedCampaign,
-    /// The objective beside the percentile
+    /// The second objective, against the percentile
     #[arg(long, value_enum, default_value_t = Against::Pressure)]
     pub(crate) against: Against,
-    /// How many direct searches, each of optimise.evaluations designs, to add to the front
+    /// Number of direct searches, each of optimise.evaluations designs, to add to the front
     #[arg(long, value_name = "N", default_value_t = 0,
         value_parser = clap::value_parser!(u32).range(0..=1000))]
     pub(crate) refine: u32,
@@ -155,14 +155,14 @@ pub(crate) struct Tradeoff {
     /// The campaign file [default: the campaign of the paper]
     #[arg(value_name = "CAMPAIGN.toml")]
     pub(crate) campaign: Option<PathBuf>,
-    /// The folder of tables, charts and page; what it has of the same campaign, size and program is not
-    /// measured again [default: NAME-tradeoff]
+    /// The folder of tables, charts and page; studies in it of the same campaign, size and program
+    /// are not measured again [default: NAME-tradeoff]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
     /// Measure for a minute or two instead of eight
     #[arg(long)]
     pub(crate) quick: bool,
-    /// Measure next to nothing, for tests of the command
+    /// Number of designs to measure, for tests of the command
     #[arg(long, value_name = "N", hide = true, conflicts_with = "quick",
         value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub(crate) designs: Option<u32>,
@@ -232,7 +232,7 @@ fn approach(text: &str) -> Result<String, String> {
     }
 }
 
-/// A deviation: at least none, and less than all.
+/// Parses a deviation: a share from 0 to below 1.
 fn share(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(share) if (0.0..1.0).contains(&share) => Ok(share),

@@ -1,4 +1,4 @@
-//! What a campaign would do, and how long that takes here.
+//! `check`: the plan of a campaign, with its time on this machine.
 
 use std::collections::BTreeMap;
 
@@ -17,7 +17,7 @@ use super::{print_either, read};
 use crate::arguments;
 use coordinator::compute::thread_seconds;
 
-/// What a campaign would do.
+/// The plan of a campaign.
 #[derive(Serialize)]
 struct Plan {
     schema_version: u32,
@@ -26,17 +26,17 @@ struct Plan {
     seed: u64,
     #[serde(skip_serializing_if = "Option::is_none")]
     teeth: Option<[u32; 2]>,
-    /// What is random besides the wear, and what is left out, in words.
+    /// The random quantities besides the wear, and those left out, in words.
     #[serde(skip_serializing_if = "Option::is_none")]
     manufacture: Option<String>,
-    /// What `[accuracy] tolerance_um` chooses, in words.
+    /// The choice made by `[accuracy] tolerance_um`, in words.
     #[serde(skip_serializing_if = "Option::is_none")]
     accuracy: Option<String>,
-    /// In their order.
+    /// The stages in order.
     stages: Vec<Stage>,
     /// The sum of the stages' estimates, if there are any.
     core_seconds: Option<f64>,
-    /// Why no design would get samples, if none of those tried would.
+    /// The reason why no design would get samples, if none of the tried ones would.
     #[serde(skip_serializing_if = "Option::is_none")]
     nothing_to_sample: Option<String>,
     warnings: Vec<String>,
@@ -45,9 +45,9 @@ struct Plan {
 #[derive(Serialize)]
 struct Stage {
     stage: &'static str,
-    /// What it does, in words.
+    /// The work of the stage, in words.
     work: String,
-    /// What it takes on one processor of this machine; none with an external simulator.
+    /// Time on one processor of this machine; none with an external simulator.
     core_seconds: Option<f64>,
 }
 
@@ -61,7 +61,7 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
     let evaluations = u64::from(campaign.optimise.evaluations);
     let points = references::points(&problem).len() as u64 + problem.approaches().count() as u64;
     let verify = u64::from(campaign.verify.samples);
-    // What an external program takes, and which designs it refuses, only a run can tell.
+    // Only a run can tell the time of an external program and which designs it refuses.
     let measured = if campaign.is_external() {
         None
     } else {
@@ -86,9 +86,9 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
     let runs = problem.optimiser_runs();
     let optimising = f64::from(campaign.optimise.starts) * run_seconds;
     let verifying = (points * verify) as f64 * sample_seconds;
-    // Measured with the paper's campaign: 6 s of search for its DoE, which has a budget for each
-    // variable and point and for 320 points more (`doe::maximin`), and 10 s of a fit whose time is cubic in
-    // the points.
+    // Measured with the paper's campaign: 6 s of search for its DoE, whose budget grows with the
+    // number of variables and with the number of points plus 320 (`doe::maximin`), and 10 s of a
+    // fit whose time is cubic in the points.
     let making = match campaign.doe.method {
         doe::Method::Maximin if problem.dimension() > 1 => {
             6.0 * (n as f64 + 320.0) / 3320.0 * problem.dimension() as f64 / 6.0
@@ -140,7 +140,7 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
             "at most {} rounds of {} points, {} samples with the DoE's",
             section.rounds, section.points_per_round, section.samples
         );
-        // Measured with the campaign that is shipped: what choosing a point takes, models included.
+        // The time to choose a point, models included, measured with the shipped campaign.
         let seconds = left * sample_seconds + 0.05 * points;
         rows.insert(4, ("enrich", what, seconds));
     }
@@ -177,7 +177,7 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
     })
 }
 
-/// The plan for people.
+/// Describes the plan in words.
 fn describe(plan: &Plan) -> String {
     let verdict = match &plan.nothing_to_sample {
         None => "is valid".to_owned(),
@@ -221,22 +221,22 @@ fn describe(plan: &Plan) -> String {
     text
 }
 
-/// What one processor of this machine takes, from a few designs of the campaign.
+/// Times on one processor of this machine, measured with a few designs of the campaign.
 #[derive(Clone)]
 struct Measured {
-    /// The share of random designs that get samples: they can be simulated and are not ruled out.
+    /// The share of random designs that get samples: simulable ones that are not ruled out.
     sampled: f64,
-    /// The most frequent reason why one gets none; empty if all do.
+    /// The most frequent reason why a design gets no samples; empty if all do.
     reason: String,
-    /// Criteria and both deterministic analyses of a design, seconds.
+    /// Time of a design's criteria and two deterministic analyses, in seconds.
     design_seconds: f64,
-    /// A sample of ΔSTE, seconds.
+    /// Time of a sample of ΔSTE, in seconds.
     sample_seconds: f64,
-    /// One run of every approach that is optimised, seconds.
+    /// Time of one run of every optimised approach, in seconds.
     run_seconds: f64,
 }
 
-/// Random designs that are tried.
+/// Number of random designs tried.
 const DESIGNS: u32 = 40;
 
 fn measure(problem: &Problem) -> anyhow::Result<Measured> {
@@ -246,7 +246,7 @@ fn measure(problem: &Problem) -> anyhow::Result<Measured> {
     let samples = [4, 104];
     for (pass, count) in samples.into_iter().enumerate() {
         sampled = 0.0;
-        // Other programs on the machine do not count.
+        // CPU time, so that other programs on the machine do not count.
         let before = thread_seconds();
         for number in 0..DESIGNS {
             let mut rng = stream(problem.campaign().seed, Purpose::Test, u64::from(number), 1);
@@ -271,7 +271,7 @@ fn measure(problem: &Problem) -> anyhow::Result<Measured> {
                     continue;
                 }
             };
-            // The reason's short name; what follows are this design's numbers.
+            // The reason's short name; the rest are the numbers of this design.
             let name = reason.split(':').next().unwrap_or_default();
             *reasons.entry(name.to_owned()).or_default() += 1;
         }
@@ -292,12 +292,13 @@ fn measure(problem: &Problem) -> anyhow::Result<Measured> {
     })
 }
 
-/// Evaluations of a trial run.
+/// Maximum number of evaluations in a trial run.
 const EVALUATIONS: u32 = 200;
 
-/// What one run of every approach that is optimised takes, by a short run of each: a search comes to
-/// designs that cost more than random ones, of which many are refused at once. The kriging model, which
-/// there is none of yet, costs little beside the constraints, which are those with Archard's wear.
+/// Estimates the time of one run of every optimised approach by a short run of each. A search
+/// reaches designs that cost more than random ones, many of which are refused at once. The kriging
+/// model does not exist yet; it costs little beside the constraints, which are those with Archard's
+/// wear.
 fn measure_runs(problem: &Problem) -> anyhow::Result<f64> {
     let mut campaign = problem.campaign().clone();
     let evaluations = campaign.optimise.evaluations;

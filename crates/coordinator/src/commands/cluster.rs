@@ -1,4 +1,4 @@
-//! `simulate-cluster`: how far one coordinator carries.
+//! `simulate-cluster`: how many workers one coordinator can serve.
 
 use protocol::exit;
 use rehearsal::{Rehearsed, Scenario, Wave, rehearse};
@@ -10,7 +10,7 @@ use tracing::info;
 use super::output::print_either;
 use crate::arguments;
 
-/// The most samples of a scenario: more of them take longer to simulate than they tell.
+/// Maximum number of samples in a scenario, to bound the time of the simulation.
 const MOST_SAMPLES: f64 = 3e8;
 
 #[derive(Serialize)]

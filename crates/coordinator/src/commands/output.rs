@@ -1,4 +1,4 @@
-//! Where results go: standard output, new files, and folders that hold nothing of another.
+//! Output of results: standard output, new files, and folders without another campaign's results.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, ErrorKind, Read as _, Write};
@@ -16,7 +16,7 @@ pub(super) struct FileAccess {
     pub(super) source: io::Error,
 }
 
-/// Standard output, for which a reader that has gone away is no error.
+/// Standard output. A reader that has closed it is no error.
 struct Stdout(io::Stdout);
 
 impl Write for Stdout {
@@ -42,7 +42,7 @@ pub(super) fn print(text: &str) -> anyhow::Result<()> {
     Ok(out.flush()?)
 }
 
-/// Prints text for people: lines that are too long for the terminal are wrapped between words.
+/// Prints text and wraps lines longer than the terminal between words.
 pub(super) fn print_text(text: &str) -> anyhow::Result<()> {
     match terminal_size_of(io::stdout()) {
         Some((Width(columns), _)) => print(&wrapped(text, usize::from(columns))),
@@ -50,7 +50,7 @@ pub(super) fn print_text(text: &str) -> anyhow::Result<()> {
     }
 }
 
-/// Lines of at most so many columns, where words allow it; what goes on in the next line is indented.
+/// Wraps lines at `columns` where words allow it, and indents the continuations.
 fn wrapped(text: &str, columns: usize) -> String {
     let options = textwrap::Options::new(columns)
         .subsequent_indent("    ")
@@ -63,7 +63,7 @@ fn wrapped(text: &str, columns: usize) -> String {
         .collect()
 }
 
-/// Prints a result as one line of JSON if `json` asks for it, otherwise as the text for people.
+/// Prints a result as one line of JSON if `json` is set, otherwise as text.
 pub(super) fn print_either(
     json: bool,
     result: &impl Serialize,
@@ -75,13 +75,13 @@ pub(super) fn print_either(
     }
 }
 
-/// Makes a file for writing; one that exists is refused.
+/// Creates a file for writing. An existing file is refused.
 pub(super) fn create_new(path: &Path) -> Result<File, FileAccess> {
     let file = OpenOptions::new().write(true).create_new(true).open(path);
     file.map_err(|source| cannot("write a new file", path, source))
 }
 
-/// What `--out` means: standard output for `-`, otherwise a new file.
+/// Opens the target of `--out`: standard output for `-`, otherwise a new file.
 pub(super) fn create(out: &Path) -> Result<Box<dyn Write + Send>, FileAccess> {
     Ok(if is_stdout(out) {
         Box::new(io::BufWriter::new(Stdout(io::stdout())))
@@ -90,15 +90,15 @@ pub(super) fn create(out: &Path) -> Result<Box<dyn Write + Send>, FileAccess> {
     })
 }
 
-/// Writes a whole result to `--out`.
+/// Writes a whole result to the target of `--out`.
 pub(super) fn write(out: &Path, content: &[u8]) -> anyhow::Result<()> {
     let mut file = create(out)?;
     let written = file.write_all(content).and_then(|()| file.flush());
     Ok(written.map_err(|source| cannot("write", out, source))?)
 }
 
-/// Refuses a path that `--out` would overwrite, before anything is computed: a file, or a folder that is not
-/// empty.
+/// Refuses a path that `--out` would overwrite: a file, or a folder that is not empty. Called
+/// before anything is computed.
 pub(super) fn refuse_taken(out: &Path) -> Result<(), FileAccess> {
     if is_stdout(out) || !out.exists() {
         return Ok(());
@@ -116,8 +116,8 @@ pub(super) fn refuse_taken(out: &Path) -> Result<(), FileAccess> {
     Err(cannot("write to", out, source))
 }
 
-/// Refuses a folder for a report that is a file, or holds the report of another campaign than those with the
-/// digests `own`.
+/// Refuses a report folder that is a file, or holds the report of a campaign whose digest is not in
+/// `own`.
 pub(super) fn refuse_report_of_another(out: &Path, own: &[String]) -> Result<(), FileAccess> {
     let report = out.join(results::reporting::FILE);
     if !out.is_dir() {

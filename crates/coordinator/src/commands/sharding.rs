@@ -1,4 +1,4 @@
-//! `plan` and `merge`: a campaign stage by stage, without a network between nodes.
+//! `plan` and `merge`: a campaign stage by stage, without a network between the nodes.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -30,10 +30,10 @@ use super::{
 };
 use crate::arguments;
 
-/// The most leases that a worker asks for at once.
+/// Maximum number of leases in a request.
 const LEASES: usize = 10_000;
 
-/// A part that does not fit.
+/// Why parts cannot be merged.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum Misfit {
     #[error("{} is of another campaign than the store {}: merge it into the store that planned it",
@@ -48,18 +48,18 @@ pub(super) enum Misfit {
     },
 }
 
-/// What was planned.
+/// The result of `plan`.
 #[derive(Serialize)]
 struct Planned {
     schema_version: u32,
     stage: String,
     shards: Vec<PathBuf>,
-    /// Designs, points or runs.
+    /// Number of designs, points or runs.
     units: usize,
     report: Option<PathBuf>,
 }
 
-/// Does what the coordinator can do alone, and writes what is left as shards; the report, if nothing is left.
+/// Runs the local steps and writes the remaining jobs as shards, or the report if nothing remains.
 pub(super) async fn plan(arguments: arguments::Plan) -> anyhow::Result<u8> {
     let (campaign, text) = campaign_or_paper(Some(&arguments.campaign))?;
     refuse_network_store(&arguments.db, arguments.allow_network_store)?;
@@ -135,7 +135,7 @@ async fn plan_store(
     })
 }
 
-/// An engine whose board no worker sees, and the digest of the built-in simulator.
+/// Creates an engine without workers. Returns it with the digest of the built-in simulator.
 async fn engine(problem: &Arc<Problem>, store: &Store) -> anyhow::Result<(Engine, Option<String>)> {
     let is_external = problem.campaign().is_external();
     let model_digest = (!is_external).then(|| probe::model_digest(problem));
@@ -157,7 +157,7 @@ async fn engine(problem: &Arc<Problem>, store: &Store) -> anyhow::Result<(Engine
     Ok((engine, model_digest))
 }
 
-/// All that is on the board.
+/// Leases all jobs on the board.
 async fn leases(board: &Board) -> Vec<Lease> {
     let planner = WorkerId::from("plan");
     board.register(&planner, "plan", LEASES as u32, &[]);
@@ -175,23 +175,23 @@ async fn leases(board: &Board) -> Vec<Lease> {
     }
 }
 
-/// What was merged.
+/// The result of `merge`.
 #[derive(Serialize)]
 struct Merged {
     schema_version: u32,
     parts: usize,
-    /// Shards of the parts' plans that no part was given of.
+    /// Shards of the parts' plans for which no part was given.
     missing_shards: Vec<u32>,
-    /// Parts of which something is missing, as of a worker that was stopped.
+    /// Parts with missing results, for example of a worker that was stopped.
     unfinished_parts: Vec<PathBuf>,
     samples: u64,
     stage: String,
 }
 
-/// Stores what parts hold.
+/// Stores the results in parts.
 pub(super) async fn merge(arguments: arguments::Merge) -> anyhow::Result<u8> {
     refuse_network_store(&arguments.db, arguments.allow_network_store)?;
-    // All of them before any is stored.
+    // All parts are read before any is stored.
     let parts: Result<Vec<Part>, _> = arguments
         .parts
         .iter()
@@ -242,7 +242,8 @@ fn describe(merged: &Merged) -> String {
     text + "next            `coordinator plan` with a new folder, for what is left\n"
 }
 
-/// Refuses parts of another campaign and two of the same shard; the shards that no part is of.
+/// Refuses parts of another campaign and two parts of the same shard. Returns the shards without a
+/// part.
 fn fitting(parts: &[Part], digest: &str, db: &Path) -> Result<Vec<u32>, Misfit> {
     let mut seen: BTreeMap<(&str, u32), &Path> = BTreeMap::new();
     for Part { path, header, .. } in parts {
@@ -275,7 +276,7 @@ fn fitting(parts: &[Part], digest: &str, db: &Path) -> Result<Vec<u32>, Misfit> 
     Ok(all)
 }
 
-/// Reports the parts to a service as workers do that were there before it was started.
+/// Reports the parts to a service, as workers do that computed the results before its start.
 async fn store_parts(problem: &Arc<Problem>, store: &Store, parts: &[Part]) -> anyhow::Result<()> {
     let (engine, model_digest) = engine(problem, store).await?;
     let shutdown = CancellationToken::new();
@@ -307,7 +308,7 @@ async fn store_parts(problem: &Arc<Problem>, store: &Store, parts: &[Part]) -> a
         let registered = service.register(Request::new(introduction)).await;
         registered.with_context(named)?;
         let mut results = part.results.clone();
-        // One lease, whose results all parts of the file are.
+        // All results of the file are reported as those of one lease.
         let whole = results
             .iter_mut()
             .flat_map(|result| std::mem::take(&mut result.results));

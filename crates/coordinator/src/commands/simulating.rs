@@ -11,9 +11,9 @@ use tracing::{info, warn};
 use super::{FileAccess, Usage, print_either, read};
 use crate::arguments;
 
-/// The seed of random wear if the command line gives none.
+/// Default seed of random wear.
 const SEED: u64 = 1;
-/// The samples of random wear if the command line gives no number.
+/// Default number of samples of random wear.
 const SAMPLES: u32 = 30;
 
 /// Simulates the pair of a file, prints its figures, and says whether it is simulable and feasible.
@@ -64,7 +64,7 @@ pub(super) fn simulate(arguments: &arguments::Simulate) -> anyhow::Result<u8> {
     })
 }
 
-/// Refuses a folder with something in it, and a file of that name.
+/// Refuses a folder that is not empty, and a file of that name.
 fn require_empty(out: &Path) -> Result<(), FileAccess> {
     let refuse = |source| FileAccess {
         doing: "write into",

@@ -1,4 +1,4 @@
-//! `coordinator stability`: the inputs on which methods fail, run and measured.
+//! `coordinator stability`: inputs on which numerical methods fail, run and measured.
 
 use ::stability::Atlas;
 use protocol::exit;
@@ -10,7 +10,7 @@ use tracing::info;
 use super::output::{print_either, refuse_taken};
 use crate::arguments;
 
-/// The name of the page in its folder.
+/// The file name of the page.
 const PAGE: &str = "index.html";
 
 /// Runs all entries of the atlas, prints a line for each, and writes the page and its tables.

@@ -1,4 +1,4 @@
-//! Looking at a campaign that runs, and steering it.
+//! `status`, `explain`, `drain` and `retry`: watching and steering a running campaign.
 
 use std::io::IsTerminal as _;
 use std::time::{Duration, Instant};
@@ -14,13 +14,13 @@ use store::Store;
 use super::{print, print_either};
 use crate::arguments;
 
-/// How often a store is looked at.
+/// Interval at which `--watch` reads a store.
 const PERIOD: Duration = Duration::from_secs(1);
 
-/// How long who watches waits for a coordinator that was there before, as while it is restarted.
+/// How long `--watch` waits for a coordinator that stopped answering, for example during a restart.
 const AWAY: Duration = Duration::from_secs(60);
 
-/// Home, and clear what is below.
+/// Terminal codes that move the cursor home and clear the screen below.
 const CLEAR: &str = "\x1b[H\x1b[J";
 
 /// `coordinator status`.
@@ -67,14 +67,14 @@ pub(super) async fn status(arguments: arguments::Status) -> anyhow::Result<u8> {
     }
 }
 
-/// Who is asked.
+/// The source of the status.
 enum Source {
     Store(Store),
     Coordinator { link: Link, seen: u64 },
 }
 
 impl Source {
-    /// Whether a coordinator that has answered before does not do so now.
+    /// Whether the error means that a coordinator that has answered before is unreachable.
     fn may_come_back(&self, error: &anyhow::Error) -> bool {
         let is_away = matches!(
             error.downcast_ref(),

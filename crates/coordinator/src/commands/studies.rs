@@ -110,7 +110,8 @@ pub(super) async fn corrections(arguments: arguments::Corrections) -> anyhow::Re
     conduct(plan, json, rows).await
 }
 
-/// `coordinator sensitivity`: what the recommended design owes to wear and tolerances.
+/// `coordinator sensitivity`: the effect of wear parameters and tolerances on the recommended
+/// design.
 pub(super) async fn sensitivity(arguments: arguments::Sensitivity) -> anyhow::Result<u8> {
     let (store, problem) = finished_campaign(&arguments.finished).await?;
     require_built_in(problem.campaign()).map_err(usage)?;
@@ -173,7 +174,7 @@ pub(super) async fn pareto(arguments: arguments::Pareto) -> anyhow::Result<u8> {
     conduct(plan, json, move |simulations| page(Some(simulations))).await
 }
 
-/// Who computes a study of a campaign.
+/// The plan of a study of a campaign.
 fn plan(
     campaign: &Campaign,
     arguments: arguments::StudyWorkers,
@@ -197,8 +198,8 @@ fn plan(
     })
 }
 
-/// Without `--admit` there is no port that options could be about. What only the environment names is
-/// another coordinator's.
+/// Refuses options of a port without `--admit`. Values from the environment are allowed: they
+/// belong to another coordinator.
 fn refuse_port(port: &arguments::PortArguments) -> Result<(), Usage> {
     let is_given = |file: &Option<PathBuf>, variable| {
         file.as_deref().map(Path::as_os_str) != std::env::var_os(variable).as_deref()
@@ -237,7 +238,7 @@ fn usage(error: impl std::fmt::Display) -> Usage {
     Usage(error.to_string())
 }
 
-/// The campaign of a file. All studies are of gears.
+/// Reads a campaign and refuses one that is not of gears.
 fn parse(file: &Path) -> anyhow::Result<Campaign> {
     let campaign = Campaign::parse(&file.display().to_string(), &read(file)?)?;
     require_gears(&campaign).map_err(usage)?;
@@ -248,7 +249,7 @@ fn folder(out: Option<PathBuf>, campaign: &Campaign, what: &str) -> PathBuf {
     out.unwrap_or_else(|| PathBuf::from(format!("{}-{what}", campaign.name)))
 }
 
-/// The folder of a study that cannot be continued: it must hold nothing yet.
+/// The folder of a study that cannot be continued, which must be new or empty.
 fn new_folder(
     out: Option<PathBuf>,
     campaign: &Campaign,

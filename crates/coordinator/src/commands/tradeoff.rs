@@ -26,16 +26,16 @@ mod runner;
 use runner::Programs;
 pub(super) use runner::sleep_program;
 
-/// The file that says what the tables of a folder belong to.
+/// The file that records the campaign, size and program of a folder's tables.
 const STAMP: &str = "measured.json";
-/// How long a campaign that is stopped may take to end.
+/// Maximum time for a stopped campaign to end.
 const ENDING: Duration = Duration::from_secs(5);
-/// The page.
+/// The file name of the page.
 const PAGE: &str = "tradeoff.html";
-/// The folder of the charts within that of the page.
+/// The folder of the charts, beside the page.
 const CHARTS: &str = "charts";
 
-/// What the tables of a folder were measured for, and by.
+/// The campaign, size and program that the tables of a folder belong to.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Stamp {
@@ -45,7 +45,7 @@ struct Stamp {
     program_version: String,
 }
 
-/// Measures what the folder does not have yet, and writes the page.
+/// Measures the studies that the folder does not hold yet, and writes the page.
 pub(super) async fn tradeoff(arguments: arguments::Tradeoff) -> anyhow::Result<u8> {
     let (campaign, _) = campaign_or_paper(arguments.campaign.as_deref())?;
     require_gears(&campaign).map_err(|error| Usage(error.to_string()))?;
@@ -67,7 +67,7 @@ pub(super) async fn tradeoff(arguments: arguments::Tradeoff) -> anyhow::Result<u
     tokio::select! {
         done = &mut work => done??,
         () = shutdown.cancelled() => {
-            // A campaign that runs in a process of its own is ended.
+            // A campaign that runs in a separate process is ended.
             let _ = tokio::time::timeout(ENDING, work).await;
             info!("stopped; the same command measures the studies that are not finished");
             return Ok(exit::INTERRUPTED);
@@ -135,7 +135,7 @@ fn file(kind: Kind) -> String {
     format!("{}.csv", kind.name())
 }
 
-/// The study that the folder has.
+/// Reads a study from the folder, if it is there.
 fn finished(kind: Kind, out: &Path) -> anyhow::Result<Option<Study>> {
     let path = out.join(file(kind));
     let csv = match std::fs::read(&path) {
@@ -152,7 +152,7 @@ fn finished(kind: Kind, out: &Path) -> anyhow::Result<Option<Study>> {
     Ok(Some(Study { kind, table }))
 }
 
-/// Takes a folder that is new, empty, or of this campaign, size and program.
+/// Claims a folder that is new, empty, or of this campaign, size and program.
 fn claim(out: &Path, campaign: &Campaign, size: Size) -> anyhow::Result<()> {
     let own = Stamp {
         schema_version: 1,
@@ -206,7 +206,7 @@ fn to_json(studies: &[Study], size: Size, out: &Path) -> Value {
                 "method": row.method,
                 "setting": row.setting,
                 "campaign": row.is_campaign,
-                // Null where there is none.
+                // Missing values are null.
                 "values": row.values,
             })
         });

@@ -1,4 +1,4 @@
-//! The live page: who may have it, and that of a store without a coordinator.
+//! `view`: the live page of a store without a coordinator, and the check of a page's address.
 
 use std::net::{Ipv4Addr, SocketAddr};
 

@@ -1,5 +1,5 @@
-//! A whole small campaign with rounds of infill, in this process: some of its infill points fail,
-//! its coordinator stops in the middle of a round, and its workers are more or fewer.
+//! A whole small campaign with rounds of infill, in this process. Some infill points fail, the
+//! coordinator stops in the middle of a round, and the number of workers changes.
 
 use std::path::Path;
 use std::time::Duration;
@@ -12,7 +12,7 @@ use store::{InfillRow, OptimumRow, RoundRow, Store};
 
 use crate::running::Coordinator;
 
-/// Samples of the DoE, at most, and the budget.
+/// Number of designs in the DoE, and the budget of samples.
 const DESIGNS: u32 = 70;
 const BUDGET: u32 = 1000;
 
@@ -41,7 +41,7 @@ fn campaign_file() -> String {
 /// Whether an infill point fails, by its name.
 type Fails = fn(&str) -> bool;
 
-/// Runs the campaign on the store until it ends, or until so many infill samples are stored.
+/// Runs the campaign on the store until it ends, or until `stop_at` infill samples are stored.
 async fn run(path: &Path, workers: usize, fails: Fails, stop_at: Option<u64>) -> Option<Ended> {
     let coordinator = Coordinator::start(path, campaign_file()).await;
     let store = &coordinator.store;
@@ -66,7 +66,7 @@ async fn run(path: &Path, workers: usize, fails: Fails, stop_at: Option<u64>) ->
     ended
 }
 
-/// What a campaign found, without what was measured.
+/// The results of a campaign without measured times.
 #[derive(Debug, PartialEq)]
 struct Found {
     digest: String,
@@ -129,7 +129,7 @@ async fn rounds_end_within_the_budget_and_resume_as_if_nothing_had_been() {
     let searches: u64 = expected.rounds.iter().map(|row| row.simulator_calls).sum();
     assert!(searches > 0 && expected.optimum.simulator_calls > sampled + asked + searches);
 
-    // Stopped again and again in the middle of a round, with another number of workers.
+    // Stopped in the middle of several rounds, each time with another number of workers.
     for (round, workers) in [(0, 2), (1, 3), (2, 1)] {
         let before = infill.iter().filter(|row| row.round < round);
         let before: u64 = before.map(|row| row.samples).sum();

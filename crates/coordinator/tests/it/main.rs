@@ -1,4 +1,4 @@
-//! The service and the engine, called as the network would call them, on a real store; and the program.
+//! The service and the engine on a real store, called as from the network; and the program.
 
 mod enrichment;
 mod modelling;

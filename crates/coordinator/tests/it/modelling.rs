@@ -51,7 +51,7 @@ fn assert_code(output: &Output, code: i32) {
     assert_eq!(output.status.code(), Some(code), "{}", errors(output));
 }
 
-/// The paper's campaign with so many designs, and with searches that take no time.
+/// The paper's campaign with `designs` designs and short searches.
 fn small_campaign(designs: u32) -> String {
     let mut text = campaign::Campaign::PAPER.to_owned();
     for (from, to) in [
@@ -66,7 +66,7 @@ fn small_campaign(designs: u32) -> String {
     text
 }
 
-/// What the table below is of.
+/// The function of the table below.
 fn truth(a: f64, b: f64) -> f64 {
     5.0 + (3.0 * a).sin() + 2.0 * a * b - b * b
 }
@@ -168,7 +168,7 @@ fn a_table_of_the_users_own_is_fitted_and_predicted_back() {
         within += usize::from((mean - truth).abs() <= half);
         assert_eq!(row["extrapolates"], false);
     }
-    // 38 of 40 are to be expected, and neighbours miss together.
+    // 38 of 40 are expected to be covered; neighbouring points miss together.
     assert!(within >= 32, "{within}");
     assert_eq!(rows[40]["extrapolates"], true);
 
@@ -244,7 +244,7 @@ fn bad_tables_and_models_are_refused_by_file_line_and_column() {
     refused(&["predict", "--at", "at.csv"], 2, &["--model", "--db"]);
     let out = [&fit("data.csv")[..], &["--out", "m.json"]].concat();
     assert_code(&sandbox.coordinator(&out), 0);
-    // "variance" is an input unless it is named as what it is.
+    // "variance" is an input unless it is named as the variance.
     refused(
         &predict("m.json"),
         3,
@@ -338,7 +338,7 @@ fn a_campaigns_results_are_for_programs_and_overwrite_nothing() {
         written
     );
 
-    // The same campaign replaces its report, of whatever size; another one does not.
+    // The same campaign replaces its report; another campaign does not.
     assert_code(&sandbox.coordinator(&run), 0);
     let report = std::fs::read(sandbox.path("report/report.html")).unwrap();
     let text = small_campaign(60);
@@ -387,7 +387,7 @@ fn a_log_level_that_there_is_not_is_refused() {
     assert!(!sandbox.path("new.toml").exists());
 }
 
-/// How many rows a Parquet file has, whose columns have to be `columns`.
+/// Returns the number of rows of a Parquet file and checks that its columns are `columns`.
 #[cfg(feature = "parquet")]
 fn parquet_rows(path: &std::path::Path, columns: &[&str]) -> usize {
     use parquet::file::reader::{FileReader as _, SerializedFileReader};

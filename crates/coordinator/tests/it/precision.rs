@@ -10,7 +10,7 @@ use store::{OptimumRow, ResponseRow, Store};
 
 use crate::running::Coordinator;
 
-/// The samples that every design gets first.
+/// Number of samples that every design gets first.
 const FIRST: u64 = 10;
 
 fn campaign_file() -> String {
@@ -37,7 +37,7 @@ fn campaign_file() -> String {
     text
 }
 
-/// What a campaign found, without what was measured.
+/// The results of a campaign without measured times.
 #[derive(Debug, PartialEq)]
 struct Found {
     samples: String,
@@ -65,7 +65,7 @@ async fn found(store: &Store) -> Found {
     }
 }
 
-/// Ends when a design has so many samples.
+/// Waits until a design has this many samples.
 async fn stored(store: &Store, design: u64, samples: u64) {
     while !store
         .sampled_counts()
@@ -83,15 +83,16 @@ async fn run(coordinator: &Coordinator, fails: impl Fn(&Unit) -> bool + Sync) ->
     ended.expect("a campaign that nobody stops ends")
 }
 
-/// How a campaign whose design was quarantined goes on.
+/// How a campaign continues after a design was quarantined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Resumed {
-    /// In the same coordinator, by `retry`. The samples are stored before the engine looks again.
+    /// In the same coordinator, by `retry`. The samples are stored before the engine reads the
+    /// state.
     ByRetry,
-    /// In another coordinator, which knows nothing of the quarantine.
+    /// In another coordinator, which does not know of the quarantine.
     ByRestart,
-    /// By `retry`, and in another coordinator: the first one died when the samples were stored, before
-    /// its engine looked.
+    /// By `retry`, and in another coordinator: the first one ended when the samples were stored,
+    /// before its engine read the state.
     AfterDeath,
 }
 

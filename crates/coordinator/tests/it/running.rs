@@ -18,10 +18,10 @@ use store::{CampaignRow, Store};
 use tokio_util::sync::CancellationToken;
 use tonic::Request;
 
-/// Whether the samples of a unit fail; with the name that the store has for a point.
+/// Whether the samples of a unit fail, given the point's name in the store.
 pub(crate) type Fails<'a> = &'a (dyn Fn(Option<&str>, &Unit) -> bool + Sync);
 
-/// A coordinator on a store.
+/// A coordinator and its store.
 pub(crate) struct Coordinator {
     pub(crate) store: Store,
     pub(crate) board: Arc<Board>,
@@ -31,7 +31,7 @@ pub(crate) struct Coordinator {
 }
 
 impl Coordinator {
-    /// Starts a coordinator of the campaign whose file says `text`, on a new store or an earlier one's.
+    /// Starts a coordinator of the campaign in `text`, on a new or existing store.
     pub(crate) async fn start(path: &Path, text: String) -> Self {
         let campaign = Campaign::parse("c.toml", &text).unwrap();
         let row = CampaignRow {
@@ -72,7 +72,7 @@ impl Coordinator {
         }
     }
 
-    /// Runs the campaign with so many workers until it ends, or until `stop` does.
+    /// Runs the campaign with `workers` workers until it ends or `stop` does.
     pub(crate) async fn run(
         &self,
         workers: usize,
@@ -87,7 +87,7 @@ impl Coordinator {
         }
     }
 
-    /// So many workers, which never end by themselves.
+    /// Runs `workers` workers, which never end by themselves.
     pub(crate) async fn work(&self, workers: usize, fails: Fails<'_>) {
         let work = (0..workers).map(|worker| self.work_as(format!("worker-{worker}"), fails));
         futures_util::future::join_all(work).await;

@@ -1,4 +1,4 @@
-//! What the service accepts, refuses and stores.
+//! Calls that the service accepts and refuses, and the rows that it stores.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -24,7 +24,7 @@ use store::{CampaignRow, DesignRow, FailureKind, Store};
 use tempfile::TempDir;
 use tonic::Request;
 
-/// How many samples the only design needs.
+/// Number of samples that the only design needs.
 const SAMPLES: usize = 10;
 
 /// The only design.
@@ -135,7 +135,7 @@ impl Bench {
             .directive()
     }
 
-    /// What an honest worker makes of a lease.
+    /// The results of a correct worker for a lease.
     fn answer(&self, lease: &Lease) -> LeaseResult {
         let results = lease.units().unwrap();
         let results = results.iter().map(|(unit, source)| {
@@ -158,7 +158,7 @@ impl Bench {
 async fn another_version_or_another_model_is_refused_for_good() {
     let bench = bench().await;
     let mut request = bench.introduction("w");
-    // The same version from other sources.
+    // The same version, built from other sources.
     request.program_version = "0.1.0+000000000000".to_owned();
     let refused = bench.register(request).await.unwrap_err();
     assert_eq!(Refusal::of(&refused), Some(Refusal::Version));
@@ -222,7 +222,7 @@ async fn a_result_that_contradicts_the_store_is_loud_and_changes_nothing() {
     bench.register(bench.introduction("wrong")).await.unwrap();
     let (leases, _) = bench.lease("honest").await;
     let answer = bench.answer(&leases[0]);
-    // The same numbers are welcome from anybody, under any lease.
+    // The stored numbers are accepted from any worker and under any lease.
     bench.report("wrong", answer.clone()).await;
     bench.report("honest", answer.clone()).await;
     let held = bench.store.samples_digest().await.unwrap();
@@ -264,7 +264,7 @@ async fn numbers_that_cannot_be_are_failures_until_the_design_is_given_up() {
         );
     }
 
-    // Another chance, and this time an honest worker. It may come while the report is written.
+    // A retry, and this time a correct worker. The retry may arrive while the report is written.
     let seen = bench.board.retries();
     let retried = bench.service.retry(Request::new(RetryRequest {})).await;
     assert_eq!(retried.unwrap().into_inner().retried, ["design-0"]);
@@ -298,7 +298,8 @@ async fn what_a_partial_result_leaves_undone_is_leased_again() {
     assert_eq!(units[0].0.samples, 4..10);
 }
 
-/// Three workers share the candidates of a generation, one of which brings a part of what it had.
+/// Three workers share the candidates of a generation; one of them reports only a part of its
+/// lease.
 #[tokio::test]
 async fn the_candidates_of_a_generation_are_shared() {
     let bench = bench().await;
@@ -349,8 +350,8 @@ async fn the_candidates_of_a_generation_are_shared() {
     assert!(rows.iter().all(|row| row.criteria.is_some()));
 }
 
-/// A worker is cut off while the optimum that it samples is chosen anew: with the samples of the old
-/// one, the new one would be judged by another design's numbers, without a word.
+/// A worker is cut off while the optimum that it samples is chosen again. If its samples were
+/// stored, the new optimum would be judged by another design's numbers.
 #[tokio::test]
 async fn samples_of_an_optimum_that_was_replaced_are_not_stored_for_the_new_one() {
     let bench = bench().await;
@@ -381,7 +382,7 @@ async fn samples_of_an_optimum_that_was_replaced_are_not_stored_for_the_new_one(
     want(0.25).await;
     let old = lease("old").await;
     let late = bench.answer(&old);
-    // As the engine does it when the model is fitted again.
+    // As the engine does when the model is fitted again.
     bench.board.forget(|id| id == stream);
     bench.store.clear_derived(&[name]).await.unwrap();
     bench.report("old", late.clone()).await;
@@ -409,7 +410,7 @@ async fn a_restarted_coordinator_takes_over_what_its_workers_hold() {
         units: lease.units.clone(),
     };
 
-    // The restart: nothing is known of leases and workers.
+    // After a restart the board knows no leases and workers.
     let empty = Arc::new(Board::new(Options::default(), 8));
     bench.service.board = Arc::clone(&empty);
     let mut request = bench.introduction("w");
@@ -473,8 +474,8 @@ async fn a_failure_reported_again_counts_once() {
     assert_eq!(restarted.live().workers[0].0.failed, 0);
     assert_eq!(bench.store.failures().await.unwrap().len(), 1);
 
-    // Another failure counts, also of the same design by the same worker; an overtaken copy of the
-    // first one takes nothing away from whoever holds it now.
+    // Another failure of the same design by the same worker counts. A second copy of the first
+    // report does not end the lease that was granted since.
     let (again, _) = bench.lease("w").await;
     bench.report("w", failure(&leases[0], 1)).await;
     assert_eq!(restarted.live().counts.leased, 1);

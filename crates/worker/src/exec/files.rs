@@ -1,7 +1,7 @@
-//! Programs that read a file and write a file: for each question a folder of its own with the template
-//! filled in, a run of the command in it, and the numbers of the file that it leaves.
+//! Programs that read a file and write a file. Each request is a run of the command in a separate
+//! folder, which holds the filled template. The answer is read from the result file.
 //!
-//! To the rest of [`exec`](super) it answers the lines that a program would answer.
+//! To the rest of [`exec`](super), such a program answers lines.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -18,31 +18,31 @@ use sha2::{Digest as _, Sha256};
 use super::messages::{Numbers, PROTOCOL};
 use super::process::Process;
 
-/// The place of a sample's seed in a template.
+/// The name of a sample's seed in a template.
 const SEED: &str = "seed";
 
-/// The files of a program that is asked through files.
+/// The files of a program that is called through files.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FileMode {
-    /// What the program reads, with `{name}` in the place of each variable and `{seed}`.
+    /// The template of the input file, with `{name}` for each variable and `{seed}`.
     pub template: PathBuf,
-    /// The name of the file that it writes.
+    /// The name of the result file.
     pub result: PathBuf,
 }
 
-/// A program that is run for each question.
+/// A program that is run for each request.
 #[derive(Debug)]
 pub(super) struct Files {
     command: String,
     /// The text of the template, and the name of its file.
     template: (String, OsString),
     result: PathBuf,
-    /// What the campaign calls the response that is sampled.
+    /// The campaign's name of the sampled response.
     sampled: String,
     stop: Arc<AtomicBool>,
 }
 
-/// What [`messages`](super::messages) asks.
+/// A request of [`messages`](super::messages).
 #[derive(Deserialize)]
 #[serde(tag = "request", rename_all = "kebab-case")]
 enum Request {
@@ -63,16 +63,16 @@ enum Request {
     },
 }
 
-/// What a file of results says.
+/// The content of a result file.
 #[derive(Debug, PartialEq)]
 enum Results {
     Numbers(Numbers),
-    /// The design cannot be simulated: a short name and a sentence.
+    /// The design is not simulable: a short name and a sentence.
     Refused(String),
 }
 
 impl Files {
-    /// A program that runs as `sh -c command`.
+    /// Creates a program that runs as `sh -c command`.
     ///
     /// # Errors
     ///
@@ -95,11 +95,11 @@ impl Files {
         })
     }
 
-    /// Answers a line.
+    /// Answers a request line.
     ///
     /// # Errors
     ///
-    /// A sentence. If the program was run, the folder of the run is kept and named.
+    /// A sentence. After a failed run, its folder is kept and named.
     pub(super) fn ask(&mut self, line: &str, timeout: Duration) -> Result<Vec<u8>, String> {
         let request = serde_json::from_str(line).map_err(|error| error.to_string())?;
         let (id, mut answer) = match request {
@@ -125,7 +125,7 @@ impl Files {
         Ok(Value::Object(answer).to_string().into_bytes())
     }
 
-    /// Every name must have its place in the template: one that is misspelt there would stay as it is.
+    /// Checks that the template has every name: a misspelt one would stay in the file unfilled.
     fn describe(&self, variables: Vec<String>) -> Result<Map<String, Value>, String> {
         let (text, name) = &self.template;
         let names = variables.iter().map(String::as_str).chain([SEED]);
@@ -151,7 +151,7 @@ impl Files {
         ]))
     }
 
-    /// Runs the program for a design, and answers with the numbers that are `wanted`.
+    /// Runs the program for a design and returns the `wanted` numbers.
     fn run(
         &self,
         design: &Numbers,
@@ -210,7 +210,7 @@ impl Files {
         wanted.iter().map(number).collect()
     }
 
-    /// Runs the command in `folder` to its end. What it prints is what an error quotes.
+    /// Runs the command in `folder` to its end. Its output is quoted in an error.
     fn execute(&self, folder: &Path, timeout: Duration) -> Result<(), String> {
         let quoted = folder.display().to_string().replace('\'', r"'\''");
         // The last line of a command may be a comment.
@@ -234,7 +234,7 @@ fn place(name: &str) -> String {
     format!("{{{name}}}")
 }
 
-/// A seed that every program can take: from 1 to 2³¹ − 1.
+/// Reduces a seed to the range that every program accepts: 1 to 2³¹ − 1.
 fn small(seed: [u32; 4]) -> u32 {
     let mixed = seed.into_iter().fold(0, |mixed: u64, word| {
         (mixed.rotate_left(32) ^ u64::from(word)).wrapping_mul(0x9e37_79b9_7f4a_7c15)
@@ -247,7 +247,7 @@ fn small(seed: [u32; 4]) -> u32 {
 ///
 /// # Errors
 ///
-/// What follows the file's name in a sentence: where what is wrong.
+/// The part of a sentence after the file's name: the line and the error.
 fn results(text: &str) -> Result<Results, String> {
     const REFUSED: &str = "refused";
     if text.trim_start().starts_with('{') {
@@ -277,7 +277,7 @@ fn results(text: &str) -> Result<Results, String> {
             if name == REFUSED {
                 return Some(Err(value.to_owned()));
             }
-            // Fortran writes 1.0D-3.
+            // Fortran writes the exponent as in 1.0D-3.
             let number = value.replace(['D', 'd'], "e").parse().ok()?;
             Some(Ok((name.to_owned(), number)))
         });

@@ -1,4 +1,4 @@
-//! What is said to an external simulator and what it answers: one JSON object per line.
+//! The requests to an external simulator and its answers: one JSON object per line.
 
 use std::collections::BTreeMap;
 
@@ -6,10 +6,10 @@ use campaign::formulation::Problem;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
-/// The version of this protocol, which both sides name at the start.
+/// The version of the protocol, which both sides name at the start.
 pub(super) const PROTOCOL: u32 = 2;
 
-/// The longest reason that is kept, bytes.
+/// Maximum length of a reason, in bytes.
 const MAX_SENTENCE: usize = 2000;
 
 /// The answer to the first request of a process.
@@ -17,25 +17,26 @@ const MAX_SENTENCE: usize = 2000;
 #[serde(deny_unknown_fields)]
 pub(super) struct Described {
     protocol: u32,
-    /// What the program calls itself.
+    /// The program's version.
     #[serde(default)]
     pub(super) version: String,
-    /// The names of the variables that it knows, if it says.
+    /// The names of the variables that the program knows, if it names them.
     variables: Option<Vec<String>>,
-    /// The names of what it gives for a design, samples included, if it says.
+    /// The names of the responses that the program gives for a design, including the sampled one,
+    /// if it names them.
     responses: Option<Vec<String>>,
 }
 
 /// The answer to `evaluate` and to `sample`.
 pub(super) type Numbers = BTreeMap<String, f64>;
 
-/// What an answer may hold besides its id.
+/// The content of an answer besides its id.
 pub(super) trait Content: Sized {
-    /// Takes it from the answer.
+    /// Reads the content from an answer.
     ///
     /// # Errors
     ///
-    /// What is wrong with the answer.
+    /// The error in the answer.
     fn of(answer: Map<String, Value>) -> Result<Self, String>;
 }
 
@@ -55,14 +56,14 @@ impl Content for Numbers {
     }
 }
 
-/// What an answer says.
+/// An answer.
 #[derive(Debug, PartialEq)]
 pub(super) enum Answer<T> {
-    /// The numbers that were asked for.
+    /// The requested content.
     Given(T),
-    /// The design cannot be simulated: a short name and a sentence.
+    /// The design is not simulable: a short name and a sentence.
     Refused(String),
-    /// The program could not answer, and says why.
+    /// The program's reason for not answering.
     Error(String),
 }
 
@@ -94,23 +95,23 @@ fn evaluated(problem: &Problem) -> Vec<&str> {
         .collect()
 }
 
-/// A design as the requests name it.
+/// A design in the form of the requests.
 pub(super) fn design(told: &[(&str, f64)]) -> Value {
     let named = |(name, value): &(&str, f64)| ((*name).to_owned(), Value::from(*value));
     Value::Object(told.iter().map(named).collect())
 }
 
-/// A question about a design's responses, without its id.
+/// A request for a design's responses, without its id.
 pub(super) fn evaluate(design: &Value, wanted: &[&str]) -> Map<String, Value> {
     object(json!({ "request": "evaluate", "design": design, "responses": wanted }))
 }
 
-/// A question for a sample, without its id.
+/// A request for a sample, without its id.
 pub(super) fn sample(design: &Value, seed: [u32; 4]) -> Map<String, Value> {
     object(json!({ "request": "sample", "design": design, "seed": seed }))
 }
 
-/// Whether an answer holds all numbers that are wanted, and none but those and `others`.
+/// Checks that an answer holds all `wanted` numbers, and no others than `others`.
 pub(super) fn check(numbers: &Numbers, wanted: &[&str], others: &[&str]) -> Result<(), String> {
     let missing = wanted.iter().find(|name| !numbers.contains_key(**name));
     if let Some(name) = missing {
@@ -138,7 +139,7 @@ pub(super) fn line(mut request: Map<String, Value>, id: u64) -> String {
 ///
 /// # Errors
 ///
-/// What is wrong with it.
+/// The error in the answer.
 pub(super) fn read<T: Content>(line: &[u8], id: u64) -> Result<Answer<T>, String> {
     let value: Value = serde_json::from_slice(line).map_err(|error| {
         let text = String::from_utf8_lossy(line);
@@ -183,7 +184,7 @@ pub(super) fn read<T: Content>(line: &[u8], id: u64) -> Result<Answer<T>, String
 }
 
 impl Described {
-    /// Whether the program speaks this protocol, and of the campaign's problem.
+    /// Checks that the program uses this protocol and the names of the campaign.
     pub(super) fn check(&self, problem: &Problem) -> Result<(), String> {
         if self.protocol != PROTOCOL {
             let theirs = self.protocol;
@@ -203,7 +204,7 @@ impl Described {
     }
 }
 
-/// Whether the names that the program gives, if it does, are the campaign's.
+/// Checks that the names of the program, if it gives any, are those of the campaign.
 fn agree(what: &str, ours: &Vec<&str>, theirs: Option<&[String]>) -> Result<(), String> {
     let Some(theirs) = theirs else {
         return Ok(());

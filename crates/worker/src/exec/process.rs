@@ -1,9 +1,9 @@
-//! One process of an external simulator: asked a line, it answers a line, or it is ended.
+//! A process of an external simulator, which answers each line with a line.
 //!
-//! The process leads a process group of its own, which is killed as a whole, so that what a shell
-//! started goes with it. A second small process, the guard, holds the other end of a pipe that only
-//! this program can keep open: should this program be killed, the pipe closes, and the guard kills
-//! the group.
+//! The process leads its own process group, which is killed as a whole, so that programs started by
+//! a shell end with it. A second small process, the guard, holds the other end of a pipe that only
+//! this program keeps open. If this program is killed, the pipe closes, and the guard kills the
+//! group.
 
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind, Read, Write as _};
@@ -17,17 +17,17 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::{Errno, ioctl_fionbio};
 use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, kill_process_group, waitid};
 
-/// How much of its standard error is kept, bytes.
+/// Length of the end of the standard error that is kept, in bytes.
 const TAIL: usize = 16 * 1024;
-/// The longest answer, bytes.
+/// Maximum length of an answer, in bytes.
 const MAX_ANSWER: usize = 1024 * 1024;
-/// How much of a request or an answer an error quotes, bytes.
+/// Maximum length of a quoted request or answer, in bytes.
 const QUOTE: usize = 1000;
-/// How often a wait for an answer looks whether it is still wanted.
+/// Interval at which a wait for an answer checks whether to stop.
 const PATIENCE: Duration = Duration::from_millis(100);
-/// How long a process that closed its output may take to end by itself.
+/// Time for a process that closed its output to end by itself.
 const LAST_WORDS: Duration = Duration::from_millis(500);
-/// What the guard does: wait until its input ends, then kill the group.
+/// The guard's command: wait until its input ends, then kill the group.
 const GUARD: &str = r#"read -r _; kill -s KILL -- "-$1""#;
 
 /// A running simulator.
@@ -39,12 +39,12 @@ pub(super) struct Process {
     input: ChildStdin,
     output: ChildStdout,
     errors: Option<ChildStderr>,
-    /// Read from the output, but not yet part of an answer.
+    /// Bytes read from the output that are not part of an answer yet.
     pending: Vec<u8>,
     tail: Tail,
-    /// Whether it has been waited for; its number may then belong to another process.
+    /// Whether the process was reaped; its id may then belong to another process.
     reaped: bool,
-    /// Set from elsewhere when no answer is wanted any more.
+    /// Set by other threads when no answer is needed any more.
     stop: Arc<AtomicBool>,
 }
 
@@ -55,7 +55,7 @@ struct Tail {
     cut: bool,
 }
 
-/// Why there is no answer.
+/// The reason for a missing answer.
 enum Silence {
     Ended,
     Timeout,
@@ -65,7 +65,7 @@ enum Silence {
 }
 
 impl Process {
-    /// Starts `sh -c command`. Once `stop` is set, it is ended instead of waited for.
+    /// Starts `sh -c command`. Once `stop` is set, the process is ended instead of waited for.
     ///
     /// # Errors
     ///
@@ -86,7 +86,7 @@ impl Process {
             .stdin(Stdio::piped())
             .stdout(Stdio::null())
             .stderr(Stdio::null())
-            // A signal from the terminal is for this program, which then sees to the rest.
+            // A signal from the terminal must reach this program only, which then ends the others.
             .process_group(0)
             .spawn();
         let pipes = (child.stdin.take(), child.stdout.take(), child.stderr.take());
@@ -96,7 +96,7 @@ impl Process {
             }
             (guard, _) => {
                 kill(group);
-                // Just started by us, so there is something to wait for.
+                // An error is ignored: the process was just started.
                 let _ = child.wait();
                 let error = guard.err().unwrap_or_else(|| io::Error::other("no pipes"));
                 return Err(cannot(error));
@@ -114,7 +114,7 @@ impl Process {
             reaped: false,
             stop,
         };
-        // From here on dropping the process ends it.
+        // From here on, dropping the process ends it.
         ioctl_fionbio(&process.input, true)
             .and_then(|()| ioctl_fionbio(&process.output, true))
             .and_then(|()| {
@@ -130,15 +130,16 @@ impl Process {
     /// Whether the process has ended.
     pub(super) fn has_ended(&self) -> bool {
         let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
-        // Left unreaped: its id must not name another process while the group may be killed.
+        // The process is not reaped: its id must not name another process while the group may be
+        // killed.
         !matches!(waitid(WaitId::Pid(self.group), options), Ok(None))
     }
 
-    /// Sends a line and waits for one. After an error the process is of no use any more.
+    /// Sends a line and waits for the answer. After an error, the process must not be used again.
     ///
     /// # Errors
     ///
-    /// A sentence with what the process said last.
+    /// A sentence with the end of the process's standard error.
     pub(super) fn ask(&mut self, line: &str, timeout: Duration) -> Result<Vec<u8>, String> {
         if !self.pending.is_empty() {
             let said = std::mem::take(&mut self.pending);
@@ -160,7 +161,7 @@ impl Process {
         })
     }
 
-    /// Ends the process, whose `answer` makes no sense, and says so.
+    /// Ends the process, whose `answer` is malformed, and returns the error.
     pub(super) fn refute(&mut self, answer: &[u8], reason: &str, line: &str) -> String {
         let why = format!("answered with nonsense ({reason}): {}", quote(answer));
         self.obituary(&why, line)
@@ -176,7 +177,7 @@ impl Process {
                     Ok(sent) => unsent = &unsent[sent..],
                     Err(error) if error.kind() == ErrorKind::Interrupted => {}
                     Err(error) if error.kind() == ErrorKind::WouldBlock => break,
-                    // Its output tells what became of it.
+                    // The output shows whether the process has ended.
                     Err(_) => unsent = &[],
                 }
             }
@@ -197,8 +198,8 @@ impl Process {
         }
     }
 
-    /// Waits until something can be read (or written, if `writing`); tells what can be read: the
-    /// output, the errors.
+    /// Waits until something can be read (or written, if `writing`). Returns whether the output and
+    /// the standard error can be read.
     fn wait(&self, writing: bool, left: Duration) -> Result<[bool; 2], Silence> {
         let mut files = vec![PollFd::new(&self.output, PollFlags::IN)];
         if let Some(errors) = &self.errors {
@@ -220,7 +221,7 @@ impl Process {
         Ok([ready(0), self.errors.is_some() && ready(1)])
     }
 
-    /// The next line of the output, once all of it is there.
+    /// Returns the next line of the output once it is complete.
     fn read_answer(&mut self) -> Result<Option<Vec<u8>>, Silence> {
         let mut buffer = [0_u8; 4096];
         loop {
@@ -245,7 +246,7 @@ impl Process {
         }
     }
 
-    /// Takes what is there of the standard error.
+    /// Reads the available part of the standard error.
     fn drain_errors(&mut self) {
         let mut buffer = [0_u8; 4096];
         // A process that floods its standard error must not keep its answer from being read.
@@ -263,7 +264,7 @@ impl Process {
         }
     }
 
-    /// How a process ended that closed its output.
+    /// Describes the end of a process that closed its output.
     fn last_words(&mut self) -> String {
         let since = Instant::now();
         while !self.has_ended() {
@@ -285,7 +286,7 @@ impl Process {
         }
     }
 
-    /// Kills what is left of the group, and waits for its leader.
+    /// Kills the rest of the group, and waits for its leader.
     fn end(&mut self) -> io::Result<ExitStatus> {
         if !self.reaped {
             kill(self.group);
@@ -294,11 +295,11 @@ impl Process {
         self.child.wait()
     }
 
-    /// Ends the group, and says why, what was asked and what the standard error held last.
+    /// Ends the group. Returns the reason, the request and the end of the standard error.
     pub(super) fn obituary(&mut self, why: &str, line: &str) -> String {
-        // The status is told where it matters.
+        // The exit status is part of `why` if it matters.
         let _ = self.end();
-        // Everything that was written is in the pipe now; 16 rounds of the drain empty any pipe.
+        // All output is in the pipe now; 16 rounds of the drain empty any pipe.
         for _ in 0..16 {
             self.drain_errors();
         }
@@ -316,7 +317,8 @@ impl Process {
 
 impl Drop for Process {
     fn drop(&mut self) {
-        // Before the process is reaped: the guard must not fire at a number that is free again.
+        // The guard ends before the process is reaped: it must not kill a group whose id was
+        // reused.
         let _ = self.guard.kill();
         let _ = self.guard.wait();
         let _ = self.end();
@@ -324,7 +326,7 @@ impl Drop for Process {
 }
 
 fn kill(group: Pid) {
-    // A group that has ended meanwhile needs no killing.
+    // The group may have ended already.
     let _ = kill_process_group(group, Signal::KILL);
 }
 
@@ -349,7 +351,7 @@ impl Tail {
     }
 }
 
-/// Bytes from elsewhere as a short text in one line.
+/// Bytes of another program as a short text in one line.
 fn quote(bytes: &[u8]) -> String {
     let shown = &bytes[..bytes.len().min(QUOTE)];
     let text: String = String::from_utf8_lossy(shown)

@@ -1,4 +1,4 @@
-//! Who answers the questions of a session: a process that is kept, or a program that is run for each.
+//! The program of a session: a process that is kept, or a command that is run for each request.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -8,17 +8,18 @@ use super::Exec;
 use super::files::Files;
 use super::process::Process;
 
-/// A simulator, ready to be asked.
+/// A simulator that accepts requests.
 #[derive(Debug)]
 pub(super) enum Program {
-    /// Answers lines with lines.
+    /// A process that answers lines with lines.
     Lines(Process),
-    /// Answers files with files.
+    /// A command that answers files with files.
     Files(Files),
 }
 
 impl Program {
-    /// Starts what `exec` names. Once `stop` is set, it is ended instead of waited for.
+    /// Starts the program of `exec`. Once `stop` is set, the program is ended instead of waited
+    /// for.
     ///
     /// # Errors
     ///
@@ -30,7 +31,7 @@ impl Program {
         }
     }
 
-    /// Whether it cannot be asked any more.
+    /// Whether the program has ended.
     pub(super) fn has_ended(&self) -> bool {
         match self {
             Self::Lines(process) => process.has_ended(),
@@ -38,11 +39,11 @@ impl Program {
         }
     }
 
-    /// Asks a line and returns the answer. After an error it is of no use any more.
+    /// Sends a line and returns the answer. After an error, the program must not be used again.
     ///
     /// # Errors
     ///
-    /// A sentence with what the program said last.
+    /// A sentence with the end of the program's standard error.
     pub(super) fn ask(&mut self, line: &str, timeout: Duration) -> Result<Vec<u8>, String> {
         match self {
             Self::Lines(process) => process.ask(line, timeout),
@@ -50,7 +51,7 @@ impl Program {
         }
     }
 
-    /// Ends the program, whose `answer` makes no sense, and says so.
+    /// Ends the program, whose `answer` is malformed, and returns the error.
     pub(super) fn refute(&mut self, answer: &[u8], reason: &str, line: &str) -> String {
         match self {
             Self::Lines(process) => process.refute(answer, reason, line),

@@ -1,4 +1,4 @@
-//! External simulators that behave, and that do not.
+//! Correct and faulty external simulators.
 
 use std::ops::Range;
 use std::sync::atomic::AtomicU32;
@@ -11,7 +11,7 @@ use super::*;
 
 mod through_files;
 
-/// A simulator as a shell script: reads requests, and answers each kind by a function.
+/// A simulator as a shell script, which answers each kind of request by a function.
 const PREAMBLE: &str = r#"
 answer() { printf '{"id":%s,%s}\n' "$id" "$1"; }
 on_describe() { answer '"protocol":2,"version":"test"'; }
@@ -146,7 +146,7 @@ fn answers_become_results_and_one_process_gives_them_all() {
         samples_um[0], samples_um[1],
         "every sample has a seed of its own"
     );
-    // The same again gives the same numbers, and so does a part of it.
+    // A repetition gives the same numbers, and so does a part.
     assert_eq!(run(&backend, THREE).unwrap(), result);
     let part = run(&backend, 2..3).unwrap();
     assert_eq!(samples(&part), samples_um[2..]);
@@ -228,7 +228,7 @@ fn a_process_that_died_is_replaced() {
 
 #[test]
 fn a_process_that_died_between_jobs_fails_none() {
-    // It ends by itself after the third sample, when nobody asks.
+    // The process ends by itself after the third sample, between two requests.
     let dying = r#"
         n=0
         on_sample() { n=$((n + 1)); answer '"delta_ste_um":1'; [ $n -lt 3 ] || exit 0; }"#;
@@ -291,7 +291,7 @@ fn nonsense_ends_the_process_and_is_quoted() {
             "the simulator says: no licence",
         ),
     ] {
-        // Too much output must not be taken for the answer to the next question, whenever it comes.
+        // Surplus output must not be taken for the answer to the next request, whenever it arrives.
         let changes = format!("on_sample() {{ {nonsense}; }}");
         let error = run(&backend(&changes), THREE).unwrap_err();
         let split = nonsense.ends_with("more") && error.contains("nonsense");
@@ -374,13 +374,13 @@ fn a_stopped_task_keeps_its_finished_samples() {
     let (output, seconds) = backend.with(&problem(), |simulator| {
         compute_until(simulator, &unit(THREE), &source(), &keep_going)
     });
-    // Asked before the design and before each of its samples.
+    // `keep_going` is called before the design and before each of its samples.
     let whole = run(&backend, THREE).unwrap();
     assert_eq!(samples(&output.unwrap().unwrap()), samples(&whole)[..2]);
     assert!(seconds > 0.0);
 }
 
-/// "Optimum −5 µm" would be believed.
+/// Otherwise a report would show an optimum of −5 µm.
 #[test]
 fn a_simulator_whose_numbers_cannot_be_fails() {
     let negative =

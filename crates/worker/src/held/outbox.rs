@@ -9,11 +9,11 @@ use protocol::v2::LeaseResult;
 
 use super::Lease;
 
-/// The most results of a report: what their commit takes must stay short.
+/// Maximum number of results in a report, which bounds the time of their commit.
 const RESULTS_PER_REPORT: usize = 4096;
 
-/// Nothing more is asked for while so many bytes of results wait for their acknowledgement: a line that
-/// is slower than the computing must not fill the memory.
+/// Size of unacknowledged results, in bytes, above which the worker asks for no leases: a
+/// connection slower than the computation must not fill the memory.
 pub(super) const UNACKNOWLEDGED_BYTES: usize = 8 << 20;
 
 #[derive(Debug)]
@@ -27,7 +27,7 @@ struct Finished {
 #[derive(Debug, Default)]
 pub(super) struct Outbox {
     finished: BTreeMap<LeaseId, Finished>,
-    /// How many bytes wait for their acknowledgement.
+    /// Size of the results, in bytes.
     bytes: usize,
 }
 
@@ -45,28 +45,28 @@ impl Outbox {
         self.finished.insert(id, finished);
     }
 
-    /// Whether the result of this lease waits for its acknowledgement.
+    /// Whether the result of a lease is here.
     pub(super) fn contains(&self, id: LeaseId) -> bool {
         self.finished.contains_key(&id)
     }
 
-    /// How many results wait for their acknowledgement.
+    /// Number of results.
     pub(super) fn len(&self) -> usize {
         self.finished.len()
     }
 
-    /// Whether so many bytes wait that the worker should ask for no more leases.
+    /// Whether the results are so large that the worker should ask for no more leases.
     pub(super) const fn is_full(&self) -> bool {
         self.bytes > UNACKNOWLEDGED_BYTES
     }
 
-    /// The leases whose results wait for their acknowledgement.
+    /// The leases of the results.
     pub(super) fn leases(&self) -> impl Iterator<Item = &Lease> {
         self.finished.values().map(|finished| &*finished.lease)
     }
 
-    /// The first results, `most` bytes at most unless the first one alone is larger; and how many bytes
-    /// they have.
+    /// Returns the first results, at most `most` bytes unless the first one is larger, and their
+    /// size in bytes.
     pub(super) fn first(&self, most: usize) -> (Vec<LeaseResult>, usize) {
         let mut bytes = 0;
         let mut results = Vec::new();

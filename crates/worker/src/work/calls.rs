@@ -1,4 +1,4 @@
-//! What a worker does over and over: it leases, computes, hands in results and says that it is there.
+//! The repeated calls of a worker: leasing, computing, reporting results and sending heartbeats.
 
 use std::cell::Cell;
 use std::sync::Arc;
@@ -20,32 +20,32 @@ use crate::backoff::Backoff;
 use crate::error::Error;
 use crate::held::Lease;
 
-/// How long a lease call waits at the coordinator for something to turn up.
+/// Time that a lease request waits at the coordinator for a free job.
 const LEASE_WAIT: Duration = Duration::from_secs(5);
 
-/// How often what is finished of a unit is kept, in case that the rest takes too long.
+/// Interval at which the finished part of a unit is kept, in case the rest takes too long.
 const KEEP_EVERY: Duration = Duration::from_secs(1);
-/// The most samples between two looks at the clock.
+/// Maximum number of samples between two readings of the clock.
 const MAX_STRIDE: u32 = 64;
 
-/// How long a lease waits until the coordinator knows that it begins.
+/// Maximum time that a lease waits for its announcement.
 const ANNOUNCE_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// After an external program failed, how long the worker waits whether it is asked to leave: whoever
-/// ends both at once, as systemd and Slurm do, ends the program first as often as not.
+/// Time to wait for a request to leave after an external program failed. systemd and Slurm signal
+/// both at once, and the program often ends first.
 const AFTERTHOUGHT: Duration = Duration::from_millis(500);
 
-/// The most bytes of results in a report, unless one alone is larger; half as many after one that did
-/// not pass in time, but never fewer than the second number.
+/// Maximum size of the results in a report, in bytes, unless one result is larger. The size is
+/// halved after each report that timed out, down to the second number.
 const BYTES_PER_REPORT: usize = 1 << 20;
 const FEWEST_BYTES: usize = 1 << 14;
-/// The slowest line over which results pass, bytes per second.
+/// Speed of the slowest supported connection, in bytes per second.
 const SLOWEST_LINE: f64 = 1e4;
 
-/// How long the coordinator may be silent before the worker says so.
+/// Time without an answer of the coordinator after which the worker logs it.
 const SILENCE: Duration = Duration::from_secs(10);
 
-/// Leases work and hands it to the compute threads.
+/// Requests leases and starts them on the compute threads.
 pub(super) async fn lease(shared: Arc<Shared>, pool: rayon::ThreadPool) -> Result<End, Error> {
     let slots = shared.options.slots.max(1);
     let mut backoff = Backoff::new();
@@ -135,35 +135,35 @@ pub(super) async fn lease(shared: Arc<Shared>, pool: rayon::ThreadPool) -> Resul
     }
 }
 
-/// Processor time of this thread, in seconds.
+/// CPU time of this thread, in seconds.
 fn thread_seconds() -> f64 {
     let time = clock_gettime(ClockId::ThreadCPUTime);
     time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
 }
 
-/// What a compute thread knows of the unit at hand.
+/// The state of a compute thread for its current unit.
 struct Computing<'a> {
     shared: &'a Shared,
     lease: &'a Lease,
     unit: &'a Unit,
     cancelled: &'a AtomicBool,
-    /// When the lease began.
+    /// Start of the lease.
     began: Instant,
-    /// When the unit began, and the processor time of the thread then.
+    /// Start of the unit, and the thread's CPU time then.
     unit_began: Instant,
     before: f64,
-    /// Whether a program simulates: all time is taken to be its own then.
+    /// Whether an external program simulates: all elapsed time then counts as its time.
     is_external: bool,
-    /// When a part was last kept.
+    /// Time at which a part was last kept.
     kept: Cell<Instant>,
-    /// How many samples there are between two looks at the clock, and how many are left of them.
+    /// Number of samples between two readings of the clock, and how many of them are left.
     stride: Cell<u32>,
     left: Cell<u32>,
 }
 
 impl Computing<'_> {
-    /// Whether to go on with the next sample. What is finished is kept now and then, because the next
-    /// sample may last longer than the worker.
+    /// Whether to continue with the next sample. The finished part is kept at intervals, because
+    /// the next sample may take longer than the worker lives.
     fn go_on(&self, so_far: &dyn Fn() -> Option<Output>) -> bool {
         let is_wanted = !self.cancelled.load(Ordering::Relaxed);
         if !is_wanted || self.shared.hurry.load(Ordering::Relaxed) {
@@ -171,7 +171,7 @@ impl Computing<'_> {
         }
         self.left.set(self.left.get() - 1);
         if self.left.get() == 0 {
-            // Looking at the clock costs too much to be done for every short sample.
+            // Reading the clock for every short sample costs too much.
             let since = self.kept.get().elapsed();
             let stride = if since < KEEP_EVERY / 16 {
                 (2 * self.stride.get()).min(MAX_STRIDE)
@@ -198,15 +198,15 @@ impl Computing<'_> {
     }
 }
 
-/// Computes a lease on a compute thread, unit by unit: one that fails does not take the others with
-/// it.
+/// Computes a lease on a compute thread, unit by unit, so that a unit that fails does not fail the
+/// others.
 fn compute(shared: &Shared, lease: &Lease) {
     let Some(cancelled) = shared.held.start(lease.id) else {
         return;
     };
     if lease.announce {
-        // Whoever had it before may have died of it, and so may this worker before its next
-        // heartbeat: unless the coordinator knows that it has begun, nobody would blame it.
+        // The previous worker may have crashed on this lease, and this one may crash before its
+        // next heartbeat. A crash counts only if the coordinator knows that the lease has started.
         shared.announce();
     }
     let began = Instant::now();
@@ -240,7 +240,7 @@ fn compute(shared: &Shared, lease: &Lease) {
     shared.held.finish(lease.id);
 }
 
-/// What comes of a unit; none if it was stopped before anything did.
+/// Computes a unit. Returns none if the unit was stopped before it had a result.
 fn attempt(
     registered: &Registered,
     computing: &Computing<'_>,
@@ -261,11 +261,11 @@ fn attempt(
         );
         (Err(error), 0.0)
     });
-    // What an external program takes is somebody else's time on the processor.
+    // The time of an external program is not CPU time of this thread.
     let cpu_seconds = thread_seconds() - computing.before + program_seconds;
     if let Err(error) = &outcome {
         if backend.is_external() && shared.leaves_within(AFTERTHOUGHT) {
-            // Whoever asked this worker to leave has ended the program as well.
+            // The request to leave has ended the program as well.
             return None;
         }
         warn!(stream = %unit.stream, lease = %computing.lease.id, %error, "a failure");
@@ -276,7 +276,7 @@ fn attempt(
     }
 }
 
-/// Hands in results until they are acknowledged.
+/// Reports results until they are acknowledged.
 pub(super) async fn report(shared: Arc<Shared>, stop: CancellationToken) {
     let mut backoff = Backoff::new();
     let mut client = shared.connection.client();
@@ -307,8 +307,7 @@ pub(super) async fn report(shared: Arc<Shared>, stop: CancellationToken) {
                 most = BYTES_PER_REPORT;
                 let directive = response.into_inner().directive();
                 if directive == Directive::Register {
-                    // Results are welcome from a registered worker only: introduce ourselves and
-                    // hand them in again.
+                    // Only a registered worker can report: register and report again.
                     if shared.register_again(epoch).await.is_err() {
                         return;
                     }
@@ -340,21 +339,21 @@ pub(super) async fn report(shared: Arc<Shared>, stop: CancellationToken) {
     }
 }
 
-/// Somebody who waits until the coordinator knows what is held.
+/// A thread that waits for the next heartbeat.
 pub(super) type Announcement = std::sync::mpsc::SyncSender<()>;
 
 impl Shared {
-    /// Tells the coordinator at once what is held and what has begun. Waits until it knows, but not
-    /// for one that is away.
+    /// Has a heartbeat sent at once and waits until that call has ended, at most for
+    /// [`ANNOUNCE_TIMEOUT`].
     fn announce(&self) {
         let (told, heard) = std::sync::mpsc::sync_channel(1);
         if self.announcements.send(told).is_ok() {
-            // An error says that it took too long, or that the worker ends.
+            // An error means that it took too long, or that the worker ends.
             let _ = heard.recv_timeout(ANNOUNCE_TIMEOUT);
         }
     }
 
-    /// Whether this worker is asked to leave, now or within a moment.
+    /// Whether this worker is asked to leave within `moment`.
     fn leaves_within(&self, moment: Duration) -> bool {
         let since = Instant::now();
         loop {
@@ -369,8 +368,8 @@ impl Shared {
     }
 }
 
-/// Tells the coordinator regularly what is held, and does what it answers. Goes on while the worker
-/// leaves: until then the jobs are its own.
+/// Sends heartbeats and follows the directives in the responses. Continues while the worker leaves:
+/// until then the leases are its own.
 pub(super) async fn heartbeat(
     shared: Arc<Shared>,
     mut announcements: UnboundedReceiver<Announcement>,
@@ -382,9 +381,9 @@ pub(super) async fn heartbeat(
         let mut waiting: Vec<Announcement> = Vec::new();
         tokio::select! {
             () = tokio::time::sleep(period) => {}
-            // A coordinator that was restarted may want them sooner.
+            // A restarted coordinator may want heartbeats more often.
             _ = told.changed() => {}
-            // The shared state has a sender, so there always is one.
+            // The channel stays open because the shared state holds a sender.
             announcement = announcements.recv() => waiting.extend(announcement),
         }
         while let Ok(announcement) = announcements.try_recv() {
@@ -395,14 +394,14 @@ pub(super) async fn heartbeat(
             worker_id: shared.worker_id.clone(),
             held: shared.held.states(),
         };
-        // One that hangs must not keep the next one from being in time.
+        // A heartbeat that hangs must not delay the next one.
         let call = tokio::time::timeout(2 * period, client.heartbeat(request)).await;
         for announcement in waiting {
-            // One that waits no longer needs no answer.
+            // The thread may have stopped waiting.
             let _ = announcement.try_send(());
         }
-        // A lost heartbeat needs nothing but the next one; the lease task watches how long the
-        // coordinator is away.
+        // After a lost heartbeat, the next one is enough. The lease task watches how long the
+        // coordinator does not answer.
         let Ok(Ok(response)) = call else {
             continue;
         };
@@ -419,7 +418,7 @@ pub(super) async fn heartbeat(
     }
 }
 
-/// Names of leases, as they came.
+/// Converts the ids of leases.
 pub(super) fn ids(leases: &[v2::LeaseId]) -> Vec<LeaseId> {
     leases.iter().map(|id| (*id).into()).collect()
 }

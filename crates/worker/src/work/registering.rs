@@ -1,4 +1,4 @@
-//! How a worker introduces itself, and learns what there is to simulate.
+//! The registration of a worker, which gets it the campaign.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -14,19 +14,19 @@ use crate::backoff::Backoff;
 use crate::error::Error;
 use crate::exec::Backend;
 
-/// What registering brought.
+/// The result of a registration.
 #[derive(Debug)]
 pub(super) struct Registered {
     pub(super) epoch: u64,
     pub(super) problem: Problem,
-    /// What simulates the campaign's designs here.
+    /// The simulator of the campaign.
     pub(super) backend: Arc<Backend>,
     campaign_json: String,
     model_digest: String,
 }
 
 impl Shared {
-    /// Registers, again and again until it works or has taken too long.
+    /// Registers. Repeats the call until it succeeds or the time limit has passed.
     pub(super) async fn register(&self, first: bool) -> Result<Arc<Registered>, Error> {
         let options = &self.options;
         let patience = if first {
@@ -39,7 +39,7 @@ impl Shared {
         let url = self.connection.url();
         loop {
             // The digest depends on the campaign, which only the coordinator knows: the first call
-            // asks for it, the second one answers the question.
+            // asks for the campaign, the second one brings the digest.
             let known = self.registered();
             let request = RegisterRequest {
                 worker_id: self.worker_id.clone(),
@@ -83,7 +83,7 @@ impl Shared {
                         if done {
                             self.held.cancel(&super::calls::ids(&response.cancelled));
                         } else {
-                            // What is held belongs to another campaign, if to any.
+                            // Leases, if there are any, belong to another campaign.
                             self.held.cancel_all();
                         }
                         *self.problem.write().unwrap_or_else(|e| e.into_inner()) =
@@ -117,7 +117,7 @@ impl Shared {
         }
     }
 
-    /// The problem of a new campaign, what simulates it here, and the digest of its model.
+    /// Returns the problem of a new campaign, its simulator and the digest of its model.
     async fn learn(&self, campaign_json: &str) -> Result<(Problem, Arc<Backend>, String), Error> {
         let campaign =
             Campaign::from_json(campaign_json).map_err(|error| gateway::Error::Nonsense {
@@ -126,13 +126,13 @@ impl Shared {
             })?;
         let problem = Problem::new(campaign);
         let backend = Arc::new(Backend::choose(&problem, self.options.exec.as_ref())?);
-        // An external program may take its time to answer, and must not hold up anything else.
+        // An external program may take long to answer and must not block the runtime.
         let questions = {
             let (problem, backend) = (problem.clone(), Arc::clone(&backend));
             tokio::task::spawn_blocking(move || backend.model_digest(&problem))
         };
-        // Should the worker be asked to end meanwhile, this wait is dropped, and nobody else
-        // would end the program.
+        // If the worker is asked to leave meanwhile, this wait is dropped. The guard then ends the
+        // program.
         let unwatched = Unwatched(Some(Arc::clone(&backend)));
         let model_digest = questions.await.map_err(|error| Error::Program {
             reason: error.to_string(),
@@ -148,8 +148,8 @@ impl Shared {
             .clone()
     }
 
-    /// Registers again after a coordinator said that it does not know this worker, unless another
-    /// task has done so already.
+    /// Registers again after a coordinator did not know this worker, unless another task has done
+    /// so.
     pub(super) async fn register_again(&self, epoch: u64) -> Result<(), Error> {
         if self
             .registered()

@@ -15,7 +15,7 @@ fn help_lists_every_exit_code() {
     assert!(output.status.success());
     let help = String::from_utf8(output.stdout).unwrap();
     for (code, meaning) in protocol::exit::TABLE {
-        // Long lines are wrapped to the terminal's width: the first words are enough.
+        // Long lines are wrapped at the terminal's width, so only the first words are compared.
         let words: Vec<&str> = meaning.split(' ').take(3).collect();
         let line = format!("{code:>2}  {}", words.join(" "));
         assert!(help.contains(&line), "no {line:?} in\n{help}");

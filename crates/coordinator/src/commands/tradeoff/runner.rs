@@ -1,4 +1,4 @@
-//! Samples through board, workers and store, for the trade-off study of the runner.
+//! Samples computed through board, workers and store, for the trade-off study of the runner.
 
 use std::io::{BufRead as _, Write as _};
 use std::path::Path;
@@ -27,14 +27,14 @@ use tokio_util::sync::CancellationToken;
 use tradeoff::{Ended, Load, Ran, process_seconds};
 use worker::Exec;
 
-/// Samples of a design.
+/// Number of samples of a design.
 const PER_DESIGN: u32 = 30;
-/// Designs whose samples are timed in one thread.
+/// Number of designs whose samples are timed in one thread.
 const TIMED: usize = 100;
-/// How often the store is asked.
+/// Interval between polls.
 const ASKED: Duration = Duration::from_millis(2);
 
-/// A campaign whose program sleeps: one variable, one response.
+/// The campaign of the sleeping program: one variable, one response.
 const SLEEPING: &str = r#"
 kind = "external"
 format = 1
@@ -55,7 +55,7 @@ samples_per_design = 30
 probe_designs = 0
 "#;
 
-/// The program of [`SLEEPING`]: answers until standard input ends.
+/// Runs the program of [`SLEEPING`]: answers requests until standard input ends.
 pub(crate) fn sleep_program(seconds: f64) -> anyhow::Result<()> {
     let mut out = std::io::stdout().lock();
     for line in std::io::stdin().lock().lines() {
@@ -76,7 +76,7 @@ pub(crate) fn sleep_program(seconds: f64) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Runs for the studies of a campaign, with stores in its folder.
+/// The runs for the studies of a campaign, with stores in its folder.
 pub(super) struct Programs<'a> {
     pub(super) campaign: &'a Campaign,
     pub(super) out: &'a Path,
@@ -95,7 +95,7 @@ impl tradeoff::Runner for Programs<'_> {
     }
 }
 
-/// Runs a campaign in a process of its own, which ends with `shutdown`.
+/// Runs a campaign in a separate process, which ends with `shutdown`.
 async fn whole(
     campaign: &Campaign,
     out: &Path,
@@ -153,7 +153,7 @@ async fn whole(
     Ok(ended)
 }
 
-/// Runs samples of this campaign, or of the program that sleeps, with a store in the folder `out`.
+/// Runs samples of this campaign, or of the sleeping program, with a store in the folder `out`.
 async fn run(own: &Campaign, out: &Path, load: &Load) -> anyhow::Result<Ran> {
     let (campaign, exec) = match load.sleep {
         None => (own.clone(), None),
@@ -184,7 +184,7 @@ async fn run(own: &Campaign, out: &Path, load: &Load) -> anyhow::Result<Ran> {
         Some(_) => 0.0,
     };
     let mut ran = through(out, &problem, &points, per_design, load.workers, exec).await?;
-    // Whole designs were run.
+    // The run computed whole designs; the times are scaled to the samples asked for.
     let share = f64::from(load.samples) / f64::from(designs * per_design);
     ran.seconds *= share;
     ran.cpu_seconds *= share;
@@ -194,7 +194,7 @@ async fn run(own: &Campaign, out: &Path, load: &Load) -> anyhow::Result<Ran> {
     })
 }
 
-/// Random designs that can be simulated, as many as asked for; few of them again and again.
+/// Returns `count` random simulable designs; at most [`TIMED`] different ones, repeated.
 fn points(problem: &Problem, count: usize) -> anyhow::Result<Vec<Vec<f64>>> {
     let mut rng = stream(problem.campaign().seed, Purpose::Test, 6, 0);
     let mut found: Vec<Vec<f64>> = Vec::new();
@@ -214,7 +214,7 @@ fn points(problem: &Problem, count: usize) -> anyhow::Result<Vec<Vec<f64>>> {
     Ok(found.iter().cycle().take(count).cloned().collect())
 }
 
-/// CPU seconds of a sample in this thread, its share of the design's analyses included.
+/// CPU time of a sample in this thread, in seconds, including its share of the design's analyses.
 fn alone(problem: &Problem, points: &[Vec<f64>]) -> f64 {
     let before = thread_seconds();
     for (design, x) in (0..).zip(points) {
@@ -229,7 +229,8 @@ fn alone(problem: &Problem, points: &[Vec<f64>]) -> f64 {
     (thread_seconds() - before) / (points.len() * PER_DESIGN as usize) as f64
 }
 
-/// Samples of all points by workers of this process, from the first lease until they are stored.
+/// Computes samples of all points with workers of this process, timed from the first lease until
+/// the last sample is stored.
 async fn through(
     out: &Path,
     problem: &Arc<Problem>,
@@ -280,7 +281,7 @@ async fn through(
         exec,
     };
     let mut workers = workers.start(&dial, &stop)?;
-    // Programs start before the clock does.
+    // The workers' programs have started when the clock starts.
     while board.live().workers.len() < workers.len() {
         tokio::time::sleep(ASKED).await;
     }

@@ -1,8 +1,8 @@
-//! Programs that are asked through files.
+//! Programs that are called through files.
 
 use super::*;
 
-/// The problem of the Ishigami function, and a program that answers it with something else.
+/// The problem of the Ishigami function, with a program that computes another function.
 fn through_files(template: &str, command: &str) -> (Problem, Backend, tempfile::TempDir) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("in.txt");
@@ -23,7 +23,7 @@ fn through_files(template: &str, command: &str) -> (Problem, Backend, tempfile::
 
 const TEMPLATE: &str = "{x1} {x2} {x3} {seed} {other}\n";
 
-/// `y` is the sum of the variables, and as many thousandths as the seed's last digit says.
+/// `y` is the sum of the variables, plus the seed's last digit in thousandths.
 const SUM: &str = "awk '{print \"# sum\\ny = \" $1+$2+$3+($4%10)/1000}' in.txt > out.txt # done";
 
 fn sum(problem: &Problem, backend: &Backend) -> Result<(f64, [f64; 2]), String> {
@@ -55,7 +55,7 @@ fn a_program_is_asked_through_files() {
         "{samples:?}"
     );
     assert_eq!(sum(&problem, &backend).unwrap(), (baseline, samples));
-    // From the command's folder, the worker's own is known.
+    // The command knows the worker's folder.
     let here = format!(
         "test \"$OLDPWD\" = '{}' && {SUM}",
         std::env::current_dir().unwrap().display()
