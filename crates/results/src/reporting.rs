@@ -24,7 +24,7 @@ use stats::streams::{Purpose, stream};
 use store::Store;
 
 pub use self::enrichment::rounds;
-pub use self::optima::{drawing, run, ste};
+pub use self::optima::{contact, drawing, run, ste};
 use self::sources::Sources;
 
 /// Random wear profiles in Figure 2.
@@ -208,6 +208,14 @@ fn header(sources: &Sources, samples_digest: String, times: &[store::JobTimeRow]
         simulator_calls: sampling + optimising + enriching + verifying,
         stages: costs,
         facts: facts::facts(sources),
+    }
+}
+
+/// What the report calls a variable: by its symbol for gears, by its name for other problems.
+fn called(sources: &Sources, name: &str) -> String {
+    match sources.problem.gears() {
+        Some(_) => report::symbol(name),
+        None => name.to_owned(),
     }
 }
 

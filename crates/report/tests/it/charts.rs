@@ -207,6 +207,8 @@ fn gears_are_drawn_to_one_scale_in_both_directions() {
             base_radius_mm: Some(f64::NAN),
         },
         line_of_action: None,
+        face_width_mm: 10.0,
+        twist_rad: [0.0; 2],
     };
     let svg = chart_gears(&drawing).unwrap();
     check_picture(&svg);
@@ -236,6 +238,8 @@ fn gears_far_from_the_contact_or_without_outline_are_nothing_to_draw() {
         pinion: gear(0.0, vec![[-50.0, 0.0], [-50.0, 1.0]]),
         mate: gear(100.0, Vec::new()),
         line_of_action: None,
+        face_width_mm: 10.0,
+        twist_rad: [0.0; 2],
     };
     assert!(matches!(
         chart_gears(&far),
