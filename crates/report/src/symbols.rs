@@ -1,6 +1,6 @@
 //! The symbols of the pages: indices 1 and 2 are pinion and mate, as in ISO 21771, where the paper has p and r.
 
-use crate::number::significant;
+use crate::number::fixed;
 
 /// A symbol with its meaning. Symbols are pairs of a letter and its index, which may be empty.
 struct Symbol {
@@ -71,7 +71,7 @@ pub fn symbol(column: &str) -> String {
 /// The variables of a design in one line; `values` are in the order of Equation (1).
 pub(crate) fn design(values: &[f64; VARIABLES]) -> String {
     let named = SYMBOLS.iter().zip(values).map(|(symbol, value)| {
-        let number = significant(*value, 3);
+        let number = shortest(*value);
         let unit = match symbol.unit {
             "mm" => " mm",
             "°" => "°",
@@ -80,6 +80,18 @@ pub(crate) fn design(values: &[f64; VARIABLES]) -> String {
         format!("{} {number}{unit}", text(symbol.here))
     });
     named.collect::<Vec<_>>().join(", ")
+}
+
+/// With at most four decimals, and no zeros at their end.
+fn shortest(value: f64) -> String {
+    let number = fixed(value, 4);
+    match number.contains('.') {
+        true => number
+            .trim_end_matches('0')
+            .trim_end_matches('.')
+            .to_owned(),
+        false => number,
+    }
 }
 
 /// A row of the key to the symbols; symbols are markup.
@@ -139,10 +151,11 @@ mod tests {
         assert_eq!(symbol("rho_f_p_mm"), "ρf₁ (mm)");
         assert_eq!(symbol("hertz_pressure_mpa"), "hertz_pressure_mpa");
         let mut values = [0.5; VARIABLES];
+        values[0] = -0.028;
         values[10] = 30.0;
         let line = design(&values);
-        assert!(line.starts_with("x₁ 0.500, x₂ 0.500, ha₀₁ 0.500"), "{line}");
-        assert!(line.ends_with("ρf₂ 0.500 mm, β₀ 30.0°"), "{line}");
+        assert!(line.starts_with("x₁ −0.028, x₂ 0.5, ha₀₁ 0.5"), "{line}");
+        assert!(line.ends_with("ρf₂ 0.5 mm, β₀ 30°"), "{line}");
     }
 
     #[test]

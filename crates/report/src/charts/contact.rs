@@ -3,7 +3,7 @@
 use super::{HALF, draw};
 use crate::data::ContactPattern;
 use crate::error::Error;
-use crate::number::{percent, significant};
+use crate::number::{fixed, significant};
 use crate::svg::{Axis, Chart, Mark, PALETTE, Picture, Scale, Series};
 
 /// See [`super::chart_contact`].
@@ -60,13 +60,9 @@ pub(crate) fn contact(pattern: &ContactPattern) -> Result<Picture, Error> {
     let share = cells.len() as f64 / (along.len() * across.len()).max(1) as f64;
     let chart = Chart {
         title: format!(
-            "Contact pattern{}: {} of the flank carries load",
-            if pattern.is_worn {
-                " with the mean wear"
-            } else {
-                ", unworn"
-            },
-            percent(share)
+            "Contact pattern, {}: {} % of the flank carries load",
+            if pattern.is_worn { "worn" } else { "unworn" },
+            fixed(100.0 * share, 0)
         ),
         x: axis("place across the face (mm)", across, size[0]),
         y: axis("distance from the pitch point (mm)", along, size[1]),

@@ -154,7 +154,10 @@ fn caption(design: &paper::PrintedDesign) -> String {
         "{}; r_c {}, g_s {}, σ_vm {} MPa, p_H {} MPa; {} {} µm{p90}.",
         symbols::design(&design.variables),
         fixed(design.contact_ratio, 2),
-        fixed(design.specific_slip, 2),
+        fixed(
+            design.specific_slip,
+            if design.specific_slip < 100.0 { 2 } else { 0 }
+        ),
         fixed(design.von_mises_mpa, 0),
         fixed(design.pressure_mpa, 0),
         design.criterion,

@@ -247,20 +247,14 @@ fn draw_series(
         Mark::Dots => canvas.dots(&inside().collect::<Vec<_>>(), &format!("dots s{colour}")),
         Mark::Shades => canvas.dots(&inside().collect::<Vec<_>>(), &format!("shades p{colour}")),
         Mark::Cells(size) => {
-            let corner = |p: &[f64; 2], x: f64, y: f64| {
-                let [left, top] = place([p[0] + x * size[0], p[1] + y * size[1]]);
-                [
-                    left.clamp(frame.low[0], frame.high[0]),
-                    top.clamp(frame.low[1], frame.high[1]),
-                ]
-            };
-            let corners = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]];
-            let cells: Vec<Vec<[f64; 2]>> = series
-                .points
-                .iter()
-                .map(|p| corners.map(|[x, y]| corner(p, x, y)).to_vec())
-                .collect();
-            canvas.areas(&cells, &format!("cell q{colour} p{colour}"));
+            let half = [0.5 * size[0], 0.5 * size[1]];
+            let within = |p: [f64; 2]| [0, 1].map(|i| p[i].clamp(frame.low[i], frame.high[i]));
+            let cells = series.points.iter().map(|p| {
+                let low = place([p[0] - half[0], p[1] + half[1]]);
+                let high = place([p[0] + half[0], p[1] - half[1]]);
+                (within(low), within(high))
+            });
+            canvas.rects(cells, &format!("cell q{colour} p{colour}"));
         }
         Mark::Points => {
             for p in inside() {
