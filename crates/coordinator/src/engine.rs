@@ -20,6 +20,7 @@ use tracing::{info, warn};
 
 use crate::board::Board;
 use crate::steps::Steps;
+use crate::stopwatch::Stopwatch;
 
 /// What the engine works with.
 pub struct Engine {
@@ -64,6 +65,17 @@ impl Engine {
     ///
     /// The store fails, or a local step does.
     pub async fn run(&self, shutdown: &CancellationToken) -> anyhow::Result<Option<Ended>> {
+        let mut watch = Stopwatch::new(&self.store).await?;
+        let ended = self.stages(shutdown, &mut watch).await?;
+        watch.enter(None).await?;
+        Ok(ended)
+    }
+
+    async fn stages(
+        &self,
+        shutdown: &CancellationToken,
+        watch: &mut Stopwatch,
+    ) -> anyhow::Result<Option<Ended>> {
         let references: &[VerifyPoint] = &references::points(&self.problem);
         let fit_failed = &mut None;
         let searches = &mut Searches::default();
@@ -96,6 +108,7 @@ impl Engine {
                 continue;
             }
             self.board.open();
+            watch.enter(next.stage()).await?;
             if let Some(step) = next.local {
                 let step = self.do_step(step, base.as_ref(), fit_failed, more);
                 tokio::select! {

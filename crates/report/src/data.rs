@@ -62,7 +62,7 @@ pub struct Header {
     pub refused: Vec<Refusals>,
     /// Calls of the gear simulator in the whole campaign.
     pub simulator_calls: u64,
-    /// CPU time by stage, in the order of the stages.
+    /// Wall and CPU time by stage, in the order of the stages.
     pub stages: Vec<StageCost>,
     /// Further (label, value) pairs, shown as they are.
     pub facts: Vec<(String, String)>,
@@ -82,6 +82,8 @@ pub struct Refusals {
 pub struct StageCost {
     /// The stage's name.
     pub stage: String,
+    /// How long the campaign waited for it, s.
+    pub wall_seconds: f64,
     /// CPU time, s, summed over the workers.
     pub cpu_seconds: f64,
 }

@@ -228,6 +228,15 @@ pub struct JobTimeRow {
     pub cpu_seconds: f64,
 }
 
+/// How long a stage took.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StageTimeRow {
+    /// The stage's name.
+    pub stage: String,
+    /// How long the campaign waited for it while a coordinator ran, in seconds. Measured, so never compared.
+    pub wall_seconds: f64,
+}
+
 /// What an external simulator says of a candidate of an optimiser run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EvaluationRow {

@@ -15,7 +15,7 @@ use crate::rounds::{InfillRow, NewRound, RoundRow};
 use crate::rows::{
     CampaignRow, CriteriaRow, DesignRow, EvaluationRow, FailureGroup, FailureRow, JobHistory,
     JobTimeRow, MissingWork, ModelRow, OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow,
-    SampleRow, VerifyRow,
+    SampleRow, StageTimeRow, VerifyRow,
 };
 use crate::samples;
 use crate::tally;
@@ -346,6 +346,16 @@ impl Store {
     /// What the finished jobs cost, by number.
     pub async fn job_times(&self) -> Result<Vec<JobTimeRow>, Error> {
         keyed::all(&mut self.reader().await?).await
+    }
+
+    /// How long the stages took, by name.
+    pub async fn stage_times(&self) -> Result<Vec<StageTimeRow>, Error> {
+        keyed::all(&mut self.reader().await?).await
+    }
+
+    /// Stores how long a stage took, replacing what was held of it.
+    pub async fn put_stage_time(&self, row: &StageTimeRow) -> Result<(), Error> {
+        self.put(Rows::StageTime(row.clone())).await.map(drop)
     }
 
     /// Everything that went wrong, in the order in which it was stored.

@@ -13,9 +13,9 @@ mod tradeoff;
 use askama::Template;
 
 use crate::charts::{self, Extent, Response};
-use crate::data::{Header, ReportData};
+use crate::data::{Header, ReportData, StageCost};
 use crate::error::Error;
-use crate::number::{count, percent, seconds};
+use crate::number::{MISSING, count, percent, seconds};
 use crate::paper;
 use crate::summary::SummaryView;
 use crate::svg;
@@ -82,8 +82,9 @@ struct Page<'a> {
     summary: SummaryView,
     tiles: Vec<(String, String)>,
     refused: Vec<(String, String, String)>,
-    stages: Vec<(String, String)>,
-    stages_total: String,
+    /// Stage, wall and CPU time.
+    stages: Vec<[String; 3]>,
+    stages_total: [String; 2],
     wear: Figure,
     preliminary: Vec<PreliminaryRow>,
     responses: Vec<ResponseRow>,
@@ -147,19 +148,11 @@ impl<'a> Page<'a> {
                     )
                 })
                 .collect(),
-            stages: header
-                .stages
-                .iter()
-                .map(|stage| (stage.stage.clone(), seconds(stage.cpu_seconds)))
-                .collect(),
-            stages_total: seconds(
-                header
-                    .stages
-                    .iter()
-                    .map(|s| s.cpu_seconds)
-                    .filter(|s| s.is_finite())
-                    .sum(),
-            ),
+            stages: header.stages.iter().map(stage).collect(),
+            stages_total: [
+                total(header, |stage| stage.wall_seconds),
+                total(header, |stage| stage.cpu_seconds),
+            ],
             wear: match &data.wear {
                 Some(profiles) => {
                     let chart = charts::wear(profiles, charts::FULL);
@@ -247,6 +240,21 @@ fn optima(data: &ReportData) -> Result<Vec<OptimumView>, Error> {
         views.push(OptimumView::new(i, result, &data.header.percentile, paper)?);
     }
     Ok(views)
+}
+
+/// A stage with its wall and CPU time.
+fn stage(stage: &StageCost) -> [String; 3] {
+    let [wall, cpu] = [stage.wall_seconds, stage.cpu_seconds].map(seconds);
+    [stage.stage.clone(), wall, cpu]
+}
+
+/// What all stages took, of what is known.
+fn total(header: &Header, of: fn(&StageCost) -> f64) -> String {
+    let known = header.stages.iter().map(of).filter(|s| s.is_finite());
+    match known.clone().next() {
+        Some(_) => seconds(known.sum()),
+        None => MISSING.to_owned(),
+    }
 }
 
 /// What stands in the place of a recommendation.

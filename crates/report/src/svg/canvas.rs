@@ -246,7 +246,7 @@ impl Picture {
     /// With the `subject`, such as a design, said first by a screen reader.
     pub(crate) fn of(self, subject: &str) -> Self {
         Self {
-            label: format!("{subject}. {}", self.label),
+            label: format!("{}. {}", subject.trim_end_matches('.'), self.label),
             ..self
         }
     }

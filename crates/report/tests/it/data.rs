@@ -105,8 +105,9 @@ fn header() -> Header {
         reason: reason.to_owned(),
         count,
     };
-    let stage = |stage: &str, cpu_seconds| StageCost {
+    let stage = |stage: &str, cpu_seconds: f64| StageCost {
         stage: stage.to_owned(),
+        wall_seconds: 0.5 * cpu_seconds + 1.0,
         cpu_seconds,
     };
     Header {

@@ -157,7 +157,7 @@ fn inputs(sources: &Sources) -> Vec<(String, String)> {
     }
     let ranges = problem.coordinates().iter().map(|coordinate| {
         let [low, high] = coordinate.range;
-        let range = format!("{low} to {high} {}", coordinate.unit);
+        let range = format!("{low} to {high} {}", coordinate.unit).replace('-', "−");
         (
             called(sources, &coordinate.name),
             range.trim_end().to_owned(),
