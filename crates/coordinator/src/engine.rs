@@ -20,6 +20,7 @@ use tracing::{info, warn};
 
 use crate::board::Board;
 use crate::steps::Steps;
+use crate::stopwatch::Stopwatch;
 
 /// The engine of a campaign.
 pub struct Engine {
@@ -82,6 +83,18 @@ impl Engine {
         shutdown: &CancellationToken,
         waits_for_workers: bool,
     ) -> anyhow::Result<Option<Ended>> {
+        let mut watch = Stopwatch::new(&self.store).await?;
+        let ended = self.stages(shutdown, waits_for_workers, &mut watch).await?;
+        watch.enter(None).await?;
+        Ok(ended)
+    }
+
+    async fn stages(
+        &self,
+        shutdown: &CancellationToken,
+        waits_for_workers: bool,
+        watch: &mut Stopwatch,
+    ) -> anyhow::Result<Option<Ended>> {
         let references: &[VerifyPoint] = &references::points(&self.problem);
         let fit_failed = &mut None;
         let searches = &mut Searches::default();
@@ -114,6 +127,7 @@ impl Engine {
                 continue;
             }
             self.board.open();
+            watch.enter(next.stage()).await?;
             if let Some(step) = next.local {
                 let step = self.do_step(step, base.as_ref(), fit_failed, more);
                 tokio::select! {

@@ -28,4 +28,5 @@ pub mod server;
 pub mod service;
 pub mod serving;
 mod steps;
+mod stopwatch;
 pub mod study;

@@ -5,7 +5,7 @@
 
 use crate::balance::{Extremes, Frame};
 use crate::crowned::{CrownedBalance, Piece};
-use crate::path::{Path, Unrolled, Window};
+use crate::path::{Path, Unrolled, Window, crown};
 use crate::slices::{self, SliceBalance, Slices};
 use crate::whole_face::{self, WholeFace, WholeFaceBalance};
 
@@ -151,6 +151,32 @@ impl Mesh {
         closed
             .zip(&self.frame.stiffness)
             .map(|(closed, c)| closed * c)
+            .collect()
+    }
+
+    /// The load per length of contact line at each node when it is touched at the place `across` of the face,
+    /// from 0 to 1, in N/mm, for the gap `g` whose solution is in `scratch`.
+    pub(crate) fn load_across(&self, g: &[f64], scratch: &Scratch, across: f64) -> Vec<f64> {
+        let path = &self.frame.path;
+        let unrolled = Unrolled {
+            phases: &path.phases,
+            values: &scratch.delta,
+            period: path.base_pitch,
+        };
+        let mut before = 0;
+        let nodes = path.s.iter().zip(g).zip(&self.frame.stiffness);
+        nodes
+            .map(|((s, g_here), stiffness)| {
+                let end = s - path.s_in + across * path.window;
+                let delta = unrolled.between(end, &mut before);
+                match &self.contact {
+                    Contact::WholeFace(teeth) => teeth.load(&self.frame, g, end, delta),
+                    Contact::Crowned(crowning) => {
+                        (delta - g_here - crown(*crowning, across)).max(0.0) * stiffness
+                    }
+                    Contact::Slices(_) => (delta - g_here).max(0.0) * stiffness,
+                }
+            })
             .collect()
     }
 }

@@ -410,15 +410,7 @@ impl Pair {
     #[must_use]
     pub fn archard(&self, wear: &Wear) -> Worn {
         let depth = self.depth(wear);
-        let mut gap: Vec<f64> = depth
-            .iter()
-            .zip(&self.relief)
-            .map(|(depth, relief)| relief + 2.0 * depth)
-            .collect();
-        let lowest = match wear.law {
-            WearLaw::Archard { .. } => 0.0,
-            WearLaw::Signed { .. } => take_lowest(&mut gap),
-        };
+        let (gap, lowest) = self.worn_gap(wear, &depth);
         let mut scratch = Scratch::default();
         let extremes = self.mesh.solve(&gap, &mut scratch);
         let carried = self.mesh.greatest_load(&gap, &scratch, extremes.max, false);
@@ -443,6 +435,29 @@ impl Pair {
         }
     }
 
+    /// Hertz pressure on the flanks, MPa, with the mean wear or without any: for each place of the [`path`](Self::path) a row
+    /// with the pressures when the line of contact passes it in the middles of `parts` even parts of the face.
+    #[must_use]
+    pub fn contact_pattern(&self, wear: Option<&Wear>, parts: usize) -> Vec<Vec<f64>> {
+        let gap = match wear {
+            Some(wear) => self.worn_gap(wear, &self.depth(wear)).0,
+            None => self.relief.clone(),
+        };
+        let mut scratch = Scratch::default();
+        self.mesh.solve(&gap, &mut scratch);
+        let s = &self.mesh.frame.path.s;
+        let columns: Vec<Vec<f64>> = (0..parts)
+            .map(|part| {
+                let across = (part as f64 + 0.5) / parts as f64;
+                let carried = self.mesh.load_across(&gap, &scratch, across);
+                pressures(&self.input, &self.geometry, s, &carried)
+            })
+            .collect();
+        (0..s.len())
+            .map(|row| columns.iter().map(|column| column[row]).collect())
+            .collect()
+    }
+
     /// Prepares the drawing of randomly worn pairs. A wear that [`Wear::validate`] refuses gives
     /// NaN samples, never a panic.
     #[must_use]
@@ -455,6 +470,20 @@ impl Pair {
     #[must_use]
     pub fn sampler_of_class(&self, wear: &Wear, class: Option<FlankClass>) -> Sampler {
         Sampler::new(self, wear, class)
+    }
+
+    /// The gap at the nodes with wear of this depth on both flanks, and what was taken off it, mm.
+    fn worn_gap(&self, wear: &Wear, depth: &[f64]) -> (Vec<f64>, f64) {
+        let mut gap: Vec<f64> = depth
+            .iter()
+            .zip(&self.relief)
+            .map(|(depth, relief)| relief + 2.0 * depth)
+            .collect();
+        let lowest = match wear.law {
+            WearLaw::Archard { .. } => 0.0,
+            WearLaw::Signed { .. } => take_lowest(&mut gap),
+        };
+        (gap, lowest)
     }
 
     /// Mean wear depth on each flank at the nodes, mm: [`WearLaw`].

@@ -389,7 +389,7 @@ impl Unrolled<'_> {
     }
 
     /// The value at `phi`, linearly between the phases `k` and `k + 1`, to which `k` is moved up.
-    fn between(&self, phi: f64, k: &mut usize) -> f64 {
+    pub(crate) fn between(&self, phi: f64, k: &mut usize) -> f64 {
         while self.phase(*k + 1) <= phi {
             *k += 1;
         }

@@ -118,14 +118,7 @@ impl WholeFace {
         };
         let load = |end: f64, delta: f64| {
             let covered = if end > line.length { end + spare } else { end };
-            let (share, middle) = line.on_path(covered);
-            // Before and after contact.
-            if share <= 0.0 {
-                return 0.0;
-            }
-            let s = path.s_in + middle;
-            let spring = Spring::new(path, &frame.stiffness, self.hertz, share, s);
-            (delta - spring.gap(g)).max(0.0) * spring.stiffness
+            self.load(frame, g, covered, delta)
         };
         let periods = ((short.length + short.window) / p).ceil() as usize + 1;
         let ends = (0..periods).flat_map(|j| path.phases.iter().map(move |phi| j as f64 * p + phi));
@@ -141,6 +134,19 @@ impl WholeFace {
         let mut exact = |end: f64| load(end, self.unworn(frame, end.rem_euclid(p), &mut windows));
         let at: Option<&mut dyn FnMut(f64) -> f64> = if unworn { Some(&mut exact) } else { None };
         path.greatest_in_contact(&unrolled, short.window, 0.0, at)
+    }
+
+    /// F/b of a pair whose line's front end is at `end`, for the gap `g` at the deflection `delta`.
+    pub(crate) fn load(&self, frame: &Frame, g: &[f64], end: f64, delta: f64) -> f64 {
+        let path = &frame.path;
+        let (share, middle) = path.line().on_path(end);
+        // Before and after contact.
+        if share <= 0.0 {
+            return 0.0;
+        }
+        let s = path.s_in + middle;
+        let spring = Spring::new(path, &frame.stiffness, self.hertz, share, s);
+        (delta - spring.gap(g)).max(0.0) * spring.stiffness
     }
 }
 

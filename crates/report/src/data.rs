@@ -62,7 +62,7 @@ pub struct Header {
     pub refused: Vec<Refusals>,
     /// Calls of the gear simulator in the whole campaign.
     pub simulator_calls: u64,
-    /// CPU time by stage, in the order of the stages.
+    /// Wall and CPU time by stage, in the order of the stages.
     pub stages: Vec<StageCost>,
     /// Further (label, value) pairs, shown as they are.
     pub facts: Vec<(String, String)>,
@@ -82,6 +82,8 @@ pub struct Refusals {
 pub struct StageCost {
     /// The stage's name.
     pub stage: String,
+    /// How long the campaign waited for it, s.
+    pub wall_seconds: f64,
     /// CPU time, s, summed over the workers.
     pub cpu_seconds: f64,
 }
@@ -208,8 +210,10 @@ pub struct KrigingFit {
 /// A model along one variable, with all others at the recommended design.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Slice {
-    /// The variable and its unit.
+    /// The variable's name, by which the chart's file is called.
     pub variable: String,
+    /// What the axis calls it, with its unit.
+    pub label: String,
     /// Where the recommended design lies.
     pub at: f64,
     /// Value of the variable, mean, lower and upper end of the 95 % interval.
@@ -334,6 +338,8 @@ pub struct Optimum {
     pub drawing: Option<GearDrawing>,
     /// Static transmission error over one mesh period.
     pub ste: Option<SteCurves>,
+    /// Contact pressure over the flank.
+    pub contact: Option<ContactPattern>,
 }
 
 /// The constraint values of one design.
@@ -373,6 +379,11 @@ pub struct GearDrawing {
     pub mate: GearOutline,
     /// Ends of the path of contact.
     pub line_of_action: Option<[[f64; 2]; 2]>,
+    /// Face width, mm.
+    pub face_width_mm: f64,
+    /// By how much the far end of the face is turned against the near one, for pinion and mate, radians
+    /// anticlockwise; zero for spur gears.
+    pub twist_rad: [f64; 2],
 }
 
 /// One gear's outline.
@@ -411,6 +422,22 @@ pub struct PressureCurves {
     pub worn_mpa: Vec<f64>,
 }
 
+/// Contact pressure over the flank of one tooth.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ContactPattern {
+    /// Whether the flanks have the mean wear.
+    pub is_worn: bool,
+    /// Middles of even parts of the path of contact, mm from the pitch point; negative where the pinion's
+    /// root is in contact.
+    pub place_mm: Vec<f64>,
+    /// Middles of even parts of the face, mm.
+    pub across_mm: Vec<f64>,
+    /// Pressure when the line of contact passes, MPa: a row for each place on the path.
+    pub pressure_mpa: Vec<Vec<f64>>,
+    /// The lines of contact at one moment: place across the face and place on the path of both ends.
+    pub lines: Vec<[[f64; 2]; 2]>,
+}
+
 /// Everything that the page of one gear pair shows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PairPage {
@@ -430,6 +457,8 @@ pub struct PairPage {
     pub ste: SteCurves,
     /// Contact pressure along the path of contact.
     pub pressure: PressureCurves,
+    /// Contact pressure over the flank.
+    pub contact: ContactPattern,
     /// Wear depths of the pinion's flank; absent without wear.
     pub wear: Option<WearProfiles>,
 }
@@ -503,6 +532,8 @@ pub struct PrintedDesign {
     pub figure: u8,
     /// The model's figures, or why the design could not be simulated.
     pub outcome: Result<PrintedFigures, String>,
+    /// The gears in mesh and their transmission error, of a design that no approach of the campaign has.
+    pub drawing: Option<(GearDrawing, SteCurves)>,
 }
 
 /// The model's figures for one printed design.

@@ -25,19 +25,20 @@ pub mod paper;
 mod problem;
 mod summary;
 mod svg;
+mod symbols;
 
 pub use atlas::{AtlasEntry, AtlasMethod, AtlasPage};
 pub use charts::{
-    Extent, PercentileSeries, Response, ResponseMap, TradeoffChart, TradeoffSeries,
+    Extent, PercentileSeries, Response, ResponseMap, TradeoffChart, TradeoffSeries, chart_contact,
     chart_convergence, chart_expected_improvement, chart_front, chart_gears, chart_leave_one_out,
-    chart_map, chart_prediction, chart_pressure, chart_responses, chart_ste, chart_teeth,
-    chart_tradeoff, chart_wear,
+    chart_map, chart_prediction, chart_pressure, chart_responses, chart_solid, chart_ste,
+    chart_teeth, chart_tradeoff, chart_wear,
 };
 pub use comparison::{Comparison, comparison_markdown, comparisons};
 pub use data::{
-    Approach, ApproachResult, Constraints, DoePoint, Enrichment, EnrichmentRound, GearDrawing,
-    GearOutline, Header, KrigingFit, LeaveOneOut, Limits, ModelFigure, OptimiserRun, Optimum,
-    PairConstraint, PairPage, Parameter, Percentile, PreliminaryDesign, PressureCurves,
+    Approach, ApproachResult, Constraints, ContactPattern, DoePoint, Enrichment, EnrichmentRound,
+    GearDrawing, GearOutline, Header, KrigingFit, LeaveOneOut, Limits, ModelFigure, OptimiserRun,
+    Optimum, PairConstraint, PairPage, Parameter, Percentile, PreliminaryDesign, PressureCurves,
     PrintedDesign, PrintedFigures, Refusals, ReportData, SimilarDesign, Slice, StageCost,
     SteCurves, VariableIndices, WearProfiles,
 };
@@ -49,3 +50,4 @@ pub use page::{
 pub use problem::{NamedValue, ProblemOptimum, ProblemReport};
 pub use summary::{Margin, Recommended, Summary};
 pub use svg::{Axis, Chart, Mark, Scale, Series};
+pub use symbols::symbol;

@@ -10,6 +10,7 @@
 
 pub mod comparing;
 mod converged;
+mod costs;
 pub mod describing;
 pub mod export;
 pub mod live;

@@ -17,15 +17,15 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use campaign::{Approach, Campaign};
 use report::{DoePoint, Header, Limits, Refusals, ReportData, StageCost, Summary, WearProfiles};
-use stages::cost::{infill_calls, infill_seconds, sampling_calls};
-use stages::names;
+use stages::cost::{infill_calls, sampling_calls};
 use stages::optima::optimum_design;
 use stats::streams::{Purpose, stream};
 use store::Store;
 
 pub use self::enrichment::rounds;
-pub use self::optima::{drawing, run, ste};
+pub use self::optima::{contact, drawing, run, ste};
 use self::sources::Sources;
+use crate::costs::Times;
 
 /// Random wear profiles in Figure 2.
 const WEAR_PROFILES: u64 = 10;
@@ -49,7 +49,8 @@ pub async fn write(
 ) -> anyhow::Result<PathBuf> {
     let sources = Sources::read(store).await?;
     let status = crate::status::read(store).await?;
-    let summary = summary::summary(&sources, &status, made)?;
+    let mut summary = summary::summary(&sources, &status, made)?;
+    summary.inputs.extend(took(&costs(store, &sources).await?));
     let rendered = if sources.problem.gears().is_some() {
         report::render(&gathered(store, &sources, summary).await?)?
     } else {
@@ -104,11 +105,11 @@ async fn gathered(
     summary: Summary,
 ) -> anyhow::Result<ReportData> {
     let digest = store.samples_digest().await?;
-    let times = store.job_times().await?;
+    let stages = costs(store, sources).await?;
     let compare = sources.problem.campaign().compares_with_paper();
     let best = summary::best(sources).map(|(_, design)| design);
     Ok(ReportData {
-        header: header(sources, digest, &times),
+        header: header(sources, digest, stages),
         summary,
         compare_with_paper: compare,
         limits: limits(sources.problem.campaign()),
@@ -136,7 +137,35 @@ async fn gathered(
     })
 }
 
-fn header(sources: &Sources, samples_digest: String, times: &[store::JobTimeRow]) -> Header {
+/// What the whole campaign took, for the head of the report.
+fn took(stages: &[StageCost]) -> Option<(String, String)> {
+    let sum = |of: fn(&StageCost) -> f64| {
+        let known = stages.iter().map(of).filter(|seconds| seconds.is_finite());
+        known.sum::<f64>()
+    };
+    let (wall, cpu) = (sum(|s| s.wall_seconds), sum(|s| s.cpu_seconds));
+    let text = format!("{wall:.1} s, CPU time {cpu:.1} s; by stage below");
+    (wall > 0.0).then(|| ("Wall time".to_owned(), text))
+}
+
+/// What the stages cost.
+async fn costs(store: &Store, sources: &Sources) -> anyhow::Result<Vec<StageCost>> {
+    let deciding = || sources.rounds.iter().map(|round| round.cpu_seconds).sum();
+    let numbers = || sources.infill.iter().map(|row| row.number).collect();
+    let enriches = sources.problem.campaign().enrichment.is_some();
+    let times = Times {
+        jobs: store.job_times().await?,
+        stages: store.stage_times().await?,
+        fit: sources
+            .model
+            .as_ref()
+            .map_or(0.0, |model| model.cpu_seconds),
+        enrichment: enriches.then(|| (deciding(), numbers())),
+    };
+    Ok(times.stages())
+}
+
+fn header(sources: &Sources, samples_digest: String, stages: Vec<StageCost>) -> Header {
     let campaign = sources.problem.campaign();
     let mut reasons: BTreeMap<&str, usize> = BTreeMap::new();
     for reason in sources
@@ -157,18 +186,6 @@ fn header(sources: &Sources, samples_digest: String, times: &[store::JobTimeRow]
         .collect();
     refused.sort_by(|a, b| b.count.cmp(&a.count).then(a.reason.cmp(&b.reason)));
 
-    let mut stages: BTreeMap<_, f64> = BTreeMap::new();
-    for time in times {
-        if let Some((kind, _)) = names::timed(time.job) {
-            *stages.entry(kind).or_default() += time.cpu_seconds;
-        }
-    }
-    let seconds = |kind| stages.get(&kind).copied().unwrap_or(0.0);
-    use ledger::Kind::{Design, Point, Run};
-    let fit = sources
-        .model
-        .as_ref()
-        .map_or(0.0, |model| model.cpu_seconds);
     let sampling = sampling_calls(&sources.criteria, sources.samples);
     // An approach that rests on the DoE counts its calls as its own; here they count once.
     let optimising: u64 = sources.runs.iter().map(|run| run.simulator_calls).sum();
@@ -177,23 +194,7 @@ fn header(sources: &Sources, samples_digest: String, times: &[store::JobTimeRow]
         .values()
         .map(|samples| samples.len() as u64)
         .sum();
-    let stage = |name: &str, cpu_seconds| StageCost {
-        stage: name.to_owned(),
-        cpu_seconds,
-    };
-    let numbers = sources.infill.iter().map(|row| row.number).collect();
-    let infill = infill_seconds(times, &numbers);
-    let deciding: f64 = sources.rounds.iter().map(|round| round.cpu_seconds).sum();
     let enriching = infill_calls(&sources.problem, &sources.rounds, &sources.infill);
-    let mut costs = vec![
-        stage("sample", seconds(Design)),
-        stage("fit", fit),
-        stage("optimise", seconds(Run)),
-        stage("verify", seconds(Point) - infill),
-    ];
-    if campaign.enrichment.is_some() {
-        costs.insert(3, stage("enrich", infill + deciding));
-    }
     Header {
         campaign: sources.campaign.name.clone(),
         campaign_digest: campaign.lineage(),
@@ -206,8 +207,16 @@ fn header(sources: &Sources, samples_digest: String, times: &[store::JobTimeRow]
         simulable: sources.criteria.iter().filter(|row| row.feasible).count(),
         refused,
         simulator_calls: sampling + optimising + enriching + verifying,
-        stages: costs,
+        stages,
         facts: facts::facts(sources),
+    }
+}
+
+/// What the report calls a variable: by its symbol for gears, by its name for other problems.
+fn called(sources: &Sources, name: &str) -> String {
+    match sources.problem.gears() {
+        Some(_) => report::symbol(name),
+        None => name.to_owned(),
     }
 }
 
@@ -259,7 +268,8 @@ fn wear(sources: &Sources) -> Option<WearProfiles> {
                     .optima
                     .iter()
                     .find(|row| row.approach == approach.name())?;
-                Some((approach.name(), optimum_design(&sources.problem, row)?))
+                let name = optima::report_approach(*approach).label();
+                Some((name, optimum_design(&sources.problem, row)?))
             })?;
     let gears = sources.problem.gears()?;
     let pair = gears.pair(&variables).ok()?;
@@ -283,7 +293,7 @@ fn wear(sources: &Sources) -> Option<WearProfiles> {
         None => "",
     };
     Some(WearProfiles {
-        subject: format!("pinion flank of the design of approach “{name}”{slopes}"),
+        subject: format!("Pinion flank of the optimum of the approach “{name}”{slopes}."),
         roll_angle_rad: roll,
         archard_um,
         random_um: profiles

@@ -6,9 +6,11 @@ use std::collections::BTreeMap;
 use campaign::Campaign;
 use ledger::Kind;
 use serde::{Deserialize, Serialize};
+use stages::fitting::{ModelSummary, P90_MODEL};
 use stages::optima;
 use store::Store;
 
+use crate::costs::{self, Times};
 use crate::live::{Left, Live, Running};
 
 /// What `coordinator status --json` prints.
@@ -69,7 +71,7 @@ pub struct Status {
 }
 
 /// How far one stage is.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StageProgress {
     /// `doe`, `sample`, `fit`, `optimise`, `enrich` or `verify`.
     pub name: String,
@@ -82,6 +84,12 @@ pub struct StageProgress {
     pub wanted: u64,
     /// What is counted.
     pub of: String,
+    /// How long the campaign has waited for it, in seconds; absent before it begins.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wall_seconds: Option<f64>,
+    /// CPU time in seconds, once the campaign is finished.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cpu_seconds: Option<f64>,
 }
 
 /// Failures with one cause.
@@ -295,7 +303,37 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
     };
     let to_verify = problem.approaches().count() as u64 * verify;
     status.stages = status.each_stage(to_verify, campaign.enrichment.is_some());
+    time(store, &mut status, campaign.enrichment.is_some()).await?;
     Ok(status)
+}
+
+/// Says what the stages took. The CPU times of all units are read of finished campaigns only, whose status
+/// is not asked for every second.
+async fn time(store: &Store, status: &mut Status, enriches: bool) -> anyhow::Result<()> {
+    let stages = store.stage_times().await?;
+    for stage in &mut status.stages {
+        stage.wall_seconds = costs::wall_seconds(&stages, &stage.name);
+    }
+    if !status.finished {
+        return Ok(());
+    }
+    let model = store.model(P90_MODEL).await?;
+    let summary = model.map(|row| serde_json::from_str::<ModelSummary>(&row.summary_json));
+    let rounds = store.rounds().await?;
+    let infill = store.infill().await?;
+    let times = Times {
+        jobs: store.job_times().await?,
+        stages,
+        fit: summary.transpose()?.map_or(0.0, |fit| fit.cpu_seconds),
+        enrichment: enriches.then(|| {
+            let deciding = rounds.iter().map(|round| round.cpu_seconds).sum();
+            (deciding, infill.iter().map(|row| row.number).collect())
+        }),
+    };
+    for (stage, cost) in status.stages.iter_mut().zip(times.stages()) {
+        stage.cpu_seconds = Some(cost.cpu_seconds).filter(|seconds| seconds.is_finite());
+    }
+    Ok(())
 }
 
 /// The percentile of an approach's verification samples; none that is no number.
@@ -459,6 +497,8 @@ impl Status {
                     done,
                     wanted,
                     of: of.to_owned(),
+                    wall_seconds: None,
+                    cpu_seconds: None,
                 }
             })
             .collect()

@@ -16,6 +16,7 @@ use campaign::formulation::{Approach, Design, Problem};
 use campaign::task::Run;
 use ledger::StreamId;
 
+use crate::infill;
 use crate::state::{State, VerifyPoint};
 
 /// A step that only the coordinator does.
@@ -47,6 +48,25 @@ pub struct Next {
 }
 
 impl Next {
+    /// The stage that waits for this: `doe`, `sample`, `fit`, `optimise`, `enrich` or `verify`; `None` when
+    /// nothing is left. What is computed meanwhile for a later stage does not count.
+    #[must_use]
+    pub fn stage(&self) -> Option<&'static str> {
+        let is_infill = |point: &VerifyPoint| infill::is_infill(point.number);
+        Some(match self.local {
+            Some(LocalStep::Doe) => "doe",
+            Some(LocalStep::Statistics) => "sample",
+            _ if self.sampling.is_some() => "sample",
+            Some(LocalStep::Fit) => "fit",
+            Some(LocalStep::Enrich) => "enrich",
+            Some(LocalStep::Choose(_)) => "optimise",
+            None if !self.runs.is_empty() => "optimise",
+            None if self.points.iter().any(is_infill) => "enrich",
+            None if !self.points.is_empty() => "verify",
+            None => return None,
+        })
+    }
+
     /// Whether nothing is left to do but the report.
     #[must_use]
     pub const fn is_finished(&self) -> bool {
@@ -227,7 +247,10 @@ mod tests {
     fn an_empty_store_makes_the_doe_while_runs_without_samples_start() {
         let campaign = campaign();
         let next = next_of(&campaign, &State::default());
-        assert_eq!(next.local, Some(LocalStep::Doe));
+        assert_eq!(
+            (next.local, next.stage()),
+            (Some(LocalStep::Doe), Some("doe"))
+        );
         assert_eq!(next.runs.len(), 6);
     }
 
@@ -258,8 +281,10 @@ mod tests {
         }
         let design = middle(&campaign);
         let mut steps = Vec::new();
+        let mut stages = Vec::new();
         for _ in 0..20 {
             let next = next_of(&campaign, &state);
+            stages.extend(next.stage());
             let runs = next.runs.iter().map(|run| (run.approach, run.start));
             state.runs.extend(runs);
             assert_eq!(next.sampling, None, "all samples are stored");
@@ -300,8 +325,15 @@ mod tests {
                 Choose(Approach::Kriging),
             ]
         );
-        assert!(next_of(&campaign, &state).is_finished());
+        let last = next_of(&campaign, &state);
+        assert!(last.is_finished() && last.stage().is_none());
         assert_eq!(state.verified.len(), 4);
+        // The best of the DoE is chosen between the samples and the fit.
+        stages.dedup();
+        let expected = [
+            "optimise", "sample", "optimise", "fit", "optimise", "verify",
+        ];
+        assert_eq!(stages, expected);
     }
 
     #[test]
@@ -310,6 +342,7 @@ mod tests {
         let printed = printed(&campaign);
         let mut state = State { ..sampled(50) };
         let waiting = next_of(&campaign, &state);
+        assert_eq!(waiting.stage(), Some("sample"));
         assert_eq!((waiting.local, waiting.sampling), (None, Some(printed)));
         state.quarantined.extend((50..60).map(StreamId::design));
         let going_on = next_of(&campaign, &state);

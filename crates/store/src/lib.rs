@@ -74,7 +74,7 @@ pub use rounds::{InfillRow, NewRound, RoundRow, Unsampled};
 pub use rows::{
     Batch, CampaignRow, CriteriaRow, DesignRow, EvaluationRow, FailureGroup, FailureKind,
     FailureRow, JobHistory, JobTimeRow, MissingWork, ModelRow, OptimiserRunRow, OptimumRow,
-    Progress, Receipt, ResponseRow, SampleRow, VerifyRow,
+    Progress, Receipt, ResponseRow, SampleRow, StageTimeRow, VerifyRow,
 };
 pub use store::Store;
 pub use writer::Writer;

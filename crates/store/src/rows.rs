@@ -231,6 +231,15 @@ pub struct JobTimeRow {
     pub cpu_seconds: f64,
 }
 
+/// The wall time of a stage.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StageTimeRow {
+    /// The stage's name.
+    pub stage: String,
+    /// Time in the stage while a coordinator ran, in seconds. Measured, so never compared.
+    pub wall_seconds: f64,
+}
+
 /// An external simulator's evaluation of a candidate of an optimiser run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EvaluationRow {

@@ -15,7 +15,7 @@ use crate::rounds::{InfillRow, NewRound, RoundRow};
 use crate::rows::{
     CampaignRow, CriteriaRow, DesignRow, EvaluationRow, FailureGroup, FailureRow, JobHistory,
     JobTimeRow, MissingWork, ModelRow, OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow,
-    SampleRow, VerifyRow,
+    SampleRow, StageTimeRow, VerifyRow,
 };
 use crate::samples;
 use crate::tally;
@@ -349,6 +349,16 @@ impl Store {
     /// The costs of the finished jobs, by number.
     pub async fn job_times(&self) -> Result<Vec<JobTimeRow>, Error> {
         keyed::all(&mut self.reader().await?).await
+    }
+
+    /// Wall times of the stages, by name.
+    pub async fn stage_times(&self) -> Result<Vec<StageTimeRow>, Error> {
+        keyed::all(&mut self.reader().await?).await
+    }
+
+    /// Stores the wall time of a stage, replacing the stored one.
+    pub async fn put_stage_time(&self, row: &StageTimeRow) -> Result<(), Error> {
+        self.put(Rows::StageTime(row.clone())).await.map(drop)
     }
 
     /// All crashes, failures and quarantines, in the order in which they were stored.

@@ -9,7 +9,7 @@ use crate::keyed::{Column, Keyed, Table, Value};
 use crate::rounds::{InfillRow, RoundRow};
 use crate::rows::{
     CampaignRow, CriteriaRow, DesignRow, EvaluationRow, JobTimeRow, ModelRow, OptimiserRunRow,
-    OptimumRow, ResponseRow, VerifyRow,
+    OptimumRow, ResponseRow, StageTimeRow, VerifyRow,
 };
 use crate::samples::SampleRange;
 
@@ -65,6 +65,8 @@ table!(ModelRow: "model", "read models", 1 keys, sealed true,
     name json summary_json);
 table!(OptimumRow: "optimum", "read optima", 1 keys, sealed true,
     approach x_json criterion_um feasible criteria_json simulator_calls cpu_seconds note);
+table!(StageTimeRow: "stage_time", "read how long stages took", 1 keys, sealed false,
+    stage wall_seconds);
 table!(RoundRow: "enrichment_round", "read rounds", 1 keys, sealed true,
     round expected_improvement_um recommendation_json stop_json notes_json simulator_calls
     cpu_seconds);

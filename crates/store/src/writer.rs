@@ -17,7 +17,9 @@ use crate::connection::Connection;
 use crate::lock::Lock;
 use crate::place::Place;
 use crate::rounds::{self, NewRound};
-use crate::rows::{Batch, CampaignRow, DesignRow, ModelRow, OptimumRow, Receipt, ResponseRow};
+use crate::rows::{
+    Batch, CampaignRow, DesignRow, ModelRow, OptimumRow, Receipt, ResponseRow, StageTimeRow,
+};
 use crate::{Error, failpoints, insert, tally};
 
 /// Number of batches in the queue before `submit` waits.
@@ -90,6 +92,7 @@ pub(crate) enum Rows {
     Responses(Vec<ResponseRow>, u64),
     Model(ModelRow),
     Optimum(OptimumRow),
+    StageTime(StageTimeRow),
     Round(NewRound),
     ModelDigest(String),
     Extension(CampaignRow, Vec<String>),
@@ -119,6 +122,7 @@ impl Rows {
             Self::Generations(rows) => rows.len(),
             Self::Model(_)
             | Self::Optimum(_)
+            | Self::StageTime(_)
             | Self::Round(_)
             | Self::ModelDigest(_)
             | Self::Extension(..)
@@ -340,6 +344,9 @@ async fn store(
             .await
             .map(one),
         [Rows::Optimum(row)] => insert::replace(connection, slice::from_ref(row))
+            .await
+            .map(one),
+        [Rows::StageTime(row)] => insert::replace(connection, slice::from_ref(row))
             .await
             .map(one),
         [Rows::Round(new)] => rounds::insert(connection, new).await.map(one),

@@ -281,3 +281,34 @@ fn bad_corrections_are_refused() {
         assert!(error.starts_with("crowning is 0.001"), "{error}");
     }
 }
+
+/// Every place of a flank is touched once a period, so the greatest pressure of a row is that of the place.
+#[test]
+fn the_contact_pattern_has_the_greatest_pressure_of_every_place() {
+    let whole_face = PairInput {
+        tooth_model: ToothModel::WholeFaceBeam,
+        ..plain()
+    };
+    for (input, corrections) in [
+        (plain(), Corrections::default()),
+        (figure_7(), Corrections::default()),
+        (plain(), everything()),
+        (whole_face, Corrections::default()),
+    ] {
+        let pair = corrected(&input, &corrections);
+        let expected = pair.archard(&WEAR).pressure;
+        let pattern = pair.contact_pattern(Some(&WEAR), 400);
+        assert_eq!(pattern.len(), expected.len());
+        let most = expected.iter().copied().fold(0.0, f64::max);
+        for (row, expected) in pattern.iter().zip(&expected) {
+            let found = row.iter().copied().fold(0.0, f64::max);
+            // The greatest value may lie between two of the parts.
+            assert!((found - expected).abs() < 0.02 * most, "{found} {expected}");
+        }
+    }
+    // A crown takes the load off the ends of the face.
+    let crowned = corrected(&plain(), &Corrections::default().with_crowning(0.02));
+    let pattern = crowned.contact_pattern(None, 101);
+    let middle = &pattern[pattern.len() / 2];
+    assert!(middle[0] == 0.0 && middle[50] > 0.0, "{middle:?}");
+}

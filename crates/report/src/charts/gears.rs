@@ -121,7 +121,7 @@ pub(crate) fn gears(drawing: &GearDrawing) -> Result<Picture, Error> {
 }
 
 /// The gear without points that cannot be drawn.
-fn finite(gear: &GearOutline) -> GearOutline {
+pub(super) fn finite(gear: &GearOutline) -> GearOutline {
     let mut gear = gear.clone();
     gear.outline
         .retain(|p| p.iter().all(|v| drawable(*v, Scale::Linear)));

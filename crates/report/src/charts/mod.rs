@@ -1,6 +1,7 @@
 //! One function per chart. Each returns a picture, or says why there is nothing to draw; the public
 //! functions return it as an SVG file of its own.
 
+mod contact;
 mod gears;
 mod intervals;
 mod map;
@@ -9,15 +10,17 @@ mod pressure;
 mod rounds;
 mod runs;
 mod scatter;
+mod solid;
 mod tradeoff;
 
 use crate::data::{
-    DoePoint, Enrichment, GearDrawing, KrigingFit, OptimiserRun, PressureCurves, SteCurves,
-    WearProfiles,
+    ContactPattern, DoePoint, Enrichment, GearDrawing, KrigingFit, OptimiserRun, PressureCurves,
+    SteCurves, WearProfiles,
 };
 use crate::error::Error;
 use crate::svg::{Axis, Chart, Mark, Picture, Scale, Series};
 
+pub(crate) use contact::contact;
 pub(crate) use gears::gears;
 pub use intervals::{PercentileSeries, chart_front, chart_teeth};
 pub use map::{ResponseMap, chart_map};
@@ -27,6 +30,7 @@ pub(crate) use rounds::{expected_improvement, prediction};
 pub(crate) use runs::{convergence, spectrum, ste};
 pub use scatter::{Extent, Response};
 pub(crate) use scatter::{leave_one_out, responses};
+pub(crate) use solid::solid;
 pub(crate) use tradeoff::tradeoff;
 pub use tradeoff::{TradeoffChart, TradeoffSeries};
 
@@ -82,6 +86,23 @@ pub fn chart_convergence(title: &str, runs: &[OptimiserRun]) -> Result<String, E
 /// [`Error::NothingToDraw`] if no outline passes near the contact.
 pub fn chart_gears(drawing: &GearDrawing) -> Result<String, Error> {
     gears(drawing).map(|picture| picture.standalone())
+}
+
+/// Both gears in axonometric view, as an SVG file.
+///
+/// # Errors
+/// [`Error::NothingToDraw`] without outlines, a face width or a helix.
+pub fn chart_solid(drawing: &GearDrawing) -> Result<String, Error> {
+    solid(drawing).map(|picture| picture.standalone())
+}
+
+/// Contact pressure in MPa over the flank, as an SVG file.
+///
+/// # Errors
+/// [`Error::NothingToDraw`] if no place carries load, [`Error::LengthMismatch`] if the rows are not as many
+/// as the places on the path, or not as long as those across the face.
+pub fn chart_contact(pattern: &ContactPattern) -> Result<String, Error> {
+    contact(pattern).map(|picture| picture.standalone())
 }
 
 /// Static transmission error over one mesh period in µm, each curve about its own mean, as an SVG

@@ -61,8 +61,8 @@ pub(crate) fn slice(slice: &Slice, fit: &KrigingFit) -> Result<Picture, Error> {
         unit => format!("model ({unit})"),
     };
     let chart = Chart {
-        title: format!("Along {}", slice.variable),
-        x: axis(slice.variable.as_str(), Scale::Linear),
+        title: format!("Along {}", slice.label),
+        x: axis(slice.label.as_str(), Scale::Linear),
         y: axis(label, Scale::Linear),
         series: vec![
             line(Some("95 % interval"), Mark::Thin("5 3"), 2),

@@ -4,6 +4,7 @@ mod atlas;
 mod enrichment;
 mod figure;
 mod kriging;
+mod optimum;
 mod pair;
 mod problem;
 mod rows;
@@ -12,17 +13,19 @@ mod tradeoff;
 use askama::Template;
 
 use crate::charts::{self, Extent, Response};
-use crate::data::{ApproachResult, Header, ReportData};
+use crate::data::{Header, ReportData, StageCost};
 use crate::error::Error;
-use crate::number::{self, count, percent, seconds, significant};
+use crate::number::{MISSING, count, percent, seconds};
 use crate::paper;
 use crate::summary::SummaryView;
 use crate::svg;
+use crate::symbols::{self, KeyRow};
 pub use atlas::render_atlas;
 use enrichment::EnrichmentView;
 pub use figure::ChartFile;
 use figure::{Figure, figure};
 use kriging::{KrigingView, kriging_view};
+use optimum::OptimumView;
 pub use pair::render_pair;
 pub use problem::render_problem;
 use rows::{ApproachRow, ComparedDesign, PreliminaryRow, ResponseRow, SimilarRow, Value};
@@ -49,7 +52,8 @@ pub struct Rendered {
 /// [`Error::LengthMismatch`] if lists of one curve differ in length, [`Error::UnknownFigure`] if a
 /// printed design is not one of Figures 6 to 10, [`Error::Template`] if the template fails.
 pub fn render(data: &ReportData) -> Result<Rendered, Error> {
-    let page = Page::new(data)?;
+    let mut page = Page::new(data)?;
+    page.key = symbols::key(&page.render()?);
     Ok(Rendered {
         html: page.render()?,
         charts: page.figures().filter_map(|f| f.file.clone()).collect(),
@@ -78,8 +82,9 @@ struct Page<'a> {
     summary: SummaryView,
     tiles: Vec<(String, String)>,
     refused: Vec<(String, String, String)>,
-    stages: Vec<(String, String)>,
-    stages_total: String,
+    /// Stage, wall and CPU time.
+    stages: Vec<[String; 3]>,
+    stages_total: [String; 2],
     wear: Figure,
     preliminary: Vec<PreliminaryRow>,
     responses: Vec<ResponseRow>,
@@ -94,16 +99,8 @@ struct Page<'a> {
     optima: Vec<OptimumView>,
     printed: Vec<ComparedDesign>,
     notes: Vec<(String, String)>,
-}
-
-struct OptimumView {
-    anchor: String,
-    title: String,
-    summary: String,
-    failed: bool,
-    gears: Figure,
-    ste: Figure,
-    spectrum: Figure,
+    /// The symbols that the rest of the page uses.
+    key: Vec<KeyRow>,
 }
 
 impl<'a> Page<'a> {
@@ -114,7 +111,7 @@ impl<'a> Page<'a> {
         self.convergence
             .iter()
             .chain(enrichment.flat_map(|e| [&e.prediction, &e.expected]))
-            .chain(optima.flat_map(|o| [&o.gears, &o.ste, &o.spectrum]))
+            .chain(optima.flat_map(|o| &o.figures))
             .chain(std::iter::once(&self.wear))
             .chain(&self.scatter)
             .chain(&self.zoom)
@@ -151,22 +148,17 @@ impl<'a> Page<'a> {
                     )
                 })
                 .collect(),
-            stages: header
-                .stages
-                .iter()
-                .map(|stage| (stage.stage.clone(), seconds(stage.cpu_seconds)))
-                .collect(),
-            stages_total: seconds(
-                header
-                    .stages
-                    .iter()
-                    .map(|s| s.cpu_seconds)
-                    .filter(|s| s.is_finite())
-                    .sum(),
-            ),
+            stages: header.stages.iter().map(stage).collect(),
+            stages_total: [
+                total(header, |stage| stage.wall_seconds),
+                total(header, |stage| stage.cpu_seconds),
+            ],
             wear: match &data.wear {
-                Some(profiles) => figure("wear", charts::wear(profiles, charts::FULL))?
-                    .with_sentence(&profiles.subject),
+                Some(profiles) => {
+                    let chart = charts::wear(profiles, charts::FULL);
+                    figure("wear", chart.map(|picture| picture.of(&profiles.subject)))?
+                        .with_sentence(&profiles.subject)
+                }
                 None => Figure::missing("No wear profile was recorded."),
             },
             preliminary: rows::preliminary(data),
@@ -212,12 +204,7 @@ impl<'a> Page<'a> {
                 .as_ref()
                 .map(|enrichment| EnrichmentView::new(enrichment, &header.percentile))
                 .transpose()?,
-            optima: data
-                .approaches
-                .iter()
-                .enumerate()
-                .map(|(i, result)| optimum_view(i, result, &header.percentile))
-                .collect::<Result<_, _>>()?,
+            optima: optima(data)?,
             printed: if paper {
                 rows::printed(data)?
             } else {
@@ -235,7 +222,38 @@ impl<'a> Page<'a> {
                 })
                 .chain(data.notes.iter().map(|note| (String::new(), note.clone())))
                 .collect(),
+            key: Vec::new(),
         })
+    }
+}
+
+/// The designs in the order of the paper's figures, then those of approaches that it does not have.
+fn optima(data: &ReportData) -> Result<Vec<OptimumView>, Error> {
+    let paper = data.compare_with_paper;
+    let mut results: Vec<_> = data.approaches.iter().enumerate().collect();
+    results.sort_by_key(|(_, result)| OptimumView::place(result.approach));
+    let mut views = Vec::with_capacity(results.len() + 1);
+    for design in data.printed.iter().filter(|_| paper) {
+        views.extend(OptimumView::of_paper(design)?);
+    }
+    for (i, result) in results {
+        views.push(OptimumView::new(i, result, &data.header.percentile, paper)?);
+    }
+    Ok(views)
+}
+
+/// A stage with its wall and CPU time.
+fn stage(stage: &StageCost) -> [String; 3] {
+    let [wall, cpu] = [stage.wall_seconds, stage.cpu_seconds].map(seconds);
+    [stage.stage.clone(), wall, cpu]
+}
+
+/// What all stages took, of what is known.
+fn total(header: &Header, of: fn(&StageCost) -> f64) -> String {
+    let known = header.stages.iter().map(of).filter(|s| s.is_finite());
+    match known.clone().next() {
+        Some(_) => seconds(known.sum()),
+        None => MISSING.to_owned(),
     }
 }
 
@@ -272,55 +290,4 @@ fn tiles(header: &Header, compare: bool) -> Vec<(String, String)> {
     .to_vec();
     tiles.extend(header.facts.iter().cloned());
     tiles
-}
-
-fn optimum_view(
-    index: usize,
-    result: &ApproachResult,
-    percentile: &str,
-) -> Result<OptimumView, Error> {
-    let approach = result.approach;
-    let mut view = OptimumView {
-        anchor: format!("optimum-{}", index + 1),
-        title: approach.label().to_owned(),
-        summary: String::new(),
-        failed: result.outcome.is_err(),
-        gears: Figure::missing("No outline was recorded for this design."),
-        ste: Figure::missing("No transmission error curve was recorded for this design."),
-        spectrum: Figure::missing(""),
-    };
-    match &result.outcome {
-        Err(reason) => {
-            view.summary = format!("This approach has no design: {reason}");
-        }
-        Ok(optimum) => {
-            let converged = optimum
-                .converged_difference_um
-                .map_or_else(String::new, |value| {
-                    format!(" ({} µm on the converged grid)", rows::difference(value))
-                });
-            view.summary = format!(
-                "{} {} µm, verified {percentile} {} µm{converged}; {}.",
-                number::capitalised(&approach.criterion(percentile)),
-                significant(optimum.criterion_um, 3),
-                significant(optimum.p90.value_um, 3),
-                if optimum.feasible {
-                    "feasible"
-                } else {
-                    "infeasible"
-                },
-            );
-            if let Some(drawing) = &optimum.drawing {
-                view.gears = figure(&format!("{}-gears", view.anchor), charts::gears(drawing))?;
-            }
-            if let Some(curves) = &optimum.ste {
-                view.ste = figure(&format!("{}-ste", view.anchor), charts::ste(curves))?;
-                view.spectrum = figure(
-                    &format!("{}-spectrum", view.anchor),
-                    charts::spectrum(curves),
-                )?;
-            }
-        }
-    }
-    Ok(view)
 }

@@ -35,7 +35,9 @@ pub fn render_pair(data: &PairPage) -> Result<String, Error> {
             .collect(),
         section: figure("section", charts::gears(&data.drawing))?,
         ste: figure("ste", charts::ste(&data.ste))?,
+        solid: figure("axonometric", charts::solid(&data.drawing))?,
         pressure: figure("pressure", charts::pressure(&data.pressure))?,
+        contact: figure("contact", charts::contact(&data.contact))?,
         wear: match &data.wear {
             Some(profiles) => {
                 let chart = figure("wear", charts::wear(profiles, charts::HALF))?;
@@ -56,7 +58,9 @@ struct Page<'a> {
     constraints: Vec<Row<'a>>,
     section: Figure,
     ste: Figure,
+    solid: Figure,
     pressure: Figure,
+    contact: Figure,
     wear: Option<Figure>,
 }
 

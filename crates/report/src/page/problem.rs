@@ -8,7 +8,7 @@ use super::{Rendered, Value, nothing_found, tiles};
 use crate::error::Error;
 use crate::number::{count, percent, significant};
 use crate::problem::{ProblemOptimum, ProblemReport};
-use crate::summary::{SummaryView, with_unit};
+use crate::summary::{SummaryView, digits_of, with_unit};
 use crate::svg;
 
 /// The report of a campaign with a problem of the user's.
@@ -42,6 +42,7 @@ pub fn render_problem(data: &ProblemReport) -> Result<Rendered, Error> {
             .iter()
             .map(kriging_view)
             .collect::<Result<_, _>>()?,
+        paper: false,
     };
     let figures = page.kriging.iter().flat_map(KrigingView::figures);
     let charts = figures.filter_map(|figure| figure.file.clone()).collect();
@@ -62,6 +63,8 @@ struct Page<'a> {
     refused: Vec<(String, String, String)>,
     optima: Vec<Row<'a>>,
     kriging: Vec<KrigingView>,
+    /// The paper's problem is one of gears.
+    paper: bool,
 }
 
 struct Row<'a> {
@@ -78,6 +81,7 @@ impl<'a> Row<'a> {
     fn new(optimum: &'a ProblemOptimum, unit: &str) -> Self {
         let constraints = optimum.constraints.iter().map(limited);
         let p90 = &optimum.p90;
+        let digits = digits_of(p90).max(4);
         Self {
             approach: &optimum.approach,
             design: match &optimum.design {
@@ -85,11 +89,11 @@ impl<'a> Row<'a> {
                 Err(why) => Err(why),
             },
             criterion: with_unit(optimum.criterion, 4, unit),
-            p90: with_unit(p90.value_um, 4, unit),
+            p90: with_unit(p90.value_um, digits, unit),
             interval: format!(
                 "{} to {}",
-                significant(p90.low_um, 4),
-                significant(p90.high_um, 4)
+                significant(p90.low_um, digits),
+                significant(p90.high_um, digits)
             ),
             calls: count(optimum.simulator_calls),
         }

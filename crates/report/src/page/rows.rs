@@ -19,7 +19,7 @@ const LEVEL: f64 = 0.05;
 const CONTACT_RATIO: &str = "contact ratio <var>r</var><sub>c</sub>";
 const SPECIFIC_SLIP: &str = "specific slip <var>g</var><sub>s</sub>";
 const VON_MISES: &str = "root stress <var>σ</var><sub>vm</sub>";
-const PRESSURE: &str = "contact pressure <var>F</var>";
+const PRESSURE: &str = "contact pressure <var>p</var><sub>H</sub>";
 
 /// A number that may deserve a mark.
 pub(super) struct Value {
@@ -142,7 +142,7 @@ pub(super) fn similar(data: &ReportData) -> Vec<SimilarRow> {
             number: i + 1,
             variables: variables(&design.variables),
             archard: fixed(design.delta_ste_archard_um, 2),
-            p90: fixed(design.p90.value_um, 2),
+            p90: fixed(design.p90.value_um, decimals(&design.p90)),
             interval: interval(&design.p90),
             samples: count(design.p90.samples as u64),
             paper_archard: printed(|row| row.delta_ste_archard_um),
@@ -172,7 +172,7 @@ pub(super) struct DesignCells {
     pub(super) interval: String,
     /// By how much P90 changes on the converged grid.
     pub(super) converged: Option<String>,
-    /// r_c, g_s, σ_vm, F, interference margin.
+    /// r_c, g_s, σ_vm, p_H, interference margin.
     pub(super) constraints: Vec<Value>,
     /// Whatever else is limited.
     pub(super) further: Vec<Value>,
@@ -256,7 +256,7 @@ fn design_cells(optimum: &Optimum, limits: &Limits) -> DesignCells {
         variables: variables(&optimum.variables[..6]),
         others: others(&optimum.variables),
         criterion: fixed(optimum.criterion_um, 2),
-        p90: fixed(optimum.p90.value_um, 2),
+        p90: fixed(optimum.p90.value_um, decimals(&optimum.p90)),
         interval: interval(&optimum.p90),
         converged: optimum.converged_difference_um.map(difference),
         constraints: vec![
@@ -426,9 +426,21 @@ fn others(variables: &[f64; 11]) -> Vec<String> {
         .collect()
 }
 
+/// The decimals with which both ends of an interval differ from its middle, at least the paper's two.
+pub(super) fn decimals(p90: &Percentile) -> usize {
+    let differs = |decimals: &usize| {
+        let [low, value, high] =
+            [p90.low_um, p90.value_um, p90.high_um].map(|value| fixed(value, *decimals));
+        low != value && value != high
+    };
+    (2..6).find(differs).unwrap_or(2)
+}
+
 fn interval(p90: &Percentile) -> String {
     if p90.low_um.is_finite() || p90.high_um.is_finite() {
-        format!("[{} ; {}]", fixed(p90.low_um, 2), fixed(p90.high_um, 2))
+        let decimals = decimals(p90);
+        let [low, high] = [p90.low_um, p90.high_um].map(|value| fixed(value, decimals));
+        format!("[{low} ; {high}]")
     } else {
         MISSING.to_owned()
     }

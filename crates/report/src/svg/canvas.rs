@@ -93,6 +93,32 @@ impl Canvas {
         }
     }
 
+    /// Filled areas, as one element.
+    pub(crate) fn areas(&mut self, areas: &[Vec<[f64; 2]>], class: &str) {
+        let path: String = areas.iter().map(|area| trace(area) + "Z").collect();
+        if !path.is_empty() {
+            self.element(format_args!(r#"<path class="{class}" d="{path}"/>"#));
+        }
+    }
+
+    /// Rectangles between two corners each, as one element.
+    pub(crate) fn rects(
+        &mut self,
+        corners: impl Iterator<Item = ([f64; 2], [f64; 2])>,
+        class: &str,
+    ) {
+        let path: String = corners
+            .map(|(low, high)| {
+                let [left, top] = low.map(px);
+                let [right, bottom] = high.map(px);
+                format!("M{left} {top}H{right}V{bottom}H{left}Z")
+            })
+            .collect();
+        if !path.is_empty() {
+            self.element(format_args!(r#"<path class="{class}" d="{path}"/>"#));
+        }
+    }
+
     /// Round dots. They are spread over a few path elements, not one each: a path is painted once,
     /// so dots of the same path do not darken where they overlap, and with twelve paths they do,
     /// while a dot still takes about a dozen bytes.
@@ -213,6 +239,14 @@ impl Picture {
     pub(crate) fn with_data(self, data: Table) -> Self {
         Self {
             data: Some(data),
+            ..self
+        }
+    }
+
+    /// With the `subject`, such as a design, said first by a screen reader.
+    pub(crate) fn of(self, subject: &str) -> Self {
+        Self {
+            label: format!("{}. {}", subject.trim_end_matches('.'), self.label),
             ..self
         }
     }

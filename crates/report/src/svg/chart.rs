@@ -35,6 +35,8 @@ pub enum Mark {
     Dots,
     /// Dots in a shade of the sequential palette, from the least (0) to the greatest (5).
     Shades,
+    /// Rectangles around the points in a shade of the same palette, with width and height in the axes' units.
+    Cells([f64; 2]),
     /// Dots that are seen one by one.
     Points,
     /// Rings, to mark points of another series.
@@ -143,8 +145,17 @@ impl Chart {
             &self.x.label,
         );
         canvas.text_upwards([MARGIN + 9.0, middle[1]], Anchor::Middle, &self.y.label);
+        let names: Vec<&str> = series
+            .iter()
+            .filter(|s| !s.points.is_empty())
+            .filter_map(|s| s.name.as_deref())
+            .collect();
+        let shown = match names.is_empty() {
+            true => String::new(),
+            false => format!(" Shown: {}.", names.join("; ")),
+        };
         let label = format!(
-            "{}. Horizontal: {}. Vertical: {}.",
+            "{}. Horizontal: {}. Vertical: {}.{shown}",
             self.title, self.x.label, self.y.label
         );
         Some(canvas.finish(width, height, &label).with_data(self.table()))
@@ -193,6 +204,11 @@ impl Chart {
                     canvas.circle(middle, 3.0, &format!("f{colour}"));
                 }
                 Mark::Shades => canvas.circle(middle, 4.0, &format!("q{colour}")),
+                Mark::Cells(_) => canvas.rect(
+                    [at[0] + 6.0, y - 6.0],
+                    [at[0] + SAMPLE, y + 4.0],
+                    &format!("q{colour}"),
+                ),
                 Mark::Rings => canvas.circle(middle, 3.5, &format!("ring s{colour}")),
                 Mark::Halo(_) => canvas.circle(middle, 5.5, &format!("halo s{colour}")),
             }
@@ -230,6 +246,16 @@ fn draw_series(
         Mark::Guide => canvas.lines(&clip_polyline(&points, frame), "guide", ""),
         Mark::Dots => canvas.dots(&inside().collect::<Vec<_>>(), &format!("dots s{colour}")),
         Mark::Shades => canvas.dots(&inside().collect::<Vec<_>>(), &format!("shades p{colour}")),
+        Mark::Cells(size) => {
+            let half = [0.5 * size[0], 0.5 * size[1]];
+            let within = |p: [f64; 2]| [0, 1].map(|i| p[i].clamp(frame.low[i], frame.high[i]));
+            let cells = series.points.iter().map(|p| {
+                let low = place([p[0] - half[0], p[1] + half[1]]);
+                let high = place([p[0] + half[0], p[1] - half[1]]);
+                (within(low), within(high))
+            });
+            canvas.rects(cells, &format!("cell q{colour} p{colour}"));
+        }
         Mark::Points => {
             for p in inside() {
                 canvas.circle(p, 3.0, &format!("f{colour}"));

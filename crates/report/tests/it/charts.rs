@@ -77,6 +77,8 @@ fn every_chart_is_a_picture_of_its_own() {
         chart_convergence("Without wear", &data.approaches[0].runs).unwrap(),
         chart_gears(optimum.drawing.as_ref().unwrap()).unwrap(),
         chart_ste(optimum.ste.as_ref().unwrap()).unwrap(),
+        chart_solid(optimum.drawing.as_ref().unwrap()).unwrap(),
+        chart_contact(optimum.contact.as_ref().unwrap()).unwrap(),
     ];
     for picture in &pictures {
         check_picture(picture);
@@ -207,6 +209,8 @@ fn gears_are_drawn_to_one_scale_in_both_directions() {
             base_radius_mm: Some(f64::NAN),
         },
         line_of_action: None,
+        face_width_mm: 10.0,
+        twist_rad: [0.0; 2],
     };
     let svg = chart_gears(&drawing).unwrap();
     check_picture(&svg);
@@ -236,6 +240,8 @@ fn gears_far_from_the_contact_or_without_outline_are_nothing_to_draw() {
         pinion: gear(0.0, vec![[-50.0, 0.0], [-50.0, 1.0]]),
         mate: gear(100.0, Vec::new()),
         line_of_action: None,
+        face_width_mm: 10.0,
+        twist_rad: [0.0; 2],
     };
     assert!(matches!(
         chart_gears(&far),
@@ -247,6 +253,63 @@ fn gears_far_from_the_contact_or_without_outline_are_nothing_to_draw() {
     };
     assert!(matches!(
         chart_gears(&none),
+        Err(Error::NothingToDraw { .. })
+    ));
+}
+
+#[test]
+fn a_contact_pattern_leaves_blank_what_carries_no_load() {
+    let data = plausible();
+    let optimum = data.approaches[0].outcome.as_ref().unwrap();
+    let mut pattern = optimum.contact.clone().unwrap();
+    let svg = chart_contact(&pattern).unwrap();
+    let loaded = pattern.pressure_mpa.iter().flatten().filter(|p| **p > 0.0);
+    let loaded = loaded.count();
+    // A rectangle of the drawing for each loaded place.
+    let cells = svg.split("class=\"cell ").skip(1);
+    let cells: usize = cells
+        .map(|rest| rest.split("/>").next().unwrap().matches('Z').count())
+        .sum();
+    assert_eq!(cells, loaded);
+    assert!(loaded < 40 && svg.contains(&format!("{:.0} % of the flank", 2.5 * loaded as f64)));
+    pattern.pressure_mpa[3].pop();
+    assert!(matches!(
+        chart_contact(&pattern),
+        Err(Error::LengthMismatch {
+            expected: 5,
+            found: 4,
+            ..
+        })
+    ));
+    pattern.pressure_mpa = vec![vec![0.0; 5]; 8];
+    assert!(matches!(
+        chart_contact(&pattern),
+        Err(Error::NothingToDraw { .. })
+    ));
+}
+
+#[test]
+fn a_helix_shows_in_the_axonometric_view() {
+    let data = plausible();
+    let optimum = data.approaches[0].outcome.as_ref().unwrap();
+    let mut drawing = optimum.drawing.clone().unwrap();
+    let helical = chart_solid(&drawing).unwrap();
+    // Both near end faces, on top of everything else, and the legend's samples.
+    assert_eq!(helical.matches("class=\"solid g0e\"").count(), 2);
+    let walls = helical.rfind("class=\"solid g00\"").unwrap();
+    assert!(walls < helical.find("class=\"solid g0e\"").unwrap());
+    drawing.twist_rad = [0.0; 2];
+    let spur = chart_solid(&drawing).unwrap();
+    // Helical teeth are drawn in layers, spur teeth in one.
+    assert!(
+        spur.len() < helical.len(),
+        "{} {}",
+        spur.len(),
+        helical.len()
+    );
+    drawing.face_width_mm = f64::NAN;
+    assert!(matches!(
+        chart_solid(&drawing),
         Err(Error::NothingToDraw { .. })
     ));
 }

@@ -56,7 +56,7 @@ pub(crate) fn plausible() -> ReportData {
             leave_one_out,
             slices: vec![slice()],
             indices: vec![VariableIndices {
-                variable: "x_p".to_owned(),
+                variable: symbol("x_p"),
                 first: 0.31,
                 total: 0.46,
             }],
@@ -105,8 +105,9 @@ fn header() -> Header {
         reason: reason.to_owned(),
         count,
     };
-    let stage = |stage: &str, cpu_seconds| StageCost {
+    let stage = |stage: &str, cpu_seconds: f64| StageCost {
         stage: stage.to_owned(),
+        wall_seconds: 0.5 * cpu_seconds + 1.0,
         cpu_seconds,
     };
     Header {
@@ -197,12 +198,12 @@ fn parameters() -> Vec<Parameter> {
     vec![
         parameter("mean µ", 8.114, "µm"),
         parameter("process variance σ²", 21.37, "µm²"),
-        parameter("range of x_p", 1.842, ""),
-        parameter("range of x_r", 1.655, ""),
-        parameter("range of ha0_p", 0.8412, ""),
-        parameter("range of ha0_r", 0.9127, ""),
-        parameter("range of hf0_p", 2.315, ""),
-        parameter("range of hf0_r", 2.744, ""),
+        parameter("range of x₁", 1.842, ""),
+        parameter("range of x₂", 1.655, ""),
+        parameter("range of ha₀₁", 0.8412, ""),
+        parameter("range of ha₀₂", 0.9127, ""),
+        parameter("range of hf₀₁", 2.315, ""),
+        parameter("range of hf₀₂", 2.744, ""),
         parameter("log-likelihood", -3127.45, ""),
     ]
 }
@@ -279,6 +280,7 @@ fn approaches() -> Vec<ApproachResult> {
                     feasible: i != 1,
                     drawing: Some(gears(&design.variables)),
                     ste: Some(ste(i)),
+                    contact: Some(contact()),
                 }),
                 simulator_calls: [36_000, 72_000, 126_000, 90_000][i],
                 cpu_seconds: [61.2, 118.9, 1043.0, 934.2][i],
@@ -369,6 +371,7 @@ fn printed() -> Vec<PrintedDesign> {
             PrintedDesign {
                 figure: design.figure,
                 outcome,
+                drawing: (i == 0).then(|| (gears(&design.variables), ste(i))),
             }
         })
         .collect()
@@ -428,6 +431,8 @@ fn gears(variables: &[f64; 11]) -> GearDrawing {
         pinion,
         mate,
         line_of_action: Some([[pitch - 9.0 * dx, -9.0 * dy], [pitch + 9.0 * dx, 9.0 * dy]]),
+        face_width_mm: 10.0,
+        twist_rad: [0.11, -0.1],
     }
 }
 
@@ -448,6 +453,25 @@ fn inverse_involute(value: f64) -> f64 {
     low
 }
 
+/// A flank of which the far corner carries no load.
+fn contact() -> ContactPattern {
+    let place_mm: Vec<f64> = (0..8).map(|i| -7.0 + 2.0 * f64::from(i)).collect();
+    let across_mm: Vec<f64> = (0..5).map(|i| 1.0 + 2.0 * f64::from(i)).collect();
+    let pressure = |s: f64| {
+        let row = across_mm
+            .iter()
+            .map(|z| (1100.0 - 40.0 * s - 60.0 * z).max(0.0));
+        row.map(|p| if p < 320.0 { 0.0 } else { p }).collect()
+    };
+    ContactPattern {
+        is_worn: true,
+        pressure_mpa: place_mm.iter().map(|s| pressure(*s)).collect(),
+        place_mm,
+        across_mm,
+        lines: vec![[[0.0, 5.0], [10.0, 0.0]]],
+    }
+}
+
 fn slice() -> Slice {
     let point = |k: u32| {
         let x = f64::from(k) / 30.0;
@@ -456,6 +480,7 @@ fn slice() -> Slice {
     };
     Slice {
         variable: "x_p".to_owned(),
+        label: symbol("x_p"),
         at: 0.4,
         points: (0..=30).map(point).collect(),
     }
@@ -477,7 +502,7 @@ pub(crate) fn summary() -> Summary {
             what: "P90 of ΔSTE".to_owned(),
             unit: "µm".to_owned(),
             percentile: percentile(3.42),
-            variables: vec![named("x_p", "", 0.41)],
+            variables: vec![named("x₁", "", 0.41)],
             margins: vec![Margin {
                 value: named("contact pressure", "MPa", 1400.0),
                 relation: "<".to_owned(),

@@ -46,9 +46,9 @@ fn empty() -> ReportData {
 fn a_full_page_is_well_formed_and_shows_every_chart() {
     let page = render(&plausible()).unwrap().html;
     check(&page);
-    // 3 convergence charts, 2 of the enrichment, 4 gear drawings, 4 STE curves and their spectra, wear, 2 + 2
-    // scatter plots, kriging: leave-one-out, residuals, a slice.
-    assert_eq!(element_count(&page, "svg"), 25);
+    // 3 convergence charts, 2 of the enrichment, 5 charts of each of 4 designs, 4 of the paper's start of an
+    // optimisation, wear, 2 + 2 scatter plots, kriging: leave-one-out, residuals, a slice.
+    assert_eq!(element_count(&page, "svg"), 37);
     assert!(
         !page.contains("class=\"empty\""),
         "a part of a full report is missing"
@@ -107,10 +107,10 @@ fn equal_data_give_equal_bytes() {
 #[test]
 fn every_chart_is_a_file_of_its_own_with_its_data() {
     let rendered = render(&plausible()).unwrap();
-    assert_eq!(rendered.charts.len(), 25);
+    assert_eq!(rendered.charts.len(), 37);
     let names: std::collections::BTreeSet<&str> =
         rendered.charts.iter().map(|chart| &*chart.name).collect();
-    assert_eq!(names.len(), 25, "{names:?}");
+    assert_eq!(names.len(), 37, "{names:?}");
     for chart in &rendered.charts {
         assert!(chart.svg.starts_with("<svg xmlns="), "{}", chart.name);
     }
@@ -119,7 +119,7 @@ fn every_chart_is_a_file_of_its_own_with_its_data() {
         .iter()
         .find(|chart| chart.name == "kriging-x_p");
     let csv = slice.and_then(|chart| chart.csv.as_ref()).unwrap();
-    assert!(csv.starts_with("series,\"x_p\",\"model (µm)\"\n"), "{csv}");
+    assert!(csv.starts_with("series,\"x₁\",\"model (µm)\"\n"), "{csv}");
     assert!(csv.contains("\"mean\",0.4,1.5\n"), "{csv}");
     // Few points stand in the page, too, for those who do not see the chart.
     assert!(markup::text(&rendered.html).contains("recommended 0.40000 1.5000"));
@@ -157,8 +157,9 @@ fn text_from_outside_is_escaped_everywhere() {
     check(&page);
     assert!(!page.contains("<script"));
     // The title twice (head and heading), and once for each of the others; the failed approach
-    // gives its reason in the table and in its own section.
-    assert_eq!(page.matches("alert(").count(), 20);
+    // gives its reason in the table and in its own section, and the subject of the wear stands in the
+    // alternative text, the title and the caption of its chart.
+    assert_eq!(page.matches("alert(").count(), 22);
 }
 
 #[test]
@@ -169,6 +170,8 @@ fn numbers_reach_the_tables() {
         "2009",                              // seed
         "2175 (72.5 %); paper 2175 of 3000", // simulable share
         "211\u{202f}584",                    // simulator calls
+        "sample 468 934",                    // wall and CPU time
+        "all stages 688 1367",               // of all stages
         "5.24 5.82 0.45 0.41 5.90 6.34",     // Table 1, design 1, ours and the paper's alternating
         "0.012 0.010 0.11 0.10",             // Table 2, design 1
         "4.83",                              // Table 3
@@ -225,6 +228,123 @@ fn other_campaigns_have_no_paper_columns() {
         assert!(!text.contains(absent), "{absent}");
     }
     assert!(text.contains("5.24 0.45 5.90"));
+}
+
+/// The order in which parts begin, by what stands first in each.
+fn places(page: &str, parts: &[&str]) -> Vec<usize> {
+    let place = |part: &&str| page.find(*part).unwrap_or_else(|| panic!("no {part}"));
+    parts.iter().map(place).collect()
+}
+
+#[test]
+fn the_papers_tables_and_figures_come_in_its_order() {
+    let page = render(&plausible()).unwrap().html;
+    let parts = [
+        "Figure 2 of the paper.",
+        "Table 1 of the paper.",
+        "Figure 3 of the paper.",
+        "Table 2 of the paper.",
+        "Table 3 of the paper.",
+        "Figure 4 of the paper.",
+        "Figure 5 of the paper.",
+        "Table 4 of the paper.",
+        "Figure 6 of the paper.",
+        "Figure 7 of the paper.",
+        "Figure 8 of the paper.",
+        "Figure 9 of the paper.",
+        "Figure 10 of the paper.",
+        "Table 5 of the paper.",
+    ];
+    let places = places(&page, &parts);
+    assert!(places.is_sorted(), "{places:?}");
+    // What is printed with a figure stands beside the run's design.
+    assert!(markup::text(&page).contains(
+        "Figure 9 of the paper prints x₁ −0.028, x₂ 0.86, ha₀₁ 1.26, ha₀₂ 1.32, hf₀₁ 1.2, hf₀₂ 0.81, \
+         ρa₁ 0.0003 mm, ρa₂ 0.19 mm, ρf₁ 0.64 mm, ρf₂ 0.23 mm, β₀ 30°; r_c 1.62, g_s 2.00, σ_vm 631 MPa, \
+         p_H 1115 MPa; ΔSTE with Archard’s wear 1.49 µm, P90 2.64 µm from 500 samples."
+    ));
+}
+
+#[test]
+fn other_campaigns_have_the_same_charts_and_no_empty_sections() {
+    let of_paper = render(&plausible()).unwrap();
+    let data = ReportData {
+        compare_with_paper: false,
+        ..plausible()
+    };
+    let rendered = render(&data).unwrap();
+    let names = |rendered: &Rendered| -> Vec<String> {
+        let names = rendered.charts.iter().map(|chart| chart.name.clone());
+        names.filter(|name| !name.starts_with("figure-6")).collect()
+    };
+    assert_eq!(names(&rendered), names(&of_paper));
+    let nothing = ReportData {
+        compare_with_paper: false,
+        ..empty()
+    };
+    let page = render(&nothing).unwrap().html;
+    check(&page);
+    let sections: Vec<&str> = page
+        .split("<section id=\"")
+        .skip(1)
+        .filter_map(|rest| rest.split('"').next())
+        .collect();
+    assert_eq!(sections, ["summary", "campaign"]);
+}
+
+#[test]
+fn charts_of_a_design_name_it_and_say_what_they_show() {
+    let page = render(&plausible()).unwrap().html;
+    let labels: Vec<&str> = page
+        .split("aria-label=\"")
+        .skip(1)
+        .filter_map(|rest| rest.split('"').next())
+        .collect();
+    let design = "Optimum of the approach “Without wear”, x₁ 0.49, x₂ 0.49,";
+    let of_design = labels.iter().filter(|label| label.starts_with(design));
+    assert_eq!(of_design.count(), 5);
+    assert!(labels.iter().any(|label| {
+        label.starts_with(design)
+            && label
+                .contains("Vertical: STE about its mean (µm). Shown: unworn: mean 7.40 µm, ΔSTE ")
+    }));
+    assert!(
+        labels
+            .iter()
+            .any(|label| label.starts_with("Pinion flank of the optimum"))
+    );
+}
+
+#[test]
+fn the_key_explains_the_symbols_of_the_page() {
+    let text = markup::text(&render(&plausible()).unwrap().html);
+    let key = text
+        .split("Symbols The symbols on this page")
+        .nth(1)
+        .unwrap();
+    for row in [
+        "x 1 x p x_p profile shift coefficient of the pinion",
+        "hf 02 hf 0r hf0_r dedendum of the mate’s tool modules",
+        "p H F hertz_pressure_mpa greatest contact pressure, by Hertz’s theory MPa",
+    ] {
+        assert!(key.contains(row), "{row} in {key}");
+    }
+    assert!(!render(&empty()).unwrap().html.contains("rho_a_p_mm"));
+}
+
+#[test]
+fn percentiles_have_the_decimals_that_their_intervals_need() {
+    let mut data = plausible();
+    if let Ok(optimum) = &mut data.approaches[0].outcome {
+        optimum.p90 = Percentile {
+            value_um: 1.492,
+            low_um: 1.489,
+            high_um: 1.494,
+            samples: 500,
+        };
+    }
+    let text = markup::text(&render(&data).unwrap().html);
+    assert!(text.contains("1.492 [1.489 ; 1.494]"), "{text}");
 }
 
 #[test]

@@ -8,6 +8,7 @@ use report::{KrigingFit, LeaveOneOut, Parameter, Slice, VariableIndices};
 use stats::SensitivityPlan;
 use stats::streams::{Purpose, stream};
 
+use super::called;
 use super::sources::Sources;
 
 /// Points of a slice.
@@ -47,6 +48,7 @@ pub(super) fn kriging(
             .free_names()
             .zip(&model.ranges)
             .map(|(name, range)| {
+                let name = called(sources, name);
                 parameter(&format!("range in {name}"), range.unwrap_or(f64::NAN), "")
             }),
     );
@@ -115,12 +117,13 @@ fn slices(sources: &Sources, surrogate: &Surrogate, design: &Design) -> anyhow::
                 let ends = [0.025, 0.975].map(|level| surrogate.quantile(prediction, level));
                 [value(k), prediction.mean, ends[0], ends[1]]
             });
-            let label = match &*coordinate.unit {
-                "" => coordinate.name.to_string(),
-                unit => format!("{} ({unit})", coordinate.name),
-            };
+            let symbol = called(sources, &coordinate.name);
             Ok(Slice {
-                variable: label,
+                variable: coordinate.name.to_string(),
+                label: match &*coordinate.unit {
+                    "" => symbol,
+                    unit => format!("{symbol} ({unit})"),
+                },
                 at: centre[j],
                 points: points.collect(),
             })
@@ -147,7 +150,7 @@ fn indices(sources: &Sources, surrogate: &Surrogate) -> anyhow::Result<Vec<Varia
     Ok(names
         .zip(both)
         .map(|(name, (first, total))| VariableIndices {
-            variable: name.to_owned(),
+            variable: called(sources, name),
             first: first.value,
             total: total.value,
         })

@@ -6,8 +6,8 @@ use campaign::optimise::RunResult;
 use campaign::{Approach, Criteria, Design, GearCriteria};
 use gear::Member;
 use report::{
-    ApproachResult, Constraints, GearDrawing, GearOutline, NamedValue, OptimiserRun, Optimum,
-    SteCurves,
+    ApproachResult, Constraints, ContactPattern, GearDrawing, GearOutline, NamedValue,
+    OptimiserRun, Optimum, SteCurves,
 };
 use stages::optima::{approach_of, optimum_design};
 use store::{OptimiserRunRow, OptimumRow};
@@ -19,6 +19,9 @@ use crate::percentile::percentile;
 
 /// Points on each flank of a drawn gear.
 const OUTLINE_POINTS: usize = 24;
+
+/// Parts of a flank along the path of contact and across the face in the contact pattern.
+const PATTERN_PARTS: [usize; 2] = [30, 20];
 
 /// The report's name of an approach.
 pub(super) const fn report_approach(approach: Approach) -> report::Approach {
@@ -128,6 +131,9 @@ fn optimum(
         ste: gears
             .zip(pair.as_ref())
             .map(|(gears, pair)| ste(pair, gears.wear())),
+        contact: gears
+            .zip(pair.as_ref())
+            .map(|(gears, pair)| contact(pair, Some(gears.wear()))),
     }
 }
 
@@ -166,10 +172,14 @@ pub fn drawing(pair: &gear::Pair) -> GearDrawing {
             base_radius_mm: Some(geometry.r_b[index]),
         }
     };
+    let turn = geometry.face_width * geometry.beta.tan();
     GearDrawing {
         pinion: outline(Member::Pinion),
         mate: outline(Member::Gear),
         line_of_action: Some(path_of_contact(geometry)),
+        face_width_mm: geometry.face_width,
+        // Helices of opposite hands.
+        twist_rad: [turn / geometry.r[0], -turn / geometry.r[1]],
     }
 }
 
@@ -183,6 +193,41 @@ fn path_of_contact(geometry: &gear::Geometry) -> [[f64; 2]; 2] {
             geometry.r_b[0] * sin - s * cos,
         ]
     })
+}
+
+/// Contact pressure over the flank of a pair, with the mean wear or without any, for
+/// [`report::chart_contact`].
+#[must_use]
+pub fn contact(pair: &gear::Pair, wear: Option<&gear::Wear>) -> ContactPattern {
+    let geometry = pair.geometry();
+    let (start, end, width) = (geometry.s_in, geometry.s_out, geometry.face_width);
+    let middles = |low: f64, high: f64, parts: usize| -> Vec<f64> {
+        let part = (high - low) / parts as f64;
+        (0..parts).map(|k| low + part * (k as f64 + 0.5)).collect()
+    };
+    let along = middles(start, end, PATTERN_PARTS[0]);
+    let path = pair.path();
+    let rows = pair.contact_pattern(wear, PATTERN_PARTS[1]);
+    let pressure_mpa = along.iter().map(|s| {
+        let k = path.partition_point(|at| at < s).clamp(1, path.len() - 1);
+        let share = (s - path[k - 1]) / (path[k] - path[k - 1]);
+        let both = rows[k - 1].iter().zip(&rows[k]);
+        both.map(|(a, b)| a + share * (b - a)).collect()
+    });
+    // The line of a pair of teeth ends at s on the near side of the face and farther back on the far side.
+    let slope = geometry.beta_b.tan();
+    let lines = (0..).map(|k| start + (f64::from(k) + 0.5) * geometry.base_pitch);
+    let lines = lines.take_while(|s| *s < end + width * slope);
+    let from_pitch = |s: f64| s - geometry.s_pitch;
+    ContactPattern {
+        is_worn: wear.is_some(),
+        pressure_mpa: pressure_mpa.collect(),
+        place_mm: along.iter().copied().map(from_pitch).collect(),
+        across_mm: middles(0.0, width, PATTERN_PARTS[1]),
+        lines: lines
+            .map(|s| [[0.0, from_pitch(s)], [width, from_pitch(s - width * slope)]])
+            .collect(),
+    }
 }
 
 /// The transmission error of a pair over one mesh period, unworn and with the mean wear, for

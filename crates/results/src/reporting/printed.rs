@@ -2,10 +2,13 @@
 
 use campaign::file::{PercentileRule, Sampling};
 use gear::paper::printed::{self as paper, Place};
-use report::{PreliminaryDesign, PrintedDesign, PrintedFigures, SimilarDesign};
+use report::{
+    GearDrawing, PreliminaryDesign, PrintedDesign, PrintedFigures, SimilarDesign, SteCurves,
+};
 use stages::references::{design, name};
 use stages::responses::{self, Samples};
 
+use super::optima::{drawing, ste};
 use super::sources::Sources;
 use crate::percentile::percentile;
 
@@ -60,8 +63,16 @@ pub(super) fn printed_designs(sources: &Sources) -> Vec<PrintedDesign> {
         .map(|figure| PrintedDesign {
             figure,
             outcome: printed_figures(sources, figure),
+            // The start of an optimisation; the others stand beside the campaign's own optima.
+            drawing: (figure == 6).then(|| drawn(sources, figure)).flatten(),
         })
         .collect()
+}
+
+fn drawn(sources: &Sources, figure: u8) -> Option<(GearDrawing, SteCurves)> {
+    let gears = sources.problem.gears()?;
+    let pair = gears.pair(&design(Place::Figure(figure))).ok()?;
+    Some((drawing(&pair), ste(&pair, gears.wear())))
 }
 
 fn printed_figures(sources: &Sources, figure: u8) -> Result<PrintedFigures, String> {

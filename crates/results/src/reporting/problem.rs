@@ -7,7 +7,7 @@ use stages::optima::{approach_of, optimum_design};
 use store::{OptimumRow, Store};
 
 use super::sources::Sources;
-use super::{header, model, notes, summary};
+use super::{costs, header, model, notes, summary};
 use crate::percentile::percentile;
 
 /// Gathers the data of an external campaign's report.
@@ -17,12 +17,12 @@ pub(super) async fn gather(
     summary: Summary,
 ) -> anyhow::Result<ProblemReport> {
     let digest = store.samples_digest().await?;
-    let times = store.job_times().await?;
+    let stages = costs(store, sources).await?;
     let sampled = sources.problem.sampled();
     let best = summary::best(sources).map(|(_, design)| design);
     let optima = sources.optima.iter().map(|row| optimum(sources, row));
     Ok(ProblemReport {
-        header: header(sources, digest, &times),
+        header: header(sources, digest, stages),
         summary,
         response: sampled.name.to_string(),
         unit: sampled.unit.to_string(),

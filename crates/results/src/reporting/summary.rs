@@ -7,6 +7,7 @@ use report::{Margin, NamedValue, Recommended, Summary};
 use stages::optima::{approach_of, optimum_design};
 use store::OptimumRow;
 
+use super::called;
 use super::optima::report_approach;
 use super::sources::Sources;
 use crate::percentile::percentile;
@@ -117,7 +118,7 @@ fn recommended(
         percentile: percentile(sampling, fresh.map_or(&[][..], Vec::as_slice)),
         variables: variables
             .map(|(variable, value)| NamedValue {
-                name: variable.name.to_string(),
+                name: called(sources, &variable.name),
                 unit: variable.unit.to_string(),
                 value: *value,
             })
@@ -156,8 +157,11 @@ fn inputs(sources: &Sources) -> Vec<(String, String)> {
     }
     let ranges = problem.coordinates().iter().map(|coordinate| {
         let [low, high] = coordinate.range;
-        let range = format!("{low} to {high} {}", coordinate.unit);
-        (coordinate.name.to_string(), range.trim_end().to_owned())
+        let range = format!("{low} to {high} {}", coordinate.unit).replace('-', "−");
+        (
+            called(sources, &coordinate.name),
+            range.trim_end().to_owned(),
+        )
     });
     inputs.extend(ranges.map(|(name, range)| (format!("Range of {name}"), range)));
     inputs

@@ -11,7 +11,7 @@ use sqlx::Connection as _;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection, SqliteJournalMode};
 use store::{
     Batch, DesignRow, Error, FailureKind, FailureRow, JobTimeRow, ModelRow, OptimiserRunRow,
-    OptimumRow, ResponseRow, SampleRow, Store, VerifyRow,
+    OptimumRow, ResponseRow, SampleRow, StageTimeRow, Store, VerifyRow,
 };
 
 use crate::evaluations::{self, evaluation};
@@ -148,12 +148,33 @@ async fn every_released_schema_is_brought_up_to_date() {
         holds_every_row(&store).await;
         holds_rounds(&store, schema >= 3).await;
         holds_evaluations(&store, schema >= 10).await;
+        holds_stage_times(&store, schema >= 11).await;
         store.close().await.unwrap();
         // The store needs only one migration, and can now be opened for reading.
         let store = Store::open_read_only(&path).await.unwrap();
         holds_every_row(&store).await;
         holds_rounds(&store, schema >= 3).await;
         holds_evaluations(&store, schema >= 10).await;
+    }
+}
+
+/// A store of a former schema has none, and takes them.
+async fn holds_stage_times(store: &Store, has_any: bool) {
+    let held = store.stage_times().await.unwrap();
+    if has_any {
+        assert_eq!(held, [stage_time(2.5)]);
+    } else {
+        assert_eq!(held, []);
+        store.put_stage_time(&stage_time(1.0)).await.unwrap();
+        store.put_stage_time(&stage_time(2.5)).await.unwrap();
+        assert_eq!(store.stage_times().await.unwrap(), [stage_time(2.5)]);
+    }
+}
+
+fn stage_time(wall_seconds: f64) -> StageTimeRow {
+    StageTimeRow {
+        stage: "sample".into(),
+        wall_seconds,
     }
 }
 
@@ -379,6 +400,7 @@ async fn makes_the_fixture() {
     evaluations::put(&store, 7, vec![evaluation(7)])
         .await
         .unwrap();
+    store.put_stage_time(&stage_time(2.5)).await.unwrap();
     store.pin_model_digest("abc").await.unwrap();
     store.close().await.unwrap();
     std::fs::copy(&path, fixture(newest_migration())).unwrap();

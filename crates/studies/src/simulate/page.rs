@@ -47,8 +47,10 @@ pub fn write_page(
     let page = page(subject, simulation, figures, &pair, &curves);
     for (name, chart) in [
         ("section.svg", report::chart_gears(&page.drawing)?),
+        ("axonometric.svg", report::chart_solid(&page.drawing)?),
         ("ste.svg", report::chart_ste(&page.ste)?),
         ("pressure.svg", report::chart_pressure(&page.pressure)?),
+        ("contact.svg", report::chart_contact(&page.contact)?),
     ] {
         table::write(out, name, chart)?;
     }
@@ -207,6 +209,11 @@ fn page(
             place_mm: curves.pitch_distances(),
             unworn_mpa,
             worn_mpa,
+        },
+        contact: {
+            let wear = subject.file.wear.to_gear();
+            let is_worn = subject.request.wear != WearChoice::None;
+            reporting::contact(pair, is_worn.then_some(&wear))
         },
         wear: (!curves.depth_um.is_empty()).then(|| WearProfiles {
             subject: format!(

@@ -1,0 +1,92 @@
+//! How long each stage takes.
+
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+use store::{StageTimeRow, Store};
+
+/// What a stage took is stored this often while it lasts, so that a coordinator that is killed loses no more.
+const STORED_EVERY: Duration = Duration::from_secs(60);
+
+/// Measures the stages of a campaign, on top of what earlier coordinators measured.
+pub(crate) struct Stopwatch {
+    store: Store,
+    /// Seconds by stage, as stored.
+    stored: BTreeMap<String, f64>,
+    /// The present stage, and when what it took was stored last.
+    running: Option<(&'static str, Instant)>,
+}
+
+impl Stopwatch {
+    /// A stopwatch that stands.
+    pub(crate) async fn new(store: &Store) -> Result<Self, store::Error> {
+        let rows = store.stage_times().await?.into_iter();
+        Ok(Self {
+            store: store.clone(),
+            stored: rows.map(|row| (row.stage, row.wall_seconds)).collect(),
+            running: None,
+        })
+    }
+
+    /// Says which stage goes on from now on; none stops the watch.
+    pub(crate) async fn enter(&mut self, stage: Option<&'static str>) -> Result<(), store::Error> {
+        let now = Instant::now();
+        if let Some((last, since)) = self.running {
+            let elapsed = now - since;
+            if stage == Some(last) && elapsed < STORED_EVERY {
+                return Ok(());
+            }
+            let held = self.stored.entry(last.to_owned()).or_default();
+            *held += elapsed.as_secs_f64();
+            let row = StageTimeRow {
+                stage: last.to_owned(),
+                wall_seconds: *held,
+            };
+            self.store.put_stage_time(&row).await?;
+        }
+        self.running = stage.map(|stage| (stage, now));
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use campaign::Campaign;
+    use store::CampaignRow;
+
+    use super::*;
+
+    #[tokio::test]
+    async fn stages_add_up_over_coordinators() {
+        let folder = tempfile::tempdir().unwrap();
+        let campaign = CampaignRow {
+            name: "paper".to_owned(),
+            file_text: Campaign::PAPER.to_owned(),
+            digest: "0".to_owned(),
+            seed: 1,
+            program_version: "0".to_owned(),
+            model_digest: None,
+        };
+        let path = folder.path().join("s.db");
+        let store = Store::create_or_open(&path, &campaign).await.unwrap();
+        let held = StageTimeRow {
+            stage: "sample".to_owned(),
+            wall_seconds: 5.0,
+        };
+        store.put_stage_time(&held).await.unwrap();
+        let mut watch = Stopwatch::new(&store).await.unwrap();
+        for stage in [Some("doe"), Some("sample"), Some("sample"), None, None] {
+            watch.enter(stage).await.unwrap();
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+        let times = store.stage_times().await.unwrap();
+        let [doe, sample] = &times[..] else {
+            panic!("{times:?}");
+        };
+        assert_eq!((&*doe.stage, &*sample.stage), ("doe", "sample"));
+        // Twenty milliseconds each at least; sleeping may take longer on a machine that is busy.
+        assert!(doe.wall_seconds >= 0.02, "{times:?}");
+        assert!(sample.wall_seconds >= 5.04, "{times:?}");
+        store.close().await.unwrap();
+    }
+}

@@ -1,0 +1,108 @@
+//! What the stages of a campaign cost.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use ledger::Kind::{Design, Point, Run};
+use report::StageCost;
+use stages::cost::infill_seconds;
+use stages::names;
+use store::{JobTimeRow, StageTimeRow};
+
+/// What the store says of times.
+pub(crate) struct Times {
+    /// CPU time by unit.
+    pub(crate) jobs: Vec<JobTimeRow>,
+    /// Wall time by stage.
+    pub(crate) stages: Vec<StageTimeRow>,
+    /// CPU time of the fit, s.
+    pub(crate) fit: f64,
+    /// CPU time of the decisions of rounds, s, and the infill points' numbers; none without an enrichment.
+    pub(crate) enrichment: Option<(f64, BTreeSet<u64>)>,
+}
+
+impl Times {
+    /// Wall and CPU time of each stage, in their order; what is not known is NaN.
+    pub(crate) fn stages(&self) -> Vec<StageCost> {
+        let mut kinds: BTreeMap<_, f64> = BTreeMap::new();
+        for time in &self.jobs {
+            if let Some((kind, _)) = names::timed(time.job) {
+                *kinds.entry(kind).or_default() += time.cpu_seconds;
+            }
+        }
+        let seconds = |kind| kinds.get(&kind).copied().unwrap_or(0.0);
+        let (deciding, infill) = match &self.enrichment {
+            Some((deciding, numbers)) => (*deciding, infill_seconds(&self.jobs, numbers)),
+            None => (0.0, 0.0),
+        };
+        let all = [
+            ("doe", f64::NAN),
+            ("sample", seconds(Design)),
+            ("fit", self.fit),
+            ("optimise", seconds(Run)),
+            ("enrich", infill + deciding),
+            ("verify", seconds(Point) - infill),
+        ];
+        all.into_iter()
+            .filter(|(name, _)| self.enrichment.is_some() || *name != "enrich")
+            .map(|(name, cpu_seconds)| StageCost {
+                stage: name.to_owned(),
+                wall_seconds: wall_seconds(&self.stages, name).unwrap_or(f64::NAN),
+                cpu_seconds,
+            })
+            .collect()
+    }
+}
+
+/// How long a stage took; `None` in stores of earlier versions and before it began.
+pub(crate) fn wall_seconds(times: &[StageTimeRow], stage: &str) -> Option<f64> {
+    let time = times.iter().find(|time| time.stage == stage);
+    time.map(|time| time.wall_seconds)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn infill_points_count_for_the_enrichment() {
+        let job = |kind: u64, stream: u64, cpu_seconds| JobTimeRow {
+            job: kind << 56 | stream << 24,
+            cpu_seconds,
+        };
+        let mut times = Times {
+            jobs: vec![
+                job(2, 0, 1.0),
+                job(2, 1, 2.0),
+                job(3, 4, 4.0),
+                job(3, 5, 8.0),
+                job(1, 0, 16.0),
+            ],
+            stages: vec![StageTimeRow {
+                stage: "sample".to_owned(),
+                wall_seconds: 1.5,
+            }],
+            fit: 0.25,
+            enrichment: Some((0.5, BTreeSet::from([5]))),
+        };
+        let of = |times: &Times| -> Vec<(String, f64)> {
+            let stages = times.stages().into_iter();
+            let known = stages.filter(|stage| stage.cpu_seconds.is_finite());
+            known.map(|s| (s.stage, s.cpu_seconds)).collect()
+        };
+        let named = |name: &str, seconds| (name.to_owned(), seconds);
+        let [sample, fit, optimise] = [("sample", 3.0), ("fit", 0.25), ("optimise", 16.0)]
+            .map(|(name, seconds)| named(name, seconds));
+        let expected = [
+            sample,
+            fit,
+            optimise,
+            named("enrich", 8.5),
+            named("verify", 4.0),
+        ];
+        assert_eq!(of(&times), expected);
+        assert_eq!(times.stages()[1].wall_seconds, 1.5);
+        assert!(times.stages()[2].wall_seconds.is_nan());
+        times.enrichment = None;
+        assert_eq!(of(&times).last(), Some(&named("verify", 12.0)));
+    }
+}
