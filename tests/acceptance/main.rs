@@ -21,6 +21,7 @@ mod problems;
 mod resuming;
 mod security;
 mod shipped;
+mod slurm;
 mod stability;
 mod stopping;
 mod studies;

@@ -23,6 +23,8 @@ use registering::Registered;
 
 /// How long the answer to a call may take before it counts as lost.
 const CALL_TIMEOUT: Duration = Duration::from_secs(20);
+/// How long the coordinator may be silent before the worker says so.
+const SILENCE: Duration = Duration::from_secs(10);
 
 /// The part of the grace period for which jobs may go on as if nothing had happened.
 const PATIENT_PART: f64 = 0.8;

@@ -15,7 +15,7 @@ use tokio_util::sync::CancellationToken;
 use tracing::{debug, info, warn};
 
 use super::registering::Registered;
-use super::{CALL_TIMEOUT, End, Shared};
+use super::{CALL_TIMEOUT, End, SILENCE, Shared};
 use crate::backoff::Backoff;
 use crate::error::Error;
 use crate::held::Lease;
@@ -41,9 +41,6 @@ const BYTES_PER_REPORT: usize = 1 << 20;
 const FEWEST_BYTES: usize = 1 << 14;
 /// The slowest line over which results pass, bytes per second.
 const SLOWEST_LINE: f64 = 1e4;
-
-/// How long the coordinator may be silent before the worker says so.
-const SILENCE: Duration = Duration::from_secs(10);
 
 /// Leases work and hands it to the compute threads.
 pub(super) async fn lease(shared: Arc<Shared>, pool: rayon::ThreadPool) -> Result<End, Error> {
