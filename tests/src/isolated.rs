@@ -5,8 +5,12 @@ use std::fs::File;
 use std::io::{BufRead as _, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
 
 use crate::{Sandbox, programs, root, skipped};
+
+/// How long a script may take to end.
+const LAST_MOMENTS: Duration = Duration::from_secs(20);
 
 /// What a script of `tests/deploy` started, in namespaces of its own.
 #[derive(Debug)]
@@ -100,8 +104,31 @@ impl Isolated {
 
 impl Drop for Isolated {
     fn drop(&mut self) {
+        // At the end of its input a script clears what outlives its processes, such as control groups.
+        drop(self.child.stdin.take());
+        let since = Instant::now();
+        while since.elapsed() < LAST_MOMENTS && matches!(self.child.try_wait(), Ok(None)) {
+            std::thread::sleep(Duration::from_millis(20));
+        }
         // The kernel ends all processes of a namespace with its first one.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
+}
+
+/// The commands of a section of `deploy/README.md`: its indented lines.
+///
+/// # Panics
+///
+/// When there is no such section, or it has none.
+#[must_use]
+pub fn documented(section: &str) -> String {
+    let text = std::fs::read_to_string(root().join("deploy/README.md")).expect("it is shipped");
+    let heading = format!("## {section}\n");
+    let (_, rest) = text.split_once(&heading).expect("the section");
+    let section = rest.split("\n## ").next().unwrap_or(rest);
+    let lines = section.lines().filter_map(|line| line.strip_prefix("    "));
+    let commands: String = lines.map(|line| format!("{line}\n")).collect();
+    assert!(!commands.is_empty(), "{heading} has no commands");
+    commands
 }
