@@ -37,7 +37,7 @@ done
 (
     for group in "${groups[@]}"; do echo $BASHPID >"$group/cgroup.procs"; done
     exec setpriv --reuid 1000 --regid 1000 --clear-groups \
-        env -i PATH="$PATH" HOME="$dir/home" XDG_RUNTIME_DIR=/run/user/1000 SYSTEMD_LOG_LEVEL=info \
+        env -i PATH="$PATH" HOME="$dir/home" XDG_RUNTIME_DIR=/run/user/1000 XDG_STATE_HOME="$dir/home/.config" \
         /lib/systemd/systemd --user --unit=basic.target --log-target=console --default-standard-output=inherit
 ) </dev/null >"$dir/manager.log" 2>&1 &
 manager=$!
