@@ -21,6 +21,7 @@ fn three_lines_start_a_worker_on_another_machine() {
     let typed = format!(
         "set -e
          coordinator serve my.toml --db my.db & coordinator=$!
+         trap 'kill $coordinator 2>/dev/null || true' EXIT
          until [ -e ~/.local/state/pitchline/my.access ]; do sleep 0.1; kill -0 $coordinator; done
          {commands}
          wait $coordinator"
