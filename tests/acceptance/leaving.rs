@@ -128,6 +128,29 @@ fn a_worker_whose_coordinator_is_gone_says_so_and_leaves() {
     assert!(said.contains("the coordinator does not answer"), "{said}");
 }
 
+/// A worker that comes too late, or too early, holds a node of a cluster meanwhile.
+#[test]
+fn a_worker_that_waits_for_its_first_coordinator_says_so_and_leaves() {
+    let sandbox = Sandbox::new();
+    let place = Place::long(&sandbox);
+    // A batch script has options of its own; those of its user come after them, and count.
+    let patience = ["--connect-timeout", "600", "--connect-timeout", "12"];
+    let none = [&["--access", "none.access"], &patience[..]].concat();
+    let early = sandbox.start("worker", &none);
+    let coordinator = place.serve(&[]);
+    sandbox.wait_for(DB, "a store", |_| true);
+    coordinator.kill();
+    let late = place.worker(&patience);
+    for (worker, expected) in [
+        (early, "waiting for a coordinator's access file"),
+        (late, "the coordinator does not answer"),
+    ] {
+        let (status, said) = worker.finish();
+        assert_eq!(status.code(), Some(11), "{said}");
+        assert!(said.contains(expected), "{said}");
+    }
+}
+
 /// A finished coordinator with `--keep-serving` ends when it is drained, as its message says.
 #[test]
 fn a_finished_coordinator_that_keeps_serving_can_be_drained() {

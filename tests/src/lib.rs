@@ -9,6 +9,7 @@
 pub mod browser;
 pub mod chaos;
 pub mod http;
+pub mod isolated;
 
 use std::io::Read as _;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};

@@ -24,8 +24,9 @@ pub(crate) use self::studies::{
 };
 
 /// Plans a Monte Carlo campaign of gear designs, leases its jobs to workers, and writes the report.
+// Batch scripts append the user's options to their own: the last one counts.
 #[derive(Debug, Parser)]
-#[command(version = identity::BUILD, after_help = console::help_footer())]
+#[command(version = identity::BUILD, after_help = console::help_footer(), args_override_self = true)]
 pub(crate) struct Arguments {
     /// The format of the log
     #[arg(long, value_enum, default_value_t, global = true)]

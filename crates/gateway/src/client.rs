@@ -4,6 +4,8 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use tracing::warn;
+
 use crate::access::{self, Access, AccessError};
 use crate::dial::Dial;
 use crate::error::Error;
@@ -13,6 +15,8 @@ use crate::token::Role;
 
 /// Interval at which a waiting program checks for an access file.
 const LOOKING_PERIOD: Duration = Duration::from_millis(100);
+/// After how long such a program says that it waits.
+const SILENCE: Duration = Duration::from_secs(10);
 
 /// Options for reaching a coordinator, to be used with `#[command(flatten)]`.
 #[derive(Debug, Clone, Default, clap::Args)]
@@ -62,9 +66,18 @@ impl Reach {
     /// See [`Reach::link`].
     pub async fn link_within(&self, role: Role, patience: Duration) -> Result<Link, Error> {
         let since = Instant::now();
+        let mut has_complained = false;
         loop {
             match self.link(role) {
-                Err(Error::NoAccess { .. }) if since.elapsed() < patience => {
+                Err(Error::NoAccess { place }) if since.elapsed() < patience => {
+                    if since.elapsed() > SILENCE && !has_complained {
+                        has_complained = true;
+                        let leaving_in = patience.saturating_sub(since.elapsed()).as_secs();
+                        warn!(
+                            leaving_in,
+                            "waiting for a coordinator's access file {place}"
+                        );
+                    }
                     tokio::time::sleep(LOOKING_PERIOD).await;
                 }
                 result => return result,

@@ -15,8 +15,9 @@ use tokio_util::sync::CancellationToken;
 use worker::{Options, SimulatorArguments, Summary, Worker};
 
 /// Leases jobs from a coordinator, simulates, and reports the results.
+// Batch scripts and service files append the user's options to their own: the last one counts.
 #[derive(Debug, Parser)]
-#[command(version = identity::BUILD, after_help = console::help_footer())]
+#[command(version = identity::BUILD, after_help = console::help_footer(), args_override_self = true)]
 struct Arguments {
     /// The format of the log
     #[arg(long, value_enum, default_value_t)]

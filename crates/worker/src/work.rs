@@ -26,6 +26,8 @@ use registering::Registered;
 const FIRST_HEARTBEAT: Duration = Duration::from_secs(1);
 /// Time limit of a call.
 const CALL_TIMEOUT: Duration = Duration::from_secs(20);
+/// How long the coordinator may be silent before the worker says so.
+const SILENCE: Duration = Duration::from_secs(10);
 
 /// Share of the grace period during which jobs continue as usual.
 const PATIENT_PART: f64 = 0.8;

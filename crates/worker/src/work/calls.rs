@@ -15,7 +15,7 @@ use tokio_util::sync::CancellationToken;
 use tracing::{debug, info, warn};
 
 use super::registering::Registered;
-use super::{CALL_TIMEOUT, End, Shared};
+use super::{CALL_TIMEOUT, End, SILENCE, Shared};
 use crate::backoff::Backoff;
 use crate::error::Error;
 use crate::held::Lease;
@@ -41,9 +41,6 @@ const BYTES_PER_REPORT: usize = 1 << 20;
 const FEWEST_BYTES: usize = 1 << 14;
 /// Speed of the slowest supported connection, in bytes per second.
 const SLOWEST_LINE: f64 = 1e4;
-
-/// Time without an answer of the coordinator after which the worker logs it.
-const SILENCE: Duration = Duration::from_secs(10);
 
 /// Requests leases and starts them on the compute threads.
 pub(super) async fn lease(shared: Arc<Shared>, pool: rayon::ThreadPool) -> Result<End, Error> {

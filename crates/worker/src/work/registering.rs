@@ -7,7 +7,7 @@ use campaign::Campaign;
 use campaign::formulation::Problem;
 use gateway::link::cause;
 use protocol::v2::RegisterRequest;
-use tracing::{debug, info};
+use tracing::{debug, info, warn};
 
 use super::{CALL_TIMEOUT, Shared};
 use crate::backoff::Backoff;
@@ -35,6 +35,7 @@ impl Shared {
             options.give_up_after
         };
         let since = Instant::now();
+        let mut has_complained = false;
         let mut backoff = Backoff::new();
         let url = self.connection.url();
         loop {
@@ -102,6 +103,11 @@ impl Shared {
                 Err(_) => "no answer in time".to_owned(),
             };
             debug!(%reason, "registering failed");
+            if since.elapsed() > super::SILENCE && !has_complained {
+                has_complained = true;
+                let leaving_in = patience.saturating_sub(since.elapsed()).as_secs();
+                warn!(%url, leaving_in, "the coordinator does not answer");
+            }
             if since.elapsed() > patience {
                 return Err(if first {
                     gateway::Error::Unreachable { url, reason }

@@ -1,0 +1,156 @@
+//! The image and the cluster under `deploy/docker`, with Debian's own Docker.
+
+use std::os::unix::fs::MetadataExt as _;
+use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use acceptance::isolated::Isolated;
+use acceptance::{Sandbox, assert_code, errors, printed, programs, root, skipped};
+
+/// What the image may take, in bytes.
+const LARGEST: u64 = 60_000_000;
+
+struct Engine<'s> {
+    sandbox: &'s Sandbox,
+    daemon: Isolated,
+}
+
+impl Engine<'_> {
+    /// Runs a command where the engine is; a machine may have another Docker, too.
+    fn run(&self, command: &[&str]) -> String {
+        let host = self.sandbox.path("engine/docker.sock");
+        let host = format!("DOCKER_HOST=unix://{}", host.display());
+        let environment = [
+            "env",
+            &host,
+            "PATH=/usr/sbin:/usr/bin:/sbin:/bin",
+            "DOCKER_BUILDKIT=1",
+            "CAMPAIGN=quick.toml",
+        ];
+        let command = [&environment, command].concat();
+        let output = self.daemon.run(self.sandbox, &command);
+        assert!(
+            output.status.success(),
+            "{command:?}: {}{}",
+            printed(&output),
+            errors(&output)
+        );
+        printed(&output)
+    }
+
+    fn compose(&self, arguments: &[&str]) -> String {
+        let file = root().join("deploy/docker/compose.yaml");
+        let file = file.to_str().expect("UTF-8");
+        let compose = ["docker-compose", "--file", file, "--project-name=test"];
+        self.run(&[&compose, arguments].concat())
+    }
+}
+
+/// Debian as in the image of that name, as far as the Dockerfile needs it; nothing where no Debian
+/// packages can be had.
+fn debian(sandbox: &Sandbox) -> Option<String> {
+    let archive = sandbox.path("debian.tar").display().to_string();
+    let packages = "base-files,libc6,libc-bin,libgcc-s1,bash,dash,coreutils,grep,findutils";
+    let made = Command::new("mmdebstrap")
+        .args(["--quiet", "--variant=extract", "--mode=root"])
+        .arg(format!("--include={packages}"))
+        .arg("--customize-hook=ln -sf dash \"$1/bin/sh\"")
+        .args(["bookworm", &archive])
+        .output()
+        .expect("mmdebstrap runs");
+    if made.status.success() {
+        return Some(archive);
+    }
+    skipped(&format!("no Debian packages: {}", errors(&made).trim()));
+    None
+}
+
+/// Copies both programs without their symbols; returns how many bytes that makes.
+fn strip_into(from: &Path, to: &Path) -> u64 {
+    let sizes = ["coordinator", "worker"].map(|program| {
+        let copy = to.join(program);
+        let strip = Command::new("strip")
+            .arg("-o")
+            .args([&copy, &from.join(program)])
+            .status();
+        assert!(strip.expect("strip runs").success(), "{}", from.display());
+        std::fs::metadata(copy).expect("it was written").len()
+    });
+    sizes.iter().sum()
+}
+
+#[test]
+fn containers_with_two_workers_give_the_samples_of_a_local_run() {
+    let sandbox = Sandbox::new();
+    let Some(daemon) = Isolated::start("docker.sh", &sandbox.path("engine"), &[]) else {
+        return;
+    };
+    let engine = Engine {
+        sandbox: &sandbox,
+        daemon,
+    };
+    let Some(archive) = debian(&sandbox) else {
+        return;
+    };
+    engine.run(&["docker", "import", &archive, "debian:bookworm-slim"]);
+    // The programs under test stand in for those that the image would compile for ten minutes.
+    std::fs::create_dir_all(sandbox.path("context/dist")).unwrap();
+    let context = sandbox.path("context");
+    let programs_size = strip_into(&programs(), &context.join("dist"));
+    let file = root().join("deploy/docker/Dockerfile");
+    let file = file.to_str().unwrap();
+    let context = context.display().to_string();
+    let build = ["docker", "build", "--tag=pitchline:0.1.0", "--file", file];
+    let ready = ["--build-arg=PROGRAMS=ready", context.as_str()];
+    engine.run(&[&build[..], &ready].concat());
+    let inspect = ["docker", "image", "inspect", "pitchline:0.1.0"];
+    let size = engine.run(&[&inspect[..], &["--format={{.Size}}"]].concat());
+    let size: u64 = size.trim().parse().unwrap();
+    let around = size - programs_size;
+    assert!(around < LARGEST / 10, "{around} bytes besides the programs");
+    // Programs with fail points and little optimisation are larger than those that are shipped.
+    if let Some(shipped) = std::env::var_os("PITCHLINE_SHIPPED") {
+        let size = around + strip_into(Path::new(&shipped), &sandbox.path("."));
+        assert!(size < LARGEST, "the image has {size} bytes");
+    }
+
+    engine.compose(&["up", "--no-build", "--detach", "--scale", "worker=2"]);
+    // A coordinator that is killed is started again.
+    let coordinator = engine.compose(&["ps", "--quiet", "coordinator"]);
+    let coordinator = coordinator.trim();
+    let inside = "until [ -e data/campaign.db ]; do :; done; kill -9 -1";
+    engine.run(&["docker", "exec", coordinator, "sh", "-c", inside]);
+    let state = ["docker", "inspect", coordinator, "--format"];
+    let since = Instant::now();
+    let ended = "{{.RestartCount}} {{.State.Status}} {{.State.ExitCode}}";
+    loop {
+        let now = engine.run(&[&state[..], &[ended]].concat());
+        if now.trim() == "1 exited 0" {
+            break;
+        }
+        assert!(since.elapsed() < Duration::from_secs(90), "{now}");
+        std::thread::sleep(Duration::from_millis(200));
+    }
+    let workers = engine.compose(&["ps", "--quiet", "worker"]);
+    assert_eq!(workers.lines().count(), 2, "{workers}");
+    let workers: Vec<_> = workers.lines().collect();
+    let codes = engine.run(&[&["docker", "wait"], &workers[..]].concat());
+    assert_eq!(codes, "0\n0\n");
+    // The volume is the user's, and nobody else's.
+    let volume = sandbox.path("engine/data/volumes/test_data/_data");
+    let owner = std::fs::metadata(&volume).unwrap();
+    assert_eq!((owner.uid(), owner.mode() & 0o777), (1000, 0o700));
+    assert!(volume.join("report/report.html").exists());
+
+    let quick = root().join("campaigns/quick.toml");
+    let quick = quick.to_str().unwrap();
+    assert_code(&sandbox.coordinator(&["run", quick, "--db", "local.db"]), 0);
+    let store = volume.join("campaign.db");
+    let served = sandbox.status(store.to_str().unwrap()).unwrap();
+    let local = sandbox.status("local.db").unwrap();
+    assert_eq!(served["finished"], true, "{served}");
+    assert_eq!(served["samples_digest"], local["samples_digest"]);
+    assert_eq!(served["failures"], 0, "{served}");
+    engine.compose(&["down", "--volumes"]);
+}
