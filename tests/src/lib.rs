@@ -404,7 +404,7 @@ impl Drop for Running {
 }
 
 /// Reports that a test could not be run here, and why.
-#[expect(clippy::print_stderr, reason = "for whoever reads the tests' output")]
+#[expect(clippy::print_stderr, reason = "for readers of the tests' output")]
 pub fn skipped(why: &str) {
     eprintln!("skipped: {why}");
 }

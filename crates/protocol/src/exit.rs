@@ -43,7 +43,7 @@ pub const NOT_SIMULABLE: u8 = 15;
 pub const TABLE: [(u8, &str); 16] = [
     (OK, "everything went well"),
     (FAILURE, "something that has no code of its own"),
-    (USAGE, "the command line makes no sense"),
+    (USAGE, "the command line is wrong"),
     (
         BAD_FILE,
         "an input file is wrong; the message names file, line, and key or column",
@@ -62,7 +62,7 @@ pub const TABLE: [(u8, &str); 16] = [
     (STORE_LOCKED, "another coordinator has the store open"),
     (
         CANNOT_LISTEN,
-        "the address to listen on is taken or not to be had",
+        "the listen address is in use or cannot be bound",
     ),
     (UNREACHABLE, "no coordinator answers; trying again may help"),
     (

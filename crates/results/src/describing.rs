@@ -153,7 +153,7 @@ fn describe_live(live: &Live, text: &mut String) {
             set_aside,
             samples_per_second,
         } = worker;
-        let aside = if *set_aside { ", set aside" } else { "" };
+        let aside = if *set_aside { ", suspended" } else { "" };
         let _ = writeln!(
             text,
             "worker          {host}: {slots} slots, {leased} jobs, {completed} done, {failed} \

@@ -346,7 +346,7 @@ mod tests {
         held.finish(id(7));
         assert!(
             !held.take(&lease(7, 1.0)),
-            "its result is still to be handed in"
+            "its result is still to be reported"
         );
         assert_eq!((held.computing(), held.unacknowledged()), (0, 1));
         let (results, bytes) = held.results(ANY);
@@ -449,7 +449,7 @@ mod tests {
         assert_eq!(held.computing(), 1, "the one that waited is gone");
         held.finish(id(1));
         assert_eq!(held.computing(), 0);
-        assert_eq!(held.unacknowledged(), 1, "what is finished is handed in");
+        assert_eq!(held.unacknowledged(), 1, "what is finished is reported");
     }
 
     #[test]

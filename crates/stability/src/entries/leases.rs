@@ -23,7 +23,7 @@ pub(super) const ENTRIES: [Entry; 6] = [
         id: "lease-replaced-worker",
         title: "A worker that wakes when another has its samples",
         input: "The same, and a second worker has begun with the samples before the first one wakes",
-        instead: "Both may go on, at most two at a time; whoever delivers first wins, and the other is told that nobody \
+        instead: "Both may go on, at most two at a time; the first delivery counts, and the other is told that nobody \
                   needs its lease.",
         check: replaced_worker,
         ..Entry::blank(Method::Leases)

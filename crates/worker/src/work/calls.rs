@@ -318,7 +318,7 @@ pub(super) async fn report(shared: Arc<Shared>, stop: CancellationToken) {
             failed => {
                 match &failed {
                     Ok(Err(status)) => {
-                        debug!(reason = %cause(status), "handing in results failed");
+                        debug!(reason = %cause(status), "reporting results failed");
                     }
                     _ => most = (most / 2).max(FEWEST_BYTES),
                 }
