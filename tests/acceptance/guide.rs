@@ -322,6 +322,8 @@ pages_run! {
     slurm "slurm.md"
     store "store.md"
     studies "studies.md"
+    scale "scale.md"
+    shards "shards.md"
     systemd "systemd.md"
     tables "tables.md"
     watching "watching.md"
