@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
 use campaign::formulation::Problem;
-use campaign::task::{Inputs, Source, compute};
+use campaign::task::{Inputs, Output, Source, compute};
 use campaign::{Campaign, probe};
 use coordinator::board::Board;
 use coordinator::compute::thread_seconds;
@@ -194,7 +194,7 @@ async fn run(own: &Campaign, out: &Path, load: &Load) -> anyhow::Result<Ran> {
     })
 }
 
-/// Returns `count` random simulable designs; at most [`TIMED`] different ones, repeated.
+/// Returns `count` random designs that get samples; at most [`TIMED`] different ones, repeated.
 fn points(problem: &Problem, count: usize) -> anyhow::Result<Vec<Vec<f64>>> {
     let mut rng = stream(problem.campaign().seed, Purpose::Test, 6, 0);
     let mut found: Vec<Vec<f64>> = Vec::new();
@@ -204,26 +204,34 @@ fn points(problem: &Problem, count: usize) -> anyhow::Result<Vec<Vec<f64>>> {
         }
         let unit: Vec<f64> = (0..problem.dimension()).map(|_| rng.random()).collect();
         let x = problem.free_point(&unit);
-        let gears = problem.gears();
-        let design = problem.design(&x, problem.base());
-        if gears.is_none_or(|gears| gears.pair(&design).is_ok()) {
+        let source = Source::Design(problem.design(&x, problem.base()));
+        let is_sampled = || {
+            let output = compute(problem, &design_unit(0, 1), &source);
+            matches!(output, Ok(Output::Design { samples_um, .. }) if !samples_um.is_empty())
+        };
+        if problem.gears().is_none() || is_sampled() {
             found.push(x);
         }
     }
-    anyhow::ensure!(!found.is_empty(), "no random design can be simulated");
+    anyhow::ensure!(!found.is_empty(), "no random design gets samples");
     Ok(found.iter().cycle().take(count).cloned().collect())
+}
+
+/// The first samples of a design.
+fn design_unit(design: u32, samples: u32) -> Unit {
+    Unit {
+        stream: StreamId::design(design),
+        generation: Generation::default(),
+        samples: 0..samples,
+    }
 }
 
 /// CPU time of a sample in this thread, in seconds, including its share of the design's analyses.
 fn alone(problem: &Problem, points: &[Vec<f64>]) -> f64 {
     let before = thread_seconds();
     for (design, x) in (0..).zip(points) {
-        let unit = Unit {
-            stream: StreamId::design(design),
-            generation: Generation::default(),
-            samples: 0..PER_DESIGN,
-        };
         let source = Source::Design(problem.design(x, problem.base()));
+        let unit = design_unit(design, PER_DESIGN);
         let _ = std::hint::black_box(compute(problem, &unit, &source));
     }
     (thread_seconds() - before) / (points.len() * PER_DESIGN as usize) as f64
@@ -281,13 +289,13 @@ async fn through(
         exec,
     };
     let mut workers = workers.start(&dial, &stop)?;
-    // The workers' programs have started when the clock starts.
+    // Nothing is wanted yet: the workers register and start their programs before the clock starts.
+    board.open();
     while board.live().workers.len() < workers.len() {
         tokio::time::sleep(ASKED).await;
     }
     let (began, cpu) = (Instant::now(), process_seconds());
     board.want(wanted.collect());
-    board.open();
     while store.progress().await?.samples < count {
         if let Some(ended) = workers.try_join_next() {
             ended.context("a worker")??;
