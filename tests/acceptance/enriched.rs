@@ -8,8 +8,8 @@ use serde_json::Value;
 
 /// Rounds of five points, each long enough for a crash in the middle of it.
 fn campaign(sandbox: &Sandbox) -> PathBuf {
-    let section = "\n[enrichment]\ncriterion = \"expected-quantile-improvement\"\nsamples = 200000\n\
-                   rounds = 3\npoints_per_round = 5\nsamples_per_point = 12000\n\
+    let section = "\n[enrichment]\ncriterion = \"expected-quantile-improvement\"\nsamples = 700000\n\
+                   rounds = 3\npoints_per_round = 5\nsamples_per_point = 40000\n\
                    tolerance_um = 0.001\n";
     sandbox.write("enriched.toml", &(small_campaign(80, 10) + section))
 }
