@@ -164,8 +164,13 @@ impl Campaign {
         // Something valid, until the choice is made.
         this.sampling.samples_per_design = 30;
         this.validate(source)?;
-        let choice = choice(&this)
-            .map_err(|why| source.refuse("accuracy.tolerance_um", this.tolerance_um(), why))?;
+        let choice = choice(&this).map_err(|why| {
+            source.refuse(
+                "accuracy.tolerance_um",
+                format_args!("{}", this.tolerance_um().unwrap_or_default()),
+                why,
+            )
+        })?;
         let Some(choice) = choice else {
             return Ok(this);
         };
@@ -390,7 +395,7 @@ mod tests {
     #[test]
     fn a_smaller_tolerance_costs_more_and_is_kept() {
         let mut last = 0.0;
-        for tolerance_um in [0.4, 0.1, 0.04] {
+        for tolerance_um in [0.4, 0.1, 0.05] {
             let campaign = parse(&text(tolerance_um));
             let choice = choice(&campaign).unwrap().unwrap();
             assert!(choice.error_um() <= tolerance_um, "{choice}");
@@ -440,7 +445,7 @@ mod tests {
 
     #[test]
     fn an_enrichment_and_manufacture_limit_the_estimators() {
-        let with = |section: &str| choice(&parse(&(text(0.1) + section))).unwrap().unwrap();
+        let with = |section: &str| choice(&parse(&(text(0.2) + section))).unwrap().unwrap();
         let enriched = with(
             "[enrichment]\ncriterion = \"knowledge-gradient\"\nsamples = 1000\nrounds = 5\npoints_per_round = 5\n\
              samples_per_point = 30\ntolerance_um = 0.01\n",

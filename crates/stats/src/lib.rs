@@ -10,7 +10,7 @@
 //!
 //! // Thirty samples, each from a random stream of its own: sums of twelve uniform numbers are nearly normal.
 //! let draw = |sample| {
-//!     let mut rng = stream(1, Purpose::Test, 0, sample);
+//!     let mut rng = stream(2, Purpose::Test, 0, sample);
 //!     (0..12).map(|_| rng.random::<f64>()).sum::<f64>()
 //! };
 //! let samples: Vec<f64> = (0..30).map(draw).collect();

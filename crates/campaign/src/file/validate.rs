@@ -85,7 +85,7 @@ impl Source<'_> {
         {
             Some((key, value)) => Err(self.refuse(
                 &format!("{section}.{key}"),
-                value,
+                format_args!("{value}"),
                 format!("left out beside {chooser}"),
             )),
             None => Ok(()),
