@@ -85,11 +85,11 @@ impl Line {
 
     /// Marks the stage as done, with its duration.
     fn end(self) {
-        let took = format!("done in {}", HumanDuration(self.bar.elapsed()));
-        if let Ok(style) = ProgressStyle::with_template("{prefix:>9} {wide_msg}") {
-            self.bar.set_style(style);
-        }
-        self.bar.finish_with_message(took);
+        let took = HumanDuration(self.bar.elapsed());
+        let line = format!("{:>9} done in {took}", self.bar.prefix());
+        self.bar.finish_and_clear();
+        // Above the next line, and nowhere unless standard error is a terminal.
+        let _ = console::bars().println(line);
     }
 }
 

@@ -8,7 +8,6 @@ use anyhow::Context as _;
 use campaign::file::ControlVariate;
 use campaign::formulation::Problem;
 use campaign::{Approach, Design};
-use enrich::Recommendation;
 use ledger::StreamId;
 use stages::cost::{self, Cost};
 use stages::deciding::Rows;
@@ -165,9 +164,9 @@ impl Steps {
             warn!(%warning, "kriging");
         }
         info!(
-            q2 = summary.q2,
-            rmse_um = summary.rmse_um,
-            cpu_seconds,
+            q2 = rounded(summary.q2),
+            rmse_um = rounded(summary.rmse_um),
+            cpu_seconds = rounded(cpu_seconds),
             "kriging model fitted"
         );
         self.store
@@ -204,10 +203,10 @@ impl Steps {
         info!(
             round = new.row.round + 1,
             points = new.infill.len(),
-            expected_improvement_um = decision.expected_improvement_um,
-            predicted_um = best.map(|best| best.predicted_um),
-            half_width_um = best.map(Recommendation::half_width_um),
-            cpu_seconds,
+            expected_improvement_um = decision.expected_improvement_um.map(rounded),
+            predicted_um = best.map(|best| rounded(best.predicted_um)),
+            half_width_um = best.map(|best| rounded(best.half_width_um())),
+            cpu_seconds = rounded(cpu_seconds),
             "infill decided"
         );
         if let Some(stop) = &decision.stop {
@@ -298,7 +297,7 @@ impl Steps {
         if row.feasible {
             info!(
                 %approach,
-                criterion_um = row.criterion_um,
+                criterion_um = rounded(row.criterion_um),
                 "optimum chosen"
             );
         } else {
@@ -319,4 +318,9 @@ impl Steps {
         let times = self.store.job_times().await?;
         Ok(cost::sampling(&criteria, samples, control, &times))
     }
+}
+
+/// The value to four significant digits, for the log.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.3e}").parse().unwrap_or(value)
 }

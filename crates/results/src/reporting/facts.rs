@@ -19,6 +19,11 @@ pub(super) fn facts(sources: &Sources) -> Vec<(String, String)> {
             let model = sections.pair.tooth_model.clone();
             facts.push(("tooth model".to_owned(), model));
         }
+        if sections.accuracy.is_some() {
+            let grid = sections.grid();
+            let grid = format!("{} cells, {} phases", grid.cells, grid.phases);
+            facts.push(("grid".to_owned(), grid));
+        }
         facts.push(("wear".to_owned(), wear(&sections.wear)));
         if let Some(manufacture) = &sections.manufacture {
             facts.push(("manufacture".to_owned(), manufacture.describe()));
