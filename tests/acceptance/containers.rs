@@ -2,7 +2,7 @@
 
 use std::os::unix::fs::MetadataExt as _;
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Output};
 use std::time::{Duration, Instant};
 
 use acceptance::isolated::Isolated;
@@ -19,6 +19,18 @@ struct Engine<'s> {
 impl Engine<'_> {
     /// Runs a command where the engine is; a machine may have another Docker, too.
     fn run(&self, command: &[&str]) -> String {
+        let output = self.attempt(command);
+        assert!(
+            output.status.success(),
+            "{command:?}: {}{}",
+            printed(&output),
+            errors(&output)
+        );
+        printed(&output)
+    }
+
+    /// Runs a command where the engine is, which may fail.
+    fn attempt(&self, command: &[&str]) -> Output {
         let host = self.sandbox.path("engine/docker.sock");
         let host = format!("DOCKER_HOST=unix://{}", host.display());
         let environment = [
@@ -28,15 +40,8 @@ impl Engine<'_> {
             "DOCKER_BUILDKIT=1",
             "CAMPAIGN=quick.toml",
         ];
-        let command = [&environment, command].concat();
-        let output = self.daemon.run(self.sandbox, &command);
-        assert!(
-            output.status.success(),
-            "{command:?}: {}{}",
-            printed(&output),
-            errors(&output)
-        );
-        printed(&output)
+        self.daemon
+            .run(self.sandbox, &[&environment, command].concat())
     }
 
     fn compose(&self, arguments: &[&str]) -> String {
@@ -120,7 +125,8 @@ fn containers_with_two_workers_give_the_samples_of_a_local_run() {
     let coordinator = engine.compose(&["ps", "--quiet", "coordinator"]);
     let coordinator = coordinator.trim();
     let inside = "until [ -e data/campaign.db ]; do :; done; kill -9 -1";
-    engine.run(&["docker", "exec", coordinator, "sh", "-c", inside]);
+    // It ends with the container, with success or without.
+    let _ = engine.attempt(&["docker", "exec", coordinator, "sh", "-c", inside]);
     let state = ["docker", "inspect", coordinator, "--format"];
     let since = Instant::now();
     let ended = "{{.RestartCount}} {{.State.Status}} {{.State.ExitCode}}";
