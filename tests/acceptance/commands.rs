@@ -351,3 +351,53 @@ fn an_interrupted_campaign_can_be_looked_at() {
     assert!(html.contains("</html>"));
     running.kill();
 }
+
+#[test]
+fn a_campaign_beyond_one_coordinator_is_said_so() {
+    let sandbox = Sandbox::new();
+    for (samples, is_beyond) in [(100, false), (1_000_000, true)] {
+        sandbox.write("large.toml", &small_campaign(2000, samples));
+        let check = sandbox.coordinator(&["check", "large.toml"]);
+        assert_code(&check, 0);
+        let text = printed(&check);
+        let said = text.contains("one coordinator with its store holds about 1e9");
+        assert_eq!(said, is_beyond, "{text}");
+    }
+}
+
+#[test]
+fn a_cluster_is_simulated() {
+    let sandbox = Sandbox::new();
+    let arguments = [
+        "simulate-cluster",
+        "--workers",
+        "5,50",
+        "--sample-seconds",
+        "1",
+    ];
+    let more = [
+        "--failure-hours",
+        "0.05",
+        "--wave-share",
+        "0.3",
+        "--wave-every",
+        "20",
+        "--seconds",
+        "60",
+    ];
+    let output =
+        sandbox.coordinator(&[&arguments[..], &more, &["--out", "out", "--json"]].concat());
+    assert_code(&output, 0);
+    let found: Value = serde_json::from_str(&printed(&output)).expect("one JSON array");
+    let of = |index: usize, key: &str| found[index][key].as_f64().expect("a number");
+    assert!(of(1, "samples") > 3.0 * of(0, "samples"), "{found}");
+    assert!(
+        of(1, "lost_samples") > 0.0 && of(1, "quarantined") == 0.0,
+        "{found}"
+    );
+    let table = std::fs::read_to_string(sandbox.path("out/cluster.csv")).unwrap();
+    assert_eq!(table.lines().count(), 3, "{table}");
+    assert!(sandbox.path("out/cluster.svg").exists());
+    let bad = sandbox.coordinator(&["simulate-cluster", "--sample-seconds", "-1"]);
+    assert_code(&bad, 2);
+}

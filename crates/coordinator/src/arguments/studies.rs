@@ -182,26 +182,27 @@ pub(crate) struct SimulateCluster {
         long,
         value_name = "SECONDS",
         value_delimiter = ',',
-        default_value = "0.001,0.1,1,60,3600"
+        default_value = "0.001,0.1,1,60,3600",
+        value_parser = positive
     )]
     pub(crate) sample_seconds: Vec<f64>,
     /// Jobs that a worker computes at once
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub(crate) slots: u32,
     /// Simulated seconds [default: 20, or the time of five samples]
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", value_parser = positive)]
     pub(crate) seconds: Option<f64>,
     /// Mean hours until a worker fails [default: never]
-    #[arg(long, value_name = "HOURS")]
+    #[arg(long, value_name = "HOURS", value_parser = positive)]
     pub(crate) failure_hours: Option<f64>,
     /// Share of the workers that each wave of preemption takes [default: no waves]
-    #[arg(long, value_name = "SHARE")]
+    #[arg(long, value_name = "SHARE", value_parser = positive)]
     pub(crate) wave_share: Option<f64>,
     /// Seconds between two waves
-    #[arg(long, value_name = "SECONDS", default_value_t = 60.0)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = positive)]
     pub(crate) wave_every: f64,
     /// Seconds until preempted workers are back
-    #[arg(long, value_name = "SECONDS", default_value_t = 30.0)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 30.0, value_parser = positive)]
     pub(crate) wave_away: f64,
     /// Seed of the simulated times and failures
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -218,6 +219,14 @@ pub(crate) struct SimulateCluster {
 pub(crate) struct SleepProgram {
     /// Seconds for each sample
     pub(crate) seconds: f64,
+}
+
+/// Reads a number above zero.
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(number) if number > 0.0 && f64::is_finite(number) => Ok(number),
+        _ => Err("it must be a number above 0".to_owned()),
+    }
 }
 
 fn approach(text: &str) -> Result<String, String> {

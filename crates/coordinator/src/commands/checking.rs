@@ -150,6 +150,7 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
         core_seconds: measured.is_some().then_some(seconds),
     };
     let stages: Vec<Stage> = rows.into_iter().map(stage).collect();
+    let beyond = beyond_one_store((n * k + points * verify) as f64);
     let plan = Plan {
         schema_version: 1,
         file: arguments.campaign.display().to_string(),
@@ -168,12 +169,27 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
         nothing_to_sample: measured
             .filter(|measured| measured.sampled == 0.0)
             .map(|measured| measured.reason),
-        warnings: campaign.warnings(),
+        warnings: campaign.warnings().into_iter().chain(beyond).collect(),
     };
     print_either(arguments.json, &plan, || describe(&plan))?;
     Ok(match plan.nothing_to_sample {
         None => exit::OK,
         Some(_) => exit::NOT_SIMULABLE,
+    })
+}
+
+/// Samples that one store holds well: a store of 10⁸ opens in seconds (`load -- large`), and the time grows in
+/// proportion.
+const STORED: f64 = 1e9;
+
+/// What to do about a campaign with more samples than one coordinator and its store hold well.
+fn beyond_one_store(samples: f64) -> Option<String> {
+    (samples > STORED).then(|| {
+        format!(
+            "the campaign has up to {samples:.1e} samples, and one coordinator with its store holds about \
+             {STORED:.0e}: sampling.control = \"linearised\" or sampling.precision_um needs fewer samples, or make \
+             several campaigns of it with parts of the bounds"
+        )
     })
 }
 
