@@ -262,7 +262,7 @@ impl Problem {
         match &self.kind {
             Formulation::Gears(_) => gears::check_delta_ste(value),
             Formulation::External(_) if value.is_finite() => Ok(()),
-            Formulation::External(_) => Err(format!("is {value}, which is no number")),
+            Formulation::External(_) => Err(format!("is {value}, which is not a number")),
         }
     }
 
@@ -351,9 +351,10 @@ impl Problem {
             Formulation::External(_) => {
                 let mut named = self.responses.iter().zip(responses);
                 match named.find(|(_, value)| !value.is_finite()) {
-                    Some((quantity, value)) => {
-                        Err(format!("{} is {value}, which is no number", quantity.name))
-                    }
+                    Some((quantity, value)) => Err(format!(
+                        "{} is {value}, which is not a number",
+                        quantity.name
+                    )),
                     None => Ok(()),
                 }
             }

@@ -389,7 +389,7 @@ fn analyse<'a>(
     let responses = problem.responses_of(&nominal, &baseline);
     if !responses.iter().all(|response| response.is_finite()) {
         return Err(NoAnswer::Refused(format!(
-            "{NOT_A_NUMBER}: the simulator gave a result that is no number"
+            "{NOT_A_NUMBER}: the simulator gave a result that is not a number"
         )));
     }
     problem

@@ -105,7 +105,7 @@ pub enum Error {
         message: String,
     },
     /// The coordinator's answer violates the protocol.
-    #[error("the coordinator at {url} answered with nonsense: {reason}")]
+    #[error("the coordinator at {url} gave an answer that makes no sense: {reason}")]
     Nonsense {
         /// The address.
         url: String,

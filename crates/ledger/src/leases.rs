@@ -326,7 +326,7 @@ impl<P: Clone> Ledger<P> {
             let crashes = stream.crashes();
             if crashes >= self.options.max_crashes.max(1) && stream.quarantined.is_none() {
                 quarantined = true;
-                let error = format!("{crashes} workers fell silent over it, {worker} last");
+                let error = format!("{crashes} workers crashed on it, the last was {worker}");
                 self.give_up(id, error, true);
             }
         }

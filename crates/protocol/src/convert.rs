@@ -371,7 +371,7 @@ fn finite(responses: &[f64]) -> Result<Vec<f64>, Malformed> {
     if responses.iter().all(|response| response.is_finite()) {
         return Ok(responses.to_vec());
     }
-    malformed("has a response that is no number")
+    malformed("has a response that is not a number")
 }
 
 #[cfg(test)]
@@ -518,7 +518,7 @@ mod tests {
                 "beyond",
             ),
             (|result| result.samples_um.push(1.0), "as many samples"),
-            (|result| result.responses[3] = f64::NAN, "no number"),
+            (|result| result.responses[3] = f64::NAN, "not a number"),
             (|result| result.error = Some(String::new()), "either"),
             (
                 |result| result.unit.as_mut().unwrap().kind = v2::Kind::Point.into(),

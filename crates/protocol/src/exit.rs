@@ -41,8 +41,8 @@ pub const NOT_SIMULABLE: u8 = 15;
 
 /// Every code with its meaning, for `--help` and the guide.
 pub const TABLE: [(u8, &str); 16] = [
-    (OK, "everything went well"),
-    (FAILURE, "something that has no code of its own"),
+    (OK, "success"),
+    (FAILURE, "a failure without a code of its own"),
     (USAGE, "the command line is wrong"),
     (
         BAD_FILE,
@@ -50,7 +50,7 @@ pub const TABLE: [(u8, &str); 16] = [
     ),
     (
         FILE_ACCESS,
-        "a file cannot be read or written, would be overwritten, or shows a secret",
+        "a file cannot be read or written, would be overwritten, or exposes a secret",
     ),
     (NO_STORE, "there is no store where one is expected"),
     (OTHER_CAMPAIGN, "the store holds another campaign"),
@@ -67,7 +67,7 @@ pub const TABLE: [(u8, &str); 16] = [
     (UNREACHABLE, "no coordinator answers; trying again may help"),
     (
         REFUSED,
-        "the coordinator refused for good: version, numbers, token or certificate",
+        "the coordinator refused permanently: version, numbers, token or certificate",
     ),
     (
         INCOMPLETE,

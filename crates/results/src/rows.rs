@@ -220,7 +220,7 @@ fn value(column: &str, field: &str) -> anyhow::Result<Value> {
     }
     let number: f64 = field
         .parse()
-        .with_context(|| format!("column {column} holds {field:?}, which is no number"))?;
+        .with_context(|| format!("column {column} holds {field:?}, which is not a number"))?;
     Ok(number.into())
 }
 

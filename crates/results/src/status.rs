@@ -336,7 +336,7 @@ async fn time(store: &Store, status: &mut Status, enriches: bool) -> anyhow::Res
     Ok(())
 }
 
-/// The percentile of an approach's verification samples; none that is no number.
+/// The percentile of an approach's verification samples; none that is not a number.
 async fn verified(
     store: &Store,
     campaign: &Campaign,

@@ -43,7 +43,7 @@ pub enum Sampled {
 ///
 /// # Errors
 ///
-/// A sample that is no number.
+/// A sample that is not a number.
 pub fn sampled(samples: &[f64], sampling: &Sampling) -> Result<Sampled, stats::Error> {
     let held = samples.len();
     let mut count = (sampling.samples_per_design as usize).min(held);
@@ -86,7 +86,7 @@ pub fn sampled(samples: &[f64], sampling: &Sampling) -> Result<Sampled, stats::E
 ///
 /// # Errors
 ///
-/// Too few samples, or one that is no number.
+/// Too few samples, or one that is not a number.
 pub fn response_of(
     design: u64,
     samples: Samples<'_>,
@@ -111,7 +111,7 @@ pub fn response_of(
 ///
 /// # Errors
 ///
-/// Too few samples, or one that is no number.
+/// Too few samples, or one that is not a number.
 pub fn response(
     design: u64,
     samples: Samples<'_>,

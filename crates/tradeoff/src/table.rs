@@ -91,7 +91,7 @@ impl Table {
                 "" => Ok(f64::NAN),
                 text => text
                     .parse()
-                    .with_context(|| format!("line {line}: {text:?} is no number")),
+                    .with_context(|| format!("line {line}: {text:?} is not a number")),
             };
             let values = record.iter().skip(LABELS.len()).map(value);
             rows.push(Row {

@@ -53,7 +53,7 @@ fn main() -> anyhow::Result<()> {
     let number = |index: usize, default: usize| -> anyhow::Result<usize> {
         arguments.get(index).map_or(Ok(default), |text| {
             text.parse()
-                .with_context(|| format!("{text:?} is no number"))
+                .with_context(|| format!("{text:?} is not a number"))
         })
     };
     let what = arguments.first().map(String::as_str);

@@ -198,7 +198,7 @@ impl Files {
         };
         let number = |name: &String| match numbers.get(name) {
             Some(number) if number.is_finite() => Ok((name.clone(), json!(number))),
-            Some(number) => Err(format!("{file}: {name} is {number}, which is no number")),
+            Some(number) => Err(format!("{file}: {name} is {number}, which is not a number")),
             None => {
                 let names: Vec<&str> = numbers.keys().map(String::as_str).collect();
                 Err(format!(
@@ -258,7 +258,7 @@ fn results(text: &str) -> Result<Results, String> {
         }
         let number = |(name, value): (String, Value)| match value.as_f64() {
             Some(number) => Ok((name, number)),
-            None => Err(format!(": {name} is {value}, which is no number")),
+            None => Err(format!(": {name} is {value}, which is not a number")),
         };
         return object
             .into_iter()
@@ -325,7 +325,7 @@ mod tests {
             ("y = 1\nz 2", ", line 2: \"z 2\" is not of the form"),
             ("y = one", ", line 1: "),
             ("y = 1\n\ny = 2", ", line 3: y has a value already"),
-            ("{\"y\": \"one\"}", ": y is \"one\", which is no number"),
+            ("{\"y\": \"one\"}", ": y is \"one\", which is not a number"),
             ("{\"y\": ", " is no JSON object: EOF"),
         ] {
             let error = results(text).unwrap_err();

@@ -50,7 +50,7 @@ impl Content for Numbers {
     fn of(answer: Map<String, Value>) -> Result<Self, String> {
         let number = |(name, value): (String, Value)| match value.as_f64() {
             Some(number) => Ok((name, number)),
-            None => Err(format!("{name:?} is {value}, which is no number")),
+            None => Err(format!("{name:?} is {value}, which is not a number")),
         };
         answer.into_iter().map(number).collect()
     }
@@ -145,7 +145,7 @@ pub(super) fn read<T: Content>(line: &[u8], id: u64) -> Result<Answer<T>, String
         let text = String::from_utf8_lossy(line);
         let odd = ["NaN", "Infinity"];
         match odd.into_iter().find(|odd| text.contains(odd)) {
-            Some(odd) => format!("{odd} is no number in JSON: {error}"),
+            Some(odd) => format!("{odd} is not a number in JSON: {error}"),
             None => format!("it is no JSON: {error}"),
         }
     })?;
@@ -281,11 +281,11 @@ mod tests {
                 "request 6 instead of 7",
             ),
             (r#"{"id": 7}"#, "no \"delta_ste_um\", which was asked for"),
-            (r#"{"delta_ste_um": NaN, "id": 7}"#, "NaN is no number"),
+            (r#"{"delta_ste_um": NaN, "id": 7}"#, "NaN is not a number"),
             (r#"{"delta_ste_um": 1e999, "id": 7}"#, "out of range"),
             (
                 r#"{"delta_ste_um": "0.1", "id": 7}"#,
-                "\"delta_ste_um\" is \"0.1\", which is no number",
+                "\"delta_ste_um\" is \"0.1\", which is not a number",
             ),
             (
                 r#"{"delta_ste_um": 0.1, "id": 7, "mood": 1}"#,

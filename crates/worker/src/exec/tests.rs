@@ -267,7 +267,7 @@ fn nonsense_ends_the_process_and_is_quoted() {
         ),
         (
             "answer '\"delta_ste_um\":NaN'",
-            "nonsense (NaN is no number in JSON",
+            "nonsense (NaN is not a number in JSON",
         ),
         (
             "id=99; answer '\"delta_ste_um\":1'",
