@@ -28,6 +28,8 @@ const LEASE_WAIT: f64 = 5.0;
 const SCATTER: f64 = 0.2;
 /// Interval between checks for expired leases, in seconds.
 const EXPIRY: f64 = 1.0;
+/// Time of a sample from which on the simulator counts as an external program, seconds.
+const EXTERNAL: f64 = 1e-2;
 /// Time until a failed worker is replaced, in seconds.
 const REPLACED: f64 = 60.0;
 /// Number of designs that are added at a time.
@@ -73,6 +75,8 @@ impl<'a> Simulation<'a> {
     fn new(scenario: &'a Scenario) -> Self {
         let options = Options {
             lease: Duration::from_secs_f64(scenario.lease_seconds),
+            // Slow simulators are external programs, whose jobs are single samples until one has come back.
+            long_samples: scenario.sample_seconds >= EXTERNAL,
             ..Options::default()
         };
         let workers = (0..scenario.workers).map(|number| Worker::new(number, 0));

@@ -182,7 +182,7 @@ pub(crate) struct SimulateCluster {
         long,
         value_name = "SECONDS",
         value_delimiter = ',',
-        default_value = "0.001,0.1,1,60,3600",
+        default_value = "0.1,1,60,3600",
         value_parser = positive
     )]
     pub(crate) sample_seconds: Vec<f64>,
