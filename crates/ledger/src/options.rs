@@ -6,8 +6,8 @@ use std::time::Duration;
 pub const HEARTBEATS_PER_LEASE: u32 = 6;
 
 /// Heartbeats of all workers together, per second, above which leases get longer. A heartbeat costs the
-/// coordinator some 50 µs, so that all of them take a twentieth of a processor.
-const HEARTBEATS_PER_SECOND: f64 = 1000.0;
+/// coordinator some 200 µs, so that all of them take a tenth of a processor.
+const HEARTBEATS_PER_SECOND: f64 = 500.0;
 
 /// Shortest lease with which so many workers do not send more heartbeats than that.
 pub(crate) fn lease_for(workers: usize) -> Duration {
@@ -19,7 +19,7 @@ pub(crate) fn lease_for(workers: usize) -> Duration {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Options {
     /// Duration of a lease without a heartbeat. It should span several heartbeats, so that losing
-    /// one loses no work. Above 5000 workers it is longer: see [`HEARTBEATS_PER_LEASE`].
+    /// one loses no work. Above 2500 workers it is longer: see [`HEARTBEATS_PER_LEASE`].
     pub lease: Duration,
     /// Crashes of different worker processes after which a stream is quarantined; at least 1.
     pub max_crashes: usize,

@@ -15,7 +15,7 @@ pub struct Scenario {
     pub samples_per_design: u32,
     /// Simulated time, in seconds.
     pub seconds: f64,
-    /// Duration of a lease, in seconds; longer with more than 5000 workers.
+    /// Duration of a lease, in seconds; longer with more than 2500 workers.
     pub lease_seconds: f64,
     /// Mean time of a message one way, in seconds.
     pub network_seconds: f64,

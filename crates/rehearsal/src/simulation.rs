@@ -485,7 +485,7 @@ mod tests {
     }
 
     #[test]
-    fn heartbeats_of_many_workers_stay_below_a_thousand_a_second() {
+    fn heartbeats_of_many_workers_do_not_grow_with_their_number() {
         let many = Scenario {
             seconds: 60.0,
             ..Scenario::new(20_000, 60.0)
@@ -493,7 +493,7 @@ mod tests {
         let found = rehearse(&many);
         // The first workers to register got the shorter interval once.
         let rate = found.calls.heartbeat as f64 / found.seconds;
-        assert!(rate < 1500.0, "{rate} heartbeats a second");
+        assert!(rate < 1000.0, "{rate} heartbeats a second");
         let few = rehearse(&scenario());
         assert!(
             (few.calls.heartbeat as f64 - 50.0 * 120.0 / 5.0).abs() < 60.0,
