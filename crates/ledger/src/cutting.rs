@@ -18,20 +18,32 @@ pub(crate) const UNKNOWN_SECONDS: f64 = 2.0;
 /// A lease gets at most the work left per slot divided by this, so that all slots finish together.
 const PARTS_PER_SLOT: u64 = 3;
 /// Cost of computing a design's criteria, in samples of the built-in simulator.
-pub(crate) const DESIGN_WEIGHT: u64 = 20;
+const DESIGN_WEIGHT: u64 = 20;
+/// The same in samples of a slow simulator, which is asked for the response in two states. With the weight
+/// of the built-in one, the first lease of one sample would make samples look cheap, and a few workers would
+/// get all designs.
+const LONG_DESIGN_WEIGHT: u64 = 2;
 /// Maximum number of samples in a lease, whatever they cost: its results must pass even a slow
 /// connection before the call times out.
 const SAMPLES_MAX: u64 = 50_000;
 /// Weight of the first leases, before the cost of a sample is known.
 const FIRST_WEIGHT: u64 = DESIGN_WEIGHT + 10;
 
-/// Cost of units, in samples of the built-in simulator.
-pub(crate) fn weight(units: &[Unit]) -> f64 {
-    let weight = |unit: &Unit| unit.samples.len() as u64 + DESIGN_WEIGHT;
-    units.iter().map(weight).sum::<u64>() as f64
-}
-
 impl<P: Clone> Ledger<P> {
+    /// Cost of computing a design's criteria, in samples.
+    pub(crate) const fn design_weight(&self) -> u64 {
+        match self.options.long_samples {
+            true => LONG_DESIGN_WEIGHT,
+            false => DESIGN_WEIGHT,
+        }
+    }
+
+    /// Cost of units, in samples.
+    pub(crate) fn weight(&self, units: &[Unit]) -> f64 {
+        let weight = |unit: &Unit| unit.samples.len() as u64 + self.design_weight();
+        units.iter().map(weight).sum::<u64>() as f64
+    }
+
     /// The units that a worker gets next when the present workers have `slots` slots in total.
     /// Empty when nothing is free.
     pub(crate) fn cut(&self, worker: &WorkerId, slots: usize) -> Vec<Unit> {
@@ -56,7 +68,7 @@ impl<P: Clone> Ledger<P> {
                 continue;
             };
             let count = range.len() as u64;
-            let room = target.saturating_sub(weight + DESIGN_WEIGHT);
+            let room = target.saturating_sub(weight + self.design_weight());
             // Every lease of a design computes its criteria again, so a design is split only when
             // it is too large for one lease.
             let take = if units.is_empty() {
@@ -72,7 +84,7 @@ impl<P: Clone> Ledger<P> {
                 generation: stream.generation,
                 samples: range.start..range.start + take as u32,
             });
-            weight += take + DESIGN_WEIGHT;
+            weight += take + self.design_weight();
             samples += take;
             if is_alone || weight >= target {
                 break;
@@ -92,15 +104,17 @@ impl<P: Clone> Ledger<P> {
         // are assumed to be as large as this one.
         let free = self.streams.get(&first).map(|stream| &stream.free);
         let of_stream = free.map_or(0, |free| free.iter().map(Range::len).sum::<usize>()) as u64;
-        let left = self.free.len() as u64 * (of_stream + DESIGN_WEIGHT);
+        let left = self.free.len() as u64 * (of_stream + self.design_weight());
         let share = left / (PARTS_PER_SLOT * slots.max(1) as u64);
         // Splitting a cheap design only so that all slots finish together would compute its
         // criteria twice. The evaluations of a run share no such work.
         let whole = match first.kind {
             Kind::Run => 0,
-            Kind::Design | Kind::Point => of_stream + DESIGN_WEIGHT,
+            Kind::Design | Kind::Point => of_stream + self.design_weight(),
         };
-        affordable.min(share.max(whole)).max(DESIGN_WEIGHT + 1)
+        affordable
+            .min(share.max(whole))
+            .max(self.design_weight() + 1)
     }
 
     /// The workers that hold leases.

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 use std::time::Duration;
 
-use crate::cutting::{DESIGN_WEIGHT, TARGET_SECONDS, UNKNOWN_SECONDS, weight};
+use crate::cutting::{TARGET_SECONDS, UNKNOWN_SECONDS};
 use crate::ledger::{Ledger, SURVEY_PERIOD};
 use crate::ranges::{common, overlap};
 use crate::state::{Lease, Stream};
@@ -35,7 +35,7 @@ impl<P: Clone> Ledger<P> {
             .first()
             .and_then(|unit| self.pace.get(&unit.stream.kind));
         match pace {
-            Some(pace) => pace * weight(units),
+            Some(pace) => pace * self.weight(units),
             None if self.options.long_samples => UNKNOWN_SECONDS,
             None => TARGET_SECONDS,
         }
@@ -349,8 +349,8 @@ impl<P: Clone> Ledger<P> {
         if !delivery.seconds.is_finite() || delivery.seconds <= 0.0 {
             return;
         }
-        let analysed = DESIGN_WEIGHT as f64 * delivery.refused.len() as f64;
-        let measured = delivery.seconds / (weight(&delivery.stored) + analysed);
+        let analysed = self.design_weight() as f64 * delivery.refused.len() as f64;
+        let measured = delivery.seconds / (self.weight(&delivery.stored) + analysed);
         self.pace
             .entry(kind)
             .and_modify(|pace| *pace += LEARNING_RATE * (measured - *pace))
