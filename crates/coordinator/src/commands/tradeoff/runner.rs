@@ -296,7 +296,12 @@ async fn through(
     }
     let (began, cpu) = (Instant::now(), process_seconds());
     board.want(wanted.collect());
-    while store.progress().await?.samples < count {
+    // A lease ends when its results are stored.
+    loop {
+        let counts = board.live().counts;
+        if counts.free + counts.waiting + counts.leased == 0 {
+            break;
+        }
         if let Some(ended) = workers.try_join_next() {
             ended.context("a worker")??;
         }
@@ -307,6 +312,11 @@ async fn through(
         cpu_seconds: process_seconds() - cpu,
         alone_seconds: 0.0,
     };
+    let stored = store.progress().await?.samples;
+    anyhow::ensure!(
+        stored == count,
+        "{stored} of {count} samples are in the store"
+    );
     stop.cancel();
     while workers.join_next().await.is_some() {}
     served.await??;
