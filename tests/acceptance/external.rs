@@ -270,7 +270,7 @@ fn a_worker_that_leaves_during_a_sample_longer_than_its_lease_hands_it_in() {
 }
 
 #[test]
-fn a_design_that_kills_its_workers_at_once_is_given_up() {
+fn a_design_that_kills_its_workers_at_once_is_quarantined() {
     let sandbox = Sandbox::new();
     let file = twenty_designs(&sandbox);
     // The worker is the parent process of the program.
@@ -351,7 +351,7 @@ fn a_failure_that_was_not_acknowledged_is_reported_again_and_counts_once() {
 }
 
 #[test]
-fn a_design_that_was_given_up_gets_another_chance_when_it_is_asked_for() {
+fn a_design_that_was_quarantined_gets_another_chance_when_it_is_asked_for() {
     let sandbox = Sandbox::new();
     let file = twenty_designs(&sandbox);
     let licence = path(&sandbox.path("licence"));

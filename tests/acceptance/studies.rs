@@ -335,7 +335,7 @@ fn a_finished_campaign_is_looked_at_from_two_more_sides() {
         };
         let number = |text: &str| text.parse::<f64>().unwrap();
         let front: Vec<(f64, f64)> = column(&table, objective)
-            .zip(column(&table, "fresh_p90_um"))
+            .zip(column(&table, "verified_p90_um"))
             .zip(column(&table, "on_front"))
             .filter(|(_, on_front)| *on_front == "1")
             .map(|((second, p90), _)| (number(second), number(p90)))
@@ -354,7 +354,7 @@ fn a_finished_campaign_is_looked_at_from_two_more_sides() {
 }
 
 #[test]
-fn an_external_simulator_is_weighed_by_fresh_samples_where_there_are_workers() {
+fn an_external_simulator_is_weighed_by_verification_samples_where_there_are_workers() {
     let sandbox = Sandbox::new();
     let external = acceptance::root().join("campaigns/external");
     let file = external.join("campaign.toml").display().to_string();
@@ -367,7 +367,7 @@ fn an_external_simulator_is_weighed_by_fresh_samples_where_there_are_workers() {
     let pareto = ["pareto", &file, "--db", "e.db", "--out"];
     let fresh = |out: &str| {
         let table = csv(&sandbox, &format!("{out}/pareto.csv"));
-        let of_doe = column(&table, "source").zip(column(&table, "fresh_p90_um"));
+        let of_doe = column(&table, "source").zip(column(&table, "verified_p90_um"));
         of_doe
             .filter(|(source, _)| source.contains("of the DoE"))
             .filter(|(_, fresh)| !fresh.is_empty())

@@ -15,8 +15,9 @@ use indicatif::MultiProgress;
 use protocol::exit;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio_util::sync::CancellationToken;
-use tracing_subscriber::EnvFilter;
-use tracing_subscriber::filter::LevelFilter;
+use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::layer::SubscriberExt as _;
+use tracing_subscriber::util::SubscriberInitExt as _;
 
 /// The environment variable that sets the log levels.
 pub const LOG_VARIABLE: &str = "PITCHLINE_LOG";
@@ -47,39 +48,42 @@ pub struct BadLogLevel {
 ///
 /// The environment variable [`LOG_VARIABLE`] is invalid.
 pub fn start_log(format: LogFormat) -> Result<(), BadLogLevel> {
-    let filter = match std::env::var_os(LOG_VARIABLE) {
-        None => EnvFilter::new("info"),
-        Some(text) => filter(&text.to_string_lossy())?,
+    let levels = match std::env::var_os(LOG_VARIABLE) {
+        None => Targets::new().with_default(LevelFilter::INFO),
+        Some(text) => levels(&text.to_string_lossy())?,
     };
-    let subscriber = tracing_subscriber::fmt()
-        .with_env_filter(filter)
+    let lines = tracing_subscriber::fmt::layer()
         .with_target(false)
         .with_writer(|| BesideBars);
+    let log = tracing_subscriber::registry().with(levels);
     match format {
         LogFormat::Text => {
             let stderr = std::io::stderr();
             let colour = stderr.is_terminal() && std::env::var_os("NO_COLOR").is_none();
-            subscriber.with_ansi(colour).init();
+            log.with(lines.with_ansi(colour)).init();
         }
-        LogFormat::Json => subscriber.json().flatten_event(true).init(),
+        LogFormat::Json => log.with(lines.json().flatten_event(true)).init(),
     }
     Ok(())
 }
 
 /// Parses the log levels for the whole program and for parts of it. A bare word that is not a level
 /// is refused: it would be taken as the name of a part, with everything logged.
-fn filter(text: &str) -> Result<EnvFilter, BadLogLevel> {
+fn levels(text: &str) -> Result<Targets, BadLogLevel> {
     let bad = || BadLogLevel {
         found: text.to_owned(),
     };
     if text.trim().is_empty() {
-        return Ok(EnvFilter::new("info"));
+        return Ok(Targets::new().with_default(LevelFilter::INFO));
     }
-    let is_bare_word = |part: &str| !part.contains('=') && part.parse::<LevelFilter>().is_err();
-    if text.split(',').map(str::trim).any(is_bare_word) {
+    let is_bad = |part: &str| match part.split_once('=') {
+        Some((name, level)) => name.is_empty() || level.is_empty(),
+        None => part.parse::<LevelFilter>().is_err(),
+    };
+    if text.split(',').map(str::trim).any(is_bad) {
         return Err(bad());
     }
-    EnvFilter::try_new(text).map_err(|_| bad())
+    text.parse().map_err(|_| bad())
 }
 
 /// The progress bars of this program, on standard error. They are drawn only on a terminal.
@@ -155,17 +159,17 @@ mod tests {
 
     #[test]
     fn what_is_no_level_is_refused_with_those_there_are() {
-        for good in [
-            "",
-            "off",
-            "WARN",
-            "warn,coordinator=debug",
-            "coordinator[run]=info",
-        ] {
-            assert!(filter(good).is_ok(), "{good}");
+        for good in ["", "off", "WARN", "warn,coordinator=debug"] {
+            assert!(levels(good).is_ok(), "{good}");
         }
-        for bad in ["nonsense", "info,loud", "coordinator=loud", "="] {
-            let text = filter(bad).unwrap_err().to_string();
+        for bad in [
+            "nonsense",
+            "info,loud",
+            "coordinator=loud",
+            "coordinator=",
+            "=",
+        ] {
+            let text = levels(bad).unwrap_err().to_string();
             assert!(text.contains(bad) && text.contains("warn, info"), "{text}");
         }
     }

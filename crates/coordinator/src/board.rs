@@ -163,7 +163,7 @@ impl Board {
 
     /// Grants no lease for this long, so that workers that hold leases from before a restart can
     /// report them first.
-    pub fn hold_back(&self, grace: Duration) {
+    pub fn delay_leases(&self, grace: Duration) {
         let until = self.now() + grace;
         self.change(|inner, _| inner.ledger.close_until(until));
     }

@@ -170,7 +170,7 @@ impl<R: Recorder> Receiving<'_, R> {
         let job = names::job_name(failed.stream, &failed.samples);
         let error = beginning(&failed.error, ERROR_BYTES);
         let kind = match outcome {
-            Failure::GivenUp => {
+            Failure::Quarantined => {
                 error!(%job, %worker, %error, "quarantined");
                 FailureKind::Quarantine
             }

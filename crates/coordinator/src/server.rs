@@ -179,7 +179,7 @@ async fn run_open(
     board.remember(store.job_histories().await?);
     // Without a port or designs, no worker can hold a lease from before.
     if plan.port.is_some() && store.progress().await?.designs > 0 {
-        board.hold_back(GRACE);
+        board.delay_leases(GRACE);
     }
     let recorder = StoreRecorder::new(store)?;
     let service = Service {

@@ -50,7 +50,7 @@ impl Default for Options {
 ///
 /// The usual surrogate Σ 1/δᵖ over all distances δ orders designs by their smallest distance only
 /// from p ≈ 40 on, and then only the nearest pairs count. This search leaves the others out: for a
-/// radius r, each pair with δ < r has the potential energy (1 − δ²/r²)² (`strain` in the code), and
+/// radius r, each pair with δ < r has the potential energy (1 − δ²/r²)², and
 /// a design without energy has a minimum distance of at least r. Levels are integers, so squared
 /// distances and energies are exact.
 ///
@@ -122,11 +122,11 @@ fn ratchet(search: &mut Search, until: u64) {
         let radius = ((floor as f64 * (1.0 + rise)) as i64).max(floor + 1);
         search.set_squared_radius(radius);
         let mut repairs = 0;
-        while search.is_strained() && repairs < patience && search.spent() < until {
+        while search.has_energy() && repairs < patience && search.spent() < until {
             search.repair(0);
             repairs += 1;
         }
-        if search.is_strained() {
+        if search.has_energy() {
             if radius == floor + 1 && repairs == patience {
                 return; // The smallest rise is out of reach from here.
             }
@@ -152,11 +152,11 @@ fn anneal(search: &mut Search, until: u64, reach: f64, heat: f64) {
     let radius = (search.measure() as f64 * (1.0 + reach)) as i64 + 1;
     search.set_squared_radius(radius);
     let (start, hottest) = (search.spent(), search.slack(heat));
-    while search.is_strained() && search.spent() < until {
+    while search.has_energy() && search.spent() < until {
         let left = (until - search.spent()) as f64 / until.saturating_sub(start).max(1) as f64;
         search.repair((hottest * left.min(1.0).powi(2)) as i64);
     }
-    if !search.is_strained() {
+    if !search.has_energy() {
         search.keep();
     }
 }

@@ -8,7 +8,7 @@
 //!
 //! A search decides which new point takes which stratum, so that all points are far apart. It is
 //! that of [`crate::maximin`] in a simpler form: at a distance r, each pair of points nearer than r
-//! has the potential energy (1 − δ²/r²)² (`strain` in the code). Swaps of two new points'
+//! has the potential energy (1 − δ²/r²)². Swaps of two new points'
 //! coordinates in one variable, or of one with a free stratum that is left over, are made if they
 //! do not raise the energy. When no energy is left, r is raised.
 
@@ -128,13 +128,13 @@ struct Growth {
     rng: StreamRng,
     squared_radius: f64,
     /// Sum of energies of each new point.
-    strain: Vec<f64>,
+    energy: Vec<f64>,
 }
 
 impl Growth {
     fn new(design: Design, fixed: usize, spare: Vec<Vec<f64>>, rng: StreamRng) -> Self {
         Self {
-            strain: vec![0.0; design.n - fixed],
+            energy: vec![0.0; design.n - fixed],
             design,
             fixed,
             most_spare: spare.iter().map(Vec::len).max().unwrap_or(0),
@@ -145,7 +145,7 @@ impl Growth {
     }
 
     fn spread(mut self, effort: f64) -> Design {
-        let (n, d, new) = (self.design.n, self.design.d, self.strain.len());
+        let (n, d, new) = (self.design.n, self.design.d, self.energy.len());
         let swaps = SWAPS * d as f64 * (new as f64 + 100.0);
         let largest = LARGEST_BUDGET / (n * d) as f64;
         let mut left = (effort * swaps.min(largest)) as usize;
@@ -189,30 +189,30 @@ impl Growth {
     fn set_squared_radius(&mut self, squared_radius: f64) {
         self.squared_radius = squared_radius;
         for i in self.fixed..self.design.n {
-            self.strain[i - self.fixed] = self.strain_of(i);
+            self.energy[i - self.fixed] = self.energy_of(i);
         }
     }
 
     /// The energy of point `i`: the sum over all others.
-    fn strain_of(&self, i: usize) -> f64 {
+    fn energy_of(&self, i: usize) -> f64 {
         (0..self.design.n)
             .filter(|&j| j != i)
-            .map(|j| self.pair_strain(self.squared_distance(i, j)))
+            .map(|j| self.pair_energy(self.squared_distance(i, j)))
             .sum()
     }
 
-    fn pair_strain(&self, squared: f64) -> f64 {
+    fn pair_energy(&self, squared: f64) -> f64 {
         let left = 1.0 - squared / self.squared_radius;
         if left > 0.0 { left * left } else { 0.0 }
     }
 
     /// A new point with energy: the first one from a random index on.
     fn worst(&mut self) -> Option<usize> {
-        let new = self.strain.len();
+        let new = self.energy.len();
         let start = self.rng.random_range(0..new as u32) as usize;
         (start..new)
             .chain(0..start)
-            .find(|&i| self.strain[i] > NEGLIGIBLE)
+            .find(|&i| self.energy[i] > NEGLIGIBLE)
             .map(|i| i + self.fixed)
     }
 
@@ -249,7 +249,7 @@ impl Growth {
                 let before = self.squared_distance(point, j);
                 let after = before - (x - old).powi(2) + (x - new).powi(2);
                 if before < self.squared_radius || after < self.squared_radius {
-                    of_other += self.pair_strain(after) - self.pair_strain(before);
+                    of_other += self.pair_energy(after) - self.pair_energy(before);
                 }
             }
             change += of_other;
@@ -266,12 +266,12 @@ impl Growth {
             }
             for (j, difference) in changes {
                 if j >= self.fixed {
-                    self.strain[j - self.fixed] += difference;
+                    self.energy[j - self.fixed] += difference;
                 }
             }
             // Computed from scratch, so that rounding does not accumulate.
             for &(point, ..) in moves {
-                self.strain[point - self.fixed] = self.strain_of(point);
+                self.energy[point - self.fixed] = self.energy_of(point);
             }
         }
     }

@@ -1,5 +1,4 @@
 //! The state of a search: a design, the energy of each of its points, and the swaps that reduce it.
-//! The code calls the energy `strain`.
 
 use pulp::{Arch, Simd, WithSimd};
 use rand::RngExt as _;
@@ -16,15 +15,15 @@ const PARTNERS: usize = 4;
 /// Overhead of a scan and of the choice of a level, in points. It was measured, so that the budget
 /// is proportional to time at every size.
 const SCAN_OVERHEAD: u64 = 500;
-/// Place of a point that is not in the list `strained`.
+/// Place of a point that is not in the list `active`.
 const NOWHERE: u32 = u32::MAX;
 /// Index that excludes no point from a sum of energies.
 const NOBODY: usize = usize::MAX;
 
 /// The current design, and the best one so far.
 ///
-/// **Invariant.** `strain[i]` is the sum over all j of the energy of the pair (i, j) at the current
-/// radius; `strained` lists the points where it is positive, and `place` says where in that list.
+/// **Invariant.** `energy[i]` is the sum over all j of the energy of the pair (i, j) at the current
+/// radius; `active` lists the points where it is positive, and `place` says where in that list.
 #[derive(Debug)]
 pub(crate) struct Search {
     table: Table,
@@ -32,8 +31,8 @@ pub(crate) struct Search {
     squared_radius: i64,
     /// Scales squared distances down to 20 bits, so that sums of their squares fit 64.
     shift: u32,
-    strain: Vec<i64>,
-    strained: Vec<u32>,
+    energy: Vec<i64>,
+    active: Vec<u32>,
     place: Vec<u32>,
     best: Table,
     best_squared: i64,
@@ -52,8 +51,8 @@ impl Search {
             rng,
             squared_radius: 0,
             shift: 0,
-            strain: vec![0; n],
-            strained: Vec::new(),
+            energy: vec![0; n],
+            active: Vec::new(),
             place: vec![NOWHERE; n],
             best_squared: 0,
             spent: 0,
@@ -117,29 +116,29 @@ impl Search {
     pub(crate) fn set_squared_radius(&mut self, squared_radius: i64) {
         self.squared_radius = squared_radius;
         self.shift = (squared_radius.max(1).ilog2() + 1).saturating_sub(20);
-        self.strained.clear();
+        self.active.clear();
         self.place.fill(NOWHERE);
-        self.strain.fill(0);
+        self.energy.fill(0);
         let mut near = std::mem::take(&mut self.near_first);
         for i in 0..self.table.points() {
             let seen = self.table.near(i, None, squared_radius, &mut near);
             self.spent += cost(seen, self.table.variables());
             self.add(
                 i,
-                near.left.iter().map(|left| self.pair_strain(*left)).sum(),
+                near.left.iter().map(|left| self.pair_energy(*left)).sum(),
             );
         }
         self.near_first = near;
     }
 
-    pub(crate) fn is_strained(&self) -> bool {
-        !self.strained.is_empty()
+    pub(crate) fn has_energy(&self) -> bool {
+        !self.active.is_empty()
     }
 
     /// The slack for [`Search::repair`]: `heat` times the energy of two coinciding points, but
     /// never so small that a tiny design, with few distances to choose from, cannot move at all.
     pub(crate) fn slack(&self, heat: f64) -> f64 {
-        let (least, full) = (self.pair_strain(1), self.pair_strain(self.squared_radius));
+        let (least, full) = (self.pair_energy(1), self.pair_energy(self.squared_radius));
         (heat * full as f64).max(4.0 * least as f64)
     }
 
@@ -147,10 +146,10 @@ impl Search {
     /// energy up to a uniform threshold below `slack`.
     pub(crate) fn repair(&mut self, slack: i64) {
         let (n, d) = (self.table.points(), self.table.variables());
-        let Some(last) = self.strained.len().checked_sub(1) else {
+        let Some(last) = self.active.len().checked_sub(1) else {
             return;
         };
-        let first = self.strained[self.rng.random_range(0..=last as u32) as usize] as usize;
+        let first = self.active[self.rng.random_range(0..=last as u32) as usize] as usize;
         let k = self.rng.random_range(1..d as u32) as usize;
         let mut near_first = std::mem::take(&mut self.near_first);
         let mut near_second = std::mem::take(&mut self.near_second);
@@ -161,7 +160,7 @@ impl Search {
         self.spent += cost(seen, d);
         let from = self.table.level(first, k);
         let shift = self.shift;
-        let here = strain_at(&near_first, shift, from, NOBODY);
+        let here = energy_at(&near_first, shift, from, NOBODY);
         for _ in 0..PARTNERS {
             let Some((there, to)) = self.sample_level(&near_first, from, n) else {
                 break;
@@ -175,10 +174,10 @@ impl Search {
                 .near(second, Some(k), self.squared_radius, &mut near_second);
             self.spent += cost(seen, d);
             // The distance between the two points does not change, so both sums leave it out.
-            let before = strain_at(&near_first, shift, from, second)
-                + strain_at(&near_second, shift, to, first);
-            let after = strain_at(&near_first, shift, to, second)
-                + strain_at(&near_second, shift, from, first);
+            let before = energy_at(&near_first, shift, from, second)
+                + energy_at(&near_second, shift, to, first);
+            let after = energy_at(&near_first, shift, to, second)
+                + energy_at(&near_second, shift, from, first);
             let allowed = if slack > 0 {
                 self.rng.random_range(0..slack)
             } else {
@@ -186,8 +185,8 @@ impl Search {
             };
             if after <= before + allowed {
                 self.table.swap(first, second, k);
-                self.move_strain(first, &near_first, from, to, second);
-                self.move_strain(second, &near_second, to, from, first);
+                self.move_energy(first, &near_first, from, to, second);
+                self.move_energy(second, &near_second, to, from, first);
                 break;
             }
         }
@@ -210,34 +209,34 @@ impl Search {
 
     /// Updates the energies for a move of `point` between two levels. Its distance to `except` is
     /// unchanged.
-    fn move_strain(&mut self, point: usize, near: &Neighbours, from: i64, to: i64, except: usize) {
+    fn move_energy(&mut self, point: usize, near: &Neighbours, from: i64, to: i64, except: usize) {
         let mut total = 0;
         for (i, &other) in near.points.iter().enumerate() {
             if other == except {
                 continue;
             }
             let (left, level) = (near.left[i], near.levels[i]);
-            let strain = |at: i64| pair_strain(left - (level - at) * (level - at), self.shift);
-            let change = strain(to) - strain(from);
+            let energy = |at: i64| pair_energy(left - (level - at) * (level - at), self.shift);
+            let change = energy(to) - energy(from);
             self.add(other, change);
             total += change;
         }
         self.add(point, total);
     }
 
-    fn pair_strain(&self, left: i64) -> i64 {
-        pair_strain(left, self.shift)
+    fn pair_energy(&self, left: i64) -> i64 {
+        pair_energy(left, self.shift)
     }
 
     fn add(&mut self, point: usize, change: i64) {
-        self.strain[point] += change;
+        self.energy[point] += change;
         let place = self.place[point];
-        if self.strain[point] > 0 && place == NOWHERE {
-            self.place[point] = self.strained.len() as u32;
-            self.strained.push(point as u32);
-        } else if self.strain[point] == 0 && place != NOWHERE {
-            self.strained.swap_remove(place as usize);
-            if let Some(&moved) = self.strained.get(place as usize) {
+        if self.energy[point] > 0 && place == NOWHERE {
+            self.place[point] = self.active.len() as u32;
+            self.active.push(point as u32);
+        } else if self.energy[point] == 0 && place != NOWHERE {
+            self.active.swap_remove(place as usize);
+            if let Some(&moved) = self.active.get(place as usize) {
                 self.place[moved as usize] = place;
             }
             self.place[point] = NOWHERE;
@@ -255,7 +254,7 @@ impl Search {
 /// The energy of a pair whose squared distance is `left` below the squared radius: the square of
 /// `left`, scaled; positive as soon as `left` is.
 #[inline(always)]
-fn pair_strain(left: i64, shift: u32) -> i64 {
+fn pair_energy(left: i64, shift: u32) -> i64 {
     let scaled = (left >> shift) + 1;
     if left > 0 { scaled * scaled } else { 0 }
 }
@@ -263,13 +262,13 @@ fn pair_strain(left: i64, shift: u32) -> i64 {
 /// The energy of a point with these neighbours at `level` of the missing variable, leaving out the
 /// pair with the point `except`.
 #[inline(always)]
-fn strain_at(near: &Neighbours, shift: u32, level: i64, except: usize) -> i64 {
+fn energy_at(near: &Neighbours, shift: u32, level: i64, except: usize) -> i64 {
     let others = near.points.iter().zip(near.left.iter().zip(&near.levels));
     others
         .map(|(point, (left, other))| {
             let difference = other - level;
-            let strain = pair_strain(left - difference * difference, shift);
-            if *point == except { 0 } else { strain }
+            let energy = pair_energy(left - difference * difference, shift);
+            if *point == except { 0 } else { energy }
         })
         .sum()
 }
@@ -295,11 +294,11 @@ impl<F: FnMut() -> i64> WithSimd for LeastStrained<'_, F> {
             if level == self.from {
                 continue;
             }
-            let strain = strain_at(self.near, self.shift, level, NOBODY);
-            if best.is_none_or(|(least, _)| strain < least) {
-                best = Some((strain, level));
+            let energy = energy_at(self.near, self.shift, level, NOBODY);
+            if best.is_none_or(|(least, _)| energy < least) {
+                best = Some((energy, level));
             }
-            if strain == 0 {
+            if energy == 0 {
                 break;
             }
         }
@@ -330,13 +329,13 @@ mod tests {
                 for _ in 0..500 {
                     search.repair(slack);
                 }
-                let mut kept = search.strained.clone();
-                let strain = search.strain.clone();
+                let mut kept = search.active.clone();
+                let energy = search.energy.clone();
                 search.set_squared_radius(radius);
-                assert_eq!(strain, search.strain);
+                assert_eq!(energy, search.energy);
                 kept.sort_unstable();
-                search.strained.sort_unstable();
-                assert_eq!(kept, search.strained);
+                search.active.sort_unstable();
+                assert_eq!(kept, search.active);
                 search.set_squared_radius(radius); // restores `place` after the sort
             }
         }

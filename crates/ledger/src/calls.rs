@@ -52,7 +52,7 @@ impl<P: Clone> Ledger<P> {
                 leases: BTreeSet::new(),
                 is_suspect: false,
                 has_lapsed: wanted.history.crashes > 0,
-                blame: BTreeSet::new(),
+                crashed_on_it: BTreeSet::new(),
                 history: wanted.history,
                 failures: wanted.history.failures,
                 waits_until: None,
@@ -255,7 +255,7 @@ impl<P: Clone> Ledger<P> {
         let has_brought = !delivery.stored.is_empty() || !delivery.refused.is_empty();
         if let Some(lease) = &ended {
             for unit in &lease.units {
-                self.take_blame_back(worker, unit.stream);
+                self.take_crash_back(worker, unit.stream);
             }
             self.delivered += 1;
             if has_brought && let Some(state) = self.workers.known.get_mut(worker) {
@@ -332,7 +332,7 @@ impl<P: Clone> Ledger<P> {
         for &id in &retried {
             self.reopen(id);
             if let Some(stream) = self.streams.get_mut(&id) {
-                stream.blame.clear();
+                stream.crashed_on_it.clear();
                 stream.history = Default::default();
                 stream.failures = 0;
                 stream.is_suspect = false;

@@ -57,7 +57,7 @@ pub enum Explanation {
         oldest_for: Duration,
     },
     /// Streams were quarantined.
-    GivenUp {
+    Quarantined {
         /// Number of quarantined streams.
         quarantined: usize,
         /// The first of them.
@@ -145,9 +145,9 @@ impl<P: Clone> Ledger<P> {
                 next_in: until.saturating_sub(now),
             });
         }
-        let first_given_up = self.quarantined().next();
-        if let Some((stream, error)) = first_given_up {
-            reasons.push(Explanation::GivenUp {
+        let first = self.quarantined().next();
+        if let Some((stream, error)) = first {
+            reasons.push(Explanation::Quarantined {
                 quarantined: self.quarantined.len(),
                 stream,
                 error: error.to_owned(),
@@ -231,7 +231,7 @@ impl fmt::Display for Explanation {
                     seconds(*oldest_for)
                 )
             }
-            Self::GivenUp {
+            Self::Quarantined {
                 quarantined,
                 stream,
                 error,

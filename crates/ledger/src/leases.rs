@@ -188,8 +188,8 @@ impl<P: Clone> Ledger<P> {
             let Some(stream) = self.streams.get(&unit.stream) else {
                 continue;
             };
-            let is_given_up = stream.quarantined.as_ref().is_some_and(|g| !g.for_crashes);
-            if stream.generation != unit.generation || is_given_up {
+            let is_quarantined = stream.quarantined.as_ref().is_some_and(|g| !g.for_crashes);
+            if stream.generation != unit.generation || is_quarantined {
                 continue;
             }
             let missing = common(&stream.missing, &unit.samples);
@@ -322,12 +322,12 @@ impl<P: Clone> Ledger<P> {
                 stream.is_suspect = true;
                 continue;
             }
-            stream.blame.insert(worker.clone());
+            stream.crashed_on_it.insert(worker.clone());
             let crashes = stream.crashes();
             if crashes >= self.options.max_crashes.max(1) && stream.quarantined.is_none() {
                 quarantined = true;
                 let error = format!("{crashes} workers crashed on it, the last was {worker}");
-                self.give_up(id, error, true);
+                self.quarantine(id, error, true);
             }
         }
         Some(Vanished {

@@ -25,17 +25,17 @@ pub(crate) struct Stream<P> {
     /// Whether a lease of the stream ever expired.
     pub(crate) has_lapsed: bool,
     /// The worker processes that crashed on this stream alone.
-    pub(crate) blame: BTreeSet<WorkerId>,
+    pub(crate) crashed_on_it: BTreeSet<WorkerId>,
     pub(crate) history: History,
     pub(crate) failures: u32,
     /// The end of the wait after a failure.
     pub(crate) waits_until: Option<Duration>,
     /// The reason for the quarantine.
-    pub(crate) quarantined: Option<GivenUp>,
+    pub(crate) quarantined: Option<Quarantine>,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct GivenUp {
+pub(crate) struct Quarantine {
     pub(crate) error: String,
     /// Whether crashes were the reason. A late delivery takes back the crash of its worker.
     pub(crate) for_crashes: bool,
@@ -43,7 +43,7 @@ pub(crate) struct GivenUp {
 
 impl<P> Stream<P> {
     pub(crate) fn crashes(&self) -> usize {
-        self.history.crashes + self.blame.len()
+        self.history.crashes + self.crashed_on_it.len()
     }
 
     /// Whether samples could be leased, apart from a wait after a failure.

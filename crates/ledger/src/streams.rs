@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use crate::ledger::Ledger;
 use crate::ranges::subtract;
-use crate::state::GivenUp;
+use crate::state::Quarantine;
 use crate::types::{Failure, Generation, LeaseId, StreamId, Unit, WorkerId};
 
 /// Factor by which each wait after a failure is longer than the one before.
@@ -82,11 +82,11 @@ impl<P: Clone> Ledger<P> {
         }
     }
 
-    pub(crate) fn give_up(&mut self, id: StreamId, error: String, for_crashes: bool) {
+    pub(crate) fn quarantine(&mut self, id: StreamId, error: String, for_crashes: bool) {
         let Some(stream) = self.streams.get_mut(&id) else {
             return;
         };
-        stream.quarantined = Some(GivenUp { error, for_crashes });
+        stream.quarantined = Some(Quarantine { error, for_crashes });
         if let Some(until) = stream.waits_until.take() {
             self.waiting.remove(&(until, id));
         }
@@ -133,8 +133,8 @@ impl<P: Clone> Ledger<P> {
         }
         stream.failures += 1;
         if stream.failures >= self.options.max_failures.max(1) {
-            self.give_up(id, error.to_owned(), false);
-            return (Failure::GivenUp, suspended);
+            self.quarantine(id, error.to_owned(), false);
+            return (Failure::Quarantined, suspended);
         }
         let growth = RETRY_GROWTH.saturating_pow(stream.failures - 1);
         let wait = self.options.retry_after.saturating_mul(growth);
@@ -146,11 +146,11 @@ impl<P: Clone> Ledger<P> {
     }
 
     /// Takes back the crash of a worker that was only silent.
-    pub(crate) fn take_blame_back(&mut self, worker: &WorkerId, id: StreamId) {
+    pub(crate) fn take_crash_back(&mut self, worker: &WorkerId, id: StreamId) {
         let Some(stream) = self.streams.get_mut(&id) else {
             return;
         };
-        stream.blame.remove(worker);
+        stream.crashed_on_it.remove(worker);
         let for_crashes = stream.quarantined.as_ref().is_some_and(|g| g.for_crashes);
         if for_crashes && stream.crashes() < self.options.max_crashes.max(1) {
             self.reopen(id);

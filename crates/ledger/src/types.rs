@@ -218,7 +218,7 @@ pub enum Failure {
     /// The stream is tried again after this wait.
     Retry(Duration),
     /// The stream was quarantined.
-    GivenUp,
+    Quarantined,
     /// The failure does not count: the stream already waits after another failure or is
     /// quarantined, the lease ended before, or the worker is leaving.
     Ignored,

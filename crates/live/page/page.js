@@ -196,7 +196,7 @@ function showWorkers(view) {
     [whole.format(worker.completed)],
     [whole.format(worker.failed)],
     [worker.silent_seconds.toFixed(1)],
-    [worker.set_aside ? "suspended after failures" : worker.silent_seconds > 15 ? "silent" : "working", "text"],
+    [worker.is_suspended ? "suspended after failures" : worker.silent_seconds > 15 ? "silent" : "working", "text"],
   ]));
 }
 

@@ -150,10 +150,10 @@ fn describe_live(live: &Live, text: &mut String) {
             completed,
             failed,
             silent_seconds,
-            set_aside,
+            is_suspended,
             samples_per_second,
         } = worker;
-        let aside = if *set_aside { ", suspended" } else { "" };
+        let aside = if *is_suspended { ", suspended" } else { "" };
         let _ = writeln!(
             text,
             "worker          {host}: {slots} slots, {leased} jobs, {completed} done, {failed} \

@@ -143,7 +143,7 @@ pub struct Worker {
     /// Seconds since it was heard of.
     pub silent_seconds: f64,
     /// Whether it gets nothing for a while, having failed too many.
-    pub set_aside: bool,
+    pub is_suspended: bool,
     /// Samples per second that it delivered lately.
     #[serde(default)]
     pub samples_per_second: f64,
@@ -201,7 +201,7 @@ impl Live {
             completed: worker.delivered,
             failed: worker.failed + worker.crashed,
             silent_seconds: silent_for(worker.last_seen).as_secs_f64(),
-            set_aside: worker
+            is_suspended: worker
                 .suspended_until
                 .is_some_and(|until| until > running.now),
             samples_per_second: rate,

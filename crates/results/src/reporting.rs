@@ -190,7 +190,7 @@ fn header(sources: &Sources, samples_digest: String, stages: Vec<StageCost>) -> 
     // An approach that rests on the DoE counts its calls as its own; here they count once.
     let optimising: u64 = sources.runs.iter().map(|run| run.simulator_calls).sum();
     let verifying: u64 = sources
-        .fresh
+        .verified
         .values()
         .map(|samples| samples.len() as u64)
         .sum();

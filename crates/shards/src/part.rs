@@ -5,7 +5,7 @@
 //! written when the worker ended. A wrong checksum means damage.
 
 use std::fs::{File, OpenOptions};
-use std::io::{ErrorKind, Read as _, Seek as _, SeekFrom, Write as _};
+use std::io::{Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
 
 use prost::Message as _;
@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 
 use crate::error::Error;
-use crate::shard::Shard;
+use crate::shard::{Shard, write_whole};
 
 const SCHEMA_VERSION: u32 = 1;
 /// Size of a record before its content, in bytes.
@@ -169,37 +169,26 @@ impl PartWriter {
             units: shard.units().copied().collect(),
         };
         let error = Error::io(path);
-        match OpenOptions::new().write(true).create_new(true).open(path) {
-            Ok(mut file) => {
-                let json = serde_json::to_string(&header).map_err(std::io::Error::from);
-                let json = json.map_err(&error)? + "\n";
-                file.write_all(json.as_bytes()).map_err(&error)?;
-                file.sync_all().map_err(&error)?;
-                Ok(Self {
-                    path: path.to_owned(),
-                    file,
-                    results: Vec::new(),
-                })
-            }
-            Err(taken) if taken.kind() == ErrorKind::AlreadyExists => {
-                let held = Part::read(path)?;
-                if held.header != header {
-                    return Err(Error::OtherShard {
-                        path: path.to_owned(),
-                        theirs: held.header.plan,
-                    });
-                }
-                let mut file = OpenOptions::new().write(true).open(path).map_err(&error)?;
-                file.set_len(held.end).map_err(&error)?;
-                file.seek(SeekFrom::End(0)).map_err(&error)?;
-                Ok(Self {
-                    path: path.to_owned(),
-                    file,
-                    results: held.results,
-                })
-            }
-            Err(source) => Err(error(source)),
+        if !path.try_exists().map_err(&error)? {
+            let json = serde_json::to_string(&header).map_err(std::io::Error::from);
+            let line = json.map_err(&error)? + "\n";
+            write_whole(path, line.as_bytes()).map_err(&error)?;
         }
+        let held = Part::read(path)?;
+        if held.header != header {
+            return Err(Error::OtherShard {
+                path: path.to_owned(),
+                theirs: held.header.plan,
+            });
+        }
+        let mut file = OpenOptions::new().write(true).open(path).map_err(&error)?;
+        file.set_len(held.end).map_err(&error)?;
+        file.seek(SeekFrom::End(0)).map_err(&error)?;
+        Ok(Self {
+            path: path.to_owned(),
+            file,
+            results: held.results,
+        })
     }
 
     /// Appends results and waits until they are on disk.

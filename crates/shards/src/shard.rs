@@ -71,15 +71,9 @@ impl Shard {
     /// The file cannot be written.
     pub fn write(&self, folder: &Path) -> Result<PathBuf, Error> {
         let path = folder.join(format!("{}.json", self.shard));
-        let fresh = folder.join(format!(".{}.json", self.shard));
         let json = serde_json::to_vec(self).map_err(std::io::Error::from);
-        let write = |json: Vec<u8>| {
-            let mut file = fs::File::create(&fresh)?;
-            file.write_all(&json)?;
-            file.sync_all()?;
-            fs::rename(&fresh, &path)
-        };
-        json.and_then(write).map_err(Error::io(&path))?;
+        json.and_then(|json| write_whole(&path, &json))
+            .map_err(Error::io(&path))?;
         Ok(path)
     }
 
@@ -111,6 +105,16 @@ impl Shard {
     pub fn units(&self) -> impl Iterator<Item = &Unit> {
         self.leases.iter().flat_map(|lease| &lease.units)
     }
+}
+
+/// Writes a file that is whole or does not exist, whenever this process is killed.
+pub(crate) fn write_whole(path: &Path, content: &[u8]) -> std::io::Result<()> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let fresh = path.with_file_name(format!(".{name}"));
+    let mut file = fs::File::create(&fresh)?;
+    file.write_all(content)?;
+    file.sync_all()?;
+    fs::rename(&fresh, path)
 }
 
 fn digest_of(leases: &[Lease], campaign_digest: &str) -> String {

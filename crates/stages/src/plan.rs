@@ -337,7 +337,7 @@ mod tests {
     }
 
     #[test]
-    fn designs_that_were_given_up_do_not_hold_up_the_campaign() {
+    fn designs_that_were_quarantined_do_not_hold_up_the_campaign() {
         let campaign = campaign();
         let printed = printed(&campaign);
         let mut state = State { ..sampled(50) };
@@ -439,7 +439,7 @@ mod tests {
     }
 
     #[test]
-    fn the_round_that_stops_is_followed_by_its_recommendation_and_that_by_fresh_samples() {
+    fn the_round_that_stops_is_followed_by_its_recommendation_and_that_by_verification_samples() {
         let campaign = enriched();
         let middle = middle(&campaign);
         let approach = Approach::EnrichedKriging;

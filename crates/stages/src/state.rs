@@ -105,9 +105,10 @@ impl State {
 impl Progress {
     /// Whether every point of the last round has its samples or was quarantined.
     #[must_use]
-    pub fn is_settled(&self, is_given_up: impl Fn(StreamId) -> bool) -> bool {
-        let settled =
-            |point: &VerifyPoint| point.is_complete() || is_given_up(StreamId::point(point.number));
+    pub fn is_settled(&self, is_quarantined: impl Fn(StreamId) -> bool) -> bool {
+        let settled = |point: &VerifyPoint| {
+            point.is_complete() || is_quarantined(StreamId::point(point.number))
+        };
         self.points.iter().all(settled)
     }
 }

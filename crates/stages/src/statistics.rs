@@ -94,7 +94,7 @@ impl<'a> Collector<'a> {
             let count = match responses::sampled(&self.samples, settings).with_context(context)? {
                 Sampled::Enough(count) => count,
                 Sampled::Wants { samples, at_least } => {
-                    if !self.is_given_up(design) {
+                    if !self.is_quarantined(design) {
                         self.wanting.insert(design, samples as u64);
                     }
                     at_least
@@ -118,7 +118,7 @@ impl<'a> Collector<'a> {
         Ok(())
     }
 
-    fn is_given_up(&self, design: u64) -> bool {
+    fn is_quarantined(&self, design: u64) -> bool {
         let stream = u32::try_from(design).map(StreamId::design);
         stream.is_ok_and(|stream| self.quarantined.contains(&stream))
     }
@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn designs_that_want_more_hold_up_the_others_until_they_are_given_up() {
+    fn designs_that_want_more_hold_up_the_others_until_they_are_quarantined() {
         let mut held = rows(0, 0..10, 0.01);
         held.extend(rows(1, 0..10, 0.35));
         let precise = problem(Some(0.1));

@@ -22,7 +22,7 @@ pub struct Optimum {
     /// Its criteria.
     pub criteria: GearCriteria,
     /// Verification samples of ΔSTE, µm.
-    pub fresh: Vec<f64>,
+    pub verified: Vec<f64>,
 }
 
 /// The problem of the campaign in `store`, which must be that of `campaign` and finished.
@@ -76,7 +76,7 @@ pub async fn optima(store: &Store, problem: &Problem) -> anyhow::Result<Vec<Opti
             approach,
             variables: design.gears(),
             criteria: criteria.gears(),
-            fresh: fresh.iter().map(|row| row.delta_ste_um).collect(),
+            verified: fresh.iter().map(|row| row.delta_ste_um).collect(),
         });
     }
     Ok(optima)

@@ -82,7 +82,7 @@ pub fn choose<'a>(
     optima: &'a [Optimum],
     approach: Option<&str>,
 ) -> anyhow::Result<&'a Optimum> {
-    let p90 = |optimum: &Optimum| percentile(sampling, &optimum.fresh).value_um;
+    let p90 = |optimum: &Optimum| percentile(sampling, &optimum.verified).value_um;
     match approach {
         Some(name) => optima
             .iter()
@@ -396,7 +396,7 @@ mod tests {
             approach: Approach::Baseline,
             variables: design.gears(),
             criteria: gears.pair_criteria(&pair, 1000.0),
-            fresh: answer.samples_of("Figure 9").unwrap(),
+            verified: answer.samples_of("Figure 9").unwrap(),
         };
         (problem, optimum)
     }
@@ -408,7 +408,7 @@ mod tests {
         assert_eq!(rows.len(), 7);
         assert_eq!(
             rows[0].p90,
-            percentile(&problem.campaign().sampling, &optimum.fresh)
+            percentile(&problem.campaign().sampling, &optimum.verified)
         );
         let of = |parameter: &str, factor: f64| {
             let row = rows
@@ -474,7 +474,7 @@ mod tests {
         campaign.gears_mut().unwrap().manufacture = Some(manufacture);
         let problem = Problem::new(campaign);
         let rows = scenarios(&InProcess(&problem), &problem, &optimum).unwrap();
-        let as_designed = percentile(&problem.campaign().sampling, &optimum.fresh);
+        let as_designed = percentile(&problem.campaign().sampling, &optimum.verified);
         assert!(rows[0].p90.value_um > as_designed.value_um);
         let tolerances = Tolerances {
             modules: 0.01,
@@ -497,7 +497,7 @@ mod tests {
         let sampling = &problem.campaign().sampling;
         let second = Optimum {
             approach: Approach::Kriging,
-            fresh: first.fresh.iter().map(|sample| 0.5 * sample).collect(),
+            verified: first.verified.iter().map(|sample| 0.5 * sample).collect(),
             ..first.clone()
         };
         let optima = [first, second];

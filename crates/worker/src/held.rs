@@ -193,7 +193,7 @@ impl HeldLeases {
     }
 
     /// Forgets the leases that have not started, and returns them.
-    pub(crate) fn give_up_waiting(&self) -> Vec<LeaseId> {
+    pub(crate) fn release_waiting(&self) -> Vec<LeaseId> {
         let quarantined = self.with(|inner| {
             let waiting = inner.computing.extract_if(.., |_, held| !held.started);
             waiting.map(|(id, _)| id).collect()
@@ -204,7 +204,7 @@ impl HeldLeases {
 
     /// Ends the leases that are not finished. Those with kept results are finished with these; the
     /// others are forgotten and returned.
-    pub(crate) fn give_up_all(&self) -> Vec<LeaseId> {
+    pub(crate) fn release_all(&self) -> Vec<LeaseId> {
         let quarantined = self.with(|inner| {
             let mut quarantined = Vec::new();
             for (id, held) in std::mem::take(&mut inner.computing) {
@@ -398,12 +398,12 @@ mod tests {
         held.start(id(2));
         held.start(id(3));
         held.finish(id(3));
-        assert_eq!(held.give_up_waiting(), [id(1)]);
+        assert_eq!(held.release_waiting(), [id(1)]);
         assert!(
             held.start(id(1)).is_none(),
             "what was given back must not be computed"
         );
-        assert_eq!(held.give_up_all(), [id(2)]);
+        assert_eq!(held.release_all(), [id(2)]);
         held.finish(id(2));
         assert_eq!(held.unacknowledged(), 1, "what was given back is not ours");
     }
@@ -419,7 +419,7 @@ mod tests {
         held.keep(id(3), samples(1), 2.0);
         held.add(id(4), samples(2), 1.0);
         held.cancel(&[id(3)]);
-        assert_eq!(held.give_up_all(), [id(2), id(3)], "nobody needs the third");
+        assert_eq!(held.release_all(), [id(2), id(3)], "nobody needs the third");
         let (results, _) = held.results(ANY);
         let counts: Vec<Vec<usize>> = results
             .iter()

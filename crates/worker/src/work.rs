@@ -255,18 +255,15 @@ impl Shared {
     async fn drain(&self) {
         let now = tokio::time::Instant::now();
         let patient_until = now + self.options.grace.mul_f64(PATIENT_PART);
-        let waiting = self.held.give_up_waiting();
-        tokio::join!(
-            self.give_back(waiting, true),
-            self.computed_by(patient_until)
-        );
+        let waiting = self.held.release_waiting();
+        tokio::join!(self.release(waiting, true), self.computed_by(patient_until));
         self.hurry.store(true, Ordering::Relaxed);
         self.computed_by(now + self.options.grace).await;
-        self.give_back(self.held.give_up_all(), true).await;
+        self.release(self.held.release_all(), true).await;
     }
 
     /// Releases leases, and tells the coordinator whether this worker leaves.
-    async fn give_back(&self, leases: Vec<LeaseId>, leaving: bool) {
+    async fn release(&self, leases: Vec<LeaseId>, leaving: bool) {
         if leases.is_empty() && !leaving {
             return;
         }

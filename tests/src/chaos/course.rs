@@ -153,9 +153,9 @@ impl Course {
             return is_verified;
         }
         let groups = status["failure_groups"].as_array();
-        let is_given_up =
+        let is_quarantined =
             groups.is_some_and(|groups| groups.iter().any(|group| group["kind"] == "quarantine"));
-        self.is_live && is_given_up && (is_verified || status["finished"] == true)
+        self.is_live && is_quarantined && (is_verified || status["finished"] == true)
     }
 
     /// Whether the optimum has changed since the workers were disconnected.

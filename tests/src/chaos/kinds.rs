@@ -27,11 +27,13 @@ pub enum Kind {
     Problem,
     /// A program that reads and writes files.
     Files,
+    /// Without a network: jobs and results in files. Half of the campaigns name an accuracy.
+    Sharded,
 }
 
 impl Kind {
     /// All kinds.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Plain,
         Self::Precise,
         Self::Enriched,
@@ -40,6 +42,7 @@ impl Kind {
         Self::Licence,
         Self::Problem,
         Self::Files,
+        Self::Sharded,
     ];
 
     /// The kind's name.
@@ -54,13 +57,14 @@ impl Kind {
             Self::Licence => "licence",
             Self::Problem => "problem",
             Self::Files => "files",
+            Self::Sharded => "sharded",
         }
     }
 
     /// The shipped external program that simulates the designs, if there is one.
     pub(crate) const fn simulator(self) -> Option<&'static str> {
         match self {
-            Self::Plain | Self::Precise | Self::Enriched | Self::Grown => None,
+            Self::Plain | Self::Precise | Self::Enriched | Self::Grown | Self::Sharded => None,
             Self::External | Self::Licence => Some("simulator.py"),
             Self::Problem => Some("ishigami.py"),
             Self::Files => Some(BEAM),
@@ -108,6 +112,16 @@ impl Kind {
             Self::Licence => vec![external(is_even)],
             Self::Problem => vec![problem()],
             Self::Files => vec![files()],
+            Self::Sharded => {
+                let text = small_campaign(40, 3000);
+                let text = change(&text, "\nsamples = 100 ", "\nsamples = 20000 ");
+                vec![if is_even {
+                    let text = change(&text, "samples_per_design = 3000 ", "");
+                    text + "\n[accuracy]\ntolerance_um = 0.05\n"
+                } else {
+                    text
+                }]
+            }
         }
     }
 }

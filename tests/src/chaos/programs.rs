@@ -183,6 +183,30 @@ impl Programs {
         finish(command).map(drop)
     }
 
+    /// The command that writes what is left of a campaign as shards.
+    pub(crate) fn plan(&self, folder: &Path, file: &Path, shards: u32, out: &Path) -> Command {
+        let mut command = self.command("coordinator", folder, "info");
+        command.arg("plan").arg(file);
+        command.args(["--db", DB, "--report", "report", "--shards"]);
+        command.arg(shards.to_string()).arg("--out").arg(out);
+        command
+    }
+
+    /// The command of a worker that computes a shard.
+    pub(crate) fn shard_worker(&self, folder: &Path, shard: &Path, part: &Path) -> Command {
+        let mut command = self.command("worker", folder, "info");
+        command.arg("--shard").arg(shard).arg("--out").arg(part);
+        command.args(["--slots", "1"]);
+        command
+    }
+
+    /// The command that stores the results in parts.
+    pub(crate) fn merge(&self, folder: &Path, parts: &[PathBuf]) -> Command {
+        let mut command = self.command("coordinator", folder, "info");
+        command.args(["merge", "--db", DB]).args(parts);
+        command
+    }
+
     /// The campaign's status, read from its store.
     pub(crate) fn status(&self, folder: &Path, db: &str) -> Result<Value, Violation> {
         let mut command = self.command("coordinator", folder, "off");

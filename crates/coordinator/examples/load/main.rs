@@ -9,6 +9,7 @@
 //! load crowd [WORKERS] [SECONDS]   simultaneously connected workers, with the coordinator in a
 //!                          separate process: its memory and response times
 //! load large [DESIGNS] [SAMPLES]   a large store: the time until status answers and leasing starts
+//! load waiting [WORKERS]   workers that wait for a job: the time until a free one is leased
 //! ```
 //!
 //! Run it in release mode; every figure is printed with what it is compared to, measured in the
@@ -20,6 +21,7 @@
 mod crowd;
 mod overhead;
 mod slow;
+mod waiting;
 
 use std::net::Ipv4Addr;
 use std::path::{Path, PathBuf};
@@ -67,11 +69,12 @@ fn main() -> anyhow::Result<()> {
         Some("overhead") => runtime.block_on(overhead::measure(number(1, 90_000)?)),
         Some("crowd") => runtime.block_on(crowd::crowd(number(1, 1000)?, number(2, 20)?)),
         Some("large") => runtime.block_on(large(number(1, 100_000)?, number(2, 100)?)),
+        Some("waiting") => runtime.block_on(waiting::waiting(number(1, 10_000)?)),
         // Processes that the measurements start.
         Some("worker") => runtime.block_on(work(&arguments[1..])),
         Some("serve") => runtime.block_on(serve(&arguments[1..])),
         Some("simulate") => slow::simulate(),
-        _ => bail!("say what to measure: noop, overhead, crowd or large"),
+        _ => bail!("say what to measure: noop, overhead, crowd, large or waiting"),
     }
 }
 

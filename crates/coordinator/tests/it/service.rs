@@ -240,7 +240,7 @@ async fn a_result_that_contradicts_the_store_is_loud_and_changes_nothing() {
 }
 
 #[tokio::test]
-async fn numbers_that_cannot_be_are_failures_until_the_design_is_given_up() {
+async fn numbers_that_cannot_be_are_failures_until_the_design_is_quarantined() {
     let bench = bench().await;
     for (worker, absurd) in [("a", -1.0), ("b", 1e308), ("c", f64::NAN)] {
         bench.register(bench.introduction(worker)).await.unwrap();

@@ -40,21 +40,21 @@ impl Scaled {
             }
         }
 
-        let telling = telling(points);
-        let observed = || telling.iter().map(|&i| points.y[i]);
+        let informative = informative(points);
+        let observed = || informative.iter().map(|&i| points.y[i]);
         let centre = mean(&observed().collect::<Vec<f64>>());
         let largest = observed().map(|y| (y - centre).abs()).fold(0.0, f64::max);
         let y_scale = if largest > 0.0 {
             // Squares of the ratios neither overflow nor vanish.
             let squares: f64 = observed().map(|y| ((y - centre) / largest).powi(2)).sum();
-            largest * (squares / telling.len() as f64).sqrt()
+            largest * (squares / informative.len() as f64).sqrt()
         } else {
             0.0
         };
         // When the observations scatter less than their noise, the noise sets the scale.
-        let noise = telling
+        let noise = informative
             .iter()
-            .map(|&i| points.noise[i] / telling.len() as f64)
+            .map(|&i| points.noise[i] / informative.len() as f64)
             .sum::<f64>()
             .sqrt();
         // Unlike `max`, this keeps a NaN, which comes from differences that overflow.
@@ -104,14 +104,14 @@ impl Scaled {
 /// million times both the median noise variance and the square of the observations' median distance
 /// from their median. Such an observation carries no information, but its noise, or its value,
 /// would make all others look alike.
-fn telling(points: &Points) -> Vec<usize> {
+fn informative(points: &Points) -> Vec<usize> {
     const BEYOND: f64 = 1e6;
     let middle = median(points.y.clone());
     let spread = median(points.y.iter().map(|y| (y - middle).abs()).collect());
     let usual = median(points.noise.clone()).max(spread * spread);
     // When most observations are exact and equal, there is no usual size.
-    let is_telling = |i: &usize| usual == 0.0 || points.noise[*i] / BEYOND <= usual;
-    (0..points.len()).filter(is_telling).collect()
+    let is_informative = |i: &usize| usual == 0.0 || points.noise[*i] / BEYOND <= usual;
+    (0..points.len()).filter(is_informative).collect()
 }
 
 /// The median; the larger one of two middle values.

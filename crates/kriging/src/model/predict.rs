@@ -88,21 +88,21 @@ impl Model {
         let n = self.points.len();
         let solved = self.solved();
         let mut correlations = vec![0.0; n * rows.len()];
-        let mut shortfalls = Vec::with_capacity(rows.len());
+        let mut trend_errors = Vec::with_capacity(rows.len());
         let mut means = Vec::with_capacity(rows.len());
         for (x, r) in rows.iter().zip(correlations.chunks_exact_mut(n)) {
             let at = self.coordinates.scaled(x);
             self.kernel
                 .correlations(&at, |j| &self.coordinates.columns[j], r);
-            shortfalls.push(self.shortfall(x, r));
+            trend_errors.push(self.trend_error(x, r));
             means.push(self.mean_from(x, r));
         }
         solved.factor.half_solve(&mut correlations);
         means
             .into_iter()
-            .zip(correlations.chunks_exact(n).zip(shortfalls))
-            .map(|(mean, (half, mut shortfall))| {
-                let unit = 1.0 - dot(half, half) + solved.gls.quadratic(&mut shortfall);
+            .zip(correlations.chunks_exact(n).zip(trend_errors))
+            .map(|(mean, (half, mut trend_error))| {
+                let unit = 1.0 - dot(half, half) + solved.gls.quadratic(&mut trend_error);
                 // At a noise-free observation the terms cancel up to rounding. A NaN remains one.
                 let unit = if unit < 0.0 { 0.0 } else { unit };
                 let variance = self.parameters.sigma2 * unit * self.calibration;
@@ -122,7 +122,7 @@ impl Model {
     }
 
     /// f(x) − FᵀC⁻¹r: the trend's basis functions at `x` minus their interpolation.
-    pub(crate) fn shortfall(&self, x: &[f64], correlations: &[f64]) -> Vec<f64> {
+    pub(crate) fn trend_error(&self, x: &[f64], correlations: &[f64]) -> Vec<f64> {
         let n = self.points.len();
         let columns = self.solved().gls.solved().chunks(n);
         columns

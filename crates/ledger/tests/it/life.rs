@@ -182,7 +182,7 @@ fn failures_wait_longer_and_longer_and_the_third_ends_it() {
     }
     let grant = ledger.lease(&worker("a"), now).unwrap();
     let (failed, _) = ledger.deliver(&worker("a"), grant.lease, &failure_of(&grant), now);
-    assert_eq!(failed, [Failure::GivenUp]);
+    assert_eq!(failed, [Failure::Quarantined]);
     assert!(ledger.explain(now)[0].to_string().contains("no load path"));
     assert_eq!(ledger.retry(), [ONE]);
     assert!(ledger.lease(&worker("a"), now).is_some());

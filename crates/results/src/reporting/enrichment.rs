@@ -21,9 +21,9 @@ pub(super) async fn enrichment(
     if sources.problem.campaign().enrichment.is_none() {
         return Ok(None);
     }
-    let fresh = sources.fresh.get(Approach::EnrichedKriging.name());
-    let fresh = fresh.map_or(&[][..], Vec::as_slice);
-    let rounds = rounds(&sources.problem, &sources.rounds, &sources.infill, fresh)?;
+    let verified = sources.verified.get(Approach::EnrichedKriging.name());
+    let verified = verified.map_or(&[][..], Vec::as_slice);
+    let rounds = rounds(&sources.problem, &sources.rounds, &sources.infill, verified)?;
     let counts = response_counts(store, &sources.problem.campaign().sampling).await?;
     Ok(rounds.map(|enrichment| Enrichment {
         doe_samples: counts.values().sum(),
@@ -41,7 +41,7 @@ pub fn rounds(
     problem: &Problem,
     rows: &[RoundRow],
     infill: &[InfillRow],
-    fresh: &[f64],
+    verified: &[f64],
 ) -> anyhow::Result<Option<Enrichment>> {
     let Some(section) = &problem.campaign().enrichment else {
         return Ok(None);
@@ -74,7 +74,7 @@ pub fn rounds(
             .map_or_else(String::new, ToString::to_string);
         recommendation = round.recommendation;
     }
-    let verified = problem.campaign().sampling.verified(fresh).ok();
+    let verified = problem.campaign().sampling.verified(verified).ok();
     Ok(Some(Enrichment {
         unit: problem.sampled().unit.to_string(),
         rounds,

@@ -101,7 +101,7 @@ fn optimum(
     criteria: &GearCriteria,
 ) -> Optimum {
     let samples = sources
-        .fresh
+        .verified
         .get(&row.approach)
         .map_or(&[][..], Vec::as_slice);
     // Drawings and curves are the built-in model's.

@@ -23,7 +23,7 @@ pub(super) fn preliminary(sources: &Sources) -> Vec<PreliminaryDesign> {
         .iter()
         .enumerate()
         .filter_map(|(row, printed)| {
-            let samples = sources.fresh.get(&name(Place::Preliminary(row)))?;
+            let samples = sources.verified.get(&name(Place::Preliminary(row)))?;
             let plain = Samples::plain(samples);
             let response = responses::response(0, plain, &of_paper).ok()?;
             let variance = stats::p90_variance(response.sd_um.powi(2), k, of_paper.normal().z);
@@ -52,7 +52,7 @@ pub(super) fn similar(sources: &Sources) -> Vec<SimilarDesign> {
             Some(SimilarDesign {
                 variables: printed.variables,
                 delta_ste_archard_um: pair.archard(gears.wear()).analysis.delta_ste_um,
-                p90: percentile(sampling, sources.fresh.get(&name(place))?),
+                p90: percentile(sampling, sources.verified.get(&name(place))?),
             })
         })
         .collect()
@@ -89,7 +89,7 @@ fn printed_figures(sources: &Sources, figure: u8) -> Result<PrintedFigures, Stri
     let samples = match figure {
         6 => &[][..],
         _ => sources
-            .fresh
+            .verified
             .get(&name(Place::Figure(figure)))
             .map_or(&[][..], Vec::as_slice),
     };

@@ -45,7 +45,7 @@ fn optimum(sources: &Sources, row: &OptimumRow) -> anyhow::Result<ProblemOptimum
         });
         named.collect::<Vec<_>>()
     };
-    let fresh = sources.fresh.get(&row.approach);
+    let verified = sources.verified.get(&row.approach);
     Ok(ProblemOptimum {
         approach: approach_of(&row.approach).map_or_else(
             || row.approach.clone(),
@@ -57,7 +57,7 @@ fn optimum(sources: &Sources, row: &OptimumRow) -> anyhow::Result<ProblemOptimum
         criterion: row.criterion_um,
         p90: percentile(
             &problem.campaign().sampling,
-            fresh.map_or(&[][..], Vec::as_slice),
+            verified.map_or(&[][..], Vec::as_slice),
         ),
         constraints: constraints.into_iter().map(limited).collect(),
         simulator_calls: row.simulator_calls,

@@ -34,7 +34,7 @@ pub(super) struct Sources {
     pub(super) infill: Vec<InfillRow>,
     pub(super) rounds: Vec<RoundRow>,
     /// Verification samples by point.
-    pub(super) fresh: BTreeMap<String, Vec<f64>>,
+    pub(super) verified: BTreeMap<String, Vec<f64>>,
 }
 
 impl Sources {
@@ -43,14 +43,14 @@ impl Sources {
         let row = store.campaign().await?;
         let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
         let problem = Problem::new(campaign);
-        let mut fresh = BTreeMap::new();
+        let mut verified = BTreeMap::new();
         let names = Approach::ALL
             .iter()
             .map(|approach| approach.name().to_owned())
             .chain(Place::all().map(references::name));
         for name in names {
             let samples = store.verify_samples(&name).await?;
-            fresh.insert(
+            verified.insert(
                 name,
                 samples.iter().map(|sample| sample.delta_ste_um).collect(),
             );
@@ -73,7 +73,7 @@ impl Sources {
                 None => None,
             },
             model_json: model.map(|row| row.json),
-            fresh,
+            verified,
             problem,
         })
     }

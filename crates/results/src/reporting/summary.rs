@@ -72,8 +72,8 @@ fn missing(status: &Status) -> Vec<String> {
 pub(super) fn best(sources: &Sources) -> Option<(&OptimumRow, Design)> {
     let sampling = &sources.problem.campaign().sampling;
     let value = |row: &OptimumRow| {
-        let fresh = sources.fresh.get(&row.approach)?;
-        let value = percentile(sampling, fresh).value_um;
+        let verified = sources.verified.get(&row.approach)?;
+        let value = percentile(sampling, verified).value_um;
         value.is_finite().then_some(value)
     };
     let ranked = sources.optima.iter().filter(|row| {
@@ -100,7 +100,7 @@ fn recommended(
     let sampling = &problem.campaign().sampling;
     let criteria: Option<Criteria> = serde_json::from_str(&row.criteria_json)?;
     let constraints = criteria.map_or_else(Vec::new, |criteria| problem.constraints(&criteria));
-    let fresh = sources.fresh.get(&row.approach);
+    let verified = sources.verified.get(&row.approach);
     let response = match problem.gears() {
         Some(_) => "ΔSTE".to_owned(),
         None => problem.sampled().name.to_string(),
@@ -115,7 +115,7 @@ fn recommended(
             .map_or_else(|| row.approach.clone(), |a| label(sources, a)),
         what: format!("{} of {response}", sampling.percentile_name()),
         unit: problem.sampled().unit.to_string(),
-        percentile: percentile(sampling, fresh.map_or(&[][..], Vec::as_slice)),
+        percentile: percentile(sampling, verified.map_or(&[][..], Vec::as_slice)),
         variables: variables
             .map(|(variable, value)| NamedValue {
                 name: called(sources, &variable.name),

@@ -186,6 +186,6 @@ async fn a_worker_is_shown_with_all_that_went_wrong_on_it() {
     let live = status.live.unwrap();
     let worker = &live.workers[0];
     assert_eq!((worker.leased, worker.completed, worker.failed), (1, 2, 7));
-    assert!(worker.set_aside && worker.silent_seconds == 1.0);
+    assert!(worker.is_suspended && worker.silent_seconds == 1.0);
     assert_eq!(worker.samples_per_second, 49.0);
 }

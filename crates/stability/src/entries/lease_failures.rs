@@ -142,7 +142,7 @@ fn failures(found: &mut Outcome) -> Result<(), Failed> {
                 waits.push(wait.as_secs_f64());
                 now += wait;
             }
-            [quarantined @ Failure::GivenUp] => found.named(variant(&quarantined)),
+            [quarantined @ Failure::Quarantined] => found.named(variant(&quarantined)),
             _ => return Err(format!("unexpected: {outcomes:?}").into()),
         }
     }

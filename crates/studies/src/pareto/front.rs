@@ -110,7 +110,7 @@ pub struct Point {
     /// P90 from the samples of the campaign, or of the search that found it.
     pub p90: Percentile,
     /// P90 from verification samples; `None` if there are none.
-    pub fresh: Option<Percentile>,
+    pub verified: Option<Percentile>,
     /// Whether no other design is at least as good in both objectives, by verification samples where there
     /// are any.
     pub on_front: bool,
@@ -118,7 +118,7 @@ pub struct Point {
 
 impl Point {
     pub(super) fn judged_um(&self) -> f64 {
-        self.fresh.unwrap_or(self.p90).value_um
+        self.verified.unwrap_or(self.p90).value_um
     }
 }
 
@@ -181,7 +181,7 @@ pub async fn of_doe(
                 high_um,
                 samples,
             },
-            fresh: None,
+            verified: None,
             on_front: false,
         });
     }
@@ -194,13 +194,13 @@ pub fn of_optima(sampling: &Sampling, optima: &[Optimum]) -> Vec<Point> {
     optima
         .iter()
         .map(|optimum| {
-            let p90 = percentile(sampling, &optimum.fresh);
+            let p90 = percentile(sampling, &optimum.verified);
             Point {
                 source: Source::Optimum(optimum.approach.name()),
                 variables: optimum.variables,
                 criteria: optimum.criteria,
                 p90,
-                fresh: Some(p90),
+                verified: Some(p90),
                 on_front: false,
             }
         })
@@ -271,7 +271,7 @@ fn verify(
     let answers = simulations.simulate(&requests)?;
     let fresh = |((_, mut point), answer): ((u64, Point), Answer)| {
         let samples_um = answer.samples_of(&point.source.name())?;
-        point.fresh = Some(percentile(&problem.campaign().sampling, &samples_um));
+        point.verified = Some(percentile(&problem.campaign().sampling, &samples_um));
         Ok(point)
     };
     points.into_iter().zip(answers).map(fresh).collect()
@@ -330,7 +330,7 @@ pub fn refine(
                 high_um: f64::NAN,
                 samples: problem.campaign().sampling.samples_per_design as usize,
             },
-            fresh: None,
+            verified: None,
             on_front: false,
         });
         Ok(point.map(|point| (number, point)))
@@ -358,7 +358,7 @@ mod tests {
     use super::*;
     use crate::simulations::InProcess;
 
-    fn point(source: Source, pressure: f64, p90_um: f64, fresh_um: Option<f64>) -> Point {
+    fn point(source: Source, pressure: f64, p90_um: f64, verified_um: Option<f64>) -> Point {
         let problem = Problem::new(Campaign::parse("paper.toml", Campaign::PAPER).unwrap());
         let design = stages::references::design(gear::paper::printed::Place::Figure(9));
         let percentile = |value_um: f64| Percentile {
@@ -375,7 +375,7 @@ mod tests {
                 gears.pair_criteria(&gears.pair(&design).unwrap(), pressure)
             },
             p90: percentile(p90_um),
-            fresh: fresh_um.map(percentile),
+            verified: verified_um.map(percentile),
             on_front: false,
         }
     }
@@ -399,7 +399,7 @@ mod tests {
     }
 
     #[test]
-    fn fresh_samples_decide_over_those_that_a_design_was_chosen_by() {
+    fn verification_samples_decide_over_those_that_a_design_was_chosen_by() {
         let mut points = [
             point(Source::Doe(0), 1000.0, 2.0, Some(3.0)),
             point(Source::Doe(1), 1400.0, 1.5, Some(3.1)),
@@ -443,7 +443,7 @@ mod tests {
         for (point, limit) in found.iter().zip([1550.0, 1387.5]) {
             assert!(point.criteria.hertz_pressure_mpa < limit);
             assert!(problem.is_feasible(&point.criteria.into()));
-            assert_eq!(point.fresh.unwrap().samples, 50);
+            assert_eq!(point.verified.unwrap().samples, 50);
         }
     }
 }

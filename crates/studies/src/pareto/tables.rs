@@ -86,7 +86,7 @@ fn summary(problem: &Problem, against: Against, points: &[Point]) -> Table {
             format!("{value:.0}{beyond}"),
             with_interval(&point.p90),
             point
-                .fresh
+                .verified
                 .as_ref()
                 .map_or(NOTHING.to_owned(), with_interval),
             if point.on_front { "yes" } else { "no" }.to_owned(),
@@ -97,7 +97,9 @@ fn summary(problem: &Problem, against: Against, points: &[Point]) -> Table {
 
 fn all_figures(sampling: &Sampling, points: &[Point]) -> Table {
     let columns = sampling.percentile_columns();
-    let fresh = columns.each_ref().map(|column| format!("fresh_{column}"));
+    let verified = columns
+        .each_ref()
+        .map(|column| format!("verified_{column}"));
     let mut header = vec!["source"];
     header.extend(VARIABLE_NAMES);
     header.extend([
@@ -106,7 +108,7 @@ fn all_figures(sampling: &Sampling, points: &[Point]) -> Table {
         "hertz_pressure_mpa",
         "root_stress_mpa",
     ]);
-    header.extend(columns.iter().chain(&fresh).map(String::as_str));
+    header.extend(columns.iter().chain(&verified).map(String::as_str));
     header.push("on_front");
     let mut table = Table::new(header);
     for point in points {
@@ -122,7 +124,7 @@ fn all_figures(sampling: &Sampling, points: &[Point]) -> Table {
             ]
             .map(exact),
         );
-        for p90 in [Some(point.p90), point.fresh] {
+        for p90 in [Some(point.p90), point.verified] {
             let finite = |value: f64| value.is_finite().then_some(value);
             line.push(maybe_exact(p90.map(|p90| p90.value_um)));
             line.push(maybe_exact(p90.and_then(|p90| finite(p90.low_um))));
@@ -146,7 +148,7 @@ fn chart(
         points: marked
             .iter()
             .filter(|point| of(&point.source))
-            .map(|point| (at(point), point.fresh.unwrap_or(point.p90)))
+            .map(|point| (at(point), point.verified.unwrap_or(point.p90)))
             .collect(),
     };
     let dots: Vec<[f64; 2]> = all
@@ -196,7 +198,7 @@ mod tests {
                 high_um: 2.1,
                 samples: 30,
             },
-            fresh: None,
+            verified: None,
             on_front: true,
         };
         let points = [

@@ -409,7 +409,7 @@ pub(super) async fn heartbeat(
             Directive::Finished => return Ok(End::Finished),
             Directive::Leave => return Ok(End::Dismissed),
             Directive::Register => shared.register_again(epoch).await?,
-            Directive::Drain => shared.give_back(shared.held.give_up_waiting(), false).await,
+            Directive::Drain => shared.release(shared.held.release_waiting(), false).await,
             _ => {}
         }
     }
