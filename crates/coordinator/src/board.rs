@@ -351,7 +351,7 @@ impl Board {
                     self.changed.notify_waiters();
                     return grants;
                 }
-                inner.ledger.next_due(self.now())
+                inner.ledger.next_due(worker, self.now())
             };
             // Some jobs become free with time, without a notification.
             let due = due.map_or(deadline, |due| deadline.min(self.origin + due));

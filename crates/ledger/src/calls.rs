@@ -299,9 +299,9 @@ impl<P: Clone> Ledger<P> {
         vanished
     }
 
-    /// The next time after `now` at which the state changes by itself: a lease expires, or work
-    /// becomes available.
-    pub fn next_due(&self, now: Duration) -> Option<Duration> {
+    /// The next time after `now` at which the state changes by itself for a worker: a lease expires,
+    /// work becomes available, or the worker's suspension ends.
+    pub fn next_due(&self, worker: &WorkerId, now: Duration) -> Option<Duration> {
         let expiry = self.expiries.first().map(|&(expires, _)| expires);
         let waiting = self.waiting.first().map(|&(until, _)| until);
         // Leases older than the patience wait for a worker with an idle slot, not for a time.
@@ -315,9 +315,8 @@ impl<P: Clone> Ledger<P> {
         let mut young = self.alone.range((now.saturating_sub(patience), first)..);
         let young = young.find(|(granted, _)| granted.saturating_add(patience) > now);
         let doubled = young.map(|&(granted, _)| granted.saturating_add(patience));
-        let suspended = self.workers.known.values();
-        let suspended = suspended.filter_map(|worker| worker.suspended_until);
-        let suspended = suspended.filter(|until| *until > now).min();
+        let suspended = self.workers.known.get(worker);
+        let suspended = suspended.and_then(|worker| worker.suspended_until);
         [expiry, waiting, doubled, suspended, Some(self.closed_until)]
             .into_iter()
             .flatten()

@@ -177,7 +177,7 @@ fn failures_wait_longer_and_longer_and_the_third_ends_it() {
         let (again, _) = ledger.deliver(&worker("a"), grant.lease, &failure, now);
         assert_eq!(again, [Failure::Ignored]);
         assert!(ledger.lease(&worker("a"), now + at(0.9 * wait)).is_none());
-        assert_eq!(ledger.next_due(now), Some(now + at(wait)));
+        assert_eq!(ledger.next_due(&worker("a"), now), Some(now + at(wait)));
         now += at(wait);
     }
     let grant = ledger.lease(&worker("a"), now).unwrap();
@@ -248,7 +248,7 @@ fn a_worker_alone_is_suspended_three_times_and_then_the_streams_are_to_blame() {
                 let (_, suspended) = ledger.deliver(&worker("a"), grant.lease, &failure, now);
                 suspensions += u32::from(suspended.is_some());
             }
-            None => now = ledger.next_due(now).expect("it goes on"),
+            None => now = ledger.next_due(&worker("a"), now).expect("it goes on"),
         }
     }
     assert_eq!(suspensions, 3);
@@ -303,7 +303,7 @@ fn what_is_held_from_before_a_restart_is_held_on_under_its_old_name() {
         after.lease(&worker("b"), at(0.0)).is_none(),
         "somebody may hold it"
     );
-    assert_eq!(after.next_due(at(0.0)), Some(at(3.0)));
+    assert_eq!(after.next_due(&worker("b"), at(0.0)), Some(at(3.0)));
     after.register(&worker("a"), "here", 1, at(1.0));
     assert!(after.adopt(&worker("a"), grant.lease, &units(&grant), at(1.0)));
     let other = after.lease(&worker("b"), at(3.0)).unwrap();
