@@ -6,8 +6,13 @@ use acceptance::{Sandbox, assert_code, errors, root};
 
 use crate::place::{DB, Place};
 
-/// The example's campaign and program, with slow samples.
+/// The example's campaign and program. Each sample takes 0.3 s.
 fn slow_example(sandbox: &Sandbox) -> (String, String) {
+    example_with(sandbox, "__import__(\"time\").sleep(0.3)")
+}
+
+/// The example's campaign and program with a Python statement before each sample.
+fn example_with(sandbox: &Sandbox, statement: &str) -> (String, String) {
     let read =
         |name: &str| std::fs::read_to_string(root().join("campaigns/external").join(name)).unwrap();
     let campaign = read("campaign.toml").replace("probe_designs = 3", "probe_designs = 0");
@@ -15,7 +20,7 @@ fn slow_example(sandbox: &Sandbox) -> (String, String) {
     let from = "        generator = random";
     let program = read("simulator.py");
     assert!(program.contains(from));
-    let slow = format!("        __import__(\"time\").sleep(0.3)\n{from}");
+    let slow = format!("        {statement}\n{from}");
     let program = sandbox.write("slow.py", &program.replacen(from, &slow, 1));
     let exec = format!("exec python3 -B {}", program.display());
     (file.display().to_string(), exec)
@@ -67,6 +72,39 @@ fn ending_a_worker_together_with_its_simulators_costs_nothing() {
     assert_eq!(coordinator.finish().0.code(), Some(14));
     let status = sandbox.status(DB).unwrap();
     assert_eq!(status["failures"], 0, "{status}");
+}
+
+/// Slurm's SIGTERM goes to all processes of a job. A simulator that ignores it completes its sample.
+#[test]
+fn a_simulator_that_ignores_sigterm_completes_its_sample() {
+    let sandbox = Sandbox::new();
+    let flag = sandbox.path("sampling").display().to_string();
+    let statement = format!("open({flag:?}, \"w\").close(); __import__(\"time\").sleep(3)");
+    let (file, exec) = example_with(&sandbox, &statement);
+    let place = Place::of_file(&sandbox, &file);
+    let coordinator = place.serve(&[]);
+    let exec = format!("trap '' TERM; {exec}");
+    let worker = place.worker(&["--slots", "1", "--exec", &exec, "--grace", "20"]);
+    let since = Instant::now();
+    while !sandbox.path("sampling").exists() {
+        assert!(since.elapsed().as_secs() < 60, "no sample begins");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let done = |when: &str| {
+        let status = sandbox.status(DB).expect("a store");
+        assert_eq!(status["failures"], 0, "{when}: {status}");
+        status["samples"]["done"].as_u64().expect("a number")
+    };
+    let before = done("before");
+    let found = programs(&sandbox.path("slow.py").display().to_string());
+    let killed = std::process::Command::new("kill").args(&found).status();
+    assert!(!found.is_empty() && killed.unwrap().success(), "{found:?}");
+    worker.terminate();
+    let (status, errors) = worker.finish();
+    assert_eq!(status.code(), Some(14), "{errors}");
+    assert!(done("after") > before, "{errors}");
+    coordinator.terminate();
+    assert_eq!(coordinator.finish().0.code(), Some(14));
 }
 
 #[test]
