@@ -9,11 +9,11 @@ fn random_faults_leave_no_trace_in_the_results() {
     let soak = Soak::new(&sandbox.path("."), &acceptance::programs(), 2009).unwrap();
     for (round, kind) in [(0, Kind::Plain), (1, Kind::Licence), (2, Kind::Sharded)] {
         let done = soak.round(round, Some(kind)).unwrap();
-        assert!(done.acts > 0 && done.looks > 0, "undisturbed: {done:?}");
-        let has_page = kind != Kind::Sharded;
-        assert!(
-            done.visits > 0 || !has_page,
-            "the live page never answered: {done:?}"
-        );
+        assert!(done.looks > 0, "nobody looked: {done:?}");
+        // The processes of a campaign in shards may all end before they would be killed.
+        if kind != Kind::Sharded {
+            assert!(done.acts > 0, "undisturbed: {done:?}");
+            assert!(done.visits > 0, "the live page never answered: {done:?}");
+        }
     }
 }

@@ -74,6 +74,8 @@ struct Count {
 fn run(arguments: &Arguments) -> Result<u64, Violation> {
     let programs = arguments.programs.clone();
     let programs = programs.unwrap_or_else(acceptance::programs);
+    // They are started in other folders.
+    let programs = std::path::absolute(programs).expect("a path that is not empty");
     let sandbox = tempfile::tempdir().expect("a temporary folder");
     let folder = sandbox.keep();
     let since = Instant::now();

@@ -17,7 +17,7 @@ use super::{Kind, Round, Violation};
 /// Number of shards of each plan.
 const SHARDS: u32 = 3;
 /// A process is killed at most after this time, in milliseconds.
-const LATEST_KILL: u64 = 1200;
+const LATEST_KILL: u64 = 300;
 /// Time limit of a process on a shared machine.
 const PATIENCE: Duration = Duration::from_secs(120);
 /// Exit code of a merge whose parts lack results.
