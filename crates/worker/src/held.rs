@@ -419,7 +419,7 @@ mod tests {
         held.keep(id(3), samples(1), 2.0);
         held.add(id(4), samples(2), 1.0);
         held.cancel(&[id(3)]);
-        assert_eq!(held.release_all(), [id(2), id(3)], "nobody needs the third");
+        assert_eq!(held.release_all(), [id(2), id(3)], "3 is cancelled");
         let (results, _) = held.results(ANY);
         let counts: Vec<Vec<usize>> = results
             .iter()
