@@ -301,17 +301,20 @@ const VIEWS = [
 let fetching = false;
 let fetchedAt = -Infinity;
 let planned = 0;
+let isFinished = false;
 
 // A lost connection, a TypeError, is said where it is noticed.
 function trouble(error) {
   if (!(error instanceof TypeError)) connection(error.message, true);
 }
 
-// Fetches all views now, or when enough time has passed.
-async function fetchViews(isLast) {
-  const wait = isLast ? 0 : fetchedAt + PERIOD - performance.now();
-  if (fetching || wait > 0) {
-    if (!planned) planned = setTimeout(() => { planned = 0; fetchViews(); }, Math.max(wait, 100));
+// Fetches all views, at once if the campaign is finished, else when enough time has passed.
+async function fetchViews() {
+  const due = isFinished ? 0 : fetchedAt + PERIOD - performance.now();
+  const wait = fetching ? Math.max(due, 100) : due;
+  clearTimeout(planned);
+  if (wait > 0) {
+    planned = setTimeout(fetchViews, wait);
     return;
   }
   fetching = true;
@@ -329,7 +332,6 @@ async function fetchViews(isLast) {
 // Listening
 
 let source = null;
-let isFinished = false;
 
 function connection(text, isLost) {
   say(at("connection"), text);
@@ -340,14 +342,13 @@ function listen() {
   source = new EventSource("api/v1/events");
   source.addEventListener("status", (event) => {
     const status = JSON.parse(event.data);
-    // A coordinator may end with its campaign: what is to be seen is fetched at once.
-    const isLast = status.finished && !isFinished;
     isFinished = status.finished;
     connection(isFinished ? "The campaign is finished."
       : status.live ? "Connected: the page follows the campaign."
         : "The store alone was asked: what workers do is not known.", false);
     showStatus(status);
-    fetchViews(isLast);
+    // A coordinator may end with its campaign, a second after its last status.
+    fetchViews();
   });
   source.addEventListener("trouble", (event) => {
     connection(`The store cannot be read: ${JSON.parse(event.data).error}`, true);
