@@ -28,8 +28,7 @@ fn a_coordinator_that_dies_around_a_commit_loses_and_repeats_nothing() {
         "store::checkpoint=return(300)",
         "store::after_commit=1*off->return",
     ] {
-        let coordinator = sandbox.start_with("coordinator", &serve, &[("FAILPOINTS", point)]);
-        let (status, errors) = coordinator.finish();
+        let (status, errors) = sandbox.start_dying(&serve, point).finish();
         assert_eq!(status.signal(), Some(SIGABRT), "{point}: {status} {errors}");
         let held = sandbox.status("c.db").unwrap();
         let now = held["samples"]["done"].as_u64().unwrap();

@@ -7,6 +7,9 @@ use acceptance::{Running, Sandbox, assert_code, free_address, printed, small_cam
 /// The store of the coordinators in a test.
 pub(crate) const DB: &str = "c.db";
 
+/// Tests wait for some leases to expire.
+const SHORT_LEASES: [&str; 2] = ["--lease", "5"];
+
 /// The fixed campaign, store and address of successive coordinators.
 pub(crate) struct Place<'s> {
     sandbox: &'s Sandbox,
@@ -38,23 +41,27 @@ impl<'s> Place<'s> {
     }
 
     pub(crate) fn serve(&self, options: &[&str]) -> Running {
-        self.serve_with(options, &[])
+        self.start(&[&SHORT_LEASES[..], options].concat())
     }
 
     /// Starts a coordinator with leases of this many seconds.
     pub(crate) fn serve_for(&self, lease: &str) -> Running {
-        self.start(&["--lease", lease], &[])
+        self.start(&["--lease", lease])
     }
 
-    pub(crate) fn serve_with(&self, options: &[&str], variables: &[(&str, &str)]) -> Running {
-        // Short leases, because tests wait for some of them to expire.
-        self.start(&[&["--lease", "5"], options].concat(), variables)
+    /// Starts a coordinator that dies at a fail point.
+    pub(crate) fn serve_dying(&self, point: &str) -> Running {
+        let arguments = [&self.command()[..], &SHORT_LEASES].concat();
+        self.sandbox.start_dying(&arguments, point)
     }
 
-    fn start(&self, options: &[&str], variables: &[(&str, &str)]) -> Running {
-        let serve = ["serve", &self.file, "--db", DB, "--listen", &self.address];
-        self.sandbox
-            .start_with("coordinator", &[&serve, options].concat(), variables)
+    fn start(&self, options: &[&str]) -> Running {
+        let arguments = [&self.command()[..], options].concat();
+        self.sandbox.start("coordinator", &arguments)
+    }
+
+    fn command(&self) -> [&str; 6] {
+        ["serve", &self.file, "--db", DB, "--listen", &self.address]
     }
 
     pub(crate) fn worker(&self, options: &[&str]) -> Running {

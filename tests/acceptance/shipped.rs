@@ -1,42 +1,25 @@
-//! Tests of shipped programs, without fail points. The variable `PITCHLINE_SHIPPED` gives their
-//! folder:
+//! A test of shipped programs: they have no fail points. It needs their folder:
 //!
 //! ```text
 //! cargo build --release -p coordinator -p worker
-//! PITCHLINE_SHIPPED=$PWD/target/release cargo test -p acceptance --test acceptance -- shipped
+//! PITCHLINE_PROGRAMS=$PWD/target/release cargo test --workspace --test acceptance shipped
 //! ```
 
-use std::path::PathBuf;
-
 use acceptance::{Sandbox, assert_code, errors, small_campaign};
-
-/// The variable that names the folder of the shipped programs.
-const VARIABLE: &str = "PITCHLINE_SHIPPED";
 
 /// A fail point at which a coordinator that has it ends before it stores anything.
 const DEADLY: [(&str, &str); 1] = [("FAILPOINTS", "store::before_commit=return")];
 
-/// The path of the shipped coordinator; `None` if no folder is given.
-fn coordinator() -> Option<String> {
-    let Some(folder) = std::env::var_os(VARIABLE) else {
-        acceptance::skipped(&format!("{VARIABLE} names no folder of shipped programs"));
-        return None;
-    };
-    let path = PathBuf::from(folder).join("coordinator");
-    assert!(path.is_absolute(), "{VARIABLE} must be an absolute path");
-    assert!(path.exists(), "there is no {}", path.display());
-    Some(path.display().to_string())
-}
-
 #[test]
 fn shipped_programs_have_no_fail_points_and_survive_a_kill() {
-    let Some(coordinator) = coordinator() else {
+    if acceptance::named_programs().is_none() {
+        acceptance::skipped("PITCHLINE_PROGRAMS names no folder of shipped programs");
         return;
-    };
+    }
     let sandbox = Sandbox::new();
     let file = sandbox.write("long.toml", &small_campaign(40, 20_000));
     let file = file.to_str().unwrap();
-    let start = |db: &str| sandbox.start_with(&coordinator, &["run", file, "--db", db], &DEADLY);
+    let start = |db: &str| sandbox.start_with("coordinator", &["run", file, "--db", db], &DEADLY);
     let (ended, said) = start("whole.db").finish();
     assert_eq!(ended.code(), Some(0), "{said}");
     let whole = sandbox.status("whole.db").unwrap();
@@ -56,7 +39,7 @@ fn shipped_programs_have_no_fail_points_and_survive_a_kill() {
         assert_eq!(again[key], whole[key], "{key}");
     }
     let table = ["export", "--db", "killed.db", "--table", "failures"];
-    let exported = sandbox.run(&coordinator, &[&table[..], &["--out", "f.csv"]].concat());
+    let exported = sandbox.coordinator(&[&table[..], &["--out", "f.csv"]].concat());
     assert_code(&exported, 0);
     let failures = std::fs::read_to_string(sandbox.path("f.csv")).unwrap();
     assert_eq!(

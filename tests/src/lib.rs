@@ -25,7 +25,7 @@ use tempfile::TempDir;
 /// Longer than any step takes on a slow, busy machine.
 const PATIENCE: Duration = Duration::from_secs(240);
 
-/// The path of a program of the workspace, built with the profile of the running program.
+/// The path of a program under test, see [`programs`].
 ///
 /// # Panics
 ///
@@ -35,19 +35,43 @@ pub fn binary(name: &str) -> PathBuf {
     programs().join(name)
 }
 
-/// The folder of the workspace's programs, built with the profile of the running program. The
-/// variable `PITCHLINE_PROGRAMS` can name the folder of installed programs instead.
+/// The folder of the programs under test: that which the variable `PITCHLINE_PROGRAMS` names, or
+/// [`programs_with_fail_points`].
 ///
 /// # Panics
 ///
 /// The programs cannot be built.
 #[must_use]
 pub fn programs() -> PathBuf {
+    named_programs().unwrap_or_else(programs_with_fail_points)
+}
+
+/// The folder that the variable `PITCHLINE_PROGRAMS` names: that of shipped programs, which have no
+/// fail points.
+///
+/// # Panics
+///
+/// The path is relative: tests run in several folders.
+#[must_use]
+pub fn named_programs() -> Option<PathBuf> {
+    let folder = PathBuf::from(std::env::var_os("PITCHLINE_PROGRAMS")?);
+    assert!(
+        folder.is_absolute(),
+        "PITCHLINE_PROGRAMS is not an absolute path: {}",
+        folder.display()
+    );
+    Some(folder)
+}
+
+/// The folder of the workspace's programs, built with the profile of the running program.
+///
+/// # Panics
+///
+/// The programs cannot be built.
+#[must_use]
+pub fn programs_with_fail_points() -> PathBuf {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     let folder = FOLDER.get_or_init(|| {
-        if let Some(folder) = std::env::var_os("PITCHLINE_PROGRAMS") {
-            return PathBuf::from(folder);
-        }
         let exe = std::env::current_exe().expect("the program's own path");
         // TARGET/PROFILE/deps/acceptance-HASH, or TARGET/PROFILE/chaos
         let is_test = exe.parent().is_some_and(|folder| folder.ends_with("deps"));
@@ -263,7 +287,22 @@ impl Sandbox {
         arguments: &[&str],
         variables: &[(&str, &str)],
     ) -> Running {
-        let child = Command::new(binary(program))
+        self.start_file(&binary(program), arguments, variables)
+    }
+
+    /// Starts a coordinator that dies at a fail point, given as "name=actions".
+    ///
+    /// # Panics
+    ///
+    /// The program cannot be built or started.
+    #[must_use]
+    pub fn start_dying(&self, arguments: &[&str], point: &str) -> Running {
+        let file = programs_with_fail_points().join("coordinator");
+        self.start_file(&file, arguments, &[("FAILPOINTS", point)])
+    }
+
+    fn start_file(&self, file: &Path, arguments: &[&str], variables: &[(&str, &str)]) -> Running {
+        let child = Command::new(file)
             .args(arguments)
             .current_dir(self.folder.path())
             .env("XDG_STATE_HOME", self.folder.path())

@@ -3,6 +3,7 @@
 mod calls;
 mod registering;
 
+use std::pin::Pin;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, RwLock};
 use std::time::{Duration, Instant};
@@ -111,7 +112,16 @@ impl Worker {
     /// # Errors
     ///
     /// The coordinator cannot be reached or refuses the worker.
-    pub async fn run(self, shutdown: CancellationToken) -> Result<Summary, Error> {
+    // A boxed future is compiled once, in this crate. An `async fn` would be compiled again in each
+    // program that awaits it.
+    pub fn run(
+        self,
+        shutdown: CancellationToken,
+    ) -> Pin<Box<dyn Future<Output = Result<Summary, Error>> + Send>> {
+        Box::pin(self.work(shutdown))
+    }
+
+    async fn work(self, shutdown: CancellationToken) -> Result<Summary, Error> {
         let slots = self.options.slots.max(1);
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(slots)
