@@ -343,7 +343,7 @@ impl Sandbox {
                 return status;
             }
             assert!(since.elapsed() < PATIENCE, "waiting in vain for {what}");
-            std::thread::sleep(Duration::from_millis(20));
+            std::thread::sleep(Duration::from_millis(60));
         }
     }
 }

@@ -239,7 +239,7 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
         || campaign.sampling.precision_um.is_none()
             && progress.designs == wanted
             && progress.criteria_done == wanted
-            && progress.samples >= (progress.feasible - progress.ruled_out) * per_design;
+            && progress.samples >= (progress.simulable - progress.ruled_out) * per_design;
     let verified = optima
         .iter()
         .all(|optimum| optimum.verified.done >= optimum.verified.wanted);
@@ -278,7 +278,7 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
             wanted,
             made: progress.designs,
             done: progress.criteria_done,
-            simulable: progress.feasible,
+            simulable: progress.simulable,
             ruled_out: progress.ruled_out,
         },
         samples: Samples {

@@ -25,8 +25,8 @@ pub struct Cost {
 /// one with Archard's wear, and the samples. Designs that cannot be simulated cost one attempt.
 #[must_use]
 pub fn sampling_calls(criteria: &[CriteriaRow], samples: u64) -> u64 {
-    let feasible = criteria.iter().filter(|row| row.feasible).count() as u64;
-    criteria.len() as u64 + feasible + samples
+    let simulable = criteria.iter().filter(|row| row.feasible).count() as u64;
+    criteria.len() as u64 + simulable + samples
 }
 
 /// The cost of the DoE's samples, for the approaches that use them; `control_analyses` are those of

@@ -36,7 +36,7 @@ pub async fn load(
     };
     let unsampled = missing.iter().filter(lacks).count() as u64;
     let sampled = progress
-        .feasible
+        .simulable
         .saturating_sub(progress.ruled_out + unsampled);
     let open = missing.iter().map(|work| OpenDesign {
         // A DoE has at most 100 000 designs, and the samples of each are counted in 32 bits.

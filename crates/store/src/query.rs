@@ -356,7 +356,7 @@ pub(crate) async fn progress(connection: &mut Connection<'_>) -> Result<Progress
             sqlx::query!(
                 r#"SELECT (SELECT count(*) FROM design) AS "designs!: i64",
                   (SELECT count(*) FROM criteria) AS "criteria_done!: i64",
-                  (SELECT count(*) FROM criteria WHERE feasible = 1) AS "feasible!: i64",
+                  (SELECT count(*) FROM criteria WHERE feasible = 1) AS "simulable!: i64",
                   (SELECT count(*) FROM criteria WHERE feasible = 1 AND reason IS NOT NULL)
                       AS "ruled_out!: i64",
                   (SELECT samples FROM tally) AS "samples!: i64",
@@ -373,7 +373,7 @@ pub(crate) async fn progress(connection: &mut Connection<'_>) -> Result<Progress
     Ok(Progress {
         designs: index(r.designs),
         criteria_done: index(r.criteria_done),
-        feasible: index(r.feasible),
+        simulable: index(r.simulable),
         ruled_out: index(r.ruled_out),
         samples: index(r.samples),
         responses: index(r.responses),

@@ -345,7 +345,7 @@ pub struct Progress {
     /// Designs whose criteria are known.
     pub criteria_done: u64,
     /// Simulable designs.
-    pub feasible: u64,
+    pub simulable: u64,
     /// Simulable designs that get no samples, for a reason recorded with them.
     pub ruled_out: u64,
     /// Samples of designs.

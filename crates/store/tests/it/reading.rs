@@ -152,7 +152,7 @@ async fn every_table_gives_back_what_was_put() {
     let progress = Progress {
         designs: 2,
         criteria_done: 2,
-        feasible: 1,
+        simulable: 1,
         ruled_out: 0,
         samples: 2,
         responses: 2,
