@@ -50,6 +50,22 @@ impl Engine<'_> {
         let compose = ["docker-compose", "--file", file, "--project-name=test"];
         self.run(&[&compose, arguments].concat())
     }
+
+    /// Waits until a container has been started again so often and has this status and exit code,
+    /// given as "1 exited 0".
+    fn wait_for(&self, container: &str, wanted: &str) {
+        let state = "{{.RestartCount}} {{.State.Status}} {{.State.ExitCode}}";
+        let inspect = ["docker", "inspect", container, "--format", state];
+        let since = Instant::now();
+        loop {
+            let now = self.run(&inspect);
+            if now.trim() == wanted {
+                return;
+            }
+            assert!(since.elapsed() < Duration::from_secs(90), "{now}");
+            std::thread::sleep(Duration::from_millis(200));
+        }
+    }
 }
 
 /// Debian as in the image of that name, as far as the Dockerfile needs it; nothing where no Debian
@@ -119,29 +135,22 @@ fn containers_with_two_workers_give_the_samples_of_a_local_run() {
         assert!(size < LARGEST, "the image has {size} bytes");
     }
 
-    engine.compose(&["up", "--no-build", "--detach", "--scale", "worker=2"]);
-    // A coordinator that is killed is started again.
+    // A coordinator that is killed is started again. Without workers the campaign does not end before.
+    let up = ["up", "--no-build", "--detach", "--scale"];
+    engine.compose(&[&up[..], &["worker=0"]].concat());
     let coordinator = engine.compose(&["ps", "--quiet", "coordinator"]);
     let coordinator = coordinator.trim();
     let inside = "until [ -e data/campaign.db ]; do :; done; kill -9 -1";
     // It ends with the container, with success or without.
     let _ = engine.attempt(&["docker", "exec", coordinator, "sh", "-c", inside]);
-    let state = ["docker", "inspect", coordinator, "--format"];
-    let since = Instant::now();
-    let ended = "{{.RestartCount}} {{.State.Status}} {{.State.ExitCode}}";
-    loop {
-        let now = engine.run(&[&state[..], &[ended]].concat());
-        if now.trim() == "1 exited 0" {
-            break;
-        }
-        assert!(since.elapsed() < Duration::from_secs(90), "{now}");
-        std::thread::sleep(Duration::from_millis(200));
-    }
+    engine.wait_for(coordinator, "1 running 0");
+    engine.compose(&[&up[..], &["worker=2"]].concat());
+    engine.wait_for(coordinator, "1 exited 0");
     let workers = engine.compose(&["ps", "--quiet", "worker"]);
     assert_eq!(workers.lines().count(), 2, "{workers}");
     let workers: Vec<_> = workers.lines().collect();
-    // One that still looks for the restarted coordinator's name may miss the end of so short a campaign, and
-    // waits a minute for nothing; another one has done the work.
+    // One that starts late may miss the end of so short a campaign, and waits a minute for nothing;
+    // the other one has done the work.
     let state = ["docker", "inspect", "--format"];
     let ended = ["{{.State.Status}} {{.State.ExitCode}}"];
     let since = Instant::now();
