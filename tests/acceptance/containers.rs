@@ -115,7 +115,7 @@ fn containers_with_two_workers_give_the_samples_of_a_local_run() {
         return;
     };
     engine.run(&["docker", "import", &archive, "debian:bookworm-slim"]);
-    // The programs under test stand in for those that the image would compile for ten minutes.
+    // The programs under test stand in for those that the image would compile for minutes.
     std::fs::create_dir_all(sandbox.path("context/dist")).unwrap();
     let context = sandbox.path("context");
     let programs_size = strip_into(&programs(), &context.join("dist"));

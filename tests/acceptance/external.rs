@@ -326,7 +326,7 @@ fn a_failure_that_was_not_acknowledged_is_reported_again_and_counts_once() {
     );
     let exec = program(&sandbox, "failing.py", &[(asked, &failing)]);
     // Now, since the worker does not wait until they are built.
-    let _ = acceptance::programs_with_fail_points();
+    let _ = acceptance::built_programs();
     let place = Place::of_file(&sandbox, &file);
     let worker = place.worker(&["--slots", "1", "--exec", &exec]);
     let failures = || {

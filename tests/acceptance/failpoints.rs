@@ -8,7 +8,7 @@ use acceptance::{SIGABRT, Sandbox, assert_code, free_address, small_campaign};
 fn a_coordinator_that_dies_around_a_commit_loses_and_repeats_nothing() {
     let sandbox = Sandbox::new();
     // Now, since the worker does not wait until they are built.
-    let _ = acceptance::programs_with_fail_points();
+    let _ = acceptance::built_programs();
     // Enough samples for the store's log to be copied to its file more than once.
     let file = sandbox.write("campaign.toml", &small_campaign(200, 2500));
     let file = file.to_str().unwrap();

@@ -36,14 +36,14 @@ pub fn binary(name: &str) -> PathBuf {
 }
 
 /// The folder of the programs under test: that which the variable `PITCHLINE_PROGRAMS` names, or
-/// [`programs_with_fail_points`].
+/// [`built_programs`].
 ///
 /// # Panics
 ///
 /// The programs cannot be built.
 #[must_use]
 pub fn programs() -> PathBuf {
-    named_programs().unwrap_or_else(programs_with_fail_points)
+    named_programs().unwrap_or_else(built_programs)
 }
 
 /// The folder that the variable `PITCHLINE_PROGRAMS` names: that of shipped programs, which have no
@@ -63,13 +63,14 @@ pub fn named_programs() -> Option<PathBuf> {
     Some(folder)
 }
 
-/// The folder of the workspace's programs, built with the profile of the running program.
+/// The folder of the workspace's programs, built with the profile of the running program. Those
+/// built by a test have fail points.
 ///
 /// # Panics
 ///
 /// The programs cannot be built.
 #[must_use]
-pub fn programs_with_fail_points() -> PathBuf {
+pub fn built_programs() -> PathBuf {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     let folder = FOLDER.get_or_init(|| {
         let exe = std::env::current_exe().expect("the program's own path");
@@ -297,7 +298,7 @@ impl Sandbox {
     /// The program cannot be built or started.
     #[must_use]
     pub fn start_dying(&self, arguments: &[&str], point: &str) -> Running {
-        let file = programs_with_fail_points().join("coordinator");
+        let file = built_programs().join("coordinator");
         self.start_file(&file, arguments, &[("FAILPOINTS", point)])
     }
 
@@ -343,7 +344,7 @@ impl Sandbox {
                 return status;
             }
             assert!(since.elapsed() < PATIENCE, "waiting in vain for {what}");
-            std::thread::sleep(Duration::from_millis(60));
+            std::thread::sleep(Duration::from_millis(20));
         }
     }
 }
