@@ -325,8 +325,6 @@ fn a_failure_that_was_not_acknowledged_is_reported_again_and_counts_once() {
          open({log:?}, 'x').close(); sys.exit('no licence')\n{asked}"
     );
     let exec = program(&sandbox, "failing.py", &[(asked, &failing)]);
-    // Now, since the worker does not wait until they are built.
-    let _ = acceptance::built_programs();
     let place = Place::of_file(&sandbox, &file);
     let worker = place.worker(&["--slots", "1", "--exec", &exec]);
     let failures = || {
@@ -338,7 +336,7 @@ fn a_failure_that_was_not_acknowledged_is_reported_again_and_counts_once() {
     while failures() == 0 {
         // At most four commits: the wanted generations, the DoE, the model digest, the failure.
         assert!(deaths < 4, "the failure was not stored");
-        let (status, errors) = place.serve_dying("store::after_commit=return").finish();
+        let (status, errors) = place.serve_dying("after_commit").finish();
         assert_eq!(status.signal(), Some(SIGABRT), "{status} {errors}");
         deaths += 1;
     }

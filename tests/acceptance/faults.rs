@@ -6,7 +6,7 @@ use std::io::{Seek as _, SeekFrom, Write as _};
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
-use acceptance::{Sandbox, assert_code, binary, errors, small_campaign};
+use acceptance::{Sandbox, assert_code, binary, errors, printed, small_campaign};
 
 use crate::place::{DB, Place};
 
@@ -110,12 +110,24 @@ fn a_log_that_lost_its_end_is_refused_where_its_commits_are_noted() {
 }
 
 #[test]
-fn a_log_that_is_whole_has_everything_after_a_kill() {
+fn a_campaign_that_was_killed_ends_as_one_that_was_not() {
     let sandbox = Sandbox::new();
-    let (file, held) = killed(&sandbox, "t.db");
-    assert!(sandbox.path("t.db-wal").exists());
-    assert_code(&sandbox.coordinator(&["run", &file, "--db", "t.db"]), 0);
-    assert!(samples(&sandbox, "t.db") > held);
+    let (file, held) = killed(&sandbox, "killed.db");
+    assert!(sandbox.path("killed.db-wal").exists());
+    let [killed, whole] = ["killed.db", "whole.db"].map(|db| {
+        assert_code(&sandbox.coordinator(&["run", &file, "--db", db]), 0);
+        sandbox.status(db).expect("the store is there")
+    });
+    assert!(samples(&sandbox, "killed.db") > held, "killed too late");
+    assert_eq!(whole["finished"], true, "{whole}");
+    for key in ["samples_digest", "samples", "optima", "failures"] {
+        assert_eq!(killed[key], whole[key], "{key}");
+    }
+    let table = ["--table", "failures", "--out", "-"];
+    let exported = sandbox.coordinator(&[&["export", "--db", "killed.db"], &table[..]].concat());
+    assert_code(&exported, 0);
+    let failures = printed(&exported);
+    assert_eq!(failures.lines().count(), 1, "{failures}");
 }
 
 #[test]

@@ -408,16 +408,15 @@ fn every_program_that_measures_a_claim_exists() {
             "acceptance" => root().join("tests"),
             krate => root().join("crates").join(krate),
         };
-        let sources = match (after("--example"), after("--bin")) {
-            (Some(name), _) => [
-                format!("examples/{name}.rs"),
-                format!("examples/{name}/main.rs"),
-            ],
-            (None, Some(name)) => [
-                format!("src/bin/{name}.rs"),
-                format!("src/bin/{name}/main.rs"),
-            ],
-            (None, None) => ["src/lib.rs".to_owned(), "src/main.rs".to_owned()],
+        let kinds = [
+            ("--example", "examples"),
+            ("--bench", "benches"),
+            ("--bin", "src/bin"),
+        ];
+        let named = kinds.map(|(flag, folder)| Some(format!("{folder}/{}", after(flag)?)));
+        let sources = match named.into_iter().flatten().next() {
+            Some(path) => [format!("{path}.rs"), format!("{path}/main.rs")],
+            None => ["src/lib.rs".to_owned(), "src/main.rs".to_owned()],
         };
         let exists = sources.iter().any(|source| folder.join(source).exists());
         assert!(exists, "{command}: none of {sources:?}");

@@ -52,7 +52,7 @@ impl<'s> Place<'s> {
     /// Starts a coordinator that dies at a fail point.
     pub(crate) fn serve_dying(&self, point: &str) -> Running {
         let arguments = [&self.command()[..], &SHORT_LEASES].concat();
-        self.sandbox.start_dying(&arguments, point)
+        self.sandbox.start_dying(point, &arguments)
     }
 
     fn start(&self, options: &[&str]) -> Running {

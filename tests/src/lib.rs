@@ -35,42 +35,13 @@ pub fn binary(name: &str) -> PathBuf {
     programs().join(name)
 }
 
-/// The folder of the programs under test: that which the variable `PITCHLINE_PROGRAMS` names, or
-/// [`built_programs`].
+/// The folder of the programs under test, built with the profile of the running program.
 ///
 /// # Panics
 ///
 /// The programs cannot be built.
 #[must_use]
 pub fn programs() -> PathBuf {
-    named_programs().unwrap_or_else(built_programs)
-}
-
-/// The folder that the variable `PITCHLINE_PROGRAMS` names: that of shipped programs, which have no
-/// fail points.
-///
-/// # Panics
-///
-/// The path is relative: tests run in several folders.
-#[must_use]
-pub fn named_programs() -> Option<PathBuf> {
-    let folder = PathBuf::from(std::env::var_os("PITCHLINE_PROGRAMS")?);
-    assert!(
-        folder.is_absolute(),
-        "PITCHLINE_PROGRAMS is not an absolute path: {}",
-        folder.display()
-    );
-    Some(folder)
-}
-
-/// The folder of the workspace's programs, built with the profile of the running program. Those
-/// built by a test have fail points.
-///
-/// # Panics
-///
-/// The programs cannot be built.
-#[must_use]
-pub fn built_programs() -> PathBuf {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     let folder = FOLDER.get_or_init(|| {
         let exe = std::env::current_exe().expect("the program's own path");
@@ -276,6 +247,17 @@ impl Sandbox {
         self.start_with(program, arguments, &[])
     }
 
+    /// Starts a coordinator that dies at a fail point of the store.
+    ///
+    /// # Panics
+    ///
+    /// The program cannot be started.
+    #[must_use]
+    pub fn start_dying(&self, point: &str, arguments: &[&str]) -> Running {
+        let arguments = [&["--fail-point", point], arguments].concat();
+        self.start("coordinator", &arguments)
+    }
+
     /// Starts a program with additional environment variables.
     ///
     /// # Panics
@@ -288,22 +270,7 @@ impl Sandbox {
         arguments: &[&str],
         variables: &[(&str, &str)],
     ) -> Running {
-        self.start_file(&binary(program), arguments, variables)
-    }
-
-    /// Starts a coordinator that dies at a fail point, given as "name=actions".
-    ///
-    /// # Panics
-    ///
-    /// The program cannot be built or started.
-    #[must_use]
-    pub fn start_dying(&self, arguments: &[&str], point: &str) -> Running {
-        let file = built_programs().join("coordinator");
-        self.start_file(&file, arguments, &[("FAILPOINTS", point)])
-    }
-
-    fn start_file(&self, file: &Path, arguments: &[&str], variables: &[(&str, &str)]) -> Running {
-        let child = Command::new(file)
+        let child = Command::new(binary(program))
             .args(arguments)
             .current_dir(self.folder.path())
             .env("XDG_STATE_HOME", self.folder.path())

@@ -13,6 +13,7 @@ use gateway::guard::GuardFiles;
 use results::export::Table;
 use results::rows::Format;
 use stages::optima::approach_of;
+use store::FailPoint;
 use worker::SimulatorArguments;
 
 mod modelling;
@@ -31,6 +32,9 @@ pub(crate) struct Arguments {
     /// The format of the log
     #[arg(long, value_enum, default_value_t, global = true)]
     pub(crate) log_format: LogFormat,
+    /// Where a test ends the program, see the documentation of `store`
+    #[arg(long, hide = true)]
+    pub(crate) fail_point: Option<FailPoint>,
     #[command(subcommand)]
     pub(crate) command: Command,
 }

@@ -15,9 +15,10 @@ use clap::Parser as _;
 use protocol::exit;
 
 fn main() -> ExitCode {
-    #[cfg(feature = "failpoints")]
-    let _fail_points = fail::FailScenario::setup();
     let arguments = arguments::Arguments::parse();
+    if let Some(point) = arguments.fail_point {
+        point.set();
+    }
     if let Err(error) = console::start_log(arguments.log_format) {
         console::complain(&error.to_string());
         return ExitCode::from(exit::USAGE);

@@ -3,9 +3,7 @@
 //! Run with `cargo bench -p gear`. Accuracy goes with speed: the command `coordinator tradeoff`
 //! measures both.
 
-use std::hint::black_box;
-
-use criterion::{Criterion, criterion_group, criterion_main};
+use divan::{Bencher, black_box};
 use gear::paper::{BOX, FIGURE_7, WEAR, design};
 use gear::{Discretisation, Pair, PairInput, PlainSum, ToothModel};
 use rand::RngExt as _;
@@ -38,60 +36,63 @@ fn designs(model: ToothModel) -> Vec<Pair> {
     pairs
 }
 
-fn bench(criterion: &mut Criterion) {
-    for &model in ToothModel::ALL {
-        let pairs = designs(model);
-        let mut group = criterion.benchmark_group(model.name());
-        group.bench_function("new design, criteria, unworn and Archard", |b| {
-            let mut k = 0;
-            b.iter(|| {
-                k = (k + 1) % DESIGNS;
-                let pair = Pair::new(pairs[k].input(), &Discretisation::default());
-                pair.map(|pair| {
-                    black_box((pair.sliding(), pair.interference(), pair.root_stress()));
-                    (pair.unworn(), pair.archard(&WEAR))
-                })
-            });
-        });
-        group.bench_function("sampler", |b| {
-            let mut k = 0;
-            b.iter(|| {
-                k = (k + 1) % DESIGNS;
-                pairs[k].sampler(&WEAR)
-            });
-        });
-        let mut samplers: Vec<_> = pairs.iter().map(|pair| pair.sampler(&WEAR)).collect();
-        group.bench_function("worn sample", |b| {
-            let mut k = 0;
-            b.iter(|| {
-                k += 1;
-                samplers[k % DESIGNS].draw(&mut stream(2009, Purpose::Test, 1, k as u64))
-            });
-        });
-        let mut sums: Vec<_> = pairs
-            .iter()
-            .zip(&mut samplers)
-            .map(|(pair, sampler)| {
-                let profile = sampler.draw_profile(&mut stream(2009, Purpose::Test, 2, 0));
-                let [a, b] = &profile.depth;
-                let gap: Vec<f64> = a.iter().zip(b).map(|(a, b)| a + b).collect();
-                (
-                    PlainSum::new(pair, &pair.archard(&WEAR).s, PlainSum::TEXTBOOK),
-                    gap,
-                )
-            })
-            .collect();
-        group.bench_function("plain 64 x 21 sum without its random field", |b| {
-            let mut k = 0;
-            b.iter(|| {
-                k = (k + 1) % DESIGNS;
-                let (sum, gap) = &mut sums[k];
-                sum.delta_ste_um(gap)
-            });
-        });
-        group.finish();
-    }
+#[divan::bench(args = ToothModel::ALL, name = "new design, criteria, unworn and Archard")]
+fn new_design(bencher: Bencher, model: &ToothModel) {
+    let pairs = designs(*model);
+    let mut next = pairs.iter().cycle();
+    bencher.bench_local(|| {
+        let pair = next.next().expect("a cycle has no end");
+        let pair = Pair::new(pair.input(), &Discretisation::default());
+        pair.map(|pair| {
+            black_box((pair.sliding(), pair.interference(), pair.root_stress()));
+            (pair.unworn(), pair.archard(&WEAR))
+        })
+    });
 }
 
-criterion_group!(benches, bench);
-criterion_main!(benches);
+#[divan::bench(args = ToothModel::ALL)]
+fn sampler(bencher: Bencher, model: &ToothModel) {
+    let pairs = designs(*model);
+    let mut next = pairs.iter().cycle();
+    bencher.bench_local(|| next.next().expect("a cycle has no end").sampler(&WEAR));
+}
+
+#[divan::bench(args = ToothModel::ALL, name = "worn sample")]
+fn worn_sample(bencher: Bencher, model: &ToothModel) {
+    let pairs = designs(*model);
+    let mut samplers: Vec<_> = pairs.iter().map(|pair| pair.sampler(&WEAR)).collect();
+    let mut k = 0;
+    bencher.bench_local(|| {
+        k += 1;
+        samplers[k % DESIGNS].draw(&mut stream(2009, Purpose::Test, 1, k as u64))
+    });
+}
+
+#[divan::bench(args = ToothModel::ALL, name = "plain 64 x 21 sum without its random field")]
+fn plain_sum(bencher: Bencher, model: &ToothModel) {
+    let pairs = designs(*model);
+    let mut sums: Vec<_> = pairs
+        .iter()
+        .map(|pair| {
+            let profile = pair
+                .sampler(&WEAR)
+                .draw_profile(&mut stream(2009, Purpose::Test, 2, 0));
+            let [a, b] = &profile.depth;
+            let gap: Vec<f64> = a.iter().zip(b).map(|(a, b)| a + b).collect();
+            (
+                PlainSum::new(pair, &pair.archard(&WEAR).s, PlainSum::TEXTBOOK),
+                gap,
+            )
+        })
+        .collect();
+    let mut k = 0;
+    bencher.bench_local(|| {
+        k = (k + 1) % DESIGNS;
+        let (sum, gap) = &mut sums[k];
+        sum.delta_ste_um(gap)
+    });
+}
+
+fn main() {
+    divan::main();
+}

@@ -31,17 +31,15 @@
 //!
 //! # Fail points
 //!
-//! With the feature `failpoints`, off by default, a test can end the process at the following
-//! points. They are configured as the crate `fail` documents, for example with
-//! `FAILPOINTS='store::before_commit=7*off->return'` for the eighth commit, if the program calls
-//! `fail::FailScenario::setup`.
+//! A test can end the process at one of the following points with [`FailPoint::set`]. The point
+//! `before_commit:7` is the eighth commit, and `checkpoint:0:300` lies 300 microseconds after the
+//! beginning of the first checkpoint.
 //!
-//! - `store::before_commit`: all rows of a group are inserted, but not committed;
-//! - `store::after_commit`: the group is on disk, but not acknowledged;
-//! - `store::checkpoint`: while the log is copied to the file; `return(N)` ends the process N
-//!   microseconds after that begins;
-//! - `store::packing`: some of the samples of an earlier schema are packed, but not committed;
-//! - `store::migration`: the schema is up to date, but not committed.
+//! - `before_commit`: all rows of a group are inserted, but not committed;
+//! - `after_commit`: the group is on disk, but not acknowledged;
+//! - `checkpoint`: the log is about to be copied to the file;
+//! - `packing`: some of the samples of an earlier schema are packed, but not committed;
+//! - `migration`: the schema is up to date, but not committed.
 
 #![warn(missing_docs)]
 
@@ -51,7 +49,7 @@ mod columns;
 mod connection;
 mod digest;
 mod error;
-mod failpoints;
+mod fail_point;
 mod filesystem;
 mod insert;
 mod keyed;
@@ -69,6 +67,7 @@ mod tally;
 mod writer;
 
 pub use error::Error;
+pub use fail_point::FailPoint;
 pub use filesystem::network_file_system;
 pub use rounds::{InfillRow, NewRound, RoundRow, Unsampled};
 pub use rows::{

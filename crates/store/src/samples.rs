@@ -8,7 +8,7 @@ use crate::keyed::{self, Table as _, Value};
 use crate::rows::{Batch, Receipt, SampleRow};
 use crate::tables::{differ, number};
 use crate::tally::{self, Tally};
-use crate::{Error, failpoints, query};
+use crate::{Error, fail_point, query};
 
 /// Maximum number of samples in a row, as the schema also enforces. It bounds the memory of a
 /// reader.
@@ -292,7 +292,7 @@ pub(crate) async fn pack(connection: &mut Connection<'_>, has_tallies: bool) -> 
             break;
         }
         write(connection, &ranges).await?;
-        failpoints::at("store::packing");
+        fail_point::at("packing");
     }
     if has_tallies {
         compare(connection, UNPACKED, |_| Ok::<(), Error>(())).await?;

@@ -3,13 +3,14 @@
 use std::fs::File;
 use std::io::Read as _;
 use std::path::Path;
+use std::pin::Pin;
 
 use sqlx::migrate::{MigrateError, Migrator};
 
 use crate::check::{self, Reading};
 use crate::connection::Connection;
 use crate::rows::CampaignRow;
-use crate::{Error, columns, failpoints, query, samples, tally};
+use crate::{Error, columns, fail_point, query, samples, tally};
 
 static MIGRATOR: Migrator = sqlx::migrate!("../../migrations");
 
@@ -162,19 +163,31 @@ pub(crate) async fn migrate(connection: &mut Connection<'_>, found: i64) -> Resu
             source: other.into(),
         },
     })?;
-    if found < FIRST_WITH_RANGES {
-        samples::pack(&mut transaction, found >= FIRST_WITH_TALLIES).await?;
-    }
-    if found < FIRST_WITH_TALLIES {
-        tally::fill(&mut transaction).await?;
-    }
-    if found < FIRST_WITH_SEALS {
-        check::seal(&mut transaction).await?;
-        columns::seal(&mut transaction).await?;
-    }
-    if found < FIRST_WITH_LISTS {
-        columns::convert(&mut transaction).await?;
-    }
-    failpoints::at("store::migration");
+    convert(&mut transaction, found).await?;
+    fail_point::at("migration");
     transaction.commit().await
+}
+
+/// Converts the rows of an earlier schema.
+// A boxed future is compiled once, in this crate, not in each crate that opens a store.
+fn convert<'a>(
+    transaction: &'a mut Connection<'_>,
+    found: i64,
+) -> Pin<Box<dyn Future<Output = Result<(), Error>> + Send + 'a>> {
+    Box::pin(async move {
+        if found < FIRST_WITH_RANGES {
+            samples::pack(transaction, found >= FIRST_WITH_TALLIES).await?;
+        }
+        if found < FIRST_WITH_TALLIES {
+            tally::fill(transaction).await?;
+        }
+        if found < FIRST_WITH_SEALS {
+            check::seal(transaction).await?;
+            columns::seal(transaction).await?;
+        }
+        if found < FIRST_WITH_LISTS {
+            columns::convert(transaction).await?;
+        }
+        Ok(())
+    })
 }

@@ -20,7 +20,7 @@ use crate::rounds::{self, NewRound};
 use crate::rows::{
     Batch, CampaignRow, DesignRow, ModelRow, OptimumRow, Receipt, ResponseRow, StageTimeRow,
 };
-use crate::{Error, failpoints, insert, tally};
+use crate::{Error, fail_point, insert, tally};
 
 /// Number of batches in the queue before `submit` waits.
 const QUEUE: usize = 1024;
@@ -249,7 +249,7 @@ impl Task {
         let Some(connection) = self.connection.as_mut().filter(|_| long) else {
             return;
         };
-        failpoints::during("store::checkpoint");
+        fail_point::at("checkpoint");
         // Passive: the part that readers still need stays in the log until another time.
         let result = connection
             .run(
@@ -290,7 +290,7 @@ impl Task {
             }
         }
         let commits = tally::count_commit(&mut transaction).await?;
-        failpoints::at("store::before_commit");
+        fail_point::at("before_commit");
         transaction.commit().await?;
         // The files are checked again before the rows are acknowledged.
         self.check_place()?;
@@ -298,7 +298,7 @@ impl Task {
             // Only the later check for a cut log suffers.
             tracing::warn!(%error, "the commit could not be noted");
         }
-        failpoints::at("store::after_commit");
+        fail_point::at("after_commit");
         Ok(answers)
     }
 
@@ -315,7 +315,7 @@ impl Task {
         let Some(mut connection) = self.connection.take() else {
             return Ok(());
         };
-        failpoints::during("store::checkpoint");
+        fail_point::at("checkpoint");
         // A reader elsewhere may keep part of the log in use. The statement reports that in its
         // row, not as an error, and the only cost is the log's size.
         connection

@@ -3,8 +3,8 @@
 mod damage;
 mod evaluations;
 mod extending;
-#[cfg(all(unix, feature = "failpoints"))]
-mod failpoints;
+#[cfg(unix)]
+mod fail_points;
 mod place;
 mod ranges;
 mod reading;

@@ -7,8 +7,6 @@ use acceptance::{SIGABRT, Sandbox, assert_code, free_address, small_campaign};
 #[test]
 fn a_coordinator_that_dies_around_a_commit_loses_and_repeats_nothing() {
     let sandbox = Sandbox::new();
-    // Now, since the worker does not wait until they are built.
-    let _ = acceptance::built_programs();
     // Enough samples for the store's log to be copied to its file more than once.
     let file = sandbox.write("campaign.toml", &small_campaign(200, 2500));
     let file = file.to_str().unwrap();
@@ -25,12 +23,12 @@ fn a_coordinator_that_dies_around_a_commit_loses_and_repeats_nothing() {
     let mut done = 0;
     // The first commits hold no samples.
     for point in [
-        "store::before_commit=3*off->return",
-        "store::after_commit=2*off->return",
-        "store::checkpoint=return(300)",
-        "store::after_commit=1*off->return",
+        "before_commit:3",
+        "after_commit:2",
+        "checkpoint:0:300",
+        "after_commit:1",
     ] {
-        let (status, errors) = sandbox.start_dying(&serve, point).finish();
+        let (status, errors) = sandbox.start_dying(point, &serve).finish();
         assert_eq!(status.signal(), Some(SIGABRT), "{point}: {status} {errors}");
         let held = sandbox.status("c.db").unwrap();
         let now = held["samples"]["done"].as_u64().unwrap();

@@ -12,7 +12,7 @@
 //! load waiting [WORKERS]   workers that wait for a job: the time until a free one is leased
 //! ```
 //!
-//! Run it in release mode; every figure is printed with what it is compared to, measured in the
+//! Run it with `cargo bench -p coordinator --bench load -- WHAT`; every figure is printed with what it is compared to, measured in the
 //! same run.
 
 #![expect(clippy::disallowed_methods, reason = "it measures time")]
@@ -51,7 +51,9 @@ use tokio_util::sync::CancellationToken;
 use worker::{Exec, Options, Worker};
 
 fn main() -> anyhow::Result<()> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    // `cargo bench` adds an argument of its own.
+    let arguments = std::env::args().skip(1).filter(|text| text != "--bench");
+    let arguments: Vec<String> = arguments.collect();
     let number = |index: usize, default: usize| -> anyhow::Result<usize> {
         arguments.get(index).map_or(Ok(default), |text| {
             text.parse()

@@ -6,7 +6,7 @@ use std::os::unix::process::ExitStatusExt as _;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use store::{Batch, Error, Store};
+use store::{Batch, Error, FailPoint, Store};
 
 use crate::{
     campaign, execute, folder, newest_migration, open, sample, samples, schemas, store_with,
@@ -20,13 +20,14 @@ fn batch(index: u64) -> Batch {
     samples((0..ROWS).map(|i| sample(0, index * ROWS + i, i as f64)))
 }
 
-/// Run by the other tests, with `cargo test -p store --features failpoints --test it failpoints`.
+/// Run by the other tests, see [`run_child`].
 #[expect(clippy::print_stderr, reason = "how the child tells its parent")]
 #[expect(clippy::disallowed_methods, reason = "how the parent tells its child")]
 #[tokio::test]
 #[ignore = "run by the other tests, as a process that dies"]
 async fn child() {
-    let _scenario = fail::FailScenario::setup();
+    let point = std::env::var("FAIL_POINT").expect("set by the parent");
+    point.parse::<FailPoint>().unwrap().set();
     let path = std::env::var_os("STORE_UNDER_TEST").expect("set by the parent");
     let store = open(Path::new(&path)).await;
     let writer = store.writer().unwrap();
@@ -39,18 +40,18 @@ async fn child() {
 }
 
 /// Runs the child. Returns the number of acknowledged batches, and whether the child was killed.
-fn run_child(path: &Path, fail_points: &str) -> (u64, bool) {
+fn run_child(path: &Path, fail_point: &str) -> (u64, bool) {
     let Output { status, stderr, .. } = Command::new(std::env::current_exe().unwrap())
-        .args(["--exact", "failpoints::child", "--ignored", "--nocapture"])
+        .args(["--exact", "fail_points::child", "--ignored", "--nocapture"])
         .env("STORE_UNDER_TEST", path)
-        .env("FAILPOINTS", fail_points)
+        .env("FAIL_POINT", fail_point)
         .output()
         .unwrap();
     let stderr = String::from_utf8(stderr).unwrap();
     let killed = status.signal() == Some(SIGABRT);
     assert!(
         killed || stderr.contains("closed"),
-        "{fail_points}: {stderr}"
+        "{fail_point}: {stderr}"
     );
     let acknowledged = stderr.matches("acknowledged").count();
     (acknowledged as u64, killed)
@@ -97,7 +98,7 @@ async fn finish(path: &Path, held: u64) {
 async fn killed_before_a_commit() {
     let (_folder, path) = folder();
     store_with(&path, 1).await.close().await.unwrap();
-    let child = run_child(&path, "store::before_commit=3*off->return");
+    let child = run_child(&path, "before_commit:3");
     assert_eq!(child, (3, true));
     finish(&path, 3).await;
 }
@@ -106,7 +107,7 @@ async fn killed_before_a_commit() {
 async fn killed_between_commit_and_acknowledgement() {
     let (_folder, path) = folder();
     store_with(&path, 1).await.close().await.unwrap();
-    let child = run_child(&path, "store::after_commit=3*off->return");
+    let child = run_child(&path, "after_commit:3");
     assert_eq!(child, (3, true));
     finish(&path, 4).await;
 }
@@ -117,7 +118,7 @@ async fn killed_during_a_checkpoint() {
     for microseconds in [0, 100, 400, 1500] {
         let (_folder, path) = folder();
         store_with(&path, 1).await.close().await.unwrap();
-        let point = format!("store::checkpoint=return({microseconds})");
+        let point = format!("checkpoint:0:{microseconds}");
         let (acknowledged, killed) = run_child(&path, &point);
         // With a long delay the child may end before it is killed.
         deaths += u32::from(killed);
@@ -138,7 +139,7 @@ async fn killed_while_samples_are_packed() {
          INSERT INTO sample SELECT 1, i, 1.0 / (i + 1) FROM part",
     )
     .await;
-    let child = run_child(&path, "store::packing=1*off->return");
+    let child = run_child(&path, "packing:1");
     assert_eq!(child, (0, true));
     let error = Store::open_read_only(&path).await.unwrap_err();
     assert!(
@@ -157,7 +158,7 @@ async fn killed_while_samples_are_packed() {
 async fn killed_during_a_migration() {
     let (_folder, path) = folder();
     std::fs::copy(schemas::fixture(1), &path).unwrap();
-    let child = run_child(&path, "store::migration=return");
+    let child = run_child(&path, "migration");
     assert_eq!(child, (0, true));
     let error = Store::open_read_only(&path).await.unwrap_err();
     let known = newest_migration();
