@@ -413,8 +413,10 @@ fn every_program_that_measures_a_claim_exists() {
             ("--bench", "benches"),
             ("--bin", "src/bin"),
         ];
-        let named = kinds.map(|(flag, folder)| Some(format!("{folder}/{}", after(flag)?)));
-        let sources = match named.into_iter().flatten().next() {
+        let named = kinds
+            .iter()
+            .find_map(|(flag, folder)| Some(format!("{folder}/{}", after(flag)?)));
+        let sources = match named {
             Some(path) => [format!("{path}.rs"), format!("{path}/main.rs")],
             None => ["src/lib.rs".to_owned(), "src/main.rs".to_owned()],
         };

@@ -7,7 +7,7 @@ use acceptance::{Running, Sandbox, assert_code, free_address, printed, small_cam
 /// The store of the coordinators in a test.
 pub(crate) const DB: &str = "c.db";
 
-/// Tests wait for some leases to expire.
+/// Options for leases of five seconds: some tests wait until a lease expires.
 const SHORT_LEASES: [&str; 2] = ["--lease", "5"];
 
 /// The fixed campaign, store and address of successive coordinators.

@@ -3,7 +3,7 @@
 
 #![expect(
     clippy::disallowed_methods,
-    reason = "tests wait with time limits and are told by variables what to run"
+    reason = "tests wait with time limits and read the environment"
 )]
 
 pub mod browser;
@@ -247,7 +247,7 @@ impl Sandbox {
         self.start_with(program, arguments, &[])
     }
 
-    /// Starts a coordinator that dies at a fail point of the store.
+    /// Starts a coordinator that dies at a fail point, written as for `store::FailPoint`.
     ///
     /// # Panics
     ///

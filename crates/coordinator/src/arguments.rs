@@ -32,7 +32,7 @@ pub(crate) struct Arguments {
     /// The format of the log
     #[arg(long, value_enum, default_value_t, global = true)]
     pub(crate) log_format: LogFormat,
-    /// Where a test ends the program, see the documentation of `store`
+    /// The fail point at which a test ends the program, see the documentation of the crate `store`
     #[arg(long, hide = true)]
     pub(crate) fail_point: Option<FailPoint>,
     #[command(subcommand)]

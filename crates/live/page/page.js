@@ -1,7 +1,7 @@
 // The live page: listens to the status, and fetches the other views when something has changed.
 "use strict";
 
-// Other views are fetched at most this often, in milliseconds: the server keeps each for a second.
+// Minimum interval between fetches of the other views, in milliseconds, until the campaign is finished.
 const PERIOD = 3000;
 // Screen readers hear of the progress at most this often.
 const SPOKEN_PERIOD = 30000;
@@ -308,7 +308,7 @@ function trouble(error) {
   if (!(error instanceof TypeError)) connection(error.message, true);
 }
 
-// Fetches all views, at once if the campaign is finished, else when enough time has passed.
+// Fetches all views: at once if the campaign is finished, otherwise when PERIOD has passed. Waits for a fetch in progress.
 async function fetchViews() {
   const due = isFinished ? 0 : fetchedAt + PERIOD - performance.now();
   const wait = fetching ? Math.max(due, 100) : due;
@@ -347,7 +347,7 @@ function listen() {
       : status.live ? "Connected: the page follows the campaign."
         : "The store alone was asked: what workers do is not known.", false);
     showStatus(status);
-    // A coordinator may end with its campaign, a second after its last status.
+    // A coordinator that ends with its campaign answers for one more second after the last status.
     fetchViews();
   });
   source.addEventListener("trouble", (event) => {

@@ -257,9 +257,16 @@ impl Site {
                 is_news
             });
         }
-        // The views that follow the last status must be up to date.
-        self.status.forget();
-        self.bodies.iter().for_each(Kept::forget);
+        // The views that follow the last status must be up to date. The locks wait for a reader at work,
+        // which would otherwise keep its older view afterwards.
+        {
+            let _reading = self.reading_status.lock().await;
+            self.status.forget();
+        }
+        {
+            let _work = self.work.lock().await;
+            self.bodies.iter().for_each(Kept::forget);
+        }
         self.sent.send_replace(Sent {
             status: Some(self.body(View::Status).await),
             is_last: true,

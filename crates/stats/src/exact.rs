@@ -128,7 +128,7 @@ pub fn c4(k: usize) -> Result<f64, Error> {
 /// (Abramowitz and Stegun 6.1.40 for both gammas). From x = 20 on, the first term left out is below
 /// 4·10⁻¹⁵; smaller x are raised by Γ(x + 1) = x Γ(x).
 fn ln_c4(k: usize) -> f64 {
-    debug_assert!(k >= PERCENTILE_MIN_SAMPLES);
+    assert!(k >= PERCENTILE_MIN_SAMPLES);
     let low = (k - 1) as f64 / 2.0;
     let mut x = low;
     let mut sum = 0.0;

@@ -1,5 +1,5 @@
 //! Measures how fast the store writes and reads samples: `cargo bench -p store --bench
-//! throughput -- [DESIGNS] [SAMPLES] [FILE]`.
+//! throughput -- [DESIGNS] [SAMPLES] [FILE]`. A relative FILE is in this package's folder.
 //!
 //! First four callers submit batches of whole designs, as four busy workers would. Then two
 //! callers, each with 256 submissions in flight, submit one-row batches, as no-op jobs would. The
@@ -29,7 +29,7 @@ const IN_FLIGHT: u64 = 256;
 
 #[tokio::main]
 async fn main() -> Result<(), Failure> {
-    // `cargo bench` adds an argument of its own.
+    // `cargo bench` adds the argument `--bench`.
     let mut arguments = std::env::args().skip(1).filter(|text| text != "--bench");
     let designs: u64 = arguments.next().map_or(Ok(1000), |a| a.parse())?;
     let samples: u64 = arguments.next().map_or(Ok(500), |a| a.parse())?;

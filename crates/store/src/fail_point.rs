@@ -5,6 +5,14 @@ use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
+const NAMES: [&str; 5] = [
+    "before_commit",
+    "after_commit",
+    "checkpoint",
+    "packing",
+    "migration",
+];
+
 /// The fail point that was set, and how often the process has reached it.
 static SET: OnceLock<(FailPoint, AtomicU32)> = OnceLock::new();
 
@@ -12,36 +20,51 @@ static SET: OnceLock<(FailPoint, AtomicU32)> = OnceLock::new();
 #[derive(Clone, Debug)]
 pub struct FailPoint {
     name: String,
-    /// The number of times that the process passes the point before.
+    /// How often the process passes the point before it ends there.
     passes: u32,
-    /// The time for which the process goes on after it reached the point.
+    /// The time between reaching the point and the end of the process.
     delay: Duration,
 }
 
 impl FailPoint {
-    /// Ends this process at the point. Of several points the first one counts.
+    /// Makes this process end at the point. Only the first call in a process has an effect.
     pub fn set(self) {
         let _ = SET.set((self, AtomicU32::new(0)));
     }
 }
 
 impl FromStr for FailPoint {
-    type Err = std::num::ParseIntError;
+    type Err = String;
 
     /// Reads `NAME`, `NAME:PASSES` or `NAME:PASSES:MICROSECONDS`.
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let mut fields = text.splitn(3, ':');
-        let name = fields.next().unwrap_or_default().to_owned();
-        let mut number = || fields.next().map_or(Ok(0), str::parse::<u32>);
-        Ok(Self {
-            name,
-            passes: number()?,
-            delay: Duration::from_micros(number()?.into()),
+        let read = || {
+            let mut fields = text.splitn(3, ':');
+            let name = fields
+                .next()
+                .filter(|name| NAMES.contains(name))?
+                .to_owned();
+            let mut number = || {
+                fields
+                    .next()
+                    .map_or(Some(0), |text| text.parse::<u32>().ok())
+            };
+            Some(Self {
+                name,
+                passes: number()?,
+                delay: Duration::from_micros(number()?.into()),
+            })
+        };
+        read().ok_or_else(|| {
+            format!(
+                "NAME, NAME:PASSES or NAME:PASSES:MICROSECONDS is expected, NAME being one of {}",
+                NAMES.join(", ")
+            )
         })
     }
 }
 
-/// Ends the process if it is to end at this point.
+/// Ends the process if this is the fail point that was set and its passes are used up.
 pub(crate) fn at(name: &str) {
     let Some((point, reached)) = SET.get() else {
         return;

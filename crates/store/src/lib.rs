@@ -31,9 +31,10 @@
 //!
 //! # Fail points
 //!
-//! A test can end the process at one of the following points with [`FailPoint::set`]. The point
-//! `before_commit:7` is the eighth commit, and `checkpoint:0:300` lies 300 microseconds after the
-//! beginning of the first checkpoint.
+//! [`FailPoint::set`] makes the process end at one of the points below; the coordinator calls it for
+//! its hidden option `--fail-point`. A point is written `NAME`, `NAME:PASSES` or
+//! `NAME:PASSES:MICROSECONDS`: `before_commit:7` is the eighth commit, and `checkpoint:0:300` is 300
+//! microseconds after the beginning of the first checkpoint.
 //!
 //! - `before_commit`: all rows of a group are inserted, but not committed;
 //! - `after_commit`: the group is on disk, but not acknowledged;

@@ -12,8 +12,8 @@
 //! load waiting [WORKERS]   workers that wait for a job: the time until a free one is leased
 //! ```
 //!
-//! Run it with `cargo bench -p coordinator --bench load -- WHAT`; every figure is printed with what it is compared to, measured in the
-//! same run.
+//! Run it with `cargo bench -p coordinator --bench load -- noop`, for example. Each figure is printed
+//! with the figure that it is compared to, measured in the same run.
 
 #![expect(clippy::disallowed_methods, reason = "it measures time")]
 #![expect(clippy::print_stdout, reason = "a program for the command line")]
@@ -51,7 +51,7 @@ use tokio_util::sync::CancellationToken;
 use worker::{Exec, Options, Worker};
 
 fn main() -> anyhow::Result<()> {
-    // `cargo bench` adds an argument of its own.
+    // `cargo bench` adds the argument `--bench`.
     let arguments = std::env::args().skip(1).filter(|text| text != "--bench");
     let arguments: Vec<String> = arguments.collect();
     let number = |index: usize, default: usize| -> anyhow::Result<usize> {

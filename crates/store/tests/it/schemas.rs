@@ -2,7 +2,7 @@
 //!
 //! The program whose newest schema was N made `tests/fixtures/schema-N.db`, with the rows below.
 //! Before a migration is added, make the fixture of the present schema with
-//! `cargo test --workspace --test it -- --ignored makes_the_fixture`.
+//! `cargo test --release --workspace --test it -- --ignored makes_the_fixture`.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -381,7 +381,7 @@ async fn a_migration_that_was_edited_is_noticed() {
     assert_eq!(read(&path), before);
 }
 
-/// Run with `cargo test --workspace --test it -- --ignored makes_the_fixture` before adding a
+/// Run with `cargo test --release --workspace --test it -- --ignored makes_the_fixture` before adding a
 /// migration.
 #[tokio::test]
 #[ignore = "makes the fixture of the present schema, once per schema"]
