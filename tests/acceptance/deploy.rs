@@ -1,4 +1,9 @@
-//! Checks that the service files under `deploy/` agree with the programs.
+//! What `deploy/` holds: its files agree with the programs, and its scripts run.
+
+mod containers;
+mod services;
+mod slurm;
+mod ssh;
 
 use acceptance::{Sandbox, assert_code, free_address, printed, root, skipped};
 use protocol::exit;

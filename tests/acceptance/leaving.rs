@@ -2,8 +2,9 @@
 
 use std::time::{Duration, Instant};
 
-use acceptance::{Sandbox, assert_code, errors, root};
+use acceptance::{Sandbox, assert_code, errors};
 
+use crate::external::{campaign, processes, program};
 use crate::place::{DB, Place};
 
 /// The example's campaign and program. Each sample takes 0.3 s.
@@ -13,31 +14,12 @@ fn slow_example(sandbox: &Sandbox) -> (String, String) {
 
 /// The example's campaign and program with a Python statement before each sample.
 fn example_with(sandbox: &Sandbox, statement: &str) -> (String, String) {
-    let read =
-        |name: &str| std::fs::read_to_string(root().join("campaigns/external").join(name)).unwrap();
-    let campaign = read("campaign.toml").replace("probe_designs = 3", "probe_designs = 0");
-    let file = sandbox.write("campaign.toml", &campaign);
     let from = "        generator = random";
-    let program = read("simulator.py");
-    assert!(program.contains(from));
     let slow = format!("        {statement}\n{from}");
-    let program = sandbox.write("slow.py", &program.replacen(from, &slow, 1));
-    let exec = format!("exec python3 -B {}", program.display());
-    (file.display().to_string(), exec)
-}
-
-/// The ids of the Python processes whose command line contains `mark`.
-fn programs(mark: &str) -> Vec<String> {
-    let all = std::fs::read_dir("/proc").expect("processes can be listed");
-    all.filter_map(Result::ok)
-        .filter(|entry| {
-            let line = std::fs::read(entry.path().join("cmdline")).unwrap_or_default();
-            let line = String::from_utf8_lossy(&line).into_owned();
-            let name = line.split('\0').next().unwrap_or("");
-            name.ends_with("python3") && line.contains(mark)
-        })
-        .map(|entry| entry.file_name().to_string_lossy().into_owned())
-        .collect()
+    (
+        campaign(sandbox, &[("probe_designs = 3", "probe_designs = 0")]),
+        program(sandbox, "slow.py", &[(from, &slow)]),
+    )
 }
 
 /// systemd ends all processes of a service at once, Slurm all of a step, and Slurm preempts with
@@ -52,13 +34,13 @@ fn ending_a_worker_together_with_its_simulators_costs_nothing() {
     for _ in 0..3 {
         let worker = place.worker(&["--slots", "2", "--exec", &exec, "--grace", "5"]);
         let since = Instant::now();
-        while programs(&mark).len() < 2 {
+        while processes(&mark).len() < 2 {
             assert!(since.elapsed().as_secs() < 60, "no program runs");
             std::thread::sleep(Duration::from_millis(20));
         }
         std::thread::sleep(Duration::from_secs(2));
         // The programs are killed before their worker, as the order of a process table may have it.
-        let found = programs(&mark);
+        let found = processes(&mark);
         let status = std::process::Command::new("kill").args(&found).status();
         assert!(status.unwrap().success(), "{found:?}");
         worker.terminate();
@@ -96,7 +78,7 @@ fn a_simulator_that_ignores_sigterm_completes_its_sample() {
         status["samples"]["done"].as_u64().expect("a number")
     };
     let before = done("before");
-    let found = programs(&sandbox.path("slow.py").display().to_string());
+    let found = processes(&sandbox.path("slow.py").display().to_string());
     let killed = std::process::Command::new("kill").args(&found).status();
     assert!(!found.is_empty() && killed.unwrap().success(), "{found:?}");
     worker.terminate();

@@ -358,10 +358,7 @@ fn an_external_simulator_is_weighed_by_verification_samples_where_there_are_work
     let sandbox = Sandbox::new();
     let external = acceptance::root().join("campaigns/external");
     let file = external.join("campaign.toml").display().to_string();
-    let exec = format!(
-        "exec python3 -B {}",
-        external.join("simulator.py").display()
-    );
+    let exec = acceptance::python(&external.join("simulator.py"));
     let run = ["run", &file, "--db", "e.db", "--exec", &exec];
     assert_code(&sandbox.coordinator(&run), 0);
     let pareto = ["pareto", &file, "--db", "e.db", "--out"];

@@ -99,7 +99,8 @@ pub fn quick_campaign(changes: &[(&str, &str)]) -> String {
     text
 }
 
-/// The quick campaign with this number of designs and samples, which does little besides sampling.
+/// The quick campaign with this number of designs and samples, which does little besides sampling:
+/// its designs are random, since the search for a maximin design would take longer than the rest.
 ///
 /// # Panics
 ///
@@ -107,7 +108,10 @@ pub fn quick_campaign(changes: &[(&str, &str)]) -> String {
 #[must_use]
 pub fn small_campaign(designs: u32, samples: u32) -> String {
     quick_campaign(&[
-        ("designs = 150 ", &format!("designs = {designs} ")),
+        (
+            "designs = 150 ",
+            &format!("method = \"random\"\ndesigns = {designs} "),
+        ),
         (
             "samples_per_design = 10 ",
             &format!("samples_per_design = {samples} "),
@@ -117,6 +121,26 @@ pub fn small_campaign(designs: u32, samples: u32) -> String {
         ("starts = 3", "starts = 1"),
         ("compare_with_paper = true", "compare_with_paper = false"),
     ])
+}
+
+/// The command that runs a Python program with the standard library alone.
+///
+/// The interpreter itself is started: a version manager's wrapper and the search for packages take
+/// five times as long.
+///
+/// # Panics
+///
+/// There is no Python 3.
+#[must_use]
+pub fn python(program: &Path) -> String {
+    static INTERPRETER: OnceLock<String> = OnceLock::new();
+    let interpreter = INTERPRETER.get_or_init(|| {
+        let path = Command::new("python3")
+            .args(["-c", "import sys; print(sys.executable, end='')"])
+            .output();
+        printed(&path.expect("Python 3 runs"))
+    });
+    format!("exec {interpreter} -S -B {}", program.display())
 }
 
 /// The signal of a process that aborts, for example at a fail point.

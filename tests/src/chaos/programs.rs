@@ -7,7 +7,7 @@ use std::process::Command;
 use serde_json::Value;
 
 use super::{Violation, study};
-use crate::root;
+use crate::{python, root};
 
 /// The store of a round.
 pub(crate) const DB: &str = "c.db";
@@ -81,10 +81,8 @@ impl Programs {
             ]
             .to_vec(),
             _ => {
-                return vec![
-                    "--exec".to_owned(),
-                    format!("exec python3 -B {path} {arguments}"),
-                ];
+                let exec = python(&self.simulators.join(name));
+                return vec!["--exec".to_owned(), format!("{exec} {arguments}")];
             }
         };
         words.into_iter().map(str::to_owned).collect()

@@ -7,6 +7,8 @@ use acceptance::isolated::Isolated;
 use acceptance::{Sandbox, assert_code, errors, printed, root, small_campaign};
 use serde_json::Value;
 
+use crate::external::{campaign, program};
+
 /// How long anything may take that Slurm does: it looks at its queue every few seconds.
 const PATIENCE: Duration = Duration::from_secs(90);
 
@@ -218,31 +220,21 @@ fn slurm_array_with_a_lost_node_gives_the_samples_of_a_local_run() {
 
 /// The example's campaign and its program, of which a sample takes 0.3 s while a file "slow" is there.
 fn slow_example(sandbox: &Sandbox) -> (String, String) {
-    let read =
-        |name: &str| std::fs::read_to_string(root().join("campaigns/external").join(name)).unwrap();
-    let mut campaign = read("campaign.toml");
-    for (from, to) in [
+    let changes = [
         ("probe_designs = 3 ", "probe_designs = 0 "),
         ("evaluations = 300 ", "evaluations = 40 "),
         ("restart_at = 150", "restart_at = 20"),
         ("starts = 2", "starts = 1"),
         ("samples = 100", "samples = 20"),
-    ] {
-        assert!(campaign.contains(from), "{from}");
-        campaign = campaign.replacen(from, to, 1);
-    }
+    ];
     let from = "        generator = random";
-    let program = read("simulator.py");
-    assert!(program.contains(from));
     let flag = sandbox.write("slow", "");
     let slow = format!(
         "        __import__(\"time\").sleep(0.3 * __import__(\"os\").path.exists({flag:?}))\n{from}"
     );
-    let program = sandbox.write("slow.py", &program.replacen(from, &slow, 1));
-    let campaign = sandbox.write("c.toml", &campaign);
     (
-        campaign.display().to_string(),
-        format!("exec python3 -B {}", program.display()),
+        campaign(sandbox, &changes),
+        program(sandbox, "slow.py", &[(from, &slow)]),
     )
 }
 
