@@ -225,6 +225,14 @@ impl<P: Clone> Ledger<P> {
                 };
                 stream.is_some_and(may_be) && !failed.contains(&unit.stream)
             });
+            let is_suspect = |unit: &Unit| {
+                let stream = self.streams.get(&unit.stream);
+                stream.is_some_and(|stream| stream.is_suspect)
+            };
+            if units.iter().any(is_suspect) {
+                // Together they would all remain suspects.
+                units.truncate(1);
+            }
             if !units.is_empty() {
                 return Some((id, units));
             }

@@ -137,6 +137,38 @@ fn a_lease_of_several_designs_that_kills_its_worker_is_split_before_anybody_is_b
     }
 }
 
+/// Each worker dies as soon as it begins with the deadly design, and the next one is started at once.
+/// Workers die faster than leases expire, so the leases of the dead are doubled.
+#[test]
+fn a_design_that_kills_its_workers_at_once_kills_few_of_them() {
+    // The first design would be cut, since the cost of a sample is not known yet.
+    for deadly in (1..20).map(StreamId::design) {
+        let mut ledger = ledger(Options::default(), 20, 25, &[]);
+        let mut deaths = 0;
+        for now in (0..).map(|tenths| at(0.1 * f64::from(tenths))) {
+            ledger.expire(now);
+            let name = deaths.to_string();
+            ledger.register(&worker(&name), "here", 1, now);
+            while let Some(grant) = ledger.lease(&worker(&name), now) {
+                if units(&grant).iter().any(|unit| unit.stream == deadly) {
+                    if grant.announce {
+                        beat(&mut ledger, &name, &[&grant], now);
+                    }
+                    deaths += 1;
+                    break;
+                }
+                ledger.deliver(&worker(&name), grant.lease, &all_of(&grant), now);
+            }
+            assert!(deaths <= 8, "{deaths} workers died on {deadly:?}");
+            if ledger.quarantined().count() > 0 {
+                break;
+            }
+        }
+        let quarantined: Vec<StreamId> = ledger.quarantined().map(|(id, _)| id).collect();
+        assert_eq!(quarantined, [deadly]);
+    }
+}
+
 #[test]
 fn a_lease_that_ran_out_is_taken_up_again_by_its_heartbeat_and_never_one_that_was_given_back() {
     let mut ledger = ledger(alone(), 1, 10, &["a", "b"]);
