@@ -3,58 +3,16 @@
 
 use std::os::unix::process::ExitStatusExt as _;
 
-use acceptance::{SIGABRT, Sandbox, assert_code, errors, free_address, printed, python, root};
+use acceptance::{SIGABRT, Sandbox, assert_code, errors, free_address, printed};
 use serde_json::Value;
 
+use crate::example::{campaign, path, processes, program};
 use crate::place::{DB, Place};
-
-fn example(name: &str) -> String {
-    let path = root().join("campaigns/external").join(name);
-    std::fs::read_to_string(path).expect("the example is shipped")
-}
-
-/// Writes the example's campaign with `changes` to the sandbox.
-pub(crate) fn campaign(sandbox: &Sandbox, changes: &[(&str, &str)]) -> String {
-    let mut text = example("campaign.toml");
-    for (from, to) in changes {
-        assert!(text.contains(from), "the example has no {from:?}");
-        text = text.replacen(from, to, 1);
-    }
-    path(&sandbox.write("campaign.toml", &text))
-}
-
-/// The command that runs the example's program with `changes` from the sandbox.
-pub(crate) fn program(sandbox: &Sandbox, name: &str, changes: &[(&str, &str)]) -> String {
-    let mut text = example("simulator.py");
-    for (from, to) in changes {
-        assert!(text.contains(from), "the example has no {from:?}");
-        text = text.replacen(from, to, 1);
-    }
-    python(&sandbox.write(name, &text))
-}
-
-pub(crate) fn path(path: &std::path::Path) -> String {
-    path.to_str().expect("a path in UTF-8").to_owned()
-}
 
 fn finished(sandbox: &Sandbox, db: &str) -> Value {
     let status = sandbox.status(db).expect("the store is there");
     assert_eq!(status["finished"], true, "{status}");
     status
-}
-
-/// The ids of the Python processes whose command line contains `mark`.
-pub(crate) fn processes(mark: &str) -> Vec<String> {
-    let all = std::fs::read_dir("/proc").expect("processes can be listed");
-    all.filter_map(Result::ok)
-        .filter(|entry| {
-            let line = std::fs::read(entry.path().join("cmdline")).unwrap_or_default();
-            let line = String::from_utf8_lossy(&line);
-            let name = line.split('\0').next().unwrap_or("");
-            name.contains("python3") && line.contains(mark)
-        })
-        .map(|entry| entry.file_name().to_string_lossy().into_owned())
-        .collect()
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use acceptance::{Sandbox, assert_code, errors};
 
-use crate::external::{campaign, processes, program};
+use crate::example::{campaign, processes, program};
 use crate::place::{DB, Place};
 
 /// The example's campaign and program. Each sample takes 0.3 s.

@@ -12,6 +12,7 @@ mod cluster;
 mod commands;
 mod deploy;
 mod enriched;
+mod example;
 mod external;
 mod fail_points;
 mod faults;

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use acceptance::http::{LOCALHOST, get};
-use acceptance::{Sandbox, assert_code, free_address, printed, small_campaign};
+use acceptance::{Sandbox, assert_code, changed, free_address, printed, small_campaign};
 
 use crate::place::{DB, Place};
 
@@ -57,7 +57,7 @@ fn a_campaign_grows_again_and_again() {
     let sandbox = Sandbox::new();
     let mut before: Vec<String> = Vec::new();
     for n in [60, 70, 81, 160] {
-        let text = small_campaign(n, 6).replacen("\"random\"", "\"maximin\"", 1);
+        let text = changed(&small_campaign(n, 6), &[("\"random\"", "\"maximin\"")]);
         let file = sandbox.write("c.toml", &text);
         let run = || sandbox.coordinator(&["run", file.to_str().unwrap(), "--db", "c.db"]);
         assert_code(&run(), 0);

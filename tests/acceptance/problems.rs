@@ -1,7 +1,7 @@
 //! Campaigns with a problem stated in the file and simulated by a program, checked against known
 //! optima.
 
-use acceptance::{Sandbox, assert_code, errors, printed, python, root};
+use acceptance::{Sandbox, assert_code, changed, errors, printed, python, root};
 
 fn shipped(name: &str) -> String {
     let path = root().join("campaigns/ishigami").join(name);
@@ -10,12 +10,10 @@ fn shipped(name: &str) -> String {
 
 /// The example with `changes` in the sandbox: its file, and the command of its program.
 fn ishigami(sandbox: &Sandbox, changes: &[(&str, &str)]) -> (String, String) {
-    let mut text = shipped("campaign.toml");
-    for (from, to) in changes {
-        assert!(text.contains(from), "the example has no {from:?}");
-        text = text.replacen(from, to, 1);
-    }
-    let file = sandbox.write("campaign.toml", &text);
+    let file = sandbox.write(
+        "campaign.toml",
+        &changed(&shipped("campaign.toml"), changes),
+    );
     let program = sandbox.write("simulator.py", &shipped("simulator.py"));
     (file.display().to_string(), python(&program))
 }

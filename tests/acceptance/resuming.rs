@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use acceptance::{Running, Sandbox, assert_code};
 use store::{EvaluationRow, Store};
 
-use crate::external::{campaign, program};
+use crate::example::{campaign, program};
 use crate::place::DB;
 
 /// The only job of the campaign until it is done, by its name in the store.

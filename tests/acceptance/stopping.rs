@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use acceptance::{Sandbox, small_campaign};
+use acceptance::{Sandbox, changed, small_campaign};
 
 use crate::campaign::{digest, export};
 
@@ -15,7 +15,7 @@ fn campaign() -> String {
     let section = "\n[enrichment]\ncriterion = \"expected-quantile-improvement\"\n\
                    samples = 20000\nrounds = 1\npoints_per_round = 4\nsamples_per_point = 10\n\
                    tolerance_um = 0.001\n";
-    small_campaign(1200, 4).replacen("\"random\"", "\"maximin\"", 1) + section
+    changed(&small_campaign(1200, 4), &[("\"random\"", "\"maximin\"")]) + section
 }
 
 #[test]

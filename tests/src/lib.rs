@@ -91,12 +91,21 @@ pub fn root() -> &'static Path {
 #[must_use]
 pub fn quick_campaign(changes: &[(&str, &str)]) -> String {
     let shipped = root().join("campaigns/quick.toml");
-    let mut text = std::fs::read_to_string(shipped).expect("the quick campaign is shipped");
-    for (from, to) in changes {
-        assert!(text.contains(from), "the quick campaign has no {from:?}");
-        text = text.replacen(from, to, 1);
-    }
-    text
+    let text = std::fs::read_to_string(shipped).expect("the quick campaign is shipped");
+    changed(&text, changes)
+}
+
+/// A text after `changes` (the text to replace, and its replacement).
+///
+/// # Panics
+///
+/// The text to replace is missing.
+#[must_use]
+pub fn changed(text: &str, changes: &[(&str, &str)]) -> String {
+    changes.iter().fold(text.to_owned(), |text, (from, to)| {
+        assert!(text.contains(from), "{from:?} is not there to be replaced");
+        text.replacen(from, to, 1)
+    })
 }
 
 /// The quick campaign with this number of designs and samples, which does little besides sampling:

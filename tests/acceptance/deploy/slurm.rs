@@ -7,7 +7,7 @@ use acceptance::isolated::Isolated;
 use acceptance::{Sandbox, assert_code, errors, printed, root, small_campaign};
 use serde_json::Value;
 
-use crate::external::{campaign, program};
+use crate::example::{campaign, program};
 
 /// How long anything may take that Slurm does: it looks at its queue every few seconds.
 const PATIENCE: Duration = Duration::from_secs(90);

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use super::outcome::Outcome;
 use super::programs::{BEAM, Programs};
 use super::{Violation, study};
-use crate::{root, small_campaign};
+use crate::{changed, root, small_campaign};
 
 /// A kind of campaign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -191,8 +191,7 @@ fn external(is_precise: bool) -> String {
         ("samples_per_design = 25", samples),
         ("\nsamples = 100", "\nsamples = 6000"),
     ];
-    let changed = |text: String, (from, to): &(&str, &str)| change(&text, from, to);
-    changes.iter().fold(text, changed)
+    changed(&text, &changes)
 }
 
 /// The example of a problem without gears, with infill.
@@ -215,8 +214,7 @@ fn files() -> String {
 }
 
 fn change(text: &str, from: &str, to: &str) -> String {
-    assert!(text.contains(from), "the campaign has no {from:?}");
-    text.replacen(from, to, 1)
+    changed(text, &[(from, to)])
 }
 
 /// The undisturbed run of a campaign.

@@ -24,7 +24,7 @@ fn batch(index: u64) -> Batch {
 #[expect(clippy::print_stderr, reason = "how the child tells its parent")]
 #[expect(clippy::disallowed_methods, reason = "how the parent tells its child")]
 #[tokio::test]
-#[ignore = "run by the other tests, as a process that dies"]
+#[ignore = "the other tests run it: cargo test --release --workspace --test it fail_points"]
 async fn child() {
     let point = std::env::var("FAIL_POINT").expect("set by the parent");
     point.parse::<FailPoint>().unwrap().set();

@@ -381,10 +381,8 @@ async fn a_migration_that_was_edited_is_noticed() {
     assert_eq!(read(&path), before);
 }
 
-/// Run with `cargo test --release --workspace --test it -- --ignored makes_the_fixture` before adding a
-/// migration.
 #[tokio::test]
-#[ignore = "makes the fixture of the present schema, once per schema"]
+#[ignore = "once per schema, with the command at the top of this file"]
 async fn makes_the_fixture() {
     let (_folder, path) = folder();
     let store = open(&path).await;
