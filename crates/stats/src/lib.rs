@@ -44,9 +44,11 @@ mod error;
 mod exact;
 mod moments;
 mod normality;
+mod order;
 mod percentile;
 mod quantile;
 mod rank;
+pub mod reference;
 mod sensitivity;
 mod sequential;
 pub mod streams;
@@ -63,6 +65,7 @@ pub use moments::mean_sd;
 pub use normality::{
     LILLIEFORS_MIN_SAMPLES, Lilliefors, lilliefors, lilliefors_critical_value, lilliefors_p_value,
 };
+pub use order::{OrderStatistic, order_interval_min_samples, order_statistic, paired_difference};
 pub use percentile::{
     PAPER_Z90, PERCENTILE_MIN_SAMPLES, Percentile, p90_interval, p90_variance, percentile_p90,
 };

@@ -3,6 +3,7 @@
 mod exact;
 mod moments;
 mod normality;
+mod order;
 mod percentile;
 mod quantile;
 mod reduction;
