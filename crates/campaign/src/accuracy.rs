@@ -175,7 +175,7 @@ impl Campaign {
             return Ok(this);
         };
         this.sampling.samples_per_design = choice.samples;
-        this.sampling.percentile = choice.estimator.percentile;
+        this.sampling.percentile = Some(choice.estimator.percentile);
         this.sampling.control = choice.estimator.control;
         this.sampling.coefficients = choice.estimator.coefficients;
         if let Some(accuracy) = this.gears_mut().and_then(|gears| gears.accuracy.as_mut()) {
@@ -384,7 +384,9 @@ mod tests {
 
     /// The paper's file with a tolerance in the place of the samples.
     fn text(tolerance_um: f64) -> String {
-        Campaign::PAPER.replacen("samples_per_design = 30", "", 1)
+        Campaign::PAPER
+            .replacen("samples_per_design = 30", "", 1)
+            .replacen("percentile = \"paper\"", "", 1)
             + &format!("\n[accuracy]\ntolerance_um = {tolerance_um}\n")
     }
 
@@ -424,7 +426,7 @@ mod tests {
     #[test]
     fn what_a_tolerance_chooses_is_left_out_and_what_cannot_be_reached_is_refused() {
         let refusal = |text: &str| Campaign::parse("my.toml", text).unwrap_err().to_string();
-        let both = format!("{}\n[accuracy]\ntolerance_um = 0.1\n", Campaign::PAPER);
+        let both = format!("{}\n[accuracy]\ntolerance_um = 0.1\n", Campaign::WEAR);
         let message = refusal(&both);
         assert!(
             message.contains("sampling.samples_per_design is 30") && message.contains("left out"),

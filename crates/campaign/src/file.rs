@@ -36,7 +36,7 @@ pub use limits::GearLimits;
 pub use material::{Grade, Material};
 pub(crate) use pair::gear_size;
 pub use pair::{PairFile, PairSection};
-pub use sampling::{ControlVariate, PercentileRule, Sampling, WearCoefficients};
+pub use sampling::{ControlVariate, PercentileRule, SIGNIFICANCE, Sampling, WearCoefficients};
 pub use sections::{Load, Manufacture, SimulatorKind, SimulatorSection, Wear, WearLaw};
 pub use settings::{Doe, Optimise, Restarts, Verify};
 pub(crate) use validate::Source;

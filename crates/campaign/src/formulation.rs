@@ -12,7 +12,7 @@
 use std::borrow::Cow;
 
 use crate::Campaign;
-use crate::file::{FrozenFrom, Kind, Penalty};
+use crate::file::{Aim, FrozenFrom, Kind, Penalty};
 use crate::simulator::{Analysis, State};
 
 mod approach;
@@ -412,13 +412,22 @@ impl Problem {
         Ok(told)
     }
 
-    /// The program's name for a response, and the factor from the program's value to the
-    /// campaign's.
+    /// The value as a cost, of which less is better: the value itself, or its negative if the response is
+    /// maximised. It is its own inverse.
     #[must_use]
-    pub fn asked<'a>(&'a self, response: &'a Quantity) -> (&'a str, f64) {
+    pub fn cost(&self, value: f64) -> f64 {
+        match self.aim() {
+            Aim::Minimise => value,
+            Aim::Maximise => -value,
+        }
+    }
+
+    /// Whether small or large values of the response are preferred.
+    #[must_use]
+    pub const fn aim(&self) -> Aim {
         match &self.kind {
-            Formulation::External(external) if *response == self.sampled => external.asked(),
-            _ => (&response.name, 1.0),
+            Formulation::Gears(_) => Aim::Minimise,
+            Formulation::External(external) => external.aim(),
         }
     }
 

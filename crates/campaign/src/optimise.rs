@@ -21,7 +21,7 @@ use rand::RngExt as _;
 use serde::{Deserialize, Serialize};
 use stats::streams::{Purpose, StreamRng, stream};
 
-use crate::file::Optimise;
+use crate::file::{Aim, Optimise};
 use crate::formulation::{Approach, Criteria, Design, Problem};
 use crate::simulator::{NoAnswer, Simulator};
 use crate::task::Run;
@@ -67,7 +67,8 @@ pub struct RunResult {
     pub evaluations: u64,
     /// Number of calls of the simulator: one per analysis without wear, two with Archard's wear.
     pub simulator_calls: u64,
-    /// The improvements of the penalised objective, as (evaluation, value).
+    /// The improvements as (evaluation, value): of the penalised objective, or without a penalty of the
+    /// criterion.
     pub history: Vec<(u64, f64)>,
     /// The restarts besides the planned one, as (evaluation, reason).
     pub restarts: Vec<(u64, String)>,
@@ -130,6 +131,7 @@ pub(crate) fn run_while(
 /// A run in progress.
 pub struct Search {
     objective: Objective,
+    aim: Aim,
     settings: Optimise,
     start: u32,
     rng: StreamRng,
@@ -166,6 +168,7 @@ impl Search {
         let search = cmaes::Run::new(&origin, settings.run(bounds));
         Ok(Self {
             objective,
+            aim: problem.aim(),
             settings,
             start: run.start,
             rng,
@@ -242,7 +245,7 @@ impl Search {
         let outcome = finished.map_err(|error| error.to_string())?;
         self.evaluations += outcome.evaluations as u64;
         if self.continuations == 0 {
-            self.history = values(&outcome.history);
+            self.history = self.values(&outcome.history);
             let restarts = outcome.restarts.iter();
             let unplanned = restarts.filter(|restart| restart.cause != cmaes::Cause::Planned);
             self.restarts = unplanned
@@ -292,9 +295,21 @@ impl Search {
     #[must_use]
     pub fn history(&self) -> Vec<(u64, f64)> {
         match self.continuations {
-            0 => values(self.search.history()),
+            0 => self.values(self.search.history()),
             _ => self.history.clone(),
         }
+    }
+
+    /// A search's improvements, in the sign of the response.
+    fn values(&self, history: &[(usize, cmaes::Evaluation)]) -> Vec<(u64, f64)> {
+        let value = |cost: f64| match self.aim {
+            Aim::Minimise => cost,
+            Aim::Maximise => -cost,
+        };
+        let improved = history.iter();
+        improved
+            .map(|(at, e)| (*at as u64, value(e.value)))
+            .collect()
     }
 
     /// The result of a run that has ended.
@@ -312,9 +327,4 @@ impl Search {
             restarts: self.restarts,
         }
     }
-}
-
-fn values(history: &[(usize, cmaes::Evaluation)]) -> Vec<(u64, f64)> {
-    let improved = history.iter();
-    improved.map(|(at, e)| (*at as u64, e.value)).collect()
 }

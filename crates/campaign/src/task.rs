@@ -150,6 +150,13 @@ impl Inputs {
     }
 }
 
+/// The first number of an infill point, above the numbers of all other points.
+pub const FIRST_INFILL: u64 = 1 << 27;
+
+/// The random streams of verification samples: all verified designs have the same, so that two of them
+/// differ by their variables and not by chance.
+pub const VERIFICATION: (Purpose, u64) = (Purpose::Verify, 0);
+
 /// The output of a unit.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Output {
@@ -250,12 +257,15 @@ pub fn compute_until(
                 Ok(Err(error)) => return Err(format!("{stream}: {error}")),
                 Err(panic) => return Err(format!("{stream}: {SIMULATOR_PANIC}: {panic}")),
             };
+            let (purpose, number) = VERIFICATION;
             let names = Names {
                 seed: simulator.problem().campaign().seed,
-                purpose: Purpose::Verify,
-                design: stream.index,
-                // The given number of independent samples, so that all approaches are verified
-                // alike.
+                purpose,
+                design: match stream.index {
+                    infill @ FIRST_INFILL.. => infill,
+                    _ => number,
+                },
+                // Independent samples, so that all approaches are verified alike.
                 coefficients: stats::Sampling::Independent,
             };
             let output = |samples_um: &[f64]| {

@@ -12,6 +12,7 @@ use stages::derived::{DERIVED_APPROACHES, is_derived};
 use stages::plan::{self, LocalStep, Next};
 use stages::searching::{Searches, Turn};
 use stages::state::{OpenDesign, VerifyPoint};
+use stages::verification::Sizes;
 use stages::wanted::{self, Asked};
 use stages::{names, references, snapshot};
 use store::{Batch, OptimiserRunRow, Store};
@@ -98,6 +99,7 @@ impl Engine {
         let references: &[VerifyPoint] = &references::points(&self.problem);
         let fit_failed = &mut None;
         let searches = &mut Searches::default();
+        let sizes = &mut Sizes::default();
         let more = &mut snapshot::wants_more(&self.store, &self.campaign().sampling).await?;
         loop {
             if shutdown.is_cancelled() || self.board.is_drained() {
@@ -105,7 +107,8 @@ impl Engine {
             }
             // Subscribed before the state is read, so that no stream settles unnoticed in between.
             let settled = self.board.watch();
-            let mut state = snapshot::load(&self.store, &self.problem, references, more).await?;
+            let mut state =
+                snapshot::load(&self.store, &self.problem, references, more, sizes).await?;
             state.quarantined = self.board.quarantined();
             state.fit_failed = fit_failed.is_some();
             let base = plan::base(&self.problem, &state);

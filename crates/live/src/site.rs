@@ -19,6 +19,7 @@ use results::reporting;
 use results::status::{self, Status};
 use serde::Serialize;
 use stages::optima::approach_of;
+use stages::verification::Verification;
 use store::{OptimumRow, Store};
 use tokio::sync::watch;
 use tokio::time::Instant;
@@ -320,14 +321,16 @@ impl Site {
         problem: &Problem,
         row: OptimumRow,
     ) -> anyhow::Result<Option<Candidate>> {
-        let campaign = problem.campaign();
-        let fresh = self.store.verify_samples(&row.approach).await?;
-        if !row.feasible || fresh.len() < campaign.verify.samples as usize {
+        if !row.feasible {
             return Ok(None);
         }
-        let fresh: Vec<f64> = fresh.iter().map(|sample| sample.delta_ste_um).collect();
+        let campaign = problem.campaign();
+        let verification = Verification::read(&self.store, campaign, &row.approach).await?;
+        if !verification.is_complete() {
+            return Ok(None);
+        }
         Ok(Some(Candidate {
-            percentile: percentile(&campaign.sampling, &fresh),
+            percentile: percentile(&campaign.sampling, &verification.samples),
             design: None,
             row,
         }))

@@ -160,7 +160,7 @@ pub fn comparisons(data: &ReportData) -> Vec<Comparison> {
             &place,
             "P90 at its own optimum, µm",
             row.p90_um,
-            optimum.p90.value_um,
+            optimum.p90_by_paper_um,
         );
     }
     list

@@ -327,6 +327,8 @@ pub struct Optimum {
     pub criterion_um: f64,
     /// P90 verified with samples of its own.
     pub p90: Percentile,
+    /// P90 as the paper verifies it, by (8) from as many samples, µm: for its Table 5.
+    pub p90_by_paper_um: f64,
     /// P90 on the converged grid less P90 on the campaign's grid, from the same wear, µm; none where an
     /// external program simulates.
     pub converged_difference_um: Option<f64>,

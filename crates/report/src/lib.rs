@@ -48,6 +48,6 @@ pub use page::{
     render, render_atlas, render_pair, render_problem, render_tradeoff,
 };
 pub use problem::{NamedValue, ProblemOptimum, ProblemReport};
-pub use summary::{Margin, Recommended, Summary};
+pub use summary::{Behind, Margin, Recommended, Summary};
 pub use svg::{Axis, Chart, Mark, Scale, Series};
 pub use symbols::symbol;

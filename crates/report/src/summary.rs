@@ -41,6 +41,17 @@ pub struct Recommended {
     pub cpu_seconds: f64,
     /// The approaches that were not ranked, because they moved other variables.
     pub not_ranked: Vec<String>,
+    /// The other ranked approaches.
+    pub behind: Vec<Behind>,
+}
+
+/// An approach whose design is not the recommended one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Behind {
+    /// The approach.
+    pub approach: String,
+    /// How much worse its verified percentile is, with the 95 % interval of the difference.
+    pub difference: Percentile,
 }
 
 /// A constraint at the recommended design.
@@ -61,6 +72,7 @@ pub(crate) struct SummaryView {
     pub(crate) missing: String,
     pub(crate) inputs: Vec<(String, String)>,
     pub(crate) headline: String,
+    pub(crate) others: String,
     pub(crate) cost: String,
     pub(crate) variables: Vec<(String, String)>,
     pub(crate) margins: Vec<[String; 4]>,
@@ -80,6 +92,7 @@ impl SummaryView {
             missing: summary.missing.join("; "),
             inputs: summary.inputs.clone(),
             headline: fallback.to_owned(),
+            others: String::new(),
             cost: String::new(),
             variables: Vec::new(),
             margins: Vec::new(),
@@ -95,6 +108,7 @@ impl SummaryView {
             return view;
         };
         view.headline = headline(best);
+        view.others = others(best);
         view.cost = cost(best);
         view.variables = best
             .variables
@@ -146,15 +160,67 @@ pub(crate) fn digits_of(percentile: &Percentile) -> usize {
 
 fn headline(best: &Recommended) -> String {
     let digits = digits_of(&best.percentile);
-    format!(
-        "The recommended design has a verified {} of {} (95 % interval {} to {}, {} samples). It was \
-         found by the approach “{}”.",
+    let interval = match best.percentile.low_um.is_nan() {
+        true => "no 95 % interval".to_owned(),
+        false => format!(
+            "95 % interval {} to {}",
+            significant(best.percentile.low_um, digits),
+            significant(best.percentile.high_um, digits)
+        ),
+    };
+    let mut text = format!(
+        "The recommended design has a verified {} of {} ({interval}, {} samples). It was found by the \
+         approach “{}”.",
         best.what,
         with_unit(best.percentile.value_um, digits, &best.unit),
-        significant(best.percentile.low_um, digits),
-        significant(best.percentile.high_um, digits),
         count(best.percentile.samples as u64),
         best.approach,
+    );
+    if best.percentile.low_um.is_nan() {
+        text += " The samples are too few for an interval at this level.";
+    }
+    let alike: Vec<&str> = best
+        .behind
+        .iter()
+        .filter(|other| other.difference.low_um <= 0.0)
+        .map(|other| &*other.approach)
+        .collect();
+    if !alike.is_empty() {
+        text += &format!(
+            " The samples do not tell it apart from: {}.",
+            alike.join(", ")
+        );
+    }
+    text
+}
+
+/// What the other approaches differ by, from samples with the same random numbers.
+fn others(best: &Recommended) -> String {
+    let others: Vec<String> = best
+        .behind
+        .iter()
+        .map(
+            |Behind {
+                 approach,
+                 difference,
+             }| {
+                let digits = digits_of(difference);
+                let [low, high] = [difference.low_um, difference.high_um];
+                format!(
+                    "{approach} by {} [{}; {}]",
+                    with_unit(difference.value_um, digits, &best.unit),
+                    significant(low, digits),
+                    significant(high, digits)
+                )
+            },
+        )
+        .collect();
+    if others.is_empty() {
+        return String::new();
+    }
+    format!(
+        "Worse in the same random samples (95 % interval of the difference): {}.",
+        others.join(", ")
     )
 }
 
@@ -214,6 +280,16 @@ mod tests {
             simulator_calls: 5,
             cpu_seconds: 2.0,
             not_ranked: vec!["Without wear".into()],
+            behind: vec![
+                Behind {
+                    approach: "Enriched".into(),
+                    difference: percentile(0.01, 0.02),
+                },
+                Behind {
+                    approach: "Archard".into(),
+                    difference: percentile(0.5, 0.02),
+                },
+            ],
         };
         let mut summary = Summary {
             recommended: Some(best),
@@ -224,6 +300,15 @@ mod tests {
         assert!(
             view.headline
                 .contains("1.49 µm (95 % interval 1.48 to 1.50")
+        );
+        assert!(
+            view.headline
+                .contains("do not tell it apart from: Enriched.")
+        );
+        assert!(
+            view.others.contains("Archard by 0.500 µm [0.480; 0.520]"),
+            "{}",
+            view.others
         );
         assert!(view.cost.contains("Without wear"));
         assert_eq!(view.margins[0][2..], ["< 1000 MPa", "100 MPa (10.0 %)"]);

@@ -2,8 +2,9 @@
 
 use campaign::Design;
 use campaign::formulation::Problem;
+use campaign::task::VERIFICATION;
 use gear::Pair;
-use stats::streams::{Purpose, stream};
+use stats::streams::stream;
 
 /// Samples of both percentiles, from the same random numbers.
 const SAMPLES: u64 = 100;
@@ -19,15 +20,15 @@ pub(crate) fn difference_um(problem: &Problem, design: &Design) -> Option<f64> {
     let fine = Pair::converged(&gears.pair_input(design), gears.wear(), TOLERANCE).ok()?;
     let p90 = |pair: &Pair| {
         let mut sampler = gears.sampler(pair);
-        let seed = problem.campaign().seed;
+        let (seed, (purpose, number)) = (problem.campaign().seed, VERIFICATION);
         let samples: Vec<f64> = (0..SAMPLES)
-            .map(|sample| sampler.draw(&mut stream(seed, Purpose::Verify, 0, sample)))
+            .map(|sample| sampler.draw(&mut stream(seed, purpose, number, sample)))
             .collect();
         let sampling = &problem.campaign().sampling;
         sampling
             .verified(&samples)
             .ok()
-            .map(|estimate| estimate.p90)
+            .map(|verified| verified.value)
     };
     Some(p90(&fine.pair)? - p90(&coarse)?)
 }

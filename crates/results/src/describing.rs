@@ -91,10 +91,23 @@ pub fn describe(status: &Status) -> String {
         );
         let Progress { done, wanted } = optimum.verified;
         let verified = match &optimum.percentile {
-            Some(found) => format!(
-                "{} {:.4} [{:.4}; {:.4}] by {done} verification samples",
-                found.name, found.value, found.low, found.high
-            ),
+            Some(found) => {
+                let interval = found.low.zip(found.high).map_or_else(
+                    || " without an interval (too few)".to_owned(),
+                    |(low, high)| format!(" [{low:.4}; {high:.4}]"),
+                );
+                let (name, value) = (&found.name, found.value);
+                let behind = optimum.behind.as_ref().map_or_else(String::new, |behind| {
+                    let (low, high) = (behind.low, behind.high);
+                    match low <= 0.0 {
+                        true => {
+                            format!(", not told apart from the best: {low:.4} to {high:.4} worse")
+                        }
+                        false => format!(", {low:.4} to {high:.4} worse than the best"),
+                    }
+                });
+                format!("{name} {value:.4}{interval} by {done} verification samples{behind}")
+            }
             None => format!("{done} of {wanted} verification samples"),
         };
         let _ = writeln!(

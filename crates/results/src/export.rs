@@ -300,15 +300,17 @@ async fn infill<W: Write + Send>(
         let samples = store.verify_samples(&row.name).await?;
         let samples: Vec<f64> = samples.iter().map(|sample| sample.delta_ste_um).collect();
         let is_whole = samples.len() as u64 == row.samples && !row.failed;
-        let percentile = problem.campaign().sampling.verified(&samples).ok();
-        let percentile = percentile.filter(|_| is_whole);
+        let estimate = problem.campaign().sampling.estimate(&samples).ok();
+        let estimate = estimate
+            .filter(|_| is_whole)
+            .map(|estimate| estimate.chosen);
         let mut record = vec![row.name, (row.round + 1).to_string(), row.reason];
         record.extend(row.x.iter().copied().map(number));
         record.push(number(row.violation));
         record.push(row.samples.to_string());
         record.push(u8::from(row.failed).to_string());
-        record.push(optional(percentile.map(|percentile| percentile.p90)));
-        record.push(optional(percentile.map(|percentile| percentile.variance)));
+        record.push(optional(estimate.map(|estimate| estimate.p90)));
+        record.push(optional(estimate.map(|estimate| estimate.variance)));
         out.write_record(&record)?;
     }
     Ok(())
@@ -341,9 +343,7 @@ async fn optima<W: Write + Send>(
             .map(|sample| sample.delta_ste_um)
             .collect();
         let percentile = problem.campaign().sampling.verified(&samples).ok();
-        let interval = percentile
-            .as_ref()
-            .and_then(|percentile| stats::p90_interval(percentile, 0.95).ok());
+        let interval = percentile.and_then(|percentile| percentile.interval);
         let approach = approach_of(&row.approach).map(|a| problem.approach_name(a).to_owned());
         let mut record = vec![approach.unwrap_or_else(|| row.approach.clone())];
         let blanks = |count| std::iter::repeat_n(String::new(), count);
@@ -352,7 +352,7 @@ async fn optima<W: Write + Send>(
             None => record.extend(blanks(variables.len())),
         }
         record.push(optional(design.as_ref().map(|_| row.criterion_um)));
-        record.push(optional(percentile.map(|percentile| percentile.p90)));
+        record.push(optional(percentile.map(|percentile| percentile.value)));
         record.push(optional(interval.map(|(low, _)| low)));
         record.push(optional(interval.map(|(_, high)| high)));
         if has_grid {

@@ -6,7 +6,8 @@
 //! - [`export`] writes the store's tables as [`rows`] of CSV, JSON or Parquet, [`model`] is its kriging model, and
 //!   [`pair_file`] an optimum as a pair file.
 //! - [`reporting`] gathers the data of the report; [`comparing`] puts the paper's figures beside ours.
-//! - [`mod@percentile`] estimates P90 with its interval from verification samples.
+//! - [`mod@percentile`] has a verified percentile with its interval, and [`ranking`] compares those of several
+//!   designs.
 
 pub mod comparing;
 mod converged;
@@ -19,6 +20,7 @@ pub mod pair_file;
 #[cfg(feature = "parquet")]
 mod parquet;
 pub mod percentile;
+pub mod ranking;
 pub mod reporting;
 pub mod rows;
 pub mod status;

@@ -1,6 +1,5 @@
 //! From the store to the report.
 
-mod choice;
 mod enrichment;
 mod facts;
 mod model;
@@ -107,7 +106,7 @@ async fn gathered(
     let digest = store.samples_digest().await?;
     let stages = costs(store, sources).await?;
     let compare = sources.problem.campaign().compares_with_paper();
-    let best = summary::best(sources).map(|(_, design)| design);
+    let best = summary::best(sources);
     Ok(ReportData {
         header: header(sources, digest, stages),
         summary,

@@ -4,14 +4,17 @@ use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
 use campaign::Campaign;
+use campaign::file::Sampling;
 use ledger::Kind;
 use serde::{Deserialize, Serialize};
 use stages::fitting::{ModelSummary, P90_MODEL};
 use stages::optima;
+use stages::verification::Verification;
 use store::Store;
 
 use crate::costs::{self, Times};
 use crate::live::{Left, Live, Running};
+use crate::ranking::{is_ranked, rank};
 
 /// What `coordinator status --json` prints.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -180,6 +183,22 @@ pub struct Optimum {
     /// The percentile of the verification samples, once all are there.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub percentile: Option<VerifiedPercentile>,
+    /// How much worse it is than the best optimum; absent for that one, and for an approach that moves other
+    /// variables.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub behind: Option<Behind>,
+}
+
+/// How much worse the percentile of an optimum is than that of the best one, with the 95 % interval of the
+/// difference, in the status's unit. An interval that contains zero does not tell the two apart.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Behind {
+    /// The estimate.
+    pub value: f64,
+    /// Lower end of the interval.
+    pub low: f64,
+    /// Upper end of the interval.
+    pub high: f64,
 }
 
 /// A verified percentile with its 95 % confidence interval, in the status's unit.
@@ -189,10 +208,12 @@ pub struct VerifiedPercentile {
     pub name: String,
     /// The estimate.
     pub value: f64,
-    /// Lower end of the interval.
-    pub low: f64,
-    /// Upper end of the interval.
-    pub high: f64,
+    /// Lower end of the interval; absent if the samples are too few for one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub low: Option<f64>,
+    /// Upper end of the interval; absent if the samples are too few for one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub high: Option<f64>,
 }
 
 /// The unit of earlier versions, which knew gears only.
@@ -210,26 +231,45 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
     let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
     let progress = store.progress().await?;
     let problem = campaign::formulation::Problem::new(campaign.clone());
-    let verify = u64::from(campaign.verify.samples);
     let counts: BTreeMap<String, u64> = store.verify_counts().await?.into_iter().collect();
     let mut optima = Vec::new();
+    let mut designs = Vec::new();
     for row in optima::stored(store).await? {
-        let done = counts.get(&row.approach).copied().unwrap_or(0);
-        let is_verified = row.feasible && done >= verify;
+        let approach = optima::approach_of(&row.approach);
+        let verification = match row.feasible {
+            true => Some(Verification::read(store, &campaign, &row.approach).await?),
+            false => None,
+        };
         optima.push(Optimum {
             criterion_um: row.feasible.then_some(row.criterion_um),
             verified: Progress {
-                done,
-                wanted: if row.feasible { verify } else { 0 },
+                done: verification.as_ref().map_or(0, |v| v.samples.len() as u64),
+                wanted: verification.as_ref().map_or(0, |v| v.wanted as u64),
             },
-            percentile: match is_verified {
-                true => verified(store, &campaign, &row.approach).await?,
-                false => None,
-            },
-            approach: optima::approach_of(&row.approach).map_or_else(
+            percentile: verification
+                .as_ref()
+                .filter(|verification| verification.is_complete())
+                .and_then(|verification| verified(&campaign.sampling, &verification.samples)),
+            behind: None,
+            approach: approach.map_or_else(
                 || row.approach.clone(),
                 |approach| problem.approach_name(approach).to_owned(),
             ),
+        });
+        if let Some(verification) = verification.filter(Verification::is_complete)
+            && approach.is_some_and(|approach| is_ranked(&problem, approach))
+        {
+            designs.push((optima.len() - 1, verification.samples));
+        }
+    }
+    for ranked in rank(&problem, designs) {
+        optima[ranked.design].behind = ranked.behind.and_then(|behind| {
+            let (low, high) = behind.interval?;
+            Some(Behind {
+                value: behind.value,
+                low,
+                high,
+            })
         });
     }
     let wanted = u64::from(campaign.doe.designs);
@@ -301,7 +341,7 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
         failure_groups: groups.map(FailureGroup::from).collect(),
         live: None,
     };
-    let to_verify = problem.approaches().count() as u64 * verify;
+    let to_verify = problem.approaches().count() as u64 * u64::from(campaign.verify.first());
     status.stages = status.each_stage(to_verify, campaign.enrichment.is_some());
     time(store, &mut status, campaign.enrichment.is_some()).await?;
     Ok(status)
@@ -337,21 +377,14 @@ async fn time(store: &Store, status: &mut Status, enriches: bool) -> anyhow::Res
 }
 
 /// The percentile of an approach's verification samples; none that is not a number.
-async fn verified(
-    store: &Store,
-    campaign: &Campaign,
-    approach: &str,
-) -> Result<Option<VerifiedPercentile>, store::Error> {
-    let samples = store.verify_samples(approach).await?;
-    let samples: Vec<f64> = samples.iter().map(|sample| sample.delta_ste_um).collect();
-    let found = crate::percentile::percentile(&campaign.sampling, &samples);
-    let percentile = VerifiedPercentile {
-        name: campaign.sampling.percentile_name(),
-        value: found.value_um,
-        low: found.low_um,
-        high: found.high_um,
-    };
-    Ok(found.value_um.is_finite().then_some(percentile))
+fn verified(sampling: &Sampling, samples: &[f64]) -> Option<VerifiedPercentile> {
+    let verified = sampling.verified(samples).ok()?;
+    Some(VerifiedPercentile {
+        name: sampling.percentile_name(),
+        value: verified.value,
+        low: verified.interval.map(|(low, _)| low),
+        high: verified.interval.map(|(_, high)| high),
+    })
 }
 
 async fn unfinished_runs(

@@ -36,7 +36,8 @@ pub fn choose_run(
         simulator_calls: calls + extra.simulator_calls,
         cpu_seconds: cpu_seconds + extra.cpu_seconds,
     };
-    let better = |a: &&Found, b: &&Found| a.criterion_um.total_cmp(&b.criterion_um);
+    let of = |found: &Found| problem.cost(found.criterion_um);
+    let better = |a: &&Found, b: &&Found| of(a).total_cmp(&of(b));
     let best = runs
         .iter()
         .filter_map(|run| run.best.as_ref())
@@ -77,7 +78,7 @@ pub fn choose_of_doe(
     for response in responses {
         let better = best
             .as_ref()
-            .is_none_or(|found| response.p90_um < found.criterion_um);
+            .is_none_or(|found| problem.cost(response.p90_um) < problem.cost(found.criterion_um));
         let (Some(row), true) = (designs.get(response.design as usize), better) else {
             continue;
         };

@@ -172,7 +172,7 @@ impl Rows {
             sampled.push(Sampled {
                 x: x.clone(),
                 samples: u32::try_from(samples).unwrap_or(u32::MAX),
-                response_um: response.p90_um,
+                response_um: problem.cost(response.p90_um),
                 variance_um2: response.p90_variance_um2,
                 violation,
                 baseline_um: infill::baseline_um(problem, &worn),
@@ -211,7 +211,7 @@ impl Rows {
             }
             entry.samples = u32::try_from(count).unwrap_or(u32::MAX);
             if let Some(row) = row {
-                entry.response_um = row.p90_um;
+                entry.response_um = problem.cost(row.p90_um);
                 entry.variance_um2 = row.p90_variance_um2;
             }
         }
@@ -264,7 +264,10 @@ impl Rows {
             calls.set(calls.get() + took);
             Some(known)
         };
-        let decision = enrich::decide(&state, &options, &exact)?;
+        let mut decision = enrich::decide(&state, &options, &exact)?;
+        if let Some(best) = &mut decision.recommendation {
+            best.predicted_um = problem.cost(best.predicted_um);
+        }
         let round = self.rounds.len() as u64;
         let mut taken: Vec<u64> = self.infill.iter().map(|row| row.number).collect();
         let mut infill = Vec::new();

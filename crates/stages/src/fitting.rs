@@ -125,13 +125,17 @@ fn guided<T>(
     with: impl FnOnce(&Guidance<'_>) -> T,
 ) -> T {
     let names: Vec<&str> = problem.free_names().collect();
+    let unit = match &*problem.sampled().unit {
+        "" => String::new(),
+        unit => format!(" {unit}"),
+    };
     with(&Guidance {
         names: Names {
             coordinate: &|j| names[j].to_owned(),
             observation: &|i| format!("design {}", design(i)),
         },
         responses: "percentiles",
-        unit: " µm",
+        unit: &unit,
         setting: &|key, value| format!("kriging.{key} = {value:?}"),
         without: &|observations| {
             let designs: Vec<u64> = observations.iter().map(|&i| design(i)).collect();

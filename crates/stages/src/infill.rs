@@ -6,12 +6,10 @@
 use campaign::file::{Enrichment, Noise};
 use campaign::formulation::{Criteria, Design, GearCriteria, Problem};
 use campaign::simulator::Analysis;
+use campaign::task::FIRST_INFILL;
 use cmaes::Bounds;
 use enrich::{Known, Options};
 use sha2::{Digest as _, Sha256};
-
-/// The first number of an infill point, above the numbers of all other points.
-pub(crate) const FIRST: u64 = 1 << 27;
 
 /// The constraint violation above which designs of the DoE do not enter the model: so far out they
 /// carry little information about the response within the constraints.
@@ -30,7 +28,7 @@ pub(crate) fn bits(x: &[f64]) -> Vec<u64> {
 /// Whether a point is one of the enrichment.
 #[must_use]
 pub const fn is_infill(number: u64) -> bool {
-    number >= FIRST
+    number >= FIRST_INFILL
 }
 
 /// The number of the `index`-th infill point of a campaign, which lies at `x`; it names its random
@@ -49,11 +47,11 @@ pub fn point_number(index: u64, x: &[f64], taken: &[u64]) -> u64 {
     let digest = hash.finalize();
     let mut drawn = u64::from(u32::from_le_bytes([
         digest[0], digest[1], digest[2], digest[3],
-    ])) % FIRST;
-    while taken.contains(&(FIRST + drawn)) {
-        drawn = (drawn + 1) % FIRST;
+    ])) % FIRST_INFILL;
+    while taken.contains(&(FIRST_INFILL + drawn)) {
+        drawn = (drawn + 1) % FIRST_INFILL;
     }
-    FIRST + drawn
+    FIRST_INFILL + drawn
 }
 
 /// The name of an infill point in the store.
@@ -65,7 +63,7 @@ pub fn point_name(index: u64, number: u64) -> String {
 /// The hashed part of an infill point's number, which ends its name.
 #[must_use]
 pub fn mark(number: u64) -> String {
-    format!("{:07x}", number % FIRST)
+    format!("{:07x}", number % FIRST_INFILL)
 }
 
 /// The constraint violation of a design, from its criteria with the pressure under Archard's wear:
@@ -203,10 +201,10 @@ mod tests {
         assert_ne!(number, point_number(17, &[0.5; 6], &[]));
         // If two numbers coincide, the later point takes the next one.
         let next = point_number(17, &x, &[number]);
-        assert!(next == number + 1 || next == FIRST);
+        assert!(next == number + 1 || next == FIRST_INFILL);
         assert_eq!(
             point_name(17, number),
-            format!("infill-0017-{:07x}", number - FIRST)
+            format!("infill-0017-{:07x}", number - FIRST_INFILL)
         );
     }
 

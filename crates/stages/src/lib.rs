@@ -13,6 +13,7 @@
 //!   designs, [`cost`] their cost.
 //! - [`derived`] says what is discarded when samples of the DoE change.
 //! - [`searching`] takes optimiser runs on an external simulator from generation to generation.
+//! - [`verification`] says how many verification samples a design gets.
 //! - [`names`] has the names of streams in the store and in messages.
 //! - [`references`] has the designs that the paper prints.
 //!
@@ -37,4 +38,5 @@ pub mod searching;
 pub mod snapshot;
 pub mod state;
 pub mod statistics;
+pub mod verification;
 pub mod wanted;

@@ -145,12 +145,14 @@ fn optimised(problem: &Problem) -> impl Iterator<Item = Approach> {
 #[must_use]
 pub fn verify_points(campaign: &Campaign, state: &State) -> Vec<VerifyPoint> {
     let optima = state.optima.iter().filter_map(|(approach, design)| {
+        let none = || (campaign.verify.first(), Default::default());
+        let (wanted, stored) = state.verified.get(approach).cloned().unwrap_or_else(none);
         Some(VerifyPoint {
             name: approach.name().to_owned(),
             number: approach.number(),
             design: design.clone()?,
-            wanted: campaign.verify.samples,
-            stored: state.verified.get(approach).cloned().unwrap_or_default(),
+            wanted,
+            stored,
             asks_criteria: false,
         })
     });
@@ -204,13 +206,16 @@ mod tests {
     use campaign::file::FrozenFrom;
 
     use super::*;
-    use crate::infill::{FIRST, point_name};
+    use campaign::task::FIRST_INFILL as FIRST;
+
+    use crate::infill::point_name;
     use crate::state::{OpenDesign, Progress};
 
     fn campaign() -> Campaign {
         let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
         campaign.doe.designs = 60;
-        campaign.verify.samples = 300;
+        campaign.verify.samples = Some(300);
+        campaign.verify.half_width = None;
         campaign
     }
 
@@ -293,8 +298,7 @@ mod tests {
                     .iter()
                     .find(|approach| approach.number() == point.number)
                     .unwrap();
-                let stored = state.verified.entry(approach).or_default();
-                stored.extend(0..campaign.verify.samples);
+                state.verified.insert(approach, (300, (0..300).collect()));
             }
             match next.local {
                 None if next.is_finished() => break,
@@ -455,8 +459,9 @@ mod tests {
         let next = next_of(&campaign, &state);
         assert_eq!(next.local, None);
         let open: Vec<_> = next.points.iter().map(|p| (p.number, p.wanted)).collect();
-        assert_eq!(open, [(5, campaign.verify.samples)]);
-        let stored = (0..campaign.verify.samples).collect();
+        assert_eq!(open, [(5, campaign.verify.first())]);
+        let wanted = campaign.verify.first();
+        let stored = (wanted, (0..wanted).collect());
         state.verified.insert(approach, stored);
         assert!(next_of(&campaign, &state).is_finished());
     }

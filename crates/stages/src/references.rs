@@ -36,7 +36,7 @@ pub fn points(problem: &Problem) -> Vec<VerifyPoint> {
             name: name(place),
             number: place.number(),
             design: design(place),
-            wanted: problem.campaign().verify.samples,
+            wanted: problem.campaign().verify.first(),
             stored: std::collections::BTreeSet::new(),
             asks_criteria: false,
         })

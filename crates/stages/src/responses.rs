@@ -11,9 +11,6 @@ use store::{DesignRow, ResponseRow};
 
 use crate::linear::LinearResponse;
 
-/// Significance level of Lilliefors' test, as in the paper.
-pub const SIGNIFICANCE: f64 = 0.05;
-
 /// A design's samples, with their control variate if there is one.
 #[derive(Debug, Clone, Copy)]
 pub struct Samples<'a> {
@@ -117,13 +114,12 @@ pub fn response(
     samples: Samples<'_>,
     settings: &Sampling,
 ) -> Result<ResponseRow, stats::Error> {
-    let (normal, rule) = (settings.normal(), settings.percentile);
     let Samples { values, control } = samples;
     // Without random wear the control is constant, and of no use.
     if let Some((controls, known)) = control
         && known.sd > 0.0
     {
-        let estimate = stats::control_variate_p90(values, controls, known, normal.z)?;
+        let estimate = stats::control_variate_p90(values, controls, known, settings.normal().z)?;
         return Ok(ResponseRow {
             design,
             mean_um: estimate.mean,
@@ -133,18 +129,7 @@ pub fn response(
             lilliefors_p: stats::lilliefors(values).ok().map(|test| test.p_value),
         });
     }
-    let choice = stats::choose_p90(
-        values,
-        &stats::ChoiceRule {
-            level: settings.level(),
-            significance: match rule.harrell_davis() {
-                None => 0.0,
-                Some(_) => SIGNIFICANCE,
-            },
-            normal,
-            harrell_davis: rule.harrell_davis().unwrap_or_default(),
-        },
-    )?;
+    let choice = settings.estimate(values)?;
     Ok(ResponseRow {
         design,
         mean_um: choice.normal.mean,
@@ -204,7 +189,7 @@ pub fn controls(
 
 #[cfg(test)]
 mod tests {
-    use campaign::file::PercentileRule;
+    use campaign::file::{PercentileRule, SIGNIFICANCE};
 
     use super::*;
 
@@ -215,10 +200,11 @@ mod tests {
             precision_um,
             samples_max: precision_um.map(|_| 60),
             skip_violation: None,
-            percentile: PercentileRule::Normal,
+            percentile: Some(PercentileRule::Normal),
             control: campaign::file::ControlVariate::None,
             coefficients: campaign::file::WearCoefficients::Independent,
             group: None,
+            counts_above: false,
         }
     }
 
@@ -271,7 +257,7 @@ mod tests {
         let skewed: Vec<f64> = (0..40).map(|index| f64::from(index).powi(6)).collect();
         let of = |percentile| {
             let settings = Sampling {
-                percentile,
+                percentile: Some(percentile),
                 ..sampling(None)
             };
             response(3, Samples::plain(&skewed), &settings).unwrap()
@@ -313,7 +299,7 @@ mod tests {
             campaign::Campaign::parse("paper.toml", campaign::Campaign::PAPER).unwrap();
         let (samples, replications) = (64, 400);
         campaign.sampling.samples_per_design = samples;
-        campaign.sampling.percentile = PercentileRule::Normal;
+        campaign.sampling.percentile = Some(PercentileRule::Normal);
         let mut of_mean = Vec::new();
         let mut of_p90 = Vec::new();
         for coefficients in [
@@ -430,7 +416,7 @@ mod tests {
             // actual scatter.
             let of = |percentile, controlled: bool| {
                 let settings = Sampling {
-                    percentile,
+                    percentile: Some(percentile),
                     ..sampling(None)
                 };
                 let rows = values.chunks(count).zip(controls.chunks(count));

@@ -1,6 +1,6 @@
 //! The state of a campaign, read from its store for decisions.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use campaign::file::Sampling;
 use campaign::formulation::{Design, Problem};
@@ -11,8 +11,10 @@ use crate::fitting::P90_MODEL;
 use crate::optima::{approach_of, optimum_design};
 use crate::responses::{self, Sampled};
 use crate::state::{OpenDesign, Progress, State, VerifyPoint};
+use crate::verification::Sizes;
 
-/// Reads the state of the campaign. `more` has the designs that need more samples than others.
+/// Reads the state of the campaign. `more` has the designs that need more samples than others, `sizes` what
+/// was read of verification samples before.
 ///
 /// Only the missing part of the DoE is read, so that a restart is quick however much is done.
 ///
@@ -24,6 +26,7 @@ pub async fn load(
     problem: &Problem,
     references: &[VerifyPoint],
     more: &BTreeMap<u64, u64>,
+    sizes: &mut Sizes,
 ) -> Result<State, store::Error> {
     let campaign = problem.campaign();
     let progress = store.progress().await?;
@@ -69,31 +72,31 @@ pub async fn load(
             state.runs.insert((approach, start));
         }
     }
+    let counts: BTreeMap<String, u64> = store.verify_counts().await?.into_iter().collect();
     for optimum in store.optima().await? {
         let Some(approach) = approach_of(&optimum.approach) else {
             continue;
         };
-        let stored = stored_samples(store, approach.name()).await?;
-        state.verified.insert(approach, stored);
         let design = optimum_design(problem, &optimum);
+        if let Some(design) = &design {
+            let count = counts.get(approach.name()).copied().unwrap_or(0);
+            let point = (approach.name(), design);
+            let sizes = sizes.of(store, campaign, point, count).await?;
+            state.verified.insert(approach, sizes);
+        }
         state.optima.insert(approach, design);
     }
     for point in references {
-        let stored = stored_samples(store, &point.name).await?;
+        let count = counts.get(&point.name).copied().unwrap_or(0);
+        let named = (&*point.name, &point.design);
+        let (wanted, stored) = sizes.of(store, campaign, named, count).await?;
         state.reference_points.push(VerifyPoint {
+            wanted,
             stored,
             ..point.clone()
         });
     }
     Ok(state)
-}
-
-async fn stored_samples(store: &Store, point: &str) -> Result<BTreeSet<u32>, store::Error> {
-    let rows = store.verify_samples(point).await?;
-    Ok(rows
-        .iter()
-        .filter_map(|row| u32::try_from(row.sample).ok())
-        .collect())
 }
 
 /// The progress of the enrichment, with the points of its last round.

@@ -68,8 +68,8 @@ pub struct State {
     pub optima: BTreeMap<Approach, Option<Design>>,
     /// Points that get verification samples, without those of the optima.
     pub reference_points: Vec<VerifyPoint>,
-    /// Stored verification samples of the optima.
-    pub verified: BTreeMap<Approach, BTreeSet<u32>>,
+    /// The verification samples of the optima: how many there will be, and the indices of the stored ones.
+    pub verified: BTreeMap<Approach, (u32, BTreeSet<u32>)>,
     /// The rounds of infill.
     pub enrichment: Progress,
     /// The quarantined streams.

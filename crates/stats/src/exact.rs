@@ -21,10 +21,11 @@ pub const EXACT_Z90: f64 = 1.281_551_565_544_600_4;
 /// The quantile z of the standard normal distribution at a `level` between 0 and 1, both excluded.
 #[must_use]
 pub fn normal_quantile(level: f64) -> f64 {
-    if level == 0.9 {
-        return EXACT_Z90;
+    match level {
+        0.9 => EXACT_Z90,
+        0.1 => -EXACT_Z90,
+        _ => Normal::standard().inverse_cdf(level),
     }
-    Normal::standard().inverse_cdf(level)
 }
 
 /// The formula for the variance of m + z s.

@@ -46,6 +46,7 @@ mod moments;
 mod normality;
 mod order;
 mod percentile;
+mod pooled;
 mod quantile;
 mod rank;
 pub mod reference;
@@ -69,6 +70,7 @@ pub use order::{OrderStatistic, order_interval_min_samples, order_statistic, pai
 pub use percentile::{
     PAPER_Z90, PERCENTILE_MIN_SAMPLES, Percentile, p90_interval, p90_variance, percentile_p90,
 };
+pub use pooled::Shape;
 pub use quantile::{
     Choice, ChoiceRule, HarrellDavisVariance, Method, Quantile, choose_p90, harrell_davis,
     harrell_davis_min_samples, harrell_davis_p90,

@@ -118,7 +118,8 @@ fn weighted<'a>(weights: &[f64], values: impl Iterator<Item = &'a f64>, base: f6
 pub struct ChoiceRule {
     /// The percentile's level; `normal.z` is the quantile that belongs to it.
     pub level: f64,
-    /// Significance level: normality is rejected when Lilliefors' p-value is below it.
+    /// Significance level: normality is rejected when Lilliefors' p-value is below it; 1 rejects it
+    /// without a test.
     pub significance: f64,
     /// The normal estimator, used unless normality is rejected.
     pub normal: NormalOptions,
@@ -157,19 +158,19 @@ pub struct Choice {
 ///
 /// # Errors
 ///
-/// [`Error::OutOfRange`] unless 0 ≤ `significance` < 1, and the errors of [`normal_p90`].
+/// [`Error::OutOfRange`] unless 0 ≤ `significance` ≤ 1, and the errors of [`normal_p90`].
 pub fn choose_p90(samples: &[f64], rule: &ChoiceRule) -> Result<Choice, Error> {
     let significance = rule.significance;
-    if !(0.0..1.0).contains(&significance) {
+    if !(0.0..=1.0).contains(&significance) {
         return Err(Error::OutOfRange {
             name: "significance",
             value: significance,
-            expected: "at least 0 and below 1",
+            expected: "from 0 to 1",
         });
     }
     let normal = normal_p90(samples, &rule.normal)?;
     let p_value = lilliefors(samples).ok().map(|test| test.p_value);
-    let rejected = p_value.is_some_and(|p| p < significance);
+    let rejected = significance == 1.0 || p_value.is_some_and(|p| p < significance);
     let chosen = if rejected && samples.len() >= harrell_davis_min_samples(rule.level) {
         harrell_davis(samples, rule.level, rule.harrell_davis)?
     } else {

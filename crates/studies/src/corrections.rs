@@ -81,7 +81,7 @@ pub fn run(
         .min_by(|a, b| a.p90_um.total_cmp(&b.p90_um));
     let best = match best {
         Some(found) => {
-            let request = direct::verification(problem, &found.design, number);
+            let request = direct::verification(problem, &found.design);
             let answer = simulations.simulate(&[request])?.remove(0);
             let fresh = answer.samples_of("the best design")?;
             Some((found, percentile(&problem.campaign().sampling, &fresh)))
@@ -113,7 +113,7 @@ pub fn write_tables(out: &Path, campaign: &Campaign, rows: &[Row]) -> anyhow::Re
          searches of {} designs each. Relief is amount × length.\n\n{}",
         campaign.name,
         sampling.percentile_name(),
-        campaign.verify.samples,
+        campaign.verify.first(),
         campaign.optimise.starts,
         campaign.optimise.evaluations,
         summary(sampling, rows).markdown()
@@ -247,7 +247,7 @@ mod tests {
             ("evaluations = 12000", "evaluations = 500"),
             ("restart_at = 6000", "restart_at = 250"),
             ("starts = 3", "starts = 2"),
-            ("samples = 500 ", "samples = 60 "),
+            ("half_width = 0.005 ", "samples = 60 "),
             ("samples_per_design = 30", "samples_per_design = 8"),
         ] {
             assert!(text.contains(from), "{from}");

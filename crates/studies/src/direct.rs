@@ -15,6 +15,7 @@ use campaign::Variant;
 use campaign::file::CorrectionsSection;
 use campaign::formulation::{Criteria, Design, GearCriteria, GearVariables, Problem};
 use campaign::optimise::COMMON;
+use campaign::task::VERIFICATION;
 use cmaes::{Bounds, Evaluation, Run};
 use gear::{Corrections, Member, TipRelief};
 use rand::RngExt as _;
@@ -158,13 +159,12 @@ impl Corrected {
     }
 }
 
-/// Asks for as many verification samples as the campaign verifies an optimum with; `number`
-/// distinguishes the verified designs.
+/// Asks for as many verification samples as every optimum of the campaign gets.
 #[must_use]
-pub fn verification(problem: &Problem, design: &Corrected, number: u64) -> Request {
+pub fn verification(problem: &Problem, design: &Corrected) -> Request {
     Request {
-        variant: design.variant((Purpose::Verify, STREAMS + number)),
-        samples: 0..problem.campaign().verify.samples,
+        variant: design.variant(VERIFICATION),
+        samples: 0..problem.campaign().verify.first(),
     }
 }
 
@@ -264,10 +264,10 @@ impl Search {
                 violation: problem.violation(&limited).max(f64::MIN_POSITIVE),
             };
         }
-        let Ok(percentile) = problem.campaign().sampling.verified(&samples_um) else {
+        let Ok(estimate) = problem.campaign().sampling.estimate(&samples_um) else {
             return failed;
         };
-        let p90_um = percentile.p90;
+        let p90_um = estimate.chosen.p90;
         if self.found.is_none_or(|best| p90_um < best.p90_um) {
             self.found = Some(Found {
                 design: *design,
@@ -355,9 +355,10 @@ mod tests {
             variant: found.design.variant(COMMON),
             samples: 0..10,
         });
-        assert_eq!(stats::percentile_p90(&again).unwrap().p90, found.p90_um);
-        let fresh = samples(verification(&problem, &found.design, 0));
-        assert_eq!(fresh.len(), 500);
+        let estimate = problem.campaign().sampling.estimate(&again).unwrap();
+        assert_eq!(estimate.chosen.p90, found.p90_um);
+        let fresh = samples(verification(&problem, &found.design));
+        assert_eq!(fresh.len(), problem.campaign().verify.first() as usize);
         assert_ne!(fresh[..10], again[..]);
     }
 

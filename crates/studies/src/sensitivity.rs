@@ -16,6 +16,7 @@ use campaign::file::Sampling;
 use campaign::formulation::Problem;
 use campaign::formulation::gears::VARIABLE_NAMES;
 use campaign::optimise::COMMON;
+use campaign::task::VERIFICATION;
 use campaign::{Design, Variant, WearFactors};
 use report::Percentile;
 use results::percentile::percentile;
@@ -114,8 +115,7 @@ pub fn scenarios(
         .flat_map(|parameter| [0.5, 2.0].map(|factor| (parameter, factor)));
     let scenarios: Vec<_> = one.into_iter().chain(varied).collect();
     let request = |(parameter, factor): &(&str, f64)| {
-        let stream = (Purpose::Verify, optimum.approach.number());
-        let mut variant = Variant::new(optimum.variables.into(), stream);
+        let mut variant = Variant::new(optimum.variables.into(), VERIFICATION);
         match *parameter {
             "wear variance" => variant.wear.variance = *factor,
             "wear range" => variant.wear.range = *factor,
@@ -124,7 +124,7 @@ pub fn scenarios(
         }
         Request {
             variant,
-            samples: 0..problem.campaign().verify.samples,
+            samples: 0..optimum.verified.len() as u32,
         }
     };
     let requests: Vec<Request> = scenarios.iter().map(request).collect();
@@ -378,15 +378,12 @@ mod tests {
     fn figure_9() -> (Problem, Optimum) {
         let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
         campaign.sampling.samples_per_design = 10;
-        campaign.verify.samples = 200;
+        campaign.verify.samples = Some(200);
         let problem = Problem::new(campaign);
         let design = stages::references::design(gear::paper::printed::Place::Figure(9));
         let gears = problem.gears().unwrap();
         let pair = gears.pair(&design).unwrap();
-        let variant = Variant::new(
-            design.clone(),
-            (Purpose::Verify, Approach::Baseline.number()),
-        );
+        let variant = Variant::new(design.clone(), VERIFICATION);
         let request = Request {
             variant,
             samples: 0..200,

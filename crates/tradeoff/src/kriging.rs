@@ -194,7 +194,7 @@ fn test(
         };
         let drawn: Vec<f64> = (0..samples).map(draw).collect();
         x.extend(at);
-        truth.push(campaign.sampling.verified(&drawn)?.p90);
+        truth.push(campaign.sampling.verified(&drawn)?.value);
     }
     Ok(Test { x, truth })
 }

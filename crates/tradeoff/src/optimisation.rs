@@ -159,7 +159,7 @@ fn enriched(campaign: &Campaign, effort: f64) -> Campaign {
     campaign.doe.designs = campaign.doe.designs.min(120);
     let sampling = &mut campaign.sampling;
     sampling.samples_per_design = 36;
-    sampling.percentile = PercentileRule::Normal;
+    sampling.percentile = Some(PercentileRule::Normal);
     sampling.control = Default::default();
     sampling.coefficients = Default::default();
     sampling.group = None;

@@ -57,25 +57,23 @@ const SCREENING: u64 = 2_000;
 /// Maximum number of random designs tried for one nearly feasible design.
 const UNFIT: usize = 100_000;
 
-/// An estimator of the percentile.
+/// The estimator of a campaign with these keys.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Estimator {
-    /// The estimator of a campaign with these keys.
-    Campaign(PercentileRule, ControlVariate, WearCoefficients),
-    /// The Harrell–Davis estimator.
-    HarrellDavis,
-}
+struct Estimator(PercentileRule, ControlVariate, WearCoefficients);
 
-/// Returns the estimators by name: those of campaigns, and Harrell–Davis.
+/// Returns the estimators by name: those that `[accuracy]` chooses from, and Harrell–Davis.
 fn methods() -> Vec<(&'static str, Estimator)> {
-    let of_campaigns = ESTIMATORS.iter().map(|one| {
-        (
-            one.name,
-            Estimator::Campaign(one.percentile, one.control, one.coefficients),
-        )
+    let harrell_davis = Estimator(
+        PercentileRule::HarrellDavis,
+        ControlVariate::None,
+        WearCoefficients::Independent,
+    );
+    let chosen_from = ESTIMATORS.iter().map(|one| {
+        let estimator = Estimator(one.percentile, one.control, one.coefficients);
+        (one.name, estimator)
     });
-    of_campaigns
-        .chain([("Harrell–Davis", Estimator::HarrellDavis)])
+    chosen_from
+        .chain([("Harrell–Davis", harrell_davis)])
         .collect()
 }
 
@@ -309,7 +307,7 @@ fn with(
     coefficients: WearCoefficients,
 ) -> Sampling {
     Sampling {
-        percentile,
+        percentile: Some(percentile),
         control,
         coefficients,
         group: (coefficients == WearCoefficients::QuasiRandom).then_some(GROUP),
@@ -321,38 +319,23 @@ fn with(
 
 impl Estimator {
     fn settings(self, own: &Sampling) -> Sampling {
-        match self {
-            Self::Campaign(percentile, control, coefficients) => {
-                with(own, percentile, control, coefficients)
-            }
-            Self::HarrellDavis => with(
-                own,
-                PercentileRule::Normal,
-                ControlVariate::None,
-                WearCoefficients::Independent,
-            ),
-        }
+        let Self(percentile, control, coefficients) = self;
+        with(own, percentile, control, coefficients)
     }
 
     /// Whether this is the estimator of a campaign with this section. [`PercentileRule::Chosen`]
     /// and [`PercentileRule::ChosenBootstrap`] differ in the variance alone.
     fn is_of(self, own: &Sampling) -> bool {
-        let percentile = match own.percentile {
+        let percentile = match own.rule_of_percentile() {
             PercentileRule::ChosenBootstrap => PercentileRule::Chosen,
             other => other,
         };
-        self == Self::Campaign(percentile, own.control, own.coefficients)
+        self == Self(percentile, own.control, own.coefficients)
     }
 
     /// The index in [`DRAWN`] of the draws that the estimator takes.
     fn drawn(self) -> usize {
-        let Self::Campaign(_, _, coefficients) = self else {
-            return 0;
-        };
-        DRAWN
-            .iter()
-            .position(|drawn| *drawn == coefficients)
-            .unwrap_or(0)
+        DRAWN.iter().position(|drawn| *drawn == self.2).unwrap_or(0)
     }
 
     /// The largest number of samples in whole groups.
@@ -363,16 +346,18 @@ impl Estimator {
 
     fn fewest(self, settings: &Sampling) -> usize {
         match self {
-            Self::HarrellDavis => stats::harrell_davis_min_samples(settings.level()),
-            Self::Campaign(_, ControlVariate::Linearised, _) => stats::CONTROL_MIN_SAMPLES,
-            Self::Campaign(_, _, WearCoefficients::Independent) => stats::PERCENTILE_MIN_SAMPLES,
-            Self::Campaign(..) => stats::GROUPED_MIN_GROUPS * settings.coefficients().group(),
+            Self(PercentileRule::HarrellDavis, ..) => {
+                stats::harrell_davis_min_samples(settings.level())
+            }
+            Self(_, ControlVariate::Linearised, _) => stats::CONTROL_MIN_SAMPLES,
+            Self(_, _, WearCoefficients::Independent) => stats::PERCENTILE_MIN_SAMPLES,
+            Self(..) => stats::GROUPED_MIN_GROUPS * settings.coefficients().group(),
         }
     }
 
     fn calls(self, samples: usize, modes: usize) -> f64 {
         let linear = match self {
-            Self::Campaign(_, ControlVariate::Linearised, _) => 2 * modes,
+            Self(_, ControlVariate::Linearised, _) => 2 * modes,
             _ => 0,
         };
         (samples + linear) as f64
@@ -389,22 +374,13 @@ impl Estimator {
         let (mut estimates, mut stated) = (Vec::new(), 0.0);
         for draw in draws {
             let values = &draw.values[..count];
-            let (percentile, variance) = match self {
-                Self::HarrellDavis => {
-                    let variance = stats::HarrellDavisVariance::Jackknife;
-                    let found = stats::harrell_davis(values, settings.level(), variance)?;
-                    (found.p90, found.variance)
-                }
-                Self::Campaign(_, rule, _) => {
-                    let is_controlled = rule == ControlVariate::Linearised;
-                    let samples = Samples {
-                        values,
-                        control: is_controlled.then(|| (&draw.controls[..count], control)),
-                    };
-                    let row = response_of(0, samples, settings)?;
-                    (row.p90_um, row.p90_variance_um2)
-                }
+            let is_controlled = self.1 == ControlVariate::Linearised;
+            let samples = Samples {
+                values,
+                control: is_controlled.then(|| (&draw.controls[..count], control)),
             };
+            let row = response_of(0, samples, settings)?;
+            let (percentile, variance) = (row.p90_um, row.p90_variance_um2);
             estimates.push(percentile);
             stated += variance / draws.len() as f64;
         }

@@ -19,7 +19,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use campaign::file::SimulatorKind;
-use campaign::formulation::{Design, Problem, Quantity};
+use campaign::formulation::{Design, Problem};
 use campaign::probe;
 use campaign::simulator::{Analysis, NoAnswer, Prepared, Simulator, State};
 use rand::Rng as _;
@@ -372,8 +372,8 @@ impl Asked<'_> {
     /// Requests the responses at `places` that are not known yet.
     fn evaluate(&mut self, places: &[usize]) -> Result<(), NoAnswer> {
         let problem = self.session.problem;
-        let known: Vec<&Quantity> = problem.responses().iter().collect();
-        let asked = |place: usize| problem.asked(known[place]).0;
+        let known = problem.responses();
+        let asked = |place: usize| &*known[place].name;
         let missing = places
             .iter()
             .filter(|place| self.responses[**place].is_nan());
@@ -386,9 +386,8 @@ impl Asked<'_> {
         let question = messages::evaluate(&self.told, &wanted);
         let numbers = self.session.ask(question, &wanted, &others)?;
         for (response, quantity) in self.responses.iter_mut().zip(known) {
-            let (name, factor) = problem.asked(quantity);
-            if let Some(number) = numbers.get(name) {
-                *response = factor * number;
+            if let Some(number) = numbers.get(&*quantity.name) {
+                *response = *number;
             }
         }
         self.was_evaluated = true;
@@ -420,7 +419,7 @@ impl Prepared for Asked<'_> {
         let [low, high] = [rng.next_u64(), rng.next_u64()];
         let seed = [low, low >> 32, high, high >> 32].map(|word| word as u32);
         let problem = self.session.problem;
-        let (name, factor) = problem.asked(problem.sampled());
+        let name = &*problem.sampled().name;
         let question = messages::sample(&self.told, seed);
         let answer = self.session.ask(question, &[name], &[name]);
         let numbers = answer.map_err(|error| match error {
@@ -430,6 +429,6 @@ impl Prepared for Asked<'_> {
             ),
             NoAnswer::Failed(error) => error,
         })?;
-        Ok(factor * numbers[name])
+        Ok(numbers[name])
     }
 }

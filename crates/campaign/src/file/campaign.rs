@@ -142,7 +142,7 @@ impl Campaign {
         let mut values = self.clone();
         values.doe.designs = 0;
         values.sampling.samples_per_design = 0;
-        values.verify.samples = 0;
+        values.verify = Verify::default();
         values.enrichment = None;
         values.kriging = self.kriging.without_choices();
         Sha256::digest(values.to_json().as_bytes()).into()
@@ -154,14 +154,9 @@ impl Campaign {
     /// this campaign.
     #[must_use]
     pub fn extends(&self, held: &Self) -> bool {
-        let sizes = |campaign: &Self| {
-            [
-                campaign.doe.designs,
-                campaign.sampling.samples_per_design,
-                campaign.verify.samples,
-            ]
-        };
-        let grows = sizes(self).iter().zip(sizes(held)).all(|(a, b)| *a >= b);
+        let sizes = |campaign: &Self| [campaign.doe.designs, campaign.sampling.samples_per_design];
+        let grows = sizes(self).iter().zip(sizes(held)).all(|(a, b)| *a >= b)
+            && self.verify.extends(&held.verify);
         let enriches = match (&self.enrichment, &held.enrichment) {
             (Some(section), Some(held)) => section.extends(held),
             (section, held) => held.is_none() || section == held,
@@ -169,7 +164,7 @@ impl Campaign {
         let mut same = self.clone();
         same.doe.designs = held.doe.designs;
         same.sampling.samples_per_design = held.sampling.samples_per_design;
-        same.verify.samples = held.verify.samples;
+        same.verify = held.verify;
         same.enrichment = held.enrichment;
         if self.kriging.kernel == held.kriging.kernel {
             same.kriging = held.kriging.clone();
@@ -223,7 +218,16 @@ impl Campaign {
                  which the percentile rests, cannot be trusted"
             ));
         }
+        warnings.extend(self.sampling.doubt());
         warnings.extend(self.warning_of_normality());
+        let (verified, needed) = (self.verify.first(), self.sampling.verified_min_samples());
+        if (verified as usize) < needed {
+            warnings.push(format!(
+                "verify.samples is {verified}: a 95 % interval of {} takes at least {needed}, so the report \
+                 will have none",
+                self.sampling.percentile_name()
+            ));
+        }
         if let Some(enrichment) = &self.enrichment {
             let first = u64::from(self.doe.designs) * u64::from(samples);
             let budget = u64::from(enrichment.samples);
@@ -244,7 +248,7 @@ impl Campaign {
         self.gears()?.manufacture?;
         let key = if self.sampling.control == ControlVariate::Linearised {
             "sampling.control = \"linearised\""
-        } else if self.sampling.percentile.harrell_davis().is_none()
+        } else if self.sampling.rule_of_percentile().harrell_davis().is_none()
             && self.sampling.coefficients == WearCoefficients::Independent
         {
             "a normal percentile"

@@ -87,17 +87,6 @@ mod tests {
     }
 
     #[test]
-    fn a_campaign_without_the_section_is_what_it_was() {
-        // The paper's campaign in its earlier version with Archard's law.
-        let mut held = Campaign::parse("wear.toml", Campaign::WEAR).unwrap();
-        held.name = "paper".to_owned();
-        held.gears_mut().unwrap().report.compare_with_paper = true;
-        assert!(!held.to_json().contains("enrichment"));
-        let digest = held.digest();
-        assert!(digest.starts_with("132353a34fb1"), "{digest}");
-    }
-
-    #[test]
     fn bad_values_are_refused_by_key() {
         for (from, to, key) in [
             ("samples = 18000 ", "samples = 0 ", "enrichment.samples"),

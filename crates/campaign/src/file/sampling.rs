@@ -1,10 +1,15 @@
 //! `[sampling]`: the number of samples of a design, and the estimation of the percentile.
 
 use serde::{Deserialize, Serialize};
-use stats::{HarrellDavisVariance, NormalOptions, SequentialRule, VarianceFormula};
+use stats::{HarrellDavisVariance, NormalOptions, OrderStatistic, SequentialRule, VarianceFormula};
 
-use super::FileError;
 use super::validate::Source;
+use super::{Aim, FileError};
+
+/// Significance level of Lilliefors' test, as in the paper.
+pub const SIGNIFICANCE: f64 = 0.05;
+/// Confidence of the intervals of verified percentiles.
+const CONFIDENCE: f64 = 0.95;
 
 /// `[sampling]`: how many samples a design gets, and how the percentile is estimated.
 // Absent keys are left out of the digest, so that files without a new key keep theirs.
@@ -26,12 +31,13 @@ pub struct Sampling {
     /// see [`Sampling::skip_violation`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub skip_violation: Option<f64>,
-    /// Level of the percentile, from 0.5 to 0.999; 0.9 if absent.
+    /// Level of the percentile, from 0.001 to 0.999; 0.9 if absent. Of a response that is maximised it is the
+    /// share of the samples above the percentile: 0.9 stands for P10.
     #[serde(default, skip_serializing_if = "Sampling::is_papers_level")]
     pub level: Option<f64>,
-    /// The estimator of the percentile.
-    #[serde(default, skip_serializing_if = "PercentileRule::is_default")]
-    pub percentile: PercentileRule,
+    /// The estimator of the percentile; [`Sampling::rule_of_percentile`] if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub percentile: Option<PercentileRule>,
     /// Control variate that reduces the variance of the percentile.
     #[serde(default, skip_serializing_if = "ControlVariate::is_default")]
     pub control: ControlVariate,
@@ -42,6 +48,10 @@ pub struct Sampling {
     /// [`Sampling::coefficients`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub group: Option<u32>,
+    /// Whether the response is maximised, so that its level counts the samples above the percentile. It
+    /// follows from `[response] aim`.
+    #[serde(skip)]
+    pub counts_above: bool,
 }
 
 /// The dependence between the coefficients (Karhunen–Loève) of the random wear of a design's
@@ -84,17 +94,20 @@ impl ControlVariate {
     }
 }
 
-/// The estimator of the percentile.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+/// The estimator of the percentile of a design of the DoE or an infill point. `coordinator tradeoff` measures
+/// their errors on normal and other responses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PercentileRule {
     /// The paper's m + 1.28 s with the variance of (14). At another level z is exact.
-    #[default]
     Paper,
     /// An unbiased m + z s, with exact z and the exact variance for normal samples.
     Normal,
+    /// Harrell and Davis's estimator with its jackknife variance, whatever the distribution; as `normal`
+    /// if the samples are too few for the level.
+    HarrellDavis,
     /// Like `normal`, but with Harrell and Davis's estimator and its jackknife variance if
-    /// Lilliefors' test rejects normality.
+    /// Lilliefors' test rejects normality. The default for independent samples.
     Chosen,
     /// Like `chosen`, with the exact bootstrap variance in place of the jackknife's. It has its own
     /// name because the variance decides about further samples and enters the models.
@@ -102,17 +115,13 @@ pub enum PercentileRule {
 }
 
 impl PercentileRule {
-    fn is_default(&self) -> bool {
-        *self == Self::default()
-    }
-
     /// The variance estimate used for samples that are not normal; `None` if all are treated as
     /// normal.
     #[must_use]
     pub const fn harrell_davis(self) -> Option<HarrellDavisVariance> {
         match self {
             Self::Paper | Self::Normal => None,
-            Self::Chosen => Some(HarrellDavisVariance::Jackknife),
+            Self::HarrellDavis | Self::Chosen => Some(HarrellDavisVariance::Jackknife),
             Self::ChosenBootstrap => Some(HarrellDavisVariance::Bootstrap),
         }
     }
@@ -126,10 +135,23 @@ impl Sampling {
     /// The level of the paper's percentile.
     const LEVEL: f64 = 0.9;
 
-    /// The level of the percentile.
+    /// The settings of a response with this aim.
+    pub(super) fn of_aim(self, aim: Aim) -> Self {
+        Self {
+            counts_above: aim == Aim::Maximise,
+            ..self
+        }
+    }
+
+    /// The level of the percentile: the share of the samples below it.
     #[must_use]
     pub fn level(&self) -> f64 {
-        self.level.unwrap_or(Self::LEVEL)
+        let level = self.level.unwrap_or(Self::LEVEL);
+        match self.counts_above {
+            // 1 − 0.9 is not 0.1 to the last bit.
+            true => ((1.0 - level) * 1e9).round() / 1e9,
+            false => level,
+        }
     }
 
     /// Whether a level is the paper's. Such a file is the same campaign as one without a level.
@@ -161,36 +183,112 @@ impl Sampling {
     /// The options of the percentile's estimate from normal samples, by the campaign's rule.
     #[must_use]
     pub fn normal(&self) -> NormalOptions {
-        match self.percentile {
+        match self.rule_of_percentile() {
             PercentileRule::Paper => self.paper(),
-            PercentileRule::Normal | PercentileRule::Chosen | PercentileRule::ChosenBootstrap => {
-                NormalOptions {
-                    z: stats::normal_quantile(self.level()),
-                    variance: VarianceFormula::Exact,
-                    unbiased: true,
-                }
-            }
+            _ => NormalOptions {
+                z: stats::normal_quantile(self.level()),
+                variance: VarianceFormula::Exact,
+                unbiased: true,
+            },
         }
     }
 
-    /// The percentile of verification samples, for the verification of optima: the paper's m + z s
-    /// with the variance of (14), whatever the rule for the designs of the DoE.
+    /// The percentile of verification samples, with a 95 % interval that assumes no distribution: what
+    /// every table, page and decision shows of a design that is verified.
     ///
     /// # Errors
     ///
-    /// Those of [`stats::percentile_p90`].
-    pub fn verified(&self, samples: &[f64]) -> Result<stats::Percentile, stats::Error> {
+    /// Those of [`stats::order_statistic`].
+    pub fn verified(&self, samples: &[f64]) -> Result<OrderStatistic, stats::Error> {
+        stats::order_statistic(samples, self.level(), CONFIDENCE)
+    }
+
+    /// How far the verified percentile of `first` lies above that of `second`, whose samples have the same
+    /// random numbers; `None` without an interval.
+    #[must_use]
+    pub fn difference(&self, first: &[f64], second: &[f64]) -> Option<OrderStatistic> {
+        stats::paired_difference(first, second, self.level(), CONFIDENCE)
+            .ok()
+            .flatten()
+    }
+
+    /// The fewest samples with which a verified percentile has an interval.
+    #[must_use]
+    pub fn verified_min_samples(&self) -> usize {
+        stats::order_interval_min_samples(self.level(), CONFIDENCE)
+    }
+
+    /// The percentile of a design of the DoE from independent samples, by the campaign's rule.
+    ///
+    /// # Errors
+    ///
+    /// Too few samples, or one that is not a number.
+    pub fn estimate(&self, samples: &[f64]) -> Result<stats::Choice, stats::Error> {
+        let rule = self.rule_of_percentile();
+        stats::choose_p90(
+            samples,
+            &stats::ChoiceRule {
+                level: self.level(),
+                significance: match rule {
+                    PercentileRule::Paper | PercentileRule::Normal => 0.0,
+                    PercentileRule::HarrellDavis => 1.0,
+                    PercentileRule::Chosen | PercentileRule::ChosenBootstrap => SIGNIFICANCE,
+                },
+                normal: self.normal(),
+                harrell_davis: rule.harrell_davis().unwrap_or_default(),
+            },
+        )
+    }
+
+    /// The paper's estimate (8) of the percentile, for the comparison with its tables.
+    ///
+    /// # Errors
+    ///
+    /// Too few samples, or one that is not a number.
+    pub fn papers_estimate(&self, samples: &[f64]) -> Result<stats::Percentile, stats::Error> {
         stats::normal_p90(samples, &self.paper())
+    }
+
+    /// The estimator of the percentile. If the file names none, it is the one with the smallest error in the worst
+    /// case, and of samples whose estimate assumes normal ones, the exact one for these.
+    #[must_use]
+    pub fn rule_of_percentile(&self) -> PercentileRule {
+        let is_plain = self.control == ControlVariate::None
+            && self.coefficients == WearCoefficients::Independent;
+        self.percentile.unwrap_or(match is_plain {
+            true => PercentileRule::Chosen,
+            false => PercentileRule::Normal,
+        })
+    }
+
+    /// Why the estimator of the percentile cannot do what it is for with so few samples; `None` if it can.
+    pub(super) fn doubt(&self) -> Option<String> {
+        let (k, level) = (self.samples_per_design, self.level());
+        let name = self.percentile_name();
+        let needed = stats::harrell_davis_min_samples(level);
+        match self.rule_of_percentile().harrell_davis() {
+            Some(_) if (k as usize) < needed => Some(format!(
+                "sampling.samples_per_design is {k}: {name} of a design whose samples are not normal takes \
+                 {needed}; with fewer it is m + z s as of normal samples, and may be far off"
+            )),
+            None if level.max(1.0 - level) > 0.95 => Some(format!(
+                "{name} is estimated as m + z s, which assumes normal samples: of an exponential response it \
+                 lies a standard deviation and more from the percentile; sampling.percentile = \"chosen\" \
+                 with {needed} samples a design does not assume that"
+            )),
+            _ => None,
+        }
     }
 
     /// The paper's estimate, which rounds z at the paper's level.
     fn paper(&self) -> NormalOptions {
         let of_paper = NormalOptions::default();
-        if self.level() == Self::LEVEL {
+        let level = self.level();
+        if level == Self::LEVEL {
             return of_paper;
         }
         NormalOptions {
-            z: stats::normal_quantile(self.level()),
+            z: stats::normal_quantile(level),
             ..of_paper
         }
     }
@@ -249,6 +347,7 @@ impl Sampling {
 
     pub(super) fn validate(&self, source: Source<'_>, is_external: bool) -> Result<(), FileError> {
         let plain = self.control == ControlVariate::None;
+        let rule = self.rule_of_percentile();
         source.require(
             plain || !is_external,
             "sampling.control",
@@ -256,9 +355,9 @@ impl Sampling {
             "\"none\" where a program simulates: only the built-in model's response is linearised",
         )?;
         source.require(
-            plain || self.percentile.harrell_davis().is_none(),
+            plain || rule.harrell_davis().is_none(),
             "sampling.percentile",
-            self.percentile,
+            rule,
             "\"paper\" or \"normal\" with a control variate, whose percentile is a normal one",
         )?;
         source.require(
@@ -277,10 +376,10 @@ impl Sampling {
         )?;
         if let Some(level) = self.level {
             source.require(
-                (0.5..=0.999).contains(&level),
+                (0.001..=0.999).contains(&level),
                 "sampling.level",
                 level,
-                "from 0.5 (the median) to 0.999",
+                "from 0.001 to 0.999: 0.9 stands for the 90 % percentile",
             )?;
         }
         if let Some(precision) = self.precision_um {
@@ -312,6 +411,7 @@ impl Sampling {
         source: Source<'_>,
         is_external: bool,
     ) -> Result<(), FileError> {
+        let rule = self.rule_of_percentile();
         if let Some(group) = self.group {
             source.require(
                 self.coefficients == WearCoefficients::QuasiRandom,
@@ -346,7 +446,7 @@ impl Sampling {
                 "\"independent\" beside precision_um, with which samples come in batches of any size",
             ),
             (
-                self.percentile.harrell_davis().is_none(),
+                rule.harrell_davis().is_none(),
                 "\"independent\" beside a percentile that is chosen: the test of normality takes \
                  samples that do not depend on each other",
             ),
@@ -375,8 +475,8 @@ mod tests {
 
     fn parse(more: &str) -> Result<Campaign, String> {
         let line = "[sampling]\n";
-        let text = Campaign::PAPER.replace(line, &format!("{line}{more}\n"));
-        Campaign::parse("paper.toml", &text).map_err(|error| error.to_string())
+        let text = Campaign::WEAR.replace(line, &format!("{line}{more}\n"));
+        Campaign::parse("wear.toml", &text).map_err(|error| error.to_string())
     }
 
     #[test]
@@ -431,14 +531,20 @@ mod tests {
         // Tables of the normal distribution: z(0.995) = 2.575829.
         assert!((high.normal().z - 2.575_829).abs() < 1e-6);
         let samples: Vec<f64> = (0..40).map(f64::from).collect();
-        let (mean, sd) = stats::mean_sd(&samples).unwrap();
+        // Too few for an interval, and by rank the largest of them.
         let verified = high.verified(&samples).unwrap();
-        assert!((verified.p90 - (mean + 2.575_829 * sd)).abs() < 1e-4);
-        for level in ["0.4", "1.0", "95"] {
+        assert_eq!((verified.value, verified.interval), (39.0, None));
+        assert_eq!(high.verified_min_samples(), 736);
+        assert_eq!(of("0.1").percentile_name(), "P10");
+        assert_eq!(of("0.1").normal().z, -stats::EXACT_Z90);
+        for level in ["0.0", "1.0", "95"] {
             let error = parse(&format!("level = {level}")).unwrap_err();
             assert!(error.contains("sampling.level"), "{error}");
         }
-        let error = super::tests::parse("level = 0.95").unwrap_err();
+        let text = Campaign::PAPER.replace("[sampling]\n", "[sampling]\nlevel = 0.95\n");
+        let error = Campaign::parse("paper.toml", &text)
+            .unwrap_err()
+            .to_string();
         assert!(error.contains("compare_with_paper"), "{error}");
     }
 

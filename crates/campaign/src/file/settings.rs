@@ -107,12 +107,17 @@ impl Optimise {
     }
 }
 
-/// `[verify]`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+/// `[verify]`: the number of verification samples at each optimum, fixed or from the interval wanted.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Verify {
     /// Number of verification samples at each optimum.
-    pub samples: u32,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub samples: Option<u32>,
+    /// Half the width of the 95 % interval that is aimed at, relative to the percentile: the first
+    /// [`Verify::PILOT`] samples of an optimum tell how many it takes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub half_width: Option<f64>,
 }
 
 impl Doe {
@@ -126,14 +131,83 @@ impl Doe {
 }
 
 impl Verify {
-    pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
-        source.count("verify.samples", self.samples, 4, 1_000_000)
-    }
-}
+    /// Number of samples that tell how many an interval takes. They are enough for an interval at every
+    /// level from 0.001 to 0.999.
+    pub const PILOT: u32 = 4000;
+    /// Largest number of samples that follows from an interval, since a percentile may be zero.
+    const MOST: u32 = 100_000;
+    /// The half width for the built-in simulator, which takes 0.05 s for the samples.
+    const HALF_WIDTH: f64 = 0.005;
+    /// The number of samples of an external simulator.
+    const SAMPLES: u32 = 500;
 
-impl Default for Verify {
-    fn default() -> Self {
-        Self { samples: 500 }
+    /// Fills in the default of a file without either key.
+    pub(super) fn resolved(self, is_external: bool) -> Self {
+        match (self.samples, self.half_width, is_external) {
+            (None, None, false) => Self {
+                half_width: Some(Self::HALF_WIDTH),
+                ..self
+            },
+            (None, None, true) => Self {
+                samples: Some(Self::SAMPLES),
+                ..self
+            },
+            _ => self,
+        }
+    }
+
+    /// Number of samples that every optimum gets, whatever they are.
+    #[must_use]
+    pub fn first(&self) -> u32 {
+        self.samples.unwrap_or(Self::PILOT)
+    }
+
+    /// Number of samples of an optimum whose first ones have this percentile; as many as
+    /// [`Verify::first`] if `pilot` has no interval.
+    #[must_use]
+    pub fn wanted(&self, pilot: &stats::OrderStatistic) -> u32 {
+        let (Some(aim), Some((low, high))) = (self.half_width, pilot.interval) else {
+            return self.first();
+        };
+        // The width shrinks with the root of the number of samples. That of the pilot's interval is known
+        // to about 10 %: 1.2 is the margin for its square.
+        let ratio = 0.5 * (high - low) / (aim * pilot.value.abs());
+        let wanted = 1.2 * ratio * ratio * pilot.n as f64;
+        // 0/0 for a response that is always zero.
+        if wanted.is_nan() {
+            return self.first();
+        }
+        (wanted.ceil() as u32).clamp(Self::PILOT, Self::MOST)
+    }
+
+    /// Whether an optimum has at least as many samples with these settings as with `held`.
+    pub(super) fn extends(&self, held: &Self) -> bool {
+        match (self.half_width, held.half_width) {
+            (Some(ours), Some(held)) => ours <= held,
+            (None, Some(_)) => false,
+            (_, None) => self.first() >= held.first(),
+        }
+    }
+
+    pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
+        if let Some(half_width) = self.half_width {
+            source.require(
+                self.samples.is_none(),
+                "verify.half_width",
+                half_width,
+                "left out beside verify.samples, which fixes the number",
+            )?;
+            source.require(
+                (1e-4..=0.5).contains(&half_width),
+                "verify.half_width",
+                half_width,
+                "from 0.0001 to 0.5, relative to the percentile",
+            )?;
+        }
+        match self.samples {
+            Some(samples) => source.count("verify.samples", samples, 4, 1_000_000),
+            None => Ok(()),
+        }
     }
 }
 

@@ -59,6 +59,7 @@ pub(super) struct GearFile {
     #[serde(default)]
     constraints: GearLimits,
     optimise: PenalisedOptimise,
+    #[serde(default)]
     verify: Verify,
     report: Report,
     #[serde(default, skip_serializing_if = "SimulatorSection::is_default")]
@@ -186,7 +187,9 @@ impl From<GearFile> for (u32, Campaign) {
                 starts,
                 direct,
             },
-            verify: file.verify,
+            verify: file
+                .verify
+                .resolved(file.simulator.kind == SimulatorKind::External),
             simulator: file.simulator,
             enrichment: file.enrichment,
         };
@@ -196,6 +199,7 @@ impl From<GearFile> for (u32, Campaign) {
 
 impl From<ExternalFile> for (u32, Campaign) {
     fn from(file: ExternalFile) -> Self {
+        let sampling = file.sampling.of_aim(file.response.aim);
         let campaign = Campaign {
             name: file.name,
             seed: file.seed,
@@ -205,10 +209,10 @@ impl From<ExternalFile> for (u32, Campaign) {
                 response: file.response,
             }),
             doe: file.doe,
-            sampling: file.sampling,
+            sampling,
             kriging: file.kriging,
             optimise: file.optimise,
-            verify: file.verify,
+            verify: file.verify.resolved(true),
             simulator: SimulatorSection {
                 kind: SimulatorKind::External,
                 probe_designs: file.simulator.probe_designs,

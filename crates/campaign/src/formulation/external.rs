@@ -47,24 +47,13 @@ impl External {
         self.criteria().into_iter().chain(baseline).collect()
     }
 
-    /// The minimised response. The name of a maximised one says that its sign is changed.
     pub(super) fn sampled(&self) -> Quantity {
         let response = &self.sections.response;
-        let name = match response.aim {
-            Aim::Minimise => response.name.clone(),
-            Aim::Maximise => format!("minus_{}", response.name),
-        };
-        Quantity::new(&name, &response.unit)
+        Quantity::new(&response.name, &response.unit)
     }
 
-    /// The program's name for the response, and the factor from its value to the minimised one.
-    pub(super) fn asked(&self) -> (&str, f64) {
-        let response = &self.sections.response;
-        let factor = match response.aim {
-            Aim::Minimise => 1.0,
-            Aim::Maximise => -1.0,
-        };
-        (&response.name, factor)
+    pub(super) const fn aim(&self) -> Aim {
+        self.sections.response.aim
     }
 
     pub(super) const fn has_baseline(&self) -> bool {

@@ -124,22 +124,22 @@ impl Seen {
     }
 
     /// Whether a design with this criterion would be the best feasible one so far.
-    fn improves(&self, criterion_um: f64) -> bool {
+    fn improves(&self, problem: &Problem, criterion_um: f64) -> bool {
         let best = self.best.as_ref();
-        best.is_none_or(|best| criterion_um < best.criterion_um)
+        best.is_none_or(|best| problem.cost(criterion_um) < problem.cost(best.criterion_um))
     }
 }
 
 /// The evaluation of a design for feasibility-first ranking; `None` stands for a design that is not
 /// simulable.
-fn ranked(evaluated: Option<&Evaluated>) -> Evaluation {
+fn ranked(problem: &Problem, evaluated: Option<&Evaluated>) -> Evaluation {
     evaluated.map_or(
         Evaluation {
             value: 0.0,
             violation: FAILURE_VIOLATION,
         },
         |Evaluated { found, violation }| Evaluation {
-            value: found.criterion_um,
+            value: problem.cost(found.criterion_um),
             // On the boundary the violation is zero, but the inequalities are strict.
             violation: if found.feasible {
                 0.0
@@ -186,7 +186,7 @@ impl Objective {
         let predicted = design
             .as_ref()
             .and_then(|design| Some(model?.mean(&problem.free_values(design))));
-        let may_improve = predicted.is_none_or(|criterion_um| seen.improves(criterion_um));
+        let may_improve = predicted.is_none_or(|criterion_um| seen.improves(problem, criterion_um));
         // Without constraints a design that is no improvement need not be evaluated.
         let is_settled = predicted.is_some() && problem.criteria().is_empty() && !may_improve;
         Candidate {
@@ -213,12 +213,12 @@ impl Objective {
     ) -> Evaluation {
         let evaluated = self.evaluated(problem, seen, candidate, answer);
         if !is_printed {
-            return ranked(evaluated.as_ref());
+            return ranked(problem, evaluated.as_ref());
         }
         // An infeasible design has no samples, so a direct search cannot use the penalty.
         let penalty = problem.penalty();
         let Some(penalty) = penalty.filter(|_| self.approach != Approach::Direct) else {
-            let ranked = ranked(evaluated.as_ref());
+            let ranked = ranked(problem, evaluated.as_ref());
             if let Some(evaluated) = evaluated {
                 seen.keep(evaluated.violation, evaluated.found);
             }
@@ -227,7 +227,10 @@ impl Objective {
         let Some(evaluated) = evaluated else {
             return penalty.failure_value.into();
         };
-        let value = penalty.objective(evaluated.found.criterion_um, evaluated.violation);
+        let value = penalty.objective(
+            problem.cost(evaluated.found.criterion_um),
+            evaluated.violation,
+        );
         if !value.is_finite() {
             return penalty.failure_value.into();
         }
@@ -269,8 +272,8 @@ impl Objective {
             // An infeasible design is ranked by its violation alone.
             Approach::Direct if !feasible => 0.0,
             Approach::Direct => {
-                let percentile = problem.campaign().sampling.verified(&answer.samples_um);
-                percentile.map_or(f64::NAN, |percentile| percentile.p90)
+                let estimate = problem.campaign().sampling.estimate(&answer.samples_um);
+                estimate.map_or(f64::NAN, |estimate| estimate.chosen.p90)
             }
             _ => candidate.predicted.unwrap_or(analysis.value_um),
         };
@@ -288,7 +291,7 @@ impl Objective {
             criteria,
             feasible,
         };
-        if feasible && seen.improves(criterion_um) {
+        if feasible && seen.improves(problem, criterion_um) {
             seen.best = Some(found.clone());
         }
         Some(Evaluated { found, violation })

@@ -287,7 +287,7 @@ fn a_generation_is_the_digest_of_what_values_depend_on() {
     let stream = StreamId::point(2);
     let mut larger = campaign.clone();
     larger.doe.designs += 1;
-    larger.verify.samples += 1;
+    larger.verify.half_width = Some(1e-3);
     larger.sampling.samples_per_design += 1;
     assert_eq!(Inputs::new(&larger, Some("abc")), inputs);
     let mut seeded = campaign.clone();

@@ -68,10 +68,24 @@ fn limits_of_either_side_are_constraints_and_their_values_the_criteria() {
 }
 
 #[test]
-fn a_response_to_be_maximised_is_minimised_with_the_opposite_sign() {
-    let problem = Problem::new(with("aim = \"minimise\"", "aim = \"maximise\"").unwrap());
-    assert_eq!(problem.sampled().name, "minus_y");
-    assert_eq!(problem.asked(problem.sampled()), ("y", -1.0));
+fn a_response_to_be_maximised_keeps_its_name_and_sign_and_its_level_counts_from_above() {
+    let campaign = with("aim = \"minimise\"", "aim = \"maximise\"").unwrap();
+    let problem = Problem::new(campaign.clone());
+    assert_eq!(problem.sampled().name, "y");
+    assert_eq!(problem.cost(2.0), -2.0);
+    let sampling = &problem.campaign().sampling;
+    assert_eq!(
+        (sampling.level(), &*sampling.percentile_name()),
+        (0.1, "P10")
+    );
+    // Workers and the store read the campaign back from JSON.
+    let read = campaign::Campaign::from_json(&campaign.to_json()).unwrap();
+    assert_eq!(read, campaign);
+    let samples: Vec<f64> = (0..101).map(f64::from).collect();
+    let verified = read.sampling.verified(&samples).unwrap();
+    assert!((verified.value - 10.0).abs() < 0.5, "{verified:?}");
+    let estimate = read.sampling.estimate(&samples).unwrap().chosen.p90;
+    assert!(estimate < 20.0, "{estimate}");
 }
 
 #[test]

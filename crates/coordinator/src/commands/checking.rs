@@ -60,7 +60,7 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
     let k = u64::from(campaign.sampling.samples_per_design);
     let evaluations = u64::from(campaign.optimise.evaluations);
     let points = references::points(&problem).len() as u64 + problem.approaches().count() as u64;
-    let verify = u64::from(campaign.verify.samples);
+    let verify = u64::from(campaign.verify.first());
     // Only a run can tell the time of an external program and which designs it refuses.
     let measured = if campaign.is_external() {
         None

@@ -25,7 +25,7 @@ fn campaign_file() -> String {
         ("evaluations = 12000 ", "evaluations = 60 "),
         ("restart_at = 6000 ", "restart_at = 30 "),
         ("starts = 3", "starts = 1"),
-        ("samples = 500 ", "samples = 20 "),
+        ("half_width = 0.005 ", "samples = 20 "),
         ("samples = 18000 ", &*format!("samples = {BUDGET} ")),
         ("points_per_round = 24 ", "points_per_round = 5 "),
         ("samples_per_point = 36 ", "samples_per_point = 12 "),

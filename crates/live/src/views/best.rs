@@ -88,8 +88,8 @@ pub fn best(problem: &Problem, finished: bool, candidates: &[Candidate], estimat
         candidate.row.feasible && candidate.percentile.value_um.is_finite()
     };
     let usable = || candidates.iter().filter(is_usable);
-    let least =
-        |a: &&Candidate, b: &&Candidate| a.percentile.value_um.total_cmp(&b.percentile.value_um);
+    let cost = |candidate: &Candidate| problem.cost(candidate.percentile.value_um);
+    let least = |a: &&Candidate, b: &&Candidate| cost(a).total_cmp(&cost(b));
     let verified = usable().filter(|candidate| candidate.design.is_none());
     let chosen = verified.min_by(least).or_else(|| usable().min_by(least));
     let sampling = &problem.campaign().sampling;

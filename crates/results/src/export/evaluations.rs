@@ -66,8 +66,8 @@ fn record(problem: &Problem, row: EvaluationRow) -> Vec<String> {
         None => record.extend(problem.criteria().iter().map(|_| String::new())),
     }
     let samples = row.samples.unwrap_or_default();
-    let percentile = problem.campaign().sampling.verified(&samples).ok();
+    let percentile = problem.campaign().sampling.estimate(&samples).ok();
     record.push(samples.len().to_string());
-    record.push(optional(percentile.map(|percentile| percentile.p90)));
+    record.push(optional(percentile.map(|estimate| estimate.chosen.p90)));
     record
 }

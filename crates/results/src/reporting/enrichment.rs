@@ -10,9 +10,6 @@ use store::{InfillRow, RoundRow, Store};
 
 use super::sources::Sources;
 
-/// Deviate of a two-sided 95 % interval.
-const Z95: f64 = 1.959_963_984_540_054;
-
 /// None without an enrichment.
 pub(super) async fn enrichment(
     store: &Store,
@@ -81,11 +78,12 @@ pub fn rounds(
         tolerance_um: section.tolerance_um,
         stop,
         doe_samples: 0,
-        verified_um: verified.map(|percentile| percentile.p90),
-        interval_of_estimate_um: recommendation.zip(verified).map(|(best, verified)| {
+        verified_um: verified.map(|verified| verified.value),
+        interval_of_estimate_um: recommendation.zip(verified).and_then(|(best, verified)| {
             // Both are uncertain, the model and the verification.
-            let half = best.half_width_um().hypot(Z95 * verified.variance.sqrt());
-            (best.predicted_um - half, best.predicted_um + half)
+            let (low, high) = verified.interval?;
+            let half = best.half_width_um().hypot(0.5 * (high - low));
+            Some((best.predicted_um - half, best.predicted_um + half))
         }),
     }))
 }

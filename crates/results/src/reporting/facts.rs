@@ -1,8 +1,7 @@
 //! What a reader ought to know of how a campaign's numbers came about.
 
-use campaign::file::{ControlVariate, PercentileRule, Wear};
+use campaign::file::{ControlVariate, PercentileRule, SIGNIFICANCE, Wear};
 use stages::designs;
-use stages::responses::SIGNIFICANCE;
 use stats::HarrellDavisVariance;
 
 use super::sources::Sources;
@@ -106,31 +105,47 @@ fn precision(sources: &Sources) -> Option<(String, String)> {
     ))
 }
 
-/// How P90 is estimated, and what the choice of an estimator changed.
+/// How the percentile of a design is estimated, and of how many designs the samples are not normal.
 fn percentiles(sources: &Sources) -> Option<(String, String)> {
-    let rule = sources.problem.campaign().sampling.percentile;
-    // s/c₄ has no bias, z is exact: the formula that both rules use.
-    let normal = "m + z s/c₄ (s without bias)";
-    let text = match (rule, rule.harrell_davis(), &sources.choice) {
-        (PercentileRule::Paper, ..) => return None,
-        // Said with the coefficients.
-        _ if sources.problem.campaign().sampling.coefficients() != stats::Sampling::Independent => {
-            return None;
+    let sampling = &sources.problem.campaign().sampling;
+    // Said with the coefficients.
+    if sampling.coefficients() != stats::Sampling::Independent {
+        return None;
+    }
+    let rejected = |row: &&store::ResponseRow| row.lilliefors_p.is_some_and(|p| p < SIGNIFICANCE);
+    let rejected = sources.responses.iter().filter(rejected).count();
+    let of_them = format!(
+        "{rejected} of {} designs where normality is rejected at {:.0} %",
+        sources.responses.len(),
+        100.0 * SIGNIFICANCE
+    );
+    let rule = sampling.rule_of_percentile();
+    let needed = stats::harrell_davis_min_samples(sampling.level());
+    let is_served = sampling.samples_per_design as usize >= needed;
+    let variance = match rule.harrell_davis() {
+        Some(HarrellDavisVariance::Bootstrap) => "exact bootstrap variance",
+        _ => "jackknife variance",
+    };
+    let normal = match rule {
+        PercentileRule::Paper => "m + z s",
+        // s/c₄ has no bias, z is exact.
+        _ => "m + z s/c₄ (s without bias)",
+    };
+    let text = match rule {
+        PercentileRule::HarrellDavis if is_served => {
+            format!("Harrell–Davis ({variance}) for all designs; {of_them}")
         }
-        (_, Some(variance), Some(effect)) => format!(
-            "{normal}; Harrell–Davis ({}) for the {} of {} designs where normality is rejected at \
-             {:.0} %, which moves {} by {:.3} µm from m + z s/c₄ in the median",
-            match variance {
-                HarrellDavisVariance::Jackknife => "jackknife variance",
-                HarrellDavisVariance::Bootstrap => "exact bootstrap variance",
-            },
-            effect.moved_um.len(),
-            sources.responses.len(),
-            100.0 * SIGNIFICANCE,
-            sources.problem.campaign().sampling.percentile_name(),
-            effect.median_um(),
+        PercentileRule::Chosen | PercentileRule::ChosenBootstrap if is_served => {
+            format!("{normal}; Harrell–Davis ({variance}) for the {of_them}")
+        }
+        PercentileRule::Paper | PercentileRule::Normal => {
+            format!("{normal} for all designs, also for the {of_them}")
+        }
+        _ => format!(
+            "{normal} for all designs, also for the {of_them}: {} of samples that are not normal takes \
+             {needed} samples a design",
+            sampling.percentile_name()
         ),
-        _ => normal.to_owned(),
     };
     Some(("percentile".to_owned(), text))
 }

@@ -5,6 +5,7 @@ use campaign::formulation::Problem;
 use campaign::optimise::RunResult;
 use campaign::{Approach, Criteria, Design, GearCriteria};
 use gear::Member;
+use gear::paper::printed::ACCURATE_SAMPLES;
 use report::{
     ApproachResult, Constraints, ContactPattern, GearDrawing, GearOutline, NamedValue,
     OptimiserRun, Optimum, SteCurves,
@@ -104,6 +105,7 @@ fn optimum(
         .verified
         .get(&row.approach)
         .map_or(&[][..], Vec::as_slice);
+    let sampling = &sources.problem.campaign().sampling;
     // Drawings and curves are the built-in model's.
     let built_in = !sources.problem.campaign().is_external();
     let gears = sources.problem.gears().filter(|_| built_in);
@@ -111,7 +113,10 @@ fn optimum(
     Optimum {
         variables: design.gears().values(),
         criterion_um: row.criterion_um,
-        p90: percentile(&sources.problem.campaign().sampling, samples),
+        p90: percentile(sampling, samples),
+        p90_by_paper_um: sampling
+            .papers_estimate(&samples[..samples.len().min(ACCURATE_SAMPLES)])
+            .map_or(f64::NAN, |estimate| estimate.p90),
         converged_difference_um: difference_um(&sources.problem, design),
         constraints: Constraints {
             contact_ratio: criteria.contact_ratio,

@@ -16,7 +16,7 @@ pub(super) fn preliminary(sources: &Sources) -> Vec<PreliminaryDesign> {
     let sampling = &sources.problem.campaign().sampling;
     let k = sampling.samples_per_design as usize;
     let of_paper = Sampling {
-        percentile: PercentileRule::Paper,
+        percentile: Some(PercentileRule::Paper),
         ..*sampling
     };
     paper::PRELIMINARY

@@ -19,7 +19,7 @@ pub(super) async fn gather(
     let digest = store.samples_digest().await?;
     let stages = costs(store, sources).await?;
     let sampled = sources.problem.sampled();
-    let best = summary::best(sources).map(|(_, design)| design);
+    let best = summary::best(sources);
     let optima = sources.optima.iter().map(|row| optimum(sources, row));
     Ok(ProblemReport {
         header: header(sources, digest, stages),

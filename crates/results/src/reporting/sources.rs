@@ -13,8 +13,6 @@ use store::{
     RoundRow, Store,
 };
 
-use super::choice;
-
 /// Everything a report needs, read once.
 pub(super) struct Sources {
     pub(super) campaign: CampaignRow,
@@ -22,8 +20,6 @@ pub(super) struct Sources {
     pub(super) designs: Vec<DesignRow>,
     pub(super) criteria: Vec<CriteriaRow>,
     pub(super) responses: Vec<ResponseRow>,
-    /// Where an estimator is chosen by design.
-    pub(super) choice: Option<choice::Effect>,
     /// How many samples of the DoE are stored.
     pub(super) samples: u64,
     pub(super) optima: Vec<OptimumRow>,
@@ -61,7 +57,6 @@ impl Sources {
             campaign: row,
             designs: store.designs().await?,
             criteria: store.criteria().await?,
-            choice: choice::effect(store, &problem.campaign().sampling, &responses).await?,
             responses,
             infill: store.infill().await?,
             rounds: store.rounds().await?,

@@ -3,7 +3,7 @@
 use campaign::file::GearSections;
 use campaign::formulation::Constraint;
 use campaign::{Approach, Criteria, Design};
-use report::{Margin, NamedValue, Recommended, Summary};
+use report::{Behind, Margin, NamedValue, Recommended, Summary};
 use stages::optima::{approach_of, optimum_design};
 use store::OptimumRow;
 
@@ -11,6 +11,7 @@ use super::called;
 use super::optima::report_approach;
 use super::sources::Sources;
 use crate::percentile::percentile;
+use crate::ranking::{Ranked, is_ranked, rank};
 use crate::status::{Progress, Status};
 
 /// The head of the report of a campaign; `made` says where and when the report was made.
@@ -23,10 +24,7 @@ pub(super) fn summary(
         missing: missing(status),
         inputs: inputs(sources),
         made: made.to_vec(),
-        recommended: match best(sources) {
-            Some((row, design)) => Some(recommended(sources, row, &design)?),
-            None => None,
-        },
+        recommended: recommended(sources)?,
         left_out: left_out(sources),
     })
 }
@@ -67,36 +65,41 @@ fn missing(status: &Status) -> Vec<String> {
     .collect()
 }
 
-/// The feasible optimum with the lowest verified percentile, among the approaches that move the variables
-/// of the DoE.
-pub(super) fn best(sources: &Sources) -> Option<(&OptimumRow, Design)> {
-    let sampling = &sources.problem.campaign().sampling;
-    let value = |row: &OptimumRow| {
-        let verified = sources.verified.get(&row.approach)?;
-        let value = percentile(sampling, verified).value_um;
-        value.is_finite().then_some(value)
-    };
-    let ranked = sources.optima.iter().filter(|row| {
+/// The feasible optima with verification samples, the best first, of the approaches that move the variables of
+/// the DoE.
+fn ranked(sources: &Sources) -> Vec<Ranked<&OptimumRow>> {
+    let is_ranked = |row: &&OptimumRow| {
         let approach = approach_of(&row.approach);
-        row.feasible && approach.is_some_and(|approach| is_ranked(sources, approach))
-    });
-    let (row, _) = ranked
-        .filter_map(|row| Some((row, value(row)?)))
-        .min_by(|a, b| a.1.total_cmp(&b.1))?;
-    Some((row, optimum_design(&sources.problem, row)?))
+        row.feasible && approach.is_some_and(|approach| is_ranked(&sources.problem, approach))
+    };
+    let mut designs = Vec::new();
+    for row in sources.optima.iter().filter(is_ranked) {
+        if let Some(samples) = sources.verified.get(&row.approach) {
+            designs.push((row, samples.clone()));
+        }
+    }
+    rank(&sources.problem, designs)
 }
 
-/// Whether an approach moves the variables that the DoE moves.
-fn is_ranked(sources: &Sources, approach: Approach) -> bool {
-    sources.problem.dimension_of(approach) == sources.problem.dimension()
+/// The feasible optimum with the best verified percentile.
+pub(super) fn best(sources: &Sources) -> Option<Design> {
+    let best = ranked(sources).into_iter().next()?;
+    optimum_design(&sources.problem, best.design)
 }
 
-fn recommended(
-    sources: &Sources,
-    row: &OptimumRow,
-    design: &Design,
-) -> anyhow::Result<Recommended> {
+fn recommended(sources: &Sources) -> anyhow::Result<Option<Recommended>> {
     let problem = &sources.problem;
+    let ranked = ranked(sources);
+    let Some(best) = ranked.first() else {
+        return Ok(None);
+    };
+    let row = best.design;
+    let Some(design) = optimum_design(problem, row) else {
+        return Ok(None);
+    };
+    let name = |row: &OptimumRow| {
+        approach_of(&row.approach).map_or_else(|| row.approach.clone(), |a| label(sources, a))
+    };
     let sampling = &problem.campaign().sampling;
     let criteria: Option<Criteria> = serde_json::from_str(&row.criteria_json)?;
     let constraints = criteria.map_or_else(Vec::new, |criteria| problem.constraints(&criteria));
@@ -108,11 +111,22 @@ fn recommended(
     let variables = problem.variables().iter().zip(design.values());
     let others = sources.optima.iter().filter_map(|row| {
         let approach = approach_of(&row.approach)?;
-        (!is_ranked(sources, approach)).then(|| label(sources, approach))
+        (!is_ranked(problem, approach)).then(|| label(sources, approach))
     });
-    Ok(Recommended {
-        approach: approach_of(&row.approach)
-            .map_or_else(|| row.approach.clone(), |a| label(sources, a)),
+    let behind = |other: &Ranked<&OptimumRow>| {
+        let (low, high) = other.behind?.interval?;
+        Some(Behind {
+            approach: name(other.design),
+            difference: report::Percentile {
+                value_um: other.behind?.value,
+                low_um: low,
+                high_um: high,
+                samples: other.behind?.n,
+            },
+        })
+    };
+    Ok(Some(Recommended {
+        approach: name(row),
         what: format!("{} of {response}", sampling.percentile_name()),
         unit: problem.sampled().unit.to_string(),
         percentile: percentile(sampling, verified.map_or(&[][..], Vec::as_slice)),
@@ -127,7 +141,8 @@ fn recommended(
         simulator_calls: row.simulator_calls,
         cpu_seconds: row.cpu_seconds,
         not_ranked: others.collect(),
-    })
+        behind: ranked.iter().filter_map(behind).collect(),
+    }))
 }
 
 /// What the report calls an approach.

@@ -110,6 +110,7 @@ async fn time_to_go_is_that_of_the_stage() {
         approach: "kriging".to_owned(),
         criterion_um: Some(1.5),
         percentile: None,
+        behind: None,
         verified: Progress { done, wanted: 1000 },
     };
     status.optima = vec![optimum(400), optimum(1000)];

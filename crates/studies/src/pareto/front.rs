@@ -14,8 +14,6 @@ use crate::simulations::{Answer, Request, Simulations, at_once};
 
 /// Random streams of refined designs; corrections have lower numbers.
 const REFINED: u64 = 1000;
-/// Random streams of the DoE's designs.
-const OF_DOE: u64 = 1 << 32;
 
 /// Share by which the tightest limit of a search lies below the best design's value.
 const REACH: f64 = 0.15;
@@ -246,30 +244,25 @@ pub fn front_of_doe(
     let Some(simulations) = simulations else {
         return Ok(front);
     };
-    let number = |point: &Point| match point.source {
-        Source::Doe(index) => OF_DOE + index,
-        _ => OF_DOE,
-    };
-    let numbered = front.into_iter().map(|point| (number(&point), point));
-    verify(simulations, problem, numbered.collect())
+    verify(simulations, problem, front)
 }
 
-/// Gives points verification samples, whose random streams the numbers name.
+/// Gives points verification samples.
 fn verify(
     simulations: &dyn Simulations,
     problem: &Problem,
-    points: Vec<(u64, Point)>,
+    points: Vec<Point>,
 ) -> anyhow::Result<Vec<Point>> {
-    let request = |(number, point): &(u64, Point)| {
+    let request = |point: &Point| {
         let design = Corrected {
             variables: point.variables,
             corrections: gear::Corrections::default(),
         };
-        direct::verification(problem, &design, *number)
+        direct::verification(problem, &design)
     };
     let requests: Vec<Request> = points.iter().map(request).collect();
     let answers = simulations.simulate(&requests)?;
-    let fresh = |((_, mut point), answer): ((u64, Point), Answer)| {
+    let fresh = |(mut point, answer): (Point, Answer)| {
         let samples_um = answer.samples_of(&point.source.name())?;
         point.verified = Some(percentile(&problem.campaign().sampling, &samples_um));
         Ok(point)
@@ -300,7 +293,7 @@ pub fn refine(
         .collect();
     let front = front_of(&known, against, Point::judged_um);
     let best = front.last().map(|&i| against.of(&known[i].criteria));
-    let found: Vec<Option<(u64, Point)>> = at_once(0..count, |number| {
+    let found: Vec<Option<Point>> = at_once(0..count, |number| {
         let own = against.limit(problem);
         let limit = match (number, best) {
             (1.., Some(best)) => {
@@ -320,7 +313,7 @@ pub fn refine(
         let origin = within.as_ref().map(|unit| &unit[..]);
         let space = &Space::plain();
         let search = direct::search(simulations, &limited, base, space, number, 0, origin)?;
-        let point = search.found.map(|found| Point {
+        Ok(search.found.map(|found| Point {
             source: Source::Refined,
             variables: found.design.variables,
             criteria: found.criteria,
@@ -332,8 +325,7 @@ pub fn refine(
             },
             verified: None,
             on_front: false,
-        });
-        Ok(point.map(|point| (number, point)))
+        }))
     })?;
     verify(simulations, problem, found.into_iter().flatten().collect())
 }
@@ -423,7 +415,7 @@ mod tests {
         campaign.optimise.evaluations = 400;
         campaign.optimise.restart_at = Some(200);
         campaign.sampling.samples_per_design = 8;
-        campaign.verify.samples = 50;
+        campaign.verify.samples = Some(50);
         let problem = Problem::new(campaign);
         let known = [
             point(Source::Doe(0), 1150.0, 4.0, None),

@@ -79,7 +79,7 @@ pub(super) fn describe(problem: &Problem) -> Result<Map<String, Value>, String> 
         "campaign": campaign_value,
         "variables": variables.collect::<Vec<_>>(),
         "responses": evaluated(problem),
-        "sampled": problem.asked(problem.sampled()).0,
+        "sampled": &*problem.sampled().name,
     }));
     if let Some(sections) = campaign.gears() {
         request.insert("teeth".to_owned(), json!(sections.pair.teeth()));
@@ -90,9 +90,7 @@ pub(super) fn describe(problem: &Problem) -> Result<Map<String, Value>, String> 
 /// The names of the responses of `evaluate`, as the program knows them.
 fn evaluated(problem: &Problem) -> Vec<&str> {
     let responses = problem.responses().iter();
-    responses
-        .map(|response| problem.asked(response).0)
-        .collect()
+    responses.map(|response| &*response.name).collect()
 }
 
 /// A design in the form of the requests.
@@ -195,7 +193,7 @@ impl Described {
         let variables = problem.variables().iter();
         let variables = variables.map(|variable| &*variable.name).collect();
         let mut responses = evaluated(problem);
-        let sampled = problem.asked(problem.sampled()).0;
+        let sampled = &*problem.sampled().name;
         if !responses.contains(&sampled) {
             responses.push(sampled);
         }

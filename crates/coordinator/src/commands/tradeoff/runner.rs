@@ -141,7 +141,7 @@ async fn whole(
         let samples = store.verify_samples(&row.approach).await?;
         let samples: Vec<f64> = samples.iter().map(|sample| sample.delta_ste_um).collect();
         let verified = campaign.sampling.verified(&samples).ok();
-        let percentile_um = verified.filter(|_| row.feasible).map(|found| found.p90);
+        let percentile_um = verified.filter(|_| row.feasible).map(|found| found.value);
         ended.push(Ended {
             approach,
             calls: row.simulator_calls as f64,
