@@ -15,6 +15,7 @@ mod enriched;
 mod example;
 mod external;
 mod fail_points;
+mod failing;
 mod faults;
 mod guide;
 mod leaving;

@@ -139,6 +139,7 @@ impl Inputs {
     /// A stream that needs this many samples and has none yet, as an input of the ledger.
     #[must_use]
     pub fn wanted(&self, stream: StreamId, source: Source, samples: u32) -> Wanted<Arc<Source>> {
+        let is_tolerant = matches!(source, Source::Candidates(_));
         Wanted {
             stream,
             generation: self.generation(stream, &source),
@@ -146,6 +147,7 @@ impl Inputs {
             samples,
             missing: std::iter::once(0..samples).collect(),
             history: History::default(),
+            is_tolerant,
         }
     }
 }
@@ -181,6 +183,50 @@ pub enum Output {
     Evaluations(Vec<Evaluated>),
 }
 
+/// A failure that ends a unit.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Failure {
+    /// The sample or evaluation that failed; `None` for a failure of the unit as a whole, such as of
+    /// the analyses of its design.
+    pub sample: Option<u32>,
+    /// A sentence for the record of failures, which names the stream.
+    pub error: String,
+}
+
+/// The outcome of a unit.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Computed {
+    /// What was finished, from the unit's first sample on; `None` if nothing was.
+    pub output: Option<Output>,
+    /// The failure after it.
+    pub failure: Option<Failure>,
+}
+
+impl From<Failure> for Computed {
+    fn from(failure: Failure) -> Self {
+        Self {
+            output: None,
+            failure: Some(failure),
+        }
+    }
+}
+
+/// The short name of the reason for a candidate whose evaluation failed.
+pub const FAILED: &str = "failed";
+
+/// The reason for a candidate whose evaluation failed with this error.
+#[must_use]
+pub fn failed(stream: StreamId, evaluation: u32, error: &str) -> String {
+    let line = error.lines().next().unwrap_or_default();
+    let cause = line.strip_prefix(&*of_evaluation(stream, evaluation));
+    format!("{FAILED}: {}", cause.unwrap_or(line))
+}
+
+/// The beginning of an evaluation's error.
+fn of_evaluation(stream: StreamId, evaluation: u32) -> String {
+    format!("{stream}, evaluation {evaluation}: ")
+}
+
 /// The short name of the reason for a design on which the simulator panicked.
 pub const SIMULATOR_PANIC: &str = "simulator-panic";
 /// The short name of the reason for a design that its constraints rule out.
@@ -200,27 +246,33 @@ pub type KeepGoing<'a> = dyn Fn(&dyn Fn() -> Option<Output>) -> bool + 'a;
 /// A sentence for the record of failures: the simulator failed, or refused a point, or the kriging
 /// model cannot be read. A design of the DoE that is not simulable is an output, not an error.
 pub fn compute(simulator: &dyn Simulator, unit: &Unit, source: &Source) -> Result<Output, String> {
-    let output = compute_until(simulator, unit, source, &|_| true)?;
+    let computed = compute_until(simulator, unit, source, &|_| true);
+    if let Some(failure) = computed.failure {
+        return Err(failure.error);
+    }
+    let output = computed.output;
     output.ok_or_else(|| "nothing was asked for".to_owned())
 }
 
-/// Computes a unit until `keep_going`, which is called before every sample, returns false. Returns
-/// what is finished by then, from the first sample on, or `None` before the first is.
+/// Computes a unit until `keep_going`, which is called before every sample, returns false, or until
+/// something fails.
 ///
 /// Whether a design is refused does not depend on how its samples are cut: the analyses decide, and
 /// they are the same for every unit. A sample for which the simulator panics or gives an
 /// implausible number is a failure that names the sample.
-///
-/// # Errors
-///
-/// As [`compute`].
 pub fn compute_until(
     simulator: &dyn Simulator,
     unit: &Unit,
     source: &Source,
     keep_going: &KeepGoing<'_>,
-) -> Result<Option<Output>, String> {
+) -> Computed {
     let stream = unit.stream;
+    let whole = |error: String| {
+        Computed::from(Failure {
+            sample: None,
+            error,
+        })
+    };
     match source {
         Source::Design(wanted) => {
             let campaign = simulator.problem().campaign();
@@ -254,8 +306,8 @@ pub fn compute_until(
             let prepared = guarded(|| simulator.prepare(wanted));
             let mut design = match prepared {
                 Ok(Ok(design)) => design,
-                Ok(Err(error)) => return Err(format!("{stream}: {error}")),
-                Err(panic) => return Err(format!("{stream}: {SIMULATOR_PANIC}: {panic}")),
+                Ok(Err(error)) => return whole(format!("{stream}: {error}")),
+                Err(panic) => return whole(format!("{stream}: {SIMULATOR_PANIC}: {panic}")),
             };
             let (purpose, number) = VERIFICATION;
             let names = Names {
@@ -273,31 +325,41 @@ pub fn compute_until(
             };
             let keep_going = |drawn: &[f64]| keep_going(&|| output(drawn));
             let problem = simulator.problem();
-            let samples_um = draw(problem, design.as_mut(), names, unit, &keep_going)?;
-            Ok(output(&samples_um))
+            let (samples_um, failure) = draw(problem, design.as_mut(), names, unit, &keep_going);
+            Computed {
+                output: output(&samples_um),
+                failure,
+            }
         }
-        Source::Run(run) => {
-            let result = optimise::run_while(simulator, run, &|| keep_going(&|| None))?;
-            Ok(result.map(|result| Output::Run(Box::new(result))))
-        }
+        Source::Run(run) => match optimise::run_while(simulator, run, &|| keep_going(&|| None)) {
+            Ok(result) => Computed {
+                output: result.map(|result| Output::Run(Box::new(result))),
+                failure: None,
+            },
+            Err(error) => whole(error),
+        },
         Source::Candidates(candidates) => evaluate(simulator, unit, candidates, keep_going),
     }
 }
 
-/// Evaluates the candidates that a unit covers, for a run or an infill point. The error names the
-/// evaluation.
+/// Evaluates the candidates that a unit covers, for a run or an infill point.
 fn evaluate(
     simulator: &dyn Simulator,
     unit: &Unit,
     candidates: &[Candidate],
     keep_going: &KeepGoing<'_>,
-) -> Result<Option<Output>, String> {
+) -> Computed {
     let approach = match unit.stream.kind {
         // An infill point, whose constraints are evaluated before it is sampled.
         Kind::Point => Some(Approach::EnrichedKriging),
         _ => Approach::numbered(unit.stream.run_parts().0.into()),
     };
-    let approach = approach.ok_or_else(|| format!("{}: no such approach", unit.stream))?;
+    let Some(approach) = approach else {
+        return Computed::from(Failure {
+            sample: None,
+            error: format!("{}: no such approach", unit.stream),
+        });
+    };
     let mut evaluated = Vec::with_capacity(unit.samples.len());
     let output = |evaluated: &[Evaluated]| {
         (!evaluated.is_empty()).then(|| Output::Evaluations(evaluated.to_vec()))
@@ -306,27 +368,49 @@ fn evaluate(
         if !keep_going(&|| output(&evaluated)) {
             break;
         }
-        let failed = |error: String| format!("{}, evaluation {evaluation}: {error}", unit.stream);
         let mut wanted = candidates.iter();
         let candidate = wanted.find(|one| one.evaluation == evaluation);
-        let Candidate {
-            design,
-            may_improve,
-            ..
-        } = candidate.ok_or_else(|| failed("the lease has no such candidate".to_owned()))?;
-        let answer = || optimise::answer(simulator, approach, design, *may_improve);
-        let answer = match guarded(answer) {
-            Ok(Ok(answer)) => Ok(answer),
-            Ok(Err(NoAnswer::Refused(reason))) => Err(reason),
-            Ok(Err(NoAnswer::Failed(error))) => return Err(failed(error)),
-            Err(panic) => return Err(failed(format!("{SIMULATOR_PANIC}: {panic}"))),
+        let answered = match candidate {
+            Some(candidate) => evaluate_one(simulator, approach, candidate),
+            None => Err("the lease has no such candidate".to_owned()),
         };
-        evaluated.push(Evaluated {
-            design: design.clone(),
-            answer,
-        });
+        match answered {
+            Ok(one) => evaluated.push(one),
+            Err(error) => {
+                let error = of_evaluation(unit.stream, evaluation) + &error;
+                return Computed {
+                    output: output(&evaluated),
+                    failure: Some(Failure {
+                        sample: Some(evaluation),
+                        error,
+                    }),
+                };
+            }
+        }
     }
-    Ok(output(&evaluated))
+    Computed {
+        output: output(&evaluated),
+        failure: None,
+    }
+}
+
+fn evaluate_one(
+    simulator: &dyn Simulator,
+    approach: Approach,
+    candidate: &Candidate,
+) -> Result<Evaluated, String> {
+    let design = &candidate.design;
+    let answer = || optimise::answer(simulator, approach, design, candidate.may_improve);
+    let answer = match guarded(answer) {
+        Ok(Ok(answer)) => Ok(answer),
+        Ok(Err(NoAnswer::Refused(reason))) => Err(reason),
+        Ok(Err(NoAnswer::Failed(error))) => return Err(error),
+        Err(panic) => return Err(format!("{SIMULATOR_PANIC}: {panic}")),
+    };
+    Ok(Evaluated {
+        design: design.clone(),
+        answer,
+    })
 }
 
 /// The result of `work`, or the message of its panic.
@@ -355,18 +439,27 @@ fn design<'a>(
     unit: &Unit,
     sampling: Sampling,
     keep_going: &KeepGoing<'_>,
-) -> Result<Option<Output>, String> {
+) -> Computed {
     if !keep_going(&|| None) {
-        return Ok(None);
+        return Computed::default();
     }
+    let done = |output: Option<Output>| Computed {
+        output,
+        failure: None,
+    };
     let analysed = guarded(|| analyse(problem, prepare()?, sampling.skip_violation));
     let (mut design, responses, ruled_out) = match analysed {
         Ok(Ok(analysed)) => analysed,
-        Ok(Err(NoAnswer::Refused(reason))) => return Ok(Some(Output::Refused(reason))),
-        Ok(Err(NoAnswer::Failed(error))) => return Err(format!("{}: {error}", unit.stream)),
+        Ok(Err(NoAnswer::Refused(reason))) => return done(Some(Output::Refused(reason))),
+        Ok(Err(NoAnswer::Failed(error))) => {
+            return Computed::from(Failure {
+                sample: None,
+                error: format!("{}: {error}", unit.stream),
+            });
+        }
         Err(panic) => {
             let reason = format!("{SIMULATOR_PANIC}: {panic}");
-            return Ok(Some(Output::Refused(reason)));
+            return done(Some(Output::Refused(reason)));
         }
     };
     let gets_samples = ruled_out.is_none() && !unit.samples.is_empty();
@@ -379,11 +472,14 @@ fn design<'a>(
         })
     };
     if !gets_samples {
-        return Ok(output(&[]));
+        return done(output(&[]));
     }
     let keep_going = |drawn: &[f64]| keep_going(&|| output(drawn));
-    let samples_um = draw(problem, design.as_mut(), sampling.names, unit, &keep_going)?;
-    Ok(output(&samples_um))
+    let (samples_um, failure) = draw(problem, design.as_mut(), sampling.names, unit, &keep_going);
+    Computed {
+        output: output(&samples_um),
+        failure,
+    }
 }
 
 type Analysed<'a> = (Box<dyn Prepared + 'a>, Vec<f64>, Option<String>);
@@ -462,29 +558,39 @@ impl Names {
     }
 }
 
-/// Samples of the response, each from its own random stream. The error names the sample.
+/// Samples of the response, each from its own random stream, until one fails.
 fn draw(
     problem: &Problem,
     design: &mut dyn Prepared,
     names: Names,
     unit: &Unit,
     keep_going: &dyn Fn(&[f64]) -> bool,
-) -> Result<Vec<f64>, String> {
+) -> (Vec<f64>, Option<Failure>) {
     let mut drawn = Vec::with_capacity(unit.samples.len());
+    let mut sample = |index: u32| -> Result<f64, String> {
+        let sample = guarded(|| names.draw(design, index))
+            .map_err(|panic| format!("{SIMULATOR_PANIC}: {panic}"))??;
+        let name = &problem.sampled().name;
+        let checked = problem.check_sample(sample);
+        checked.map_err(|why| format!("{name} {why}"))?;
+        Ok(sample)
+    };
     for index in unit.samples.clone() {
         if !keep_going(&drawn) {
             break;
         }
-        let failed = |error: String| format!("{}, sample {index}: {error}", unit.stream);
-        let sample = guarded(|| names.draw(design, index))
-            .map_err(|panic| failed(format!("{SIMULATOR_PANIC}: {panic}")))?
-            .map_err(failed)?;
-        let name = &problem.sampled().name;
-        let checked = problem.check_sample(sample);
-        checked.map_err(|why| failed(format!("{name} {why}")))?;
-        drawn.push(sample);
+        match sample(index) {
+            Ok(sample) => drawn.push(sample),
+            Err(error) => {
+                let failure = Failure {
+                    sample: Some(index),
+                    error: format!("{}, sample {index}: {error}", unit.stream),
+                };
+                return (drawn, Some(failure));
+            }
+        }
     }
-    Ok(drawn)
+    (drawn, None)
 }
 
 #[cfg(test)]

@@ -4,10 +4,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use campaign::Campaign;
 use campaign::task::Source;
 use ledger::{
-    Accepted, Delivery, Failure, Grant, History, Kind, LeaseId, Ledger, Options, StreamId, Unit,
-    Vanished, Wanted, WorkerId, WorkerStatus,
+    Accepted, Delivery, Failure, Generation, Grant, History, Kind, LeaseId, Ledger, Options,
+    StreamId, Unit, Vanished, Wanted, WorkerId, WorkerStatus,
 };
 use protocol::MAX_MESSAGE_BYTES;
 use results::live::Running;
@@ -75,6 +76,17 @@ pub struct Board {
     settled: Notify,
     /// Notified when the revision grows.
     changed: Notify,
+}
+
+/// The limits of a campaign's ledger.
+#[must_use]
+pub fn options(campaign: &Campaign) -> Options {
+    Options {
+        long_samples: campaign.is_external(),
+        max_failures: campaign.simulator.attempts(),
+        retry_for: campaign.simulator.retry_for(),
+        ..Options::default()
+    }
 }
 
 impl Board {
@@ -179,6 +191,12 @@ impl Board {
                 inner.ledger.want(wanted);
             }
         });
+    }
+
+    /// Names a unit whose samples are stored: workers whose jobs fail get it to show that they can
+    /// compute anything.
+    pub fn set_control(&self, unit: Unit, source: Arc<Source>) {
+        self.lock().ledger.set_control(unit, source);
     }
 
     /// Records the name of a point in the store.
@@ -422,6 +440,19 @@ impl Board {
             let (failures, until) = inner.ledger.deliver(worker, lease, &delivery, now);
             (failures, until.map(|until| until.saturating_sub(now)))
         })
+    }
+
+    /// The generation and the source of a stream that lacks samples.
+    #[must_use]
+    pub fn source(&self, stream: StreamId) -> Option<(Generation, Arc<Source>)> {
+        let inner = self.lock();
+        let (generation, source) = inner.ledger.source(stream)?;
+        Some((generation, Arc::clone(source)))
+    }
+
+    /// Settles samples in whose place a failure is stored.
+    pub fn conclude(&self, unit: &Unit) {
+        self.change(|inner, _| inner.ledger.conclude(unit));
     }
 
     /// Returns the instruction to workers, and records that `worker` has been told if it is to

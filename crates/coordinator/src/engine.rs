@@ -6,8 +6,9 @@ use std::sync::Arc;
 use anyhow::Context as _;
 use campaign::formulation::Problem;
 use campaign::optimise::RunResult;
-use campaign::task::{Inputs, Run};
+use campaign::task::{Inputs, Run, Source};
 use campaign::{Campaign, Design};
+use ledger::{StreamId, Unit};
 use stages::derived::{DERIVED_APPROACHES, is_derived};
 use stages::plan::{self, LocalStep, Next};
 use stages::searching::{Searches, Turn};
@@ -100,6 +101,7 @@ impl Engine {
         let fit_failed = &mut None;
         let searches = &mut Searches::default();
         let sizes = &mut Sizes::default();
+        let mut has_control = !self.campaign().is_external();
         let more = &mut snapshot::wants_more(&self.store, &self.campaign().sampling).await?;
         loop {
             if shutdown.is_cancelled() || self.board.is_drained() {
@@ -126,6 +128,10 @@ impl Engine {
                 state.enrichment = snapshot::enrichment(&self.store, &self.problem, base).await?;
             }
             let next = plan::next(&self.problem, &state);
+            if !has_control && let Some(base) = &base {
+                self.name_control(base).await?;
+                has_control = true;
+            }
             if !self.post(&next, &state.open, searches).await? {
                 continue;
             }
@@ -159,6 +165,27 @@ impl Engine {
 
     fn campaign(&self) -> &Campaign {
         self.problem.campaign()
+    }
+
+    /// Gives the board a stored sample as a control for workers whose jobs fail.
+    async fn name_control(&self, base: &Design) -> anyhow::Result<()> {
+        let counts = self.store.sampled_counts().await?;
+        let sampled = counts.into_iter().find(|(_, samples)| *samples > 0);
+        let Some((number, _)) = sampled else {
+            return Ok(());
+        };
+        let designs = self.store.designs().await?;
+        let design = designs.into_iter().find(|row| row.design == number);
+        if let (Some(row), Ok(number)) = (design, u32::try_from(number)) {
+            let source = Source::Design(self.problem.design(&row.x, base));
+            let unit = Unit {
+                stream: StreamId::design(number),
+                generation: self.inputs.generation(StreamId::design(number), &source),
+                samples: 0..1,
+            };
+            self.board.set_control(unit, Arc::new(source));
+        }
+        Ok(())
     }
 
     /// Records the missing jobs in the store and on the board. Returns false if a run has ended

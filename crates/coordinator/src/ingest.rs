@@ -73,7 +73,12 @@ pub fn read(
     })
 }
 
-fn rows(
+/// The rows of a unit's output.
+///
+/// # Errors
+///
+/// The output is implausible, or not what the unit asks for.
+pub(crate) fn rows(
     problem: &Problem,
     unit: &Unit,
     output: Output,

@@ -4,6 +4,7 @@
 use std::ops::Range;
 
 use campaign::formulation::Problem;
+use campaign::task::{self, Evaluated, Output, Source};
 use futures_util::future::join_all;
 use ledger::{Accepted, Delivery, Failure, Generation, LeaseId, StreamId, Unit, WorkerId};
 use protocol::v2::{LeaseResult, UnitResult};
@@ -80,9 +81,10 @@ impl<R: Recorder> Receiving<'_, R> {
             let lease = LeaseId::from(result.id.unwrap_or_default());
             let failures = counted.iter();
             let delivery = Delivery {
-                failed: failures.map(|f| (f.stream, f.error.clone())).collect(),
+                failed: failures.map(Failed::to_ledger).collect(),
                 stored: brought.stored,
                 refused: brought.refused,
+                has_answers: brought.has_answers,
                 seconds: result.wall_seconds,
             };
             let (outcomes, suspended) = self.board.deliver(worker, lease, delivery);
@@ -91,7 +93,12 @@ impl<R: Recorder> Receiving<'_, R> {
                     "a worker failed several in a row and gets nothing for so long");
             }
             for (failed, outcome) in counted.into_iter().zip(outcomes) {
-                self.record(worker, lease, failed, outcome).await?;
+                let concluded = match outcome {
+                    Failure::Conclusive => self.conclusion(&failed),
+                    _ => None,
+                };
+                self.record(worker, lease, failed, outcome, concluded)
+                    .await?;
             }
         }
         Ok(())
@@ -108,6 +115,7 @@ impl<R: Recorder> Receiving<'_, R> {
             }
         };
         let stream = read.unit.stream;
+        brought.has_answers |= read.rows.is_ok();
         if self.board.accept(&read.unit) == Accepted::Stale {
             debug!(job = %names::job_name(stream, &read.unit.samples), %worker, "a stale result");
             return;
@@ -121,7 +129,11 @@ impl<R: Recorder> Receiving<'_, R> {
             }),
             Err(error) => brought.failed.push(Failed {
                 stream,
-                samples: read.unit.samples,
+                samples: match result.error {
+                    Some(_) => read.unit.samples,
+                    // The numbers are implausible: all of the unit is computed again.
+                    None => read.unit.samples.start..read.unit.samples.start,
+                },
                 serial: read.serial,
                 error,
                 contradicts: false,
@@ -159,13 +171,38 @@ impl<R: Recorder> Receiving<'_, R> {
         }
     }
 
-    /// Records a failure, once for each serial number of the worker.
+    /// The rows that stand for a failure that is a result, and the unit that they settle.
+    fn conclusion(&self, failed: &Failed) -> Option<(Batch, Unit)> {
+        let (generation, source) = self.board.source(failed.stream)?;
+        let unit = Unit {
+            stream: failed.stream,
+            generation,
+            samples: failed.samples.clone(),
+        };
+        let evaluation = unit.samples.start;
+        let Source::Candidates(candidates) = &*source else {
+            return None;
+        };
+        let mut candidates = candidates.iter();
+        let candidate = candidates.find(|one| one.evaluation == evaluation)?;
+        let evaluated = Evaluated {
+            design: candidate.design.clone(),
+            answer: Err(task::failed(failed.stream, evaluation, &failed.error)),
+        };
+        let output = Output::Evaluations(vec![evaluated]);
+        let point = |stream| self.board.point_name(stream);
+        let batch = ingest::rows(self.problem, &unit, output, 0.0, &point).ok()?;
+        Some((batch, unit))
+    }
+
+    /// Records a failure, once for each serial number of the worker, and what it concludes.
     async fn record(
         &self,
         worker: &WorkerId,
         lease: LeaseId,
         failed: Failed,
         outcome: Failure,
+        concluded: Option<(Batch, Unit)>,
     ) -> Result<(), Status> {
         let job = names::job_name(failed.stream, &failed.samples);
         let error = beginning(&failed.error, ERROR_BYTES);
@@ -177,6 +214,10 @@ impl<R: Recorder> Receiving<'_, R> {
             Failure::Retry(wait) => {
                 let again_in = wait.as_secs_f64();
                 warn!(%job, %worker, %error, again_in, "a failure");
+                FailureKind::Failure
+            }
+            Failure::Conclusive => {
+                warn!(%job, %worker, %error, "a failure for good, which is its result");
                 FailureKind::Failure
             }
             // A contradiction of the store is always recorded, even if the lease no longer counts.
@@ -200,7 +241,13 @@ impl<R: Recorder> Receiving<'_, R> {
             ..Batch::default()
         };
         let recorded = self.recorder.record(batch).await;
-        recorded.map(drop).map_err(|error| not_stored(&error))
+        recorded.map_err(|error| not_stored(&error))?;
+        if let Some((batch, unit)) = concluded {
+            let recorded = self.recorder.record(batch).await;
+            recorded.map_err(|error| not_stored(&error))?;
+            self.board.conclude(&unit);
+        }
+        Ok(())
     }
 }
 
@@ -212,6 +259,8 @@ struct Brought {
     stored: Vec<Unit>,
     refused: Vec<(StreamId, Generation)>,
     failed: Vec<Failed>,
+    /// Whether the worker brought any result, even a stale one.
+    has_answers: bool,
 }
 
 /// The result of a unit, not yet stored.
@@ -226,11 +275,22 @@ struct Part {
 #[derive(Debug)]
 struct Failed {
     stream: StreamId,
+    /// The sample that failed; empty for a failure of the stream as a whole.
     samples: Range<u32>,
     serial: Option<u64>,
     error: String,
     /// Whether the result differs from the stored one.
     contradicts: bool,
+}
+
+impl Failed {
+    fn to_ledger(&self) -> ledger::Failed {
+        ledger::Failed {
+            stream: self.stream,
+            sample: (!self.samples.is_empty()).then_some(self.samples.start),
+            error: self.error.clone(),
+        }
+    }
 }
 
 impl Brought {
@@ -248,7 +308,7 @@ impl Brought {
                 error!(%job, %worker, error = %refused, "a worker contradicts the store");
                 self.failed.push(Failed {
                     stream: unit.stream,
-                    samples: unit.samples,
+                    samples: unit.samples.start..unit.samples.start,
                     serial,
                     error: refused.to_string(),
                     contradicts: true,

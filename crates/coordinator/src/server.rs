@@ -15,7 +15,7 @@ use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
 
-use crate::board::{Board, Course};
+use crate::board::{self, Board, Course};
 use crate::engine::{Ended, Engine};
 use crate::leases;
 use crate::local::LocalWorkers;
@@ -172,8 +172,7 @@ async fn run_open(
     }
     let options = ledger::Options {
         lease: plan.lease,
-        long_samples: plan.campaign.is_external(),
-        ..ledger::Options::default()
+        ..board::options(&plan.campaign)
     };
     let board = Arc::new(Board::new(options, rand::random()));
     board.remember(store.job_histories().await?);

@@ -22,7 +22,7 @@ use tokio::runtime::Handle;
 use tokio::sync::Notify;
 use tokio_util::sync::CancellationToken;
 
-use crate::board::{Board, Course};
+use crate::board::{self, Board, Course};
 use crate::leases;
 use crate::local::LocalWorkers;
 use crate::recorder::Recorder;
@@ -63,8 +63,7 @@ pub async fn run<T: Send + 'static>(
     };
     let options = ledger::Options {
         lease: plan.lease,
-        long_samples: plan.campaign.is_external(),
-        ..ledger::Options::default()
+        ..board::options(&plan.campaign)
     };
     let board = Arc::new(Board::new(options, rand::random()));
     let answers = Answers::default();

@@ -1,6 +1,6 @@
 //! Enrichment on a noisy test function whose optimum is known.
 //!
-//! `cargo run --release -p enrich --example branin -- [--seeds 1..=10] [--criterion NAME] [--batch 12]`
+//! `cargo run --release -p enrich --example branin -- [--seeds 1..=10] [--criterion NAME] [--batch 12] [--fails 0.4]`
 //!
 //! The response is the 90 % percentile of Y = f(x) + s(x) Z with Z standard normal, estimated from 36
 //! samples a design. f is Branin's function, a standard of kriging-based optimisation under noise
@@ -9,6 +9,10 @@
 //! are equal, 0.397887. The noise distinguishes them: s rises from 0.5 at the minimum (π, 2.275) towards
 //! 2.5 far from it. So f and s are both least there, and so is the percentile: its minimum is
 //! 0.397887 + 0.5 z with z = 1.281552, 1.038663, while at the two other minima of f it is 3.6.
+//!
+//! With `--fails` the simulation fails in that share of the box, at one side of which the optimum lies: to
+//! the right of x = 4 at 0.4, and there below y = 3 at 0.08. Whether a design fails is known only when it
+//! was asked for. The designs before the first round may fail, too.
 //!
 //! One row per seed goes to standard output: how far the recommended design lies above the optimum,
 //! the prediction with its 95 % interval, samples, rounds and the reason to stop.
@@ -64,6 +68,14 @@ fn response(seed: u64, number: usize, x: &[f64], samples: u32) -> (f64, f64) {
     (percentile.p90, percentile.variance)
 }
 
+/// Whether the simulation of a design fails, in this share of the box.
+fn fails(share: f64, x: &[f64]) -> bool {
+    let width = 6.0;
+    // As high as the box at 0.4.
+    let height = share * 15.0 * 15.0 / width;
+    x[0] > 10.0 - width && x[1] < height
+}
+
 fn sample(seed: u64, state: &mut State, number: usize, samples: u32) {
     let row = &mut state.sampled[number];
     row.samples += samples;
@@ -82,16 +94,23 @@ fn add(seed: u64, state: &mut State, x: Vec<f64>) {
     sample(seed, state, state.sampled.len() - 1, SAMPLES);
 }
 
-/// Runs rounds until the enrichment stops. Returns the last decision and the samples taken.
-fn enriched(seed: u64, criterion: Criterion, batch: usize) -> (Decision, u32) {
+/// Runs rounds until the enrichment stops. Returns the last decision, the samples taken and the number
+/// of infill points that failed.
+fn enriched(seed: u64, criterion: Criterion, batch: usize, share: f64) -> (Decision, u32, u32) {
     let bounds = Bounds::new(vec![(-5.0, 10.0), (0.0, 15.0)]).expect("a proper box");
     let mut state = State::default();
     let mut rng = stream(seed, Purpose::Test, 0, 0);
     for _ in 0..DESIGNS {
         let intervals = bounds.intervals().iter();
         let x = intervals.map(|(low, high)| low + (high - low) * rng.random::<f64>());
-        add(seed, &mut state, x.collect());
+        let x: Vec<f64> = x.collect();
+        if fails(share, &x) {
+            state.failed.push(x);
+        } else {
+            add(seed, &mut state, x);
+        }
     }
+    let mut all_failed = 0;
     loop {
         let taken: u32 = state.sampled.iter().map(|row| row.samples).sum();
         let options = Options {
@@ -106,10 +125,15 @@ fn enriched(seed: u64, criterion: Criterion, batch: usize) -> (Decision, u32) {
         };
         let decision = decide(&state, &options, &|_: &[f64]| Some(0.0)).expect("sound rows");
         if decision.stop.is_some() {
-            return (decision, taken);
+            return (decision, taken, all_failed);
         }
+        let mut failed = 0;
         for infill in &decision.infill {
             match infill {
+                Infill::New { x, .. } if fails(share, x) => {
+                    failed += 1;
+                    state.failed.push(x.clone());
+                }
                 Infill::New { x, .. } => add(seed, &mut state, x.clone()),
                 Infill::More {
                     design, samples, ..
@@ -119,8 +143,9 @@ fn enriched(seed: u64, criterion: Criterion, batch: usize) -> (Decision, u32) {
         state.rounds.push(RoundRecord {
             expected_improvement_um: decision.expected_improvement_um,
             asked: decision.infill.len() as u32,
-            failed: 0,
+            failed,
         });
+        all_failed += failed;
     }
 }
 
@@ -140,15 +165,18 @@ fn main() {
     });
     let batch = value("--batch").map_or(12, |text| text.parse().expect("--batch takes a number"));
 
+    let share = value("--fails").map_or(0.0, |text| text.parse().expect("--fails takes a share"));
+
     let optimum = LEAST + Z90 * noise(&OPTIMUM);
     println!(
-        "| seed | above the optimum | predicted − true | 95 % half-width | samples | rounds | end |"
+        "| seed | above the optimum | predicted − true | 95 % half-width | samples | failed | rounds | end |"
     );
-    println!("|---:|---:|---:|---:|---:|---:|---|");
+    println!("|---:|---:|---:|---:|---:|---:|---:|---|");
     let mut above = Vec::new();
-    let mut covered = 0;
+    let (mut covered, mut all_failed) = (0, 0);
     for seed in number(first)..=number(last) {
-        let (decision, samples) = enriched(seed, criterion, batch);
+        let (decision, samples, failed) = enriched(seed, criterion, batch, share);
+        all_failed += failed;
         let best = decision.recommendation.expect("every design is feasible");
         let (regret, error) = (truth(&best.x) - optimum, best.predicted_um - truth(&best.x));
         let (low, high) = best.interval_um;
@@ -159,7 +187,7 @@ fn main() {
             _ => "budget",
         };
         println!(
-            "| {seed} | {regret:.4} | {error:+.4} | {:.4} | {samples} | {} | {end} |",
+            "| {seed} | {regret:.4} | {error:+.4} | {:.4} | {samples} | {failed} | {} | {end} |",
             best.half_width_um(),
             decision.round,
         );
@@ -167,7 +195,7 @@ fn main() {
     above.sort_by(f64::total_cmp);
     println!(
         "\n{}: {:.4} above the optimum in the median and {:.4} at most; the 95 % interval holds the true value \
-         with {covered} of {} seeds.",
+         with {covered} of {} seeds. {all_failed} infill points failed.",
         criterion.name(),
         above[above.len() / 2],
         above[above.len() - 1],

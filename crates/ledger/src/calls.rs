@@ -1,6 +1,6 @@
 //! The calls that change a ledger: streams wanted and forgotten, workers' requests, passing time.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use crate::ledger::{Ledger, SURVEY_PERIOD};
@@ -8,7 +8,8 @@ use crate::options::lease_for;
 use crate::ranges::subtract;
 use crate::state::{Lease, Stream};
 use crate::types::{
-    Accepted, Delivery, Failure, Grant, LeaseId, StreamId, Unit, Vanished, Wanted, WorkerId,
+    Accepted, Delivery, Failure, Generation, Grant, Kind, LeaseId, StreamId, Unit, Vanished,
+    Wanted, WorkerId,
 };
 use crate::workers::Worker;
 
@@ -37,6 +38,11 @@ impl<P: Clone> Ledger<P> {
             return false;
         }
         let end = wanted.samples;
+        let mut history = wanted.history;
+        if id.kind == Kind::Run {
+            // Its failures were of candidates that have their results by now.
+            history.failures = 0;
+        }
         self.settled.remove(&id);
         if let Some(stream) = self.streams.get_mut(&id) {
             stream.missing.extend(missing.iter().cloned());
@@ -51,11 +57,11 @@ impl<P: Clone> Ledger<P> {
                 end,
                 leases: BTreeSet::new(),
                 is_suspect: false,
-                has_lapsed: wanted.history.crashes > 0,
+                has_lapsed: history.crashes > 0,
                 crashed_on_it: BTreeSet::new(),
-                history: wanted.history,
-                failures: wanted.history.failures,
-                waits_until: None,
+                history,
+                is_tolerant: wanted.is_tolerant,
+                failing: BTreeMap::new(),
                 quarantined: None,
             };
             self.streams.insert(id, stream);
@@ -141,7 +147,7 @@ impl<P: Clone> Ledger<P> {
     /// Grants a lease to a registered worker, or `None` if there is no work for it.
     ///
     /// A stream that this worker just failed comes last, because a second attempt is worth more on
-    /// another worker. When nothing is free, a worker with an idle slot gets a copy of a lease that
+    /// another worker, and after a control that the worker must succeed with. When nothing is free, a worker with an idle slot gets a copy of a lease that
     /// another worker has held for long, in case that worker is slow. The first delivery counts.
     pub fn lease(&mut self, worker: &WorkerId, now: Duration) -> Option<Grant<P>> {
         self.wake(now);
@@ -153,6 +159,9 @@ impl<P: Clone> Ledger<P> {
         let slots = self.slots_present(now);
         let units = self.cut(worker, slots);
         if !units.is_empty() {
+            if self.needs_control(worker, &units, now) {
+                return self.grant_control(worker, now);
+            }
             return Some(self.grant(worker, units, now));
         }
         let state = self.workers.known.get(worker)?;
@@ -212,6 +221,7 @@ impl<P: Clone> Ledger<P> {
             expires: now,
             started: false,
             seconds: self.expected(units),
+            is_control: false,
         };
         self.take_up(id, lease, now)
     }
@@ -252,32 +262,38 @@ impl<P: Clone> Ledger<P> {
                 None
             }
         };
-        let has_brought = !delivery.stored.is_empty() || !delivery.refused.is_empty();
+        let has_brought =
+            delivery.has_answers || !delivery.stored.is_empty() || !delivery.refused.is_empty();
         if let Some(lease) = &ended {
             for unit in &lease.units {
                 self.take_crash_back(worker, unit.stream);
             }
-            self.delivered += 1;
-            if has_brought && let Some(state) = self.workers.known.get_mut(worker) {
-                state.has_delivered();
+            if has_brought {
+                self.succeeded(worker, lease, delivery);
             }
+            if lease.is_control {
+                let until = match delivery.failed.is_empty() {
+                    true => None,
+                    false => self.fail_control(worker, now),
+                };
+                let ignored = delivery.failed.iter().map(|_| Failure::Ignored);
+                return (ignored.collect(), until);
+            }
+            self.delivered += 1;
             self.learn(delivery);
         }
         for unit in &delivery.stored {
             self.stored(unit);
         }
         for &(stream, generation) in &delivery.refused {
-            let known = self.streams.get(&stream).map(|known| known.generation);
-            if known == Some(generation) {
-                self.settle(stream, u32::MAX);
-            }
+            self.refuse(stream, generation);
         }
         let mut suspended = None;
-        let failures = delivery.failed.iter().map(|(stream, error)| {
+        let failures = delivery.failed.iter().map(|failed| {
             if ended.is_none() {
                 return Failure::Ignored;
             }
-            let (failure, until) = self.fail(worker, *stream, error, now);
+            let (failure, until) = self.fail(worker, failed, now);
             suspended = suspended.or(until);
             failure
         });
@@ -303,7 +319,7 @@ impl<P: Clone> Ledger<P> {
     /// work becomes available, or the worker's suspension ends.
     pub fn next_due(&self, worker: &WorkerId, now: Duration) -> Option<Duration> {
         let expiry = self.expiries.first().map(|&(expires, _)| expires);
-        let waiting = self.waiting.first().map(|&(until, _)| until);
+        let waiting = self.waiting.first().map(|&(until, ..)| until);
         // Leases older than the patience wait for a worker with an idle slot, not for a time.
         let patience = self
             .patience
@@ -324,6 +340,20 @@ impl<P: Clone> Ledger<P> {
             .min()
     }
 
+    /// Settles samples that need no results any more, because a [conclusive](Failure::Conclusive)
+    /// failure is stored in their place.
+    pub fn conclude(&mut self, unit: &Unit) {
+        self.stored(unit);
+    }
+
+    /// Settles a stream that needs no samples any more, for the same reason.
+    pub fn refuse(&mut self, stream: StreamId, generation: Generation) {
+        let known = self.streams.get(&stream).map(|known| known.generation);
+        if known == Some(generation) {
+            self.settle(stream, u32::MAX);
+        }
+    }
+
     /// Reopens the quarantined streams with their counters reset and returns them. The cause is
     /// assumed to be fixed, so waits after failures and suspensions of workers end, too.
     pub fn retry(&mut self) -> Vec<StreamId> {
@@ -333,16 +363,16 @@ impl<P: Clone> Ledger<P> {
             if let Some(stream) = self.streams.get_mut(&id) {
                 stream.crashed_on_it.clear();
                 stream.history = Default::default();
-                stream.failures = 0;
                 stream.is_suspect = false;
             }
         }
-        for (_, id) in std::mem::take(&mut self.waiting) {
-            if let Some(stream) = self.streams.get_mut(&id) {
-                stream.waits_until = None;
+        self.wake(Duration::MAX);
+        for id in &retried {
+            if let Some(stream) = self.streams.get_mut(id) {
+                stream.failing.clear();
             }
-            self.file(id);
         }
+        self.fails_since = None;
         for state in self.workers.known.values_mut() {
             state.strikes.clear();
             state.suspended_until = None;

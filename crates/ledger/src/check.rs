@@ -23,22 +23,25 @@ impl<P: Clone> Ledger<P> {
                     subtract(&mut free, &unit.samples);
                 }
             }
+            for sample in stream.waiting() {
+                subtract(&mut free, &sample);
+            }
             assert_eq!(
                 stream.free, free,
-                "{id}: free is what is missing and not leased"
+                "{id}: free is what is missing, not leased and not waiting"
             );
-            let is_free = stream.has_free() && stream.waits_until.is_none();
-            assert_eq!(self.free.contains(&id), is_free, "{id}");
+            assert_eq!(self.free.contains(&id), stream.has_free(), "{id}");
             assert_eq!(
                 self.quarantined.contains(&id),
                 stream.quarantined.is_some(),
                 "{id}"
             );
-            let waits = stream.waits_until;
-            assert!(
-                waits.is_none_or(|until| self.waiting.contains(&(until, id))),
-                "{id}"
-            );
+            for (sample, failing) in &stream.failing {
+                let is_kept = |until| self.waiting.contains(&(until, id, *sample));
+                assert!(failing.waits_until.is_none_or(is_kept), "{id}");
+                let is_missing = |sample| stream.missing.iter().any(|r| r.contains(&sample));
+                assert!(sample.is_none_or(is_missing), "{id}, sample {sample:?}");
+            }
             if stream.quarantined.is_none() {
                 *open.entry(id.group()).or_default() += 1;
             }
@@ -46,9 +49,12 @@ impl<P: Clone> Ledger<P> {
         assert_eq!(open, self.open);
         let known = |id: &StreamId| self.streams.contains_key(id);
         assert!(self.free.iter().chain(&self.quarantined).all(known));
-        assert!(self.waiting.iter().all(|(_, id)| known(id)));
+        let waits = |(until, id, sample): &(Duration, StreamId, Option<u32>)| {
+            self.streams[id].failing[sample].waits_until == Some(*until)
+        };
+        assert!(self.waiting.iter().all(waits));
         for (id, lease) in &self.leases {
-            assert!(!lease.units.is_empty(), "{id} holds nothing");
+            assert_eq!(lease.units.is_empty(), lease.is_control, "{id}");
             assert!(!self.lapsed.contains_key(id), "{id} ran out and did not");
             assert!(self.expiries.contains(&(lease.expires, *id)));
             for unit in &lease.units {

@@ -60,7 +60,10 @@ impl<P: Clone> Ledger<P> {
             let Some(stream) = self.streams.get(&id) else {
                 continue;
             };
-            let is_alone = stream.is_suspect || id.kind != Kind::Design || !self.options.bundle;
+            let is_alone = stream.is_suspect
+                || !stream.failing.is_empty()
+                || id.kind != Kind::Design
+                || !self.options.bundle;
             if !units.is_empty() && (is_alone || id.kind != first.kind || has_failed(&id)) {
                 break;
             }

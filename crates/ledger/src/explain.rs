@@ -40,6 +40,13 @@ pub enum Explanation {
         /// Number of free streams.
         free: usize,
     },
+    /// Everything has failed for a while.
+    Outage {
+        /// Time since the first failure.
+        since: Duration,
+        /// Time until failures are final; see [`Options::retry_for`](crate::Options::retry_for).
+        left: Duration,
+    },
     /// Streams wait after a failure.
     Waiting {
         /// Number of such streams.
@@ -139,9 +146,16 @@ impl<P: Clone> Ledger<P> {
                 });
             }
         }
-        if let Some(&(until, _)) = self.waiting.first() {
+        if let Some(failed) = self.fails_since
+            && open > 0
+        {
+            let since = silence(failed);
+            let left = self.options.retry_for.saturating_sub(since);
+            reasons.push(Explanation::Outage { since, left });
+        }
+        if let Some(&(until, ..)) = self.waiting.first() {
             reasons.push(Explanation::Waiting {
-                waiting: self.waiting.len(),
+                waiting: self.waiting_streams(),
                 next_in: until.saturating_sub(now),
             });
         }
@@ -201,6 +215,19 @@ impl fmt::Display for Explanation {
                  their cause, then run `coordinator retry`, or start other workers",
                 streams(*free),
                 seconds(*next_in)
+            ),
+            Self::Outage { since, left } if left.is_zero() => write!(
+                f,
+                "nothing has succeeded since a failure {} ago: what fails three times is quarantined \
+                 now",
+                seconds(*since)
+            ),
+            Self::Outage { since, left } => write!(
+                f,
+                "nothing has succeeded since a failure {} ago, which counts against no design: it is \
+                 tried again for another {}",
+                seconds(*since),
+                seconds(*left)
             ),
             Self::Waiting { waiting, next_in } => write!(
                 f,

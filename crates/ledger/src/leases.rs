@@ -68,6 +68,7 @@ impl<P: Clone> Ledger<P> {
             lease: id,
             units: sources.collect(),
             seconds: self.as_held(&units, seconds),
+            is_control: false,
             announce: units.iter().any(|unit| {
                 let stream = self.streams.get(&unit.stream);
                 stream.is_some_and(|stream| stream.has_lapsed)
@@ -80,6 +81,7 @@ impl<P: Clone> Ledger<P> {
             expires: now.saturating_add(self.options.lease),
             started: false,
             seconds,
+            is_control: false,
         };
         self.add(id, lease);
         granted
@@ -93,7 +95,9 @@ impl<P: Clone> Ledger<P> {
             self.file(unit.stream);
         }
         self.expiries.insert((lease.expires, id));
-        self.alone.insert((lease.granted, id));
+        if !lease.is_control {
+            self.alone.insert((lease.granted, id));
+        }
         if let Some(state) = self.workers.known.get_mut(&lease.worker) {
             state.held.insert(id);
         }
@@ -181,6 +185,15 @@ impl<P: Clone> Ledger<P> {
             .collect()
     }
 
+    /// The ranges of leases that share some of these samples of a stream.
+    pub(crate) fn held(&self, id: StreamId, samples: &Range<u32>) -> Vec<Range<u32>> {
+        let leases = self.holders(id).into_iter();
+        let leases = leases.filter_map(|id| self.leases.get(&id));
+        let units = leases.flat_map(|lease| &lease.units);
+        let shared = units.filter(|unit| unit.stream == id && overlap(&unit.samples, samples));
+        shared.map(|unit| unit.samples.clone()).collect()
+    }
+
     /// The parts of units that are still missing.
     pub(crate) fn needed(&self, units: &[Unit]) -> Vec<Unit> {
         let mut needed = Vec::new();
@@ -220,9 +233,7 @@ impl<P: Clone> Ledger<P> {
             let mut units = self.needed(&lease.units);
             units.retain(|unit| {
                 let stream = self.streams.get(&unit.stream);
-                let may_be = |stream: &Stream<P>| {
-                    stream.quarantined.is_none() && stream.waits_until.is_none()
-                };
+                let may_be = |stream: &Stream<P>| stream.quarantined.is_none() && !stream.waits();
                 stream.is_some_and(may_be) && !failed.contains(&unit.stream)
             });
             let is_suspect = |unit: &Unit| {
@@ -254,16 +265,12 @@ impl<P: Clone> Ledger<P> {
             }
         }
         for unit in &lease.units {
-            let mut held: Vec<Range<u32>> = Vec::new();
             for other in self.rivals(unit) {
-                let Some(other_lease) = self.leases.get(&other) else {
-                    continue;
-                };
-                let units = other_lease.units.iter();
-                let shared = units.filter(|other| meet(other, unit));
-                held.extend(shared.map(|unit| unit.samples.clone()));
-                self.alone.insert((other_lease.granted, other));
+                if let Some(other_lease) = self.leases.get(&other) {
+                    self.alone.insert((other_lease.granted, other));
+                }
             }
+            let held = self.held(unit.stream, &unit.samples);
             if let Some(stream) = self.streams.get_mut(&unit.stream) {
                 stream.free_again(&unit.samples, &held);
             }

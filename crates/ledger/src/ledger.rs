@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
+use crate::control::Control;
 use crate::options::Options;
 use crate::state::{Lease, Stream};
 use crate::types::{Counts, Generation, Group, Kind, LeaseId, StreamId, WorkerStatus};
@@ -31,8 +32,9 @@ pub struct Ledger<P> {
     pub(crate) settled: BTreeMap<StreamId, (Generation, u32)>,
     /// Streams from which work could be leased now.
     pub(crate) free: BTreeSet<StreamId>,
-    /// Streams that wait after a failure, ordered by the end of the wait.
-    pub(crate) waiting: BTreeSet<(Duration, StreamId)>,
+    /// Samples that wait after a failure, ordered by the end of the wait; `None` stands for a whole
+    /// stream.
+    pub(crate) waiting: BTreeSet<(Duration, StreamId, Option<u32>)>,
     pub(crate) quarantined: BTreeSet<StreamId>,
     /// Number of streams of a group that are neither settled nor quarantined.
     pub(crate) open: BTreeMap<Group, usize>,
@@ -46,6 +48,12 @@ pub struct Ledger<P> {
     /// Expired leases. Their workers may still be alive, for example on a machine that slept.
     pub(crate) lapsed: BTreeMap<LeaseId, Lease>,
     pub(crate) workers: Workers,
+    /// Number of successes and failures so far.
+    pub(crate) turn: u64,
+    /// The first failure since anything succeeded.
+    pub(crate) fails_since: Option<Duration>,
+    /// See [`Ledger::set_control`].
+    pub(crate) control: Option<Control<P>>,
     /// Seconds per weight of delivered work, by kind of stream.
     pub(crate) pace: BTreeMap<Kind, f64>,
     /// Result of the last [`Self::patience_at`], with its time.
@@ -77,6 +85,9 @@ impl<P: Clone> Ledger<P> {
             alone: BTreeSet::new(),
             lapsed: BTreeMap::new(),
             workers: Workers::default(),
+            turn: 0,
+            fails_since: None,
+            control: None,
             pace: BTreeMap::new(),
             patience: None,
             slots: None,
@@ -122,6 +133,12 @@ impl<P: Clone> Ledger<P> {
         })
     }
 
+    /// The generation and the source of a stream that lacks samples.
+    pub fn source(&self, stream: StreamId) -> Option<(Generation, &P)> {
+        let stream = self.streams.get(&stream)?;
+        Some((stream.generation, &stream.source))
+    }
+
     /// Whether a group was settled since this function was last called.
     pub const fn take_settled(&mut self) -> bool {
         std::mem::replace(&mut self.has_settled, false)
@@ -141,12 +158,18 @@ impl<P: Clone> Ledger<P> {
     pub fn counts(&self) -> Counts {
         Counts {
             free: self.free.len(),
-            waiting: self.waiting.len(),
+            waiting: self.waiting_streams(),
             leased: self.leases.len(),
             delivered: self.delivered,
             quarantined: self.quarantined.len(),
             stale: self.stale,
         }
+    }
+
+    /// Number of streams that wait, or have samples that wait, after a failure.
+    pub(crate) fn waiting_streams(&self) -> usize {
+        let streams: BTreeSet<StreamId> = self.waiting.iter().map(|&(_, id, _)| id).collect();
+        streams.len()
     }
 
     /// The registered workers, by name.

@@ -27,9 +27,14 @@
 //!    └───── released, expired, delivered in part
 //! ```
 //!
+//! A failure counts against a sample only while its worker succeeds with other work; see
+//! [`Options::max_failures`] and [`Options::retry_for`]. What fails for good is quarantined, or, of
+//! a stream that [tolerates](Wanted::is_tolerant) it, a result.
+//!
 //! # Invariants
 //!
-//! - The free samples of a stream are its missing samples that are on no lease.
+//! - The free samples of a stream are its missing samples that are on no lease and do not wait
+//!   after a failure.
 //! - A sample is on at most two leases, of different workers.
 //! - A settled stream stays settled, unless more samples are wanted or its generation changes.
 //! - Lease numbers only increase.
@@ -40,6 +45,7 @@
 
 mod calls;
 mod check;
+mod control;
 mod cutting;
 mod explain;
 mod leases;
@@ -56,6 +62,6 @@ pub use ledger::Ledger;
 pub use options::{HEARTBEATS_PER_LEASE, Options};
 pub use ranges::{gaps, subtract};
 pub use types::{
-    Accepted, Counts, Delivery, Failure, Generation, Grant, Group, History, Kind, LeaseId,
+    Accepted, Counts, Delivery, Failed, Failure, Generation, Grant, Group, History, Kind, LeaseId,
     StreamId, Unit, Vanished, Wanted, WorkerId, WorkerStatus,
 };

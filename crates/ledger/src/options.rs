@@ -23,17 +23,23 @@ pub struct Options {
     pub lease: Duration,
     /// Crashes of different worker processes after which a stream is quarantined; at least 1.
     pub max_crashes: usize,
-    /// Failures after which a stream is quarantined; at least 1.
+    /// Attempts of a sample, or of a design's analyses, that fail before the failure is final; at
+    /// least 1. An attempt after the first counts only if its worker has succeeded with something
+    /// else since the one before: otherwise the fault may be in what all designs depend on.
     pub max_failures: u32,
-    /// Wait of a stream after its first failure. Each further wait is four times as long, so that a
-    /// passing fault, such as a licence server that is down, does not quarantine it.
+    /// Wait after a first failure. Each further wait is four times as long, up to
+    /// [`Self::longest_wait`].
     pub retry_after: Duration,
-    /// Streams that a worker may fail without a delivery in between before it is suspended; at
-    /// least 1.
+    /// The longest wait after a failure.
+    pub longest_wait: Duration,
+    /// How long everything may fail before streams with [`Self::max_failures`] failed attempts are
+    /// quarantined. A licence server that is down for a shorter time costs nothing but time.
+    pub retry_for: Duration,
+    /// Streams that a worker may fail without a delivery in between before it gets a control, and is
+    /// suspended if it fails that, too, or if there is none; at least 1.
     pub max_worker_strikes: usize,
-    /// Length of a worker's first suspension. Each suspension in a row is twice as long, up to 32
-    /// times. A worker that is the only one at work is suspended at most three times in a row:
-    /// otherwise bad streams would halt the campaign.
+    /// Length of a worker's first suspension. Each suspension in a row is twice as long while other
+    /// workers deliver, up to 32 times.
     pub suspension: Duration,
     /// Whether a sample may take hours. Until the first is delivered, a lease then has a single
     /// sample.
@@ -48,7 +54,9 @@ impl Default for Options {
             lease: Duration::from_secs(30),
             max_crashes: 3,
             max_failures: 3,
-            retry_after: Duration::from_secs(1),
+            retry_after: Duration::from_millis(500),
+            longest_wait: Duration::from_secs(15),
+            retry_for: Duration::from_secs(60),
             max_worker_strikes: 3,
             suspension: Duration::from_secs(10),
             long_samples: false,

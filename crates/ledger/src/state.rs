@@ -1,6 +1,6 @@
 //! The state of a stream and of a lease.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::time::Duration;
 
@@ -27,11 +27,25 @@ pub(crate) struct Stream<P> {
     /// The worker processes that crashed on this stream alone.
     pub(crate) crashed_on_it: BTreeSet<WorkerId>,
     pub(crate) history: History,
-    pub(crate) failures: u32,
-    /// The end of the wait after a failure.
-    pub(crate) waits_until: Option<Duration>,
+    /// See [`Wanted::is_tolerant`](crate::Wanted::is_tolerant).
+    pub(crate) is_tolerant: bool,
+    /// The missing samples that have failed, and under `None` the failures of the whole stream.
+    pub(crate) failing: BTreeMap<Option<u32>, Failing>,
     /// The reason for the quarantine.
     pub(crate) quarantined: Option<Quarantine>,
+}
+
+/// The failed attempts of a sample, or of a stream as a whole.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Failing {
+    /// Number of failed attempts.
+    pub(crate) attempts: u32,
+    /// Number of those that count against the sample.
+    pub(crate) counted: u32,
+    /// The turn of the last one; see [`Ledger::turn`](crate::Ledger).
+    pub(crate) turn: u64,
+    /// The end of the wait after it.
+    pub(crate) waits_until: Option<Duration>,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -46,9 +60,28 @@ impl<P> Stream<P> {
         self.history.crashes + self.crashed_on_it.len()
     }
 
-    /// Whether samples could be leased, apart from a wait after a failure.
+    /// Whether samples can be leased.
     pub(crate) fn has_free(&self) -> bool {
-        self.quarantined.is_none() && !self.free.is_empty()
+        self.quarantined.is_none() && !self.free.is_empty() && !self.waits()
+    }
+
+    /// Whether the whole stream waits after a failure.
+    pub(crate) fn waits(&self) -> bool {
+        let whole = self.failing.get(&None);
+        whole.is_some_and(|failing| failing.waits_until.is_some())
+    }
+
+    /// The samples that wait after a failure of their own.
+    pub(crate) fn waiting(&self) -> impl Iterator<Item = Range<u32>> {
+        let waiting = self.failing.iter();
+        let waiting = waiting.filter(|(_, failing)| failing.waits_until.is_some());
+        waiting.filter_map(|(sample, _)| sample.map(|sample| sample..sample + 1))
+    }
+
+    /// The turn of the last failure that a lease of these samples would repeat.
+    pub(crate) fn failed_at(&self, samples: &Range<u32>) -> Option<u64> {
+        let of = |sample: Option<u32>| self.failing.get(&sample).map(|failing| failing.turn);
+        of(None).max(of(Some(samples.start)))
     }
 
     pub(crate) fn take(&mut self, lease: LeaseId, samples: &Range<u32>) {
@@ -61,6 +94,9 @@ impl<P> Stream<P> {
         let mut freed = common(&self.missing, samples);
         for range in held {
             subtract(&mut freed, range);
+        }
+        for sample in self.waiting() {
+            subtract(&mut freed, &sample);
         }
         for range in &freed {
             subtract(&mut self.free, range);
@@ -79,4 +115,8 @@ pub(crate) struct Lease {
     pub(crate) started: bool,
     /// Expected duration, in seconds.
     pub(crate) seconds: f64,
+    /// Whether the lease is a control, which has no units of its own: see [`Ledger::control`].
+    ///
+    /// [`Ledger::control`]: crate::Ledger
+    pub(crate) is_control: bool,
 }

@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use crate::ledger::Ledger;
 use crate::ranges::subtract;
-use crate::state::Quarantine;
-use crate::types::{Failure, Generation, LeaseId, StreamId, Unit, WorkerId};
+use crate::state::{Failing, Quarantine, Stream};
+use crate::types::{Failed, Failure, Generation, LeaseId, StreamId, Unit, WorkerId};
 
 /// Factor by which each wait after a failure is longer than the one before.
 const RETRY_GROWTH: u32 = 4;
@@ -14,7 +14,7 @@ impl<P: Clone> Ledger<P> {
     /// Updates the set of free streams after any change to a stream.
     pub(crate) fn file(&mut self, id: StreamId) {
         let stream = self.streams.get(&id);
-        if stream.is_some_and(|stream| stream.has_free() && stream.waits_until.is_none()) {
+        if stream.is_some_and(Stream::has_free) {
             self.free.insert(id);
         } else {
             self.free.remove(&id);
@@ -23,12 +23,20 @@ impl<P: Clone> Ledger<P> {
 
     /// Ends the waits after failures that are due.
     pub(crate) fn wake(&mut self, now: Duration) {
-        while let Some(&(until, id)) = self.waiting.first()
+        while let Some(&(until, id, sample)) = self.waiting.first()
             && until <= now
         {
             self.waiting.pop_first();
             if let Some(stream) = self.streams.get_mut(&id) {
-                stream.waits_until = None;
+                if let Some(failing) = stream.failing.get_mut(&sample) {
+                    failing.waits_until = None;
+                }
+                if let Some(sample) = sample {
+                    let held = self.held(id, &(sample..sample + 1));
+                    if let Some(stream) = self.streams.get_mut(&id) {
+                        stream.free_again(&(sample..sample + 1), &held);
+                    }
+                }
             }
             self.file(id);
         }
@@ -43,6 +51,14 @@ impl<P: Clone> Ledger<P> {
         }
         subtract(&mut stream.missing, &unit.samples);
         subtract(&mut stream.free, &unit.samples);
+        let settled = stream.failing.keys().copied();
+        let settled = settled.filter(|sample| sample.is_some_and(|s| unit.samples.contains(&s)));
+        for sample in settled.collect::<Vec<_>>() {
+            let failing = stream.failing.remove(&sample);
+            if let Some(until) = failing.and_then(|failing| failing.waits_until) {
+                self.waiting.remove(&(until, unit.stream, sample));
+            }
+        }
         if stream.missing.is_empty() {
             let end = stream.end;
             self.settle(unit.stream, end);
@@ -62,8 +78,10 @@ impl<P: Clone> Ledger<P> {
     pub(crate) fn remove(&mut self, id: StreamId) -> Option<Generation> {
         let stream = self.streams.remove(&id)?;
         self.file(id);
-        if let Some(until) = stream.waits_until {
-            self.waiting.remove(&(until, id));
+        for (sample, failing) in &stream.failing {
+            if let Some(until) = failing.waits_until {
+                self.waiting.remove(&(until, id, *sample));
+            }
         }
         if !self.quarantined.remove(&id) {
             self.close(id);
@@ -87,9 +105,6 @@ impl<P: Clone> Ledger<P> {
             return;
         };
         stream.quarantined = Some(Quarantine { error, for_crashes });
-        if let Some(until) = stream.waits_until.take() {
-            self.waiting.remove(&(until, id));
-        }
         self.quarantined.insert(id);
         self.close(id);
         self.file(id);
@@ -110,11 +125,11 @@ impl<P: Clone> Ledger<P> {
     pub(crate) fn fail(
         &mut self,
         worker: &WorkerId,
-        id: StreamId,
-        error: &str,
+        failed: &Failed,
         now: Duration,
     ) -> (Failure, Option<Duration>) {
         let ignored = (Failure::Ignored, None);
+        let id = failed.stream;
         let Some(state) = self.workers.known.get_mut(worker) else {
             return ignored;
         };
@@ -125,24 +140,87 @@ impl<P: Clone> Ledger<P> {
             return ignored;
         }
         state.failed += 1;
-        let suspended = self.workers.strike(worker, id, &self.options, now);
-        if stream.waits_until.is_some() {
-            // The lease was granted before the failure that the stream waits for, and most likely
+        let succeeded_at = state.succeeded_at;
+        self.turn += 1;
+        self.fails_since.get_or_insert(now);
+        let is_hopeless = self.is_hopeless(now);
+        let suspended = self.strike(worker, id, now);
+        let options = &self.options;
+        let Some(stream) = self.streams.get_mut(&id) else {
+            return ignored;
+        };
+        // A sample that is no longer missing was delivered in another way.
+        let is_missing = |sample: u32| stream.missing.iter().any(|range| range.contains(&sample));
+        if !failed.sample.is_none_or(is_missing) {
+            return (Failure::Ignored, suspended);
+        }
+        let before = stream.history.failures.min(options.max_failures - 1);
+        let failing = stream.failing.entry(failed.sample);
+        let failing = failing.or_insert_with(|| Failing {
+            attempts: before,
+            counted: before,
+            ..Failing::default()
+        });
+        if failing.waits_until.is_some() {
+            // The lease was granted before the failure that the sample waits for, and most likely
             // failed for the same reason.
             return (Failure::Ignored, suspended);
         }
-        stream.failures += 1;
-        if stream.failures >= self.options.max_failures.max(1) {
-            self.quarantine(id, error.to_owned(), false);
+        stream.history.failures = 0;
+        // The first failure counts, since it has to be explained.
+        failing.counted += u32::from(failing.attempts == 0 || failing.turn < succeeded_at);
+        failing.attempts += 1;
+        failing.turn = self.turn;
+        let is_conclusive = failing.counted >= options.max_failures.max(1);
+        let is_over = is_hopeless && failing.attempts >= options.max_failures.max(1);
+        let growth = RETRY_GROWTH.saturating_pow(failing.attempts - 1);
+        let wait = options.retry_after.saturating_mul(growth);
+        let wait = wait.min(options.longest_wait);
+        let is_result = is_conclusive && stream.is_tolerant;
+        if (is_conclusive || is_over) && !is_result {
+            failing.waits_until = None;
+            self.quarantine(id, failed.error.clone(), false);
             return (Failure::Quarantined, suspended);
         }
-        let growth = RETRY_GROWTH.saturating_pow(stream.failures - 1);
-        let wait = self.options.retry_after.saturating_mul(growth);
         let until = now.saturating_add(wait);
-        stream.waits_until = Some(until);
-        self.waiting.insert((until, id));
+        failing.waits_until = Some(until);
+        self.waiting.insert((until, id, failed.sample));
+        if let Some(sample) = failed.sample {
+            subtract(&mut stream.free, &(sample..sample + 1));
+        }
         self.file(id);
-        (Failure::Retry(wait), suspended)
+        let failure = match is_result {
+            true => Failure::Conclusive,
+            false => Failure::Retry(wait),
+        };
+        (failure, suspended)
+    }
+
+    /// Counts a failure against a worker. Returns the end of the suspension if that suspends it.
+    ///
+    /// With a control at hand the worker gets that first. After an outage that was too long nobody
+    /// is suspended any more: waiting does not cure it.
+    fn strike(&mut self, worker: &WorkerId, id: StreamId, now: Duration) -> Option<Duration> {
+        let has_too_many = self.workers.strike(worker, id, &self.options, now);
+        if !has_too_many || self.control.is_some() || self.is_hopeless(now) {
+            return None;
+        }
+        self.workers.suspend(worker, &self.options, now)
+    }
+
+    /// Records that a worker has failed its control. Returns the end of its suspension.
+    pub(crate) fn fail_control(&mut self, worker: &WorkerId, now: Duration) -> Option<Duration> {
+        let state = self.workers.known.get_mut(worker)?;
+        if state.is_leaving {
+            return None;
+        }
+        state.failed += 1;
+        self.turn += 1;
+        self.fails_since.get_or_insert(now);
+        if self.is_hopeless(now) {
+            return None;
+        }
+        self.workers.suspend(worker, &self.options, now)
     }
 
     /// Takes back the crash of a worker that was only silent.

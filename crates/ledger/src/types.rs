@@ -174,6 +174,9 @@ pub struct Wanted<P> {
     pub missing: Vec<Range<u32>>,
     /// Crashes and failures before a restart.
     pub history: History,
+    /// Whether a failure that repeats while others succeed is a result of the stream, reported as
+    /// [`Failure::Conclusive`], and no reason to quarantine it.
+    pub is_tolerant: bool,
 }
 
 /// A lease as granted to a worker.
@@ -185,6 +188,9 @@ pub struct Grant<P> {
     pub units: Vec<(Unit, P)>,
     /// Expected duration, in seconds.
     pub seconds: f64,
+    /// Whether the lease is a control: its unit was computed before, and its result tells only
+    /// whether the worker can compute anything.
+    pub is_control: bool,
     /// Whether an earlier lease of one of the streams expired. The worker should then report at
     /// once that it has started, so that a crash can be attributed.
     pub announce: bool,
@@ -206,21 +212,39 @@ pub struct Delivery {
     pub stored: Vec<Unit>,
     /// Streams that need no samples, such as designs that are not simulable.
     pub refused: Vec<(StreamId, Generation)>,
-    /// The failed streams, each with its error.
-    pub failed: Vec<(StreamId, String)>,
+    /// The failures.
+    pub failed: Vec<Failed>,
+    /// Whether the worker brought any result, even one that is not stored because it is stale.
+    pub has_answers: bool,
     /// The time that the worker took, in seconds.
     pub seconds: f64,
+}
+
+/// A failure that a worker reports.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Failed {
+    /// The stream.
+    pub stream: StreamId,
+    /// The sample or evaluation that failed. `None` for a failure of the stream as a whole, such as
+    /// of the analyses of a design.
+    pub sample: Option<u32>,
+    /// The error.
+    pub error: String,
 }
 
 /// The consequence of a failure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Failure {
-    /// The stream is tried again after this wait.
+    /// The sample, or the stream as a whole, is tried again after this wait.
     Retry(Duration),
+    /// The failure is a result of a [tolerant](Wanted::is_tolerant) stream: its attempts are used
+    /// up while others succeed. The caller stores the result and
+    /// [settles](crate::Ledger::conclude) it; until then it is tried again.
+    Conclusive,
     /// The stream was quarantined.
     Quarantined,
-    /// The failure does not count: the stream already waits after another failure or is
-    /// quarantined, the lease ended before, or the worker is leaving.
+    /// The failure does not count: the sample already waits after another failure, its stream is
+    /// quarantined, the lease ended before or was a control, or the worker is leaving.
     Ignored,
 }
 

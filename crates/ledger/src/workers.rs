@@ -8,10 +8,6 @@ use crate::types::{LeaseId, StreamId, WorkerId};
 
 /// Maximum number of times that the length of a suspension doubles.
 const MAX_DOUBLINGS: u32 = 5;
-/// Maximum number of suspensions in a row of a worker that works alone. By then the fault is in the
-/// streams or in what all workers depend on, and waiting does not cure it.
-const MAX_ALONE: u32 = 3;
-
 #[derive(Debug, Clone)]
 pub(crate) struct Worker {
     pub(crate) host: String,
@@ -19,6 +15,8 @@ pub(crate) struct Worker {
     pub(crate) held: BTreeSet<LeaseId>,
     /// The streams that the worker failed since its last delivery.
     pub(crate) strikes: BTreeSet<StreamId>,
+    /// The turn of its last success; see [`Ledger::turn`](crate::Ledger).
+    pub(crate) succeeded_at: u64,
     pub(crate) suspended_until: Option<Duration>,
     /// Number of suspensions in a row, without a delivery in between.
     pub(crate) suspensions: u32,
@@ -40,6 +38,7 @@ impl Worker {
             slots: slots.max(1),
             held: BTreeSet::new(),
             strikes: BTreeSet::new(),
+            succeeded_at: 0,
             suspended_until: None,
             suspensions: 0,
             is_leaving: false,
@@ -51,15 +50,14 @@ impl Worker {
         }
     }
 
-    /// Whether the worker gets no lease at `now`. The end of a suspension resets its strikes, but
-    /// not the length of the next suspension.
+    /// Whether the worker gets no lease at `now`. After a suspension its next failure suspends it
+    /// again.
     pub(crate) fn is_kept_from_work(&mut self, now: Duration) -> bool {
         if let Some(until) = self.suspended_until {
             if now < until {
                 return true;
             }
             self.suspended_until = None;
-            self.strikes.clear();
         }
         self.is_leaving
     }
@@ -68,8 +66,9 @@ impl Worker {
         self.suspended_until.is_some_and(|until| now < until)
     }
 
-    pub(crate) fn has_delivered(&mut self) {
+    pub(crate) fn has_delivered(&mut self, turn: u64) {
         self.delivered += 1;
+        self.succeeded_at = turn;
         self.strikes.clear();
         self.suspensions = 0;
     }
@@ -89,40 +88,46 @@ impl Workers {
     }
 
     /// Counts a failure against a worker. If another worker failed the same stream, the stream is
-    /// at fault and the failure counts against neither. Returns the end of the suspension if the
-    /// worker becomes suspended.
+    /// at fault and the failure counts against neither. Returns whether the worker has failed too
+    /// many.
     pub(crate) fn strike(
         &mut self,
         worker: &WorkerId,
         stream: StreamId,
         options: &Options,
         now: Duration,
-    ) -> Option<Duration> {
+    ) -> bool {
         let mut others = self.known.iter().filter(|(other, _)| *other != worker);
         if others.any(|(_, state)| state.strikes.contains(&stream)) {
             self.forgive(stream, options);
-            return None;
+            return false;
         }
-        let mut others = self.known.iter().filter(|(other, _)| *other != worker);
-        let is_at_work = |state: &Worker| {
-            let silence = now.saturating_sub(state.last_seen);
-            !state.is_leaving && !state.is_suspended(now) && silence <= options.lease
+        let Some(state) = self.known.get_mut(worker) else {
+            return false;
         };
-        let is_alone = !others.any(|(_, state)| is_at_work(state));
-        let state = self.known.get_mut(worker)?;
         // The leases it held when it was suspended fail for the same reason.
         if state.is_suspended(now) {
-            return None;
+            return false;
         }
         state.strikes.insert(stream);
-        if state.strikes.len() < options.max_worker_strikes.max(1) {
-            return None;
-        }
-        if is_alone && state.suspensions >= MAX_ALONE {
-            state.strikes.clear();
-            return None;
-        }
-        let doublings = state.suspensions.min(MAX_DOUBLINGS);
+        state.strikes.len() >= options.max_worker_strikes.max(1)
+    }
+
+    /// Suspends a worker and returns the end of the suspension.
+    pub(crate) fn suspend(
+        &mut self,
+        worker: &WorkerId,
+        options: &Options,
+        now: Duration,
+    ) -> Option<Duration> {
+        let succeeded_at = self.known.get(worker)?.succeeded_at;
+        let others_deliver = self.known.values().any(|w| w.succeeded_at > succeeded_at);
+        let state = self.known.get_mut(worker)?;
+        let doublings = match others_deliver {
+            true => state.suspensions.min(MAX_DOUBLINGS),
+            // The fault is not the worker's.
+            false => 0,
+        };
         let until = now.saturating_add(options.suspension.saturating_mul(1 << doublings));
         state.suspended_until = Some(until);
         state.suspensions = state.suspensions.saturating_add(1);

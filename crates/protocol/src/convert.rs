@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use campaign::optimise::Answer;
 use campaign::simulator::Analysis;
-use campaign::task::{Candidate, Evaluated, Output, Run, Source};
+use campaign::task::{Candidate, Computed, Evaluated, Failure, Output, Run, Source};
 use campaign::{Approach, Criteria, Design};
 use ledger::{Generation, Grant, Kind, LeaseId, StreamId, Unit};
 
@@ -220,7 +220,7 @@ impl v2::Lease {
     }
 }
 
-/// The message of a unit's result. Its serial is zero.
+/// The message of a unit's output, or of the failure of the unit as a whole. Its serial is zero.
 #[must_use]
 pub fn result(
     unit: &Unit,
@@ -265,6 +265,28 @@ pub fn result(
         result.samples_count(result.samples_um.len() as u32);
     }
     result
+}
+
+/// The messages of what a unit came to: of its output, and of the failure that ended it.
+#[must_use]
+pub fn results(unit: &Unit, computed: &Computed, cpu_seconds: f64) -> Vec<v2::UnitResult> {
+    let output = computed.output.clone().map(Some);
+    let output = output.map(|output| result(unit, &Ok(output), cpu_seconds));
+    let failure = computed.failure.as_ref().map(|Failure { sample, error }| {
+        // A failure has the range of the sample that failed, or an empty one.
+        let first = sample.unwrap_or(unit.samples.start);
+        let of = Unit {
+            samples: first..first + u32::from(sample.is_some()),
+            ..unit.clone()
+        };
+        v2::UnitResult {
+            unit: Some((&of).into()),
+            error: Some(error.clone()),
+            cpu_seconds: if output.is_some() { 0.0 } else { cpu_seconds },
+            ..v2::UnitResult::default()
+        }
+    });
+    output.into_iter().chain(failure).collect()
 }
 
 fn evaluated_message(evaluated: &Evaluated) -> v2::Evaluated {
@@ -465,6 +487,7 @@ mod tests {
                 samples: 1,
                 missing: std::iter::once(0..1).collect(),
                 history: History::default(),
+                is_tolerant: false,
             });
         }
         let mut seen = 0;

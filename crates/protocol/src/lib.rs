@@ -26,5 +26,5 @@ mod convert;
 pub mod exit;
 mod refusal;
 
-pub use convert::{Malformed, lease, output, result};
+pub use convert::{Malformed, lease, output, result, results};
 pub use refusal::Refusal;

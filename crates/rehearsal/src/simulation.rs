@@ -360,6 +360,7 @@ impl<'a> Simulation<'a> {
                         samples,
                         missing: std::iter::once(0..samples).collect(),
                         history: History::default(),
+                        is_tolerant: false,
                     });
                 }
             });

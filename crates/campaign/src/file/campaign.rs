@@ -123,10 +123,12 @@ impl Campaign {
     }
 
     /// SHA-256 of the campaign's content as hex. It does not depend on comments, layout and key
-    /// order.
+    /// order, nor on how often failures are tried again.
     #[must_use]
     pub fn digest(&self) -> String {
-        hex(Sha256::digest(self.to_json().as_bytes()).into())
+        let mut content = self.clone();
+        content.simulator = content.simulator.without_retries();
+        hex(Sha256::digest(content.to_json().as_bytes()).into())
     }
 
     /// [`Self::values_digest`] in hex: the identity of a campaign and of those that extend it.
@@ -145,6 +147,7 @@ impl Campaign {
         values.verify = Verify::default();
         values.enrichment = None;
         values.kriging = self.kriging.without_choices();
+        values.simulator = self.simulator.without_retries();
         Sha256::digest(values.to_json().as_bytes()).into()
     }
 
@@ -166,6 +169,9 @@ impl Campaign {
         same.sampling.samples_per_design = held.sampling.samples_per_design;
         same.verify = held.verify;
         same.enrichment = held.enrichment;
+        if same.simulator.without_retries() == held.simulator.without_retries() {
+            same.simulator = held.simulator;
+        }
         if self.kriging.kernel == held.kriging.kernel {
             same.kriging = held.kriging.clone();
         }

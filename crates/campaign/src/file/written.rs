@@ -127,6 +127,10 @@ pub(super) struct ExternalFile {
 struct ExternalSimulator {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     probe_designs: Option<u32>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    attempts: Option<u32>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    retry_s: Option<f64>,
 }
 
 /// Either form, for serialisation.
@@ -216,6 +220,8 @@ impl From<ExternalFile> for (u32, Campaign) {
             simulator: SimulatorSection {
                 kind: SimulatorKind::External,
                 probe_designs: file.simulator.probe_designs,
+                attempts: file.simulator.attempts,
+                retry_s: file.simulator.retry_s,
             },
             enrichment: file.enrichment,
         };
@@ -290,6 +296,8 @@ impl From<Campaign> for Written {
                 verify,
                 simulator: ExternalSimulator {
                     probe_designs: simulator.probe_designs,
+                    attempts: simulator.attempts,
+                    retry_s: simulator.retry_s,
                 },
                 enrichment,
             })),

@@ -8,7 +8,7 @@ use std::time::Duration;
 use anyhow::Context as _;
 use campaign::formulation::Problem;
 use campaign::{Campaign, probe};
-use coordinator::board::{Board, Room};
+use coordinator::board::{self, Board, Room};
 use coordinator::engine::Engine;
 use coordinator::recorder::StoreRecorder;
 use coordinator::server;
@@ -142,10 +142,7 @@ async fn engine(problem: &Arc<Problem>, store: &Store) -> anyhow::Result<(Engine
     if let Some(digest) = &model_digest {
         store.pin_model_digest(digest).await?;
     }
-    let options = ledger::Options {
-        long_samples: is_external,
-        ..ledger::Options::default()
-    };
+    let options = board::options(problem.campaign());
     let board = Arc::new(Board::new(options, rand::random()));
     board.remember(store.job_histories().await?);
     let engine = Engine::new(

@@ -38,6 +38,7 @@ fn design(problem: &Problem) -> Design {
 fn board(problem: &Problem, epoch: u64) -> Arc<Board> {
     let options = Options {
         retry_after: Duration::ZERO,
+        retry_for: Duration::ZERO,
         ..Options::default()
     };
     let board = Board::new(options, epoch);

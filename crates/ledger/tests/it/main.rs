@@ -1,6 +1,7 @@
 //! Tests of the ledger through its public interface.
 
 mod cutting;
+mod failing;
 mod life;
 mod model;
 
@@ -8,7 +9,7 @@ use std::ops::Range;
 use std::time::Duration;
 
 use ledger::{
-    Delivery, Generation, Grant, History, LeaseId, Ledger, Options, StreamId, Unit, Wanted,
+    Delivery, Failed, Generation, Grant, History, LeaseId, Ledger, Options, StreamId, Unit, Wanted,
     WorkerId,
 };
 
@@ -30,6 +31,7 @@ pub(crate) fn wanted(stream: StreamId, generation: u64, missing: Range<u32>) -> 
         samples: missing.end,
         missing: std::iter::once(missing).collect(),
         history: History::default(),
+        is_tolerant: false,
     }
 }
 
@@ -60,7 +62,11 @@ pub(crate) fn all_of(grant: &Grant<()>) -> Delivery {
 
 pub(crate) fn failure_of(grant: &Grant<()>) -> Delivery {
     Delivery {
-        failed: vec![(grant.units[0].0.stream, "no load path".to_owned())],
+        failed: vec![Failed {
+            stream: grant.units[0].0.stream,
+            sample: Some(grant.units[0].0.samples.start),
+            error: "no load path".to_owned(),
+        }],
         ..Delivery::default()
     }
 }

@@ -25,6 +25,7 @@ pub(super) fn wanted(stream: StreamId, generation: u64, samples: u32) -> Wanted<
         samples,
         missing: std::iter::once(0..samples).collect(),
         history: History::default(),
+        is_tolerant: false,
     }
 }
 
@@ -79,11 +80,13 @@ pub(super) fn all_of(grant: &Grant<()>) -> Delivery {
 }
 
 pub(super) fn failure_of(grant: &Grant<()>) -> Delivery {
-    let failed = grant.units.iter();
+    let failed = grant.units.iter().map(|(unit, ())| ledger::Failed {
+        stream: unit.stream,
+        sample: Some(unit.samples.start),
+        error: "no load path".to_owned(),
+    });
     Delivery {
-        failed: failed
-            .map(|(unit, ())| (unit.stream, "no load path".to_owned()))
-            .collect(),
+        failed: failed.collect(),
         ..Delivery::default()
     }
 }

@@ -371,12 +371,12 @@ fn a_stopped_task_keeps_its_finished_samples() {
         asked.get() <= 3
     };
     let backend = backend("");
-    let (output, seconds) = backend.with(&problem(), |simulator| {
+    let (computed, seconds) = backend.with(&problem(), |simulator| {
         compute_until(simulator, &unit(THREE), &source(), &keep_going)
     });
     // `keep_going` is called before the design and before each of its samples.
     let whole = run(&backend, THREE).unwrap();
-    assert_eq!(samples(&output.unwrap().unwrap()), samples(&whole)[..2]);
+    assert_eq!(samples(&computed.output.unwrap()), samples(&whole)[..2]);
     assert!(seconds > 0.0);
 }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use campaign::task::{Output, Source, compute_until};
+use campaign::task::{Computed, Failure, Output, Source, compute_until};
 use gateway::link::cause;
 use ledger::{LeaseId, Unit};
 use protocol::v2::{self, Directive, HeartbeatRequest, LeaseRequest, ReportRequest, UnitResult};
@@ -227,7 +227,7 @@ fn compute(shared: &Shared, lease: &Lease) {
                 stride: Cell::new(1),
                 left: Cell::new(1),
             };
-            if let Some(result) = attempt(&registered, &computing, source) {
+            for result in attempt(&registered, &computing, source) {
                 shared
                     .held
                     .add(lease.id, result, began.elapsed().as_secs_f64());
@@ -237,12 +237,8 @@ fn compute(shared: &Shared, lease: &Lease) {
     shared.held.finish(lease.id);
 }
 
-/// Computes a unit. Returns none if the unit was stopped before it had a result.
-fn attempt(
-    registered: &Registered,
-    computing: &Computing<'_>,
-    source: &Source,
-) -> Option<UnitResult> {
+/// Computes a unit. Returns nothing if the unit was stopped before it had a result.
+fn attempt(registered: &Registered, computing: &Computing<'_>, source: &Source) -> Vec<UnitResult> {
     let Computing { shared, unit, .. } = computing;
     let go_on = |so_far: &dyn Fn() -> Option<Output>| computing.go_on(so_far);
     let backend = &registered.backend;
@@ -251,26 +247,25 @@ fn attempt(
             compute_until(simulator, unit, source, &go_on)
         })
     });
-    let (outcome, program_seconds) = std::panic::catch_unwind(guarded).unwrap_or_else(|_| {
+    let (mut computed, program_seconds) = std::panic::catch_unwind(guarded).unwrap_or_else(|_| {
         let error = format!(
             "{}: the worker panicked; its log has the message",
             unit.stream
         );
-        (Err(error), 0.0)
+        let sample = None;
+        (Computed::from(Failure { sample, error }), 0.0)
     });
     // The time of an external program is not CPU time of this thread.
     let cpu_seconds = thread_seconds() - computing.before + program_seconds;
-    if let Err(error) = &outcome {
+    if let Some(Failure { error, .. }) = &computed.failure {
         if backend.is_external() && shared.leaves_within(AFTERTHOUGHT) {
             // The request to leave has ended the program as well.
-            return None;
+            computed.failure = None;
+            return protocol::results(unit, &computed, cpu_seconds);
         }
         warn!(stream = %unit.stream, lease = %computing.lease.id, %error, "a failure");
     }
-    match &outcome {
-        Ok(None) => None,
-        _ => Some(protocol::result(unit, &outcome, cpu_seconds)),
-    }
+    protocol::results(unit, &computed, cpu_seconds)
 }
 
 /// Reports results until they are acknowledged.

@@ -10,7 +10,7 @@ use anyhow::{Context as _, bail};
 use campaign::formulation::Problem;
 use campaign::task::{Inputs, Output, Source, compute};
 use campaign::{Campaign, probe};
-use coordinator::board::Board;
+use coordinator::board::{self, Board};
 use coordinator::compute::thread_seconds;
 use coordinator::local::LocalWorkers;
 use coordinator::recorder::StoreRecorder;
@@ -263,11 +263,7 @@ async fn through(
         .map(|(design, x)| DesignRow::new(design, x.clone()))
         .collect();
     store.put_designs(&rows).await?;
-    let options = ledger::Options {
-        long_samples: campaign.is_external(),
-        ..ledger::Options::default()
-    };
-    let board = Arc::new(Board::new(options, 1));
+    let board = Arc::new(Board::new(board::options(campaign), 1));
     let service = Service {
         board: Arc::clone(&board),
         recorder: StoreRecorder::new(&store)?,

@@ -1,0 +1,128 @@
+//! Evidence on whose fault a failure is: the sample's, the worker's, or of what all depend on.
+//!
+//! A failure counts against a sample only if its worker succeeds with something else. If no other
+//! work does so by itself, the worker gets a *control*: a unit that was computed before. A worker
+//! that fails its control is suspended, and nothing counts against the samples.
+
+use std::time::Duration;
+
+use crate::ledger::Ledger;
+use crate::state::Lease;
+use crate::types::{Delivery, Grant, Kind, LeaseId, StreamId, Unit, WorkerId};
+
+/// A unit that a worker has computed.
+#[derive(Debug, Clone)]
+pub(crate) struct Control<P> {
+    pub(crate) unit: Unit,
+    pub(crate) source: P,
+}
+
+/// The order in which units are preferred as controls. A design asks for everything that a
+/// simulator can be asked for, and its generation stays the same.
+const fn preference(kind: Kind) -> u32 {
+    match kind {
+        Kind::Design => 0,
+        Kind::Point => 1,
+        Kind::Run => 2,
+    }
+}
+
+impl<P: Clone> Ledger<P> {
+    /// Names a unit that was computed before, which workers whose jobs fail get as a control. The
+    /// ledger takes one from what is delivered, too. Only the first sample of the unit is used.
+    pub fn set_control(&mut self, mut unit: Unit, source: P) {
+        let rank = |unit: &Unit| preference(unit.stream.kind);
+        let held = self.control.as_ref();
+        if held.is_none_or(|held| rank(&unit) < rank(&held.unit)) {
+            unit.samples.end = unit.samples.start + 1;
+            self.control = Some(Control { unit, source });
+        }
+    }
+
+    /// Whether the worker must succeed with a control before it gets these units, which have
+    /// failed since it last succeeded. After an outage that was too long nothing is proven any
+    /// more.
+    pub(crate) fn needs_control(&self, worker: &WorkerId, units: &[Unit], now: Duration) -> bool {
+        if self.control.is_none() || self.is_hopeless(now) {
+            return false;
+        }
+        let Some(state) = self.workers.known.get(worker) else {
+            return false;
+        };
+        let is_doubtful = |unit: &Unit| {
+            let stream = self.streams.get(&unit.stream);
+            let failed_at = stream.and_then(|stream| stream.failed_at(&unit.samples));
+            failed_at.is_some_and(|turn| turn > state.succeeded_at)
+        };
+        state.strikes.len() >= self.options.max_worker_strikes.max(1)
+            || units.iter().any(is_doubtful)
+    }
+
+    /// Grants a control to a worker that has none yet.
+    pub(crate) fn grant_control(&mut self, worker: &WorkerId, now: Duration) -> Option<Grant<P>> {
+        let Control { unit, source } = self.control.clone()?;
+        let held = &self.workers.known.get(worker)?.held;
+        let mut leases = held.iter().filter_map(|id| self.leases.get(id));
+        if leases.any(|lease| lease.is_control) {
+            return None;
+        }
+        self.newest += 1;
+        let id = LeaseId {
+            epoch: self.epoch,
+            number: self.newest,
+        };
+        let units = vec![unit];
+        let seconds = self.expected(&units);
+        let lease = Lease {
+            worker: worker.clone(),
+            units: Vec::new(),
+            granted: now,
+            expires: now.saturating_add(self.options.lease),
+            started: false,
+            seconds,
+            is_control: true,
+        };
+        self.add(id, lease);
+        Some(Grant {
+            lease: id,
+            units: units
+                .into_iter()
+                .map(|unit| (unit, source.clone()))
+                .collect(),
+            seconds,
+            is_control: true,
+            announce: false,
+        })
+    }
+
+    /// Records that a worker has succeeded with a lease.
+    pub(crate) fn succeeded(&mut self, worker: &WorkerId, lease: &Lease, delivery: &Delivery) {
+        self.turn += 1;
+        self.fails_since = None;
+        if let Some(state) = self.workers.known.get_mut(worker) {
+            state.has_delivered(self.turn);
+        }
+        let refused = delivery.refused.iter().map(|(stream, _)| *stream);
+        let computed = |stream: StreamId| {
+            let mut units = lease.units.iter();
+            units.find(|unit| unit.stream == stream).cloned()
+        };
+        let unit = delivery.stored.first().cloned();
+        let unit = unit.or_else(|| refused.filter_map(computed).next());
+        if let Some(unit) = unit
+            && let Some(stream) = self.streams.get(&unit.stream)
+        {
+            let source = stream.source.clone();
+            self.set_control(unit, source);
+        }
+    }
+
+    /// Whether nothing has succeeded for so long that failures are final, and nothing that was
+    /// leased before may still succeed.
+    pub(crate) fn is_hopeless(&self, now: Duration) -> bool {
+        self.fails_since.is_some_and(|since| {
+            now.saturating_sub(since) >= self.options.retry_for
+                && !self.leases.values().any(|lease| lease.granted < since)
+        })
+    }
+}

@@ -1,0 +1,335 @@
+//! Failures: what counts against a sample, a worker or neither.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use ledger::{Delivery, Failure, Grant, Ledger, Options, StreamId, Wanted};
+
+use crate::{all_of, at, failure_of, lease_all, ledger, units, wanted, worker};
+
+const ONE: StreamId = StreamId::design(0);
+
+fn alone() -> Options {
+    Options {
+        bundle: false,
+        ..Options::default()
+    }
+}
+
+/// Options with which an outage is over at once.
+fn hopeless() -> Options {
+    Options {
+        retry_for: Duration::ZERO,
+        ..alone()
+    }
+}
+
+/// A stream whose failures are results.
+fn tolerant(stream: StreamId, samples: u32) -> Wanted<()> {
+    Wanted {
+        is_tolerant: true,
+        ..wanted(stream, 7, 0..samples)
+    }
+}
+
+#[test]
+fn failures_wait_longer_and_longer_and_the_third_ends_it() {
+    let mut ledger = ledger(hopeless(), 1, 1, &["a"]);
+    let mut now = at(0.0);
+    for wait in [0.5, 2.0] {
+        let grant = ledger.lease(&worker("a"), now).unwrap();
+        let failure = failure_of(&grant);
+        let (failed, _) = ledger.deliver(&worker("a"), grant.lease, &failure, now);
+        assert_eq!(failed, [Failure::Retry(at(wait))]);
+        // A repeated call counts once.
+        let (again, _) = ledger.deliver(&worker("a"), grant.lease, &failure, now);
+        assert_eq!(again, [Failure::Ignored]);
+        assert!(ledger.lease(&worker("a"), now + at(0.9 * wait)).is_none());
+        assert_eq!(ledger.next_due(&worker("a"), now), Some(now + at(wait)));
+        now += at(wait);
+    }
+    let grant = ledger.lease(&worker("a"), now).unwrap();
+    let (failed, _) = ledger.deliver(&worker("a"), grant.lease, &failure_of(&grant), now);
+    assert_eq!(failed, [Failure::Quarantined]);
+    assert!(ledger.explain(now)[0].to_string().contains("no load path"));
+    assert_eq!(ledger.retry(), [ONE]);
+    assert!(ledger.lease(&worker("a"), now).is_some());
+}
+
+#[test]
+fn a_failing_sample_holds_up_no_other_sample_of_its_design() {
+    let mut ledger = ledger(alone(), 1, 8, &["a"]);
+    let grant = ledger.lease(&worker("a"), at(0.0)).unwrap();
+    // Three samples, then a failure.
+    let mut delivery = failure_of(&grant);
+    delivery.failed[0].sample = Some(3);
+    delivery.stored = units(&grant);
+    delivery.stored[0].samples = 0..3;
+    let (failed, _) = ledger.deliver(&worker("a"), grant.lease, &delivery, at(0.1));
+    assert_eq!(failed, [Failure::Retry(at(0.5))]);
+    let rest = ledger.lease(&worker("a"), at(0.1)).unwrap();
+    assert_eq!(units(&rest)[0].samples, 4..8);
+    ledger.deliver(&worker("a"), rest.lease, &all_of(&rest), at(0.2));
+    assert!(ledger.lease(&worker("a"), at(0.3)).is_none(), "it waits");
+    let again = ledger.lease(&worker("a"), at(0.6)).unwrap();
+    assert_eq!(units(&again)[0].samples, 3..4);
+}
+
+#[test]
+fn failures_of_one_sample_at_one_moment_count_once() {
+    let options = Options {
+        long_samples: true,
+        ..alone()
+    };
+    let mut ledger = ledger(options, 1, 8, &["a"]);
+    ledger.register(&worker("a"), "here", 8, at(0.0));
+    let grants = lease_all(&mut ledger, "a", at(0.0));
+    assert_eq!(grants.len(), 8, "one sample each");
+    let mut fail = |grant: &Grant<()>, delivery: &Delivery| {
+        let answer = ledger.deliver(&worker("a"), grant.lease, delivery, at(0.1));
+        answer.0[0]
+    };
+    for grant in &grants[..6] {
+        assert_eq!(fail(grant, &failure_of(grant)), Failure::Retry(at(0.5)));
+    }
+    // The analyses of a design are the same for all of its leases.
+    let whole = |grant: &Grant<()>| {
+        let mut delivery = failure_of(grant);
+        delivery.failed[0].sample = None;
+        delivery
+    };
+    assert_eq!(
+        fail(&grants[6], &whole(&grants[6])),
+        Failure::Retry(at(0.5))
+    );
+    assert_eq!(fail(&grants[7], &whole(&grants[7])), Failure::Ignored);
+}
+
+#[test]
+fn a_worker_that_fails_many_streams_is_suspended_once_however_many_it_holds() {
+    let mut ledger = ledger(alone(), 9, 1, &["a", "b"]);
+    ledger.register(&worker("a"), "here", 9, at(0.0));
+    let grants = lease_all(&mut ledger, "a", at(0.0));
+    let mut suspensions = Vec::new();
+    for (grant, second) in grants.iter().zip(1_u32..) {
+        let now = at(f64::from(second));
+        suspensions.extend(
+            ledger
+                .deliver(&worker("a"), grant.lease, &failure_of(grant), now)
+                .1,
+        );
+    }
+    assert_eq!(suspensions, [at(3.0) + Options::default().suspension]);
+    assert!(ledger.lease(&worker("a"), at(12.0)).is_none());
+    assert!(ledger.lease(&worker("b"), at(12.0)).is_some());
+    assert!(ledger.lease(&worker("a"), at(13.0)).is_some());
+    assert!(ledger.workers().all(|status| status.failed <= 9));
+}
+
+/// Two workers at one ledger, each of which takes a tenth of a second for a lease.
+struct Shift {
+    ledger: Ledger<()>,
+    now: Duration,
+    controls: u32,
+    failed: BTreeMap<(StreamId, Option<u32>), Vec<Failure>>,
+}
+
+impl Shift {
+    fn new(mut ledger: Ledger<()>) -> Self {
+        for name in ["a", "b"] {
+            ledger.register(&worker(name), "here", 1, at(0.0));
+        }
+        Self {
+            ledger,
+            now: at(0.0),
+            controls: 0,
+            failed: BTreeMap::new(),
+        }
+    }
+
+    /// Works until nothing is left. `fails` decides by worker, stream, sample and time.
+    fn work(&mut self, fails: impl Fn(&str, StreamId, u32, Duration) -> bool) {
+        loop {
+            self.ledger.check();
+            let counts = self.ledger.counts();
+            if counts.free + counts.waiting + counts.leased == 0 {
+                return;
+            }
+            let mut busy = Vec::new();
+            for name in ["a", "b"] {
+                self.ledger.see(&worker(name), self.now);
+                busy.extend(
+                    self.ledger
+                        .lease(&worker(name), self.now)
+                        .map(|g| (name, g)),
+                );
+            }
+            self.now += at(0.1);
+            for (name, grant) in busy {
+                self.controls += u32::from(grant.is_control);
+                let mut delivery = all_of(&grant);
+                let unit = units(&grant)[0].clone();
+                let mut samples = unit.samples.clone();
+                if let Some(sample) = samples.find(|s| fails(name, unit.stream, *s, self.now)) {
+                    delivery.stored[0].samples.end = sample;
+                    delivery.failed = failure_of(&grant).failed;
+                    delivery.failed[0].sample = Some(sample);
+                }
+                delivery.stored.retain(|unit| !unit.samples.is_empty());
+                let (failures, _) =
+                    self.ledger
+                        .deliver(&worker(name), grant.lease, &delivery, self.now);
+                for (failure, failed) in failures.into_iter().zip(&delivery.failed) {
+                    let key = (failed.stream, failed.sample);
+                    self.failed.entry(key).or_default().push(failure);
+                    if failure == Failure::Conclusive {
+                        let mut unit = unit.clone();
+                        let sample = failed.sample.unwrap();
+                        unit.samples = sample..sample + 1;
+                        self.ledger.conclude(&unit);
+                    }
+                }
+            }
+            assert!(self.now < at(10_000.0), "it never ends");
+        }
+    }
+}
+
+/// While the licence server is down, nothing counts.
+#[test]
+fn an_outage_of_twenty_seconds_costs_nothing_but_time() {
+    for begins in [0.0, 1.5] {
+        let mut ledger = ledger(alone(), 40, 4, &[]);
+        ledger.want(tolerant(StreamId::run(3, 0), 6));
+        let mut shift = Shift::new(ledger);
+        shift.work(|_, _, _, now| now > at(begins) && now < at(begins + 20.0));
+        assert_eq!(shift.ledger.quarantined().count(), 0);
+        let mut failures = shift.failed.values().flatten();
+        let ends =
+            |failure: &&Failure| matches!(failure, Failure::Conclusive | Failure::Quarantined);
+        assert_eq!(failures.find(ends), None, "{begins}");
+        assert!(shift.now < at(begins + 50.0), "{:?}", shift.now);
+    }
+}
+
+#[test]
+fn an_outage_of_hours_quarantines_what_fails_and_is_no_result() {
+    for begins in [0.0, 0.5] {
+        let mut ledger = ledger(alone(), 40, 4, &[]);
+        ledger.want(tolerant(StreamId::run(3, 0), 6));
+        let mut shift = Shift::new(ledger);
+        shift.work(|_, _, _, now| now > at(begins));
+        let quarantined = shift.ledger.quarantined().count();
+        assert!(quarantined > 20, "{quarantined}");
+        let mut failures = shift.failed.values().flatten();
+        assert!(!failures.any(|failure| *failure == Failure::Conclusive));
+        assert!(shift.now < at(120.0), "{:?}", shift.now);
+    }
+}
+
+#[test]
+fn a_candidate_that_always_fails_is_a_result_after_three_attempts() {
+    let run = StreamId::run(3, 0);
+    let mut ledger = ledger(alone(), 0, 0, &[]);
+    ledger.want(tolerant(run, 6));
+    let mut shift = Shift::new(ledger);
+    // The last two of a generation: no other work shows that the simulator is well.
+    shift.work(|_, stream, sample, _| stream == run && sample >= 4);
+    let expected = [
+        Failure::Retry(at(0.5)),
+        Failure::Retry(at(2.0)),
+        Failure::Conclusive,
+    ];
+    assert_eq!(shift.failed.len(), 2);
+    for failures in shift.failed.values() {
+        assert_eq!(failures[..], expected);
+    }
+    assert!((2..=8).contains(&shift.controls), "{}", shift.controls);
+    assert!(shift.now < at(5.0), "{:?}", shift.now);
+    assert_eq!(shift.ledger.quarantined().count(), 0);
+}
+
+#[test]
+fn samples_that_always_fail_are_results_and_the_others_are_computed() {
+    let mut ledger = ledger(alone(), 0, 0, &[]);
+    for design in 0..40 {
+        ledger.want(tolerant(StreamId::design(design), 25));
+    }
+    let mut shift = Shift::new(ledger);
+    shift.work(|_, stream, sample, _| (stream.index + u64::from(sample)) % 10 == 0);
+    assert_eq!(shift.failed.len(), 100);
+    for ((stream, sample), failures) in &shift.failed {
+        assert_eq!(
+            failures.last(),
+            Some(&Failure::Conclusive),
+            "{stream} {sample:?}"
+        );
+    }
+}
+
+/// One licence for two workers: one of them fails whatever it gets while the other succeeds.
+#[test]
+fn a_worker_that_cannot_compute_anything_proves_nothing_against_the_designs() {
+    let mut ledger = ledger(alone(), 0, 0, &[]);
+    for design in 0..100 {
+        ledger.want(tolerant(StreamId::design(design), 10));
+    }
+    let mut shift = Shift::new(ledger);
+    shift.work(|name, _, _, _| name == "b");
+    let mut failures = shift.failed.values().flatten();
+    assert!(!failures.any(|failure| *failure == Failure::Conclusive));
+    let status = shift
+        .ledger
+        .workers()
+        .find(|status| &*status.worker.to_string() == "b");
+    assert!(status.unwrap().failed < 10, "it is suspended");
+}
+
+/// What is known to work may be named, for example after a restart.
+#[test]
+fn a_worker_of_a_restarted_coordinator_gets_the_control_that_is_named() {
+    let run = StreamId::run(3, 0);
+    let mut ledger = ledger(alone(), 0, 0, &[]);
+    let known = wanted(StreamId::design(3), 7, 0..25);
+    ledger.set_control(
+        ledger::Unit {
+            stream: known.stream,
+            generation: known.generation,
+            samples: 0..25,
+        },
+        (),
+    );
+    ledger.want(tolerant(run, 1));
+    let mut shift = Shift::new(ledger);
+    shift.work(|_, stream, _, _| stream == run);
+    assert!(shift.failed[&(run, Some(0))].contains(&Failure::Conclusive));
+    assert!(shift.controls >= 2);
+}
+
+/// Another worker has computed for hours when a design fails at once.
+#[test]
+fn nothing_is_over_while_what_was_leased_before_may_succeed() {
+    let options = Options {
+        long_samples: true,
+        ..alone()
+    };
+    let mut ledger = ledger(options, 2, 1, &["a", "b"]);
+    let long = ledger.lease(&worker("a"), at(0.0)).unwrap();
+    let mut now = at(1.0);
+    while now < at(200.0) {
+        crate::beat(&mut ledger, "a", &[&long], now);
+        let Some(grant) = ledger.lease(&worker("b"), now) else {
+            now += at(5.0);
+            continue;
+        };
+        let failure = failure_of(&grant);
+        let (failed, _) = ledger.deliver(&worker("b"), grant.lease, &failure, now);
+        assert_ne!(failed, [Failure::Quarantined], "at {now:?}");
+    }
+    let said = ledger.explain(now);
+    assert!(
+        said.iter()
+            .any(|s| s.to_string().contains("nothing has succeeded")),
+        "{said:?}"
+    );
+}
