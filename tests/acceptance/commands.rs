@@ -103,8 +103,12 @@ fn simulate_with_random_wear_follows_its_seed() {
     assert_eq!(a, simulate(&sandbox, &random));
     let samples = a["samples_um"].as_array().unwrap();
     assert_eq!(samples.len(), 40);
-    let expected = number(&a, "/mean_um") + 1.28 * number(&a, "/sd_um");
+    let mut sorted: Vec<f64> = samples.iter().map(|s| s.as_f64().unwrap()).collect();
+    sorted.sort_by(f64::total_cmp);
+    // Rank (40 + 1/3) · 0.9 + 1/3 = 36.6333, from 1 on.
+    let expected = sorted[35] + (0.9 * 40.0 + 0.3 + 1.0 / 3.0 - 36.0) * (sorted[36] - sorted[35]);
     assert!((number(&a, "/p90_um") - expected).abs() < 1e-12);
+    assert_eq!(number(&a, "/p90_interval_um/1"), sorted[39]);
     let b = simulate(
         &sandbox,
         &["--wear", "random", "--seed", "8", "--samples", "40"],

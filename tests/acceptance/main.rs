@@ -23,6 +23,7 @@ mod namespaces;
 mod operations;
 mod page;
 mod paper;
+mod percentiles;
 mod place;
 mod precision;
 mod problems;

@@ -3,9 +3,10 @@
 use acceptance::{Sandbox, assert_code, errors, printed, small_campaign};
 use serde_json::Value;
 
-const STUDIES: [&str; 5] = [
+const STUDIES: [&str; 6] = [
     "simulator",
     "percentile",
+    "estimators",
     "kriging",
     "optimisation",
     "runner",

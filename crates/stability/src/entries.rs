@@ -17,17 +17,19 @@ mod search;
 mod search_feasibility;
 mod search_scene;
 mod statistics;
+mod verification;
 
 use crate::Entry;
 
 /// All entries, in the order of the page.
 #[must_use]
 pub fn entries() -> Vec<Entry> {
-    let groups: [&[Entry]; 13] = [
+    let groups: [&[Entry]; 14] = [
         &kriging_covariance::ENTRIES,
         &kriging_response::ENTRIES,
         &kriging_data::ENTRIES,
         &statistics::ENTRIES,
+        &verification::ENTRIES,
         &designs::ENTRIES,
         &search::ENTRIES,
         &search_feasibility::ENTRIES,

@@ -26,8 +26,12 @@
 //!   sample, and the variance of that estimate, (8), (9), (14). Kriging takes the variance as the
 //!   known noise of the observation.
 //! - [`normal_p90`]: the same with the exact quantile, the exact variance or without bias.
-//! - [`harrell_davis_p90`], [`choose_p90`]: a percentile of samples that are not normal;
+//! - [`order_statistic`]: a percentile and its interval for any continuous distribution, which verified designs are
+//!   shown with; [`paired_difference`] compares two of them.
+//! - [`harrell_davis_p90`], [`choose_p90`]: a percentile of samples that are not normal, and its variance;
 //!   [`exact_bootstrap_variance`] of any weighted sum of order statistics.
+//! - [`Shape`]: a percentile of designs that share the shape of their response's distribution.
+//! - [`reference`]: responses with known percentiles.
 //! - [`control_variate_p90`], [`normal_coefficients`] and [`grouped_p90`]: the same percentile from fewer
 //!   samples, by a control variate, antithetic or quasi-random coefficients.
 //! - [`samples_needed`]: how many more samples until the percentile is precise enough.

@@ -14,7 +14,7 @@
 //!   constraint of the pressure takes anyway, is the baseline that one of the models adds to;
 //! - the direct search: CMA-ES on P90 from 30 samples with common random numbers, 36 000 analyses.
 //!
-//! Every winner gets 500 verification samples. One JSON object per seed and method goes to standard
+//! Every winner gets 20 000 verification samples, all with the same random numbers. One JSON object per seed and method goes to standard
 //! output, the table in Markdown after them.
 //!
 //! **Calls.** `worn` counts analyses with random wear, those that 20 % refers to.
@@ -32,6 +32,7 @@ use campaign::file::Noise;
 use campaign::formulation::gears::Gears;
 use campaign::formulation::{Approach, Design, Problem};
 use campaign::optimise;
+use campaign::task::VERIFICATION;
 use cmaes::Bounds;
 use enrich::{Criterion, Decision, Infill, Known, Options, RoundRecord, Sampled, State, decide};
 use kriging::{Data, Surrogate, smoothed_noise};
@@ -49,7 +50,7 @@ const SAMPLES: u32 = 36;
 const REACH: f64 = 1.0;
 /// Analyses with random wear in all.
 const BUDGET: u32 = 18_000;
-const VERIFY: u32 = 500;
+const VERIFY: u32 = 20_000;
 /// CPU seconds of a call of the paper's simulator.
 const PAPER_SECONDS: f64 = 2.0;
 
@@ -91,14 +92,16 @@ fn draw(
         .collect()
 }
 
-fn verify(problem: &Problem, design: &Design, number: u64) -> (f64, (f64, f64)) {
+fn verify(problem: &Problem, design: &Design) -> (f64, (f64, f64)) {
     let pair = gears(problem)
         .pair(design)
         .expect("a winner can be simulated");
-    let samples = draw(problem, &pair, Purpose::Verify, number, VERIFY);
-    let percentile = stats::percentile_p90(&samples).expect("500 finite samples");
-    let interval = stats::p90_interval(&percentile, 0.95).expect("a proper percentile");
-    (percentile.p90, interval)
+    let (purpose, number) = VERIFICATION;
+    let samples = draw(problem, &pair, purpose, number, VERIFY);
+    let sampling = &problem.campaign().sampling;
+    let verified = sampling.verified(&samples).expect("finite samples");
+    let interval = verified.interval.expect("samples enough for an interval");
+    (verified.value, interval)
 }
 
 /// The exact constraints and baseline of a design; the analyses are added to `plain`.
@@ -133,8 +136,8 @@ fn response(
 ) -> Option<(f64, f64)> {
     let pair = gears(problem).pair(&problem.design(x, base)).ok()?;
     let samples = draw(problem, &pair, Purpose::Wear, number, count);
-    let percentile = stats::percentile_p90(&samples).ok()?;
-    Some((percentile.p90, percentile.variance))
+    let estimate = problem.campaign().sampling.estimate(&samples).ok()?.chosen;
+    Some((estimate.p90, estimate.variance))
 }
 
 /// The four approaches of the paper.
@@ -170,7 +173,7 @@ fn paper(problem: &Problem, seed: u64, without: &str, rows: &mut Vec<Row>) {
         .filter(|p| p.3 <= 0.0)
         .min_by(|a, b| a.1.total_cmp(&b.1));
     if let Some(best) = best {
-        let (p90, interval) = verify(problem, &problem.design(&best.0, &base), 4);
+        let (p90, interval) = verify(problem, &problem.design(&best.0, &base));
         rows.push(Row {
             seed,
             method: "best-of-doe",
@@ -240,7 +243,7 @@ fn paper(problem: &Problem, seed: u64, without: &str, rows: &mut Vec<Row>) {
             let half = 1.96 * p.variance.sqrt();
             (p.mean, p.mean - half, p.mean + half)
         });
-        let (p90, interval) = verify(problem, &design, approach.number());
+        let (p90, interval) = verify(problem, &design);
         rows.push(Row {
             seed,
             method: approach.name(),
@@ -380,7 +383,7 @@ fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> 
     let cpu = cpu_seconds() - begun;
     let best = decision.recommendation?;
     let x = best.x.clone();
-    let (p90, interval) = verify(problem, &problem.design(&x, &base), 10);
+    let (p90, interval) = verify(problem, &problem.design(&x, &base));
     Some(Row {
         seed,
         method: criterion.name(),
@@ -416,7 +419,7 @@ fn searched(problem: &Problem, seed: u64) -> Option<Row> {
     let found = runs.iter().filter_map(|run| run.found);
     let best = found.min_by(|a, b| a.p90_um.total_cmp(&b.p90_um))?;
     let design = Design::from(best.design.variables);
-    let (p90, interval) = verify(problem, &design, 11);
+    let (p90, interval) = verify(problem, &design);
     Some(Row {
         seed,
         method: "direct",

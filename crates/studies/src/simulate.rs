@@ -98,6 +98,9 @@ pub struct Figures {
     sd_um: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     p90_um: Option<f64>,
+    /// The 95 % interval of the percentile; absent if the samples are too few for one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    p90_interval_um: Option<[f64; 2]>,
 }
 
 /// The scatter of manufacture in the samples: profile slopes, and nothing else.
@@ -233,9 +236,10 @@ fn figures(pair: &Pair, file: &PairFile, request: Request) -> anyhow::Result<Fig
             })
             .collect::<Vec<f64>>()
     });
+    let moments = samples_um.as_deref().map(stats::mean_sd).transpose()?;
     let percentile = samples_um
         .as_deref()
-        .map(stats::percentile_p90)
+        .map(|samples| stats::order_statistic(samples, 0.9, 0.95))
         .transpose()?;
 
     let geometry: &Geometry = pair.geometry();
@@ -288,9 +292,11 @@ fn figures(pair: &Pair, file: &PairFile, request: Request) -> anyhow::Result<Fig
             .filter(|_| samples_um.is_some())
             .map(|class| Scatter::of(class, geometry)),
         samples_um,
-        mean_um: percentile.map(|percentile| percentile.mean),
-        sd_um: percentile.map(|percentile| percentile.sd),
-        p90_um: percentile.map(|percentile| percentile.p90),
+        mean_um: moments.map(|(mean, _)| mean),
+        sd_um: moments.map(|(_, sd)| sd),
+        p90_um: percentile.map(|percentile| percentile.value),
+        p90_interval_um: percentile
+            .and_then(|percentile| percentile.interval.map(<[f64; 2]>::from)),
     })
 }
 

@@ -14,6 +14,7 @@
 
 mod clock;
 mod data;
+mod estimators;
 mod front;
 mod kriging;
 mod optimisation;

@@ -6,7 +6,7 @@ use campaign::formulation::Problem;
 use crate::runner::Runner;
 use crate::table::Table;
 use crate::view::View;
-use crate::{kriging, optimisation, percentile, runner, simulator};
+use crate::{estimators, kriging, optimisation, percentile, runner, simulator};
 
 /// The size of a study.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,6 +55,8 @@ pub enum Kind {
     Simulator,
     /// The estimator of the percentile.
     Percentile,
+    /// The estimator of the percentile, on responses that are not normal.
+    Estimators,
     /// The model of the percentile.
     Kriging,
     /// The approach to the optimum.
@@ -74,9 +76,10 @@ pub struct Study {
 
 impl Kind {
     /// All kinds, from the simulator outwards.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 6] = [
         Self::Simulator,
         Self::Percentile,
+        Self::Estimators,
         Self::Kriging,
         Self::Optimisation,
         Self::Runner,
@@ -88,6 +91,7 @@ impl Kind {
         match self {
             Self::Simulator => "simulator",
             Self::Percentile => "percentile",
+            Self::Estimators => "estimators",
             Self::Kriging => "kriging",
             Self::Optimisation => "optimisation",
             Self::Runner => "runner",
@@ -100,6 +104,7 @@ impl Kind {
         match self {
             Self::Simulator => "Simulator",
             Self::Percentile => "Percentile",
+            Self::Estimators => "Estimators",
             Self::Kriging => "Kriging",
             Self::Optimisation => "Optimisation",
             Self::Runner => "Runner",
@@ -112,6 +117,7 @@ impl Kind {
         match self {
             Self::Simulator => simulator::LEAD,
             Self::Percentile => percentile::LEAD,
+            Self::Estimators => estimators::LEAD,
             Self::Kriging => kriging::LEAD,
             Self::Optimisation => optimisation::LEAD,
             Self::Runner => runner::LEAD,
@@ -133,6 +139,7 @@ impl Kind {
         let table = match self {
             Self::Simulator => simulator::run(problem, size, progress),
             Self::Percentile => percentile::run(problem, size, progress),
+            Self::Estimators => estimators::run(problem, size, progress),
             Self::Kriging => kriging::run(problem, size, progress),
             Self::Optimisation => optimisation::run(problem, size, runner, progress),
             Self::Runner => runner::run(size, runner, progress),
@@ -149,6 +156,7 @@ impl Study {
         let pairs = match self.kind {
             Kind::Simulator => simulator::PAIRS,
             Kind::Percentile => percentile::PAIRS,
+            Kind::Estimators => estimators::PAIRS,
             Kind::Kriging => kriging::PAIRS,
             Kind::Optimisation => optimisation::PAIRS,
             Kind::Runner => runner::PAIRS,

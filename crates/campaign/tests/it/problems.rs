@@ -83,7 +83,7 @@ fn a_response_to_be_maximised_keeps_its_name_and_sign_and_its_level_counts_from_
     assert_eq!(read, campaign);
     let samples: Vec<f64> = (0..101).map(f64::from).collect();
     let verified = read.sampling.verified(&samples).unwrap();
-    assert!((verified.value - 10.0).abs() < 0.5, "{verified:?}");
+    assert!((verified.value - 10.0).abs() < 1.0, "{verified:?}");
     let estimate = read.sampling.estimate(&samples).unwrap().chosen.p90;
     assert!(estimate < 20.0, "{estimate}");
 }

@@ -129,7 +129,13 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
         ),
         (
             "verify",
-            format!("{points} designs, {} samples", points * verify),
+            match campaign.verify.half_width {
+                None => format!("{points} designs, {} samples", points * verify),
+                Some(half_width) => format!(
+                    "{points} designs, from {verify} samples each, for a 95 % interval of ±{} %",
+                    100.0 * half_width
+                ),
+            },
             verifying,
         ),
     ];

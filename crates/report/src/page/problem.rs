@@ -90,11 +90,14 @@ impl<'a> Row<'a> {
             },
             criterion: with_unit(optimum.criterion, 4, unit),
             p90: with_unit(p90.value_um, digits, unit),
-            interval: format!(
-                "{} to {}",
-                significant(p90.low_um, digits),
-                significant(p90.high_um, digits)
-            ),
+            interval: match p90.low_um.is_nan() {
+                true => "none: too few samples".to_owned(),
+                false => format!(
+                    "{} to {}",
+                    significant(p90.low_um, digits),
+                    significant(p90.high_um, digits)
+                ),
+            },
             calls: count(optimum.simulator_calls),
         }
     }

@@ -176,7 +176,7 @@ async fn every_stage_says_how_far_it_is() {
         ("sample", "ahead", (0, 90_000)),
         ("fit", "ahead", (0, 1)),
         ("optimise", "ahead", (0, status.optimiser_runs.wanted)),
-        ("verify", "ahead", (0, 4 * 500)),
+        ("verify", "ahead", (0, 4 * 4000)),
     ];
     assert_eq!(stages, expected);
 }

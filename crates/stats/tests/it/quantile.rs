@@ -186,7 +186,7 @@ fn the_rule_follows_normality() {
         assert_eq!(choice.chosen.method, Method::Normal);
     }
     let odd = ChoiceRule {
-        significance: 1.0,
+        significance: 1.5,
         ..rule
     };
     assert!(matches!(

@@ -123,9 +123,13 @@ pub(super) fn rows(figures: &Figures) -> Vec<(&'static str, String)> {
         );
     }
     if let (Some(mean), Some(sd), Some(p90)) = (figures.mean_um, figures.sd_um, figures.p90_um) {
+        let interval = figures.p90_interval_um.map_or_else(
+            || " (too few samples for an interval)".to_owned(),
+            |[low, high]| format!(" [{low:.4}; {high:.4}]"),
+        );
         line(
             "ΔSTE with random wear",
-            format!("mean {mean:.4}, SD {sd:.4}, P90 {p90:.4} µm"),
+            format!("mean {mean:.4}, SD {sd:.4}, P90 {p90:.4}{interval} µm"),
         );
     }
     rows
