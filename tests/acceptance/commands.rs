@@ -108,7 +108,8 @@ fn simulate_with_random_wear_follows_its_seed() {
     // Rank (40 + 1/3) · 0.9 + 1/3 = 36.6333, from 1 on.
     let expected = sorted[35] + (0.9 * 40.0 + 0.3 + 1.0 / 3.0 - 36.0) * (sorted[36] - sorted[35]);
     assert!((number(&a, "/p90_um") - expected).abs() < 1e-12);
-    assert_eq!(number(&a, "/p90_interval_um/1"), sorted[39]);
+    let high = number(&a, "/p90_interval_um/1");
+    assert!(sorted[38] < high && high < sorted[39], "{high}");
     let b = simulate(
         &sandbox,
         &["--wear", "random", "--seed", "8", "--samples", "40"],

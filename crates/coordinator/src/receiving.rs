@@ -191,7 +191,7 @@ impl<R: Recorder> Receiving<'_, R> {
         };
         let output = Output::Evaluations(vec![evaluated]);
         let point = |stream| self.board.point_name(stream);
-        let batch = ingest::rows(self.problem, &unit, output, 0.0, &point).ok()?;
+        let batch = ingest::rows(self.problem, &unit, output, 0.0, point).ok()?;
         Some((batch, unit))
     }
 

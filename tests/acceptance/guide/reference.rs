@@ -208,12 +208,13 @@ fn keys(sources: &Sources, format: &Format, head: &str, section: &Item, file: &s
     let mut lists = String::new();
     let mut known = BTreeSet::new();
     let name = head.trim_matches(&['[', ']'][..]);
-    let named = section
-        .members
-        .iter()
-        .filter_map(|key| values(sources, key, file).1);
+    let members = || {
+        let all = section.members.iter();
+        all.filter(|member| !member.attributes.contains("serde(skip)"))
+    };
+    let named = members().filter_map(|key| values(sources, key, file).1);
     let of_section: Vec<_> = named.flat_map(|(item, file)| names(item, file)).collect();
-    for key in &section.members {
+    for key in members() {
         let aliases = key.attributes.split("alias = \"").skip(1);
         known.extend(aliases.filter_map(|rest| Some(rest.split('"').next()?.to_owned())));
         known.insert(key.name.clone());
@@ -254,7 +255,7 @@ fn keys(sources: &Sources, format: &Format, head: &str, section: &Item, file: &s
         unknown.is_empty(),
         "{head}: the reference lacks {unknown:?}"
     );
-    let section: BTreeSet<String> = section.members.iter().map(|key| key.name.clone()).collect();
+    let section: BTreeSet<String> = members().map(|key| key.name.clone()).collect();
     let gone: Vec<_> = section.difference(&of_parser).collect();
     assert!(gone.is_empty(), "{head}: the parser does not know {gone:?}");
     format!("{out}{lists}\n")
