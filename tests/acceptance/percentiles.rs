@@ -88,7 +88,11 @@ fn a_maximised_response_is_shown_in_its_own_sign_and_at_its_own_level() {
     let of = |one: &Value| one["percentile"]["value"].as_f64();
     let largest = optima.iter().filter_map(of).fold(f64::MIN, f64::max);
     let leads = optima.iter().filter(|one| one.get("behind").is_none());
-    assert_eq!(leads.filter_map(of).collect::<Vec<_>>(), [largest], "{status}");
+    assert_eq!(
+        leads.filter_map(of).collect::<Vec<_>>(),
+        [largest],
+        "{status}"
+    );
 }
 
 #[test]

@@ -41,8 +41,8 @@ impl fmt::Display for Stop {
             } => write!(
                 f,
                 "The enrichment has converged: two rounds in a row expected an improvement of at most \
-                 {expected_improvement_um:.4} µm, and the half-width of the prediction's 95 % interval \
-                 is {half_width_um:.4} µm."
+                 {expected_improvement_um:.4}, and the half-width of the prediction's 95 % interval is \
+                 {half_width_um:.4}, in the unit of the response."
             ),
             Self::Budget { samples } => write!(
                 f,
@@ -139,8 +139,8 @@ impl fmt::Display for Note {
             } => write!(
                 f,
                 "Around design {design} the model was fitted to the nearest designs only: its \
-                 leave-one-out error there is {local_rmse:.4} µm, that of the model of all designs \
-                 {global_rmse:.4} µm."
+                 leave-one-out error there is {local_rmse:.4}, that of the model of all designs \
+                 {global_rmse:.4}."
             ),
             Self::Repeated { design } => write!(
                 f,
@@ -164,7 +164,8 @@ mod tests {
         assert_eq!(
             converged.to_string(),
             "The enrichment has converged: two rounds in a row expected an improvement of at most \
-             0.0123 µm, and the half-width of the prediction's 95 % interval is 0.0040 µm."
+             0.0123, and the half-width of the prediction's 95 % interval is 0.0040, in the unit of the \
+             response."
         );
         let refit = Note::LocalRefit {
             design: 7,
@@ -174,7 +175,7 @@ mod tests {
         assert_eq!(
             refit.to_string(),
             "Around design 7 the model was fitted to the nearest designs only: its leave-one-out \
-             error there is 0.2500 µm, that of the model of all designs 0.5000 µm."
+             error there is 0.2500, that of the model of all designs 0.5000."
         );
     }
 }

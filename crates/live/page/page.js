@@ -218,7 +218,8 @@ function showBest(view) {
   figures(at("best-charts"), best ? best.charts : []);
   if (!best) return say(at("best-value"), "");
   say(at("best-value"), `${view.percentile} of ${view.response} = ${withUnit(best.value, view.unit)}` +
-    ` (95 % interval ${number(best.low)} to ${withUnit(best.high, view.unit)}, ${whole.format(best.samples)} samples): ${best.name}.`);
+    ` (${best.low === null ? "no 95 % interval" : `95 % interval ${number(best.low)} to ${withUnit(best.high, view.unit)}`}, ` +
+    `${whole.format(best.samples)} samples): ${best.name}.`);
   fill(at("variables"), best.variables.map((one) => [[one.name, "", "row"], [withUnit(one.value, one.unit)]]));
   at("constraints-box").hidden = best.constraints.length === 0;
   fill(at("constraints"), best.constraints.map((one) => [

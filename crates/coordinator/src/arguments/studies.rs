@@ -159,6 +159,9 @@ pub(crate) struct Tradeoff {
     /// are not measured again [default: NAME-tradeoff]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
+    /// Measure only these studies: simulator, percentile, estimators, kriging, optimisation, runner
+    #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = study)]
+    pub(crate) study: Vec<tradeoff::Kind>,
     /// Measure for a minute or two instead of eight
     #[arg(long)]
     pub(crate) quick: bool,
@@ -247,4 +250,13 @@ fn share(text: &str) -> Result<f64, String> {
         Ok(share) if (0.0..1.0).contains(&share) => Ok(share),
         _ => Err("it must be a number from 0 to below 1".to_owned()),
     }
+}
+
+/// Reads the name of a trade-off study.
+fn study(text: &str) -> Result<tradeoff::Kind, String> {
+    let mut all = tradeoff::Kind::ALL.into_iter();
+    all.find(|kind| kind.name() == text).ok_or_else(|| {
+        let names = tradeoff::Kind::ALL.map(tradeoff::Kind::name).join(", ");
+        format!("the studies are {names}")
+    })
 }

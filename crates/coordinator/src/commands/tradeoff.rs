@@ -62,8 +62,12 @@ pub(super) async fn tradeoff(arguments: arguments::Tradeoff) -> anyhow::Result<u
     tokio::spawn(console::watch_signals(shutdown.clone(), "stopping"));
     let is_json = arguments.json;
     let token = shutdown.clone();
+    let kinds = match arguments.study.is_empty() {
+        true => Kind::ALL.to_vec(),
+        false => arguments.study,
+    };
     let mut work =
-        tokio::task::spawn_blocking(move || conduct(&campaign, size, &out, is_json, token));
+        tokio::task::spawn_blocking(move || conduct(&campaign, &kinds, size, &out, is_json, token));
     tokio::select! {
         done = &mut work => done??,
         () = shutdown.cancelled() => {
@@ -78,6 +82,7 @@ pub(super) async fn tradeoff(arguments: arguments::Tradeoff) -> anyhow::Result<u
 
 fn conduct(
     campaign: &Campaign,
+    kinds: &[Kind],
     size: Size,
     out: &Path,
     is_json: bool,
@@ -91,7 +96,7 @@ fn conduct(
         shutdown,
     };
     let mut studies = Vec::new();
-    for kind in Kind::ALL {
+    for &kind in kinds {
         let (study, origin) = match finished(kind, out)? {
             Some(study) => (study, "measured before"),
             None => {

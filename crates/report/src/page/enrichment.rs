@@ -4,7 +4,8 @@ use super::figure::{Figure, figure};
 use crate::charts;
 use crate::data::Enrichment;
 use crate::error::Error;
-use crate::number::{count, fixed};
+use crate::number::count;
+use crate::summary::with_unit;
 
 /// The section of the page.
 pub(super) struct EnrichmentView {
@@ -73,12 +74,13 @@ fn outcome(enrichment: &Enrichment, percentile: &str) -> String {
     if !last.predicted_um.is_finite() {
         return String::new();
     }
+    let shown = |value: f64| with_unit(value, 4, &enrichment.unit);
     let mut text = format!(
-        "The model predicts a {percentile} of {} µm (95 % interval {} to {} µm) for the design that it \
+        "The model predicts a {percentile} of {} (95 % interval {} to {}) for the design that it \
          recommends.",
-        fixed(last.predicted_um, 3),
-        fixed(last.low_um, 3),
-        fixed(last.high_um, 3),
+        shown(last.predicted_um),
+        shown(last.low_um),
+        shown(last.high_um),
     );
     if let (Some(verified), Some((low, high))) =
         (enrichment.verified_um, enrichment.interval_of_estimate_um)
@@ -89,11 +91,11 @@ fn outcome(enrichment: &Enrichment, percentile: &str) -> String {
             "lies outside"
         };
         text += &format!(
-            " Verification samples give {} µm, which {lies} the interval that it gives for an estimate from \
-             that many, {} to {} µm.",
-            fixed(verified, 3),
-            fixed(low, 3),
-            fixed(high, 3),
+            " Verification samples give {}, which {lies} the interval that it gives for an estimate from \
+             that many, {} to {}.",
+            shown(verified),
+            shown(low),
+            shown(high),
         );
     }
     text
