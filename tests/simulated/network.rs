@@ -166,6 +166,7 @@ fn options(host: &str) -> Options {
         host: host.to_owned(),
         connect_timeout: Duration::from_secs(600),
         give_up_after: Duration::from_secs(600),
+        undelivered: None,
         grace: Duration::from_secs(1),
         max_runtime: None,
         idle_exit: None,

@@ -7,7 +7,7 @@
 
 use rand::RngExt as _;
 use sha2::{Digest, Sha256};
-use stats::streams::{Purpose, stream};
+use stats::streams::{Purpose, StreamRng, stream};
 
 use crate::formulation::Problem;
 use crate::simulator::{NoAnswer, Simulator, State};
@@ -22,24 +22,52 @@ pub const DESIGNS: u32 = 12;
 /// Never: the built-in model refuses designs, but does not fail.
 #[must_use]
 pub fn model_digest(problem: &Problem) -> String {
-    digest_of(problem, DESIGNS).expect("the built-in model refuses but never fails")
+    let answers = answers_of(problem, DESIGNS);
+    answers
+        .expect("the built-in model refuses but never fails")
+        .digest
 }
 
-/// SHA-256, as hex, of the bits of the answers of `simulator` about the first `designs` of a fixed
-/// set of designs, and of the version that it reports.
+/// What the answers to the questions tell.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Answers {
+    /// SHA-256, as hex, of the bits of the answers, and of the version that the simulator reports.
+    pub digest: String,
+    /// Designs that were sampled twice, with different seeds.
+    pub sampled: u32,
+    /// Those of them whose two samples are equal.
+    pub equal: u32,
+}
+
+impl Answers {
+    /// Whether no sample depended on its seed.
+    #[must_use]
+    pub const fn ignores_seeds(&self) -> bool {
+        self.sampled > 0 && self.equal == self.sampled
+    }
+}
+
+/// The answers of `simulator` about the first `designs` of a fixed set of designs. The first sample
+/// of all is drawn twice.
 ///
 /// # Errors
 ///
-/// A sentence: the simulator failed.
-pub fn digest_of(simulator: &dyn Simulator, designs: u32) -> Result<String, String> {
+/// A sentence: the simulator failed, or gave two values for one seed.
+pub fn answers_of(simulator: &dyn Simulator, designs: u32) -> Result<Answers, String> {
     let mut hash = Sha256::new();
+    let (mut sampled, mut equal) = (0, 0);
     if let Some(version) = simulator.version() {
         hash.update(version.as_bytes());
     }
     let problem = simulator.problem();
     for design in 0..u64::from(designs) {
-        let mut rng = stream(0, Purpose::Test, design, 0);
-        let unit: Vec<f64> = (0..problem.dimension()).map(|_| rng.random()).collect();
+        // The place of the design, and the stream of its samples behind it.
+        let begin = || {
+            let mut rng = stream(0, Purpose::Test, design, 0);
+            let unit: Vec<f64> = (0..problem.dimension()).map(|_| rng.random()).collect();
+            (unit, rng)
+        };
+        let (unit, mut rng) = begin();
         let asked = problem.design(&problem.free_point(&unit), problem.base());
         let mut absorb = |value: f64| hash.update(value.to_bits().to_le_bytes());
         let mut answer = || -> Result<(), NoAnswer> {
@@ -54,9 +82,22 @@ pub fn digest_of(simulator: &dyn Simulator, designs: u32) -> Result<String, Stri
                     .copied()
                     .for_each(&mut absorb);
             }
-            for _ in 0..2 {
-                absorb(design.sample(&mut rng).map_err(NoAnswer::Failed)?);
+            let mut sample = |rng: &mut StreamRng| design.sample(rng).map_err(NoAnswer::Failed);
+            let [first, second] = [sample(&mut rng)?, sample(&mut rng)?];
+            absorb(first);
+            absorb(second);
+            if sampled == 0 {
+                let again = sample(&mut begin().1)?;
+                if again.to_bits() != first.to_bits() {
+                    return Err(NoAnswer::Failed(format!(
+                        "one sample, asked for twice with the same seed, was {first} and then \
+                         {again}: the answers must depend on the request alone \
+                         (simulator.probe_designs = 0 leaves the check out)"
+                    )));
+                }
             }
+            sampled += 1;
+            equal += u32::from(first.to_bits() == second.to_bits());
             Ok(())
         };
         match answer() {
@@ -67,11 +108,12 @@ pub fn digest_of(simulator: &dyn Simulator, designs: u32) -> Result<String, Stri
             }
         }
     }
-    Ok(hash
-        .finalize()
-        .iter()
-        .map(|byte| format!("{byte:02x}"))
-        .collect())
+    let digest = hash.finalize();
+    Ok(Answers {
+        digest: digest.iter().map(|byte| format!("{byte:02x}")).collect(),
+        sampled,
+        equal,
+    })
 }
 
 #[cfg(test)]
@@ -87,7 +129,10 @@ mod tests {
         let other = Problem::new(campaign);
         assert_eq!(model_digest(&paper), model_digest(&paper));
         assert_ne!(model_digest(&paper), model_digest(&other));
-        assert_ne!(digest_of(&paper, 2), digest_of(&paper, 3));
-        assert_ne!(digest_of(&paper, 2), digest_of(&other, 2));
+        let digest = |problem, designs| answers_of(problem, designs).unwrap().digest;
+        assert_ne!(digest(&paper, 2), digest(&paper, 3));
+        assert_ne!(digest(&paper, 2), digest(&other, 2));
+        let answers = answers_of(&paper, DESIGNS).unwrap();
+        assert!(answers.sampled > 1 && answers.equal == 0, "{answers:?}");
     }
 }

@@ -39,6 +39,7 @@ impl LocalWorkers {
                 host: format!("in-process:{index}"),
                 connect_timeout: Duration::from_secs(30),
                 give_up_after: Duration::from_secs(30),
+                undelivered: None,
                 grace: Duration::from_secs(10),
                 max_runtime: None,
                 idle_exit: None,

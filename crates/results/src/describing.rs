@@ -116,6 +116,9 @@ pub fn describe(status: &Status) -> String {
             optimum.approach
         );
     }
+    for warning in &status.warnings {
+        let _ = writeln!(text, "warning         {warning}");
+    }
     let _ = writeln!(text, "failures        {}", status.failures);
     for group in &status.failure_groups {
         let FailureGroup {

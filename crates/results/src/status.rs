@@ -15,6 +15,7 @@ use store::Store;
 use crate::costs::{self, Times};
 use crate::live::{Left, Live, Running};
 use crate::ranking::{is_ranked, rank};
+use crate::reporting::ignored_seeds;
 
 /// What `coordinator status --json` prints.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -68,6 +69,9 @@ pub struct Status {
     pub failures: u64,
     /// The same, grouped by cause.
     pub failure_groups: Vec<FailureGroup>,
+    /// What makes the results doubtful.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
     /// What only the running coordinator knows; absent when the store alone was asked.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub live: Option<Live>,
@@ -339,6 +343,12 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
         optima,
         failures: progress.failures,
         failure_groups: groups.map(FailureGroup::from).collect(),
+        warnings: match campaign.is_external() {
+            true => ignored_seeds(&problem, &store.responses().await?)
+                .into_iter()
+                .collect(),
+            false => Vec::new(),
+        },
         live: None,
     };
     let to_verify = problem.approaches().count() as u64 * u64::from(campaign.verify.first());

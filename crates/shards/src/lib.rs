@@ -4,13 +4,18 @@
 //! as JSON. A [`Part`] holds the results: a header, then one record with a checksum for each report
 //! of the worker, so that a stopped worker can continue. [`Service`] answers a worker as a
 //! coordinator would: it leases the jobs of the shard and appends reports to the part.
+//!
+//! A worker that must end while its coordinator is away leaves its results as a part, too
+//! ([`Undelivered`]).
 
 mod error;
 mod part;
 mod service;
 mod shard;
+mod undelivered;
 
 pub use error::Error;
 pub use part::{Header, Part};
 pub use service::Service;
 pub use shard::Shard;
+pub use undelivered::{Found, Undelivered};

@@ -5,7 +5,7 @@
 //! written when the worker ended. A wrong checksum means damage.
 
 use std::fs::{File, OpenOptions};
-use std::io::{Read as _, Seek as _, SeekFrom, Write as _};
+use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
 
 use prost::Message as _;
@@ -38,6 +38,28 @@ pub struct Header {
     pub model_digest: String,
     /// The units of the shard.
     units: Vec<Unit>,
+}
+
+impl Header {
+    /// The header of the results that a worker could not deliver: the only shard of a plan of its
+    /// own.
+    pub(crate) fn undelivered(worker: &str, campaign_digest: &str, model_digest: &str) -> Self {
+        Self {
+            schema_version: SCHEMA_VERSION,
+            program_version: identity::BUILD.to_owned(),
+            plan: format!("undelivered-{worker}"),
+            shard: 1,
+            shards: 1,
+            campaign_digest: campaign_digest.to_owned(),
+            model_digest: model_digest.to_owned(),
+            units: Vec::new(),
+        }
+    }
+
+    /// The header as the first line of a file.
+    pub(crate) fn line(&self) -> io::Result<String> {
+        Ok(serde_json::to_string(self)? + "\n")
+    }
 }
 
 /// A part read from a file.
@@ -170,8 +192,7 @@ impl PartWriter {
         };
         let error = Error::io(path);
         if !path.try_exists().map_err(&error)? {
-            let json = serde_json::to_string(&header).map_err(std::io::Error::from);
-            let line = json.map_err(&error)? + "\n";
+            let line = header.line().map_err(&error)?;
             write_whole(path, line.as_bytes()).map_err(&error)?;
         }
         let held = Part::read(path)?;
@@ -193,21 +214,23 @@ impl PartWriter {
 
     /// Appends results and waits until they are on disk.
     pub(crate) fn append(&mut self, results: &[LeaseResult]) -> Result<(), Error> {
-        let mut bytes = Vec::new();
-        for result in results {
-            let content = result.encode_to_vec();
-            bytes.extend((content.len() as u32).to_le_bytes());
-            bytes.extend(checksum_of(&content));
-            bytes.extend(content);
-        }
-        let written = self
-            .file
-            .write_all(&bytes)
-            .and_then(|()| self.file.sync_data());
-        written.map_err(Error::io(&self.path))?;
+        append(&mut self.file, results).map_err(Error::io(&self.path))?;
         self.results.extend_from_slice(results);
         Ok(())
     }
+}
+
+/// Appends the records of results to a file and waits until they are on disk.
+pub(crate) fn append(file: &mut File, results: &[LeaseResult]) -> io::Result<()> {
+    let mut bytes = Vec::new();
+    for result in results {
+        let content = result.encode_to_vec();
+        bytes.extend((content.len() as u32).to_le_bytes());
+        bytes.extend(checksum_of(&content));
+        bytes.extend(content);
+    }
+    file.write_all(&bytes)?;
+    file.sync_data()
 }
 
 /// Returns the content and the checksum of the first record; none if it is truncated.

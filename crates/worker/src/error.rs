@@ -15,7 +15,7 @@ pub enum Error {
         reason: String,
     },
     /// The external simulator fails on the probe questions, which every worker asks first.
-    #[error("the external simulator is of no use: {reason}")]
+    #[error("the external simulator is unusable: {reason}")]
     Program {
         /// The program's failure.
         reason: String,

@@ -2,9 +2,11 @@
 //! files.
 //!
 //! A slot keeps a process over many requests. A process that dies, sends a malformed answer or
-//! takes too long fails the current job, and the next job gets a new process.
+//! takes too long fails the current job, and the next job gets a new process. Output that is no
+//! answer is skipped.
 //! `campaigns/external/README.md` describes the protocol for authors of such programs.
 
+mod ending;
 mod files;
 mod messages;
 mod process;
@@ -25,6 +27,7 @@ use campaign::simulator::{Analysis, NoAnswer, Prepared, Simulator, State};
 use rand::Rng as _;
 use serde_json::{Map, Value};
 use stats::streams::StreamRng;
+use tracing::warn;
 
 use crate::error::Error;
 pub use files::FileMode;
@@ -152,10 +155,18 @@ impl Backend {
             Self::External(programs) => {
                 let questions = problem.campaign().simulator.probe_designs();
                 let session = programs.session(problem);
-                session
+                let answers = session
                     .start()
-                    .and_then(|()| probe::digest_of(&session, questions))
-                    .map_err(|reason| Error::Program { reason })
+                    .and_then(|()| probe::answers_of(&session, questions))
+                    .map_err(|reason| Error::Program { reason })?;
+                if answers.ignores_seeds() {
+                    warn!(
+                        designs = answers.equal,
+                        "the simulator seems to ignore its seed: two samples of each design with different \
+                         seeds are equal. Everything random must follow from \"seed\""
+                    );
+                }
+                Ok(answers.digest)
             }
         }
     }
@@ -187,11 +198,17 @@ impl Backend {
         matches!(self, Self::External(programs) if programs.stop.load(Ordering::Relaxed))
     }
 
-    /// Ends all programs, including those that have not answered yet.
+    /// Ends all programs. Waits for those without a request; [`Self::is_busy`] tells of the others.
     pub(crate) fn stop(&self) {
         if let Self::External(programs) = self {
             programs.stop.store(true, Ordering::Relaxed);
-            programs.idle().clear();
+            let idle = std::mem::take(&mut *programs.idle());
+            std::thread::scope(|scope| {
+                // The end of each may take seconds.
+                for program in idle {
+                    scope.spawn(|| drop(program));
+                }
+            });
         }
     }
 
@@ -208,7 +225,6 @@ impl Programs {
             programs: self,
             problem,
             process: RefCell::new(None),
-            requests: Cell::new(0),
             waited: Cell::new(Duration::ZERO),
         }
     }
@@ -226,14 +242,15 @@ struct Session<'a> {
     problem: &'a Problem,
     /// Taken out during a request, so that a failed request ends the process.
     process: RefCell<Option<Program>>,
-    /// The number of the last request.
-    requests: Cell<u64>,
     waited: Cell<Duration>,
 }
 
 impl Session<'_> {
     /// Starts a process, or takes an idle one, unless the session has one.
     fn start(&self) -> Result<(), String> {
+        // A process that ended after its last answer fails no request either.
+        let ended = self.process.borrow_mut().take_if(|one| one.has_ended());
+        drop(ended);
         if self.process.borrow().is_some() {
             return Ok(());
         }
@@ -302,14 +319,11 @@ impl Session<'_> {
         let Some(mut process) = self.process.borrow_mut().take() else {
             return Err("the simulator was asked before it was started".to_owned());
         };
-        let id = self.requests.get() + 1;
-        self.requests.set(id);
-        let line = messages::line(request, id);
         let since = Instant::now();
-        let answer = process.ask(&line, timeout);
+        let answer = process.ask(request, timeout);
         self.waited.set(self.waited.get() + since.elapsed());
         let answer = answer?;
-        let read = messages::read(&answer, id).and_then(|read| {
+        let read = messages::read(answer.clone()).and_then(|read| {
             if let Answer::Given(given) = &read {
                 check(given)?;
             }
@@ -320,7 +334,7 @@ impl Session<'_> {
                 *self.process.borrow_mut() = Some(process);
                 Ok(read)
             }
-            Err(reason) => Err(process.refute(&answer, &reason, &line)),
+            Err(reason) => Err(process.refute(&Value::Object(answer).to_string(), &reason)),
         }
     }
 }

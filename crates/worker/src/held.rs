@@ -231,11 +231,32 @@ impl HeldLeases {
         self.with(|inner| inner.outbox.len())
     }
 
+    /// Adds the results of a former worker, to be reported before any lease is asked for: they may
+    /// be those of the very jobs that would be leased.
+    pub(crate) fn restore(&self, results: Vec<LeaseResult>) {
+        self.with(|inner| {
+            for result in results {
+                inner.outbox.restore(result);
+            }
+        });
+        self.changed.notify_waiters();
+    }
+
+    /// The unacknowledged results of this worker itself, without failures.
+    pub(crate) fn own_results(&self) -> Vec<LeaseResult> {
+        self.with(|inner| inner.outbox.own())
+    }
+
+    /// Whether results of former workers are unacknowledged.
+    pub(crate) fn has_restored(&self) -> bool {
+        self.with(|inner| inner.outbox.has_restored())
+    }
+
     /// Returns the amount of work to ask for with `slots` slots; none while there is enough, or too
     /// many results are unacknowledged.
     pub(crate) fn wanted(&self, slots: usize) -> Option<Wanted> {
         self.with(|inner| {
-            if inner.outbox.is_full() {
+            if inner.outbox.is_full() || inner.outbox.has_restored() {
                 return None;
             }
             let held = inner.computing.len();

@@ -38,9 +38,14 @@ struct Arguments {
     /// Seconds to wait for the first answer of the coordinator
     #[arg(long, value_name = "SECONDS", default_value_t = 30)]
     connect_timeout: u64,
-    /// Seconds without an answer of the coordinator after which to leave
-    #[arg(long, value_name = "SECONDS", default_value_t = 60)]
+    /// Seconds without an answer of the coordinator and without a running job after which to leave
+    #[arg(long, value_name = "SECONDS", default_value_t = 600)]
     give_up_after: u64,
+    /// The folder for results that the coordinator does not take before this worker must end. The
+    /// next worker of the campaign delivers what it finds there, or `coordinator merge` takes it
+    /// [default: ~/.local/state/pitchline/undelivered]
+    #[arg(long, value_name = "DIR")]
+    undelivered: Option<PathBuf>,
     /// Seconds that running jobs may take to end after SIGTERM
     #[arg(long, value_name = "SECONDS", default_value_t = 30)]
     grace: u64,
@@ -65,6 +70,12 @@ fn main() -> ExitCode {
         host: host(),
         connect_timeout: Duration::from_secs(arguments.connect_timeout),
         give_up_after: Duration::from_secs(arguments.give_up_after),
+        // Without a home folder the current one has to do.
+        undelivered: Some(arguments.undelivered.clone().unwrap_or_else(|| {
+            gateway::access::folder()
+                .unwrap_or_default()
+                .join("undelivered")
+        })),
         grace: Duration::from_secs(arguments.grace),
         max_runtime: arguments.max_runtime.map(Duration::from_secs),
         idle_exit: arguments.idle_exit.map(Duration::from_secs),
@@ -156,6 +167,10 @@ async fn compute_shard(
         CancellationToken::new(),
     ));
     let none = Credentials::default();
+    let options = Options {
+        undelivered: None,
+        ..options
+    };
     let link = gateway::link::connect(dial, "http://in-process", &none, Role::Worker)?;
     let worked = Worker::new(link, options).run(shutdown).await;
     match service.failed() {

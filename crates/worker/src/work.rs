@@ -1,8 +1,11 @@
 //! The worker: its start and its end.
 
 mod calls;
+mod contact;
 mod registering;
+mod undelivered;
 
+use std::path::PathBuf;
 use std::pin::Pin;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, RwLock};
@@ -21,19 +24,18 @@ use crate::error::Error;
 use crate::exec::Exec;
 use crate::held::HeldLeases;
 
+use contact::Contact;
 use registering::Registered;
+use undelivered::Files;
 
 /// Interval between heartbeats until the coordinator names one.
 const FIRST_HEARTBEAT: Duration = Duration::from_secs(1);
 /// Time limit of a call.
 const CALL_TIMEOUT: Duration = Duration::from_secs(20);
-/// How long the coordinator may be silent before the worker says so.
-const SILENCE: Duration = Duration::from_secs(10);
-
 /// Share of the grace period during which jobs continue as usual.
 const PATIENT_PART: f64 = 0.8;
 /// Time that a leaving worker waits for the programs that it has ended.
-const LAST_PROGRAMS: Duration = Duration::from_secs(1);
+const LAST_PROGRAMS: Duration = Duration::from_secs(4);
 /// Minimum time for the last report of a leaving worker.
 const LAST_REPORT: Duration = Duration::from_secs(2);
 
@@ -48,8 +50,11 @@ pub struct Options {
     pub host: String,
     /// Time limit of the first contact with the coordinator.
     pub connect_timeout: Duration,
-    /// Time without an answer of the coordinator after which the worker leaves.
+    /// Time without an answer of the coordinator and without a running job after which the worker
+    /// leaves.
     pub give_up_after: Duration,
+    /// The folder for results that cannot be delivered; none if the coordinator is in this process.
+    pub undelivered: Option<PathBuf>,
     /// Time for running jobs to end after a shutdown.
     pub grace: Duration,
     /// Time after which the worker drains, for example because its time on a cluster ends.
@@ -84,6 +89,8 @@ struct Shared {
     /// another campaign.
     problem: RwLock<Option<Arc<Registered>>>,
     held: HeldLeases,
+    contact: Contact,
+    files: Files,
     /// Interval between heartbeats, as last named by the coordinator.
     heartbeat: watch::Sender<Duration>,
     /// Set to stop jobs between two samples.
@@ -134,12 +141,15 @@ impl Worker {
         // Also cancelled when the campaign is finished or an error ends the worker.
         let stop = CancellationToken::new();
         let (announcements, announced) = tokio::sync::mpsc::unbounded_channel();
+        let files = Files::new(self.options.undelivered.clone());
         let shared = Arc::new(Shared {
             worker_id: format!("{:032x}", rand::random::<u128>()),
             options: self.options,
             connection: self.connection,
             problem: RwLock::new(None),
             held: HeldLeases::default(),
+            contact: Contact::default(),
+            files,
             heartbeat: watch::Sender::new(FIRST_HEARTBEAT),
             hurry: AtomicBool::new(false),
             acknowledged: AtomicU64::new(0),
@@ -156,6 +166,7 @@ impl Worker {
             slots,
             "registered"
         );
+        shared.files.take_up(&registered, &shared.held);
 
         let mut tasks: JoinSet<Result<End, Error>> = JoinSet::new();
         tasks.spawn(calls::lease(Arc::clone(&shared), pool));
@@ -178,30 +189,39 @@ impl Worker {
                 info!("no jobs for too long: leaving");
                 Ok(End::Stopped)
             }
+            away = shared.away() => Err(away),
         };
         stop.cancel();
         let asked = tokio::time::Instant::now();
-        match end {
-            Ok(End::Stopped) => shared.drain().await,
-            Ok(End::Dismissed) => warn!("the coordinator ends before the campaign does"),
-            Ok(End::Finished) | Err(_) => {}
+        if let Ok(End::Dismissed) = end {
+            warn!("the coordinator ends before the campaign does");
+        }
+        if !matches!(end, Ok(End::Finished)) {
+            shared.drain().await;
         }
         reporter_stop.cancel();
         // A coordinator that does not answer must not delay a worker that was asked to leave.
         let last = tokio::time::Instant::now() + LAST_REPORT;
-        let leave_by = last.max(asked + shared.options.grace);
+        let leave_by = match end {
+            Ok(_) => last.max(asked + shared.options.grace),
+            Err(_) => last,
+        };
         if tokio::time::timeout_at(leave_by, &mut reporter)
             .await
             .is_err()
         {
             reporter.abort();
-            let lost = shared.held.unacknowledged();
-            warn!(lost, "leaving with results that nobody acknowledged");
+        }
+        if !matches!(end, Ok(End::Finished)) {
+            shared.keep_undelivered();
+            shared.files.leave();
         }
         let leases = shared.acknowledged.load(Ordering::Relaxed);
         tasks.shutdown().await;
         if let Some(registered) = shared.registered() {
-            registered.backend.stop();
+            let backend = Arc::clone(&registered.backend);
+            // An error means that the runtime ends, and with it this program.
+            let _ = tokio::task::spawn_blocking(move || backend.stop()).await;
             // Programs with a request end soon. If the worker left before them, no process would
             // wait for them.
             let since = Instant::now();
@@ -236,6 +256,18 @@ impl Shared {
             }
             is_news
         });
+    }
+
+    /// Writes the results that are not acknowledged to a file.
+    fn keep_undelivered(&self) {
+        let results = self.held.own_results();
+        let lost = results.len();
+        let is_kept = self
+            .registered()
+            .is_some_and(|registered| self.files.keep(&registered, &self.worker_id, results));
+        if !is_kept && lost > 0 {
+            warn!(lost, "leaving with results that nobody acknowledged");
+        }
     }
 
     /// Whether an external simulator was ended because this worker ends.

@@ -229,6 +229,7 @@ async fn work(arguments: &[String]) -> anyhow::Result<()> {
         host: format!("load:{}", std::process::id()),
         connect_timeout: Duration::from_secs(30),
         give_up_after: Duration::from_secs(30),
+        undelivered: None,
         grace: Duration::from_secs(10),
         max_runtime: None,
         idle_exit: None,

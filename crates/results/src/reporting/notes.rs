@@ -1,8 +1,27 @@
 //! Remarks and warnings, and what the model leaves out.
 
+use campaign::formulation::Problem;
 use stages::optima::optimum_design;
+use store::ResponseRow;
 
 use super::sources::Sources;
+
+/// The warning about an external program none of whose samples depends on its seed.
+pub(crate) fn ignored_seeds(problem: &Problem, responses: &[ResponseRow]) -> Option<String> {
+    // The mean of equal numbers is rounded, and so is their standard deviation.
+    let is_constant = |row: &ResponseRow| row.sd_um <= 1e-12 * row.mean_um.abs();
+    let is_suspicious = problem.campaign().is_external()
+        && !responses.is_empty()
+        && responses.iter().all(is_constant);
+    is_suspicious.then(|| {
+        format!(
+            "The program seems to ignore its seed: in each of {} designs, all samples of {} are equal. The \
+             percentiles are those of a response without random effects.",
+            responses.len(),
+            problem.sampled().name,
+        )
+    })
+}
 
 pub(super) fn notes(sources: &Sources, failures: &[store::FailureRow]) -> Vec<String> {
     let campaign = sources.problem.campaign();
@@ -15,6 +34,7 @@ pub(super) fn notes(sources: &Sources, failures: &[store::FailureRow]) -> Vec<St
                 .map(|warning| format!("Kriging: {warning}.")),
         );
     }
+    notes.extend(ignored_seeds(&sources.problem, &sources.responses));
     if !campaign.is_external() {
         notes.extend(pointed_tips(sources));
     }

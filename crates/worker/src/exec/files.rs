@@ -16,7 +16,7 @@ use serde_json::{Map, Value, json};
 use sha2::{Digest as _, Sha256};
 
 use super::messages::{Numbers, PROTOCOL};
-use super::process::Process;
+use super::process::{Heard, Process};
 
 /// The name of a sample's seed in a template.
 const SEED: &str = "seed";
@@ -47,17 +47,14 @@ pub(super) struct Files {
 #[serde(tag = "request", rename_all = "kebab-case")]
 enum Request {
     Describe {
-        id: u64,
         variables: Vec<String>,
         sampled: String,
     },
     Evaluate {
-        id: u64,
         design: Numbers,
         responses: Vec<String>,
     },
     Sample {
-        id: u64,
         design: Numbers,
         seed: [u32; 4],
     },
@@ -95,34 +92,28 @@ impl Files {
         })
     }
 
-    /// Answers a request line.
+    /// Answers a request.
     ///
     /// # Errors
     ///
     /// A sentence. After a failed run, its folder is kept and named.
-    pub(super) fn ask(&mut self, line: &str, timeout: Duration) -> Result<Vec<u8>, String> {
-        let request = serde_json::from_str(line).map_err(|error| error.to_string())?;
-        let (id, mut answer) = match request {
-            Request::Describe {
-                id,
-                variables,
-                sampled,
-            } => {
+    pub(super) fn ask(
+        &mut self,
+        request: Map<String, Value>,
+        timeout: Duration,
+    ) -> Result<Map<String, Value>, String> {
+        let request = serde_json::from_value(Value::Object(request));
+        match request.map_err(|error| error.to_string())? {
+            Request::Describe { variables, sampled } => {
                 self.sampled = sampled;
-                (id, self.describe(variables)?)
+                self.describe(variables)
             }
-            Request::Evaluate {
-                id,
-                design,
-                responses,
-            } => (id, self.run(&design, 0, &responses, timeout)?),
-            Request::Sample { id, design, seed } => {
+            Request::Evaluate { design, responses } => self.run(&design, 0, &responses, timeout),
+            Request::Sample { design, seed } => {
                 let wanted = [self.sampled.clone()];
-                (id, self.run(&design, small(seed), &wanted, timeout)?)
+                self.run(&design, small(seed), &wanted, timeout)
             }
-        };
-        answer.insert("id".to_owned(), id.into());
-        Ok(Value::Object(answer).to_string().into_bytes())
+        }
     }
 
     /// Checks that the template has every name: a misspelt one would stay in the file unfilled.
@@ -220,12 +211,10 @@ impl Files {
         );
         let mut process = Process::start(&command, Arc::clone(&self.stop))?;
         let asked = format!("{} in {}", self.command, folder.display());
-        match &process.ask("", timeout)?[..] {
-            b"0" => Ok(()),
-            status => {
-                let status = String::from_utf8_lossy(status).into_owned();
-                Err(process.obituary(&format!("ended with status {status}"), &asked))
-            }
+        let status = |line: &[u8]| Heard::Answer(String::from_utf8_lossy(line).into_owned(), true);
+        match &*process.ask("", timeout, &status)? {
+            "0" => Ok(()),
+            status => Err(process.obituary(&format!("ended with status {status}"), &asked)),
         }
     }
 }

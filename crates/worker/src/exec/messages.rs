@@ -1,13 +1,22 @@
 //! The requests to an external simulator and its answers: one JSON object per line.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use campaign::formulation::Problem;
 use serde::Deserialize;
-use serde_json::{Map, Value, json};
+use serde_json::{Deserializer, Map, Value, json};
+
+use super::process::Heard;
 
 /// The version of the protocol, which both sides name at the start.
 pub(super) const PROTOCOL: u32 = 2;
+
+/// Maximum number of objects in a line that are looked at.
+const OBJECTS: usize = 64;
+
+/// Numbers that JSON does not have, longer ones first.
+const NUMBERS: [&str; 3] = ["-Infinity", "Infinity", "NaN"];
 
 /// Maximum length of a reason, in bytes.
 const MAX_SENTENCE: usize = 2000;
@@ -133,28 +142,96 @@ pub(super) fn line(mut request: Map<String, Value>, id: u64) -> String {
     line
 }
 
-/// Reads the answer to request `id`.
+/// Reads a line that a program wrote after request `id`.
+///
+/// The answer may have a byte order mark before it and other text in its line, such as a message
+/// without an end of line.
+pub(super) fn hear(line: &[u8], id: u64) -> Heard<Map<String, Value>> {
+    let line = line.strip_prefix(b"\xef\xbb\xbf").unwrap_or(line);
+    let line = line.trim_ascii();
+    if line.is_empty() {
+        return Heard::Nothing;
+    }
+    let text = String::from_utf8_lossy(line);
+    let text = with_quoted_numbers(&text);
+    let mut error = None;
+    let mut from = 0;
+    for _ in 0..OBJECTS {
+        let Some(start) = text[from..].find('{').map(|start| from + start) else {
+            break;
+        };
+        let mut values = Deserializer::from_str(&text[start..]).into_iter::<Map<String, Value>>();
+        match values.next() {
+            Some(Ok(mut object)) => {
+                let end = start + values.byte_offset();
+                let theirs = object.get("id").and_then(Value::as_f64);
+                // A program may print the request for its user.
+                let is_answer = !object.contains_key("request");
+                if theirs == Some(id as f64) && is_answer {
+                    object.remove("id");
+                    return Heard::Answer(object, start == 0 && end == text.len());
+                }
+                if let Some(theirs) = theirs
+                    && theirs > id as f64
+                    && is_answer
+                {
+                    return Heard::Malformed(format!(
+                        "it answers request {theirs} instead of {id}"
+                    ));
+                }
+                from = end;
+            }
+            Some(Err(why)) => {
+                error.get_or_insert(why);
+                from = start + 1;
+            }
+            None => break,
+        }
+    }
+    let is_attempt = text.starts_with('{') && (text.contains("\"id\"") || text.contains("'id'"));
+    match error {
+        Some(error) if is_attempt => Heard::Malformed(format!("it is not JSON: {error}")),
+        _ => Heard::Foreign,
+    }
+}
+
+/// Puts numbers that JSON does not have, as other programs write them, in quotation marks.
+fn with_quoted_numbers(text: &str) -> Cow<'_, str> {
+    if !NUMBERS.iter().any(|number| text.contains(number)) {
+        return Cow::Borrowed(text);
+    }
+    let mut quoted = String::with_capacity(text.len() + 8);
+    let mut rest = text;
+    let mut in_text = false;
+    while let Some(next) = rest.chars().next() {
+        let number = NUMBERS.iter().find(|number| rest.starts_with(**number));
+        if let Some(number) = number
+            && !in_text
+        {
+            quoted.extend(["\"", number, "\""]);
+            rest = &rest[number.len()..];
+            continue;
+        }
+        // The character after a backslash ends no text.
+        let escaped = in_text && next == '\\';
+        in_text ^= next == '"';
+        let length = rest
+            .chars()
+            .take(1 + usize::from(escaped))
+            .map(char::len_utf8);
+        let (head, tail) = rest.split_at(length.sum());
+        quoted.push_str(head);
+        rest = tail;
+    }
+    Cow::Owned(quoted)
+}
+
+/// Reads an answer, without its id.
 ///
 /// # Errors
 ///
 /// The error in the answer.
-pub(super) fn read<T: Content>(line: &[u8], id: u64) -> Result<Answer<T>, String> {
-    let value: Value = serde_json::from_slice(line).map_err(|error| {
-        let text = String::from_utf8_lossy(line);
-        let odd = ["NaN", "Infinity"];
-        match odd.into_iter().find(|odd| text.contains(odd)) {
-            Some(odd) => format!("{odd} is not a number in JSON: {error}"),
-            None => format!("it is no JSON: {error}"),
-        }
-    })?;
-    let Value::Object(mut answer) = value else {
-        return Err("it is no JSON object".to_owned());
-    };
-    match answer.remove("id").as_ref().and_then(Value::as_u64) {
-        Some(theirs) if theirs == id => {}
-        Some(theirs) => return Err(format!("it answers request {theirs} instead of {id}")),
-        None => return Err("it does not repeat the \"id\" of its request".to_owned()),
-    }
+pub(super) fn read<T: Content>(mut answer: Map<String, Value>) -> Result<Answer<T>, String> {
     for key in ["refused", "error"] {
         let Some(value) = answer.remove(key) else {
             continue;
@@ -242,7 +319,12 @@ mod tests {
     use super::*;
 
     fn sample(text: &str) -> Result<Answer<f64>, String> {
-        let answer: Answer<Numbers> = read(text.as_bytes(), 7)?;
+        let answer = match hear(text.as_bytes(), 7) {
+            Heard::Answer(answer, _) => answer,
+            Heard::Malformed(reason) => return Err(reason),
+            Heard::Foreign | Heard::Nothing => return Err("skipped".to_owned()),
+        };
+        let answer: Answer<Numbers> = read(answer)?;
         Ok(match answer {
             Answer::Given(given) => {
                 check(&given, &["delta_ste_um"], &["delta_ste_um"])?;
@@ -270,16 +352,17 @@ mod tests {
             Ok(Answer::Error("no licence".to_owned()))
         );
         for (nonsense, why) in [
-            ("", "EOF"),
-            ("hello", "expected value"),
-            ("[0.1]", "no JSON object"),
-            (r#"{"delta_ste_um": 0.1}"#, "does not repeat"),
             (
-                r#"{"delta_ste_um": 0.1, "id": 6}"#,
-                "request 6 instead of 7",
+                r#"{"delta_ste_um": 0.1, "id": 8}"#,
+                "request 8 instead of 7",
             ),
+            (r#"{"delta_ste_um": 0,1, "id": 7}"#, "not JSON"),
+            ("{'delta_ste_um': 0.1, 'id': 7}", "not JSON"),
             (r#"{"id": 7}"#, "no \"delta_ste_um\", which was asked for"),
-            (r#"{"delta_ste_um": NaN, "id": 7}"#, "NaN is not a number"),
+            (
+                r#"{"delta_ste_um": NaN, "id": 7}"#,
+                "\"delta_ste_um\" is \"NaN\", which is not a number",
+            ),
             (r#"{"delta_ste_um": 1e999, "id": 7}"#, "out of range"),
             (
                 r#"{"delta_ste_um": "0.1", "id": 7}"#,
@@ -295,6 +378,40 @@ mod tests {
             let error = sample(nonsense).unwrap_err();
             assert!(error.contains(why), "{nonsense}: {error}");
         }
+    }
+
+    #[test]
+    fn an_answer_is_found_among_other_text() {
+        let answer = r#"{"delta_ste_um": 0.1, "id": 7}"#;
+        for line in [
+            format!("\u{feff}{answer}\r"),
+            format!(" \t{answer}  "),
+            format!("Loading licence ... {answer}"),
+            format!("10 %\r20 %\r{answer} done {{}}"),
+            format!("{{x{answer}"),
+            format!(r#"{{"id":6,"delta_ste_um":9}}{answer}"#),
+            r#"{"id":7.0,"delta_ste_um":0.1}"#.to_owned(),
+        ] {
+            assert_eq!(sample(&line), Ok(Answer::Given(0.1)), "{line}");
+        }
+        for line in [
+            "",
+            "\r",
+            "hello",
+            "[0.1]",
+            "{}",
+            "iteration {1} residual 1e-3",
+            r#"{"delta_ste_um": 0.1}"#,
+            r#"{"delta_ste_um": 0.1, "id": 6}"#,
+            r#"{"level": "info", "id": "solver", "of": {"id": 7, "delta_ste_um": 0.1}}"#,
+            r#"{"id": 7, "request": "sample", "design": {"x": 1}, "seed": [1, 2, 3, 4]}"#,
+        ] {
+            assert_eq!(sample(line), Err("skipped".to_owned()), "{line}");
+        }
+        assert_eq!(
+            sample(r#"{"id": 7, "error": "NaN, \"NaN\" and -Infinity"}"#),
+            Ok(Answer::Error("NaN, \"NaN\" and -Infinity".to_owned()))
+        );
     }
 
     #[test]

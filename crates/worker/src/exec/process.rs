@@ -1,9 +1,12 @@
 //! A process of an external simulator, which answers each line with a line.
 //!
-//! The process leads its own process group, which is killed as a whole, so that programs started by
-//! a shell end with it. A second small process, the guard, holds the other end of a pipe that only
-//! this program keeps open. If this program is killed, the pipe closes, and the guard kills the
-//! group.
+//! The process leads its own process group, which [`ending`](super::ending) ends as a whole, so
+//! that programs started by a shell end with it. A second small process, the guard, holds the other
+//! end of a pipe that only this program keeps open. If this program is killed, the pipe closes, and
+//! the guard ends the group.
+//!
+//! Lines of the output that are no answers are skipped, up to a limit, and the first one of a
+//! process is a warning.
 
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind, Read, Write as _};
@@ -15,20 +18,26 @@ use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::{Errno, ioctl_fionbio};
-use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, kill_process_group, waitid};
+use rustix::process::{Pid, Signal};
+use tracing::warn;
+
+use super::ending::{self, AFTER_INPUT, AFTER_TERM, GUARD};
 
 /// Length of the end of the standard error that is kept, in bytes.
 const TAIL: usize = 16 * 1024;
-/// Maximum length of an answer, in bytes.
-const MAX_ANSWER: usize = 1024 * 1024;
+/// Maximum size of the output up to an answer, in bytes, the answer included.
+const MAX_OUTPUT: usize = 16 * 1024 * 1024;
 /// Maximum length of a quoted request or answer, in bytes.
 const QUOTE: usize = 1000;
 /// Interval at which a wait for an answer checks whether to stop.
 const PATIENCE: Duration = Duration::from_millis(100);
 /// Time for a process that closed its output to end by itself.
 const LAST_WORDS: Duration = Duration::from_millis(500);
-/// The guard's command: wait until its input ends, then kill the group.
-const GUARD: &str = r#"read -r _; kill -s KILL -- "-$1""#;
+/// Time without the first answer of a process after which the log says so.
+const SLOW_START: Duration = Duration::from_secs(10);
+/// What a program must do for its answers to arrive.
+const FLUSH: &str = "flush standard output after every line (python -u, print(…, flush=True), \
+                     fflush(stdout))";
 
 /// A running simulator.
 #[derive(Debug)]
@@ -36,16 +45,49 @@ pub(super) struct Process {
     child: Child,
     guard: Child,
     group: Pid,
-    input: ChildStdin,
+    /// None once the input was closed.
+    input: Option<ChildStdin>,
     output: ChildStdout,
     errors: Option<ChildStderr>,
-    /// Bytes read from the output that are not part of an answer yet.
+    /// Bytes read from the output that are no whole line yet.
     pending: Vec<u8>,
+    /// Whole lines that were read and not looked at yet, oldest first.
+    lines: VecDeque<Vec<u8>>,
+    /// What was skipped since the last answer.
+    skipped: Skipped,
+    /// Whether a skipped line was reported.
+    has_warned: bool,
+    /// Whether the process has answered.
+    has_answered: bool,
+    /// Whether the output has ended.
+    is_silent: bool,
     tail: Tail,
-    /// Whether the process was reaped; its id may then belong to another process.
-    reaped: bool,
+    /// The exit status, once the process was reaped; its id may then belong to another process.
+    status: Option<ExitStatus>,
     /// Set by other threads when no answer is needed any more.
     stop: Arc<AtomicBool>,
+}
+
+/// The meaning of a line of the output.
+#[derive(Debug, PartialEq)]
+pub(super) enum Heard<T> {
+    /// The answer, and whether other text is in the same line.
+    Answer(T, bool),
+    /// An attempt at an answer that cannot be read: the reason.
+    Malformed(String),
+    /// A message for people, or a former answer.
+    Foreign,
+    /// A blank line.
+    Nothing,
+}
+
+/// Output that is no answer.
+#[derive(Debug, Default)]
+struct Skipped {
+    lines: usize,
+    bytes: usize,
+    /// The last of the lines, quoted.
+    last: String,
 }
 
 /// The end of what a process wrote to its standard error.
@@ -61,6 +103,8 @@ enum Silence {
     Timeout,
     Stopped,
     TooLong,
+    /// The line, and what is wrong with it.
+    Malformed(Vec<u8>, String),
     System(io::Error),
 }
 
@@ -95,7 +139,7 @@ impl Process {
                 (guard, input, output, errors)
             }
             (guard, _) => {
-                kill(group);
+                ending::signal(group, Signal::KILL);
                 // An error is ignored: the process was just started.
                 let _ = child.wait();
                 let error = guard.err().unwrap_or_else(|| io::Error::other("no pipes"));
@@ -106,16 +150,24 @@ impl Process {
             child,
             guard,
             group,
-            input,
+            input: Some(input),
             output,
             errors: Some(errors),
             pending: Vec::new(),
+            lines: VecDeque::new(),
+            skipped: Skipped::default(),
+            has_warned: false,
+            has_answered: false,
+            is_silent: false,
             tail: Tail::default(),
-            reaped: false,
+            status: None,
             stop,
         };
         // From here on, dropping the process ends it.
-        ioctl_fionbio(&process.input, true)
+        process
+            .input
+            .as_ref()
+            .map_or(Ok(()), |input| ioctl_fionbio(input, true))
             .and_then(|()| ioctl_fionbio(&process.output, true))
             .and_then(|()| {
                 process
@@ -127,53 +179,73 @@ impl Process {
         Ok(process)
     }
 
-    /// Whether the process has ended.
+    /// Whether the process has ended, or at least its output.
     pub(super) fn has_ended(&self) -> bool {
-        let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
-        // The process is not reaped: its id must not name another process while the group may be
-        // killed.
-        !matches!(waitid(WaitId::Pid(self.group), options), Ok(None))
+        self.is_silent || ending::has_ended(self.group)
     }
 
-    /// Sends a line and waits for the answer. After an error, the process must not be used again.
+    /// Sends a line and waits for the answer, which `read` recognises. Other lines, and lines that
+    /// were written before the question, are skipped. After an error, the process must not be used
+    /// again. Without a line, the end of a command is waited for.
     ///
     /// # Errors
     ///
     /// A sentence with the end of the process's standard error.
-    pub(super) fn ask(&mut self, line: &str, timeout: Duration) -> Result<Vec<u8>, String> {
-        if !self.pending.is_empty() {
-            let said = std::mem::take(&mut self.pending);
-            let why = format!("said what nobody had asked for: {}", quote(&said));
-            return Err(self.obituary(&why, line));
-        }
-        self.exchange(line, timeout).map_err(|silence| {
+    pub(super) fn ask<T>(
+        &mut self,
+        line: &str,
+        timeout: Duration,
+        read: &dyn Fn(&[u8]) -> Heard<T>,
+    ) -> Result<T, String> {
+        self.exchange(line, timeout, read).map_err(|silence| {
             let why = match silence {
                 Silence::Ended => self.last_words(),
-                Silence::Timeout => format!(
-                    "gave no answer within {} s and was killed",
-                    timeout.as_secs_f64()
-                ),
+                Silence::Timeout if line.is_empty() => {
+                    format!(
+                        "was not done within {} s and was ended",
+                        timeout.as_secs_f64()
+                    )
+                }
+                Silence::Timeout => self.late_words(timeout, read),
                 Silence::Stopped => "was ended because the worker stops".to_owned(),
-                Silence::TooLong => format!("gave an answer of more than {MAX_ANSWER} bytes"),
+                Silence::TooLong => format!(
+                    "wrote more than {MAX_OUTPUT} bytes to its standard output that are no answer"
+                ),
+                Silence::Malformed(line, reason) => malformed(&line, &reason),
                 Silence::System(error) => format!("cannot be talked to: {error}"),
             };
-            self.obituary(&why, line)
+            let skipped = self.skipped.told();
+            self.obituary(&format!("{why}{skipped}"), line)
         })
     }
 
-    /// Ends the process, whose `answer` is malformed, and returns the error.
-    pub(super) fn refute(&mut self, answer: &[u8], reason: &str, line: &str) -> String {
-        let why = format!("answered with nonsense ({reason}): {}", quote(answer));
-        self.obituary(&why, line)
+    /// Ends the process, whose `answer` cannot be used, and returns the error.
+    pub(super) fn refute(&mut self, answer: &str, reason: &str, line: &str) -> String {
+        self.obituary(&malformed(answer.as_bytes(), reason), line)
     }
 
-    fn exchange(&mut self, line: &str, timeout: Duration) -> Result<Vec<u8>, Silence> {
-        let deadline = Instant::now() + timeout;
+    fn exchange<T>(
+        &mut self,
+        line: &str,
+        timeout: Duration,
+        read: &dyn Fn(&[u8]) -> Heard<T>,
+    ) -> Result<T, Silence> {
+        self.skipped = Skipped::default();
+        // The end of the process shows below.
+        let _ = self.read_lines();
+        while let Some(stale) = self.lines.pop_front() {
+            self.skip(&stale);
+        }
+        let began = Instant::now();
+        let deadline = began + timeout;
+        let mut has_complained = self.has_answered;
         let mut unsent = line.as_bytes();
         loop {
             // Writing first saves a call in the usual case of a pipe with room.
-            while !unsent.is_empty() {
-                match self.input.write(unsent) {
+            while let Some(input) = &mut self.input
+                && !unsent.is_empty()
+            {
+                match input.write(unsent) {
                     Ok(sent) => unsent = &unsent[sent..],
                     Err(error) if error.kind() == ErrorKind::Interrupted => {}
                     Err(error) if error.kind() == ErrorKind::WouldBlock => break,
@@ -188,13 +260,75 @@ impl Process {
             if self.stop.load(Ordering::Relaxed) {
                 return Err(Silence::Stopped);
             }
+            if began.elapsed() > SLOW_START && !has_complained && !line.is_empty() {
+                has_complained = true;
+                let waiting = timeout.as_secs_f64();
+                warn!(
+                    "the simulator has not answered its first request for {} s, of {waiting}: it must {FLUSH}",
+                    SLOW_START.as_secs()
+                );
+            }
             let [output, errors] = self.wait(!unsent.is_empty(), left.min(PATIENCE))?;
             if errors {
                 self.drain_errors();
             }
-            if output && let Some(answer) = self.read_answer()? {
-                return Ok(answer);
+            if output {
+                let end = self.read_lines().err();
+                if let Some(answer) = self.answer(read, end.is_some())? {
+                    return Ok(answer);
+                }
+                if let Some(end) = end {
+                    return Err(end);
+                }
             }
+        }
+    }
+
+    /// Looks for the answer among the lines that were read. At the end of the output the last line
+    /// may lack its newline.
+    fn answer<T>(
+        &mut self,
+        read: &dyn Fn(&[u8]) -> Heard<T>,
+        is_end: bool,
+    ) -> Result<Option<T>, Silence> {
+        while let Some(line) = self.lines.pop_front() {
+            match read(&line) {
+                Heard::Answer(answer, is_alone) => {
+                    if !is_alone {
+                        self.skip(&line);
+                    }
+                    self.has_answered = true;
+                    return Ok(Some(answer));
+                }
+                Heard::Malformed(reason) => return Err(Silence::Malformed(line, reason)),
+                Heard::Foreign => self.skip(&line),
+                Heard::Nothing => {}
+            }
+            if self.skipped.bytes > MAX_OUTPUT {
+                return Err(Silence::TooLong);
+            }
+        }
+        if is_end && let Heard::Answer(answer, _) = read(&self.pending) {
+            return Ok(Some(answer));
+        }
+        Ok(None)
+    }
+
+    /// Counts a line that is no answer. The first one of a process is reported.
+    fn skip(&mut self, line: &[u8]) {
+        let line = line.trim_ascii();
+        if line.is_empty() {
+            return;
+        }
+        self.skipped.lines += 1;
+        self.skipped.bytes += line.len();
+        self.skipped.last = quote(line);
+        if !std::mem::replace(&mut self.has_warned, true) {
+            warn!(
+                line = self.skipped.last,
+                "the simulator writes to its standard output what is no answer; it is skipped: \
+                 write messages to standard error"
+            );
         }
     }
 
@@ -205,8 +339,10 @@ impl Process {
         if let Some(errors) = &self.errors {
             files.push(PollFd::new(errors, PollFlags::IN));
         }
-        if writing {
-            files.push(PollFd::new(&self.input, PollFlags::OUT));
+        if let Some(input) = &self.input
+            && writing
+        {
+            files.push(PollFd::new(input, PollFlags::OUT));
         }
         let left = Timespec {
             tv_sec: i64::try_from(left.as_secs()).unwrap_or(i64::MAX),
@@ -221,29 +357,32 @@ impl Process {
         Ok([ready(0), self.errors.is_some() && ready(1)])
     }
 
-    /// Returns the next line of the output once it is complete.
-    fn read_answer(&mut self) -> Result<Option<Vec<u8>>, Silence> {
+    /// Reads the output that is available, as much as a pipe holds, and cuts it into lines.
+    fn read_lines(&mut self) -> Result<(), Silence> {
         let mut buffer = [0_u8; 4096];
-        loop {
+        for _ in 0..64 {
             match self.output.read(&mut buffer) {
-                Ok(0) => return Err(Silence::Ended),
+                Ok(0) => {
+                    self.is_silent = true;
+                    return Err(Silence::Ended);
+                }
                 Ok(count) => {
-                    self.pending.extend_from_slice(&buffer[..count]);
-                    if let Some(end) = buffer[..count].iter().position(|byte| *byte == b'\n') {
-                        let rest = self.pending.split_off(self.pending.len() - count + end + 1);
-                        let mut answer = std::mem::replace(&mut self.pending, rest);
-                        answer.pop();
-                        return Ok(Some(answer));
+                    let mut parts = buffer[..count].split(|byte| *byte == b'\n');
+                    self.pending.extend(parts.next().unwrap_or_default());
+                    for part in parts {
+                        let line = std::mem::replace(&mut self.pending, part.to_vec());
+                        self.lines.push_back(line);
                     }
-                    if self.pending.len() > MAX_ANSWER {
+                    if self.pending.len() > MAX_OUTPUT {
                         return Err(Silence::TooLong);
                     }
                 }
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(None),
+                Err(error) if error.kind() == ErrorKind::WouldBlock => break,
                 Err(error) => return Err(Silence::System(error)),
             }
         }
+        Ok(())
     }
 
     /// Reads the available part of the standard error.
@@ -267,32 +406,94 @@ impl Process {
     /// Describes the end of a process that closed its output.
     fn last_words(&mut self) -> String {
         let since = Instant::now();
-        while !self.has_ended() {
+        while !ending::has_ended(self.group) {
             if since.elapsed() > LAST_WORDS {
-                return "closed its standard output and was killed".to_owned();
+                return "closed its standard output and was ended".to_owned();
             }
             std::thread::sleep(Duration::from_millis(2));
         }
         match self.end() {
             Ok(status) => {
-                let unfinished = if self.pending.is_empty() {
-                    String::new()
-                } else {
-                    format!(" in the middle of the answer {}", quote(&self.pending))
+                let unfinished = match self.pending.trim_ascii() {
+                    [] => String::new(),
+                    rest => format!(" in the middle of the line {}", quote(rest)),
                 };
-                format!("ended ({status}) before it had answered{unfinished}")
+                let advice = if status.success() && self.has_answered {
+                    "; a program must answer one request after the other until its input ends"
+                } else {
+                    ""
+                };
+                format!("ended ({status}) before it had answered{unfinished}{advice}")
             }
             Err(error) => format!("ended before it had answered ({error})"),
         }
     }
 
-    /// Kills the rest of the group, and waits for its leader.
-    fn end(&mut self) -> io::Result<ExitStatus> {
-        if !self.reaped {
-            kill(self.group);
-            self.reaped = true;
+    /// Closes the input of a process that has not answered, and describes what it says then: a
+    /// program that does not flush its output does so at its end.
+    fn late_words<T>(&mut self, timeout: Duration, read: &dyn Fn(&[u8]) -> Heard<T>) -> String {
+        let seconds = timeout.as_secs_f64();
+        self.input = None;
+        let since = Instant::now();
+        let mut has_more = true;
+        while has_more && since.elapsed() < AFTER_INPUT {
+            has_more = match self.wait(false, Duration::from_millis(20)) {
+                Ok([true, _]) => self.read_lines().is_ok(),
+                Ok(_) => true,
+                Err(_) => false,
+            };
+            self.drain_errors();
         }
-        self.child.wait()
+        if matches!(self.answer(read, true), Ok(Some(_))) {
+            return format!(
+                "gave its answer only when its input was closed, after {seconds} s: it must {FLUSH}"
+            );
+        }
+        let unfinished = match self.pending.trim_ascii() {
+            [] => String::new(),
+            rest => format!(" (the last line that it wrote has no end: {})", quote(rest)),
+        };
+        format!(
+            "gave no answer within {seconds} s and was ended{unfinished}. If it has answered, it must \
+             {FLUSH}"
+        )
+    }
+
+    /// Ends the group, and waits for its leader.
+    fn end(&mut self) -> io::Result<ExitStatus> {
+        if let Some(status) = self.status {
+            return Ok(status);
+        }
+        self.input = None;
+        for (patience, signal) in [(AFTER_INPUT, Signal::TERM), (AFTER_TERM, Signal::KILL)] {
+            if self.is_gone_within(patience) {
+                break;
+            }
+            ending::signal(self.group, signal);
+        }
+        let status = self.child.wait()?;
+        self.status = Some(status);
+        Ok(status)
+    }
+
+    /// Waits for the end of the group. Its output is read meanwhile, since a full pipe would hold
+    /// it up.
+    fn is_gone_within(&mut self, patience: Duration) -> bool {
+        let since = Instant::now();
+        let mut pause = Duration::from_millis(1);
+        loop {
+            if ending::has_ended(self.group) && !ending::has_members(self.group) {
+                return true;
+            }
+            if since.elapsed() > patience {
+                return false;
+            }
+            std::thread::sleep(pause);
+            pause = (2 * pause).min(Duration::from_millis(20));
+            let _ = self.read_lines();
+            self.lines.clear();
+            self.drain_errors();
+        }
     }
 
     /// Ends the group. Returns the reason, the request and the end of the standard error.
@@ -317,17 +518,31 @@ impl Process {
 
 impl Drop for Process {
     fn drop(&mut self) {
-        // The guard ends before the process is reaped: it must not kill a group whose id was
-        // reused.
+        let _ = self.end();
+        // The guard is the last to go: the group ends even if this program is killed meanwhile. It
+        // ends before this function does, so that it kills no group whose id was reused.
         let _ = self.guard.kill();
         let _ = self.guard.wait();
-        let _ = self.end();
     }
 }
 
-fn kill(group: Pid) {
-    // The group may have ended already.
-    let _ = kill_process_group(group, Signal::KILL);
+impl Skipped {
+    /// The part of an error that names what was skipped.
+    fn told(&self) -> String {
+        match self.lines {
+            0 => String::new(),
+            1 => format!("; a line that is no answer was skipped: {}", self.last),
+            lines => format!(
+                "; {lines} lines that are no answers were skipped, the last of them: {}",
+                self.last
+            ),
+        }
+    }
+}
+
+/// What a process did whose answer cannot be used.
+fn malformed(answer: &[u8], reason: &str) -> String {
+    format!("gave a malformed answer ({reason}): {}", quote(answer))
 }
 
 impl Tail {

@@ -4,13 +4,26 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
+use serde_json::{Map, Value};
+
 use super::Exec;
 use super::files::Files;
+use super::messages;
 use super::process::Process;
 
 /// A simulator that accepts requests.
 #[derive(Debug)]
-pub(super) enum Program {
+pub(super) struct Program {
+    kind: Kind,
+    /// The id of the last request. It is never used again, whatever job asks: the answer to a
+    /// former request may still be on its way.
+    id: u64,
+    /// The last request, for messages.
+    line: String,
+}
+
+#[derive(Debug)]
+enum Kind {
     /// A process that answers lines with lines.
     Lines(Process),
     /// A command that answers files with files.
@@ -25,37 +38,51 @@ impl Program {
     ///
     /// A sentence.
     pub(super) fn start(exec: &Exec, stop: Arc<AtomicBool>) -> Result<Self, String> {
-        match &exec.files {
-            None => Process::start(&exec.command, stop).map(Self::Lines),
-            Some(files) => Files::new(&exec.command, files, stop).map(Self::Files),
-        }
+        let kind = match &exec.files {
+            None => Kind::Lines(Process::start(&exec.command, stop)?),
+            Some(files) => Kind::Files(Files::new(&exec.command, files, stop)?),
+        };
+        Ok(Self {
+            kind,
+            id: 0,
+            line: String::new(),
+        })
     }
 
     /// Whether the program has ended.
     pub(super) fn has_ended(&self) -> bool {
-        match self {
-            Self::Lines(process) => process.has_ended(),
-            Self::Files(_) => false,
+        match &self.kind {
+            Kind::Lines(process) => process.has_ended(),
+            Kind::Files(_) => false,
         }
     }
 
-    /// Sends a line and returns the answer. After an error, the program must not be used again.
+    /// Sends a request and returns the answer. After an error, the program must not be used again.
     ///
     /// # Errors
     ///
     /// A sentence with the end of the program's standard error.
-    pub(super) fn ask(&mut self, line: &str, timeout: Duration) -> Result<Vec<u8>, String> {
-        match self {
-            Self::Lines(process) => process.ask(line, timeout),
-            Self::Files(files) => files.ask(line, timeout),
+    pub(super) fn ask(
+        &mut self,
+        request: Map<String, Value>,
+        timeout: Duration,
+    ) -> Result<Map<String, Value>, String> {
+        self.id += 1;
+        let id = self.id;
+        match &mut self.kind {
+            Kind::Lines(process) => {
+                self.line = messages::line(request, id);
+                process.ask(&self.line, timeout, &|line| messages::hear(line, id))
+            }
+            Kind::Files(files) => files.ask(request, timeout),
         }
     }
 
     /// Ends the program, whose `answer` is malformed, and returns the error.
-    pub(super) fn refute(&mut self, answer: &[u8], reason: &str, line: &str) -> String {
-        match self {
-            Self::Lines(process) => process.refute(answer, reason, line),
-            Self::Files(_) => format!("the simulator's results make no sense: {reason}"),
+    pub(super) fn refute(&mut self, answer: &str, reason: &str) -> String {
+        match &mut self.kind {
+            Kind::Lines(process) => process.refute(answer, reason, &self.line),
+            Kind::Files(_) => format!("the simulator's results make no sense: {reason}"),
         }
     }
 }

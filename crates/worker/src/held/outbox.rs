@@ -1,6 +1,6 @@
 //! Results that the coordinator has not acknowledged yet.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use ledger::LeaseId;
@@ -29,6 +29,8 @@ pub(super) struct Outbox {
     finished: BTreeMap<LeaseId, Finished>,
     /// Size of the results, in bytes.
     bytes: usize,
+    /// The leases of former workers among them, whose results are in files already.
+    restored: BTreeSet<LeaseId>,
 }
 
 impl Outbox {
@@ -43,6 +45,35 @@ impl Outbox {
             bytes,
         };
         self.finished.insert(id, finished);
+    }
+
+    /// Adds the result of a lease of a former worker.
+    pub(super) fn restore(&mut self, result: LeaseResult) {
+        let lease = Lease {
+            id: result.id.unwrap_or_default().into(),
+            units: Vec::new(),
+            seconds: 0.0,
+            announce: false,
+        };
+        self.restored.insert(lease.id);
+        self.put(Arc::new(lease), result);
+    }
+
+    /// Whether there are results of former workers.
+    pub(super) fn has_restored(&self) -> bool {
+        !self.restored.is_empty()
+    }
+
+    /// The results of this worker, without its failures, which are worth nothing to anyone else.
+    pub(super) fn own(&self) -> Vec<LeaseResult> {
+        let own = self.finished.iter();
+        let own = own.filter(|(id, _)| !self.restored.contains(id));
+        own.filter_map(|(_, finished)| {
+            let mut result = finished.result.clone();
+            result.results.retain(|unit| unit.error.is_none());
+            (!result.results.is_empty()).then_some(result)
+        })
+        .collect()
     }
 
     /// Whether the result of a lease is here.
@@ -86,6 +117,7 @@ impl Outbox {
             let id = result.id.unwrap_or_default().into();
             if let Some(finished) = self.finished.remove(&id) {
                 self.bytes -= finished.bytes;
+                self.restored.remove(&id);
             }
         }
     }
@@ -93,6 +125,7 @@ impl Outbox {
     /// Forgets all results.
     pub(super) fn clear(&mut self) {
         self.finished.clear();
+        self.restored.clear();
         self.bytes = 0;
     }
 }

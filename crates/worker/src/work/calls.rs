@@ -12,10 +12,11 @@ use protocol::v2::{self, Directive, HeartbeatRequest, LeaseRequest, ReportReques
 use rustix::time::{ClockId, clock_gettime};
 use tokio::sync::mpsc::UnboundedReceiver;
 use tokio_util::sync::CancellationToken;
-use tracing::{debug, info, warn};
+use tracing::{debug, warn};
 
+use super::contact::SILENCE;
 use super::registering::Registered;
-use super::{CALL_TIMEOUT, End, SILENCE, Shared};
+use super::{CALL_TIMEOUT, End, Shared};
 use crate::backoff::Backoff;
 use crate::error::Error;
 use crate::held::Lease;
@@ -46,8 +47,6 @@ const SLOWEST_LINE: f64 = 1e4;
 pub(super) async fn lease(shared: Arc<Shared>, pool: rayon::ThreadPool) -> Result<End, Error> {
     let slots = shared.options.slots.max(1);
     let mut backoff = Backoff::new();
-    let mut away_since: Option<Instant> = None;
-    let mut has_complained = false;
     let mut client = shared.connection.client();
     loop {
         let changed = shared.held.changed.notified();
@@ -78,29 +77,14 @@ pub(super) async fn lease(shared: Arc<Shared>, pool: rayon::ThreadPool) -> Resul
                     }
                     debug!(reason = %cause(status), "leasing failed");
                 }
-                let since = *away_since.get_or_insert_with(Instant::now);
-                if since.elapsed() > SILENCE && !has_complained {
-                    has_complained = true;
-                    let leaving_in = shared.options.give_up_after.as_secs();
-                    warn!(leaving_in, "the coordinator does not answer");
-                }
-                if since.elapsed() > shared.options.give_up_after {
-                    return Err(gateway::Error::Away {
-                        url: shared.connection.url(),
-                        seconds: shared.options.give_up_after.as_secs(),
-                    }
-                    .into());
-                }
+                shared.contact.missed();
                 tokio::select! {
                     () = backoff.pause() => continue,
                     () = shared.stop.cancelled() => return Ok(End::Stopped),
                 }
             }
         };
-        away_since = None;
-        if std::mem::take(&mut has_complained) {
-            info!("the coordinator answers again");
-        }
+        shared.contact.answered();
         backoff.reset();
         match response.directive() {
             Directive::Finished => return Ok(End::Finished),
@@ -295,6 +279,7 @@ pub(super) async fn report(shared: Arc<Shared>, stop: CancellationToken) {
         let patience = CALL_TIMEOUT + Duration::from_secs_f64(bytes as f64 / SLOWEST_LINE);
         match tokio::time::timeout(patience, client.report(request)).await {
             Ok(Ok(response)) => {
+                shared.contact.answered();
                 backoff.reset();
                 most = BYTES_PER_REPORT;
                 let directive = response.into_inner().directive();
@@ -309,6 +294,7 @@ pub(super) async fn report(shared: Arc<Shared>, stop: CancellationToken) {
                     .acknowledged
                     .fetch_add(results.len() as u64, Ordering::Relaxed);
                 shared.held.acknowledge(&results);
+                shared.files.settle(&shared.held);
             }
             failed => {
                 match &failed {
@@ -317,11 +303,14 @@ pub(super) async fn report(shared: Arc<Shared>, stop: CancellationToken) {
                     }
                     _ => most = (most / 2).max(FEWEST_BYTES),
                 }
+                shared.contact.missed();
+                if shared.contact.away() > Some(SILENCE) {
+                    // This worker may be killed before the coordinator is back.
+                    shared.keep_undelivered();
+                }
                 if stop.is_cancelled() {
                     attempts_after_stop += 1;
                     if attempts_after_stop > 5 {
-                        let lost = shared.held.unacknowledged();
-                        warn!(lost, "leaving with results that nobody acknowledged");
                         return;
                     }
                 }
@@ -392,11 +381,12 @@ pub(super) async fn heartbeat(
             // The thread may have stopped waiting.
             let _ = announcement.try_send(());
         }
-        // After a lost heartbeat, the next one is enough. The lease task watches how long the
-        // coordinator does not answer.
+        // After a lost heartbeat, the next one is enough.
         let Ok(Ok(response)) = call else {
+            shared.contact.missed();
             continue;
         };
+        shared.contact.answered();
         let response = response.into_inner();
         shared.set_heartbeat(response.heartbeat_ms);
         shared.held.cancel(&ids(&response.cancelled));

@@ -9,6 +9,7 @@ use gateway::link::cause;
 use protocol::v2::RegisterRequest;
 use tracing::{debug, info, warn};
 
+use super::contact::SILENCE;
 use super::{CALL_TIMEOUT, Shared};
 use crate::backoff::Backoff;
 use crate::error::Error;
@@ -22,18 +23,14 @@ pub(super) struct Registered {
     /// The simulator of the campaign.
     pub(super) backend: Arc<Backend>,
     campaign_json: String,
-    model_digest: String,
+    pub(super) model_digest: String,
 }
 
 impl Shared {
-    /// Registers. Repeats the call until it succeeds or the time limit has passed.
+    /// Registers. Repeats the call until it succeeds, the `first` time for a limited time.
     pub(super) async fn register(&self, first: bool) -> Result<Arc<Registered>, Error> {
         let options = &self.options;
-        let patience = if first {
-            options.connect_timeout
-        } else {
-            options.give_up_after
-        };
+        let patience = options.connect_timeout;
         let since = Instant::now();
         let mut has_complained = false;
         let mut backoff = Backoff::new();
@@ -81,10 +78,16 @@ impl Shared {
                             campaign_json: response.campaign_json.clone(),
                         });
                         let done = confirmed.is_some();
+                        self.contact.answered();
                         if done {
                             self.held.cancel(&super::calls::ids(&response.cancelled));
                         } else {
-                            // Leases, if there are any, belong to another campaign.
+                            // Leases, if there are any, belong to another campaign, and so do their
+                            // results, which its coordinator may want.
+                            if known.is_some() {
+                                self.keep_undelivered();
+                                self.files.leave();
+                            }
                             self.held.cancel_all();
                         }
                         *self.problem.write().unwrap_or_else(|e| e.into_inner()) =
@@ -103,21 +106,14 @@ impl Shared {
                 Err(_) => "no answer in time".to_owned(),
             };
             debug!(%reason, "registering failed");
-            if since.elapsed() > super::SILENCE && !has_complained {
+            self.contact.missed();
+            if first && since.elapsed() > SILENCE && !has_complained {
                 has_complained = true;
                 let leaving_in = patience.saturating_sub(since.elapsed()).as_secs();
                 warn!(%url, leaving_in, "the coordinator does not answer");
             }
-            if since.elapsed() > patience {
-                return Err(if first {
-                    gateway::Error::Unreachable { url, reason }
-                } else {
-                    gateway::Error::Away {
-                        url,
-                        seconds: patience.as_secs(),
-                    }
-                }
-                .into());
+            if first && since.elapsed() > patience {
+                return Err(gateway::Error::Unreachable { url, reason }.into());
             }
             backoff.pause().await;
         }
