@@ -29,7 +29,9 @@ fn slow(sandbox: &Sandbox, seconds: &str) -> (String, String) {
         ],
     );
     let calls = sandbox.path("calls").display().to_string();
-    let note = format!("open({calls:?}, 'a').write(str(r['seed']) + '\\n'); time.sleep({seconds})");
+    let note = format!(
+        "open({calls:?}, 'a').write(str(r['design']) + str(r['seed']) + '\\n'); time.sleep({seconds})"
+    );
     let program = changed(&case("bowl.py"), &[("if slp: time.sleep(slp)", &note)]);
     (
         path(&sandbox.write("bowl.toml", &campaign)),
@@ -40,13 +42,13 @@ fn slow(sandbox: &Sandbox, seconds: &str) -> (String, String) {
 /// The number of samples that were begun, each of which once.
 fn calls(sandbox: &Sandbox) -> usize {
     let text = std::fs::read_to_string(sandbox.path("calls")).unwrap_or_default();
-    let seeds: BTreeSet<&str> = text.lines().collect();
+    let samples: BTreeSet<&str> = text.lines().collect();
     assert_eq!(
-        seeds.len(),
+        samples.len(),
         text.lines().count(),
         "samples were computed twice: {text}"
     );
-    seeds.len()
+    samples.len()
 }
 
 /// The files of undelivered results.

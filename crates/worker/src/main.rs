@@ -41,9 +41,9 @@ struct Arguments {
     /// Seconds without an answer of the coordinator and without a running job after which to leave
     #[arg(long, value_name = "SECONDS", default_value_t = 600)]
     give_up_after: u64,
-    /// The folder for results that the coordinator does not take before this worker must end. The
-    /// next worker of the campaign delivers what it finds there, or `coordinator merge` takes it
-    /// [default: ~/.local/state/pitchline/undelivered]
+    /// The folder for results that this worker cannot deliver before it ends; the next worker of
+    /// the campaign delivers them, or `coordinator merge` [default:
+    /// ~/.local/state/pitchline/undelivered]
     #[arg(long, value_name = "DIR")]
     undelivered: Option<PathBuf>,
     /// Seconds that running jobs may take to end after SIGTERM

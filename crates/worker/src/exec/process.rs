@@ -5,7 +5,7 @@
 //! end of a pipe that only this program keeps open. If this program is killed, the pipe closes, and
 //! the guard ends the group.
 //!
-//! Lines of the output that are no answers are skipped, up to a limit, and the first one of a
+//! Lines of the output that are not answers are skipped, up to a limit, and the first one of a
 //! process is a warning.
 
 use std::collections::VecDeque;
@@ -81,7 +81,7 @@ pub(super) enum Heard<T> {
     Nothing,
 }
 
-/// Output that is no answer.
+/// Output that is not an answer.
 #[derive(Debug, Default)]
 struct Skipped {
     lines: usize,
@@ -209,7 +209,7 @@ impl Process {
                 Silence::Timeout => self.late_words(timeout, read),
                 Silence::Stopped => "was ended because the worker stops".to_owned(),
                 Silence::TooLong => format!(
-                    "wrote more than {MAX_OUTPUT} bytes to its standard output that are no answer"
+                    "wrote more than {MAX_OUTPUT} bytes to its standard output without an answer"
                 ),
                 Silence::Malformed(line, reason) => malformed(&line, &reason),
                 Silence::System(error) => format!("cannot be talked to: {error}"),
@@ -262,9 +262,10 @@ impl Process {
             }
             if began.elapsed() > SLOW_START && !has_complained && !line.is_empty() {
                 has_complained = true;
-                let waiting = timeout.as_secs_f64();
                 warn!(
-                    "the simulator has not answered its first request for {} s, of {waiting}: it must {FLUSH}",
+                    limit_s = timeout.as_secs_f64(),
+                    "the simulator has not answered its first request for {} s: if it has answered, \
+                     it must {FLUSH}",
                     SLOW_START.as_secs()
                 );
             }
@@ -314,7 +315,7 @@ impl Process {
         Ok(None)
     }
 
-    /// Counts a line that is no answer. The first one of a process is reported.
+    /// Counts a line that is not an answer. The first one of a process is reported.
     fn skip(&mut self, line: &[u8]) {
         let line = line.trim_ascii();
         if line.is_empty() {
@@ -326,8 +327,8 @@ impl Process {
         if !std::mem::replace(&mut self.has_warned, true) {
             warn!(
                 line = self.skipped.last,
-                "the simulator writes to its standard output what is no answer; it is skipped: \
-                 write messages to standard error"
+                "a line of the simulator's standard output is not an answer and is skipped, as others \
+                 will be: write messages to standard error"
             );
         }
     }
@@ -531,9 +532,9 @@ impl Skipped {
     fn told(&self) -> String {
         match self.lines {
             0 => String::new(),
-            1 => format!("; a line that is no answer was skipped: {}", self.last),
+            1 => format!("; a line that is not an answer was skipped: {}", self.last),
             lines => format!(
-                "; {lines} lines that are no answers were skipped, the last of them: {}",
+                "; {lines} lines that are not answers were skipped, the last of them: {}",
                 self.last
             ),
         }

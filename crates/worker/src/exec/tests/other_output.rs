@@ -95,7 +95,7 @@ fn output_without_end_is_an_error() {
         let error = run(&backend(&format!("on_sample() {{ {babble}; }}")), THREE).unwrap_err();
         assert!(
             error.contains(
-                "wrote more than 16777216 bytes to its standard output that are no answer"
+                "wrote more than 16777216 bytes to its standard output without an answer"
             ),
             "{error}"
         );
@@ -111,7 +111,7 @@ fn a_missing_answer_hints_at_flushing_and_names_what_was_skipped() {
             "echo hello; echo '{\"delta_ste_um\":1}'",
             &[
                 flush,
-                "2 lines that are no answers were skipped, the last of them: {\"delta_ste_um\":1}",
+                "2 lines that are not answers were skipped, the last of them: {\"delta_ste_um\":1}",
             ],
         ),
         (
