@@ -37,3 +37,4 @@ mod stopping;
 mod studies;
 mod tradeoff;
 mod undelivered;
+mod user_tables;

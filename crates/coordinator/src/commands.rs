@@ -167,7 +167,15 @@ const fn store_exit_code(error: &store::Error) -> u8 {
 }
 
 fn read(path: &Path) -> Result<String, FileAccess> {
-    fs::read_to_string(path).map_err(|source| FileAccess {
+    read_by(path, |path| fs::read_to_string(path))
+}
+
+fn read_bytes(path: &Path) -> Result<Vec<u8>, FileAccess> {
+    read_by(path, |path| fs::read(path))
+}
+
+fn read_by<T>(path: &Path, by: impl FnOnce(&Path) -> std::io::Result<T>) -> Result<T, FileAccess> {
+    by(path).map_err(|source| FileAccess {
         doing: "read",
         path: path.to_owned(),
         source,

@@ -1,7 +1,10 @@
+use std::borrow::Cow;
+
 use kriging::{Data, Guidance, Method, Names, Settings, Surrogate};
 
-use crate::summary::{self, Summary};
-use crate::{Error, ModelFile, Quantity, Table};
+use crate::summary::{self, Origin, Summary};
+use crate::table::{Content, Unused};
+use crate::{Error, ModelFile, Quantity, Table, far};
 
 /// The columns to fit, and the settings of the fit.
 #[derive(Debug, Clone)]
@@ -11,8 +14,10 @@ pub struct Request {
     /// The column of the observations' noise variances, in units of the response squared; without one
     /// the known noise is zero.
     pub variance: Option<String>,
-    /// The columns of the inputs; all other columns that have numbers if none are named.
+    /// The columns of the inputs; all other columns whose numbers differ if none are named.
     pub inputs: Option<Vec<String>>,
+    /// Whether rows in which a column of the model has no value are left out instead of refused.
+    pub skip_missing: bool,
     /// Whether to estimate a nugget; by default if there is no column of noise variances.
     pub nugget: Option<bool>,
     /// Settings of the fit. The nugget's setting is replaced by the one above.
@@ -32,7 +37,18 @@ pub struct Fit {
 struct Columns {
     inputs: Vec<Quantity>,
     response: Quantity,
-    unused: Vec<String>,
+    unused: Vec<Unused>,
+}
+
+impl Columns {
+    /// The names of the columns that the model is made from.
+    fn names<'a>(&'a self, request: &'a Request) -> Vec<&'a str> {
+        let inputs = self.inputs.iter().map(|input| input.name.as_str());
+        let others = [Some(&request.response), request.variance.as_ref()];
+        inputs
+            .chain(others.into_iter().flatten().map(String::as_str))
+            .collect()
+    }
 }
 
 /// Fits a model to columns of a table and validates it by leaving out each observation in turn.
@@ -48,6 +64,12 @@ pub fn fit(table: &Table, request: &Request) -> Result<Fit, Error> {
     settings.fit.nugget = nugget;
     check(&settings, request)?;
 
+    let mut table = Cow::Borrowed(table);
+    let mut skipped = Vec::new();
+    if request.skip_missing {
+        skipped = table.to_mut().skip_missing(&columns.names(request))?;
+    }
+    let table = &*table;
     let n = table.len();
     let d = columns.inputs.len();
     let mut x = vec![0.0; n * d];
@@ -67,7 +89,13 @@ pub fn fit(table: &Table, request: &Request) -> Result<Fit, Error> {
         y: &y,
         noise_variance: &noise_variance,
     };
-    let (surrogate, warnings) = guided(table, &columns, |guidance| {
+    let mut far = Vec::new();
+    for name in columns.names(request) {
+        far.extend(far::warning(name, &table.numbers(name)?, |row| {
+            table.line(row)
+        }));
+    }
+    let (surrogate, of_fit) = guided(table, &columns, |guidance| {
         let surrogate = Surrogate::fit(&data, &settings).map_err(|error| Error::Fit {
             file: table.file().to_owned(),
             reason: guidance.error(&error).unwrap_or_else(|| error.to_string()),
@@ -77,7 +105,13 @@ pub fn fit(table: &Table, request: &Request) -> Result<Fit, Error> {
         Ok::<_, Error>((surrogate, warnings))
     })?;
     let model = ModelFile::new(&columns.inputs, columns.response, surrogate);
-    let summary = summary::of(&model, &settings, table, request, columns.unused, warnings);
+    let origin = Origin {
+        table,
+        unused: columns.unused,
+        skipped,
+        warnings: far.into_iter().chain(of_fit).collect(),
+    };
+    let summary = summary::of(&model, &settings, request, origin);
     Ok(Fit { model, summary })
 }
 
@@ -94,7 +128,12 @@ fn choose(table: &Table, request: &Request) -> Result<Columns, Error> {
             request.response
         )));
     }
-    let (names, unused) = match &request.inputs {
+    let mut unused: Vec<Unused> = table.index().cloned().into_iter().collect();
+    let mut leave_out = |column: &String, reason: String| {
+        let column = column.clone();
+        unused.push(Unused { column, reason });
+    };
+    let names = match &request.inputs {
         Some(names) => {
             for (number, name) in names.iter().enumerate() {
                 table.position(name)?;
@@ -106,32 +145,60 @@ fn choose(table: &Table, request: &Request) -> Result<Columns, Error> {
                 }
             }
             let other = |name: &&String| !is_taken(name) && !names.contains(name);
-            let unused = table.columns().iter().filter(other).cloned().collect();
-            (names.clone(), unused)
+            for name in table.columns().iter().filter(other) {
+                leave_out(name, "not among --inputs".to_owned());
+            }
+            names.clone()
         }
         None => {
+            let mut names = Vec::new();
             let others = table.columns().iter().enumerate();
-            let others = others.filter(|(_, name)| !is_taken(name));
-            let (inputs, unused): (Vec<_>, Vec<_>) =
-                others.partition(|(position, _)| table.has_numbers(*position));
-            let names = |found: Vec<(usize, &String)>| -> Vec<String> {
-                found.into_iter().map(|(_, name)| name.clone()).collect()
-            };
-            (names(inputs), names(unused))
+            for (position, name) in others.filter(|(_, name)| !is_taken(name)) {
+                match reason_against(table, position) {
+                    None => names.push(name.clone()),
+                    Some(reason) => leave_out(name, reason),
+                }
+            }
+            names
         }
     };
     if names.is_empty() {
+        let unused = unused
+            .iter()
+            .map(|Unused { column, reason }| format!("; {column}: {reason}"));
         return Err(Error::Settings(format!(
-            "{} has no inputs: it must have a column of numbers beside the response {:?}",
+            "{} has no inputs: it must have a column of differing numbers beside the response {:?}{}",
             table.file(),
-            request.response
+            request.response,
+            unused.collect::<String>()
         )));
     }
+    let quantity = |name: &String| -> Result<Quantity, Error> {
+        let unit = table.unit(table.position(name)?).map(str::to_owned);
+        let named = Quantity::new(name);
+        Ok(Quantity {
+            unit: unit.or(named.unit),
+            ..named
+        })
+    };
     Ok(Columns {
-        inputs: names.iter().map(|name| Quantity::new(name)).collect(),
-        response: Quantity::new(&request.response),
+        inputs: names.iter().map(quantity).collect::<Result<_, _>>()?,
+        response: quantity(&request.response)?,
         unused,
     })
+}
+
+/// Why a column that nobody named is not an input.
+fn reason_against(table: &Table, position: usize) -> Option<String> {
+    match table.content(position) {
+        Content::Numbers if table.counts_rows(position) => {
+            Some("it counts the rows; --inputs takes it as an input".to_owned())
+        }
+        Content::Numbers => None,
+        Content::Constant(value) => Some(format!("constant, {value} in all rows")),
+        Content::Text(cell, line) => Some(format!("text, such as {cell:?} in line {line}")),
+        Content::Empty => Some("it has no values".to_owned()),
+    }
 }
 
 /// Refuses settings that the approximate method does not have: a nugget and a trend.
@@ -208,6 +275,7 @@ mod tests {
             response: "y_um".to_owned(),
             variance: None,
             inputs: None,
+            skip_missing: false,
             nugget: None,
             settings: Settings::default(),
         }
@@ -216,7 +284,11 @@ mod tests {
     #[test]
     fn a_table_is_fitted_and_summarised() {
         let Fit { model, summary } = fit(&table(|_| None), &request()).unwrap();
-        assert_eq!(summary.unused, ["name"]);
+        let [unused] = &summary.unused[..] else {
+            panic!("{:?}", summary.unused);
+        };
+        assert_eq!(unused.column, "name");
+        assert_eq!(unused.reason, "text, such as \"p0\" in line 2");
         assert_eq!(
             (summary.observations, summary.nugget_is_estimated),
             (60, true)

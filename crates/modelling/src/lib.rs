@@ -1,6 +1,6 @@
 //! Kriging models of a user's own table.
 //!
-//! - [`table`] reads a CSV table and names the line and column of whatever is wrong in it.
+//! - [`table`] reads a table, CSV or similar, and names the line and column of whatever is wrong in it.
 //! - [`fit()`] fits a model to columns of it, and validates the model.
 //! - [`file`](mod@file) is the model as JSON, with the names, units and bounds of its columns.
 //! - [`predict()`] predicts the response at the rows of another table.
@@ -8,6 +8,7 @@
 //! This crate knows neither gears nor campaigns: a column is what its header states.
 
 mod error;
+mod far;
 pub mod file;
 mod fit;
 mod predict;

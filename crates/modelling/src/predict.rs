@@ -136,6 +136,7 @@ mod tests {
             response: "y".to_owned(),
             variance: None,
             inputs: None,
+            skip_missing: false,
             nugget: Some(false),
             settings: Settings {
                 response,

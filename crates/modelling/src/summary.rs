@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use kriging::Settings;
 use serde::Serialize;
 
+use crate::table::{Skipped, Unused};
 use crate::{ModelFile, Quantity, Request, SCHEMA_VERSION, Table};
 
 /// The parameters and the validation of a model that was fitted to a table. Quantities of the response are
@@ -15,14 +16,18 @@ pub struct Summary {
     pub schema_version: u32,
     /// The table's file, as the user named it.
     pub file: String,
+    /// How the table was read, where it is not plain CSV.
+    pub format: Vec<String>,
     /// The response.
     pub response: Quantity,
     /// The column of noise variances.
     pub variance: Option<String>,
     /// The inputs.
     pub inputs: Vec<Input>,
-    /// Columns of the table that the model does not use.
-    pub unused: Vec<String>,
+    /// Columns of the table that the model does not use, and why.
+    pub unused: Vec<Unused>,
+    /// Rows that were left out, by the column that has no value there.
+    pub skipped: Vec<Skipped>,
     /// Number n of observations.
     pub observations: usize,
     /// Number of distinct points that the model holds.
@@ -96,14 +101,22 @@ pub struct Largest {
     pub standardised: f64,
 }
 
+/// What a model was fitted to.
+pub(crate) struct Origin<'a> {
+    /// The table, without the rows that were left out.
+    pub(crate) table: &'a Table,
+    pub(crate) unused: Vec<Unused>,
+    pub(crate) skipped: Vec<Skipped>,
+    pub(crate) warnings: Vec<String>,
+}
+
 pub(crate) fn of(
     model: &ModelFile,
     settings: &Settings,
-    table: &Table,
     request: &Request,
-    unused: Vec<String>,
-    warnings: Vec<String>,
+    origin: Origin<'_>,
 ) -> Summary {
+    let table = origin.table;
     let surrogate = &model.surrogate;
     let parameters = surrogate.parameters();
     let inputs = model.inputs.iter().enumerate().map(|(j, input)| Input {
@@ -117,10 +130,12 @@ pub(crate) fn of(
     Summary {
         schema_version: SCHEMA_VERSION,
         file: table.file().to_owned(),
+        format: table.format().to_vec(),
         response: model.response.clone(),
         variance: request.variance.clone(),
         inputs: inputs.collect(),
-        unused,
+        unused: origin.unused,
+        skipped: origin.skipped,
         observations: table.len(),
         points: surrogate.points(),
         kernel: surrogate.kernel().to_string(),
@@ -135,7 +150,7 @@ pub(crate) fn of(
         calibration: surrogate.calibration(),
         negative_log_likelihood: surrogate.negative_log_likelihood(),
         leave_one_out: validation(model, table),
-        warnings,
+        warnings: origin.warnings,
     }
 }
 
@@ -191,7 +206,11 @@ pub fn describe(summary: &Summary) -> String {
     let mut line = |name: &str, value: String| {
         let _ = writeln!(text, "{name:<21}{value}");
     };
-    line("table", summary.file.clone());
+    let format = match &summary.format[..] {
+        [] => String::new(),
+        parts => format!(" ({})", parts.join(", ")),
+    };
+    line("table", format!("{}{format}", summary.file));
     line("response", format!("{}{logarithm}", summary.response.name));
     line(
         "observations",
@@ -219,8 +238,19 @@ pub fn describe(summary: &Summary) -> String {
             ),
         );
     }
-    if !summary.unused.is_empty() {
-        line("not used", summary.unused.join(", "));
+    for Unused { column, reason } in &summary.unused {
+        line("not used", format!("{column}: {reason}"));
+    }
+    for Skipped { column, lines } in &summary.skipped {
+        let count = lines.len();
+        let listed: Vec<String> = lines.iter().take(20).map(u64::to_string).collect();
+        let more = if count > listed.len() { ", …" } else { "" };
+        let rows = if count == 1 { "row" } else { "rows" };
+        let listed = listed.join(", ");
+        line(
+            "left out",
+            format!("{count} {rows} without a value in {column}: line {listed}{more}"),
+        );
     }
     line("model", format!("{}, {method}", summary.kernel));
     line("noise", noise);

@@ -1,90 +1,74 @@
-//! CSV tables whose errors name file, line and column.
+//! Tables of users, as spreadsheets, statistics programs and simulators write them. Errors name file, line and
+//! column.
+//!
+//! Delimiter, decimal comma and encoding are found out from the text. What can be read in one way only is
+//! read, and [`Table::format`] says how; what can be read in several ways is refused.
 
-use std::collections::HashSet;
+mod dialect;
+mod number;
+mod text;
 
 use crate::InputError;
+use number::Style;
+use text::Record;
 
-/// A CSV table: a header line, then rows of as many fields.
+/// A table: the columns' names, then rows of as many fields.
 #[derive(Debug, Clone)]
 pub struct Table {
     file: String,
     header: Vec<String>,
-    rows: Vec<Row>,
+    /// The units that a row below the header gives.
+    units: Vec<Option<String>>,
+    rows: Vec<Record>,
+    style: Style,
+    format: Vec<String>,
+    /// A first column without a name, which was left out.
+    index: Option<Unused>,
 }
 
-#[derive(Debug, Clone)]
-struct Row {
-    /// Line of the file on which the row starts, from 1.
-    line: u64,
-    fields: Vec<String>,
+/// A column that is not used, and the reason.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub struct Unused {
+    /// The column's name, or its number where it has none.
+    pub column: String,
+    /// Why it is not used.
+    pub reason: String,
+}
+
+/// Rows that were left out since a column has no value there.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub struct Skipped {
+    /// The column.
+    pub column: String,
+    /// The lines of the rows, from 1.
+    pub lines: Vec<u64>,
+}
+
+/// What the cells of a column are.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Content {
+    /// At least one number, and not always the same.
+    Numbers,
+    /// The same number in all rows that have one.
+    Constant(f64),
+    /// No number; the first cell that has a text, and its line.
+    Text(String, u64),
+    /// No value at all.
+    Empty,
 }
 
 impl Table {
-    /// Reads a table from the text of `file`. Fields are separated by commas; spaces around a field and
-    /// empty lines are ignored.
+    /// Reads a table from the bytes of `file`. Fields are separated by commas, semicolons, tabs, vertical bars
+    /// or blanks; numbers may have decimal commas and Fortran's exponents. Spaces around a field, empty
+    /// lines and comments are ignored, as is a first column without a name. The text is UTF-8, UTF-16 or
+    /// Latin-1.
     ///
     /// # Errors
     ///
-    /// The header or the rows are missing, a column has no name or the name of another one, or a row has
-    /// another number of fields than the header.
-    pub fn parse(file: &str, text: &str) -> Result<Self, InputError> {
-        let wrong = |message: String| InputError::in_file(file, message);
-        let mut reader = csv::ReaderBuilder::new()
-            .trim(csv::Trim::All)
-            .has_headers(false)
-            .flexible(true)
-            .from_reader(text.as_bytes());
-        let mut lines = Lines::new(text);
-        let mut records = reader.records().map(|record| {
-            let record = record.map_err(|error| wrong(error.to_string()))?;
-            let start = record.position().map_or(0, |position| position.byte());
-            let fields: Vec<String> = record.iter().map(str::to_owned).collect();
-            Ok::<Row, InputError>(Row {
-                line: lines.at(start as usize),
-                fields,
-            })
-        });
-        let Some(first) = records.next() else {
-            return Err(wrong(
-                "is empty, but must have a header line and rows of numbers".to_owned(),
-            ));
-        };
-        let head = first?;
-        let mut seen = HashSet::new();
-        for (number, name) in head.fields.iter().enumerate() {
-            if name.is_empty() {
-                let message = format!(
-                    "column {} has no name, but must have one in the header",
-                    number + 1
-                );
-                return Err(wrong(message).at_line(head.line));
-            }
-            if !seen.insert(name) {
-                let message = "is the name of two columns, but names must differ";
-                return Err(wrong(message.to_owned()).at_line(head.line).in_column(name));
-            }
-        }
-        let mut rows = Vec::new();
-        for row in records {
-            let row = row?;
-            if row.fields.len() != head.fields.len() {
-                let message = format!(
-                    "has {} fields, but must have {}, as the header",
-                    row.fields.len(),
-                    head.fields.len()
-                );
-                return Err(wrong(message).at_line(row.line));
-            }
-            rows.push(row);
-        }
-        if rows.is_empty() {
-            return Err(wrong("has a header, but no rows".to_owned()));
-        }
-        Ok(Self {
-            file: file.to_owned(),
-            header: head.fields,
-            rows,
-        })
+    /// The header or the rows are missing, a column has no name or the name of another one, a row has
+    /// another number of fields than the header, or the text can be read in several ways.
+    pub fn parse(file: &str, bytes: impl AsRef<[u8]>) -> Result<Self, InputError> {
+        dialect::read(file, bytes.as_ref())
     }
 
     /// The file's name, as the user gave it.
@@ -93,10 +77,28 @@ impl Table {
         &self.file
     }
 
+    /// How the text was read, where that is not plain CSV: delimiter, decimal comma, encoding, comments, units.
+    #[must_use]
+    pub fn format(&self) -> &[String] {
+        &self.format
+    }
+
     /// The names of the columns.
     #[must_use]
     pub fn columns(&self) -> &[String] {
         &self.header
+    }
+
+    /// A first column without a name, which was taken as an index of the rows.
+    #[must_use]
+    pub const fn index(&self) -> Option<&Unused> {
+        self.index.as_ref()
+    }
+
+    /// The unit of the column at `position`, if a row below the header gives it.
+    #[must_use]
+    pub fn unit(&self, position: usize) -> Option<&str> {
+        self.units[position].as_deref()
     }
 
     /// Number of rows, the header aside.
@@ -105,7 +107,7 @@ impl Table {
         self.rows.len()
     }
 
-    /// Whether there are no rows; never for a table that was read.
+    /// Whether there are no rows, which happens only when all were skipped.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
@@ -142,12 +144,19 @@ impl Table {
     /// There is no such column, or one of its fields is no finite number.
     pub fn numbers(&self, name: &str) -> Result<Vec<f64>, InputError> {
         let column = self.position(name)?;
-        let number = |row: &Row| {
-            let field = &row.fields[column];
-            finite(field).ok_or_else(|| {
-                let message = match field.as_str() {
-                    "" => "is empty, but must be a finite number".to_owned(),
-                    field => format!("{field:?} is not a finite number such as 0.5 or 1e-3"),
+        let number = |row: &Record| {
+            let cell = &row.fields[column];
+            self.style.number(cell).ok_or_else(|| {
+                let message = if number::is_missing(cell) {
+                    let found = match cell.as_str() {
+                        "" => "is empty".to_owned(),
+                        cell => format!("{cell:?} stands for a missing value"),
+                    };
+                    format!(
+                        "{found}, but must be a finite number; --skip-missing leaves such rows out"
+                    )
+                } else {
+                    format!("{cell:?} is not a finite number such as 0.5 or 1e-3")
                 };
                 InputError::in_file(&self.file, message)
                     .at_line(row.line)
@@ -157,44 +166,80 @@ impl Table {
         self.rows.iter().map(number).collect()
     }
 
-    /// Whether any field of the column at `position` is a finite number.
-    pub(crate) fn has_numbers(&self, position: usize) -> bool {
-        let mut fields = self.rows.iter().map(|row| &row.fields[position]);
-        fields.any(|field| finite(field).is_some())
-    }
-}
-
-fn finite(field: &str) -> Option<f64> {
-    field.parse().ok().filter(|value: &f64| value.is_finite())
-}
-
-/// Line numbers of ascending positions in a text. The CSV reader's own numbers are those of the end
-/// of the row before: they are too small after an empty line or a carriage return.
-struct Lines<'a> {
-    text: &'a [u8],
-    position: usize,
-    line: u64,
-}
-
-impl<'a> Lines<'a> {
-    fn new(text: &'a str) -> Self {
-        Self {
-            text: text.as_bytes(),
-            position: 0,
-            line: 1,
-        }
-    }
-
-    /// The line of the first byte from `start` on that is no line end.
-    fn at(&mut self, start: usize) -> u64 {
-        while let Some(byte) = self.text.get(self.position) {
-            if self.position >= start && !matches!(byte, b'\n' | b'\r') {
-                break;
+    /// Removes the rows in which one of these columns has no value, and says which they were.
+    ///
+    /// # Errors
+    ///
+    /// There is no such column, or no row is left.
+    pub fn skip_missing(&mut self, columns: &[&str]) -> Result<Vec<Skipped>, InputError> {
+        let mut skipped = Vec::new();
+        for name in columns {
+            let column = self.position(name)?;
+            let is_missing = |row: &Record| number::is_missing(&row.fields[column]);
+            let (missing, rows): (Vec<Record>, Vec<Record>) = std::mem::take(&mut self.rows)
+                .into_iter()
+                .partition(is_missing);
+            self.rows = rows;
+            if !missing.is_empty() {
+                skipped.push(Skipped {
+                    column: (*name).to_owned(),
+                    lines: missing.iter().map(|row| row.line).collect(),
+                });
             }
-            self.line += u64::from(*byte == b'\n');
-            self.position += 1;
         }
-        self.line
+        if self.rows.is_empty() {
+            let columns = columns.join(", ");
+            let message = format!("no row has a value in each of the columns {columns}");
+            return Err(InputError::in_file(&self.file, message));
+        }
+        Ok(skipped)
+    }
+
+    /// What the cells of the column at `position` are.
+    pub(crate) fn content(&self, position: usize) -> Content {
+        let mut numbers = self
+            .cells(position)
+            .filter_map(|(_, cell)| self.style.number(cell));
+        if let Some(first) = numbers.next() {
+            let mut cells = self.cells(position);
+            let differs = cells.any(|(_, cell)| {
+                let value = self.style.number(cell);
+                value.map_or(!number::is_missing(cell), |value| value != first)
+            });
+            return if differs || self.rows.len() == 1 {
+                Content::Numbers
+            } else {
+                Content::Constant(first)
+            };
+        }
+        let mut texts = self
+            .cells(position)
+            .filter(|(_, cell)| !number::is_missing(cell));
+        texts.next().map_or(Content::Empty, |(line, cell)| {
+            Content::Text(cell.to_owned(), line)
+        })
+    }
+
+    /// Whether the column at `position` has the name of a counter and counts the rows.
+    pub(crate) fn counts_rows(&self, position: usize) -> bool {
+        const COUNTERS: [&str; 14] = [
+            "id", "idx", "index", "no", "no.", "nr", "nr.", "number", "row", "run", "eval_id",
+            "sample", "case", "obs",
+        ];
+        let name = self.header[position].to_ascii_lowercase();
+        let values = self
+            .cells(position)
+            .map(|(_, cell)| self.style.number(cell));
+        let values: Option<Vec<f64>> = values.collect();
+        let rises = |values: Vec<f64>| values.windows(2).all(|pair| pair[1] - pair[0] == 1.0);
+        COUNTERS.contains(&name.as_str()) && self.rows.len() > 2 && values.is_some_and(rises)
+    }
+
+    /// The cells of a column, each with its line.
+    fn cells(&self, position: usize) -> impl Iterator<Item = (u64, &str)> {
+        self.rows
+            .iter()
+            .map(move |row| (row.line, row.fields[position].as_str()))
     }
 }
 
@@ -231,7 +276,8 @@ mod tests {
         assert_eq!((table.line(0), table.line(1)), (2, 4));
         let error = table.numbers("y").unwrap_err().to_string();
         assert!(error.contains("line 4, column \"y\": is empty"), "{error}");
-        assert!(table.has_numbers(1) && !table.has_numbers(0));
+        assert_eq!(table.content(1), Content::Constant(1.0));
+        assert_eq!(table.content(0), Content::Text("two\nlines".to_owned(), 2));
     }
 
     #[test]

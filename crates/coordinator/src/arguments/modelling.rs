@@ -11,7 +11,7 @@ use serde::de::value::{Error, StrDeserializer};
 
 #[derive(Debug, Args)]
 pub(crate) struct Fit {
-    /// The table: a header line, then rows of numbers
+    /// The table: a header line, then rows of numbers; commas, semicolons, tabs or blanks between them
     #[arg(value_name = "DATA.csv")]
     pub(crate) data: PathBuf,
     /// The column of the observations
@@ -20,9 +20,12 @@ pub(crate) struct Fit {
     /// The column of the observations' noise variances, in the response's unit squared
     #[arg(long, value_name = "COLUMN")]
     pub(crate) variance: Option<String>,
-    /// The columns of the inputs [default: all other columns that have numbers]
+    /// The columns of the inputs [default: all other columns whose numbers differ]
     #[arg(long, value_name = "A,B,…", value_delimiter = ',')]
     pub(crate) inputs: Option<Vec<String>>,
+    /// Leave out rows in which a column of the model is empty, NA, NaN or the like, and say which
+    #[arg(long)]
+    pub(crate) skip_missing: bool,
     #[command(flatten)]
     pub(crate) how: How,
     /// The model file to write; one that exists is refused
@@ -76,6 +79,9 @@ pub(crate) struct Predict {
     /// The points: a table with a column for each input, in any order
     #[arg(long, value_name = "POINTS.csv")]
     pub(crate) at: PathBuf,
+    /// Leave out rows in which an input is empty, NA, NaN or the like, and say which
+    #[arg(long)]
+    pub(crate) skip_missing: bool,
     /// The probability of the quantile of the predicted distribution
     #[arg(long, value_name = "P", default_value_t = 0.9, value_parser = level)]
     pub(crate) level: f64,

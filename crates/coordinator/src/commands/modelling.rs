@@ -4,6 +4,7 @@ use std::path::Path;
 
 use campaign::file::Nugget;
 use kriging::{FitOptions, Settings};
+use modelling::table::Skipped;
 use modelling::{ModelFile, Request, Table, summary};
 use protocol::exit;
 use results::model;
@@ -11,7 +12,7 @@ use store::Store;
 use tracing::warn;
 
 use super::output::{self, print_either};
-use super::read;
+use super::{read, read_bytes};
 use crate::arguments;
 
 /// `coordinator fit`.
@@ -25,6 +26,7 @@ pub(super) fn fit(arguments: &arguments::Fit) -> anyhow::Result<u8> {
         response: arguments.response.clone(),
         variance: arguments.variance.clone(),
         inputs: arguments.inputs.clone(),
+        skip_missing: arguments.skip_missing,
         nugget: how.nugget.map(|nugget| nugget == Nugget::Estimated),
         settings: Settings {
             fit: FitOptions {
@@ -57,7 +59,17 @@ pub(super) async fn predict(arguments: &arguments::Predict) -> anyhow::Result<u8
         (None, Some(db)) => model::stored(&Store::open_read_only(db).await?).await?,
         (None, None) => return Err(super::Usage("give --model or --db".to_owned()).into()),
     };
-    let table = table(&arguments.at)?;
+    let mut table = table(&arguments.at)?;
+    if arguments.skip_missing {
+        let inputs: Vec<&str> = model
+            .inputs
+            .iter()
+            .map(|input| input.name.as_str())
+            .collect();
+        for Skipped { column, lines } in table.skip_missing(&inputs)? {
+            warn!(%column, ?lines, "left out the rows without a value");
+        }
+    }
     let predictions = modelling::predict(&model, &table, arguments.level)?;
     if !predictions.unused.is_empty() {
         warn!(columns = %predictions.unused.join(", "), "no inputs of the model, and not used");
@@ -72,5 +84,8 @@ pub(super) async fn predict(arguments: &arguments::Predict) -> anyhow::Result<u8
 }
 
 fn table(file: &Path) -> anyhow::Result<Table> {
-    Ok(Table::parse(&file.display().to_string(), &read(file)?)?)
+    Ok(Table::parse(
+        &file.display().to_string(),
+        read_bytes(file)?,
+    )?)
 }
