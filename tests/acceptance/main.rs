@@ -23,6 +23,7 @@ mod namespaces;
 mod operations;
 mod other_output;
 mod page;
+mod pairs;
 mod paper;
 mod percentiles;
 mod place;

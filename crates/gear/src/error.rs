@@ -54,6 +54,19 @@ pub enum Infeasible {
         /// inv α_t + 2 (x1 + x2) tan α_n / (Z1 + Z2).
         inv_alpha_wt: f64,
     },
+    /// The given centre distance is shorter than that without backlash.
+    #[error(
+        "the teeth jam: at the centre distance of {centre_distance:.4} mm they are {overlap:.4} mm too thick \
+         for their spaces; without backlash it is {without_backlash:.4} mm"
+    )]
+    Jammed {
+        /// a.
+        centre_distance: f64,
+        /// The negative backlash at the working pitch circles.
+        overlap: f64,
+        /// The centre distance of no backlash.
+        without_backlash: f64,
+    },
     /// The root circle has no positive radius.
     #[error("the {member} has a root circle radius of {root_radius:.4} mm, it must be positive")]
     RootCircleVanishes {
@@ -217,6 +230,7 @@ impl Infeasible {
     pub const fn code(&self) -> &'static str {
         match self {
             Self::NoInvoluteSolution { .. } => "no-involute-solution",
+            Self::Jammed { .. } => "jammed",
             Self::RootCircleVanishes { .. } => "root-circle-vanishes",
             Self::ToothWithoutThickness { .. } => "tooth-without-thickness",
             Self::TipBelowBase { .. } => "tip-below-base",

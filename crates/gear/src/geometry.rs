@@ -1,4 +1,4 @@
-//! Mesh geometry of a zero-backlash involute pair: circles, path of contact, contact ratios,
+//! Mesh geometry of an involute pair: circles, path of contact, contact ratios,
 //! sliding and interference.
 //!
 //! Everything is in the transverse section unless a name says otherwise. A point of the path of
@@ -13,6 +13,7 @@ use std::f64::consts::PI;
 use crate::error::Infeasible;
 use crate::input::{Member, PairInput, Size, TipRule};
 use crate::involute::{inv_of_tangent, tangent_of_inv};
+use crate::trochoid::Trochoid;
 
 /// Everything that follows from the input by geometry alone. Arrays are [pinion, gear]; lengths
 /// in mm, angles in radians.
@@ -50,6 +51,12 @@ pub struct Geometry {
     pub psi_b: [f64; 2],
     /// Tangent lengths at which the involute starts above the fillet; negative means undercut.
     pub t_form: [f64; 2],
+    /// Tangent lengths at which the flanks' involutes start: above the fillet, or where the undercut cuts
+    /// them.
+    pub involute_start: [f64; 2],
+    /// Backlash along the working pitch circles in the transverse section; zero unless module and
+    /// centre distance are both given.
+    pub backlash: f64,
     /// Transverse base pitch p_bt.
     pub base_pitch: f64,
     /// Distance between the base tangent points L = a sin α_wt.
@@ -96,7 +103,8 @@ pub struct Sliding {
 pub struct Interference {
     /// Clearance of the pinion's tip above the gear's root, and of the gear's above the pinion's.
     pub clearance: [f64; 2],
-    /// Height of the active flank's start above the fillet, measured along the line of action.
+    /// Height of the active flank's start above the start of the involute, which is the end of the fillet or of
+    /// the undercut, measured along the line of action.
     pub flank_margin: [f64; 2],
 }
 
@@ -117,17 +125,20 @@ impl Interference {
     }
 }
 
-/// Tangent of the working pressure angle at zero backlash.
-fn working_tangent(
+/// Involute of the working pressure angle at zero backlash.
+fn working_involute(
     teeth: [u32; 2],
     pressure_angle: f64,
     helix_angle: f64,
     sum_profile_shift: f64,
-) -> Result<f64, Infeasible> {
+) -> f64 {
     let tan_alpha_t = pressure_angle.tan() / helix_angle.cos();
     let sum_teeth = f64::from(teeth[0]) + f64::from(teeth[1]);
-    let inv_alpha_wt =
-        inv_of_tangent(tan_alpha_t) + 2.0 * sum_profile_shift * pressure_angle.tan() / sum_teeth;
+    inv_of_tangent(tan_alpha_t) + 2.0 * sum_profile_shift * pressure_angle.tan() / sum_teeth
+}
+
+/// Tangent of the angle with this involute.
+fn working_tangent(inv_alpha_wt: f64) -> Result<f64, Infeasible> {
     if inv_alpha_wt > 0.0 && inv_alpha_wt.is_finite() {
         Ok(tangent_of_inv(inv_alpha_wt))
     } else {
@@ -140,7 +151,7 @@ fn cos_of_tangent(t: f64) -> f64 {
     1.0 / t.hypot(1.0)
 }
 
-/// Normal module in mm of the zero-backlash pair of the given size.
+/// Normal module in mm of the pair of the given size, without backlash unless the size gives both dimensions.
 ///
 /// `pressure_angle` and `helix_angle` in radians; `sum_profile_shift` is x1 + x2. For a given
 /// centre distance a, m = 2 a cos β cos α_wt / ((Z1 + Z2) cos α_t) with
@@ -155,10 +166,12 @@ pub fn normal_module(
     helix_angle: f64,
     sum_profile_shift: f64,
 ) -> Result<f64, Infeasible> {
-    let tan_alpha_wt = working_tangent(teeth, pressure_angle, helix_angle, sum_profile_shift)?;
+    let inv_alpha_wt = working_involute(teeth, pressure_angle, helix_angle, sum_profile_shift);
     Ok(match size {
-        Size::NormalModule(m) => m,
+        Size::Both { normal_module, .. } => normal_module,
+        Size::NormalModule(m) => working_tangent(inv_alpha_wt).map(|_| m)?,
         Size::CentreDistance(a) => {
+            let tan_alpha_wt = working_tangent(inv_alpha_wt)?;
             let tan_alpha_t = pressure_angle.tan() / helix_angle.cos();
             let sum_teeth = f64::from(teeth[0]) + f64::from(teeth[1]);
             2.0 * a * helix_angle.cos() * cos_of_tangent(tan_alpha_wt)
@@ -206,14 +219,41 @@ impl Geometry {
         let tan_n = alpha_n.tan();
         let sum_shift = input.profile_shift[0] + input.profile_shift[1];
         let m = normal_module(input.teeth, input.size, alpha_n, beta, sum_shift)?;
-        let tan_wt = working_tangent(input.teeth, alpha_n, beta, sum_shift)?;
+        let inv_without_backlash = working_involute(input.teeth, alpha_n, beta, sum_shift);
         let tan_t = tan_n / beta.cos();
-        let (cos_t, cos_wt) = (cos_of_tangent(tan_t), cos_of_tangent(tan_wt));
+        let cos_t = cos_of_tangent(tan_t);
         let m_t = m / beta.cos();
-        let centre_distance = match input.size {
-            Size::CentreDistance(a) => a,
-            Size::NormalModule(_) => m_t * (z[0] + z[1]) * cos_t / (2.0 * cos_wt),
+        let base_radii = m_t * (z[0] + z[1]) * cos_t / 2.0;
+        let (centre_distance, tan_wt, backlash) = match input.size {
+            Size::CentreDistance(a) => (a, working_tangent(inv_without_backlash)?, 0.0),
+            Size::NormalModule(_) => {
+                let tan_wt = working_tangent(inv_without_backlash)?;
+                (base_radii / cos_of_tangent(tan_wt), tan_wt, 0.0)
+            }
+            Size::Both {
+                centre_distance, ..
+            } => {
+                let tan_wt = (base_radii / centre_distance).min(1.0).acos().tan();
+                // The circular pitch less both thicknesses at the working pitch circles.
+                let excess = inv_of_tangent(tan_wt) - inv_without_backlash;
+                let backlash = 2.0 * centre_distance * excess;
+                // A distance of no backlash that was rounded to 12 digits has none.
+                if excess < -1e-11 {
+                    let without = working_tangent(inv_without_backlash)?;
+                    return Err(Infeasible::Jammed {
+                        centre_distance,
+                        overlap: -backlash,
+                        without_backlash: base_radii / cos_of_tangent(without),
+                    });
+                }
+                if tan_wt <= 0.0 {
+                    // The base circles touch or overlap.
+                    return Err(Infeasible::NoInvoluteSolution { inv_alpha_wt: 0.0 });
+                }
+                (centre_distance, tan_wt, backlash.max(0.0))
+            }
         };
+        let cos_wt = cos_of_tangent(tan_wt);
 
         let r = z.map(|z| m_t * z / 2.0);
         let r_b = r.map(|r| r * cos_t);
@@ -300,6 +340,14 @@ impl Geometry {
                     / sin_t;
         }
 
+        let involute_start = Member::BOTH.map(|member| {
+            let i = member.index();
+            if t_form[i] >= 0.0 {
+                return t_form[i];
+            }
+            let trochoid = Trochoid::new(input, m, r[i], member);
+            trochoid.crossing(r_b[i], psi_b[i]).1
+        });
         let path_length = centre_distance * tan_wt * cos_wt;
         let reach = [0, 1].map(|i| tangent_length(r_na[i], r_b[i]));
         for member in Member::BOTH {
@@ -341,6 +389,8 @@ impl Geometry {
             r_na,
             psi_b,
             t_form,
+            involute_start,
+            backlash,
             base_pitch,
             path_length,
             s_in,
@@ -383,10 +433,27 @@ impl Geometry {
         Interference {
             clearance: self.clearance,
             flank_margin: [
-                self.s_in - self.t_form[0].max(0.0),
-                self.path_length - self.s_out - self.t_form[1].max(0.0),
+                self.s_in - self.involute_start[0],
+                self.path_length - self.s_out - self.involute_start[1],
             ],
         }
+    }
+
+    /// The transverse contact ratio ε_α of the flanks that undercut leaves: the path of contact ends where it
+    /// reaches a place that is cut away. A path into a fillet is not shortened: there the teeth
+    /// interfere, which [`Geometry::interference`] tells.
+    #[must_use]
+    pub fn eps_alpha_left(&self) -> f64 {
+        let cut = |i: usize| {
+            if self.undercut[i] {
+                self.involute_start[i]
+            } else {
+                0.0
+            }
+        };
+        let start = self.s_in.max(cut(0));
+        let end = self.s_out.min(self.path_length - cut(1));
+        (end - start) / self.base_pitch
     }
 
     /// Tangent length of the point `s` on the given gear: s on the pinion, L − s on the gear.

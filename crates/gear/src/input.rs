@@ -69,14 +69,21 @@ macro_rules! named {
     };
 }
 
-/// The dimension that fixes the scale of the pair. The other one follows from the zero-backlash
-/// mesh.
+/// The dimensions that fix the scale of the pair. If one is given, the other one follows from the zero-backlash
+/// mesh; if both are, the backlash follows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Size {
     /// The distance between the axes, mm.
     CentreDistance(f64),
     /// The normal module m, mm.
     NormalModule(f64),
+    /// Both, mm.
+    Both {
+        /// The normal module m.
+        normal_module: f64,
+        /// The distance between the axes.
+        centre_distance: f64,
+    },
 }
 
 /// The parts of a tooth's elasticity that are counted, and the distribution of the load on the
@@ -316,6 +323,13 @@ impl PairInput {
         match self.size {
             Size::CentreDistance(a) => length("centre_distance", a)?,
             Size::NormalModule(m) => length("normal_module", m)?,
+            Size::Both {
+                normal_module,
+                centre_distance,
+            } => {
+                length("normal_module", normal_module)?;
+                length("centre_distance", centre_distance)?;
+            }
         }
         let degree = std::f64::consts::PI / 180.0;
         within(

@@ -124,6 +124,7 @@ pub mod rating;
 mod sampler;
 mod slices;
 mod tooth;
+mod trochoid;
 mod whole_face;
 
 // The tests inside the crate share general pairs with those outside, which call it by its name.

@@ -2,10 +2,11 @@
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-use crate::geometry::{rack_corner_room, tangent_length};
+use crate::geometry::tangent_length;
 use crate::input::Member;
 use crate::involute::{inv_of_tangent, tangent_of_inv};
 use crate::pair::Pair;
+use crate::trochoid::Trochoid;
 
 /// How to place a gear's outline: turn it about its axis, then move it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -86,54 +87,20 @@ fn right_flank(pair: &Pair, member: Member, points: usize) -> Vec<[f64; 2]> {
     let fraction = |k: usize| k as f64 / (points - 1) as f64;
     let half_angle = |tau: f64| geometry.psi_b[i] - inv_of_tangent(tau / r_b);
 
-    // Trochoid of the elliptic corner; γ is the inclination of the normal in the normal section.
-    let m = geometry.normal_module;
-    let rho = input.root_radius[i];
-    let h_c = m * (input.tool_addendum[i] - input.profile_shift[i]) - rho;
-    let cos_beta = geometry.beta.cos();
-    let x_c = (FRAC_PI_2 * m - rack_corner_room(input, m, member)) / cos_beta;
-    let fillet_point = |gamma: f64| {
-        let (sin, cos) = gamma.sin_cos();
-        let depth = h_c + rho * cos;
-        let x = -depth * cos_beta * sin / cos;
-        let theta = (x + rho * sin / cos_beta - x_c) / r;
-        let (st, ct) = theta.sin_cos();
-        let y = r - depth;
-        [x * ct - y * st, x * st + y * ct]
-    };
-    let gamma_end = FRAC_PI_2 - geometry.alpha_n;
+    let trochoid = Trochoid::new(input, geometry.normal_module, r, member);
     let mut flank = Vec::with_capacity(4 * points);
-    let root_angle = x_c / r;
+    let root_angle = trochoid.root_angle();
     let space = PI / f64::from(geometry.teeth[i]);
     flank.extend(
         (0..points).map(|k| polar(geometry.r_f[i], space + (root_angle - space) * fraction(k))),
     );
-    // Undercut: the trochoid is followed while it lies inside the involute's angle.
-    let inside = |&[x, y]: &[f64; 2]| {
-        let radius = x.hypot(y);
-        let tau = tangent_length(radius, r_b);
-        radius <= r_b || x.atan2(y) <= half_angle(tau) + 1e-12
-    };
-    let dense = 8 * points;
-    let mut tau_start = geometry.t_form[i].max(0.0);
-    if geometry.undercut[i] {
-        let mut last = None;
-        for k in 1..=dense {
-            let point = fillet_point(gamma_end * k as f64 / dense as f64);
-            if !inside(&point) {
-                break;
-            }
-            if k % 8 == 0 {
-                flank.push(point);
-            }
-            last = Some(point);
-        }
-        if let Some([x, y]) = last {
-            tau_start = tangent_length(x.hypot(y), r_b);
-        }
+    // An undercutting trochoid is followed to where it crosses the involute.
+    let (gamma_end, tau_start) = if geometry.undercut[i] {
+        trochoid.crossing(r_b, geometry.psi_b[i])
     } else {
-        flank.extend((1..points).map(|k| fillet_point(gamma_end * fraction(k))));
-    }
+        (trochoid.gamma_end, geometry.t_form[i])
+    };
+    flank.extend((1..points).map(|k| trochoid.point(gamma_end * fraction(k))));
 
     // The flank may end at its apex before the tip rounding starts.
     let tau_end = tangent_length(r_na, r_b).min(r_b * tangent_of_inv(geometry.psi_b[i]));

@@ -71,6 +71,8 @@ pub struct Figures {
     centre_distance_mm: f64,
     transverse_pressure_angle_deg: f64,
     working_pressure_angle_deg: f64,
+    /// Zero unless module and centre distance are both given.
+    backlash_mm: f64,
     reference_diameter_mm: [f64; 2],
     base_diameter_mm: [f64; 2],
     tip_diameter_mm: [f64; 2],
@@ -258,14 +260,15 @@ fn figures(pair: &Pair, file: &PairFile, request: Request) -> anyhow::Result<Fig
         centre_distance_mm: geometry.centre_distance,
         transverse_pressure_angle_deg: geometry.alpha_t.to_degrees(),
         working_pressure_angle_deg: geometry.alpha_wt.to_degrees(),
+        backlash_mm: geometry.backlash,
         reference_diameter_mm: diameter(geometry.r),
         base_diameter_mm: diameter(geometry.r_b),
         tip_diameter_mm: diameter(geometry.r_a),
         root_diameter_mm: diameter(geometry.r_f),
         contact_ratio: ContactRatio {
-            transverse: geometry.eps_alpha,
+            transverse: geometry.eps_alpha_left(),
             overlap: geometry.eps_beta,
-            total: geometry.contact_ratio,
+            total: geometry.eps_alpha_left() + geometry.eps_beta,
         },
         specific_sliding: SpecificSliding {
             pinion_root,

@@ -43,10 +43,10 @@ pub struct PairFile {
 pub struct PairSection {
     /// Numbers of teeth.
     pub teeth: [u32; 2],
-    /// Centre distance, mm. Either this or the module is given.
+    /// Centre distance, mm. Without it the pair has no backlash, and without the module neither.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub centre_distance_mm: Option<f64>,
-    /// Normal module, mm.
+    /// Normal module, mm. With both, the profile shifts are as given and the backlash follows.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub normal_module_mm: Option<f64>,
     /// Rack pressure angle in the normal section, degrees.
@@ -150,7 +150,7 @@ impl PairFile {
             pair.teeth,
             "two numbers of teeth from 4 to 2000",
         )?;
-        size(source, pair.centre_distance_mm, pair.normal_module_mm)?;
+        sizes(source, pair.centre_distance_mm, pair.normal_module_mm)?;
         source.pressure_angle("pair.pressure_angle_deg", pair.pressure_angle_deg)?;
         source.helix_angle("pair.helix_angle_deg", pair.helix_angle_deg)?;
         source.length("pair.face_width_mm", pair.face_width_mm)?;
@@ -248,7 +248,13 @@ impl PairFile {
         let pair = &self.pair;
         PairInput {
             teeth: pair.teeth,
-            size: gear_size(pair.centre_distance_mm, pair.normal_module_mm),
+            size: match (pair.centre_distance_mm, pair.normal_module_mm) {
+                (Some(centre_distance), Some(normal_module)) => Size::Both {
+                    normal_module,
+                    centre_distance,
+                },
+                (centre_distance, normal_module) => gear_size(centre_distance, normal_module),
+            },
             pressure_angle: pair.pressure_angle_deg.to_radians(),
             helix_angle: pair.helix_angle_deg.to_radians(),
             face_width: pair.face_width_mm,
@@ -274,22 +280,6 @@ impl PairFile {
     }
 }
 
-/// Requires exactly one of the two ways to give a pair's size.
-fn size(
-    source: Source<'_>,
-    centre_distance_mm: Option<f64>,
-    normal_module_mm: Option<f64>,
-) -> Result<(), FileError> {
-    if let (Some(_), Some(module)) = (centre_distance_mm, normal_module_mm) {
-        return Err(source.refuse(
-            "pair.normal_module_mm",
-            module,
-            "absent when centre_distance_mm is given: each follows from the other",
-        ));
-    }
-    sizes(source, centre_distance_mm, normal_module_mm)
-}
-
 /// Requires at least one of the two ways to give a pair's size.
 pub(super) fn sizes(
     source: Source<'_>,
@@ -312,7 +302,8 @@ pub(super) fn sizes(
     ))
 }
 
-/// The simulator's size of a validated pair: the module, if both are given.
+/// The simulator's size of a campaign's pair: the module, if both are given, since the profile shifts then follow
+/// from the distance.
 pub(crate) fn gear_size(centre_distance_mm: Option<f64>, normal_module_mm: Option<f64>) -> Size {
     match (centre_distance_mm, normal_module_mm) {
         (_, Some(module)) => Size::NormalModule(module),

@@ -242,7 +242,10 @@ pub(crate) fn wear(rng: &mut StreamRng, m: f64) -> Wear {
 fn corrections(input: &PairInput, rng: &mut StreamRng) -> Corrections {
     let mut corrections = Corrections::default();
     let m = match input.size {
-        Size::NormalModule(m) => m,
+        Size::NormalModule(m)
+        | Size::Both {
+            normal_module: m, ..
+        } => m,
         Size::CentreDistance(a) => 2.0 * a / f64::from(input.teeth[0] + input.teeth[1]),
     };
     // A hostile size is refused before the corrections are looked at.

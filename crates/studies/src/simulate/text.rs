@@ -42,6 +42,15 @@ pub(super) fn rows(figures: &Figures) -> Vec<(&'static str, String)> {
         "working pressure angle",
         format!("{:.4}°", figures.working_pressure_angle_deg),
     );
+    if figures.backlash_mm > 0.0 {
+        line(
+            "backlash",
+            format!(
+                "{:.4} mm along the working pitch circles",
+                figures.backlash_mm
+            ),
+        );
+    }
     line(
         "reference diameters",
         format!("{} mm", pair(figures.reference_diameter_mm)),

@@ -120,7 +120,7 @@ impl GearCriteria {
         let interference = pair.interference();
         let roots = pair.root_stress();
         Self {
-            contact_ratio: geometry.contact_ratio,
+            contact_ratio: geometry.eps_alpha_left() + geometry.eps_beta,
             specific_sliding: pair.sliding().max,
             hertz_pressure_mpa,
             root_stress_mpa: roots[0].stress_mpa.max(roots[1].stress_mpa),
@@ -177,7 +177,7 @@ impl GearDetails {
         let geometry = pair.geometry();
         let rating = rating::rate(pair, 1.0);
         Self {
-            transverse_contact_ratio: geometry.eps_alpha,
+            transverse_contact_ratio: geometry.eps_alpha_left(),
             tip_land_mm: rating::tip_land(geometry),
             root_safety: rating.root_safety,
             flank_safety: rating.flank_safety,

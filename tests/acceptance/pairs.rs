@@ -1,0 +1,65 @@
+//! `simulate` with pairs that are not as usual.
+
+use acceptance::{Sandbox, assert_code, errors};
+use serde_json::Value;
+
+use crate::user_tables::case;
+
+/// The simulation of a case's pair as JSON.
+fn simulated(name: &str) -> Value {
+    let sandbox = Sandbox::new();
+    let file = case(name);
+    let output = sandbox.coordinator(&["simulate", "--pair", file.to_str().unwrap(), "--json"]);
+    assert_code(&output, 0);
+    serde_json::from_slice(&output.stdout).expect("one JSON object")
+}
+
+fn value(of: &Value, path: &str) -> f64 {
+    of.pointer(path)
+        .and_then(Value::as_f64)
+        .unwrap_or_else(|| panic!("no {path} in {of}"))
+}
+
+/// 97 teeth of module 2.5 at 122 mm: the backlash is the pitch less both thicknesses at the working circles.
+#[test]
+fn a_pair_with_module_and_centre_distance_runs_with_its_backlash() {
+    let found = simulated("module-and-centre-distance/dth.toml");
+    assert!(
+        (value(&found, "/backlash_mm") - 0.195_667).abs() < 1e-5,
+        "{found}"
+    );
+    assert!(
+        (value(&found, "/working_pressure_angle_deg") - 20.9463).abs() < 1e-4,
+        "{found}"
+    );
+    assert_eq!(value(&found, "/centre_distance_mm"), 122.0);
+    assert_eq!(value(&found, "/normal_module_mm"), 2.5);
+
+    let sandbox = Sandbox::new();
+    let text = std::fs::read_to_string(case("module-and-centre-distance/dth.toml")).unwrap();
+    sandbox.write("near.toml", &text.replace("= 122.0", "= 121.5"));
+    let output = sandbox.coordinator(&["simulate", "--pair", "near.toml"]);
+    assert_code(&output, 15);
+    for part in ["the teeth jam", "121.5", "without backlash it is 121.7"] {
+        assert!(
+            errors(&output).contains(part),
+            "no {part:?} in {}",
+            errors(&output)
+        );
+    }
+}
+
+/// The undercut of a rolling rack ends 0.5530 modules up the line of action, 0.44 mm beyond the start of contact.
+#[test]
+fn undercut_cuts_the_margin_and_the_contact_ratio() {
+    let found = simulated("undercut-margin/uc12_30c.toml");
+    assert!(
+        (value(&found, "/flank_margin_mm/0") + 0.443).abs() < 0.001,
+        "{found}"
+    );
+    assert!(
+        (value(&found, "/contact_ratio/total") - 1.218).abs() < 0.0005,
+        "{found}"
+    );
+    assert_eq!(found["feasible"], false, "{found}");
+}
