@@ -134,6 +134,10 @@ pub struct Search {
     aim: Aim,
     settings: Optimise,
     start: u32,
+    /// The point of the search space that is evaluated before the first generation.
+    first: Option<Vec<f64>>,
+    /// The value of that point, once it is known.
+    first_value: Option<f64>,
     rng: StreamRng,
     search: cmaes::Run,
     seen: Seen,
@@ -164,13 +168,28 @@ impl Search {
             run.approach.number(),
             u64::from(run.start),
         );
-        let origin: Vec<f64> = (0..dimension).map(|_| rng.random()).collect();
+        let mut origin: Vec<f64> = (0..dimension).map(|_| rng.random()).collect();
+        let first = run
+            .from
+            .as_ref()
+            .filter(|_| run.approach == Approach::Kriging);
+        let first = first.map(|design| {
+            let mut unit = problem.unit_point(&problem.free_values(design));
+            // Rounding may leave the box.
+            unit.iter_mut().for_each(|u| *u = u.clamp(0.0, 1.0));
+            unit
+        });
+        if let Some(first) = &first {
+            origin.clone_from(first);
+        }
         let search = cmaes::Run::new(&origin, settings.run(bounds));
         Ok(Self {
             objective,
             aim: problem.aim(),
             settings,
             start: run.start,
+            first,
+            first_value: None,
             rng,
             search: search.map_err(|error| error.to_string())?,
             seen: Seen::default(),
@@ -211,7 +230,10 @@ impl Search {
     }
 
     fn draw(&mut self) -> Vec<Vec<f64>> {
-        self.search.ask(&mut self.rng)
+        match &self.first {
+            Some(first) => vec![first.clone()],
+            None => self.search.ask(&mut self.rng),
+        }
     }
 
     fn candidate(&self, problem: &Problem, unit: Vec<f64>) -> Candidate {
@@ -232,6 +254,11 @@ impl Search {
 
     /// Passes evaluations to the search. Returns false at the end of the run.
     fn tell(&mut self, told: &[cmaes::Evaluation]) -> Result<bool, String> {
+        if self.first.take().is_some() {
+            self.evaluations += 1;
+            self.first_value = told.first().map(|evaluation| evaluation.value);
+            return Ok(true);
+        }
         self.search
             .tell(told, &mut self.rng)
             .map_err(|error| error.to_string())?;
@@ -306,10 +333,16 @@ impl Search {
             Aim::Minimise => cost,
             Aim::Maximise => -cost,
         };
-        let improved = history.iter();
-        improved
-            .map(|(at, e)| (*at as u64, value(e.value)))
-            .collect()
+        let Some(first) = self.first_value else {
+            let improved = history.iter();
+            return improved
+                .map(|(at, e)| (*at as u64, value(e.value)))
+                .collect();
+        };
+        // The point before the first generation is evaluation 1.
+        let better = history.iter().filter(|(_, e)| e.value < first);
+        let better = better.map(|(at, e)| (*at as u64 + 1, value(e.value)));
+        std::iter::once((1, value(first))).chain(better).collect()
     }
 
     /// The result of a run that has ended.

@@ -77,6 +77,8 @@ pub struct Run {
     pub base: Design,
     /// The kriging model as JSON, for [`Approach::Kriging`].
     pub model: Option<Arc<str>>,
+    /// The design that a search on a model evaluates first and begins at; a random point without one.
+    pub from: Option<Design>,
 }
 
 impl Run {
@@ -116,6 +118,9 @@ impl Inputs {
             Source::Variant(variant) => variant.numbers().for_each(number),
             Source::Run(run) => {
                 run.base.values().iter().copied().for_each(&mut number);
+                if let Some(from) = &run.from {
+                    from.values().iter().copied().for_each(&mut number);
+                }
                 hash.update(run.model.as_deref().unwrap_or_default());
             }
             Source::Candidates(candidates) => {

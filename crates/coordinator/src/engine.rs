@@ -291,7 +291,7 @@ impl Engine {
                 Ok(())
             }
             LocalStep::Fit => {
-                let fitted = steps.fit().await.context("fitting the kriging model")?;
+                let fitted = steps.fit(base).await.context("fitting the kriging model")?;
                 if let Err(reason) = fitted {
                     warn!(%reason, "the kriging model cannot be fitted; approach 3 is left out");
                     *fit_failed = Some(reason);

@@ -143,13 +143,20 @@ impl Steps {
     }
 
     /// Fits the kriging model and stores it. The inner error says why the data cannot be fitted.
-    pub(crate) async fn fit(&self) -> anyhow::Result<Result<(), String>> {
+    pub(crate) async fn fit(&self, base: Option<&Design>) -> anyhow::Result<Result<(), String>> {
+        let base = base.context("the DoE was sampled before its base variables were known")?;
+        let base = base.clone();
+        let criteria = self.store.criteria().await?;
         let designs = self.store.designs().await?;
         let responses = self.store.responses().await?;
         let problem = Arc::clone(&self.problem);
         info!(points = responses.len(), "fitting the kriging model");
-        let (fitted, cpu_seconds) =
-            blocking(move || fitting::fit(&problem, &designs, &responses)).await?;
+        let (fitted, cpu_seconds) = blocking(move || {
+            fitting::fit(&problem, &designs, &responses, |row| {
+                choosing::feasible(&problem, &base, row, &criteria).is_some()
+            })
+        })
+        .await?;
         let (model, summary) = match fitted {
             Ok((model, summary)) => (
                 model,

@@ -114,6 +114,7 @@ pub fn lease(grant: &Grant<Arc<Source>>) -> v2::Lease {
             Source::Variant(variant) => lease.variants.push(variant::message(variant)),
             Source::Run(run) => {
                 lease.base = Some(design_message(&run.base));
+                lease.from = run.from.as_ref().map(design_message);
                 lease.model_json = run.model.as_deref().map(str::to_owned);
             }
             Source::Candidates(candidates) => {
@@ -175,6 +176,10 @@ impl v2::Lease {
                         start,
                         base: Design::new(base.values.clone()),
                         model: model.clone(),
+                        from: self
+                            .from
+                            .as_ref()
+                            .map(|from| Design::new(from.values.clone())),
                     })
                 }
             };
@@ -423,6 +428,7 @@ mod tests {
             start: 3,
             base,
             model: Some("{}".into()),
+            from: Some(problem.design(&[0.1, 1.2, 1.3, 0.9, 1.0, 0.7], problem.base())),
         };
         let mut variant = Variant::new(good.clone(), (Purpose::Verify, 1 << 40));
         let relief = TipRelief {

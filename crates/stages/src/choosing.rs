@@ -3,7 +3,7 @@
 use campaign::formulation::Problem;
 use campaign::optimise::{Found, RunResult};
 use campaign::simulator::State;
-use campaign::{Approach, Design};
+use campaign::{Approach, Criteria, Design};
 use store::{CriteriaRow, DesignRow, OptimiserRunRow, OptimumRow, ResponseRow};
 
 use crate::cost::Cost;
@@ -82,17 +82,11 @@ pub fn choose_of_doe(
         let (Some(row), true) = (designs.get(response.design as usize), better) else {
             continue;
         };
-        let design = problem.design(&row.x, base);
-        let analysis = criteria
-            .iter()
-            .find(|row| row.design == response.design)
-            .and_then(|row| problem.analysis(&design, row.responses.as_ref()?, State::Baseline));
-        let Some(analysis) = analysis else { continue };
-        if problem.is_feasible(&analysis.criteria) {
+        if let Some((design, criteria)) = feasible(problem, base, row, criteria) {
             best = Some(Found {
                 design,
                 criterion_um: response.p90_um,
-                criteria: analysis.criteria,
+                criteria,
                 feasible: true,
             });
         }
@@ -103,6 +97,23 @@ pub fn choose_of_doe(
         "No design of the DoE satisfies every constraint.".to_owned()
     };
     optimum(problem, Approach::BestOfDoe, best.as_ref(), cost, note)
+}
+
+/// A design of the DoE with its criteria, the worn pressure among them, if it satisfies every constraint.
+#[must_use]
+pub fn feasible(
+    problem: &Problem,
+    base: &Design,
+    row: &DesignRow,
+    criteria: &[CriteriaRow],
+) -> Option<(Design, Criteria)> {
+    let design = problem.design(&row.x, base);
+    let of_design = criteria.iter().find(|one| one.design == row.design)?;
+    let responses = of_design.responses.as_ref()?;
+    let analysis = problem.analysis(&design, responses, State::Baseline)?;
+    problem
+        .is_feasible(&analysis.criteria)
+        .then_some((design, analysis.criteria))
 }
 
 /// The row of an approach that could not be carried out.

@@ -37,13 +37,18 @@ pub struct ModelSummary {
     /// versions.
     #[serde(default)]
     pub standardised: Vec<f64>,
+    /// The variables of the design of the DoE that satisfies every constraint and has the best mean of the model:
+    /// the search on the model begins there. `None` without such a design.
+    #[serde(default)]
+    pub best_of_doe: Option<Vec<f64>>,
     /// Warnings about the data and the fit.
     pub warnings: Vec<String>,
     /// CPU time of the fit, seconds.
     pub cpu_seconds: f64,
 }
 
-/// Fits the kriging model of P90 as the campaign's `[kriging]` says; `cpu_seconds` is left zero.
+/// Fits the kriging model of P90 as the campaign's `[kriging]` says; `cpu_seconds` is left zero. `is_feasible` tells
+/// whether a design satisfies every constraint.
 ///
 /// # Errors
 ///
@@ -52,6 +57,7 @@ pub fn fit(
     problem: &Problem,
     designs: &[DesignRow],
     responses: &[ResponseRow],
+    is_feasible: impl Fn(&DesignRow) -> bool,
 ) -> anyhow::Result<(Surrogate, ModelSummary)> {
     let campaign = problem.campaign();
     let d = problem.dimension();
@@ -90,6 +96,16 @@ pub fn fit(
     let settings = campaign.kriging.settings(campaign.seed)?;
     let model =
         Surrogate::fit(&data, &settings).map_err(|error| explained(problem, error, design))?;
+    let feasible = responses
+        .iter()
+        .filter_map(|row| designs.get(row.design as usize));
+    let feasible: Vec<&DesignRow> = feasible.filter(|row| is_feasible(row)).collect();
+    let at: Vec<f64> = feasible
+        .iter()
+        .flat_map(|row| row.x.iter().copied())
+        .collect();
+    let best = model.means(&at)?.into_iter().zip(feasible);
+    let best = best.min_by(|(a, _), (b, _)| problem.cost(*a).total_cmp(&problem.cost(*b)));
     let validation = model.leave_one_out();
     let parameters = model.parameters();
     let residuals = validation.observations.iter().zip(&validation.residuals);
@@ -109,6 +125,7 @@ pub fn fit(
         coverage90: validation.coverage90,
         residuals_um: residuals.map(|(&i, r)| (design(i), *r)).collect(),
         standardised: validation.standardised,
+        best_of_doe: best.map(|(_, row)| row.x.clone()),
         warnings: guided(problem, design, |guidance| {
             let warnings = model.warnings().iter();
             warnings.map(|warning| guidance.warning(warning)).collect()
@@ -194,7 +211,7 @@ mod tests {
                 }
             };
             let responses: Vec<ResponseRow> = rows.iter().map(response).collect();
-            fit(&problem, &rows, &responses)
+            fit(&problem, &rows, &responses, |_| true)
         };
         let refusal = fitted(0.0).unwrap_err().to_string();
         assert!(refusal.contains("no dependence on x"), "{refusal}");
@@ -222,13 +239,13 @@ mod tests {
                 lilliefors_p: None,
             })
             .collect();
-        let (_, summary) = fit(&problem, &rows, &responses).unwrap();
+        let (_, summary) = fit(&problem, &rows, &responses, |_| true).unwrap();
         let named = |text: &&String| text.contains("design 41 lies");
         let warning = summary.warnings.iter().find(named).unwrap();
         assert!(warning.contains("kriging.leave_out = [41]"), "{warning}");
         campaign.kriging.leave_out = vec![41];
         let problem = Problem::new(campaign);
-        let (_, summary) = fit(&problem, &rows, &responses).unwrap();
+        let (_, summary) = fit(&problem, &rows, &responses, |_| true).unwrap();
         assert_eq!(summary.points, 69);
         assert!(summary.residuals_um.iter().all(|(design, _)| *design != 41));
         assert!(!summary.warnings.iter().any(|text| text.contains("41")));

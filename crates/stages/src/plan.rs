@@ -91,6 +91,11 @@ pub fn base(problem: &Problem, state: &State) -> Option<Design> {
     Some(optimum.map_or_else(printed, |design| problem.base_of(design)))
 }
 
+/// The design at which the first search on the model begins: the DoE's best one under the model.
+fn best_of_doe(problem: &Problem, state: &State, base: &Design) -> Option<Design> {
+    state.best_of_doe.as_ref().map(|x| problem.design(x, base))
+}
+
 /// Decides what comes next.
 #[must_use]
 pub fn next(problem: &Problem, state: &State) -> Next {
@@ -117,6 +122,8 @@ pub fn next(problem: &Problem, state: &State) -> Next {
                     start,
                     base: base.clone(),
                     model: model.clone(),
+                    from: best_of_doe(problem, state, &base)
+                        .filter(|_| approach == Approach::Kriging && start == 0),
                 });
             }
         }

@@ -7,7 +7,7 @@ use campaign::formulation::{Design, Problem};
 use store::{InfillRow, Store};
 
 use crate::constraints;
-use crate::fitting::P90_MODEL;
+use crate::fitting::{ModelSummary, P90_MODEL};
 use crate::optima::{approach_of, optimum_design};
 use crate::responses::{self, Sampled};
 use crate::state::{OpenDesign, Progress, State, VerifyPoint};
@@ -54,6 +54,11 @@ pub async fn load(
             .map(|range| range.start as u32..range.end as u32)
             .collect(),
     });
+    let model = store.model(P90_MODEL).await?;
+    // A summary that cannot be read has no such design, and the search begins at random.
+    let summary = model
+        .as_ref()
+        .map(|row| serde_json::from_str::<ModelSummary>(&row.summary_json));
     let mut state = State {
         designs: progress.designs as usize,
         open: open.collect(),
@@ -63,7 +68,8 @@ pub async fn load(
             && progress
                 .samples_of_responses
                 .is_some_and(|samples| samples != progress.samples),
-        model: store.model(P90_MODEL).await?.map(|row| row.json.into()),
+        best_of_doe: summary.and_then(|read| read.ok()?.best_of_doe),
+        model: model.map(|row| row.json.into()),
         ..State::default()
     };
     for run in store.optimiser_runs().await? {

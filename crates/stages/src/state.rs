@@ -60,6 +60,8 @@ pub struct State {
     pub has_outdated_responses: bool,
     /// The kriging model as JSON, once fitted.
     pub model: Option<Arc<str>>,
+    /// The variables of the DoE's best feasible design under that model.
+    pub best_of_doe: Option<Vec<f64>>,
     /// Whether the fit has failed; approach 3 is then left out.
     pub fit_failed: bool,
     /// Finished optimiser runs.

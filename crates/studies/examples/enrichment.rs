@@ -223,6 +223,7 @@ fn paper(problem: &Problem, seed: u64, without: &str, rows: &mut Vec<Row>) {
                 start,
                 base: base.clone(),
                 model: json.as_deref().map(Into::into),
+                from: None,
             };
             let run = optimise::run(problem, &run).expect("a start that can be simulated");
             plain += run.simulator_calls;

@@ -117,6 +117,7 @@ pub fn base_anew(simulations: &dyn Simulations, problem: &Problem) -> anyhow::Re
         start,
         base: printed.clone(),
         model: None,
+        from: None,
     };
     let runs = simulations.optimise((0..campaign.optimise.starts).map(run).collect())?;
     let best = runs

@@ -16,6 +16,7 @@ fn of(problem: &Problem, approach: Approach, start: u32, model: Option<&str>) ->
         start,
         base: problem.base().clone(),
         model: model.map(Into::into),
+        from: None,
     }
 }
 
@@ -168,4 +169,80 @@ fn a_direct_search_minimises_the_percentile_of_designs_that_keep_the_constraints
     let values = result.history.iter().map(|(_, value)| *value);
     let met = values.filter(|value| *value > best.criterion_um).count();
     assert!(met > 3, "it improved again and again: {:?}", result.history);
+}
+
+/// Branin's function with 60 designs: a search from a random point, with few evaluations, may end in a worse basin
+/// than the one of the DoE's best design.
+#[test]
+fn a_search_on_a_model_begins_at_the_best_design_and_never_ends_worse() {
+    let text = "kind = \"external\"\nformat = 1\nname = \"branin\"\nseed = 1\n\
+        [[variables]]\nname = \"a\"\nlow = -5.0\nhigh = 10.0\n\
+        [[variables]]\nname = \"b\"\nlow = 0.0\nhigh = 15.0\n\
+        [response]\nname = \"y\"\n[doe]\ndesigns = 60\n[sampling]\nsamples_per_design = 30\n";
+    let branin = |a: f64, b: f64| {
+        let pi = std::f64::consts::PI;
+        let bowl = b - 5.1 / (4.0 * pi * pi) * a * a + 5.0 / pi * a - 6.0;
+        bowl * bowl + 10.0 * (1.0 - 1.0 / (8.0 * pi)) * a.cos() + 10.0
+    };
+    let mut worse_from_random = 0;
+    for seed in 1..=6 {
+        let mut campaign = Campaign::parse("branin.toml", text).unwrap();
+        campaign.seed = seed;
+        (campaign.optimise.evaluations, campaign.optimise.restart_at) = (30, None);
+        let problem = Problem::new(campaign);
+        let mut rng = stream(seed, Purpose::Test, 0, 0);
+        let x: Vec<f64> = (0..60)
+            .flat_map(|_| {
+                [
+                    -5.0 + 15.0 * rng.random::<f64>(),
+                    15.0 * rng.random::<f64>(),
+                ]
+            })
+            .collect();
+        let y: Vec<f64> = x.chunks(2).map(|x| branin(x[0], x[1])).collect();
+        let data = kriging::Data {
+            x: &x,
+            d: 2,
+            y: &y,
+            noise_variance: &[0.01; 60],
+        };
+        let model =
+            kriging::Surrogate::from(kriging::fit(&data, &kriging::FitOptions::default()).unwrap());
+        let means = x.chunks(2).map(|x| (model.mean(x), x));
+        let (least, best) = means.min_by(|(a, _), (b, _)| a.total_cmp(b)).unwrap();
+        let found = |from: Option<Design>| {
+            let json = model.to_json().unwrap();
+            let run = Run {
+                from,
+                ..of(&problem, Approach::Kriging, 0, Some(&json))
+            };
+            let mut search = Search::new(&problem, &run).unwrap();
+            loop {
+                let candidates = search.ask(&problem);
+                // The program has nothing to say but that the designs can be simulated.
+                let answers = candidates.iter().map(|candidate| {
+                    candidate.is_asked.then(|| Answer {
+                        analysis: crate::simulator::Analysis {
+                            value_um: 0.0,
+                            criteria: Criteria::new(Vec::new()),
+                        },
+                        worn: None,
+                        samples_um: Vec::new(),
+                    })
+                });
+                let answers = answers.collect();
+                if !search.answered(&problem, &candidates, answers).unwrap() {
+                    return search.result();
+                }
+            }
+        };
+        let result = found(Some(problem.design(best, problem.base())));
+        let rounding = 1e-9 * least.abs();
+        let ended = result.best.unwrap().criterion_um;
+        assert!(ended <= least + rounding, "{seed}: {ended} {least}");
+        assert!(result.evaluations >= 31, "{}", result.evaluations);
+        let random = found(None).best.unwrap().criterion_um;
+        worse_from_random += u32::from(random > least + rounding);
+    }
+    assert!(worse_from_random > 0, "the budget was to be small");
 }

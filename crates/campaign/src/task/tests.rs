@@ -300,6 +300,7 @@ fn a_generation_is_the_digest_of_what_values_depend_on() {
         start,
         base: problem().base().clone(),
         model: Some(model.into()),
+        from: None,
     };
     let of_run = |run: Run| inputs.generation(run.stream(), &Source::Run(run));
     let generations = [

@@ -81,6 +81,7 @@ fn run(formula: Formula, evaluations: u32, start: u32) -> RunResult {
         start,
         base: made.problem.base().clone(),
         model: None,
+        from: None,
     };
     optimise::run(&made, &run).unwrap()
 }

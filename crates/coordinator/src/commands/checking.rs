@@ -340,6 +340,7 @@ fn measure_runs(problem: &Problem) -> anyhow::Result<f64> {
             start: 0,
             base: short.base().clone(),
             model: None,
+            from: None,
         };
         let before = thread_seconds();
         let result = optimise::run(&short, &run)

@@ -164,6 +164,7 @@ fn penalty(found: &mut Outcome) -> Result<(), Failed> {
         start: 0,
         base: problem.base().clone(),
         model: None,
+        from: None,
     };
     let result = optimise::run(&problem, &run)?;
     let printed = result.printed.ok_or("the penalised part found nothing")?;

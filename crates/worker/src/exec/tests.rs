@@ -390,6 +390,7 @@ fn a_failing_program_fails_the_optimiser_too() {
         start: 0,
         base: problem().base().clone(),
         model: None,
+        from: None,
     });
     let failing = "n=0\non_archard() { n=$((n + 1)); [ $n -lt 4 ] || exit 9; answer \"$geometry,\\\"delta_ste_archard_um\\\":1,\\\"hertz_pressure_worn_mpa\\\":1\"; }";
     let compute = |simulator: &dyn Simulator| compute(simulator, &unit(0..1), &source);
