@@ -1,6 +1,6 @@
 //! `simulate` with pairs that are not as usual.
 
-use acceptance::{Sandbox, assert_code, errors};
+use acceptance::{Sandbox, assert_code, printed};
 use serde_json::Value;
 
 use crate::user_tables::case;
@@ -41,11 +41,8 @@ fn a_pair_with_module_and_centre_distance_runs_with_its_backlash() {
     let output = sandbox.coordinator(&["simulate", "--pair", "near.toml"]);
     assert_code(&output, 15);
     for part in ["the teeth jam", "121.5", "without backlash it is 121.7"] {
-        assert!(
-            errors(&output).contains(part),
-            "no {part:?} in {}",
-            errors(&output)
-        );
+        let said = printed(&output);
+        assert!(said.contains(part), "no {part:?} in {said}");
     }
 }
 

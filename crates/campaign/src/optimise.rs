@@ -179,10 +179,12 @@ impl Search {
             unit.iter_mut().for_each(|u| *u = u.clamp(0.0, 1.0));
             unit
         });
+        let mut options = settings.run(bounds);
         if let Some(first) = &first {
             origin.clone_from(first);
+            options.evaluations = (options.evaluations - 1).max(1);
         }
-        let search = cmaes::Run::new(&origin, settings.run(bounds));
+        let search = cmaes::Run::new(&origin, options);
         Ok(Self {
             objective,
             aim: problem.aim(),
@@ -256,7 +258,10 @@ impl Search {
     fn tell(&mut self, told: &[cmaes::Evaluation]) -> Result<bool, String> {
         if self.first.take().is_some() {
             self.evaluations += 1;
-            self.first_value = told.first().map(|evaluation| evaluation.value);
+            let valid = told
+                .first()
+                .filter(|evaluation| evaluation.violation == 0.0);
+            self.first_value = valid.map(|evaluation| evaluation.value);
             return Ok(true);
         }
         self.search

@@ -69,7 +69,7 @@ pub(crate) async fn execute(command: Command) -> anyhow::Result<u8> {
         Command::Report(arguments) => write_report(arguments).await,
         Command::Export(arguments) => export(arguments).await,
         Command::Compare(arguments) => compare(arguments).await,
-        Command::Fit(arguments) => modelling::fit(&arguments),
+        Command::Fit(arguments) => modelling::fit(&arguments).await,
         Command::Predict(arguments) => modelling::predict(&arguments).await,
         Command::Simulate(arguments) => simulating::simulate(&arguments),
         Command::Stability(arguments) => stability::stability(&arguments),

@@ -1,6 +1,7 @@
 //! Observations: checks, merging of repeated points.
 
 pub(crate) mod contradiction;
+pub(crate) mod near;
 pub(crate) mod scaled;
 
 use std::cmp::Ordering;

@@ -141,7 +141,7 @@ pub fn fit(data: &Data<'_>, options: &FitOptions) -> Result<Model, Error> {
         found.jitter,
     )?;
     warnings.extend(model.jitter_warning());
-    warnings.extend(model.leave_one_out().warning());
+    warnings.extend(model.warning_of_residuals());
     model.warnings = warnings;
     Ok(if options.calibrate {
         model.calibrated()
@@ -173,9 +173,13 @@ pub(crate) fn constant_sigma2(scaled: &Scaled) -> f64 {
     (SIGMA2_BOUNDS.0 * noise).max(f64::MIN_POSITIVE)
 }
 
-/// The parameters of a subset: (ln θ₁ … ln θ_d, ln σ²).
+/// The parameters of a subset, in scaled units.
 pub(crate) struct Start {
-    pub(crate) at: Vec<f64>,
+    /// ln θ₁ … ln θ_d.
+    pub(crate) ln_ranges: Vec<f64>,
+    /// The nugget; zero if none was estimated.
+    pub(crate) nugget: f64,
+    pub(crate) sigma2: f64,
     /// Number of ranges that were estimated: one where the subset is too small for more.
     pub(crate) ranges: usize,
     /// Warnings about the search, about parameters at its bounds, and about ranges that the subset
@@ -198,16 +202,19 @@ pub(crate) fn start_from_subset(
     let found = search.run()?;
     let mut warnings = search.at_bounds(&found);
     warnings.extend(search.of_search(&found));
-    let mut at = found.outcome.at;
-    let ranges = at.len() - 1;
+    let mut ln_ranges = found.outcome.at;
+    let mut variance = || ln_ranges.pop().map_or(0.0, f64::exp);
+    let sigma2 = variance();
+    let nugget = if options.nugget { variance() } else { 0.0 };
+    let ranges = ln_ranges.len();
     if search.tied {
         // A subset too small for a range per coordinate has one range for all.
-        let ln_sigma2 = at[1];
-        at = vec![at[0]; subset.columns.len()];
-        at.push(ln_sigma2);
+        ln_ranges = vec![ln_ranges[0]; subset.columns.len()];
     }
     Ok(Start {
-        at,
+        ln_ranges,
+        nugget,
+        sigma2,
         ranges,
         warnings,
     })

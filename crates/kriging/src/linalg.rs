@@ -214,7 +214,7 @@ impl Spd {
     }
 
     /// L⁻¹.
-    fn half_inverse(&self, mut values: Vec<f64>) -> Lower {
+    pub(crate) fn half_inverse(&self, mut values: Vec<f64>) -> Lower {
         values.resize(self.factor.values.len(), 0.0);
         let mut half = Lower {
             n: self.len(),

@@ -148,7 +148,7 @@ impl Model {
     }
 
     /// The trend's basis at the points, column by column.
-    fn basis(&self) -> Vec<f64> {
+    pub(crate) fn basis(&self) -> Vec<f64> {
         let n = self.points.len();
         let column = |k: usize| -> Vec<f64> {
             let rows = (0..n).map(|i| self.points.row(i));
@@ -173,7 +173,7 @@ impl Model {
     }
 
     /// The trend at `x`.
-    fn trend_at(&self, x: &[f64]) -> f64 {
+    pub(crate) fn trend_at(&self, x: &[f64]) -> f64 {
         let mut sum = self.parameters.mu;
         if self.trend == Trend::Linear {
             for (k, &j) in self.coordinates.active.iter().enumerate() {

@@ -107,8 +107,7 @@ impl Surrogate {
     /// # Errors
     ///
     /// The errors of [`fit()`] and [`fit_vecchia`]; [`Error::ExactOnly`] where the method is the
-    /// approximate one and the settings ask for a linear trend or a nugget; [`Error::Logarithm`]
-    /// for the logarithm of an observation that is not positive.
+    /// approximate one and the settings ask for a linear trend; [`Error::Logarithm`] for the logarithm of an observation that is not positive.
     pub fn fit(data: &Data<'_>, settings: &Settings) -> Result<Self, Error> {
         let response = settings.response;
         let logarithms = match response {
@@ -286,6 +285,30 @@ impl Surrogate {
         either!(self, model => model.calibration())
     }
 
+    /// The variance of an observation's noise, on the modelled scale: the nugget and the mean of the known noise
+    /// variances. Observations of one point that were merged count as one, with the variance of their
+    /// mean.
+    #[must_use]
+    pub fn noise_variance(&self) -> f64 {
+        let noise = either!(self, model => &model.points.noise);
+        self.parameters().nugget + noise.iter().sum::<f64>() / noise.len() as f64
+    }
+
+    /// The prediction of a new observation whose noise has this variance on the modelled scale: the same
+    /// mean, and the variance of the noise on top.
+    #[must_use]
+    pub fn observed(&self, prediction: Prediction, noise_variance: f64) -> Prediction {
+        let Prediction { mean, variance } = prediction;
+        let noise = match self.response {
+            Response::Plain => noise_variance,
+            Response::Log => mean * mean * noise_variance,
+        };
+        Prediction {
+            mean,
+            variance: variance + noise,
+        }
+    }
+
     /// What a user of the model should know about the data and the fit.
     #[must_use]
     pub fn warnings(&self) -> &[Warning] {
@@ -304,12 +327,10 @@ fn logarithms(data: &Data<'_>) -> Result<(Vec<f64>, Vec<f64>), Error> {
 }
 
 fn approximate(data: &Data<'_>, options: &FitOptions) -> Result<Vecchia, Error> {
-    let exact_only = [
-        ("a linear trend", options.trend != Trend::Constant),
-        ("a nugget", options.nugget),
-    ];
-    if let Some((what, _)) = exact_only.into_iter().find(|(_, asked)| *asked) {
-        return Err(Error::ExactOnly { what });
+    if options.trend != Trend::Constant {
+        return Err(Error::ExactOnly {
+            what: "a linear trend",
+        });
     }
     let model = fit_vecchia(
         data,
@@ -317,6 +338,7 @@ fn approximate(data: &Data<'_>, options: &FitOptions) -> Result<Vecchia, Error> 
             kernel: options.kernel,
             estimator: options.estimator,
             seed: options.seed,
+            nugget: options.nugget,
             ..VecchiaOptions::default()
         },
     )?;

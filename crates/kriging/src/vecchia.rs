@@ -6,7 +6,8 @@
 //! neighbours come from all distances. Distances are in units of the ranges. The mean μ and the
 //! likelihood come from that product.
 //!
-//! Ranges and process variance are those of an exact fit of a random subset. For smooth functions
+//! Ranges, process variance and, if asked for, a nugget are those of an exact fit of a random subset, to which a
+//! point belongs with all its observations. For smooth functions
 //! with little noise, the likelihood from thirty neighbours biases them by more than the error of
 //! the exact likelihood of a thousand points. A prediction is simple kriging from the nearest of
 //! all observations. That costs accuracy: for a smooth function of six variables, the root mean
@@ -33,7 +34,7 @@ use rayon::prelude::*;
 use stats::streams::{Purpose, stream};
 
 use crate::data::scaled::Scaled;
-use crate::data::{Data, Points, contradiction, merge};
+use crate::data::{Data, Points, contradiction, keep, merge};
 use crate::fit::report::{few_points, no_structure};
 use crate::fit::{Start, constant_sigma2, in_units_of_data, start_from_subset};
 use crate::kernel::Kernel;
@@ -58,6 +59,8 @@ pub struct VecchiaOptions {
     pub neighbours: usize,
     /// Observations that a prediction is made from.
     pub prediction_neighbours: usize,
+    /// Whether to estimate a nugget, as with [`FitOptions::nugget`].
+    pub nugget: bool,
     /// Points of the subset whose exact fit gives the ranges and the process variance.
     pub subset: usize,
 }
@@ -70,6 +73,7 @@ impl Default for VecchiaOptions {
             seed: 0,
             neighbours: 30,
             prediction_neighbours: 200,
+            nugget: false,
             subset: 1000,
         }
     }
@@ -100,8 +104,7 @@ pub struct Vecchia {
 ///
 /// # Errors
 ///
-/// The errors of [`crate::fit`] for unusable data (no nugget is estimated here), and
-/// [`Error::OutOfRange`] for options of zero.
+/// The errors of [`crate::fit`] for unusable data, and [`Error::OutOfRange`] for options of zero.
 pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia, Error> {
     let counts = [
         ("neighbours", options.neighbours),
@@ -110,13 +113,20 @@ pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia,
     if let Some(&(what, _)) = counts.iter().find(|(_, count)| *count == 0) {
         return Err(Error::OutOfRange { what, value: 0.0 });
     }
-    let (points, mut warnings) = merge(data)?;
+    let (points, mut warnings) = if options.nugget {
+        keep(data)?
+    } else {
+        merge(data)?
+    };
     let n = points.len();
-    if n < 2 {
-        return Err(Error::TooFewPoints { distinct: n });
+    let distinct = points.distinct();
+    if distinct < 2 {
+        return Err(Error::TooFewPoints { distinct });
     }
     let scaled = Scaled::new(&points)?;
-    contradiction::check(&points, &scaled)?;
+    if !options.nugget {
+        contradiction::check(&points, &scaled)?;
+    }
     for coordinate in (0..data.d).filter(|j| !scaled.active.contains(j)) {
         warnings.push(Warning::IgnoredCoordinate { coordinate });
     }
@@ -124,9 +134,12 @@ pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia,
     order.shuffle(&mut stream(options.seed, Purpose::Fit, 2, 0));
     if scaled.y.iter().all(|y| *y == scaled.y[0]) {
         warnings.push(Warning::ConstantResponse);
-        let at = vec![0.5_f64.ln(); scaled.active.len()];
-        let sigma2 = constant_sigma2(&scaled);
-        let (model, _) = finish(options, points, &scaled, order, &at, sigma2)?;
+        let process = Process {
+            ln_ranges: vec![0.5_f64.ln(); scaled.active.len()],
+            nugget: 0.0,
+            sigma2: constant_sigma2(&scaled),
+        };
+        let (model, _) = finish(options, points, &scaled, order, &process)?;
         return Ok(Vecchia { warnings, ..model });
     }
 
@@ -134,24 +147,58 @@ pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia,
         kernel: options.kernel,
         estimator: options.estimator,
         seed: options.seed,
+        nugget: options.nugget,
         ..FitOptions::default()
     };
-    let subset = scaled.subset(&order[..options.subset.clamp(2, n)]);
+    let subset = scaled.subset(&subset(&points, &order, options.subset.clamp(2, n)));
     let Start {
-        at,
+        ln_ranges,
+        nugget,
+        sigma2,
         ranges,
         warnings: of_subset,
     } = start_from_subset(&subset, n, &exact)?;
-    // The ranges, σ² and μ.
-    warnings.extend(few_points(n, ranges + 2));
-    let (ln_sigma2, ln_ranges) = at.split_last().ok_or(Error::TooFewPoints { distinct: n })?;
-    let sigma2 = ln_sigma2.exp();
-    let (mut fitted, value) = finish(options, points, &scaled, order, ln_ranges, sigma2)?;
-    warnings.extend(no_structure(&scaled, value, ranges));
+    let process = Process {
+        ln_ranges,
+        nugget,
+        sigma2,
+    };
+    let variances = usize::from(options.nugget);
+    // The ranges, the nugget, σ² and μ.
+    warnings.extend(few_points(distinct, ranges + variances + 2));
+    let (mut fitted, value) = finish(options, points, &scaled, order, &process)?;
+    warnings.extend(no_structure(&scaled, value, ranges + variances));
     warnings.extend(of_subset);
     warnings.extend(fitted.warnings_of_residuals(options.neighbours));
     fitted.warnings = warnings;
     Ok(fitted)
+}
+
+/// The parameters of the covariance in units of the scaled data.
+struct Process {
+    ln_ranges: Vec<f64>,
+    nugget: f64,
+    sigma2: f64,
+}
+
+/// The first points of the random `order`, each with those equal to it, until there are `count` or a little more.
+/// The points are sorted.
+fn subset(points: &Points, order: &[usize], count: usize) -> Vec<usize> {
+    let n = points.len();
+    let (mut taken, mut subset) = (vec![false; n], Vec::with_capacity(count));
+    for &i in order {
+        if subset.len() >= count {
+            break;
+        }
+        let equal = |k: &usize| points.row(*k) == points.row(i);
+        let before = (0..i).rev().take_while(equal);
+        for k in before.chain((i..n).take_while(equal)) {
+            if !std::mem::replace(&mut taken[k], true) {
+                subset.push(k);
+            }
+        }
+    }
+    subset
 }
 
 /// The model with given parameters, its mean and likelihood from all points, and that likelihood in units of
@@ -161,12 +208,13 @@ fn finish(
     points: Points,
     scaled: &Scaled,
     order: Vec<usize>,
-    ln_ranges: &[f64],
-    sigma2: f64,
+    process: &Process,
 ) -> Result<(Vecchia, f64), Error> {
     let n = points.len();
-    let mut parameters = in_units_of_data(&points, scaled, |k| ln_ranges[k].exp(), sigma2);
-    let (value, mu) = likelihood(options, scaled, order, ln_ranges, sigma2);
+    let range = |k: usize| process.ln_ranges[k].exp();
+    let mut parameters = in_units_of_data(&points, scaled, range, process.sigma2);
+    parameters.nugget = process.nugget * scaled.y_scale * scaled.y_scale;
+    let (value, mu) = likelihood(options, scaled, order, process);
     // y = centre + y_scale · scaled y, with one centre for all points.
     let pairs = points.y.iter().zip(&scaled.y);
     let centres = pairs.map(|(y, s)| y - s * scaled.y_scale);
@@ -190,10 +238,15 @@ fn likelihood(
     options: &VecchiaOptions,
     scaled: &Scaled,
     random: Vec<usize>,
-    ln_ranges: &[f64],
-    sigma2: f64,
+    process: &Process,
 ) -> (f64, f64) {
     let n = scaled.len();
+    let Process {
+        ln_ranges,
+        nugget,
+        sigma2,
+    } = process;
+    let sigma2 = *sigma2;
     let in_ranges = |(column, ln_range): (&Vec<f64>, &f64)| {
         let factor = options.kernel.length_factor() * (-ln_range).exp();
         column.iter().map(|x| x * factor).collect()
@@ -205,7 +258,7 @@ fn likelihood(
     let in_order = |column: &Vec<f64>| order.iter().map(|&i| column[i]).collect();
     let columns: Vec<Vec<f64>> = columns.iter().map(in_order).collect();
     let earlier = nearest_earlier(&columns, options.neighbours);
-    let ratio = |v: &f64| noise_ratio(*v, sigma2);
+    let ratio = |v: &f64| noise_ratio(v + nugget, sigma2);
     let all = conditional::Points {
         kernel: options.kernel,
         columns: &columns,
@@ -240,7 +293,7 @@ impl Vecchia {
         nll: f64,
         neighbours: usize,
     ) -> Self {
-        let ratio = |v: &f64| noise_ratio(*v, parameters.sigma2);
+        let ratio = |v: &f64| noise_ratio(v + parameters.nugget, parameters.sigma2);
         Self {
             kernel,
             coordinates: Coordinates::new(kernel, &points, &parameters.ranges),
@@ -340,7 +393,7 @@ impl Vecchia {
         self.points.d
     }
 
-    /// Number of distinct points.
+    /// Number of distinct points; with an estimated nugget, repeated observations count one by one.
     #[must_use]
     pub fn points(&self) -> usize {
         self.points.len()

@@ -15,6 +15,9 @@ pub struct ModelFile {
     pub inputs: Vec<Input>,
     /// The response.
     pub response: Quantity,
+    /// The noise variance of a new observation, on the scale of the model: the nugget and the mean of the known
+    /// noise variances.
+    pub noise_variance: f64,
     /// The model.
     pub surrogate: Surrogate,
 }
@@ -39,6 +42,7 @@ struct Stored {
     schema_version: u32,
     inputs: Vec<Input>,
     response: Quantity,
+    noise_variance: f64,
     model: Value,
 }
 
@@ -68,6 +72,7 @@ impl ModelFile {
         Self {
             inputs: inputs.collect(),
             response,
+            noise_variance: surrogate.noise_variance(),
             surrogate,
         }
     }
@@ -84,6 +89,7 @@ impl ModelFile {
             schema_version: SCHEMA_VERSION,
             inputs: self.inputs.clone(),
             response: self.response.clone(),
+            noise_variance: self.noise_variance,
             model: serde_json::from_str(&text).map_err(json)?,
         })
         .map_err(json)
@@ -114,8 +120,16 @@ impl ModelFile {
             wrong(format!("the model cannot be read: {error}{cause}"))
         })?;
         let Stored {
-            inputs, response, ..
+            inputs,
+            response,
+            noise_variance,
+            ..
         } = stored;
+        if noise_variance.is_nan() || noise_variance < 0.0 {
+            return Err(wrong(format!(
+                "noise_variance is {noise_variance}, but must not be negative"
+            )));
+        }
         if inputs.len() != surrogate.dimensions() {
             return Err(wrong(format!(
                 "inputs has {} entries, but must have {}, as the model has coordinates",
@@ -140,6 +154,7 @@ impl ModelFile {
         Ok(Self {
             inputs,
             response,
+            noise_variance,
             surrogate,
         })
     }

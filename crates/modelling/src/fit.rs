@@ -1,6 +1,6 @@
 use std::borrow::Cow;
 
-use kriging::{Data, Guidance, Method, Names, Settings, Surrogate};
+use kriging::{Data, Guidance, Names, Settings, Surrogate};
 
 use crate::summary::{self, Origin, Summary};
 use crate::table::{Content, Unused};
@@ -62,7 +62,6 @@ pub fn fit(table: &Table, request: &Request) -> Result<Fit, Error> {
     let nugget = request.nugget.unwrap_or(request.variance.is_none());
     let mut settings = request.settings.clone();
     settings.fit.nugget = nugget;
-    check(&settings, request)?;
 
     let mut table = Cow::Borrowed(table);
     let mut skipped = Vec::new();
@@ -104,7 +103,14 @@ pub fn fit(table: &Table, request: &Request) -> Result<Fit, Error> {
         let warnings: Vec<String> = warnings.map(|w| guidance.warning(w)).collect();
         Ok::<_, Error>((surrogate, warnings))
     })?;
-    let model = ModelFile::new(&columns.inputs, columns.response, surrogate);
+    let mut model = ModelFile::new(&columns.inputs, columns.response, surrogate);
+    // Of all observations, before those of one point are merged.
+    let of_one = |(v, y): (&f64, &f64)| match settings.response {
+        kriging::Response::Plain => *v,
+        kriging::Response::Log => v / (y * y),
+    };
+    let known = noise_variance.iter().zip(&y).map(of_one).sum::<f64>() / n as f64;
+    model.noise_variance = model.surrogate.parameters().nugget + known;
     let origin = Origin {
         table,
         unused: columns.unused,
@@ -201,22 +207,6 @@ fn reason_against(table: &Table, position: usize) -> Option<String> {
     }
 }
 
-/// Refuses settings that the approximate method does not have: a nugget and a trend.
-fn check(settings: &Settings, request: &Request) -> Result<(), Error> {
-    if settings.method == Method::Vecchia && settings.fit.nugget {
-        let why = if request.nugget.is_none() {
-            ", which is the default without --variance"
-        } else {
-            ""
-        };
-        return Err(Error::Settings(format!(
-            "--method vecchia does not go with --nugget estimated{why}: give --variance COLUMN, \
-             --nugget known or --method exact"
-        )));
-    }
-    Ok(())
-}
-
 fn variances(table: &Table, name: &str) -> Result<Vec<f64>, Error> {
     let values = table.numbers(name)?;
     match values.iter().position(|value| *value < 0.0) {
@@ -255,6 +245,8 @@ fn guided<T>(table: &Table, columns: &Columns, with: impl FnOnce(&Guidance<'_>) 
 
 #[cfg(test)]
 mod tests {
+    use kriging::Method;
+
     use super::*;
 
     /// A table of y = 3 + sin 3a + b² with a little scatter. `row` may give a row another text.
@@ -345,8 +337,6 @@ mod tests {
         assert!(text.contains("line 2, column \"name\": \"p0\""), "{text}");
         let text = with(&|r| r.inputs = Some(vec!["y_um".to_owned()]));
         assert!(text.contains("cannot be an input"), "{text}");
-        let text = with(&|r| r.settings.method = Method::Vecchia);
-        assert!(text.contains("default without --variance"), "{text}");
 
         let broken = table(|i| (i == 7).then(|| "p7,0.5,x,1".to_owned()));
         let text = fit(&broken, &request()).unwrap_err().to_string();

@@ -30,7 +30,7 @@ pub struct Summary {
     pub skipped: Vec<Skipped>,
     /// Number n of observations.
     pub observations: usize,
-    /// Number of distinct points that the model holds.
+    /// Number of points, nearly equal ones counted once.
     pub points: usize,
     /// The covariance function.
     pub kernel: String,
@@ -79,7 +79,7 @@ pub struct Input {
     pub slope: Option<f64>,
 }
 
-/// How well each observation is predicted from all others.
+/// How well each observation is predicted from those of all other points.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Validation {
     /// Root mean square of the residuals, in the unit of the response.
@@ -118,6 +118,7 @@ pub(crate) fn of(
 ) -> Summary {
     let table = origin.table;
     let surrogate = &model.surrogate;
+    let leave_one_out = surrogate.leave_one_out();
     let parameters = surrogate.parameters();
     let inputs = model.inputs.iter().enumerate().map(|(j, input)| Input {
         name: input.name.clone(),
@@ -137,7 +138,7 @@ pub(crate) fn of(
         unused: origin.unused,
         skipped: origin.skipped,
         observations: table.len(),
-        points: surrogate.points(),
+        points: leave_one_out.points,
         kernel: surrogate.kernel().to_string(),
         is_approximate: surrogate.vecchia().is_some(),
         estimator: settings.fit.estimator,
@@ -149,13 +150,12 @@ pub(crate) fn of(
         nugget_variance: parameters.nugget,
         calibration: surrogate.calibration(),
         negative_log_likelihood: surrogate.negative_log_likelihood(),
-        leave_one_out: validation(model, table),
+        leave_one_out: validation(&leave_one_out, table),
         warnings: origin.warnings,
     }
 }
 
-fn validation(model: &ModelFile, table: &Table) -> Validation {
-    let found = model.surrogate.leave_one_out();
+fn validation(found: &kriging::LeaveOneOut, table: &Table) -> Validation {
     let residuals = found.standardised.iter().zip(&found.observations);
     let largest = residuals.max_by(|(a, _), (b, _)| a.abs().total_cmp(&b.abs()));
     let (standardised, observation) = largest.map_or((0.0, 0), |(z, i)| (*z, *i));

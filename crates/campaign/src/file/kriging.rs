@@ -105,12 +105,6 @@ impl Kriging {
                 self.trend,
                 "\"constant\" beside kriging.method = \"vecchia\"",
             )?;
-            source.require(
-                self.nugget == Nugget::Known,
-                "kriging.nugget",
-                self.nugget,
-                "\"known\" beside kriging.method = \"vecchia\"",
-            )?;
         }
         let beyond = self.leave_out.iter().find(|design| **design >= designs);
         source.require(
@@ -197,16 +191,13 @@ mod tests {
     fn impossible_choices_are_refused_by_their_line() {
         for (keys, key) in [
             ("method = \"vecchia\"\ntrend = \"linear\"", "kriging.trend"),
-            (
-                "method = \"vecchia\"\nnugget = \"estimated\"",
-                "kriging.nugget",
-            ),
             ("leave_out = [3000]", "kriging.leave_out"),
         ] {
             let error = with(keys).unwrap_err().to_string();
             assert!(error.contains(key) && error.contains("line"), "{error}");
         }
         assert!(with("method = \"dense\"").is_err());
+        assert!(with("method = \"vecchia\"\nnugget = \"estimated\"").is_ok());
         let precise = Campaign::PAPER
             .replace("# precision_um", "precision_um")
             .replace("# samples_max", "samples_max")

@@ -85,6 +85,9 @@ pub(crate) struct Predict {
     /// The probability of the quantile of the predicted distribution
     #[arg(long, value_name = "P", default_value_t = 0.9, value_parser = level)]
     pub(crate) level: f64,
+    /// The probability of the intervals of the mean and of a new observation
+    #[arg(long, value_name = "P", default_value_t = 0.95, value_parser = level)]
+    pub(crate) interval: f64,
     /// The file, or - for standard output; one that exists is refused
     #[arg(long, value_name = "FILE|-", default_value = "-")]
     pub(crate) out: PathBuf,

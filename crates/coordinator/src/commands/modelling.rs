@@ -1,22 +1,25 @@
 //! Models of a user's own table: read files, call the library, print.
 
 use std::path::Path;
+use std::time::Duration;
 
 use campaign::file::Nugget;
+use indicatif::{ProgressBar, ProgressStyle};
 use kriging::{FitOptions, Settings};
 use modelling::table::Skipped;
 use modelling::{ModelFile, Request, Table, summary};
 use protocol::exit;
 use results::model;
 use store::Store;
-use tracing::warn;
+use tokio_util::sync::CancellationToken;
+use tracing::{info, warn};
 
 use super::output::{self, print_either};
 use super::{read, read_bytes};
 use crate::arguments;
 
 /// `coordinator fit`.
-pub(super) fn fit(arguments: &arguments::Fit) -> anyhow::Result<u8> {
+pub(super) async fn fit(arguments: &arguments::Fit) -> anyhow::Result<u8> {
     if let Some(out) = &arguments.out {
         output::refuse_taken(out)?;
     }
@@ -41,7 +44,11 @@ pub(super) fn fit(arguments: &arguments::Fit) -> anyhow::Result<u8> {
             response: how.response_scale,
         },
     };
-    let fitted = modelling::fit(&table, &request)?;
+    let doing = format!("fitting a model to {} rows", table.len());
+    let Some(fitted) = interruptible(doing, move || modelling::fit(&table, &request)).await? else {
+        return Ok(exit::INTERRUPTED);
+    };
+    let fitted = fitted?;
     if let Some(out) = &arguments.out {
         output::write(out, format!("{}\n", fitted.model.to_json()?).as_bytes())?;
     }
@@ -60,17 +67,26 @@ pub(super) async fn predict(arguments: &arguments::Predict) -> anyhow::Result<u8
         (None, None) => return Err(super::Usage("give --model or --db".to_owned()).into()),
     };
     let mut table = table(&arguments.at)?;
+    let mut skipped = Vec::new();
     if arguments.skip_missing {
         let inputs: Vec<&str> = model
             .inputs
             .iter()
             .map(|input| input.name.as_str())
             .collect();
-        for Skipped { column, lines } in table.skip_missing(&inputs)? {
+        skipped = table.skip_missing(&inputs)?;
+        for Skipped { column, lines } in &skipped {
             warn!(%column, ?lines, "left out the rows without a value");
         }
     }
-    let predictions = modelling::predict(&model, &table, arguments.level)?;
+    let (level, interval) = (arguments.level, arguments.interval);
+    let doing = format!("predicting at {} points", table.len());
+    let work = move || modelling::predict(&model, &table, level, interval);
+    let Some(predictions) = interruptible(doing, work).await? else {
+        return Ok(exit::INTERRUPTED);
+    };
+    let mut predictions = predictions?;
+    predictions.skipped = skipped;
     if !predictions.unused.is_empty() {
         warn!(columns = %predictions.unused.join(", "), "no inputs of the model, and not used");
     }
@@ -81,6 +97,29 @@ pub(super) async fn predict(arguments: &arguments::Predict) -> anyhow::Result<u8
     };
     output::write(&arguments.out, &content)?;
     Ok(exit::OK)
+}
+
+/// The result of `work` on a thread of its own, while a terminal shows what it does and for how long; `None` if a
+/// signal stopped the program before.
+async fn interruptible<T: Send + 'static>(
+    doing: String,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> anyhow::Result<Option<T>> {
+    let bar = console::bars().add(ProgressBar::new_spinner());
+    bar.set_style(ProgressStyle::with_template("{spinner} {msg}, {elapsed}")?);
+    bar.set_message(doing);
+    bar.enable_steady_tick(Duration::from_millis(200));
+    let shutdown = CancellationToken::new();
+    tokio::spawn(console::watch_signals(shutdown.clone(), "stopping"));
+    let found = tokio::select! {
+        found = tokio::task::spawn_blocking(work) => Some(found?),
+        () = shutdown.cancelled() => None,
+    };
+    bar.finish_and_clear();
+    if found.is_none() {
+        info!("stopped; nothing was written");
+    }
+    Ok(found)
 }
 
 fn table(file: &Path) -> anyhow::Result<Table> {

@@ -1,8 +1,8 @@
 //! Observations at nearly the same point that no smooth function can both have.
 
 use crate::Error;
-use crate::data::Points;
 use crate::data::scaled::Scaled;
+use crate::data::{Points, near};
 
 /// Distance in each coordinate, relative to its extent, up to which points are nearly the same. A
 /// process whose shortest range is 1e-6 of the extent changes by a thousandth of its deviation over
@@ -17,21 +17,10 @@ const SMALL: f64 = 1e-2;
 
 /// [`Error::Contradiction`] for the pair of observations that contradict each other worst, if any
 /// do.
-///
-/// The points are sorted by one coordinate after the other and divided wherever the next point is
-/// more than [`NEARLY`] away, so that only points which agree in all coordinates are compared in
-/// pairs.
 pub(crate) fn check(points: &Points, scaled: &Scaled) -> Result<(), Error> {
     let mut worst: Option<(f64, [usize; 2])> = None;
-    let mut open = vec![((0..scaled.len()).collect::<Vec<usize>>(), 0)];
-    while let Some((mut group, j)) = open.pop() {
-        if let Some(column) = scaled.columns.get(j) {
-            group.sort_by(|&a, &b| column[a].total_cmp(&column[b]));
-            let close = |a: &usize, b: &usize| column[*b] - column[*a] <= NEARLY;
-            let parts = group.chunk_by(close).filter(|part| part.len() > 1);
-            open.extend(parts.map(|part| (part.to_vec(), j + 1)));
-            continue;
-        }
+    let nearly = vec![NEARLY; scaled.columns.len()];
+    for group in near::groups(&scaled.columns, &nearly, scaled.len()) {
         for (k, &a) in group.iter().enumerate() {
             for &b in &group[k + 1..] {
                 let [a, b] = [a.min(b), a.max(b)];

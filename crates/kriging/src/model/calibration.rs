@@ -85,7 +85,7 @@ impl Model {
     /// multiplications.
     #[must_use]
     pub fn calibrated(mut self) -> Self {
-        self.calibration = factor(&self.residuals());
+        self.calibration = factor(&self.residuals_of_points().0);
         self
     }
 

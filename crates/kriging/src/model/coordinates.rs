@@ -1,7 +1,7 @@
 //! The points' coordinates in units of the ranges.
 
 use crate::Error;
-use crate::data::Points;
+use crate::data::{Points, near};
 use crate::error::check_length;
 use crate::kernel::Kernel;
 
@@ -66,6 +66,20 @@ impl Coordinates {
             .zip(self.origin.iter().zip(&self.scale))
             .map(|(&j, (o, s))| (x[j] - o) * s)
             .collect()
+    }
+
+    /// The groups of points that are nearly the same: in no coordinate do neighbours differ by more than a
+    /// thousandth of its range, nor by more than a thousandth of the spacing, extent/n^(1/d), that
+    /// the points would have on a grid.
+    pub(crate) fn near_groups(&self, kernel: Kernel) -> Vec<Vec<usize>> {
+        const NEARLY: f64 = 1e-3;
+        let Some(n) = self.columns.first().map(Vec::len) else {
+            return Vec::new();
+        };
+        let spacing = (n as f64).powf(-1.0 / self.columns.len() as f64);
+        let extents = self.extents.iter().zip(&self.scale);
+        let nearly = extents.map(|(e, s)| NEARLY * kernel.length_factor().min(e * s * spacing));
+        near::groups(&self.columns, &nearly.collect::<Vec<f64>>(), n)
     }
 
     /// [`Error::Extent`] if a coordinate overflows in units of its range.

@@ -1,5 +1,7 @@
 //! Leave-one-out validation in closed form.
 
+mod groups;
+
 use statrs::function::erf::{erf_inv, erfc_inv};
 
 use super::Model;
@@ -7,12 +9,18 @@ use super::calibration::{Residual, Z_TWO_SIDED_90};
 use crate::data::Points;
 use crate::warning::{Outlier, Warning};
 
-/// Validation of each observation's prediction from all others, with the covariance parameters kept
-/// and the trend estimated anew.
+/// Validation of each observation's prediction from those at all other points, with the covariance parameters
+/// kept and the trend estimated anew. A point is left out with all its observations, and with the
+/// points that are nearly the same: their observations would predict its noise, not the function.
+///
+/// Points are nearly the same if neighbours differ in no coordinate by more than a thousandth of its
+/// range, nor by more than a thousandth of the spacing, extent/n^(1/d), of n points on a grid.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeaveOneOut {
     /// Numbers of the observations, from 0: the first one of each distinct point, in increasing order.
     pub observations: Vec<usize>,
+    /// Number of points that were left out in turn, nearly equal ones counted once.
+    pub points: usize,
     /// Observation minus prediction, in units of y, one for each of `observations`.
     pub residuals: Vec<f64>,
     /// Residuals over their standard deviations, the noise of the left-out observation included.
@@ -75,7 +83,12 @@ impl LeaveOneOut {
 
     /// The validation from the residuals of `points`, in their order. `calibration` multiplies the
     /// variances without the noise.
-    pub(crate) fn new(points: &Points, all: &[Residual], calibration: f64) -> Self {
+    pub(crate) fn new(
+        points: &Points,
+        all: &[Residual],
+        distinct: usize,
+        calibration: f64,
+    ) -> Self {
         let by_first = points.by_first();
         let (residuals, standardised): (Vec<f64>, Vec<f64>) = by_first
             .iter()
@@ -95,11 +108,12 @@ impl LeaveOneOut {
 
         let observed: Vec<f64> = by_first.iter().map(|&i| points.y[i]).collect();
         let observations = by_first.iter().map(|&i| points.first[i]).collect();
-        Self::of(observations, &observed, residuals, standardised)
+        Self::of(observations, distinct, &observed, residuals, standardised)
     }
 
     fn of(
         observations: Vec<usize>,
+        points: usize,
         observed: &[f64],
         residuals: Vec<f64>,
         standardised: Vec<f64>,
@@ -117,6 +131,7 @@ impl LeaveOneOut {
             rmse: (left / count).sqrt(),
             coverage90: covered as f64 / count,
             observations,
+            points,
             residuals,
             standardised,
         }
@@ -127,7 +142,13 @@ impl LeaveOneOut {
         let pairs = logarithms.iter().zip(&self.residuals);
         let residuals = pairs.map(|(y, r)| y.exp() - (y - r).exp()).collect();
         let observed: Vec<f64> = logarithms.iter().map(|y| y.exp()).collect();
-        Self::of(self.observations, &observed, residuals, self.standardised)
+        Self::of(
+            self.observations,
+            self.points,
+            &observed,
+            residuals,
+            self.standardised,
+        )
     }
 
     /// The warning of the outliers, if there are any.
@@ -152,19 +173,27 @@ impl LeaveOneOut {
 }
 
 impl Model {
-    /// Leaves out each point in turn.
+    /// Leaves out each point in turn, with those nearly the same.
     ///
     /// With P = C⁻¹ − C⁻¹F(FᵀC⁻¹F)⁻¹FᵀC⁻¹ and C as in (20) including the noise, the residual of
     /// observation i is (Py)ᵢ/Pᵢᵢ and its variance σ²/Pᵢᵢ (Dubrule, "Cross validation of kriging in
-    /// a unique neighborhood", Math. Geol. 15 (1983) 687–699). Costs the inverse of a
-    /// factor, n³/6 multiplications.
+    /// a unique neighborhood", Math. Geol. 15 (1983) 687–699). For a group G of points they are
+    /// P_GG⁻¹(Py)_G and the diagonal of σ²P_GG⁻¹. Costs the inverse of a factor, n³/6 multiplications.
     #[must_use]
     pub fn leave_one_out(&self) -> LeaveOneOut {
-        LeaveOneOut::new(&self.points, &self.residuals(), self.calibration)
+        let (residuals, distinct) = self.residuals_of_points();
+        LeaveOneOut::new(&self.points, &residuals, distinct, self.calibration)
     }
 
-    /// The leave-one-out residuals of the points, not calibrated.
-    pub(crate) fn residuals(&self) -> Vec<Residual> {
+    /// The residual of each observation given all others, those at the same point included: outliers differ
+    /// from these.
+    pub(crate) fn warning_of_residuals(&self) -> Option<Warning> {
+        let n = self.points.len();
+        LeaveOneOut::new(&self.points, &self.residuals(), n, self.calibration).warning()
+    }
+
+    /// The residuals of single observations, not calibrated.
+    pub(super) fn residuals(&self) -> Vec<Residual> {
         let n = self.points.len();
         let solved = self.solved();
         let diagonal = solved.factor.inverse_diagonal();

@@ -1,9 +1,12 @@
 //! Kriging by nearest-neighbour conditioning against the exact one.
 
 use kriging::{
-    Error, FitOptions, Method, Response, Settings, Surrogate, Trend, VecchiaOptions, Warning, fit,
-    fit_vecchia,
+    Data, Error, FitOptions, Method, Response, Settings, Surrogate, Trend, VecchiaOptions, Warning,
+    fit, fit_vecchia,
 };
+
+use rand::RngExt as _;
+use stats::streams::{Purpose, stream};
 
 use crate::common::{Sample, written};
 
@@ -230,6 +233,62 @@ fn noise_has_no_structure_for_neighbours_either() {
         assert!(
             matches!(refused, Err(Error::NoStructure { .. })),
             "{method:?}"
+        );
+    }
+}
+
+/// Noise that nobody knows is estimated, from replicates, too, and the intervals of new observations hold.
+#[test]
+fn a_nugget_is_estimated() {
+    for copies in [1, 4] {
+        let sample = Sample::smooth(2400 / copies, 2, 0.0);
+        let mut rng = stream(9, Purpose::Test, copies as u64, 0);
+        let sd = 0.05;
+        // The sum of twelve uniform numbers is nearly normal, with variance 1.
+        let mut scatter = || sd * ((0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0);
+        let (mut x, mut y) = (Vec::new(), Vec::new());
+        for (at, truth) in sample.x.chunks(2).zip(&sample.y) {
+            for _ in 0..copies {
+                x.extend_from_slice(at);
+                y.push(truth + scatter());
+            }
+        }
+        let known = 2000;
+        let noise_variance = vec![0.0; known];
+        let data = Data {
+            x: &x[..2 * known],
+            d: 2,
+            y: &y[..known],
+            noise_variance: &noise_variance,
+        };
+        let options = FitOptions {
+            nugget: true,
+            ..FitOptions::default()
+        };
+        let model = Surrogate::fit(&data, &with_method(Method::Vecchia, options)).unwrap();
+        // A subset of 1000 observations has the noise variance to about 5 %.
+        let nugget = model.parameters().nugget / (sd * sd);
+        assert!((0.8..1.2).contains(&nugget), "{copies}: {nugget}");
+        let new = &x[2 * known..];
+        let predictions = model.predict_many(new).unwrap();
+        let within = predictions.into_iter().zip(&y[known..]).filter(|(p, y)| {
+            let p = model.observed(*p, model.noise_variance());
+            (p.mean - *y).abs() < 1.96 * p.variance.sqrt()
+        });
+        let coverage = within.count() as f64 / (y.len() - known) as f64;
+        // 400 observations of a right model have a coverage of 0.95 with a standard deviation of 0.011.
+        assert!((0.91..=0.985).contains(&coverage), "{copies}: {coverage}");
+        let loo = model.leave_one_out();
+        assert_eq!(loo.points, known / copies);
+        assert!(
+            (loo.coverage(0.95) - 0.95).abs() < 0.02,
+            "{copies}: {}",
+            loo.coverage(0.95)
+        );
+        let read = Surrogate::from_json(&model.to_json().unwrap()).unwrap();
+        assert_eq!(
+            read.predict_many(new).unwrap(),
+            model.predict_many(new).unwrap()
         );
     }
 }

@@ -372,7 +372,6 @@ fn approximate(found: &mut Outcome) -> Result<(), Failed> {
         ..FitOptions::default()
     };
     found.refused(approximate(trend), "ExactOnly");
-    found.refused(approximate(estimated_nugget()), "ExactOnly");
     let (exact, near) = (
         fit(&data, &FitOptions::default())?,
         approximate(FitOptions::default())?,
