@@ -108,7 +108,8 @@ fn printed_figures(sources: &Sources, figure: u8) -> Result<PrintedFigures, Stri
             "The notch factor’s formula is outside its range (1 to 8) here.".to_owned();
     }
     Ok(PrintedFigures {
-        contact_ratio: criteria.contact_ratio.into(),
+        // That of whole involutes, as printed; the start of Figure 6 is undercut.
+        contact_ratio: pair.geometry().contact_ratio.into(),
         specific_slip: criteria.specific_sliding.into(),
         von_mises_mpa: von_mises,
         pressure_mpa: criteria.hertz_pressure_mpa.into(),
