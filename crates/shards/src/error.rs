@@ -34,16 +34,20 @@ pub enum Error {
     },
     /// A record of a part does not match its checksum.
     #[error(
-        "{} is damaged at byte {at}: remove it, and compute shard {shard} again with `worker --shard`",
-        path.display()
+        "{} is damaged at byte {at}: remove it, and {}",
+        path.display(),
+        match shard {
+            Some(shard) => format!("compute shard {shard} again with `worker --shard`"),
+            None => "let a worker compute again what it held".to_owned(),
+        }
     )]
     Damaged {
         /// The file.
         path: PathBuf,
         /// The byte at which the record begins.
         at: u64,
-        /// The shard's number.
-        shard: u32,
+        /// The shard's number; none for a worker's undelivered results.
+        shard: Option<u32>,
     },
     /// The file is of another build than the program.
     #[error(

@@ -17,6 +17,8 @@ use crate::error::Error;
 use crate::shard::{Shard, write_whole};
 
 const SCHEMA_VERSION: u32 = 1;
+/// The beginning of the plan of undelivered results; the id of a plan is hex.
+const UNDELIVERED: &str = "undelivered-";
 /// Size of a record before its content, in bytes.
 const HEAD: usize = 12;
 
@@ -47,13 +49,19 @@ impl Header {
         Self {
             schema_version: SCHEMA_VERSION,
             program_version: identity::BUILD.to_owned(),
-            plan: format!("undelivered-{worker}"),
+            plan: format!("{UNDELIVERED}{worker}"),
             shard: 1,
             shards: 1,
             campaign_digest: campaign_digest.to_owned(),
             model_digest: model_digest.to_owned(),
             units: Vec::new(),
         }
+    }
+
+    /// Whether the part holds the results that a worker could not deliver.
+    #[must_use]
+    pub fn is_undelivered(&self) -> bool {
+        self.plan.starts_with(UNDELIVERED)
     }
 
     /// The header as the first line of a file.
@@ -111,7 +119,7 @@ impl Part {
                 return Err(Error::Damaged {
                     path: path.to_owned(),
                     at: at as u64,
-                    shard: header.shard,
+                    shard: (!header.is_undelivered()).then_some(header.shard),
                 });
             };
             results.push(result);

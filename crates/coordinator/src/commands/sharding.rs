@@ -216,12 +216,13 @@ pub(super) async fn merge(arguments: arguments::Merge) -> anyhow::Result<u8> {
         samples: status.samples.done,
         stage: status.stage_name(),
     };
-    print_either(arguments.json, &merged, || describe(&merged))?;
+    let is_planned = parts.iter().any(|part| !part.header.is_undelivered());
+    print_either(arguments.json, &merged, || describe(&merged, is_planned))?;
     let is_whole = merged.missing_shards.is_empty() && merged.unfinished_parts.is_empty();
     Ok(if is_whole { exit::OK } else { exit::INCOMPLETE })
 }
 
-fn describe(merged: &Merged) -> String {
+fn describe(merged: &Merged, is_planned: bool) -> String {
     let mut text = format!(
         "merged          {} parts; the store has {} samples, stage {}\n",
         merged.parts, merged.samples, merged.stage
@@ -236,7 +237,10 @@ fn describe(merged: &Merged) -> String {
             part.display()
         );
     }
-    text + "next            `coordinator plan` with a new folder, for what is left\n"
+    text + match is_planned {
+        true => "next            `coordinator plan` with a new folder, for what is left\n",
+        false => "next            the coordinator again, for what is left\n",
+    }
 }
 
 /// Refuses parts of another campaign and two parts of the same shard. Returns the shards without a

@@ -31,7 +31,7 @@ impl Shared {
     pub(super) async fn register(&self, first: bool) -> Result<Arc<Registered>, Error> {
         let options = &self.options;
         let patience = options.connect_timeout;
-        let since = Instant::now();
+        let mut since = Instant::now();
         let mut has_complained = false;
         let mut backoff = Backoff::new();
         let url = self.connection.url();
@@ -79,6 +79,8 @@ impl Shared {
                         });
                         let done = confirmed.is_some();
                         self.contact.answered();
+                        // The questions to a program may have taken longer than the time limit.
+                        since = Instant::now();
                         if done {
                             self.held.cancel(&super::calls::ids(&response.cancelled));
                         } else {

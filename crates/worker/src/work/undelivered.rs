@@ -56,7 +56,12 @@ impl Files {
             };
             let Found { part, .. } = &found;
             let file = part.path.display();
+            if !part.header.is_undelivered() {
+                warn!(%file, "this is a part of a shard, which `coordinator merge` stores");
+                continue;
+            }
             if part.header.campaign_digest != registered.problem.campaign().digest() {
+                info!(%file, "undelivered results of another campaign are left where they are");
                 continue;
             }
             if part.header.model_digest != registered.model_digest {
