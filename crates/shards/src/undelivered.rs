@@ -1,6 +1,7 @@
 //! The results that a worker could not deliver, as a part.
 //!
-//! Whoever writes or delivers such a file holds a lock on it: workers of one machine use one folder.
+//! The worker that writes or delivers such a file holds a lock on it, since the workers of a machine
+//! share a folder.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File};

@@ -8,6 +8,7 @@
 
 mod ending;
 mod files;
+mod heard;
 mod messages;
 mod process;
 mod program;

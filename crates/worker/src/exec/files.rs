@@ -15,8 +15,9 @@ use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use sha2::{Digest as _, Sha256};
 
+use super::heard::Heard;
 use super::messages::{Numbers, PROTOCOL};
-use super::process::{Heard, Process};
+use super::process::Process;
 
 /// The name of a sample's seed in a template.
 const SEED: &str = "seed";

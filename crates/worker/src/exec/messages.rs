@@ -7,7 +7,7 @@ use campaign::formulation::Problem;
 use serde::Deserialize;
 use serde_json::{Deserializer, Map, Value, json};
 
-use super::process::Heard;
+use super::heard::Heard;
 
 /// The version of the protocol, which both sides name at the start.
 pub(super) const PROTOCOL: u32 = 2;

@@ -22,13 +22,10 @@ use rustix::process::{Pid, Signal};
 use tracing::warn;
 
 use super::ending::{self, AFTER_INPUT, AFTER_TERM, GUARD};
+use super::heard::{Heard, Skipped, Tail, malformed, quote};
 
-/// Length of the end of the standard error that is kept, in bytes.
-const TAIL: usize = 16 * 1024;
 /// Maximum size of the output up to an answer, in bytes, the answer included.
 const MAX_OUTPUT: usize = 16 * 1024 * 1024;
-/// Maximum length of a quoted request or answer, in bytes.
-const QUOTE: usize = 1000;
 /// Interval at which a wait for an answer checks whether to stop.
 const PATIENCE: Duration = Duration::from_millis(100);
 /// Time for a process that closed its output to end by itself.
@@ -66,35 +63,6 @@ pub(super) struct Process {
     status: Option<ExitStatus>,
     /// Set by other threads when no answer is needed any more.
     stop: Arc<AtomicBool>,
-}
-
-/// The meaning of a line of the output.
-#[derive(Debug, PartialEq)]
-pub(super) enum Heard<T> {
-    /// The answer, and whether other text is in the same line.
-    Answer(T, bool),
-    /// An attempt at an answer that cannot be read: the reason.
-    Malformed(String),
-    /// A message for people, or a former answer.
-    Foreign,
-    /// A blank line.
-    Nothing,
-}
-
-/// Output that is not an answer.
-#[derive(Debug, Default)]
-struct Skipped {
-    lines: usize,
-    bytes: usize,
-    /// The last of the lines, quoted.
-    last: String,
-}
-
-/// The end of what a process wrote to its standard error.
-#[derive(Debug, Default)]
-struct Tail {
-    bytes: VecDeque<u8>,
-    cut: bool,
 }
 
 /// The reason for a missing answer.
@@ -524,59 +492,5 @@ impl Drop for Process {
         // ends before this function does, so that it kills no group whose id was reused.
         let _ = self.guard.kill();
         let _ = self.guard.wait();
-    }
-}
-
-impl Skipped {
-    /// The part of an error that names what was skipped.
-    fn told(&self) -> String {
-        match self.lines {
-            0 => String::new(),
-            1 => format!("; a line that is not an answer was skipped: {}", self.last),
-            lines => format!(
-                "; {lines} lines that are not answers were skipped, the last of them: {}",
-                self.last
-            ),
-        }
-    }
-}
-
-/// What a process did whose answer cannot be used.
-fn malformed(answer: &[u8], reason: &str) -> String {
-    format!("gave a malformed answer ({reason}): {}", quote(answer))
-}
-
-impl Tail {
-    fn push(&mut self, bytes: &[u8]) {
-        self.bytes.extend(bytes);
-        if self.bytes.len() > TAIL {
-            self.cut = true;
-            self.bytes.drain(..self.bytes.len() - TAIL);
-        }
-    }
-
-    fn text(&self) -> String {
-        let (front, back) = self.bytes.as_slices();
-        let text = [front, back].concat();
-        let text = String::from_utf8_lossy(&text);
-        if self.cut {
-            format!("… {text}")
-        } else {
-            text.into_owned()
-        }
-    }
-}
-
-/// Bytes of another program as a short text in one line.
-fn quote(bytes: &[u8]) -> String {
-    let shown = &bytes[..bytes.len().min(QUOTE)];
-    let text: String = String::from_utf8_lossy(shown)
-        .chars()
-        .map(|c| if c.is_control() { ' ' } else { c })
-        .collect();
-    if shown.len() < bytes.len() {
-        format!("{text} …")
-    } else {
-        text
     }
 }

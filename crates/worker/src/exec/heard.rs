@@ -1,0 +1,91 @@
+//! What a program says: the lines of its output, and the end of its standard error.
+
+use std::collections::VecDeque;
+
+/// Length of the end of the standard error that is kept, in bytes.
+const TAIL: usize = 16 * 1024;
+/// Maximum length of a quoted request or answer, in bytes.
+const QUOTE: usize = 1000;
+
+/// The meaning of a line of the output.
+#[derive(Debug, PartialEq)]
+pub(super) enum Heard<T> {
+    /// The answer, and whether other text is in the same line.
+    Answer(T, bool),
+    /// An attempt at an answer that cannot be read: the reason.
+    Malformed(String),
+    /// A message for people, or a former answer.
+    Foreign,
+    /// A blank line.
+    Nothing,
+}
+
+/// Output that is not an answer.
+#[derive(Debug, Default)]
+pub(super) struct Skipped {
+    pub(super) lines: usize,
+    pub(super) bytes: usize,
+    /// The last of the lines, quoted.
+    pub(super) last: String,
+}
+
+/// The end of what a process wrote to its standard error.
+#[derive(Debug, Default)]
+pub(super) struct Tail {
+    pub(super) bytes: VecDeque<u8>,
+    cut: bool,
+}
+
+impl Skipped {
+    /// The part of an error that names what was skipped.
+    pub(super) fn told(&self) -> String {
+        match self.lines {
+            0 => String::new(),
+            1 => format!("; a line that is not an answer was skipped: {}", self.last),
+            lines => format!(
+                "; {lines} lines that are not answers were skipped, the last of them: {}",
+                self.last
+            ),
+        }
+    }
+}
+
+impl Tail {
+    pub(super) fn push(&mut self, bytes: &[u8]) {
+        self.bytes.extend(bytes);
+        if self.bytes.len() > TAIL {
+            self.cut = true;
+            self.bytes.drain(..self.bytes.len() - TAIL);
+        }
+    }
+
+    pub(super) fn text(&self) -> String {
+        let (front, back) = self.bytes.as_slices();
+        let text = [front, back].concat();
+        let text = String::from_utf8_lossy(&text);
+        if self.cut {
+            format!("… {text}")
+        } else {
+            text.into_owned()
+        }
+    }
+}
+
+/// What a process did whose answer cannot be used.
+pub(super) fn malformed(answer: &[u8], reason: &str) -> String {
+    format!("gave a malformed answer ({reason}): {}", quote(answer))
+}
+
+/// Bytes of another program as a short text in one line.
+pub(super) fn quote(bytes: &[u8]) -> String {
+    let shown = &bytes[..bytes.len().min(QUOTE)];
+    let text: String = String::from_utf8_lossy(shown)
+        .chars()
+        .map(|c| if c.is_control() { ' ' } else { c })
+        .collect();
+    if shown.len() < bytes.len() {
+        format!("{text} …")
+    } else {
+        text
+    }
+}
