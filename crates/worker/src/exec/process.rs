@@ -199,10 +199,12 @@ impl Process {
         read: &dyn Fn(&[u8]) -> Heard<T>,
     ) -> Result<T, Silence> {
         self.skipped = Skipped::default();
-        // The end of the process shows below.
-        let _ = self.read_lines();
-        while let Some(stale) = self.lines.pop_front() {
-            self.skip(&stale);
+        if !line.is_empty() {
+            // The end of the process shows below.
+            let _ = self.read_lines();
+            while let Some(stale) = self.lines.pop_front() {
+                self.skip(&stale);
+            }
         }
         let began = Instant::now();
         let deadline = began + timeout;
@@ -277,7 +279,10 @@ impl Process {
                 return Err(Silence::TooLong);
             }
         }
-        if is_end && let Heard::Answer(answer, _) = read(&self.pending) {
+        if is_end
+            && !self.pending.is_empty()
+            && let Heard::Answer(answer, _) = read(&self.pending)
+        {
             return Ok(Some(answer));
         }
         Ok(None)

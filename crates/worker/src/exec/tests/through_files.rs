@@ -142,3 +142,14 @@ fn what_goes_wrong_with_files_is_told_with_the_folder_that_is_kept() {
     let error = sum(&problem, &backend).unwrap_err();
     assert_eq!(error, "refused too-thin: it buckles");
 }
+
+/// The status of a command that had ended before it was waited for was skipped as a stale line.
+#[test]
+fn a_command_may_end_before_it_is_waited_for() {
+    let stop = Arc::new(AtomicBool::new(false));
+    let mut process = process::Process::start("echo 0", stop).unwrap();
+    eventually("its end", || process.has_ended());
+    let read = |line: &[u8]| heard::Heard::Answer(line.to_vec(), true);
+    let status = process.ask("", Duration::from_secs(5), &read);
+    assert_eq!(status, Ok(b"0".to_vec()));
+}
