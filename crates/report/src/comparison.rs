@@ -181,8 +181,8 @@ pub fn comparison_markdown(
     let _ = writeln!(
         page,
         "Written by `coordinator compare` from the campaign “{}”: {} designs of {} samples, seed \
-         {}, program version {}. Samples digest `{}`. Sampled percentiles rest on {} verification \
-         samples.\n",
+         {}, program version {}. Samples digest `{}`. Tables 1 and 5 rest on {} verification samples and \
+         equation (8), as the paper's do, other percentiles on order statistics of 4000 and more.\n",
         header.campaign,
         header.designs,
         header.samples_per_design,

@@ -24,6 +24,8 @@ pub(super) fn preliminary(sources: &Sources) -> Vec<PreliminaryDesign> {
         .enumerate()
         .filter_map(|(row, printed)| {
             let samples = sources.verified.get(&name(Place::Preliminary(row)))?;
+            // As many as the paper's: the p value falls with the number of samples.
+            let samples = &samples[..samples.len().min(paper::ACCURATE_SAMPLES)];
             let plain = Samples::plain(samples);
             let response = responses::response(0, plain, &of_paper).ok()?;
             let variance = stats::p90_variance(response.sd_um.powi(2), k, of_paper.normal().z);
