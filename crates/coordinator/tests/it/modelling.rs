@@ -175,7 +175,8 @@ fn a_table_of_the_users_own_is_fitted_and_predicted_back() {
     let output = sandbox.coordinator(&[&predict[..], &["--out", "p.csv"]].concat());
     assert_code(&output, 0);
     let text = std::fs::read_to_string(sandbox.path("p.csv")).unwrap();
-    let header = "a_mm,b,mean,standard_error,quantile,extrapolates";
+    let header = "a_mm,b,mean,standard_error,quantile,mean_low,mean_high,observation_low,observation_high,\
+                  extrapolates";
     assert_eq!(
         (text.lines().next(), text.lines().count()),
         (Some(header), 42)
@@ -230,11 +231,6 @@ fn bad_tables_and_models_are_refused_by_file_line_and_column() {
         &["`linear`"],
     );
     refused(
-        &[&fit("data.csv")[..], &["--method", "vecchia"]].concat(),
-        2,
-        &["--variance"],
-    );
-    refused(
         &[&fit("data.csv")[..], &["--out", "kept.json"]].concat(),
         4,
         &["kept.json", "it exists"],
@@ -244,15 +240,11 @@ fn bad_tables_and_models_are_refused_by_file_line_and_column() {
     refused(&["predict", "--at", "at.csv"], 2, &["--model", "--db"]);
     let out = [&fit("data.csv")[..], &["--out", "m.json"]].concat();
     assert_code(&sandbox.coordinator(&out), 0);
-    // "variance" is an input unless it is named as the variance.
+    // The same variance in all rows is no input.
     refused(
         &predict("m.json"),
         3,
-        &[
-            "no column b, variance",
-            "a_mm, b, variance",
-            "no inputs are B",
-        ],
+        &["no column b, but", "are a_mm, b;", "no inputs are B"],
     );
     assert_eq!(std::fs::read(sandbox.path("kept.json")).unwrap(), b"kept");
 }
