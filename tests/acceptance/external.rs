@@ -169,6 +169,10 @@ fn twenty_designs(sandbox: &Sandbox) -> String {
         &[
             ("designs = 60", "method = \"random\"\ndesigns = 20"),
             ("probe_designs = 3", "probe_designs = 0"),
+            (
+                "[sampling]\n",
+                "[sampling]\nfailed = \"quarantines-design\"\n",
+            ),
         ],
     )
 }
@@ -361,7 +365,8 @@ fn samples_that_always_fail_end_a_campaign_that_wants_more_of_them() {
             ("probe_designs = 3", "probe_designs = 0"),
             (
                 "samples_per_design = 25",
-                "samples_per_design = 25\nprecision_um = 0.001\nsamples_max = 60",
+                "samples_per_design = 25\nprecision_um = 0.001\nsamples_max = 60\n\
+                 failed = \"quarantines-design\"",
             ),
         ],
     );

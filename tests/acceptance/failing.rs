@@ -64,9 +64,10 @@ fn criterion(status: &Value, approach: &str) -> f64 {
 fn candidates_that_fail_rank_last_and_the_searches_go_on() {
     let case = Case::new("failing-candidate", &[], "");
     let run = case.run("1", &[]);
-    let code = run.status.code();
-    assert!(code == Some(0) || code == Some(13), "{}", errors(&run));
+    assert_code(&run, 0);
     let status = case.status();
+    assert_eq!(status["designs"]["done"], 20, "{status}");
+    assert_eq!(status["designs"]["simulable"], 18, "{status}");
     assert_eq!(status["optimiser_runs"]["done"], 3, "{status}");
     for approach in ["baseline", "kriging", "direct"] {
         let found = criterion(&status, approach);
@@ -78,6 +79,77 @@ fn candidates_that_fail_rank_last_and_the_searches_go_on() {
         .lines()
         .filter(|row| row.contains("failed: the simulator ended (exit status: 3)"));
     assert!(failed.count() >= 3, "{evaluations}");
+}
+
+/// Half of the box has no numbers, and neither have 4 % of the samples elsewhere.
+#[test]
+fn answers_without_a_number_are_results() {
+    for answer in ["nan", "inf", "null", "refused"] {
+        let case = Case::new("not-a-number", &[], &format!("{answer} 0.04"));
+        assert_code(&case.run("2", &[]), 0);
+        let status = case.status();
+        assert_eq!(status["designs"]["done"], 8, "{answer}: {status}");
+        assert_eq!(status["designs"]["simulable"], 4, "{answer}: {status}");
+        assert_eq!(status["samples"]["done"], 32, "{answer}: {status}");
+        assert_eq!(status["failures"], 0, "{answer}: {status}");
+        assert!(criterion(&status, "baseline") < 0.01, "{answer}: {status}");
+    }
+}
+
+#[test]
+fn failed_samples_count_as_the_policy_says() {
+    let of = |policy: &str, answer: &str| {
+        let changes = [
+            ("[sampling]\n", format!("[sampling]\nfailed = {policy:?}\n")),
+            (
+                "samples_per_design = 8",
+                "samples_per_design = 40".to_owned(),
+            ),
+        ];
+        let changes = changes.each_ref().map(|(from, to)| (*from, to.as_str()));
+        let case = Case::new("not-a-number", &changes, answer);
+        let run = case.run("2", &[]);
+        // Where designs are refused there may be none to recommend.
+        assert_eq!(case.status()["finished"], true, "{}", errors(&run));
+        let responses = case.export("responses");
+        let header: Vec<&str> = responses
+            .lines()
+            .next()
+            .unwrap_or_default()
+            .split(',')
+            .collect();
+        let place = header
+            .iter()
+            .position(|name| *name == "p90")
+            .expect("a column");
+        let p90 = |row: &str| row.split(',').nth(place).map(str::to_owned);
+        let p90: Vec<String> = responses.lines().skip(1).filter_map(p90).collect();
+        p90.iter()
+            .map(|p90| p90.parse().expect("a number"))
+            .collect::<Vec<f64>>()
+    };
+    let whole = of("worst", "nan");
+    assert!(
+        whole.len() == 4 && whole.iter().all(|p90| p90.is_finite()),
+        "{whole:?}"
+    );
+    // The same samples fail whether they are answered with NaN or fail for good.
+    let worst = of("worst", "nan 0.04");
+    assert_eq!(of("worst", "error 0.04"), worst);
+    let left_out = of("left-out", "nan 0.04");
+    let refused = of("refuses-design", "nan 0.04");
+    assert!(refused.iter().any(|p90| p90.is_infinite()), "{refused:?}");
+    let mut differ = 0;
+    for i in 0..4 {
+        let has_failed = refused[i].is_infinite();
+        assert!(worst[i] >= left_out[i], "{worst:?} {left_out:?}");
+        if has_failed {
+            differ += u32::from(worst[i] > left_out[i]);
+        } else {
+            assert_eq!(worst[i], left_out[i]);
+        }
+    }
+    assert!(differ > 0);
 }
 
 #[test]

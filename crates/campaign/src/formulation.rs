@@ -252,6 +252,26 @@ impl Problem {
         &self.sampled
     }
 
+    /// Whether this number stands for a failed sample, of a program whose failures are results.
+    fn is_failed_sample(&self, value: f64) -> bool {
+        let sampling = &self.campaign.sampling;
+        self.campaign.is_external()
+            && sampling.tolerates_failures()
+            && value == sampling.failed_sample()
+    }
+
+    /// The sample that a simulator's number stands for: if it is none, or infinite, the sample of a program
+    /// has failed, unless such failures are none of its results.
+    #[must_use]
+    pub fn sample_of(&self, value: f64) -> f64 {
+        let sampling = &self.campaign.sampling;
+        let is_result = self.campaign.is_external() && sampling.tolerates_failures();
+        match value.is_finite() || !is_result {
+            true => value,
+            false => sampling.failed_sample(),
+        }
+    }
+
     /// Checks that this number can be a sample of the response, or the response without random
     /// effects.
     ///
@@ -259,6 +279,9 @@ impl Problem {
     ///
     /// A sentence without its subject: the value and the valid range.
     pub fn check_sample(&self, value: f64) -> Result<(), String> {
+        if self.is_failed_sample(value) {
+            return Ok(());
+        }
         match &self.kind {
             Formulation::Gears(_) => gears::check_delta_ste(value),
             Formulation::External(_) if value.is_finite() => Ok(()),

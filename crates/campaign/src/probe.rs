@@ -47,19 +47,32 @@ impl Answers {
     }
 }
 
+/// Why the answers are of no use. The text is a sentence.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Unusable {
+    /// The simulator failed on every design. Another attempt may succeed.
+    Fails(String),
+    /// The simulator breaks the rules.
+    Contradicts(String),
+}
+
 /// The answers of `simulator` about the first `designs` of a fixed set of designs. The first sample
 /// of all is drawn twice.
 ///
+/// A design on which the simulator fails, or gives no number, is an answer like a refusal.
+///
 /// # Errors
 ///
-/// A sentence: the simulator failed, or gave two values for one seed.
-pub fn answers_of(simulator: &dyn Simulator, designs: u32) -> Result<Answers, String> {
+/// The simulator failed on every design, or gave two values for one seed.
+pub fn answers_of(simulator: &dyn Simulator, designs: u32) -> Result<Answers, Unusable> {
     let mut hash = Sha256::new();
     let (mut sampled, mut equal) = (0, 0);
     if let Some(version) = simulator.version() {
         hash.update(version.as_bytes());
     }
     let problem = simulator.problem();
+    let (mut failed, mut error) = (0, String::new());
+    let mut fault = None;
     for design in 0..u64::from(designs) {
         // The place of the design, and the stream of its samples behind it.
         let begin = || {
@@ -89,24 +102,33 @@ pub fn answers_of(simulator: &dyn Simulator, designs: u32) -> Result<Answers, St
             if sampled == 0 {
                 let again = sample(&mut begin().1)?;
                 if again.to_bits() != first.to_bits() {
-                    return Err(NoAnswer::Failed(format!(
+                    fault = Some(format!(
                         "one sample, asked for twice with the same seed, was {first} and then \
                          {again}: the answers must depend on the request alone \
                          (simulator.probe_designs = 0 leaves the check out)"
-                    )));
+                    ));
                 }
             }
-            sampled += 1;
-            equal += u32::from(first.to_bits() == second.to_bits());
+            // Samples without a number tell nothing of the seed.
+            sampled += u32::from(first.is_finite());
+            equal += u32::from(first.is_finite() && first == second);
             Ok(())
         };
         match answer() {
             Ok(()) => {}
             Err(NoAnswer::Refused(_)) => absorb(0.0),
-            Err(NoAnswer::Failed(error)) => {
-                return Err(format!("question {design} of the model digest: {error}"));
+            Err(NoAnswer::Failed(why)) => {
+                failed += 1;
+                absorb(1.0);
+                error = format!("question {design} of the model digest: {why}");
             }
         }
+    }
+    if let Some(fault) = fault {
+        return Err(Unusable::Contradicts(fault));
+    }
+    if failed == designs && failed > 0 {
+        return Err(Unusable::Fails(error));
     }
     let digest = hash.finalize();
     Ok(Answers {

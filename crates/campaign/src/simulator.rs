@@ -87,12 +87,12 @@ pub trait Prepared {
     /// The design is not simulable, or the simulator failed.
     fn analyse(&mut self, state: State) -> Result<Analysis, NoAnswer>;
 
-    /// Draws a sample of the response using only `rng`: for a gear pair ΔSTE, in µm.
+    /// Draws a sample of the response using only `rng`: for a gear pair ΔSTE, in µm. NaN or infinite
+    /// if the simulator has no number for it.
     ///
     /// # Errors
     ///
-    /// The simulator failed. A prepared design cannot be refused because of one of its samples,
-    /// since the samples that are drawn together depend on how the campaign is cut into leases.
+    /// The simulator failed. Another attempt may succeed.
     fn sample(&mut self, rng: &mut StreamRng) -> Result<f64, String>;
 
     /// The number of standard normal coefficients of the random flanks; 0 if the simulator's random

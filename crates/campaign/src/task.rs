@@ -91,7 +91,11 @@ impl Run {
 
 /// The digest of the inputs common to all values of a campaign, independent of the campaign's size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Inputs([u8; 32]);
+pub struct Inputs {
+    digest: [u8; 32],
+    /// Whether failures of designs and points are results.
+    tolerates_failures: bool,
+}
 
 impl Inputs {
     /// The inputs of a campaign whose simulator has this model digest. The digest is absent before
@@ -101,14 +105,17 @@ impl Inputs {
         let mut hash = Sha256::new();
         hash.update(campaign.values_digest());
         hash.update(model_digest.unwrap_or_default());
-        Self(hash.finalize().into())
+        Self {
+            digest: hash.finalize().into(),
+            tolerates_failures: campaign.is_external() && campaign.sampling.tolerates_failures(),
+        }
     }
 
     /// The generation of a stream: the digest of everything that its values depend on.
     #[must_use]
     pub fn generation(&self, stream: StreamId, source: &Source) -> Generation {
         let mut hash = Sha256::new();
-        hash.update(self.0);
+        hash.update(self.digest);
         hash.update(stream.to_string());
         let mut number = |number: f64| hash.update(number.to_bits().to_le_bytes());
         match source {
@@ -144,7 +151,12 @@ impl Inputs {
     /// A stream that needs this many samples and has none yet, as an input of the ledger.
     #[must_use]
     pub fn wanted(&self, stream: StreamId, source: Source, samples: u32) -> Wanted<Arc<Source>> {
-        let is_tolerant = matches!(source, Source::Candidates(_));
+        // A study has no results but numbers.
+        let is_tolerant = match source {
+            Source::Candidates(_) => true,
+            Source::Design(_) | Source::Point(_) => self.tolerates_failures,
+            Source::Variant(_) | Source::Run(_) => false,
+        };
         Wanted {
             stream,
             generation: self.generation(stream, &source),
@@ -216,14 +228,15 @@ impl From<Failure> for Computed {
     }
 }
 
-/// The short name of the reason for a candidate whose evaluation failed.
+/// The short name of the reason for a candidate or a design whose evaluation failed.
 pub const FAILED: &str = "failed";
 
-/// The reason for a candidate whose evaluation failed with this error.
+/// The reason for a candidate or a design whose evaluation failed with this error.
 #[must_use]
 pub fn failed(stream: StreamId, evaluation: u32, error: &str) -> String {
     let line = error.lines().next().unwrap_or_default();
     let cause = line.strip_prefix(&*of_evaluation(stream, evaluation));
+    let cause = cause.or_else(|| line.strip_prefix(&*format!("{stream}: ")));
     format!("{FAILED}: {}", cause.unwrap_or(line))
 }
 
@@ -481,8 +494,15 @@ fn design<'a>(
     }
     let keep_going = |drawn: &[f64]| keep_going(&|| output(drawn));
     let (samples_um, failure) = draw(problem, design.as_mut(), sampling.names, unit, &keep_going);
+    // The criteria of a design whose samples fail are stored without them.
+    let has_criteria = failure.is_some() && !responses.is_empty();
+    let alone = || Output::Design {
+        responses: responses.clone(),
+        ruled_out: None,
+        samples_um: Vec::new(),
+    };
     Computed {
-        output: output(&samples_um),
+        output: output(&samples_um).or_else(|| has_criteria.then(alone)),
         failure,
     }
 }
@@ -575,6 +595,7 @@ fn draw(
     let mut sample = |index: u32| -> Result<f64, String> {
         let sample = guarded(|| names.draw(design, index))
             .map_err(|panic| format!("{SIMULATOR_PANIC}: {panic}"))??;
+        let sample = problem.sample_of(sample);
         let name = &problem.sampled().name;
         let checked = problem.check_sample(sample);
         checked.map_err(|why| format!("{name} {why}"))?;

@@ -455,6 +455,16 @@ impl Board {
         self.change(|inner, _| inner.ledger.conclude(unit));
     }
 
+    /// Settles a design in whose place a failure is stored.
+    pub fn refuse(&self, stream: StreamId, generation: Generation) {
+        self.change(|inner, _| inner.ledger.refuse(stream, generation));
+    }
+
+    /// Quarantines a stream whose failure cannot be stored as a result.
+    pub fn give_up(&self, stream: StreamId, error: &str) {
+        self.change(|inner, _| inner.ledger.give_up(stream, error));
+    }
+
     /// Returns the instruction to workers, and records that `worker` has been told if it is to
     /// leave.
     #[must_use]

@@ -9,7 +9,7 @@ use futures_util::future::join_all;
 use ledger::{Accepted, Delivery, Failure, Generation, LeaseId, StreamId, Unit, WorkerId};
 use protocol::v2::{LeaseResult, UnitResult};
 use stages::names;
-use store::{Batch, FailureKind, FailureRow, Receipt};
+use store::{Batch, CriteriaRow, FailureKind, FailureRow, Receipt, SampleRow};
 use tonic::Status;
 use tracing::{debug, error, info, warn};
 
@@ -93,12 +93,14 @@ impl<R: Recorder> Receiving<'_, R> {
                     "a worker failed several in a row and gets nothing for so long");
             }
             for (failed, outcome) in counted.into_iter().zip(outcomes) {
-                let concluded = match outcome {
-                    Failure::Conclusive => self.conclusion(&failed),
-                    _ => None,
+                let outcome = match outcome {
+                    Failure::Conclusive if !self.conclude(&failed).await? => {
+                        self.board.give_up(failed.stream, &failed.error);
+                        Failure::Quarantined
+                    }
+                    outcome => outcome,
                 };
-                self.record(worker, lease, failed, outcome, concluded)
-                    .await?;
+                self.record(worker, lease, failed, outcome).await?;
             }
         }
         Ok(())
@@ -115,7 +117,8 @@ impl<R: Recorder> Receiving<'_, R> {
             }
         };
         let stream = read.unit.stream;
-        brought.has_answers |= read.rows.is_ok();
+        let is_answer = read.is_refused || !read.unit.samples.is_empty();
+        brought.has_answers |= read.rows.is_ok() && is_answer;
         if self.board.accept(&read.unit) == Accepted::Stale {
             debug!(job = %names::job_name(stream, &read.unit.samples), %worker, "a stale result");
             return;
@@ -171,7 +174,8 @@ impl<R: Recorder> Receiving<'_, R> {
         }
     }
 
-    /// The rows that stand for a failure that is a result, and the unit that they settle.
+    /// The rows that stand for a failure that is a result, and the unit that they settle; `None` if the
+    /// failure cannot be one.
     fn conclusion(&self, failed: &Failed) -> Option<(Batch, Unit)> {
         let (generation, source) = self.board.source(failed.stream)?;
         let unit = Unit {
@@ -179,30 +183,74 @@ impl<R: Recorder> Receiving<'_, R> {
             generation,
             samples: failed.samples.clone(),
         };
-        let evaluation = unit.samples.start;
-        let Source::Candidates(candidates) = &*source else {
-            return None;
+        let first = unit.samples.start;
+        let reason = task::failed(failed.stream, first, &failed.error);
+        let failed_sample = self.problem.campaign().sampling.failed_sample();
+        let output = match &*source {
+            Source::Candidates(candidates) => {
+                let mut candidates = candidates.iter();
+                let candidate = candidates.find(|one| one.evaluation == first)?;
+                Output::Evaluations(vec![Evaluated {
+                    design: candidate.design.clone(),
+                    answer: Err(reason),
+                }])
+            }
+            Source::Design(_) if unit.samples.is_empty() => Output::Refused(reason),
+            // The design's criteria came with the failure, or it has none.
+            Source::Design(_) | Source::Point(_) if !unit.samples.is_empty() => {
+                Output::Samples(vec![failed_sample])
+            }
+            _ => return None,
         };
-        let mut candidates = candidates.iter();
-        let candidate = candidates.find(|one| one.evaluation == evaluation)?;
-        let evaluated = Evaluated {
-            design: candidate.design.clone(),
-            answer: Err(task::failed(failed.stream, evaluation, &failed.error)),
-        };
-        let output = Output::Evaluations(vec![evaluated]);
+        let mut batch = Batch::default();
+        if let (Source::Design(_), Output::Samples(_)) = (&*source, &output) {
+            batch.samples.push(SampleRow {
+                design: unit.stream.index,
+                sample: first.into(),
+                delta_ste_um: failed_sample,
+            });
+            if self.problem.responses().is_empty() {
+                batch.criteria.push(CriteriaRow {
+                    design: unit.stream.index,
+                    feasible: true,
+                    reason: None,
+                    responses: Some(Vec::new()),
+                });
+            }
+            return Some((batch, unit));
+        }
         let point = |stream| self.board.point_name(stream);
-        let batch = ingest::rows(self.problem, &unit, output, 0.0, point).ok()?;
+        batch = ingest::rows(self.problem, &unit, output, 0.0, point).ok()?;
+        batch.times.clear();
         Some((batch, unit))
     }
 
-    /// Records a failure, once for each serial number of the worker, and what it concludes.
+    /// Stores a failure as a result. Returns false if it cannot be one.
+    async fn conclude(&self, failed: &Failed) -> Result<bool, Status> {
+        let Some((batch, unit)) = self.conclusion(failed) else {
+            return Ok(false);
+        };
+        match self.recorder.record(batch).await {
+            Ok(_) => {}
+            // For example, another lease had brought the design's criteria.
+            Err(refused) if refused.is_refusal() => return Ok(false),
+            Err(failed) => return Err(not_stored(&failed)),
+        }
+        if unit.samples.is_empty() {
+            self.board.refuse(unit.stream, unit.generation);
+        } else {
+            self.board.conclude(&unit);
+        }
+        Ok(true)
+    }
+
+    /// Records a failure, once for each serial number of the worker.
     async fn record(
         &self,
         worker: &WorkerId,
         lease: LeaseId,
         failed: Failed,
         outcome: Failure,
-        concluded: Option<(Batch, Unit)>,
     ) -> Result<(), Status> {
         let job = names::job_name(failed.stream, &failed.samples);
         let error = beginning(&failed.error, ERROR_BYTES);
@@ -241,13 +289,7 @@ impl<R: Recorder> Receiving<'_, R> {
             ..Batch::default()
         };
         let recorded = self.recorder.record(batch).await;
-        recorded.map_err(|error| not_stored(&error))?;
-        if let Some((batch, unit)) = concluded {
-            let recorded = self.recorder.record(batch).await;
-            recorded.map_err(|error| not_stored(&error))?;
-            self.board.conclude(&unit);
-        }
-        Ok(())
+        recorded.map(drop).map_err(|error| not_stored(&error))
     }
 }
 

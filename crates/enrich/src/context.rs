@@ -4,13 +4,12 @@ use std::cell::Cell;
 
 use stats::streams::{Purpose, StreamRng, stream};
 
+use crate::simulable::Simulable;
 use crate::state::Rows;
 use crate::{Known, Options};
 
 /// Number of the enrichment's random streams among those of the optimisers.
 const STREAM: u64 = 5;
-/// Distance from a failed design, as a share of every range, below which designs are not tried.
-const FAILURE_RADIUS: f64 = 0.01;
 /// Distance between two designs, as a share of every range, below which they are the same.
 const SAME: f64 = 1e-6;
 
@@ -18,6 +17,8 @@ const SAME: f64 = 1e-6;
 pub(crate) struct Context<'a> {
     pub(crate) rows: Rows,
     pub(crate) options: &'a Options,
+    /// The probability that a design can be simulated.
+    pub(crate) simulable: Simulable,
     /// Number of earlier rounds.
     pub(crate) round: usize,
     pub(crate) exact: &'a dyn Fn(&[f64]) -> Option<Known>,
@@ -47,10 +48,13 @@ impl Context<'_> {
         self.distance(a, b) < SAME
     }
 
-    /// Whether `x` is so near to a failed design that it would probably fail, too.
-    pub(crate) fn is_near_failure(&self, x: &[f64]) -> bool {
+    /// The probability that a design can be simulated; 0 at a failed one.
+    pub(crate) fn probability(&self, x: &[f64]) -> f64 {
         let mut failed = self.rows.failed.iter();
-        failed.any(|failed| self.distance(x, failed) < FAILURE_RADIUS)
+        if failed.any(|failed| self.is_same(x, failed)) {
+            return 0.0;
+        }
+        self.simulable.probability(x)
     }
 
     /// The random stream of one search of this round.

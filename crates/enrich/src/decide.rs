@@ -7,6 +7,7 @@ use crate::confirm::confirm;
 use crate::context::Context;
 use crate::fill::fill;
 use crate::models::Regions;
+use crate::simulable::Simulable;
 use crate::state::Rows;
 use crate::stop::{after_search, before_search, failures};
 use crate::{Decision, Error, Known, Note, Options, State};
@@ -34,6 +35,9 @@ use crate::{Decision, Error, Known, Note, Options, State};
 /// turn. So [`Stop::Converged`](crate::Stop) holds for every basin and the whole box; this costs
 /// one search a region.
 ///
+/// **Failures.** The value of a new design is multiplied by the probability that it can be simulated, which
+/// kriging of an indicator predicts from the simulated and the failed designs.
+///
 /// **Batch.** The batch is built point by point, and each observation is assumed to come out as
 /// predicted (kriging believer: D. Ginsbourger, R. Le Riche, L. Carraro, *Kriging is well-suited to
 /// parallelize optimization*, 2010). For each observation the best new design competes with more
@@ -52,8 +56,10 @@ where
     K: Into<Known>,
 {
     options.check()?;
+    let rows = Rows::new(state, options)?;
     let context = Context {
-        rows: Rows::new(state, options)?,
+        simulable: Simulable::fit(&rows, options),
+        rows,
         options,
         round: state.rounds.len(),
         exact: &|x: &[f64]| exact(x).map(Into::into),

@@ -36,7 +36,8 @@ fn random_design<R: Rng + ?Sized>(context: &Context<'_>, rng: &mut R) -> Vec<f64
         .collect()
 }
 
-/// The random feasible design that is farthest from the nearest other one.
+/// The random feasible design that is farthest from the nearest other one, among those that can
+/// probably be simulated.
 fn far_from_others<R>(context: &Context<'_>, batch: &Batch, rng: &mut R) -> Option<Vec<f64>>
 where
     R: Rng + ?Sized,
@@ -53,13 +54,15 @@ where
     for _ in 0..context.options.search_evaluations {
         let x = random_design(context, rng);
         let violation = context.known(&x).violation;
-        if violation.is_nan() || violation > 0.0 || context.is_near_failure(&x) {
+        let probability = context.probability(&x);
+        if violation.is_nan() || violation > 0.0 || probability == 0.0 {
             continue;
         }
         let distance = taken
             .iter()
             .map(|other| context.distance(&x, other))
             .fold(f64::INFINITY, f64::min);
+        let distance = probability * distance;
         if best.as_ref().is_none_or(|(most, _)| distance > *most) {
             best = Some((distance, x));
         }

@@ -43,8 +43,8 @@
 //! Unusual input has a defined result:
 //!
 //! - equal responses, or too few designs for a model, lead to space-filling rounds with a [`Note`];
-//! - responses that are not numbers count as failures, and the neighbourhood of a failure (1 % of the
-//!   ranges) is avoided;
+//! - responses that are not numbers count as failures; where designs have failed, the value of a new one is
+//!   weighted by the probability that it can be simulated, which is learned from all designs;
 //! - two rounds of nothing but failures end the enrichment, and so does a box without a feasible design;
 //! - an infill point that falls onto an existing design becomes more samples there;
 //! - entries with the same variables are merged;
@@ -68,6 +68,7 @@ mod offer;
 mod options;
 mod rotation;
 mod search;
+mod simulable;
 mod state;
 mod stop;
 mod surrogate;

@@ -37,10 +37,11 @@ where
     let options = context.options;
     let within = Bounds::new(region.bounds.clone())?;
     let mut evaluate = |x: &[f64]| -> Evaluation {
-        let known = if context.is_near_failure(x) {
-            Known::from(f64::NAN)
-        } else {
+        let probability = context.probability(x);
+        let known = if probability > 0.0 {
             context.known(x)
+        } else {
+            Known::from(f64::NAN)
         };
         let violation = known.violation;
         if violation.is_nan() || violation > 0.0 {
@@ -49,13 +50,15 @@ where
                 violation,
             };
         }
-        let value = criterion.new_design(x, known.baseline_um);
-        // The lower quantile guides the search where the criterion is flat.
+        let value = probability * criterion.new_design(x, known.baseline_um);
+        // The lower quantile guides the search where the criterion is flat, first among the designs that
+        // can probably be simulated.
         let value = if value > NOTHING {
             -value
         } else {
             let belief = region.model.belief(x, known.baseline_um);
-            LIFT + belief.quantile_um(-options.quantile_z)
+            let lift = if probability < 0.5 { 2.0 * LIFT } else { LIFT };
+            lift + belief.quantile_um(-options.quantile_z)
         };
         Evaluation {
             value,
@@ -105,7 +108,8 @@ where
     if !evaluation.is_feasible() {
         return Ok(None);
     }
-    let value_um = criterion.new_design(&x, context.known(&x).baseline_um);
+    let value_um =
+        context.probability(&x) * criterion.new_design(&x, context.known(&x).baseline_um);
     Ok(Some(Pick { x, value_um }))
 }
 

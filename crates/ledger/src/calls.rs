@@ -262,8 +262,9 @@ impl<P: Clone> Ledger<P> {
                 None
             }
         };
-        let has_brought =
-            delivery.has_answers || !delivery.stored.is_empty() || !delivery.refused.is_empty();
+        // The criteria of a design alone, whose samples fail, are no success.
+        let has_samples = delivery.stored.iter().any(|unit| !unit.samples.is_empty());
+        let has_brought = delivery.has_answers || has_samples || !delivery.refused.is_empty();
         if let Some(lease) = &ended {
             for unit in &lease.units {
                 self.take_crash_back(worker, unit.stream);
@@ -351,6 +352,14 @@ impl<P: Clone> Ledger<P> {
         let known = self.streams.get(&stream).map(|known| known.generation);
         if known == Some(generation) {
             self.settle(stream, u32::MAX);
+        }
+    }
+
+    /// Quarantines a stream whose [conclusive](Failure::Conclusive) failure cannot be stored.
+    pub fn give_up(&mut self, stream: StreamId, error: &str) {
+        let known = self.streams.get(&stream);
+        if known.is_some_and(|known| known.quarantined.is_none()) {
+            self.quarantine(stream, error.to_owned(), false);
         }
     }
 

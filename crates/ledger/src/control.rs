@@ -107,7 +107,8 @@ impl<P: Clone> Ledger<P> {
             let mut units = lease.units.iter();
             units.find(|unit| unit.stream == stream).cloned()
         };
-        let unit = delivery.stored.first().cloned();
+        let mut stored = delivery.stored.iter();
+        let unit = stored.find(|unit| !unit.samples.is_empty()).cloned();
         let unit = unit.or_else(|| refused.filter_map(computed).next());
         if let Some(unit) = unit
             && let Some(stream) = self.streams.get(&unit.stream)

@@ -214,7 +214,7 @@ pub struct Delivery {
     pub refused: Vec<(StreamId, Generation)>,
     /// The failures.
     pub failed: Vec<Failed>,
-    /// Whether the worker brought any result, even one that is not stored because it is stale.
+    /// Whether the worker brought any sample or refusal, even one that is not stored because it is stale.
     pub has_answers: bool,
     /// The time that the worker took, in seconds.
     pub seconds: f64,

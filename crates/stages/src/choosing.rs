@@ -75,7 +75,7 @@ pub fn choose_of_doe(
     cost: Cost,
 ) -> anyhow::Result<OptimumRow> {
     let mut best: Option<Found> = None;
-    for response in responses {
+    for response in responses.iter().filter(|row| row.p90_um.is_finite()) {
         let better = best
             .as_ref()
             .is_none_or(|found| problem.cost(response.p90_um) < problem.cost(found.criterion_um));

@@ -6,7 +6,8 @@
 //! with the models' means as constraints. Each point that a round chooses is then evaluated by the program
 //! before it gets samples. A point that breaks a constraint gets none: its values refine the models of the
 //! next round. A recommended design is always one that was evaluated, so no model decides whether it is
-//! feasible.
+//! feasible. A problem without constraints is asked, too: the program may refuse a point, and the next rounds
+//! learn from that where points can be simulated.
 
 use std::sync::Arc;
 
@@ -22,10 +23,10 @@ use store::{CriteriaRow, DesignRow, EvaluationRow, InfillRow, Store};
 use crate::infill::{MORE, bits, kernel, violation};
 use crate::state::VerifyPoint;
 
-/// Whether only the program knows the constraints of a design.
+/// Whether only the program knows the constraints of a design, and whether it can be simulated at all.
 #[must_use]
 pub(crate) fn are_asked(problem: &Problem) -> bool {
-    problem.gears().is_none() && !problem.criteria().is_empty()
+    problem.gears().is_none()
 }
 
 /// Whether the program is asked for the constraints of an infill point.

@@ -216,12 +216,18 @@ impl Rows {
             }
         }
         let failed = self.infill.iter().filter(|row| row.has_failed());
+        let failed = failed.map(|row| &row.x);
+        // The coordinator itself knows which gear pairs can be simulated.
+        let is_told = constraints::are_asked(problem);
+        let refused = self.criteria.iter().filter(|row| is_told && !row.feasible);
+        let refused = refused.filter_map(|row| Some(&self.designs.get(row.design as usize)?.x));
         State {
-            sampled,
-            failed: failed
-                .filter(|row| !places.contains_key(&bits(&row.x)))
-                .map(|row| row.x.clone())
+            failed: refused
+                .chain(failed)
+                .filter(|x| !places.contains_key(&bits(x)))
+                .cloned()
                 .collect(),
+            sampled,
             rounds: self.rounds.iter().map(|round| self.record(round)).collect(),
         }
     }

@@ -68,6 +68,8 @@ pub fn fit(
     let points: Vec<(&DesignRow, &ResponseRow)> = responses
         .iter()
         .filter(|response| !is_left_out(response.design))
+        // Too many of its samples have failed.
+        .filter(|response| response.p90_um.is_finite())
         .filter_map(|response| Some((designs.get(response.design as usize)?, response)))
         .collect();
     let x: Vec<f64> = points

@@ -204,6 +204,7 @@ mod tests {
             control: campaign::file::ControlVariate::None,
             coefficients: campaign::file::WearCoefficients::Independent,
             group: None,
+            failed: campaign::file::FailedSamples::Worst,
             counts_above: false,
         }
     }

@@ -57,7 +57,8 @@ pub(crate) fn check(row: &SampleRow) -> Result<(), Error> {
             return Err(Error::TooLarge { column, value });
         }
     }
-    if row.delta_ste_um.is_finite() {
+    // An infinite one stands for a failed sample.
+    if !row.delta_ste_um.is_nan() {
         return Ok(());
     }
     Err(Error::NotFinite {

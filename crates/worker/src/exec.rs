@@ -23,8 +23,9 @@ use std::time::{Duration, Instant};
 
 use campaign::file::SimulatorKind;
 use campaign::formulation::{Design, Problem};
-use campaign::probe;
+use campaign::probe::{self, Unusable};
 use campaign::simulator::{Analysis, NoAnswer, Prepared, Simulator, State};
+use campaign::task::NOT_A_NUMBER;
 use rand::Rng as _;
 use serde_json::{Map, Value};
 use stats::streams::StreamRng;
@@ -35,6 +36,8 @@ pub use files::FileMode;
 use messages::{Answer, Content, Described, Numbers};
 use program::Program;
 
+/// Pause before a program that fails on every question of the model digest is asked again.
+const PROBE_PAUSE: Duration = Duration::from_secs(2);
 /// Minimum time limit for the start of a program.
 const START: Duration = Duration::from_secs(30);
 
@@ -154,12 +157,26 @@ impl Backend {
         match self {
             Self::BuiltIn => Ok(probe::model_digest(problem)),
             Self::External(programs) => {
-                let questions = problem.campaign().simulator.probe_designs();
+                let simulator = problem.campaign().simulator;
                 let session = programs.session(problem);
-                let answers = session
-                    .start()
-                    .and_then(|()| probe::answers_of(&session, questions))
-                    .map_err(|reason| Error::Program { reason })?;
+                let failed = |reason| Error::Program { reason };
+                session.start().map_err(failed)?;
+                let since = Instant::now();
+                let answers = loop {
+                    match probe::answers_of(&session, simulator.probe_designs()) {
+                        Ok(answers) => break answers,
+                        // As in an outage.
+                        Err(Unusable::Fails(reason))
+                            if since.elapsed() < simulator.retry_for() && !self.is_stopped() =>
+                        {
+                            warn!(%reason, "the simulator fails on every question; asking again");
+                            std::thread::sleep(PROBE_PAUSE);
+                        }
+                        Err(Unusable::Fails(reason) | Unusable::Contradicts(reason)) => {
+                            return Err(failed(reason));
+                        }
+                    }
+                };
                 if answers.ignores_seeds() {
                     warn!(
                         designs = answers.equal,
@@ -400,6 +417,12 @@ impl Asked<'_> {
         let others: Vec<&str> = (0..known.len()).map(asked).collect();
         let question = messages::evaluate(&self.told, &wanted);
         let numbers = self.session.ask(question, &wanted, &others)?;
+        let odd = numbers.iter().find(|(_, value)| !value.is_finite());
+        if let Some((name, value)) = odd {
+            return Err(NoAnswer::Refused(format!(
+                "{NOT_A_NUMBER}: the simulator's {name} is {value}"
+            )));
+        }
         for (response, quantity) in self.responses.iter_mut().zip(known) {
             if let Some(number) = numbers.get(&*quantity.name) {
                 *response = *number;
@@ -437,13 +460,11 @@ impl Prepared for Asked<'_> {
         let name = &*problem.sampled().name;
         let question = messages::sample(&self.told, seed);
         let answer = self.session.ask(question, &[name], &[name]);
-        let numbers = answer.map_err(|error| match error {
-            NoAnswer::Refused(reason) => format!(
-                "the simulator refused a sample ({reason}): refuse the design when it is \
-                 evaluated, or answer with an error"
-            ),
-            NoAnswer::Failed(error) => error,
-        })?;
+        let numbers = match answer {
+            Ok(numbers) => numbers,
+            Err(NoAnswer::Refused(_)) => return Ok(f64::NAN),
+            Err(NoAnswer::Failed(error)) => return Err(error),
+        };
         Ok(numbers[name])
     }
 }

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use stats::{HarrellDavisVariance, NormalOptions, OrderStatistic, SequentialRule, VarianceFormula};
 
 use super::validate::Source;
-use super::{Aim, FileError};
+use super::{Aim, FailedSamples, FileError};
 
 /// Significance level of Lilliefors' test, as in the paper.
 pub const SIGNIFICANCE: f64 = 0.05;
@@ -48,6 +48,10 @@ pub struct Sampling {
     /// [`Sampling::coefficients`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub group: Option<u32>,
+    /// What a sample means that fails for good, or is answered with `refused`, NaN or infinity; only with
+    /// an external simulator.
+    #[serde(default, skip_serializing_if = "FailedSamples::is_default")]
+    pub failed: FailedSamples,
     /// Whether the response is maximised, so that its level counts the samples above the percentile. It
     /// follows from `[response] aim`.
     #[serde(skip)]
@@ -200,16 +204,24 @@ impl Sampling {
     ///
     /// Those of [`stats::order_statistic`].
     pub fn verified(&self, samples: &[f64]) -> Result<OrderStatistic, stats::Error> {
-        stats::order_statistic(samples, self.level(), CONFIDENCE)
+        stats::order_statistic(&self.counted(samples), self.level(), CONFIDENCE)
     }
 
     /// How far the verified percentile of `first` lies above that of `second`, whose samples have the same
     /// random numbers; `None` without an interval.
     #[must_use]
     pub fn difference(&self, first: &[f64], second: &[f64]) -> Option<OrderStatistic> {
-        stats::paired_difference(first, second, self.level(), CONFIDENCE)
-            .ok()
-            .flatten()
+        if self.failed == FailedSamples::LeftOut {
+            // A pair lacks its numbers where one of the two failed.
+            let pairs = first.iter().zip(second);
+            let pairs = pairs.filter(|(a, b)| a.is_finite() && b.is_finite());
+            let (first, second): (Vec<f64>, Vec<f64>) = pairs.unzip();
+            return stats::paired_difference(&first, &second, self.level(), CONFIDENCE).ok()?;
+        }
+        let (first, second) = (self.counted(first), self.counted(second));
+        let difference =
+            stats::paired_difference(&first, &second, self.level(), CONFIDENCE).ok()??;
+        difference.value.is_finite().then_some(difference)
     }
 
     /// The fewest samples with which a verified percentile has an interval.
@@ -218,23 +230,40 @@ impl Sampling {
         stats::order_interval_min_samples(self.level(), CONFIDENCE)
     }
 
-    /// The percentile of a design of the DoE from independent samples, by the campaign's rule.
+    /// The percentile of a design of the DoE from independent samples, by the campaign's rule. It is
+    /// [infinitely bad](Self::failed_sample) if too many samples have failed.
     ///
     /// # Errors
     ///
     /// Too few samples, or one that is not a number.
     pub fn estimate(&self, samples: &[f64]) -> Result<stats::Choice, stats::Error> {
+        match Self::count_failed(samples) {
+            0 => self.estimate_at(samples, self.level()),
+            failed => Ok(self.estimate_of_others(samples, failed)),
+        }
+    }
+
+    /// The estimate at a level that need not be the campaign's.
+    pub(super) fn estimate_at(
+        &self,
+        samples: &[f64],
+        level: f64,
+    ) -> Result<stats::Choice, stats::Error> {
         let rule = self.rule_of_percentile();
+        let mut normal = self.normal();
+        if level != self.level() {
+            normal.z = stats::normal_quantile(level);
+        }
         stats::choose_p90(
             samples,
             &stats::ChoiceRule {
-                level: self.level(),
+                level,
                 significance: match rule {
                     PercentileRule::Paper | PercentileRule::Normal => 0.0,
                     PercentileRule::HarrellDavis => 1.0,
                     PercentileRule::Chosen | PercentileRule::ChosenBootstrap => SIGNIFICANCE,
                 },
-                normal: self.normal(),
+                normal,
                 harrell_davis: rule.harrell_davis().unwrap_or_default(),
             },
         )
@@ -348,6 +377,12 @@ impl Sampling {
     pub(super) fn validate(&self, source: Source<'_>, is_external: bool) -> Result<(), FileError> {
         let plain = self.control == ControlVariate::None;
         let rule = self.rule_of_percentile();
+        source.require(
+            is_external || self.failed.is_default(),
+            "sampling.failed",
+            self.failed,
+            "absent where the built-in model simulates, which never fails",
+        )?;
         source.require(
             plain || !is_external,
             "sampling.control",

@@ -81,6 +81,7 @@ pub fn answer(
         for sample in 0..campaign.sampling.samples_per_design {
             let mut rng = stream(campaign.seed, purpose, number, u64::from(sample));
             let drawn = prepared.sample(&mut rng).map_err(NoAnswer::Failed)?;
+            let drawn = problem.sample_of(drawn);
             problem.check_sample(drawn).map_err(|why| {
                 let name = &problem.sampled().name;
                 NoAnswer::Failed(format!("{name} of sample {sample} {why}"))

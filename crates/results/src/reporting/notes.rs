@@ -1,10 +1,11 @@
 //! Remarks and warnings, and what the model leaves out.
 
+use campaign::file::FailedSamples;
 use campaign::formulation::Problem;
 use stages::optima::optimum_design;
 use store::ResponseRow;
 
-use super::sources::Sources;
+use super::sources::{Failed, Sources};
 
 /// The warning about an external program none of whose samples depends on its seed.
 pub(crate) fn ignored_seeds(problem: &Problem, responses: &[ResponseRow]) -> Option<String> {
@@ -55,6 +56,7 @@ pub(super) fn notes(sources: &Sources, failures: &[store::FailureRow]) -> Vec<St
             campaign::task::NOT_A_NUMBER,
             "gave results that are no numbers",
         ),
+        (campaign::task::FAILED, "failed for good"),
     ] {
         let count = panics(name);
         if count > 0 {
@@ -63,6 +65,7 @@ pub(super) fn notes(sources: &Sources, failures: &[store::FailureRow]) -> Vec<St
             ));
         }
     }
+    notes.extend(failed(sources));
     let mut quarantined: Vec<&str> = failures
         .iter()
         .filter(|row| row.kind == store::FailureKind::Quarantine)
@@ -93,6 +96,39 @@ pub(super) fn notes(sources: &Sources, failures: &[store::FailureRow]) -> Vec<St
             .to_owned()
     });
     notes
+}
+
+/// The failures that are results, and their meaning.
+fn failed(sources: &Sources) -> Vec<String> {
+    let Failed {
+        samples,
+        designs,
+        verified,
+        evaluations,
+    } = sources.failed;
+    let meaning = match sources.problem.campaign().sampling.failed {
+        FailedSamples::LeftOut => "They are left out of the percentiles.",
+        FailedSamples::RefusesDesign => "A design with one of them has no percentile.",
+        FailedSamples::Worst | FailedSamples::QuarantinesDesign => {
+            "They count as worse than all others."
+        }
+    };
+    let of = sources.samples;
+    let notes = [
+        (samples > 0).then(|| format!("{samples} of {of} samples of the DoE failed. {meaning}")),
+        (designs > 0).then(|| {
+            format!(
+                "{designs} designs have no percentile, because too many of their samples failed."
+            )
+        }),
+        (verified > 0).then(|| format!("{verified} verification samples failed. {meaning}")),
+        (evaluations > 0).then(|| {
+            format!(
+                "{evaluations} evaluations in the searches failed; these candidates ranked last."
+            )
+        }),
+    ];
+    notes.into_iter().flatten().collect()
 }
 
 /// Names optima whose teeth have no tip land left: no constraint of the paper asks for one, and

@@ -2,15 +2,17 @@
 
 use std::collections::BTreeMap;
 
+use campaign::file::Sampling;
 use campaign::formulation::Problem;
 use campaign::{Approach, Campaign};
 use gear::paper::printed::Place;
 use stages::fitting::ModelSummary;
 use stages::fitting::P90_MODEL;
+use stages::names::run_name;
 use stages::references;
 use store::{
     CampaignRow, CriteriaRow, DesignRow, InfillRow, OptimiserRunRow, OptimumRow, ResponseRow,
-    RoundRow, Store,
+    RoundRow, SampleRow, Store,
 };
 
 /// Everything a report needs, read once.
@@ -31,6 +33,57 @@ pub(super) struct Sources {
     pub(super) rounds: Vec<RoundRow>,
     /// Verification samples by point.
     pub(super) verified: BTreeMap<String, Vec<f64>>,
+    /// What has failed for good.
+    pub(super) failed: Failed,
+}
+
+/// Failures that are results.
+#[derive(Debug, Default)]
+pub(super) struct Failed {
+    /// Failed samples of the DoE.
+    pub(super) samples: u64,
+    /// Designs that have no percentile, because too many of their samples failed.
+    pub(super) designs: usize,
+    /// Failed verification samples.
+    pub(super) verified: usize,
+    /// Evaluations in the searches that failed.
+    pub(super) evaluations: usize,
+}
+
+impl Failed {
+    /// Counts them. `responses` loses the designs without a percentile.
+    async fn count(
+        store: &Store,
+        problem: &Problem,
+        responses: &mut Vec<ResponseRow>,
+        verified: &BTreeMap<String, Vec<f64>>,
+    ) -> Result<Self, store::Error> {
+        let mut failed = Self::default();
+        if !problem.campaign().is_external() {
+            return Ok(failed);
+        }
+        let all = responses.len();
+        responses.retain(|row| row.p90_um.is_finite());
+        failed.designs = all - responses.len();
+        failed.verified = verified
+            .values()
+            .map(|all| Sampling::count_failed(all))
+            .sum();
+        let count = |row: SampleRow| {
+            failed.samples += u64::from(row.delta_ste_um.is_infinite());
+            Ok::<(), store::Error>(())
+        };
+        store.visit_samples(count).await?;
+        for approach in Approach::OPTIMISED {
+            for start in 0..problem.campaign().optimise.starts {
+                let rows = store.evaluations(&run_name(approach, start), 0).await?;
+                let reasons = rows.iter().filter_map(|row| row.refused.as_deref());
+                let is_failure = |reason: &&str| reason.starts_with(campaign::task::FAILED);
+                failed.evaluations += reasons.filter(is_failure).count();
+            }
+        }
+        Ok(failed)
+    }
 }
 
 impl Sources {
@@ -51,7 +104,8 @@ impl Sources {
                 samples.iter().map(|sample| sample.delta_ste_um).collect(),
             );
         }
-        let responses = store.responses().await?;
+        let mut responses = store.responses().await?;
+        let failed = Failed::count(store, &problem, &mut responses, &verified).await?;
         let model = store.model(P90_MODEL).await?;
         Ok(Self {
             campaign: row,
@@ -69,6 +123,7 @@ impl Sources {
             },
             model_json: model.map(|row| row.json),
             verified,
+            failed,
             problem,
         })
     }

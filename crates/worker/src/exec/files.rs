@@ -16,7 +16,7 @@ use serde_json::{Map, Value, json};
 use sha2::{Digest as _, Sha256};
 
 use super::heard::Heard;
-use super::messages::{Numbers, PROTOCOL};
+use super::messages::{Numbers, PROTOCOL, number};
 use super::process::Process;
 
 /// The name of a sample's seed in a template.
@@ -190,7 +190,8 @@ impl Files {
         };
         let number = |name: &String| match numbers.get(name) {
             Some(number) if number.is_finite() => Ok((name.clone(), json!(number))),
-            Some(number) => Err(format!("{file}: {name} is {number}, which is not a number")),
+            // JSON has no such number.
+            Some(number) => Ok((name.clone(), json!(number.to_string()))),
             None => {
                 let names: Vec<&str> = numbers.keys().map(String::as_str).collect();
                 Err(format!(
@@ -246,7 +247,7 @@ fn results(text: &str) -> Result<Results, String> {
         if let Some(Value::String(reason)) = object.remove(REFUSED) {
             return Ok(Results::Refused(reason));
         }
-        let number = |(name, value): (String, Value)| match value.as_f64() {
+        let number = |(name, value): (String, Value)| match number(&value) {
             Some(number) => Ok((name, number)),
             None => Err(format!(": {name} is {value}, which is not a number")),
         };

@@ -16,7 +16,16 @@ pub(super) const PROTOCOL: u32 = 2;
 const OBJECTS: usize = 64;
 
 /// Numbers that JSON does not have, longer ones first.
-const NUMBERS: [&str; 3] = ["-Infinity", "Infinity", "NaN"];
+const NUMBERS: [&str; 8] = [
+    "-Infinity",
+    "Infinity",
+    "-inf",
+    "inf",
+    "-NaN",
+    "NaN",
+    "-nan",
+    "nan",
+];
 
 /// Maximum length of a reason, in bytes.
 const MAX_SENTENCE: usize = 2000;
@@ -57,11 +66,21 @@ impl Content for Described {
 
 impl Content for Numbers {
     fn of(answer: Map<String, Value>) -> Result<Self, String> {
-        let number = |(name, value): (String, Value)| match value.as_f64() {
+        let number = |(name, value): (String, Value)| match number(&value) {
             Some(number) => Ok((name, number)),
             None => Err(format!("{name:?} is {value}, which is not a number")),
         };
         answer.into_iter().map(number).collect()
+    }
+}
+
+/// The number that a value stands for. JSON has neither NaN nor infinity, so programs write them in
+/// several ways.
+pub(super) fn number(value: &Value) -> Option<f64> {
+    match value {
+        Value::Null => Some(f64::NAN),
+        Value::String(text) => text.parse().ok().filter(|number: &f64| !number.is_finite()),
+        value => value.as_f64(),
     }
 }
 
@@ -359,10 +378,6 @@ mod tests {
             (r#"{"delta_ste_um": 0,1, "id": 7}"#, "not JSON"),
             ("{'delta_ste_um': 0.1, 'id': 7}", "not JSON"),
             (r#"{"id": 7}"#, "no \"delta_ste_um\", which was asked for"),
-            (
-                r#"{"delta_ste_um": NaN, "id": 7}"#,
-                "\"delta_ste_um\" is \"NaN\", which is not a number",
-            ),
             (r#"{"delta_ste_um": 1e999, "id": 7}"#, "out of range"),
             (
                 r#"{"delta_ste_um": "0.1", "id": 7}"#,
@@ -412,6 +427,27 @@ mod tests {
             sample(r#"{"id": 7, "error": "NaN, \"NaN\" and -Infinity"}"#),
             Ok(Answer::Error("NaN, \"NaN\" and -Infinity".to_owned()))
         );
+    }
+
+    #[test]
+    fn what_is_no_number_in_json_is_read_as_programs_write_it() {
+        for (text, value) in [
+            ("NaN", f64::NAN),
+            ("-nan", f64::NAN),
+            ("null", f64::NAN),
+            ("\"NaN\"", f64::NAN),
+            ("Infinity", f64::INFINITY),
+            ("-inf", f64::NEG_INFINITY),
+        ] {
+            let line = format!("{{\"delta_ste_um\": {text}, \"id\": 7}}");
+            let Ok(Answer::Given(read)) = sample(&line) else {
+                panic!("{line}");
+            };
+            assert!(
+                read == value || read.is_nan() && value.is_nan(),
+                "{line}: {read}"
+            );
+        }
     }
 
     #[test]

@@ -99,8 +99,8 @@ fn what_goes_wrong_with_files_is_told_with_the_folder_that_is_kept() {
         ),
         (
             TEMPLATE,
-            "echo y = nan > out.txt",
-            "out.txt: y is NaN",
+            "echo y = much > out.txt",
+            "out.txt, line 1: \"y = much\" is not of the form",
             true,
         ),
         (
