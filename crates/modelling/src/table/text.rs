@@ -274,7 +274,7 @@ fn comment_mark(line: &str) -> Option<usize> {
         let start = line.get(..value.len());
         start.is_some_and(|start| start.eq_ignore_ascii_case(value))
     };
-    if ERROR_VALUES.iter().any(|value| is_value(value)) {
+    if ERROR_VALUES.iter().any(is_value) {
         return None;
     }
     match line.as_bytes() {
