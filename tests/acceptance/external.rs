@@ -243,6 +243,7 @@ fn a_design_that_kills_its_workers_at_once_is_quarantined() {
     let coordinator = place.serve(&[]);
     sandbox.wait_for(DB, "a store", |_| true);
     let mut deaths = 0;
+    let since = std::time::Instant::now();
     loop {
         let worker = place.work(&["--slots", "1", "--exec", &exec]);
         match worker.status.code() {
@@ -250,14 +251,18 @@ fn a_design_that_kills_its_workers_at_once_is_quarantined() {
             None => deaths += 1,
             Some(code) => panic!("{code}: {}", errors(&worker)),
         }
-        assert!(deaths < 20, "the deadly design is tried for ever");
+        let is_patient = since.elapsed().as_secs() < 600;
+        assert!(
+            is_patient,
+            "the deadly design is tried for ever: {deaths} deaths"
+        );
     }
     let (ended, errors) = coordinator.finish();
     assert_eq!(ended.code(), Some(13), "{errors}");
-    // Three crashes count against the design alone, and others may count against it together with
-    // other designs. The first crash of each is so quick that the coordinator does not know that
-    // the job had started.
-    assert!((3..=10).contains(&deaths), "{deaths} deaths");
+    // Three crashes count against the design alone. A crash that is so quick that the coordinator does not
+    // know that the job had started does not count, and how many of these there are depends on the load of
+    // the machine.
+    assert!(deaths >= 3, "{deaths} deaths");
     let status = finished(&sandbox, DB);
     assert_eq!(status["designs"]["done"], 19, "{status}");
 }

@@ -11,7 +11,7 @@ use rustix::process::{Pid, Signal, kill_process};
 
 use super::Violation;
 use super::plan::{Act, RELIEF, WORKERS, Who};
-use super::programs::{ACCESS, Programs, Serving};
+use super::programs::{ACCESS, OUTAGE, Programs, Serving};
 use super::proxy::{Fault, Proxy};
 use crate::free_address;
 use crate::http::{self, LOCALHOST, VIEWS};
@@ -264,8 +264,26 @@ impl Cluster {
             }
             Act::Resume => self.steer(&["drain", "--resume"])?,
             Act::Retry => self.steer(&["retry"])?,
+            Act::Outage(share) => self.outage(Some(share))?,
+            Act::Repair { retries } => {
+                self.outage(None)?;
+                if retries {
+                    self.steer(&["retry"])?;
+                }
+            }
         }
         Ok(())
+    }
+
+    /// Begins or ends an outage of the external simulator.
+    pub(crate) fn outage(&self, share: Option<u64>) -> Result<(), Violation> {
+        let file = self.setup.folder.join(OUTAGE);
+        match share {
+            Some(share) => std::fs::write(file, share.to_string()),
+            None if file.exists() => std::fs::remove_file(file),
+            None => Ok(()),
+        }
+        .map_err(|error| Violation(error.to_string()))
     }
 
     /// A second coordinator must not open the store of a living one, even if that one is stopped.
@@ -397,6 +415,7 @@ impl Cluster {
 
     /// Ends all faults, including those that were to end later.
     pub(crate) fn heal(&mut self) -> Result<(), Violation> {
+        self.outage(None)?;
         self.act(Act::Continue(Who::Coordinator))?;
         let workers = if self.is_cut_off { 0..0 } else { 0..WORKERS };
         for worker in workers {

@@ -103,7 +103,7 @@ impl Course {
 
     /// Whether optima may be chosen again.
     pub(crate) const fn takes_turn(&self) -> bool {
-        matches!(self.kind, Kind::Grown | Kind::Licence)
+        matches!(self.kind, Kind::Grown) || self.kind.has_outages()
     }
 
     /// Advances the course according to the status.
@@ -250,6 +250,11 @@ impl Course {
                 Ok(false)
             }
             (_, _, 0) => Ok(true),
+            // The same command again repairs what an outage has left.
+            (kind, _, 13) if kind.has_outages() => {
+                cluster.outage(None)?;
+                Ok(false)
+            }
             _ => Err(Violation(format!(
                 "a coordinator ended with code {code}: something was quarantined"
             ))),

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use super::outcome::Outcome;
-use super::programs::{BEAM, Programs};
+use super::programs::{BEAM, DIRECT, Programs};
 use super::{Violation, study};
 use crate::{changed, root, small_campaign};
 
@@ -66,9 +66,14 @@ impl Kind {
         match self {
             Self::Plain | Self::Precise | Self::Enriched | Self::Grown | Self::Sharded => None,
             Self::External | Self::Licence => Some("simulator.py"),
-            Self::Problem => Some("ishigami.py"),
+            Self::Problem => Some(DIRECT),
             Self::Files => Some(BEAM),
         }
+    }
+
+    /// Whether that program has outages.
+    pub(crate) const fn has_outages(self) -> bool {
+        self.simulator().is_some()
     }
 
     /// Whether that program fails occasionally in a round.
@@ -186,7 +191,7 @@ fn external(is_precise: bool) -> String {
         "samples_per_design = 200"
     };
     let changes = [
-        ("probe_designs = 3", "probe_designs = 0"),
+        ("probe_designs = 3", "probe_designs = 0\nretry_s = 2.0"),
         ("designs = 60", "designs = 36"),
         // What fails is to be mended.
         (
@@ -205,7 +210,8 @@ fn problem() -> String {
     let text = change(&text, "samples_per_design = 30", "samples_per_design = 200");
     text + "\n[optimise]\nevaluations = 200\nstarts = 2\ndirect = true\n\n[verify]\nsamples = 2000\n\n[enrichment]\n\
             criterion = \"expected-quantile-improvement\"\nsamples = 8000\nrounds = 3\n\
-            points_per_round = 4\nsamples_per_point = 500\ntolerance = 0.001\n"
+            points_per_round = 4\nsamples_per_point = 500\ntolerance = 0.001\n\n\
+            [simulator]\nprobe_designs = 0\nretry_s = 2.0\n"
 }
 
 /// The example of a program that communicates through files, with infill and a constraint.
@@ -215,7 +221,8 @@ fn files() -> String {
         "evaluations = 300",
         "evaluations = 100",
     ) + "\n[enrichment]\ncriterion = \"expected-quantile-improvement\"\nsamples = 2000\nrounds = 3\n\
-           points_per_round = 4\nsamples_per_point = 60\ntolerance = 0.001\n"
+           points_per_round = 4\nsamples_per_point = 60\ntolerance = 0.001\n\n\
+           [simulator]\nprobe_designs = 0\nretry_s = 2.0\n"
 }
 
 fn change(text: &str, from: &str, to: &str) -> String {

@@ -141,12 +141,19 @@ impl Soak {
     }
 
     /// The workers' command-line arguments for a round's simulator.
-    fn simulator(&self, round: u64, kind: Kind, reference: &Reference) -> Vec<String> {
+    fn simulator(
+        &self,
+        folder: &Path,
+        round: u64,
+        kind: Kind,
+        reference: &Reference,
+    ) -> Vec<String> {
+        let seed = format!("{}-{round}", self.seed);
         if !kind.is_unreliable() {
-            let name = kind.simulator();
-            return name.map_or_else(Vec::new, |name| self.programs.simulator(name, ""));
+            let with_outages = |name| self.programs.with_outages(folder, name, "", &seed);
+            return kind.simulator().map_or_else(Vec::new, with_outages);
         }
-        let mut arguments = format!("{}-{round}", self.seed);
+        let mut arguments = seed.clone();
         if kind == Kind::Licence {
             let mut rng = random(self.seed, round, Purpose::Simulator);
             // A design that gets samples. Either all of its samples fail, or so few that the first
@@ -158,7 +165,8 @@ impl Soak {
             let share = if rng.random_bool(0.5) { 1.0 } else { 0.05 };
             arguments = format!("{arguments} {} {share}", x_p[number]);
         }
-        self.programs.simulator("unreliable.py", &arguments)
+        let name = "unreliable.py";
+        self.programs.with_outages(folder, name, &arguments, &seed)
     }
 
     fn disturb(
@@ -174,7 +182,7 @@ impl Soak {
             programs: self.programs.clone(),
             file: reference.files[0].clone(),
             stays: course.stays(),
-            simulator: self.simulator(round, kind, reference),
+            simulator: self.simulator(folder, round, kind, reference),
         })?;
         let mut diary = std::fs::File::create(folder.join("acts.log"))
             .map_err(|error| Violation(error.to_string()))?;

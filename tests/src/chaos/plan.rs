@@ -55,6 +55,13 @@ pub(crate) enum Act {
     Resume,
     /// `coordinator retry`.
     Retry,
+    /// From now on the external simulator fails for this share of its designs, in percent.
+    Outage(u64),
+    /// Ends an outage; what was quarantined is retried at once, or waits for the coordinator's next start.
+    Repair {
+        /// Whether it is retried.
+        retries: bool,
+    },
 }
 
 /// The random numbers of a round, with a stream for each purpose.
@@ -92,7 +99,7 @@ pub(crate) fn plan(seed: u64, round: u64, span: Duration) -> Vec<(Duration, Act)
         let worker = rng.random_range(0..WORKERS);
         let whom = Who::Worker(worker);
         let coordinator = Who::Coordinator;
-        match rng.random_range(0..24) {
+        match rng.random_range(0..30) {
             0..4 => acts.extend([
                 (at, Act::Kill(coordinator)),
                 (at + pause, Act::Start(coordinator)),
@@ -123,6 +130,13 @@ pub(crate) fn plan(seed: u64, round: u64, span: Duration) -> Vec<(Duration, Act)
                 }
             }
             16 => acts.push((at, Act::Retry)),
+            24.. => {
+                // Three failures of a job take five seconds.
+                let end = at + Duration::from_millis(rng.random_range(500..9000));
+                let share = [100, 100, 50, 10][rng.random_range(0..4)];
+                let retries = rng.random_bool(0.7);
+                acts.extend([(at, Act::Outage(share)), (end, Act::Repair { retries })]);
+            }
             _ => {
                 let fault = match rng.random_range(0..7) {
                     0 => Fault::Refuse,
@@ -178,6 +192,8 @@ mod tests {
         }
         let coordinator = Who::Coordinator;
         let mut wanted = vec![Act::Intrude, Act::Drain, Act::Resume, Act::Retry];
+        wanted.extend([100, 50, 10].map(Act::Outage));
+        wanted.extend([true, false].map(|retries| Act::Repair { retries }));
         for who in [coordinator, Who::Worker(0), Who::Worker(1)] {
             wanted.extend([Act::Kill(who), Act::Terminate(who), Act::Stop(who)]);
         }

@@ -27,6 +27,12 @@ pub(crate) struct Serving<'a> {
     pub(crate) stays: bool,
 }
 
+/// A file in the folder of a round that says for which share of its designs the external simulator fails.
+pub(crate) const OUTAGE: &str = "outage";
+
+/// The name of the simulator of a campaign with a direct search.
+pub(crate) const DIRECT: &str = "ishigami.py";
+
 /// The name of the simulator that reads `beam.in` and writes `beam.out`.
 pub(crate) const BEAM: &str = "beam";
 
@@ -42,7 +48,7 @@ impl Programs {
     pub(crate) fn new(folder: &Path, soak: &Path) -> Result<Self, Violation> {
         let simulators = soak.join("simulators");
         let copied = std::fs::create_dir(&simulators).and_then(|()| {
-            for (example, name) in [("external", "simulator.py"), ("ishigami", "ishigami.py")] {
+            for (example, name) in [("external", "simulator.py"), ("ishigami", DIRECT)] {
                 let example = root().join(format!("campaigns/{example}/simulator.py"));
                 std::fs::copy(example, simulators.join(name))?;
             }
@@ -54,10 +60,12 @@ impl Programs {
             if !compiled.success() {
                 return Err(std::io::Error::other("cc does not compile beam.c"));
             }
-            std::fs::write(
-                simulators.join("unreliable.py"),
-                include_str!("unreliable.py"),
-            )
+            let written = [
+                ("unreliable.py", include_str!("unreliable.py")),
+                ("outage.py", include_str!("outage.py")),
+            ];
+            let mut written = written.into_iter();
+            written.try_for_each(|(name, text)| std::fs::write(simulators.join(name), text))
         });
         copied.map_err(|error| Violation(format!("no external simulator: {error}")))?;
         Ok(Self {
@@ -86,6 +94,33 @@ impl Programs {
             }
         };
         words.into_iter().map(str::to_owned).collect()
+    }
+
+    /// Like [`simulator`](Self::simulator), with outages of the share that the file [`OUTAGE`] in the round's
+    /// folder names. A program that reads files fails for all designs, and so does that of a direct search, in
+    /// which a candidate that fails alone is a result.
+    pub(crate) fn with_outages(
+        &self,
+        folder: &Path,
+        name: &str,
+        arguments: &str,
+        seed: &str,
+    ) -> Vec<String> {
+        let mut words = self.simulator(name, arguments);
+        let program = &mut words[1];
+        let proxy = python(&self.simulators.join("outage.py"));
+        *program = match name {
+            BEAM => {
+                let outage = folder.join(OUTAGE);
+                format!("test ! -e {} || exit 7; exec {program}", outage.display())
+            }
+            _ => {
+                let is_whole = u8::from(name == DIRECT);
+                let program = program.trim_start_matches("exec ");
+                format!("{proxy} {seed} {is_whole} {program}")
+            }
+        };
+        words
     }
 
     fn command(&self, program: &str, folder: &Path, log: &str) -> Command {
