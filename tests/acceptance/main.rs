@@ -29,6 +29,7 @@ mod percentiles;
 mod place;
 mod precision;
 mod problems;
+mod repairs;
 mod resuming;
 mod security;
 mod seeds;

@@ -17,6 +17,7 @@ use gateway::keygen::{self, KeygenError};
 use protocol::exit;
 use results::describing::describe;
 use results::export::Table;
+use results::status::Status;
 use results::{comparing, export, pair_file, reporting, status};
 use stages::designs;
 use store::Store;
@@ -363,20 +364,33 @@ async fn conduct(plan: Plan) -> anyhow::Result<u8> {
                 describe(&status),
                 report.display()
             ))?;
-            if !quarantined.is_empty() {
-                warn!(streams = %quarantined.join(", "), "finished, but some samples were quarantined");
-                Ok(exit::INCOMPLETE)
-            } else if status.designs.simulable == status.designs.ruled_out {
-                warn!("finished, but no design got samples; the report says why");
-                Ok(exit::NOT_SIMULABLE)
-            } else {
-                Ok(exit::OK)
+            if quarantined.is_empty() {
+                return Ok(code_of_finished(&status));
             }
+            warn!(streams = %quarantined.join(", "), "finished, but some samples were quarantined");
+            Ok(exit::INCOMPLETE)
         }
         Outcome::Interrupted => {
             info!("stopped; start the same command again to continue");
             Ok(exit::INTERRUPTED)
         }
+    }
+}
+
+/// The exit code for the end of a campaign from which nothing is missing.
+fn code_of_finished(status: &Status) -> u8 {
+    if status.designs.simulable == status.designs.ruled_out {
+        warn!("finished, but no design got samples; the report says why");
+        exit::NOT_SIMULABLE
+    } else if status
+        .optima
+        .iter()
+        .all(|optimum| optimum.criterion_um.is_none())
+    {
+        warn!("finished, but no approach found a feasible design; the report says why");
+        exit::NONE_FEASIBLE
+    } else {
+        exit::OK
     }
 }
 

@@ -9,16 +9,16 @@ use campaign::optimise::RunResult;
 use campaign::task::{Inputs, Run, Source};
 use campaign::{Campaign, Design};
 use ledger::{StreamId, Unit};
-use stages::derived::{DERIVED_APPROACHES, is_derived};
+use stages::derived;
 use stages::plan::{self, LocalStep, Next};
 use stages::searching::{Searches, Turn};
-use stages::state::{OpenDesign, VerifyPoint};
+use stages::state::{OpenDesign, State, VerifyPoint};
 use stages::verification::Sizes;
 use stages::wanted::{self, Asked};
 use stages::{names, references, snapshot};
-use store::{Batch, OptimiserRunRow, Store};
+use store::{Batch, Derived, OptimiserRunRow, Store};
 use tokio_util::sync::CancellationToken;
-use tracing::{info, warn};
+use tracing::info;
 
 use crate::board::Board;
 use crate::steps::Steps;
@@ -98,7 +98,6 @@ impl Engine {
         watch: &mut Stopwatch,
     ) -> anyhow::Result<Option<Ended>> {
         let references: &[VerifyPoint] = &references::points(&self.problem);
-        let fit_failed = &mut None;
         let searches = &mut Searches::default();
         let sizes = &mut Sizes::default();
         let mut has_control = !self.campaign().is_external();
@@ -109,25 +108,25 @@ impl Engine {
             }
             // Subscribed before the state is read, so that no stream settles unnoticed in between.
             let settled = self.board.watch();
-            let mut state =
-                snapshot::load(&self.store, &self.problem, references, more, sizes).await?;
-            state.quarantined = self.board.quarantined();
-            state.fit_failed = fit_failed.is_some();
-            let base = plan::base(&self.problem, &state);
-            if state.has_outdated_responses {
-                if !self
-                    .steps
-                    .responses_stay(base.as_ref(), &state.quarantined)
-                    .await?
-                {
-                    self.forget_derived().await?;
+            let quarantined = self.board.quarantined();
+            let (store, problem) = (&self.store, &self.problem);
+            let read = snapshot::load(store, problem, &self.inputs, references, more, sizes);
+            let state = State {
+                quarantined,
+                ..read.await?
+            };
+            let base = plan::base(problem, &state);
+            let next = plan::next(problem, &self.inputs, &state);
+            if !next.outdated.is_empty() {
+                let outdated: Vec<String> = next.outdated.iter().map(Derived::name).collect();
+                info!(outdated = %outdated.join(", "), "inputs have changed: to be computed again");
+                store.remove(&next.outdated).await?;
+                if next.outdated.contains(&Derived::Samples) {
+                    more.clear();
                 }
                 continue;
             }
-            if let (Some(base), Some(_)) = (&base, &self.campaign().enrichment) {
-                state.enrichment = snapshot::enrichment(&self.store, &self.problem, base).await?;
-            }
-            let next = plan::next(&self.problem, &state);
+            self.board.forget(|stream| !next.needs(stream));
             if !has_control && let Some(base) = &base {
                 self.name_control(base).await?;
                 has_control = true;
@@ -138,7 +137,7 @@ impl Engine {
             self.board.open();
             watch.enter(next.stage()).await?;
             if let Some(step) = next.local {
-                let step = self.do_step(step, base.as_ref(), fit_failed, more);
+                let step = self.do_step(step, &next.inputs, base.as_ref(), more);
                 tokio::select! {
                     done = step => done?,
                     // The step's results are lost: it stores them only at its end.
@@ -147,7 +146,9 @@ impl Engine {
                 continue;
             }
             if next.is_finished() {
-                let quarantined = state.quarantined.iter().map(|id| names::stream_name(*id));
+                // Without those that are needed no longer.
+                let quarantined = self.board.quarantined().into_iter();
+                let quarantined = quarantined.map(names::stream_name);
                 return Ok(Some(Ended {
                     quarantined: quarantined.collect(),
                 }));
@@ -213,6 +214,9 @@ impl Engine {
             self.board.name_point(point.number, &point.name);
         }
         // The store first: results of a job on the board may arrive at once.
+        if let Some(samples) = &next.samples {
+            self.store.put_derivation(samples).await?;
+        }
         if !generations.is_empty() {
             let held = self.store.generations().await?;
             generations.retain(|(name, generation)| held.get(name) != Some(generation));
@@ -265,7 +269,9 @@ impl Engine {
             simulator_calls: result.simulator_calls,
             cpu_seconds: of_run.map(|time| time.cpu_seconds).sum(),
         };
+        let inputs = derived::run_inputs(&self.inputs, run);
         let batch = Batch {
+            derivations: vec![derived::of_run(inputs, &row)],
             runs: vec![row],
             ..Batch::default()
         };
@@ -273,63 +279,38 @@ impl Engine {
         Ok(())
     }
 
+    /// Does a step; `inputs` is the digest of the inputs of its result.
     async fn do_step(
         &self,
         step: LocalStep,
+        inputs: &str,
         base: Option<&Design>,
-        fit_failed: &mut Option<String>,
         more: &mut BTreeMap<u64, u64>,
     ) -> anyhow::Result<()> {
         let steps = &self.steps;
         match step {
             LocalStep::Doe => steps.make_doe().await.context("making the DoE"),
             LocalStep::Statistics => {
-                let wanting = self.compute_responses(base).await;
+                let quarantined = self.board.quarantined();
+                let wanting = steps.compute_responses(base, &quarantined, inputs).await;
                 if let Some(wanting) = wanting.context("computing responses")? {
                     *more = wanting;
                 }
                 Ok(())
             }
             LocalStep::Fit => {
-                let fitted = steps.fit(base).await.context("fitting the kriging model")?;
-                if let Err(reason) = fitted {
-                    warn!(%reason, "the kriging model cannot be fitted; approach 3 is left out");
-                    *fit_failed = Some(reason);
-                }
-                Ok(())
+                let fitted = steps.fit(base, inputs).await;
+                fitted.context("fitting the kriging model")
             }
             LocalStep::Enrich => {
                 let base = base.context("the base variables are not known")?;
-                let decided = steps.decide_round(base.clone()).await;
+                let decided = steps.decide_round(base.clone(), inputs).await;
                 decided.context("deciding the next infill points")
             }
             LocalStep::Choose(approach) => steps
-                .choose(approach, base, fit_failed.as_deref())
+                .choose(approach, base, inputs)
                 .await
                 .with_context(|| format!("choosing the optimum of {}", approach.name())),
         }
-    }
-
-    /// Forgets all results computed from the samples of the DoE.
-    async fn forget_derived(&self) -> anyhow::Result<()> {
-        self.board.forget(is_derived);
-        self.store.clear_derived(&DERIVED_APPROACHES).await?;
-        Ok(())
-    }
-
-    /// Computes the responses once every design has enough samples; until then, returns the designs
-    /// that need more.
-    async fn compute_responses(
-        &self,
-        base: Option<&Design>,
-    ) -> anyhow::Result<Option<BTreeMap<u64, u64>>> {
-        if !self.store.responses().await?.is_empty() {
-            // Samples arrived after the model was fitted, for example of retried jobs. The results
-            // computed without them are computed again.
-            self.forget_derived().await?;
-        }
-        self.steps
-            .compute_responses(base, &self.board.quarantined())
-            .await
     }
 }

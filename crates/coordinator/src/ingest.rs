@@ -5,7 +5,7 @@ use campaign::task::{Evaluated, Output};
 use ledger::{Kind, StreamId, Unit};
 use protocol::v2::UnitResult;
 use stages::names::{run_name, run_stream_name, stream_name, time_key};
-use stages::searching;
+use stages::{derived, searching};
 use store::{Batch, CriteriaRow, JobTimeRow, OptimiserRunRow, SampleRow, VerifyRow};
 
 /// The result of one unit, read and checked.
@@ -140,14 +140,17 @@ pub(crate) fn rows(
             }
             let name = run_name(run.approach, run.start);
             batch.only_for = Some((name, unit.generation.0));
-            batch.runs.push(OptimiserRunRow {
+            let row = OptimiserRunRow {
                 approach: run.approach.name().to_owned(),
                 start: u64::from(run.start),
                 result_json: serde_json::to_string(&run)
                     .map_err(|error| format!("the run cannot be written: {error}"))?,
                 simulator_calls: run.simulator_calls,
                 cpu_seconds,
-            });
+            };
+            let inputs = derived::generation_inputs(unit.generation);
+            batch.derivations.push(derived::of_run(inputs, &row));
+            batch.runs.push(row);
         }
         Output::Evaluations(evaluated) => {
             let name = match stream.kind {

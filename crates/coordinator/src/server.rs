@@ -9,7 +9,6 @@ use campaign::formulation::Problem;
 use campaign::{Campaign, probe};
 use results::reporting;
 use results::status::Status;
-use stages::derived::DERIVED_APPROACHES;
 use store::{CampaignRow, Store};
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
@@ -147,7 +146,7 @@ pub async fn open_store(problem: &Problem, file_text: &str, db: &Path) -> Result
         // Refused before the store takes the campaign: the DoE could then never be completed.
         stages::designs::check_growth(problem, &store.designs().await?)?;
         info!("the campaign has grown: what the store holds is kept, the rest is added");
-        store.extend(&row, &DERIVED_APPROACHES).await?;
+        store.extend(&row).await?;
     }
     Ok(store)
 }

@@ -15,8 +15,8 @@ use stages::fitting::{self, ModelSummary, P90_MODEL};
 use stages::linear::LinearResponse;
 use stages::rounds::{self, Round};
 use stages::statistics::{Collector, Computed};
-use stages::{choosing, constraints, designs, responses};
-use store::{InfillRow, OptimumRow, Store};
+use stages::{choosing, constraints, derived, designs, responses};
+use store::{Derivation, Derived, InfillRow, OptimumRow, Store};
 use tokio::sync::{Mutex, MutexGuard};
 use tracing::{debug, info, warn};
 
@@ -58,32 +58,20 @@ impl Steps {
         Ok(())
     }
 
-    /// The responses once every design has enough samples, until then the designs that need more;
-    /// and the number of samples. Quarantined designs get no response.
-    async fn responses(
-        &self,
-        base: Option<&Design>,
-        quarantined: &BTreeSet<StreamId>,
-    ) -> anyhow::Result<(Computed, u64)> {
-        let linear = self.linear_responses(base).await?;
-        let mut collector = Collector::new(&self.problem, &linear, quarantined);
-        let mut samples = 0;
-        let push = |row| {
-            samples += 1;
-            collector.push(&row)
-        };
-        self.store.visit_samples(push).await?;
-        Ok((collector.finish()?, samples))
-    }
-
     /// Computes the responses once every design has enough samples; until then, returns the designs
     /// that need more. Quarantined designs get no response.
     pub(crate) async fn compute_responses(
         &self,
         base: Option<&Design>,
         quarantined: &BTreeSet<StreamId>,
+        inputs: &str,
     ) -> anyhow::Result<Option<BTreeMap<u64, u64>>> {
-        let (computed, samples) = self.responses(base, quarantined).await?;
+        let computed = {
+            let linear = self.linear_responses(base).await?;
+            let mut collector = Collector::new(&self.problem, &linear, quarantined);
+            self.store.visit_samples(|row| collector.push(&row)).await?;
+            collector.finish()?
+        };
         match computed {
             Computed::Wants(wanting) => {
                 info!(
@@ -94,25 +82,11 @@ impl Steps {
             }
             Computed::Responses(rows) => {
                 info!(designs = rows.len(), "responses computed");
-                self.store.put_responses(&rows, samples).await?;
+                let derivation = derived::of_responses(inputs.to_owned(), &rows);
+                self.store.put_responses(&rows, &derivation).await?;
                 Ok(None)
             }
         }
-    }
-
-    /// Whether the responses stay as stored with the samples that have arrived since.
-    pub(crate) async fn responses_stay(
-        &self,
-        base: Option<&Design>,
-        quarantined: &BTreeSet<StreamId>,
-    ) -> anyhow::Result<bool> {
-        let (computed, samples) = self.responses(base, quarantined).await?;
-        let held = self.store.responses().await?;
-        if computed != Computed::Responses(held.clone()) {
-            return Ok(false);
-        }
-        self.store.put_responses(&held, samples).await?;
-        Ok(true)
     }
 
     /// The linear responses of the sampled designs, if the campaign uses them as control variates.
@@ -142,8 +116,8 @@ impl Steps {
         Ok(linear)
     }
 
-    /// Fits the kriging model and stores it. The inner error says why the data cannot be fitted.
-    pub(crate) async fn fit(&self, base: Option<&Design>) -> anyhow::Result<Result<(), String>> {
+    /// Fits the kriging model and stores it, or why the data cannot be fitted.
+    pub(crate) async fn fit(&self, base: Option<&Design>, inputs: &str) -> anyhow::Result<()> {
         let base = base.context("the DoE was sampled before its base variables were known")?;
         let base = base.clone();
         let criteria = self.store.criteria().await?;
@@ -157,6 +131,7 @@ impl Steps {
             })
         })
         .await?;
+        let derivation = Derivation::new(&Derived::Model, inputs);
         let (model, summary) = match fitted {
             Ok((model, summary)) => (
                 model,
@@ -165,7 +140,16 @@ impl Steps {
                     ..summary
                 },
             ),
-            Err(error) => return Ok(Err(format!("{error:#}"))),
+            Err(error) => {
+                let reason = format!("{error:#}");
+                warn!(%reason, "the kriging model cannot be fitted; approach 3 is left out");
+                let failed = Derivation {
+                    failure: Some(reason),
+                    ..derivation
+                };
+                self.store.put_model(None, &failed).await?;
+                return Ok(());
+            }
         };
         for warning in &summary.warnings {
             warn!(%warning, "kriging");
@@ -176,14 +160,13 @@ impl Steps {
             cpu_seconds = rounded(cpu_seconds),
             "kriging model fitted"
         );
-        self.store
-            .put_model(&fitting::model_row(&model, &summary)?)
-            .await?;
-        Ok(Ok(()))
+        let row = fitting::model_row(&model, &summary)?;
+        self.store.put_model(Some(&row), &derivation).await?;
+        Ok(())
     }
 
     /// Decides the next round of enrichment and stores it.
-    pub(crate) async fn decide_round(&self, base: Design) -> anyhow::Result<()> {
+    pub(crate) async fn decide_round(&self, base: Design, inputs: &str) -> anyhow::Result<()> {
         let rows = Rows::read(&self.store, &self.problem).await?;
         let problem = Arc::clone(&self.problem);
         let decide = move || rows.decide(&problem, &base);
@@ -219,23 +202,22 @@ impl Steps {
         if let Some(stop) = &decision.stop {
             info!("{stop}");
         }
-        self.store.put_round(&new).await?;
+        let derivation = Derivation::new(&Derived::Round(new.row.round), inputs);
+        self.store.put_round(&new, &derivation).await?;
         Ok(())
     }
 
-    /// Chooses the optimum of an approach; `fit_failed` says why there is no model.
+    /// Chooses the optimum of an approach.
     pub(crate) async fn choose(
         &self,
         approach: Approach,
         base: Option<&Design>,
-        fit_failed: Option<&str>,
+        inputs: &str,
     ) -> anyhow::Result<()> {
-        let row = match (approach, fit_failed) {
-            (Approach::Kriging, Some(reason)) => choosing::left_out(
-                &self.problem,
-                approach,
-                format!("There is no kriging model: {reason}."),
-            )?,
+        let row = match (approach, self.failed_fit().await?) {
+            (Approach::Kriging, Some(reason)) => {
+                choosing::without_model(&self.problem, approach, reason)?
+            }
             (Approach::BestOfDoe, _) => {
                 let cost = self.sampling_cost(base).await?;
                 let base =
@@ -267,7 +249,14 @@ impl Steps {
                 choosing::choose_run(&self.problem, approach, &runs, extra)?
             }
         };
-        self.put_optimum(row).await
+        self.put_optimum(row, inputs).await
+    }
+
+    /// Why there is no model, if the fit has failed.
+    async fn failed_fit(&self) -> anyhow::Result<Option<String>> {
+        let mut derivations = self.store.derivations().await?;
+        let model = derivations.remove(&Derived::Model.name());
+        Ok(model.and_then(|model| model.failure))
     }
 
     /// The row of the design that the last round recommends.
@@ -299,7 +288,7 @@ impl Steps {
         Ok(blocking(count).await?.0)
     }
 
-    async fn put_optimum(&self, row: OptimumRow) -> anyhow::Result<()> {
+    async fn put_optimum(&self, row: OptimumRow, inputs: &str) -> anyhow::Result<()> {
         let approach = &row.approach;
         if row.feasible {
             info!(
@@ -313,7 +302,9 @@ impl Steps {
         if !row.note.is_empty() && row.feasible {
             info!(%approach, "{}", row.note);
         }
-        self.store.put_optimum(&row).await?;
+        let of = Derived::Optimum(row.approach.clone());
+        let derivation = Derivation::new(&of, inputs);
+        self.store.put_optimum(&row, &derivation).await?;
         Ok(())
     }
 

@@ -38,9 +38,12 @@ pub const INTERRUPTED: u8 = 14;
 /// contact. In a campaign: no design gets samples, because none is simulable or the constraints
 /// rule all out.
 pub const NOT_SIMULABLE: u8 = 15;
+/// The campaign ended without a feasible design: no approach found one that can be simulated and satisfies
+/// every constraint.
+pub const NONE_FEASIBLE: u8 = 16;
 
 /// Every code with its meaning, for `--help` and the guide.
-pub const TABLE: [(u8, &str); 16] = [
+pub const TABLE: [(u8, &str); 17] = [
     (OK, "success"),
     (FAILURE, "a failure without a code of its own"),
     (USAGE, "the command line is wrong"),
@@ -80,5 +83,9 @@ pub const TABLE: [(u8, &str); 16] = [
     (
         NOT_SIMULABLE,
         "the gear pair, or every design of the campaign, cannot be simulated",
+    ),
+    (
+        NONE_FEASIBLE,
+        "the campaign ended, and no approach found a feasible design",
     ),
 ];

@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use stages::optima::NoOptimum;
+
 use crate::live::{Live, Worker};
 use crate::status::{Enrichment, FailureGroup, Progress, Status};
 
@@ -85,11 +87,13 @@ pub fn describe(status: &Status) -> String {
         );
     }
     for optimum in &status.optima {
-        let criterion = optimum.criterion_um.map_or_else(
-            || "no feasible design".to_owned(),
-            |value| format!("{value:.4} {}", status.unit).trim_end().to_owned(),
-        );
-        let Progress { done, wanted } = optimum.verified;
+        let found = match (optimum.none, optimum.criterion_um) {
+            (Some(NoOptimum::NoModel), _) => format!("no model ({})", optimum.note),
+            (Some(none), _) => none.to_string(),
+            (None, None) => "no feasible design".to_owned(),
+            (None, Some(value)) => format!("{value:.4} {}", status.unit).trim_end().to_owned(),
+        };
+        let Progress { done, wanted } = &optimum.verified;
         let verified = match &optimum.percentile {
             Some(found) => {
                 let interval = found.low.zip(found.high).map_or_else(
@@ -106,13 +110,14 @@ pub fn describe(status: &Status) -> String {
                         false => format!(", {low:.4} to {high:.4} worse than the best"),
                     }
                 });
-                format!("{name} {value:.4}{interval} by {done} verification samples{behind}")
+                format!(", {name} {value:.4}{interval} by {done} verification samples{behind}")
             }
-            None => format!("{done} of {wanted} verification samples"),
+            None if *wanted == 0 => String::new(),
+            None => format!(", {done} of {wanted} verification samples"),
         };
         let _ = writeln!(
             text,
-            "optimum         {:<16} {criterion}, {verified}",
+            "optimum         {:<16} {found}{verified}",
             optimum.approach
         );
     }

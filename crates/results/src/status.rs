@@ -8,7 +8,7 @@ use campaign::file::Sampling;
 use ledger::Kind;
 use serde::{Deserialize, Serialize};
 use stages::fitting::{ModelSummary, P90_MODEL};
-use stages::optima;
+use stages::optima::{self, NoOptimum};
 use stages::verification::Verification;
 use store::Store;
 
@@ -182,6 +182,13 @@ pub struct Optimum {
     pub approach: String,
     /// Its criterion, in the status's unit; absent when no feasible design was found.
     pub criterion_um: Option<f64>,
+    /// Why there is no design: `no-model`, `none-feasible`, `none-simulable` or `nothing-computed`; absent
+    /// when there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub none: Option<NoOptimum>,
+    /// A remark: without a model, the reason.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub note: String,
     /// Verification samples in the store, and how many there will be.
     pub verified: Progress,
     /// The percentile of the verification samples, once all are there.
@@ -246,6 +253,8 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
         };
         optima.push(Optimum {
             criterion_um: row.feasible.then_some(row.criterion_um),
+            none: optima::no_optimum(&problem, &row),
+            note: row.note.clone(),
             verified: Progress {
                 done: verification.as_ref().map_or(0, |v| v.samples.len() as u64),
                 wanted: verification.as_ref().map_or(0, |v| v.wanted as u64),

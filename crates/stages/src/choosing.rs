@@ -7,7 +7,7 @@ use campaign::{Approach, Criteria, Design};
 use store::{CriteriaRow, DesignRow, OptimiserRunRow, OptimumRow, ResponseRow};
 
 use crate::cost::Cost;
-use crate::optima::design_to_json;
+use crate::optima::{NoOptimum, design_to_json};
 
 /// Chooses the best design that the runs of an approach found.
 ///
@@ -44,21 +44,31 @@ pub fn choose_run(
         .min_by(better);
     let note = continuation_note(problem, &runs);
     if let Some(found) = best {
-        return optimum(problem, approach, Some(found), cost, note);
+        return optimum(problem, approach, Ok(found), cost, note);
     }
     let printed = runs
         .iter()
         .filter_map(|run| run.printed.as_ref())
         .min_by(better);
-    let note = match printed {
-        Some(found) => format!(
-            "No run found a design that satisfies every constraint: the best penalised one breaks \
-             some ({}).",
-            broken(problem, found)
+    let (none, note) = match printed {
+        _ if runs.is_empty() => (
+            NoOptimum::NothingComputed,
+            "Every run of the optimiser was quarantined.".to_owned(),
         ),
-        None => "No run found a design that can be simulated.".to_owned(),
+        Some(found) => (
+            NoOptimum::NoneFeasible,
+            format!(
+                "No run found a design that satisfies every constraint: the best penalised one breaks \
+                 some ({}).",
+                broken(problem, found)
+            ),
+        ),
+        None => (
+            NoOptimum::NoneSimulable,
+            "No run found a design that can be simulated.".to_owned(),
+        ),
     };
-    optimum(problem, approach, None, cost, note)
+    optimum(problem, approach, Err(none), cost, note)
 }
 
 /// Chooses the best design of the DoE that satisfies every constraint, with its worn pressure.
@@ -91,12 +101,25 @@ pub fn choose_of_doe(
             });
         }
     }
-    let note = if best.is_some() {
-        String::new()
-    } else {
-        "No design of the DoE satisfies every constraint.".to_owned()
+    // Without a response, either no design gets samples or all that get some were quarantined.
+    let gets_samples = |row: &CriteriaRow| row.feasible && row.reason.is_none();
+    let is_missing = criteria.len() < designs.len() || criteria.iter().any(gets_samples);
+    let (found, note) = match &best {
+        Some(found) => (Ok(found), ""),
+        None if responses.is_empty() && is_missing => (
+            Err(NoOptimum::NothingComputed),
+            "No design of the DoE has its samples: all were quarantined.",
+        ),
+        None if criteria.iter().any(|row| row.feasible) => (
+            Err(NoOptimum::NoneFeasible),
+            "No design of the DoE satisfies every constraint.",
+        ),
+        None => (
+            Err(NoOptimum::NoneSimulable),
+            "No design of the DoE can be simulated.",
+        ),
     };
-    optimum(problem, Approach::BestOfDoe, best.as_ref(), cost, note)
+    optimum(problem, Approach::BestOfDoe, found, cost, note.to_owned())
 }
 
 /// A design of the DoE with its criteria, the worn pressure among them, if it satisfies every constraint.
@@ -116,16 +139,21 @@ pub fn feasible(
         .then_some((design, analysis.criteria))
 }
 
-/// The row of an approach that could not be carried out.
+/// The row of an approach for which there is no model, with the reason.
 ///
 /// # Errors
 ///
 /// The row cannot be written.
-pub fn left_out(problem: &Problem, approach: Approach, note: String) -> anyhow::Result<OptimumRow> {
-    optimum(problem, approach, None, Cost::default(), note)
+pub fn without_model(
+    problem: &Problem,
+    approach: Approach,
+    reason: String,
+) -> anyhow::Result<OptimumRow> {
+    let none = Err(NoOptimum::NoModel);
+    optimum(problem, approach, none, Cost::default(), reason)
 }
 
-/// The row of the design that an approach found.
+/// The row of the design that an approach found, or of why it found none.
 ///
 /// # Errors
 ///
@@ -133,7 +161,7 @@ pub fn left_out(problem: &Problem, approach: Approach, note: String) -> anyhow::
 pub fn optimum(
     problem: &Problem,
     approach: Approach,
-    found: Option<&Found>,
+    found: Result<&Found, NoOptimum>,
     cost: Cost,
     note: String,
 ) -> anyhow::Result<OptimumRow> {
@@ -142,8 +170,8 @@ pub fn optimum(
         x_json: design_to_json(problem, found.map(|found| &found.design)),
         // The paper gives designs that cannot be simulated the value 100; here there is no design.
         criterion_um: found.map_or(0.0, |found| found.criterion_um),
-        feasible: found.is_some_and(|found| found.feasible),
-        criteria_json: serde_json::to_string(&found.map(|found| &found.criteria))?,
+        feasible: found.is_ok_and(|found| found.feasible),
+        criteria_json: serde_json::to_string(&found.ok().map(|found| &found.criteria))?,
         simulator_calls: cost.simulator_calls,
         cpu_seconds: cost.cpu_seconds,
         note,

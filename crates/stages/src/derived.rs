@@ -1,55 +1,335 @@
-//! Results that depend on the samples of the DoE, and are discarded when these change.
+//! Derived results stand as long as what they were computed from is unchanged.
+//!
+//! The store keeps with each result the digest of its inputs ([`store::Derivation`]). A [`Standing`] computes
+//! the digests of the present inputs from a state, and says which stored results are outdated. These are
+//! removed, so what is missing and what has to be computed again are one question, which
+//! [`plan::next`](crate::plan::next) answers.
+//!
+//! ```text
+//! samples ─► responses ─► model ─► runs on it ─► optimum
+//!                │          └► round ─► its points ─► next round ─► … ─► optimum
+//!                └► optimum (best of the DoE)
+//! ```
+//!
+//! Results that cost simulations stay while a job they could have used is tried again, and go only when it
+//! has delivered: a job that fails for good must not cost them at each restart. An optimum is cheap to choose
+//! and is what a user reads, so it goes as soon as anything before it is open.
 
-use campaign::Approach;
-use ledger::{Kind, StreamId};
+use std::fmt::Write as _;
 
-use crate::infill;
+use campaign::formulation::{Approach, Design, Problem};
+use campaign::task::{Inputs, Run, Source};
+use ledger::Generation;
+use serde::Serialize;
+use sha2::{Digest as _, Sha256};
+use store::{Derivation, Derived, OptimiserRunRow, ResponseRow};
 
-/// The approaches that use the samples of the DoE.
-const APPROACHES: [Approach; 3] = [
-    Approach::Kriging,
-    Approach::BestOfDoe,
-    Approach::EnrichedKriging,
-];
+use crate::plan;
+use crate::state::State;
 
-/// The names of the approaches that use the samples of the DoE.
-pub const DERIVED_APPROACHES: [&str; 3] = [
-    APPROACHES[0].name(),
-    APPROACHES[1].name(),
-    APPROACHES[2].name(),
-];
-
-/// Whether a stream depends on the samples of the DoE: runs on the model, infill, and the
-/// verification samples of their results.
+/// The derivation of the responses.
 #[must_use]
-pub fn is_derived(stream: StreamId) -> bool {
-    let learns = |number: u64| {
-        APPROACHES
-            .iter()
-            .any(|approach| approach.number() == number)
-    };
-    match stream.kind {
-        Kind::Run => learns(stream.run_parts().0.into()),
-        Kind::Design => false,
-        Kind::Point => learns(stream.index) || infill::is_infill(stream.index),
+pub fn of_responses(inputs: String, rows: &[ResponseRow]) -> Derivation {
+    Derivation {
+        output: Some(Digest::new("responses").with(&format!("{rows:?}")).hex()),
+        ..Derivation::new(&Derived::Responses, inputs)
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+/// The derivation of a run with this result.
+#[must_use]
+pub fn of_run(inputs: String, row: &OptimiserRunRow) -> Derivation {
+    let result = Derived::Run(row.approach.clone(), row.start);
+    Derivation {
+        output: Some(Digest::new("run").with(&row.result_json).hex()),
+        ..Derivation::new(&result, inputs)
+    }
+}
 
-    #[test]
-    fn what_was_computed_without_samples_of_the_doe_stays() {
-        let run = |approach: Approach| StreamId::run(approach.number() as u32, 1);
-        let point = |approach: Approach| StreamId::point(approach.number());
-        for approach in Approach::ALL {
-            let learns = APPROACHES.contains(&approach);
-            assert_eq!(is_derived(run(approach)), learns, "{approach:?}");
-            assert_eq!(is_derived(point(approach)), learns, "{approach:?}");
+/// The digest of a run's inputs.
+#[must_use]
+pub fn run_inputs(inputs: &Inputs, run: &Run) -> String {
+    generation_inputs(inputs.generation(run.stream(), &Source::Run(run.clone())))
+}
+
+/// The digest of the inputs of a run with this generation.
+#[must_use]
+pub fn generation_inputs(generation: Generation) -> String {
+    format!("{:016x}", generation.0)
+}
+
+/// The run of an optimiser as a derived result.
+#[must_use]
+pub fn run_of(approach: Approach, start: u32) -> Derived {
+    Derived::Run(approach.name().to_owned(), start.into())
+}
+
+/// A SHA-256 of texts, each with its length.
+struct Digest(Sha256);
+
+impl Digest {
+    fn new(of: &str) -> Self {
+        Self(Sha256::new()).with(of)
+    }
+
+    fn with(mut self, text: &str) -> Self {
+        self.0.update((text.len() as u64).to_le_bytes());
+        self.0.update(text);
+        self
+    }
+
+    /// Adds settings of the campaign.
+    fn with_settings(self, settings: &impl Serialize) -> Self {
+        self.with(&serde_json::to_string(settings).expect("plain numbers and names serialise"))
+    }
+
+    fn with_base(mut self, base: Option<&Design>) -> Self {
+        for value in base.map_or(&[][..], Design::values) {
+            self.0.update(value.to_bits().to_le_bytes());
         }
-        let infill = infill::point_number(0, &[0.5; 6], &[]);
-        assert!(is_derived(StreamId::point(infill)));
-        assert!(!is_derived(StreamId::design(3)));
+        self
+    }
+
+    fn hex(self) -> String {
+        let bytes = self.0.finalize();
+        bytes.iter().fold(String::new(), |mut hex, byte| {
+            // Writing to a string does not fail.
+            let _ = write!(hex, "{byte:02x}");
+            hex
+        })
+    }
+}
+
+/// The present inputs of all derived results.
+pub(crate) struct Standing<'a> {
+    problem: &'a Problem,
+    inputs: &'a Inputs,
+    state: &'a State,
+    /// The values of the variables that the DoE does not move, once they are known.
+    pub(crate) base: Option<Design>,
+}
+
+impl<'a> Standing<'a> {
+    pub(crate) fn new(problem: &'a Problem, inputs: &'a Inputs, state: &'a State) -> Self {
+        Self {
+            problem,
+            inputs,
+            state,
+            base: plan::base(problem, state),
+        }
+    }
+
+    fn derivation(&self, of: &Derived) -> Option<&'a Derivation> {
+        self.state.derivations.get(&of.name())
+    }
+
+    /// Whether the stored result, if there is one, was computed from other inputs.
+    fn differs(&self, of: &Derived, inputs: &str) -> bool {
+        self.derivation(of).is_none_or(|held| held.inputs != inputs)
+    }
+
+    /// Whether no sample of the DoE is on its way.
+    pub(crate) fn is_sampled(&self) -> bool {
+        let designs = self.problem.campaign().doe.designs as usize;
+        self.base.is_some() && self.state.designs >= designs && !self.state.lacks_samples()
+    }
+
+    /// Whether the stored responses are those of the stored samples.
+    pub(crate) fn has_responses(&self) -> bool {
+        !self.differs(&Derived::Responses, &self.responses_inputs())
+    }
+
+    /// Whether results that rest on the samples of the DoE are to be compared with their inputs: while samples
+    /// are on their way they stay, unless there are no responses, and before the responses are computed.
+    fn is_known(&self) -> bool {
+        if self.is_sampled() {
+            self.has_responses()
+        } else {
+            self.base.is_some() && self.responses().is_none()
+        }
+    }
+
+    /// The current model, or the fit that has failed.
+    pub(crate) fn model(&self) -> Option<&'a Derivation> {
+        let inputs = self.model_inputs()?;
+        let held = self.derivation(&Derived::Model)?;
+        let is_held = held.failure.is_some() || self.state.model.is_some();
+        (is_held && (!self.is_known() || held.inputs == inputs)).then_some(held)
+    }
+
+    /// A run of an optimiser, once its inputs are known.
+    pub(crate) fn run(&self, approach: Approach, start: u32) -> Option<Run> {
+        let (base, model) = match approach {
+            Approach::Nominal => (self.problem.base().clone(), None),
+            Approach::Baseline | Approach::Direct => (self.base.clone()?, None),
+            _ => {
+                let model = self.model().and(self.state.model.clone())?;
+                (self.base.clone()?, Some(model))
+            }
+        };
+        // The first search on the model begins at the DoE's best design under it.
+        let is_first = approach == Approach::Kriging && start == 0;
+        let best = self.state.best_of_doe.as_ref().filter(|_| is_first);
+        let from = best.map(|x| self.problem.design(x, &base));
+        Some(Run {
+            approach,
+            start,
+            base,
+            model,
+            from,
+        })
+    }
+
+    /// Whether everything is settled that the optimum of an approach is chosen from.
+    pub(crate) fn is_settled(&self, approach: Approach) -> bool {
+        let starts = self.problem.campaign().optimise.starts;
+        let runs = || (0..starts).all(|start| self.state.is_settled(approach, start));
+        let is_learned = || self.is_sampled() && self.has_responses();
+        match approach {
+            Approach::Nominal => runs(),
+            Approach::Baseline | Approach::Direct => self.base.is_some() && runs(),
+            Approach::BestOfDoe => is_learned(),
+            Approach::Kriging => {
+                let model = self.model();
+                is_learned() && model.is_some_and(|model| model.failure.is_some() || runs())
+            }
+            Approach::EnrichedKriging => {
+                let enrichment = &self.state.enrichment;
+                is_learned() && enrichment.is_stopped && self.state.has_settled_infill()
+            }
+        }
+    }
+
+    /// The stored results that no longer follow from what the store holds, to be removed in this order.
+    pub(crate) fn outdated(&self) -> Vec<Derived> {
+        let mut outdated = Vec::new();
+        let samples = Derived::Samples;
+        if self.derivation(&samples).is_some()
+            && let Some(inputs) = self.samples_inputs()
+            && self.differs(&samples, &inputs)
+        {
+            outdated.push(samples);
+        }
+        let is_known = self.is_known();
+        let has_model = self.state.model.is_some() || self.derivation(&Derived::Model).is_some();
+        if is_known && has_model && self.model().is_none() {
+            outdated.push(Derived::Model);
+        }
+        for &(approach, start) in &self.state.runs {
+            let result = run_of(approach, start);
+            let is_outdated = match self.run(approach, start) {
+                Some(run) => self.differs(&result, &run_inputs(self.inputs, &run)),
+                None => approach == Approach::Kriging && is_known,
+            };
+            if is_outdated {
+                outdated.push(result);
+            }
+        }
+        for &approach in self.state.optima.keys() {
+            let name = approach.name().to_owned();
+            let result = Derived::Optimum(name.clone());
+            if !self.is_settled(approach) || self.differs(&result, &self.optimum_inputs(approach)) {
+                outdated.push(result);
+            } else if self.state.stale.contains(&approach) {
+                outdated.push(Derived::Verification(name));
+            }
+        }
+        if is_known {
+            let rounds = (0..).zip(self.rounds_inputs());
+            let rounds = rounds.take(self.state.enrichment.rounds.len());
+            let stands = |(round, inputs): &(u64, String)| {
+                self.derivation(&Derived::Responses).is_some()
+                    && !self.differs(&Derived::Round(*round), inputs)
+            };
+            let gone = rounds
+                .skip_while(stands)
+                .map(|(round, _)| Derived::Round(round));
+            outdated.extend(gone.collect::<Vec<_>>().into_iter().rev());
+        }
+        outdated
+    }
+
+    /// The inputs of the samples of the DoE that can change: the variables that all designs share, if the
+    /// campaign itself finds them.
+    pub(crate) fn samples_inputs(&self) -> Option<String> {
+        self.problem.base_from()?;
+        let base = self.base.as_ref()?;
+        Some(Digest::new("samples").with_base(Some(base)).hex())
+    }
+
+    pub(crate) fn responses_inputs(&self) -> String {
+        Digest::new("responses")
+            .with(&self.state.samples)
+            .with_settings(&self.problem.campaign().sampling)
+            .with_base(self.base.as_ref())
+            .hex()
+    }
+
+    /// The inputs of the model, once there are responses.
+    pub(crate) fn model_inputs(&self) -> Option<String> {
+        let campaign = self.problem.campaign();
+        let digest = Digest::new("model")
+            .with(self.responses()?)
+            .with(&self.state.criteria)
+            .with_base(self.base.as_ref())
+            .with_settings(&campaign.kriging)
+            .with_settings(&campaign.sampling);
+        Some(digest.hex())
+    }
+
+    /// The digest of the stored responses.
+    fn responses(&self) -> Option<&'a str> {
+        self.derivation(&Derived::Responses)?.output.as_deref()
+    }
+
+    pub(crate) fn optimum_inputs(&self, approach: Approach) -> String {
+        let mut digest = Digest::new("optimum").with(approach.name());
+        for start in 0..self.problem.campaign().optimise.starts {
+            let run = self.derivation(&run_of(approach, start));
+            digest = digest.with(run.and_then(|run| run.output.as_deref()).unwrap_or(""));
+        }
+        if matches!(
+            approach,
+            Approach::Nominal | Approach::Baseline | Approach::Direct
+        ) {
+            return digest.hex();
+        }
+        // The samples and the criteria are part of its cost.
+        digest = digest
+            .with(self.responses().unwrap_or(""))
+            .with(&self.state.samples)
+            .with(&self.state.criteria)
+            .with_base(self.base.as_ref());
+        match approach {
+            Approach::Kriging => digest.with(self.model().map_or("", |model| &model.inputs)),
+            Approach::EnrichedKriging => digest.with(&self.round_inputs()),
+            _ => digest,
+        }
+        .hex()
+    }
+
+    /// The inputs of the round that comes next.
+    pub(crate) fn round_inputs(&self) -> String {
+        self.rounds_inputs().pop().unwrap_or_default()
+    }
+
+    /// The inputs of every round, and of one more: each follows from those of the round before and what is
+    /// known of that round's points.
+    fn rounds_inputs(&self) -> Vec<String> {
+        let campaign = self.problem.campaign();
+        let first = Digest::new("round")
+            .with(self.responses().unwrap_or(""))
+            .with(&self.state.criteria)
+            .with_settings(&campaign.enrichment)
+            .with_settings(&campaign.kriging)
+            .with_settings(&campaign.sampling)
+            .with_base(self.base.as_ref());
+        let mut all = vec![first.hex()];
+        for results in &self.state.enrichment.rounds {
+            let before = all.last().map_or("", String::as_str);
+            let next = Digest::new("round").with(before).with(results);
+            all.push(next.hex());
+        }
+        all
     }
 }

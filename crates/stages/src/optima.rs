@@ -2,7 +2,8 @@
 
 use campaign::Approach;
 use campaign::formulation::{Design, Problem, Quantity};
-use serde_json::{Map, Value};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value, json};
 use store::{OptimumRow, Store};
 
 use crate::plan;
@@ -16,11 +17,58 @@ pub fn approach_of(name: &str) -> Option<Approach> {
         .find(|approach| approach.name() == name)
 }
 
-/// All variables by name, as the store keeps them; `null` for an approach that found nothing.
+/// Why an approach has no optimum.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum NoOptimum {
+    /// There is no model to search on. The row's note is the reason.
+    NoModel,
+    /// No design that was tried satisfies every constraint.
+    NoneFeasible,
+    /// No design that was tried can be simulated.
+    NoneSimulable,
+    /// The jobs that it would be chosen from were quarantined.
+    NothingComputed,
+}
+
+impl std::fmt::Display for NoOptimum {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::NoModel => "no model",
+            Self::NoneFeasible => "no feasible design",
+            Self::NoneSimulable => "no simulable design",
+            Self::NothingComputed => "nothing computed",
+        })
+    }
+}
+
+/// Why an approach has no optimum; `None` if it has one.
 #[must_use]
-pub fn design_to_json(problem: &Problem, design: Option<&Design>) -> String {
-    let Some(design) = design else {
-        return Value::Null.to_string();
+pub fn no_optimum(problem: &Problem, row: &OptimumRow) -> Option<NoOptimum> {
+    if optimum_design(problem, row).is_some() {
+        return None;
+    }
+    let read: Option<Map<String, Value>> = serde_json::from_str(&row.x_json).ok();
+    let none = read.and_then(|mut read| serde_json::from_value(read.remove("none")?).ok());
+    // Earlier versions did not say why.
+    Some(none.unwrap_or(NoOptimum::NoneFeasible))
+}
+
+/// Why an approach has no optimum, as a sentence for the report.
+#[must_use]
+pub fn sentence(problem: &Problem, row: &OptimumRow) -> String {
+    match no_optimum(problem, row) {
+        Some(NoOptimum::NoModel) => format!("There is no kriging model: {}.", row.note),
+        _ => row.note.clone(),
+    }
+}
+
+/// All variables by name, as the store keeps them, or why there is no design.
+#[must_use]
+pub fn design_to_json(problem: &Problem, design: Result<&Design, NoOptimum>) -> String {
+    let design = match design {
+        Ok(design) => design,
+        Err(none) => return json!({ "none": none }).to_string(),
     };
     let values = problem.variables().iter().zip(design.values());
     let object: Map<String, Value> = values

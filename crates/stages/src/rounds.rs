@@ -10,6 +10,7 @@ use store::{OptimumRow, RoundRow};
 
 use crate::choosing::optimum;
 use crate::cost::Cost;
+use crate::optima::NoOptimum;
 
 /// A round as the store keeps it, read.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,7 +56,12 @@ pub fn recommended(
     let approach = Approach::EnrichedKriging;
     let Some(best) = &last.recommendation else {
         let note = last.stop.as_ref().map_or_else(String::new, Stop::to_string);
-        return optimum(problem, approach, None, cost, note);
+        let none = match last.stop {
+            Some(Stop::NothingFeasible) => NoOptimum::NoneFeasible,
+            Some(Stop::OnlyFailures) => NoOptimum::NothingComputed,
+            _ => NoOptimum::NoModel,
+        };
+        return optimum(problem, approach, Err(none), cost, note);
     };
     anyhow::ensure!(
         best.x.len() == problem.dimension(),
@@ -73,5 +79,5 @@ pub fn recommended(
         feasible: problem.is_feasible(&criteria),
         criteria,
     };
-    optimum(problem, approach, Some(&found), cost, String::new())
+    optimum(problem, approach, Ok(&found), cost, String::new())
 }

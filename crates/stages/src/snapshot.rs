@@ -3,18 +3,21 @@
 use std::collections::BTreeMap;
 
 use campaign::file::Sampling;
-use campaign::formulation::{Design, Problem};
+use campaign::formulation::{Approach, Design, Problem};
+use campaign::task::{Inputs, Source};
+use ledger::StreamId;
 use store::{InfillRow, Store};
 
 use crate::constraints;
 use crate::fitting::{ModelSummary, P90_MODEL};
 use crate::optima::{approach_of, optimum_design};
+use crate::plan;
 use crate::responses::{self, Sampled};
 use crate::state::{OpenDesign, Progress, State, VerifyPoint};
 use crate::verification::Sizes;
 
-/// Reads the state of the campaign. `more` has the designs that need more samples than others, `sizes` what
-/// was read of verification samples before.
+/// Reads the state of the campaign, without the quarantined streams. `more` has the designs that need more
+/// samples than others, `sizes` what was read of verification samples before.
 ///
 /// Only the missing part of the DoE is read, so that a restart is quick however much is done.
 ///
@@ -24,23 +27,14 @@ use crate::verification::Sizes;
 pub async fn load(
     store: &Store,
     problem: &Problem,
+    inputs: &Inputs,
     references: &[VerifyPoint],
     more: &BTreeMap<u64, u64>,
     sizes: &mut Sizes,
 ) -> Result<State, store::Error> {
     let campaign = problem.campaign();
-    let progress = store.progress().await?;
     let wanted = u64::from(campaign.sampling.samples_per_design);
     let missing = store.missing_work(wanted, more).await?;
-    // Designs that were quarantined before they had enough samples get no response. Those that only
-    // needed more get one from the samples that they have.
-    let lacks = |work: &&store::MissingWork| {
-        !work.criteria && work.samples.iter().any(|range| range.start < wanted)
-    };
-    let unsampled = missing.iter().filter(lacks).count() as u64;
-    let sampled = progress
-        .simulable
-        .saturating_sub(progress.ruled_out + unsampled);
     let open = missing.iter().map(|work| OpenDesign {
         // A DoE has at most 100 000 designs, and the samples of each are counted in 32 bits.
         design: work.design.design as u32,
@@ -60,14 +54,11 @@ pub async fn load(
         .as_ref()
         .map(|row| serde_json::from_str::<ModelSummary>(&row.summary_json));
     let mut state = State {
-        designs: progress.designs as usize,
+        designs: store.progress().await?.designs as usize,
         open: open.collect(),
-        has_responses: progress.designs == u64::from(campaign.doe.designs)
-            && progress.responses == sampled,
-        has_outdated_responses: progress.responses > 0
-            && progress
-                .samples_of_responses
-                .is_some_and(|samples| samples != progress.samples),
+        samples: store.samples_digest().await?,
+        criteria: store.criteria_digest().await?,
+        derivations: store.derivations().await?,
         best_of_doe: summary.and_then(|read| read.ok()?.best_of_doe),
         model: model.map(|row| row.json.into()),
         ..State::default()
@@ -78,14 +69,19 @@ pub async fn load(
             state.runs.insert((approach, start));
         }
     }
-    let counts: BTreeMap<String, u64> = store.verify_counts().await?.into_iter().collect();
+    let digests = store.verify_digests().await?;
+    let count = |name: &str| digests.get(name).map_or(0, |(count, _)| *count);
+    let generations = store.generations().await?;
     for optimum in store.optima().await? {
         let Some(approach) = approach_of(&optimum.approach) else {
             continue;
         };
         let design = optimum_design(problem, &optimum);
-        if let Some(design) = &design {
-            let count = counts.get(approach.name()).copied().unwrap_or(0);
+        let count = count(approach.name());
+        let generation = generations.get(approach.name());
+        if count > 0 && !is_of(inputs, approach, design.as_ref(), generation) {
+            state.stale.insert(approach);
+        } else if let Some(design) = &design {
             let point = (approach.name(), design);
             let sizes = sizes.of(store, campaign, point, count).await?;
             state.verified.insert(approach, sizes);
@@ -93,7 +89,7 @@ pub async fn load(
         state.optima.insert(approach, design);
     }
     for point in references {
-        let count = counts.get(&point.name).copied().unwrap_or(0);
+        let count = count(&point.name);
         let named = (&*point.name, &point.design);
         let (wanted, stored) = sizes.of(store, campaign, named, count).await?;
         state.reference_points.push(VerifyPoint {
@@ -102,52 +98,76 @@ pub async fn load(
             ..point.clone()
         });
     }
+    if let (Some(base), Some(_)) = (plan::base(problem, &state), &campaign.enrichment) {
+        state.enrichment = enrichment(store, problem, &base, &digests).await?;
+    }
     Ok(state)
 }
 
-/// The progress of the enrichment, with the points of its last round.
-///
-/// # Errors
-///
-/// The store cannot be read.
-pub async fn enrichment(
+/// Whether the verification samples of an approach, of this generation, are of its design. Samples of earlier
+/// schemas have no generation.
+fn is_of(
+    inputs: &Inputs,
+    approach: Approach,
+    design: Option<&Design>,
+    generation: Option<&u64>,
+) -> bool {
+    let stream = StreamId::point(approach.number());
+    let wanted = design.map(|design| inputs.generation(stream, &Source::Point(design.clone())));
+    wanted.is_some_and(|wanted| generation.is_none_or(|held| *held == wanted.0))
+}
+
+/// The number and the digest of the samples of each point.
+type Digests = BTreeMap<String, (u64, String)>;
+
+/// The progress of the enrichment.
+async fn enrichment(
     store: &Store,
     problem: &Problem,
     base: &Design,
+    digests: &Digests,
 ) -> Result<Progress, store::Error> {
     let rounds = store.rounds().await?;
-    let Some(last) = rounds.last() else {
-        return Ok(Progress::default());
+    let evaluated = store.evaluated_points().await?;
+    let mut progress = Progress {
+        rounds: vec![String::new(); rounds.len()],
+        is_stopped: rounds.last().is_some_and(|last| last.stop_json.is_some()),
+        ..Progress::default()
     };
-    let mut points = Vec::new();
     for row in store.infill().await? {
-        if row.round == last.round {
-            let asks_criteria = constraints::is_asked(problem, &row);
-            let evaluation = match asks_criteria {
-                true => constraints::evaluation(store, &row).await?,
-                false => None,
-            };
-            if let Some(evaluation) = &evaluation
-                && constraints::violation_of(problem, evaluation) != Some(0.0)
-            {
-                // The point cannot be simulated or breaks a constraint, so it gets no samples.
-                continue;
-            }
-            points.push(VerifyPoint {
-                asks_criteria: asks_criteria && evaluation.is_none(),
-                stored: infill_samples(store, &row).await?.keys().copied().collect(),
-                name: row.name,
-                number: row.number,
-                design: problem.design(&row.x, base),
-                wanted: u32::try_from(row.samples).unwrap_or(u32::MAX),
-            });
+        progress.numbers.insert(row.number);
+        let digest = digests.get(&row.name);
+        let complete = digest.filter(|(count, _)| *count == row.samples);
+        if let Some(results) = progress.rounds.get_mut(row.round as usize) {
+            // A round takes all samples of a point, or none.
+            let samples = complete.map_or("-", |(_, digest)| digest);
+            let evaluation = evaluated.get(&row.name).map_or("-", String::as_str);
+            *results += &format!("{} {samples} {evaluation};", row.name);
         }
+        if complete.is_some() {
+            continue;
+        }
+        let asks_criteria = constraints::is_asked(problem, &row);
+        let evaluation = match asks_criteria {
+            true => constraints::evaluation(store, &row).await?,
+            false => None,
+        };
+        if let Some(evaluation) = &evaluation
+            && constraints::violation_of(problem, evaluation) != Some(0.0)
+        {
+            // The point cannot be simulated or breaks a constraint, so it gets no samples.
+            continue;
+        }
+        progress.points.push(VerifyPoint {
+            asks_criteria: asks_criteria && evaluation.is_none(),
+            stored: infill_samples(store, &row).await?.keys().copied().collect(),
+            name: row.name,
+            number: row.number,
+            design: problem.design(&row.x, base),
+            wanted: u32::try_from(row.samples).unwrap_or(u32::MAX),
+        });
     }
-    Ok(Progress {
-        rounds: rounds.len() as u32,
-        points,
-        is_stopped: last.stop_json.is_some(),
-    })
+    Ok(progress)
 }
 
 /// The samples of a point that were asked for, by index.

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use campaign::formulation::{Approach, Design};
 use ledger::StreamId;
+use store::Derivation;
 
 /// A point that gets verification samples.
 #[derive(Debug, Clone, PartialEq)]
@@ -53,17 +54,16 @@ pub struct State {
     pub designs: usize,
     /// The designs of the DoE that lack samples, ascending.
     pub open: Vec<OpenDesign>,
-    /// Whether the responses of all designs are stored.
-    pub has_responses: bool,
-    /// Whether samples have come since the responses were computed, for example of a design that
-    /// had been quarantined.
-    pub has_outdated_responses: bool,
+    /// The digest of all samples of the DoE.
+    pub samples: String,
+    /// The digest of all criteria of the DoE.
+    pub criteria: String,
+    /// What the stored results were computed from, by [`store::Derived::name`].
+    pub derivations: BTreeMap<String, Derivation>,
     /// The kriging model as JSON, once fitted.
     pub model: Option<Arc<str>>,
     /// The variables of the DoE's best feasible design under that model.
     pub best_of_doe: Option<Vec<f64>>,
-    /// Whether the fit has failed; approach 3 is then left out.
-    pub fit_failed: bool,
     /// Finished optimiser runs.
     pub runs: BTreeSet<(Approach, u32)>,
     /// The chosen designs; `None` for an approach that found no feasible one.
@@ -72,6 +72,8 @@ pub struct State {
     pub reference_points: Vec<VerifyPoint>,
     /// The verification samples of the optima: how many there will be, and the indices of the stored ones.
     pub verified: BTreeMap<Approach, (u32, BTreeSet<u32>)>,
+    /// The approaches whose verification samples are of another design than the chosen one.
+    pub stale: BTreeSet<Approach>,
     /// The rounds of infill.
     pub enrichment: Progress,
     /// The quarantined streams.
@@ -81,10 +83,12 @@ pub struct State {
 /// The enrichment as far as the store holds it.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Progress {
-    /// Number of rounds decided.
-    pub rounds: u32,
-    /// The points of the last round.
+    /// Of every round decided, the digest of what is known of its points.
+    pub rounds: Vec<String>,
+    /// The points of all rounds that lack something.
     pub points: Vec<VerifyPoint>,
+    /// The numbers of the points of all rounds.
+    pub numbers: BTreeSet<u64>,
     /// Whether the last round decided to stop.
     pub is_stopped: bool,
 }
@@ -102,15 +106,10 @@ impl State {
             |open: &OpenDesign| !self.quarantined.contains(&StreamId::design(open.design));
         self.open.iter().any(is_wanted)
     }
-}
 
-impl Progress {
-    /// Whether every point of the last round has its samples or was quarantined.
-    #[must_use]
-    pub fn is_settled(&self, is_quarantined: impl Fn(StreamId) -> bool) -> bool {
-        let settled = |point: &VerifyPoint| {
-            point.is_complete() || is_quarantined(StreamId::point(point.number))
-        };
-        self.points.iter().all(settled)
+    /// Whether every infill point has its samples or was quarantined.
+    pub(crate) fn has_settled_infill(&self) -> bool {
+        let mut points = self.enrichment.points.iter();
+        points.all(|point| self.quarantined.contains(&StreamId::point(point.number)))
     }
 }

@@ -14,6 +14,7 @@ use sqlx::sqlite::SqliteConnectOptions;
 use tokio::sync::watch;
 
 use crate::connection::Connection;
+use crate::derived::Derivation;
 use crate::keyed::{self, Table};
 use crate::rounds::{InfillRow, RoundRow};
 use crate::rows::{
@@ -177,6 +178,11 @@ pub(crate) async fn rows(connection: &mut Connection<'_>) -> Result<(), Error> {
 /// Like [`rows`], for the evaluations of optimiser runs.
 pub(crate) async fn evaluations(connection: &mut Connection<'_>) -> Result<(), Error> {
     sealed::<EvaluationRow>(connection).await
+}
+
+/// Like [`rows`], for what derived results were computed from.
+pub(crate) async fn derivations(connection: &mut Connection<'_>) -> Result<(), Error> {
+    sealed::<Derivation>(connection).await
 }
 
 /// Checks the samples of the DoE against their digests.

@@ -2,15 +2,12 @@
 
 use crate::Error;
 use crate::connection::Connection;
+use crate::derived::{self, Derived, REMOVING};
 use crate::keyed::{self, Keyed, Table};
 use crate::query;
-use crate::rounds;
-use crate::rows::{Batch, CampaignRow, DesignRow, FailureRow, Receipt, ResponseRow};
+use crate::rows::{Batch, CampaignRow, DesignRow, FailureRow, Receipt};
 use crate::samples;
 use crate::tally::{self, Tally};
-
-/// Completes "the database could not".
-pub(crate) const REMOVING: &str = "remove derived rows";
 
 /// Sets the digest of the gear model if there is none yet, and refuses another one.
 pub(crate) async fn model_digest(
@@ -41,20 +38,6 @@ pub(crate) async fn replace<T: Table>(
 ) -> Result<Receipt, Error> {
     keyed::replace(connection, rows).await?;
     Ok(new(rows.len() as u64))
-}
-
-/// Stores responses and the number of samples that they were computed from.
-pub(crate) async fn responses(
-    connection: &mut Connection<'_>,
-    rows: &[ResponseRow],
-    samples: u64,
-) -> Result<Receipt, Error> {
-    let samples = samples.cast_signed();
-    let query = sqlx::query!("UPDATE tally SET samples_of_responses = ?", samples);
-    connection
-        .execute("note the samples of the responses", query)
-        .await?;
-    replace(connection, rows).await
 }
 
 /// Stores all batches, or returns an error, after which the caller rolls back to its savepoint.
@@ -133,7 +116,10 @@ pub(crate) async fn generations(
 }
 
 /// Removes the samples of a point.
-async fn remove_samples(connection: &mut Connection<'_>, point: &str) -> Result<(), Error> {
+pub(crate) async fn remove_samples(
+    connection: &mut Connection<'_>,
+    point: &str,
+) -> Result<(), Error> {
     for table in [
         "DELETE FROM verify_sample WHERE approach = ?",
         "DELETE FROM verify_tally WHERE approach = ?",
@@ -166,6 +152,9 @@ async fn fresh_batches(
     keyed::insert(connection, &rows, to).await?;
     let rows = owned(batches, |batch| &batch.times);
     keyed::insert(connection, &rows, to).await?;
+    for batch in batches {
+        derived::derivations(connection, &batch.derivations).await?;
+    }
     for (owner, row) in owned(batches, |batch| &batch.failures) {
         if failure(connection, row).await? {
             to[owner].new_rows += 1;
@@ -227,11 +216,11 @@ async fn failure(connection: &mut Connection<'_>, row: &FailureRow) -> Result<bo
     Ok(true)
 }
 
-/// Replaces the campaign by a larger one and removes everything derived from the smaller one.
+/// Replaces the campaign by a larger one. The responses go, so that all that rests on them goes while the larger
+/// campaign samples.
 pub(crate) async fn extension(
     connection: &mut Connection<'_>,
     row: &CampaignRow,
-    derived: &[String],
 ) -> Result<Receipt, Error> {
     let held = query::campaign(connection).await?;
     if held.seed != row.seed {
@@ -247,39 +236,8 @@ pub(crate) async fn extension(
         ..held
     };
     keyed::replace(connection, &[row]).await?;
-    clear(connection, derived).await?;
+    derived::remove(connection, &[Derived::Responses]).await?;
     Ok(new(1))
-}
-
-/// Removes all responses, models and rounds of infill, and the runs, optima and verification
-/// samples of the given approaches.
-pub(crate) async fn clear(
-    connection: &mut Connection<'_>,
-    approaches: &[String],
-) -> Result<Receipt, Error> {
-    for table in [
-        "DELETE FROM response",
-        "UPDATE tally SET samples_of_responses = NULL",
-        "DELETE FROM model",
-    ] {
-        connection.run(REMOVING, table).await?;
-    }
-    rounds::clear(connection).await?;
-    for approach in approaches {
-        for table in [
-            "DELETE FROM optimiser_run WHERE approach = ?",
-            "DELETE FROM evaluation WHERE stream LIKE 'run ' || ?1 || ' %'",
-            "DELETE FROM optimum WHERE approach = ?",
-            "DELETE FROM stream_generation
-             WHERE stream = ?1 OR stream LIKE 'run ' || ?1 || ' %'",
-        ] {
-            connection
-                .execute(REMOVING, sqlx::query(table).bind(approach))
-                .await?;
-        }
-        remove_samples(connection, approach).await?;
-    }
-    Ok(Receipt::default())
 }
 
 /// Removes the evaluations of a run.

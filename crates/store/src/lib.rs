@@ -48,6 +48,7 @@ mod cause;
 mod check;
 mod columns;
 mod connection;
+mod derived;
 mod digest;
 mod error;
 mod fail_point;
@@ -67,6 +68,7 @@ mod tables;
 mod tally;
 mod writer;
 
+pub use derived::{Derivation, Derived};
 pub use error::Error;
 pub use fail_point::FailPoint;
 pub use filesystem::network_file_system;

@@ -213,6 +213,7 @@ impl Store {
             check::quick_check(&mut connection).await?;
             check::rows(&mut connection).await?;
             check::evaluations(&mut connection).await?;
+            check::derivations(&mut connection).await?;
             Verdict::sound()
         } else {
             Verdict::on_demand(reading.clone())

@@ -211,6 +211,33 @@ pub(crate) async fn verify_counts(
         .collect())
 }
 
+/// The digest of all criteria: their number and the sums of the halves of their seals.
+pub(crate) async fn criteria_digest(connection: &mut Connection<'_>) -> Result<String, Error> {
+    let query = sqlx::query!(
+        r#"SELECT count(*) AS "count!: i64", coalesce(sum(seal & 4294967295), 0) AS "low!: i64",
+                  coalesce(sum((seal >> 32) & 4294967295), 0) AS "high!: i64" FROM criteria"#
+    );
+    let r = connection.one("read criteria", query).await?;
+    Ok(format!("{:x}-{:x}-{:x}", r.count, r.low, r.high))
+}
+
+/// The digest of the evaluations of each infill point that has any, by the point's name.
+pub(crate) async fn evaluated_points(
+    connection: &mut Connection<'_>,
+) -> Result<BTreeMap<String, String>, Error> {
+    let query = sqlx::query!(
+        r#"SELECT stream AS "stream!: String", count(*) AS "count!: i64",
+                  sum(seal & 4294967295) AS "low!: i64",
+                  sum((seal >> 32) & 4294967295) AS "high!: i64"
+           FROM evaluation WHERE stream IN (SELECT name FROM infill) GROUP BY stream"#
+    );
+    let rows = connection.all("read evaluations", query).await?;
+    Ok(rows
+        .into_iter()
+        .map(|r| (r.stream, format!("{:x}-{:x}-{:x}", r.count, r.low, r.high)))
+        .collect())
+}
+
 /// The number of evaluations of each unfinished run, by the run's name.
 pub(crate) async fn unfinished_runs(
     connection: &mut Connection<'_>,
@@ -360,7 +387,6 @@ pub(crate) async fn progress(connection: &mut Connection<'_>) -> Result<Progress
                   (SELECT count(*) FROM criteria WHERE feasible = 1 AND reason IS NOT NULL)
                       AS "ruled_out!: i64",
                   (SELECT samples FROM tally) AS "samples!: i64",
-                  (SELECT samples_of_responses FROM tally) AS "samples_of_responses?: i64",
                   (SELECT count(*) FROM response) AS "responses!: i64",
                   (SELECT count(*) FROM model) AS "models!: i64",
                   (SELECT count(*) FROM optimiser_run) AS "optimiser_runs!: i64",
@@ -377,7 +403,6 @@ pub(crate) async fn progress(connection: &mut Connection<'_>) -> Result<Progress
         ruled_out: index(r.ruled_out),
         samples: index(r.samples),
         responses: index(r.responses),
-        samples_of_responses: r.samples_of_responses.map(index),
         models: index(r.models),
         optimiser_runs: index(r.optimiser_runs),
         optima: index(r.optima),

@@ -2,8 +2,9 @@
 
 use crate::Error;
 use crate::connection::Connection;
-use crate::insert::REMOVING;
-use crate::keyed::{self, Table};
+use crate::derived::{self, Derivation, REMOVING};
+use crate::insert;
+use crate::keyed::{self, Table, Value};
 use crate::rows::Receipt;
 
 /// The decision of one round of infill.
@@ -87,6 +88,7 @@ pub struct NewRound {
 pub(crate) async fn insert(
     connection: &mut Connection<'_>,
     new: &NewRound,
+    derivation: &Derivation,
 ) -> Result<Receipt, Error> {
     new.row.check()?;
     new.infill.iter().try_for_each(Table::check)?;
@@ -106,23 +108,32 @@ pub(crate) async fn insert(
         });
         keyed::replace(connection, &failed).await?;
     }
+    derived::derivations(connection, std::slice::from_ref(derivation)).await?;
     Ok(Receipt {
         new_rows: 1 + new.infill.len() as u64,
         ..Receipt::default()
     })
 }
 
-/// Removes all rounds with their points and the points' samples.
-pub(crate) async fn clear(connection: &mut Connection<'_>) -> Result<(), Error> {
-    for statement in [
-        "DELETE FROM verify_sample WHERE approach IN (SELECT name FROM infill)",
-        "DELETE FROM verify_tally WHERE approach IN (SELECT name FROM infill)",
-        "DELETE FROM stream_generation WHERE stream IN (SELECT name FROM infill)",
-        "DELETE FROM evaluation WHERE stream IN (SELECT name FROM infill)",
-        "DELETE FROM infill",
-        "DELETE FROM enrichment_round",
-    ] {
-        connection.run(REMOVING, statement).await?;
+/// Removes a round with its points and their samples. The points that it found to have failed are open again.
+pub(crate) async fn remove(connection: &mut Connection<'_>, round: u64) -> Result<(), Error> {
+    let of_round = async |connection: &mut Connection<'_>, round: u64| {
+        keyed::all_where(connection, "WHERE round = ?", &[Value::Count(round)]).await
+    };
+    let points: Vec<InfillRow> = of_round(connection, round).await?;
+    for point in points {
+        insert::remove_samples(connection, &point.name).await?;
+        derived::forget_stream(connection, &point.name).await?;
+    }
+    let number = round.cast_signed();
+    let query = sqlx::query!("DELETE FROM infill WHERE round = ?", number);
+    connection.execute(REMOVING, query).await?;
+    let query = sqlx::query!("DELETE FROM enrichment_round WHERE round = ?", number);
+    connection.execute(REMOVING, query).await?;
+    if let Some(before) = round.checked_sub(1) {
+        let mut points: Vec<InfillRow> = of_round(connection, before).await?;
+        points.iter_mut().for_each(|point| point.failed = false);
+        keyed::replace(connection, &points).await?;
     }
     Ok(())
 }

@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use crate::derived::Derivation;
+
 /// The campaign that a store belongs to: its only row.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CampaignRow {
@@ -276,6 +278,8 @@ pub struct Batch {
     pub evaluations: Vec<EvaluationRow>,
     /// Costs of jobs.
     pub times: Vec<JobTimeRow>,
+    /// What the optimiser runs were computed from.
+    pub derivations: Vec<Derivation>,
     /// Failures. They are appended, except those stored already under the same worker and number.
     pub failures: Vec<FailureRow>,
     /// The stream and the generation of these results, if they may be out of date. They are stored
@@ -293,6 +297,7 @@ impl Batch {
         self.runs.append(&mut other.runs);
         self.evaluations.append(&mut other.evaluations);
         self.times.append(&mut other.times);
+        self.derivations.append(&mut other.derivations);
         self.failures.append(&mut other.failures);
         self.only_for = self.only_for.take().or(other.only_for);
     }
@@ -352,8 +357,6 @@ pub struct Progress {
     pub samples: u64,
     /// Designs with a response.
     pub responses: u64,
-    /// Number of samples that the responses were computed from, if known.
-    pub samples_of_responses: Option<u64>,
     /// Fitted models.
     pub models: u64,
     /// Finished optimiser runs.

@@ -35,6 +35,9 @@ const FIRST_WITH_LISTS: i64 = 9;
 /// The schema that introduced evaluations of optimiser runs.
 const FIRST_WITH_EVALUATIONS: i64 = 10;
 
+/// The schema that introduced derivations.
+const FIRST_WITH_DERIVATIONS: i64 = 12;
+
 pub(crate) fn check_header(path: &Path) -> Result<(), Error> {
     let mut file = File::open(path).map_err(|e| Error::io("open", path, e))?;
     let mut head = Vec::with_capacity(SQLITE_MAGIC.len());
@@ -130,6 +133,9 @@ pub(crate) async fn read(
 pub(crate) async fn check_rows(connection: &mut Connection<'_>, found: i64) -> Result<(), Error> {
     if found >= FIRST_WITH_EVALUATIONS {
         check::evaluations(connection).await?;
+    }
+    if found >= FIRST_WITH_DERIVATIONS {
+        check::derivations(connection).await?;
     }
     if found >= FIRST_WITH_LISTS {
         return check::rows(connection).await;

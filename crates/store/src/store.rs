@@ -9,6 +9,7 @@ use sqlx::sqlite::SqlitePool;
 use crate::Error;
 use crate::check::Verdict;
 use crate::connection::Connection;
+use crate::derived::{Derivation, Derived};
 use crate::keyed::{self, Value};
 use crate::query;
 use crate::rounds::{InfillRow, NewRound, RoundRow};
@@ -213,14 +214,40 @@ impl Store {
         keyed::all(&mut self.reader().await?).await
     }
 
-    /// Stores all of these responses or none, replacing the stored ones. `samples` is the number of
-    /// samples that they were computed from: [`Progress::samples_of_responses`].
+    /// The digest of the criteria of all designs. It does not depend on their order.
+    pub async fn criteria_digest(&self) -> Result<String, Error> {
+        query::criteria_digest(&mut self.reader().await?).await
+    }
+
+    /// What each derived result was computed from, by name.
+    pub async fn derivations(&self) -> Result<BTreeMap<String, Derivation>, Error> {
+        let rows: Vec<Derivation> = keyed::all(&mut self.reader().await?).await?;
+        let named = |row: Derivation| (row.name.clone(), row);
+        Ok(rows.into_iter().map(named).collect())
+    }
+
+    /// Stores what [`Derived::Samples`] depend on, before there are any.
+    pub async fn put_derivation(&self, derivation: &Derivation) -> Result<(), Error> {
+        self.put(Rows::Derivation(derivation.clone()))
+            .await
+            .map(drop)
+    }
+
+    /// Removes derived results, all or nothing, with what workers computed for them: the evaluations of runs
+    /// and the samples of infill points. The samples of an optimum stay, for the case that the same design is
+    /// chosen again; those of another design go when their generation changes.
+    pub async fn remove(&self, results: &[Derived]) -> Result<(), Error> {
+        self.put(Rows::Removal(results.to_vec())).await.map(drop)
+    }
+
+    /// Replaces all responses by these, all or nothing.
     pub async fn put_responses(
         &self,
         rows: &[ResponseRow],
-        samples: u64,
+        derivation: &Derivation,
     ) -> Result<Receipt, Error> {
-        self.put(Rows::Responses(rows.to_vec(), samples)).await
+        let rows = Rows::Responses(rows.to_vec(), derivation.clone());
+        self.put(rows).await
     }
 
     /// The model with this name, if it is stored.
@@ -235,9 +262,14 @@ impl Store {
         keyed::all(&mut self.reader().await?).await
     }
 
-    /// Stores a model, replacing the one with its name.
-    pub async fn put_model(&self, row: &ModelRow) -> Result<(), Error> {
-        self.put(Rows::Model(row.clone())).await.map(drop)
+    /// Replaces the model; without a row, the derivation says why the fit has failed.
+    pub async fn put_model(
+        &self,
+        row: Option<&ModelRow>,
+        derivation: &Derivation,
+    ) -> Result<(), Error> {
+        let rows = Rows::Model(row.cloned(), derivation.clone());
+        self.put(rows).await.map(drop)
     }
 
     /// All optimiser runs, by approach and then by start.
@@ -267,8 +299,13 @@ impl Store {
     }
 
     /// Stores an optimum, replacing the one of its approach.
-    pub async fn put_optimum(&self, row: &OptimumRow) -> Result<(), Error> {
-        self.put(Rows::Optimum(row.clone())).await.map(drop)
+    pub async fn put_optimum(
+        &self,
+        row: &OptimumRow,
+        derivation: &Derivation,
+    ) -> Result<(), Error> {
+        let rows = Rows::Optimum(Box::new(row.clone()), derivation.clone());
+        self.put(rows).await.map(drop)
     }
 
     /// All rounds of infill.
@@ -288,8 +325,9 @@ impl Store {
     ///
     /// [`Error::Constraint`] if the round or one of its points is stored already: a round is
     /// decided once.
-    pub async fn put_round(&self, new: &NewRound) -> Result<(), Error> {
-        self.put(Rows::Round(new.clone())).await.map(drop)
+    pub async fn put_round(&self, new: &NewRound, derivation: &Derivation) -> Result<(), Error> {
+        let rows = Rows::Round(new.clone(), derivation.clone());
+        self.put(rows).await.map(drop)
     }
 
     /// The samples of one approach's optimum, or of one infill point.
@@ -308,6 +346,19 @@ impl Store {
         query::verify_counts(&mut self.reader().await?).await
     }
 
+    /// The number and the digest of the samples of each optimum or infill point that has any, by name.
+    pub async fn verify_digests(&self) -> Result<BTreeMap<String, (u64, String)>, Error> {
+        let points = tally::points(&mut self.reader().await?).await?.into_iter();
+        Ok(points
+            .map(|(name, (count, digest))| (name, (count, digest.to_hex())))
+            .collect())
+    }
+
+    /// The digest of the evaluations of each infill point that has any, by name.
+    pub async fn evaluated_points(&self) -> Result<BTreeMap<String, String>, Error> {
+        query::evaluated_points(&mut self.reader().await?).await
+    }
+
     /// The wanted generation of each stream.
     pub async fn generations(&self) -> Result<BTreeMap<String, u64>, Error> {
         query::generations(&mut self.reader().await?).await
@@ -320,10 +371,9 @@ impl Store {
         self.put(Rows::Generations(rows.to_vec())).await.map(drop)
     }
 
-    /// Replaces the campaign by a larger one and removes what
-    /// [`clear_derived`](Store::clear_derived) removes, all or nothing. Designs, criteria and
-    /// samples are kept, and the work missing for the larger campaign is found as after any other
-    /// start.
+    /// Replaces the campaign by a larger one and removes the responses, all or nothing. Everything else is
+    /// kept, and what is missing for the larger campaign or no longer follows from it is found as after any
+    /// other start.
     ///
     /// The name, text and digest of `campaign` are stored; the versions of program and model remain
     /// those that filled the store. The caller decides whether the campaign is a valid extension,
@@ -333,17 +383,8 @@ impl Store {
     ///
     /// [`Error::OtherSeed`] if the seed differs: the stored samples would not be samples of that
     /// campaign.
-    pub async fn extend(&self, campaign: &CampaignRow, derived: &[&str]) -> Result<(), Error> {
-        self.put(Rows::Extension(campaign.clone(), owned(derived)))
-            .await
-            .map(drop)
-    }
-
-    /// Removes the results derived from the samples, all or nothing: all responses and models, all
-    /// rounds of infill with their points' samples, and the optimiser runs, optima and verification
-    /// samples of the named approaches. Used to fit again when samples arrived late.
-    pub async fn clear_derived(&self, approaches: &[&str]) -> Result<(), Error> {
-        self.put(Rows::Clearing(owned(approaches))).await.map(drop)
+    pub async fn extend(&self, campaign: &CampaignRow) -> Result<(), Error> {
+        self.put(Rows::Extension(campaign.clone())).await.map(drop)
     }
 
     /// The costs of the finished jobs, by number.
@@ -397,8 +438,4 @@ impl Store {
     async fn put(&self, rows: Rows) -> Result<Receipt, Error> {
         self.writer.as_ref().ok_or(Error::ReadOnly)?.put(rows).await
     }
-}
-
-fn owned(names: &[&str]) -> Vec<String> {
-    names.iter().map(|name| (*name).to_owned()).collect()
 }

@@ -5,6 +5,7 @@ use sqlx::{Error as SqlxError, Row as _};
 
 use crate::Error;
 use crate::columns::{OldCriteria, OldDesign, OldInfill};
+use crate::derived::Derivation;
 use crate::keyed::{Column, Keyed, Table, Value};
 use crate::rounds::{InfillRow, RoundRow};
 use crate::rows::{
@@ -65,6 +66,8 @@ table!(ModelRow: "model", "read models", 1 keys, sealed true,
     name json summary_json);
 table!(OptimumRow: "optimum", "read optima", 1 keys, sealed true,
     approach x_json criterion_um feasible criteria_json simulator_calls cpu_seconds note);
+table!(Derivation: "derivation", "read what results were computed from", 1 keys, sealed true,
+    name inputs output failure);
 table!(StageTimeRow: "stage_time", "read how long stages took", 1 keys, sealed false,
     stage wall_seconds);
 table!(RoundRow: "enrichment_round", "read rounds", 1 keys, sealed true,

@@ -14,6 +14,7 @@ use tokio::sync::{mpsc, oneshot};
 
 use crate::check::Verdict;
 use crate::connection::Connection;
+use crate::derived::{self, Derivation, Derived};
 use crate::lock::Lock;
 use crate::place::Place;
 use crate::rounds::{self, NewRound};
@@ -88,15 +89,16 @@ impl Writer {
 pub(crate) enum Rows {
     Batch(Batch),
     Designs(Vec<DesignRow>),
-    /// Responses, with the number of samples that they were computed from.
-    Responses(Vec<ResponseRow>, u64),
-    Model(ModelRow),
-    Optimum(OptimumRow),
+    Responses(Vec<ResponseRow>, Derivation),
+    /// The model, unless the fit has failed.
+    Model(Option<ModelRow>, Derivation),
+    Optimum(Box<OptimumRow>, Derivation),
     StageTime(StageTimeRow),
-    Round(NewRound),
+    Round(NewRound, Derivation),
+    Derivation(Derivation),
     ModelDigest(String),
-    Extension(CampaignRow, Vec<String>),
-    Clearing(Vec<String>),
+    Extension(CampaignRow),
+    Removal(Vec<Derived>),
     Generations(Vec<(String, u64)>),
     /// Removes the evaluations of this run.
     NoEvaluations(String),
@@ -120,13 +122,14 @@ impl Rows {
             Self::Designs(rows) => rows.len(),
             Self::Responses(rows, _) => rows.len(),
             Self::Generations(rows) => rows.len(),
-            Self::Model(_)
-            | Self::Optimum(_)
+            Self::Model(..)
+            | Self::Optimum(..)
             | Self::StageTime(_)
-            | Self::Round(_)
+            | Self::Round(..)
+            | Self::Derivation(_)
             | Self::ModelDigest(_)
-            | Self::Extension(..)
-            | Self::Clearing(_)
+            | Self::Extension(_)
+            | Self::Removal(_)
             | Self::NoEvaluations(_) => 1,
         }
     }
@@ -337,26 +340,23 @@ async fn store(
     connection.run("set a savepoint", "SAVEPOINT rows").await?;
     let answer = match rows {
         [Rows::Designs(rows)] => insert::designs(connection, rows).await.map(one),
-        [Rows::Responses(rows, samples)] => {
-            insert::responses(connection, rows, *samples).await.map(one)
-        }
-        [Rows::Model(row)] => insert::replace(connection, slice::from_ref(row))
+        [Rows::Responses(rows, from)] => derived::responses(connection, rows, from).await.map(one),
+        [Rows::Model(row, from)] => derived::model(connection, row.as_ref(), from)
             .await
             .map(one),
-        [Rows::Optimum(row)] => insert::replace(connection, slice::from_ref(row))
+        [Rows::Optimum(row, from)] => derived::optimum(connection, row, from).await.map(one),
+        [Rows::Derivation(row)] => insert::replace(connection, slice::from_ref(row))
             .await
             .map(one),
         [Rows::StageTime(row)] => insert::replace(connection, slice::from_ref(row))
             .await
             .map(one),
-        [Rows::Round(new)] => rounds::insert(connection, new).await.map(one),
+        [Rows::Round(new, from)] => rounds::insert(connection, new, from).await.map(one),
         [Rows::ModelDigest(digest)] => insert::model_digest(connection, digest).await.map(one),
-        [Rows::Extension(campaign, derived)] => insert::extension(connection, campaign, derived)
-            .await
-            .map(one),
+        [Rows::Extension(campaign)] => insert::extension(connection, campaign).await.map(one),
         [Rows::Generations(rows)] => insert::generations(connection, rows).await.map(one),
         [Rows::NoEvaluations(stream)] => insert::no_evaluations(connection, stream).await.map(one),
-        [Rows::Clearing(approaches)] => insert::clear(connection, approaches).await.map(one),
+        [Rows::Removal(results)] => derived::remove(connection, results).await.map(one),
         batches => {
             let batches: Vec<&Batch> = batches.iter().filter_map(Rows::batch).collect();
             insert::batches(connection, &batches).await

@@ -26,7 +26,8 @@ use tonic::Request;
 
 use super::output::{print_either, refuse_taken};
 use super::{
-    FileAccess, campaign_or_paper, out_folder, refuse_network_store, refuse_report_of_another,
+    FileAccess, campaign_or_paper, code_of_finished, out_folder, refuse_network_store,
+    refuse_report_of_another,
 };
 use crate::arguments;
 
@@ -69,8 +70,9 @@ pub(super) async fn plan(arguments: arguments::Plan) -> anyhow::Result<u8> {
     let problem = Arc::new(Problem::new(campaign));
     let store = server::open_store(&problem, &text, &arguments.db).await?;
     let planned = plan_store(&problem, &store, arguments.shards, &arguments.out, &report).await;
+    let status = status::read(&store).await;
     store.close().await?;
-    let planned = planned?;
+    let (planned, status) = (planned?, status?);
     print_either(arguments.json, &planned, || match &planned.report {
         Some(report) => format!(
             "nothing is left to compute\nreport          {}\n",
@@ -90,7 +92,10 @@ pub(super) async fn plan(arguments: arguments::Plan) -> anyhow::Result<u8> {
             arguments.out.display(),
         ),
     })?;
-    Ok(exit::OK)
+    Ok(match planned.report {
+        Some(_) => code_of_finished(&status),
+        None => exit::OK,
+    })
 }
 
 async fn plan_store(

@@ -385,7 +385,8 @@ async fn samples_of_an_optimum_that_was_replaced_are_not_stored_for_the_new_one(
     let late = bench.answer(&old);
     // As the engine does when the model is fitted again.
     bench.board.forget(|id| id == stream);
-    bench.store.clear_derived(&[name]).await.unwrap();
+    let removed = store::Derived::Verification(name.to_owned());
+    bench.store.remove(&[removed]).await.unwrap();
     bench.report("old", late.clone()).await;
     assert!(bench.store.verify_samples(name).await.unwrap().is_empty());
     want(0.20).await;

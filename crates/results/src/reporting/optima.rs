@@ -10,7 +10,7 @@ use report::{
     ApproachResult, Constraints, ContactPattern, GearDrawing, GearOutline, NamedValue,
     OptimiserRun, Optimum, SteCurves,
 };
-use stages::optima::{approach_of, optimum_design};
+use stages::optima::{approach_of, optimum_design, sentence};
 use store::{OptimiserRunRow, OptimumRow};
 
 use super::problem::limited;
@@ -52,7 +52,7 @@ pub(super) fn approaches(sources: &Sources) -> anyhow::Result<Vec<ApproachResult
                 (Some(design), Some(criteria)) => {
                     Ok(optimum(sources, row, &design, &criteria.gears()))
                 }
-                _ => Err(row.note.clone()),
+                _ => Err(sentence(&sources.problem, row)),
             };
             Ok(ApproachResult {
                 approach: report_approach(approach),

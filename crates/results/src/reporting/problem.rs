@@ -3,7 +3,7 @@
 use campaign::formulation::Constraint;
 use campaign::{Criteria, Design};
 use report::{NamedValue, ProblemOptimum, ProblemReport, Summary};
-use stages::optima::{approach_of, optimum_design};
+use stages::optima::{approach_of, optimum_design, sentence};
 use store::{OptimumRow, Store};
 
 use super::sources::Sources;
@@ -53,7 +53,7 @@ fn optimum(sources: &Sources, row: &OptimumRow) -> anyhow::Result<ProblemOptimum
         ),
         design: optimum_design(problem, row)
             .map(variables)
-            .ok_or_else(|| row.note.clone()),
+            .ok_or_else(|| sentence(problem, row)),
         criterion: row.criterion_um,
         p90: percentile(
             &problem.campaign().sampling,

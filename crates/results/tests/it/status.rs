@@ -111,6 +111,8 @@ async fn time_to_go_is_that_of_the_stage() {
         criterion_um: Some(1.5),
         percentile: None,
         behind: None,
+        none: None,
+        note: String::new(),
         verified: Progress { done, wanted: 1000 },
     };
     status.optima = vec![optimum(400), optimum(1000)];

@@ -3,12 +3,14 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use store::{Batch, Error, ModelRow, OptimiserRunRow, OptimumRow, ResponseRow, Store, VerifyRow};
+use store::{
+    Batch, Derived, Error, ModelRow, OptimiserRunRow, OptimumRow, ResponseRow, Store, VerifyRow,
+};
 
-use crate::rounds::new_round;
+use crate::rounds::{new_round, round};
 use crate::{
-    beside, campaign, execute, feasible, folder, infeasible, open, read, sample, samples,
-    store_with,
+    beside, campaign, execute, feasible, folder, from, infeasible, open, optimum_of, read, sample,
+    samples, store_with,
 };
 
 const BATCHES: u64 = 6;
@@ -296,13 +298,19 @@ async fn with_every_row(path: &Path) {
         p90_variance_um2: 0.01,
         lilliefors_p: None,
     };
-    store.put_responses(&[response], 0).await.unwrap();
+    store
+        .put_responses(&[response], &from(&Derived::Responses))
+        .await
+        .unwrap();
     let model = ModelRow {
         name: "p90".into(),
         json: "{\"theta\":[1.5,0.25]}".into(),
         summary_json: "{}".into(),
     };
-    store.put_model(&model).await.unwrap();
+    store
+        .put_model(Some(&model), &from(&Derived::Model))
+        .await
+        .unwrap();
     let optimum = OptimumRow {
         approach: "kriging".into(),
         x_json: "{\"x_p\":0.5}".into(),
@@ -313,9 +321,18 @@ async fn with_every_row(path: &Path) {
         cpu_seconds: 9.25,
         note: String::new(),
     };
-    store.put_optimum(&optimum).await.unwrap();
-    store.put_round(&new_round(0, &[])).await.unwrap();
-    store.put_round(&new_round(1, &[2])).await.unwrap();
+    store
+        .put_optimum(&optimum, &optimum_of(&optimum.approach))
+        .await
+        .unwrap();
+    store
+        .put_round(&new_round(0, &[]), &round(0))
+        .await
+        .unwrap();
+    store
+        .put_round(&new_round(1, &[2]), &round(1))
+        .await
+        .unwrap();
     store.pin_model_digest("abc").await.unwrap();
     store.close().await.unwrap();
 }
@@ -558,7 +575,10 @@ async fn rows_that_the_program_changes_stay_sound() {
     let store = open(&path).await;
     let mut optimum = store.optima().await.unwrap().remove(0);
     optimum.criterion_um = -0.0;
-    store.put_optimum(&optimum).await.unwrap();
+    store
+        .put_optimum(&optimum, &optimum_of(&optimum.approach))
+        .await
+        .unwrap();
     let larger = store::CampaignRow {
         digest: "larger".into(),
         ..campaign()
@@ -572,7 +592,7 @@ async fn rows_that_the_program_changes_stay_sound() {
         .await
         .unwrap();
     assert_eq!(store.verify_samples("kriging").await.unwrap(), []);
-    store.extend(&larger, &["kriging"]).await.unwrap();
+    store.extend(&larger).await.unwrap();
     store.close().await.unwrap();
     let store = Store::create_or_open(&path, &larger).await.unwrap();
     store.checked().await.unwrap();

@@ -1,6 +1,6 @@
 //! Evaluations of optimiser runs on an external simulator.
 
-use store::{Batch, Error, EvaluationRow, Store};
+use store::{Batch, Derived, Error, EvaluationRow, Store};
 
 use crate::{execute, folder, open};
 
@@ -96,15 +96,16 @@ async fn evaluations_of_one_generation_stay_when_the_next_is_wanted() {
     let error = error.await.unwrap_err();
     assert!(matches!(error, Error::NotFinite { .. }), "{error}");
 
-    store.clear_derived(&["kriging"]).await.unwrap();
-    assert_eq!(store.evaluations(RUN, 0).await.unwrap().len(), 4);
     store.clear_evaluations("run no-wear 11").await.unwrap();
     assert_eq!(store.evaluations(RUN, 0).await.unwrap().len(), 4);
     store.clear_evaluations(RUN).await.unwrap();
     assert_eq!(store.evaluations(RUN, 0).await.unwrap(), []);
     want(&store, 3).await;
     put(&store, 3, first()).await.unwrap();
-    store.clear_derived(&["no-wear"]).await.unwrap();
+    let run = |start| Derived::Run("no-wear".to_owned(), start);
+    store.remove(&[run(11)]).await.unwrap();
+    assert_eq!(store.evaluations(RUN, 0).await.unwrap(), first());
+    store.remove(&[run(1)]).await.unwrap();
     assert_eq!(store.evaluations(RUN, 0).await.unwrap(), []);
 }
 

@@ -1,13 +1,13 @@
-//! An extended campaign loses the results derived from the smaller sampling and keeps its samples.
+//! An extended campaign loses its responses and keeps the rest; outdated results are removed.
 
 use std::collections::BTreeMap;
 
 use store::{
-    Batch, CampaignRow, Error, MissingWork, ModelRow, OptimiserRunRow, OptimumRow, ResponseRow,
-    Store, VerifyRow,
+    Batch, CampaignRow, Derived, Error, MissingWork, ModelRow, OptimiserRunRow, OptimumRow,
+    ResponseRow, Store, VerifyRow,
 };
 
-use crate::{campaign, design, feasible, folder, read, sample, store_with};
+use crate::{campaign, design, feasible, folder, from, optimum_of, read, sample, store_with};
 
 fn larger() -> CampaignRow {
     CampaignRow {
@@ -56,13 +56,19 @@ async fn finished(store: &Store) {
         p90_variance_um2: 0.0,
         lilliefors_p: None,
     };
-    store.put_responses(&[response], 0).await.unwrap();
+    store
+        .put_responses(&[response], &from(&Derived::Responses))
+        .await
+        .unwrap();
     let model = ModelRow {
         name: "p90".into(),
         json: "{}".into(),
         summary_json: "{}".into(),
     };
-    store.put_model(&model).await.unwrap();
+    store
+        .put_model(Some(&model), &from(&Derived::Model))
+        .await
+        .unwrap();
     for approach in ["deterministic", "kriging"] {
         let optimum = OptimumRow {
             approach: of(approach),
@@ -74,23 +80,15 @@ async fn finished(store: &Store) {
             cpu_seconds: 1.0,
             note: String::new(),
         };
-        store.put_optimum(&optimum).await.unwrap();
+        store
+            .put_optimum(&optimum, &optimum_of(&optimum.approach))
+            .await
+            .unwrap();
     }
 }
 
-async fn approaches(store: &Store) -> [Vec<String>; 3] {
-    let runs = store.optimiser_runs().await.unwrap();
-    let optima = store.optima().await.unwrap();
-    let verified = store.verify_counts().await.unwrap();
-    [
-        runs.into_iter().map(|run| run.approach).collect(),
-        optima.into_iter().map(|optimum| optimum.approach).collect(),
-        verified.into_iter().map(|(approach, _)| approach).collect(),
-    ]
-}
-
 #[tokio::test]
-async fn an_extension_keeps_samples_and_clears_what_was_derived() {
+async fn an_extension_keeps_everything_but_the_responses() {
     let (_folder, path) = folder();
     let store = store_with(&path, 2).await;
     finished(&store).await;
@@ -119,7 +117,7 @@ async fn an_extension_keeps_samples_and_clears_what_was_derived() {
     assert_eq!(store.campaign().await.unwrap().digest, campaign().digest);
     assert_eq!(read(&path), before, "opening is not extending");
 
-    store.extend(&larger(), &["kriging"]).await.unwrap();
+    store.extend(&larger()).await.unwrap();
     let expected = CampaignRow {
         program_version: campaign().program_version,
         model_digest: Some("abc".into()),
@@ -127,12 +125,9 @@ async fn an_extension_keeps_samples_and_clears_what_was_derived() {
     };
     assert_eq!(store.campaign().await.unwrap(), expected);
     assert_eq!(store.responses().await.unwrap(), []);
-    assert_eq!(store.models().await.unwrap(), []);
-    assert_eq!(
-        approaches(&store).await,
-        [vec!["deterministic"], vec!["deterministic"], vec!["paper"]]
-    );
-    assert_eq!(store.progress().await.unwrap().verify_samples, 5);
+    assert!(!store.derivations().await.unwrap().contains_key("responses"));
+    assert_eq!(store.models().await.unwrap().len(), 1);
+    assert_eq!(store.progress().await.unwrap().verify_samples, 10);
     assert_eq!(store.samples_digest().await.unwrap(), digest);
     assert_eq!(store.criteria().await.unwrap().len(), 2);
 
@@ -153,21 +148,6 @@ async fn an_extension_keeps_samples_and_clears_what_was_derived() {
         ]
     );
 
-    // The same approach with another result: the old one was removed.
-    let verify = VerifyRow {
-        approach: "kriging".into(),
-        sample: 0,
-        delta_ste_um: 0.75,
-    };
-    let batch = Batch {
-        verify: vec![verify],
-        ..Batch::default()
-    };
-    store.writer().unwrap().submit(batch).await.unwrap();
-    assert_eq!(
-        store.verify_counts().await.unwrap(),
-        [("kriging".to_owned(), 1), ("paper".to_owned(), 5)]
-    );
     store.close().await.unwrap();
     let again = Store::create_or_open(&path, &campaign()).await;
     assert!(matches!(again, Err(Error::OtherCampaign { .. })));
@@ -183,7 +163,7 @@ async fn another_seed_is_no_extension() {
         seed: 7,
         ..larger()
     };
-    let error = store.extend(&other, &["kriging"]).await.unwrap_err();
+    let error = store.extend(&other).await.unwrap_err();
     assert!(
         matches!(
             error,
@@ -198,23 +178,41 @@ async fn another_seed_is_no_extension() {
     assert_eq!(store.models().await.unwrap().len(), 1, "nothing is cleared");
 }
 
+/// What outdated results were computed from goes with them, and with a run what an external program said of it.
 #[tokio::test]
-async fn derived_results_can_be_cleared_alone() {
+async fn results_are_removed_one_by_one() {
     let (_folder, path) = folder();
     let store = store_with(&path, 2).await;
     finished(&store).await;
     let digest = store.samples_digest().await.unwrap();
-    store
-        .clear_derived(&["kriging", "deterministic", "paper"])
-        .await
-        .unwrap();
-    assert_eq!(
-        approaches(&store).await,
-        [const { Vec::<String>::new() }; 3]
-    );
-    assert_eq!(store.responses().await.unwrap(), []);
+    let [kriging, other] = ["kriging", "deterministic"].map(str::to_owned);
+    let outdated = [
+        Derived::Model,
+        Derived::Run(kriging.clone(), 0),
+        Derived::Optimum(other.clone()),
+    ];
+    store.remove(&outdated).await.unwrap();
     assert_eq!(store.models().await.unwrap(), []);
-    assert_eq!(store.campaign().await.unwrap(), campaign());
+    let runs = store.optimiser_runs().await.unwrap();
+    let optima = store.optima().await.unwrap();
+    assert_eq!((runs.len(), &runs[0].approach), (1, &other));
+    assert_eq!((optima.len(), &optima[0].approach), (1, &kriging));
+    let derivations = store.derivations().await.unwrap();
+    let left: Vec<&String> = derivations.keys().collect();
+    assert_eq!(left, ["optimum kriging", "responses"]);
     assert_eq!(store.samples_digest().await.unwrap(), digest);
-    assert_eq!(store.progress().await.unwrap().samples, 6);
+    assert_eq!(store.responses().await.unwrap().len(), 1);
+
+    let samples = [Derived::Samples, Derived::Verification(kriging)];
+    store.remove(&samples).await.unwrap();
+    assert_eq!(store.samples_digest().await.unwrap(), "0".repeat(64));
+    assert_eq!(
+        store.recompute_samples_digest().await.unwrap(),
+        "0".repeat(64)
+    );
+    let progress = store.progress().await.unwrap();
+    assert_eq!((progress.samples, progress.criteria_done), (0, 0));
+    assert_eq!(progress.verify_samples, 5, "those of the reference stay");
+    store.close().await.unwrap();
+    Store::open_read_only(&path).await.unwrap();
 }

@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 
 use sqlx::Connection as _;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
-use store::{Batch, CampaignRow, CriteriaRow, DesignRow, SampleRow, Store};
+use store::{Batch, CampaignRow, CriteriaRow, Derivation, Derived, DesignRow, SampleRow, Store};
 use tempfile::TempDir;
 
 fn campaign() -> CampaignRow {
@@ -48,6 +48,15 @@ async fn store_with(path: &Path, designs: u64) -> Store {
     let rows: Vec<DesignRow> = (0..designs).map(design).collect();
     store.put_designs(&rows).await.unwrap();
     store
+}
+
+/// The derivation of a result from some inputs.
+fn from(of: &Derived) -> Derivation {
+    Derivation::new(of, "0123")
+}
+
+fn optimum_of(approach: &str) -> Derivation {
+    from(&Derived::Optimum(approach.to_owned()))
 }
 
 fn design(design: u64) -> DesignRow {

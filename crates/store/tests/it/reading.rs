@@ -4,11 +4,15 @@ use std::collections::BTreeMap;
 
 use sha2::{Digest as _, Sha256};
 use store::{
-    Batch, Error, FailureGroup, FailureKind, FailureRow, JobTimeRow, MissingWork, ModelRow,
-    OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow, SampleRow, Store, VerifyRow,
+    Batch, Derived, Error, FailureGroup, FailureKind, FailureRow, JobTimeRow, MissingWork,
+    ModelRow, OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow, SampleRow, Store,
+    VerifyRow,
 };
 
-use crate::{campaign, design, feasible, folder, infeasible, open, sample, samples, store_with};
+use crate::{
+    campaign, design, feasible, folder, from, infeasible, open, optimum_of, sample, samples,
+    store_with,
+};
 
 #[tokio::test]
 async fn every_table_gives_back_what_was_put() {
@@ -75,6 +79,7 @@ async fn every_table_gives_back_what_was_put() {
             },
         ],
         evaluations: vec![],
+        derivations: vec![],
         only_for: None,
     };
     let responses = [
@@ -120,9 +125,18 @@ async fn every_table_gives_back_what_was_put() {
             is_stale: false,
         }
     );
-    store.put_responses(&responses, 40).await.unwrap();
-    store.put_model(&model).await.unwrap();
-    store.put_optimum(&optimum).await.unwrap();
+    store
+        .put_responses(&responses, &from(&Derived::Responses))
+        .await
+        .unwrap();
+    store
+        .put_model(Some(&model), &from(&Derived::Model))
+        .await
+        .unwrap();
+    store
+        .put_optimum(&optimum, &optimum_of(&optimum.approach))
+        .await
+        .unwrap();
     store.pin_model_digest("abc").await.unwrap();
     store.close().await.unwrap();
 
@@ -156,7 +170,6 @@ async fn every_table_gives_back_what_was_put() {
         ruled_out: 0,
         samples: 2,
         responses: 2,
-        samples_of_responses: Some(40),
         models: 1,
         optimiser_runs: 2,
         optima: 1,
@@ -179,14 +192,20 @@ async fn stages_run_again_replace_their_results() {
             p90_variance_um2: value,
             lilliefors_p: None,
         };
-        store.put_responses(&[response], 0).await.unwrap();
+        store
+            .put_responses(&[response], &from(&Derived::Responses))
+            .await
+            .unwrap();
         assert_eq!(store.responses().await.unwrap(), [response]);
         let model = ModelRow {
             name: "m".into(),
             json: value.to_string(),
             summary_json: "{}".into(),
         };
-        store.put_model(&model).await.unwrap();
+        store
+            .put_model(Some(&model), &from(&Derived::Model))
+            .await
+            .unwrap();
         assert_eq!(store.models().await.unwrap(), [model]);
     }
 }

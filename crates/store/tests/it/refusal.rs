@@ -194,7 +194,7 @@ async fn other_schemas_are_refused() {
             writing,
             Error::NewerSchema {
                 found: 9999,
-                known: 11,
+                known: 12,
                 ..
             }
         ),
@@ -205,7 +205,7 @@ async fn other_schemas_are_refused() {
             reading,
             Error::NewerSchema {
                 found: 9999,
-                known: 11,
+                known: 12,
                 ..
             }
         ),
@@ -219,7 +219,7 @@ async fn other_schemas_are_refused() {
             error,
             Error::OlderSchema {
                 found: 0,
-                known: 11,
+                known: 12,
                 ..
             }
         ),

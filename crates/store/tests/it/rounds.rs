@@ -1,9 +1,10 @@
-//! Rounds of infill points: written once, all or nothing, and removed with the other derived
-//! results.
+//! Rounds of infill points: written once, all or nothing, and removed one by one.
 
-use store::{Batch, Error, InfillRow, NewRound, RoundRow, Store, Unsampled, VerifyRow};
+use store::{
+    Batch, Derivation, Derived, Error, InfillRow, NewRound, RoundRow, Store, Unsampled, VerifyRow,
+};
 
-use crate::{campaign, folder, open, store_with};
+use crate::{folder, from, open, store_with};
 
 fn point(infill: u64, round: u64) -> InfillRow {
     InfillRow {
@@ -45,6 +46,11 @@ pub(crate) fn new_round(round: u64, failed: &[u64]) -> NewRound {
     }
 }
 
+/// The derivation of a round.
+pub(crate) fn round(round: u64) -> Derivation {
+    from(&Derived::Round(round))
+}
+
 async fn sampled(store: &Store, names: &[&str]) {
     let verify = names
         .iter()
@@ -69,9 +75,9 @@ async fn a_round_is_held_with_its_points_and_marks_those_that_failed() {
     let store = store_with(&path, 2).await;
     assert_eq!(store.rounds().await.unwrap(), []);
     let (first, second) = (new_round(0, &[]), new_round(1, &[1]));
-    store.put_round(&first).await.unwrap();
+    store.put_round(&first, &round(0)).await.unwrap();
     assert_eq!(store.infill().await.unwrap(), first.infill);
-    store.put_round(&second).await.unwrap();
+    store.put_round(&second, &round(1)).await.unwrap();
     store.close().await.unwrap();
 
     let store = Store::open_read_only(&path).await.unwrap();
@@ -89,8 +95,14 @@ async fn a_round_is_held_with_its_points_and_marks_those_that_failed() {
 async fn a_round_is_decided_once_and_never_stored_in_part() {
     let (_folder, path) = folder();
     let store = store_with(&path, 2).await;
-    store.put_round(&new_round(0, &[])).await.unwrap();
-    let again = store.put_round(&new_round(0, &[])).await.unwrap_err();
+    store
+        .put_round(&new_round(0, &[]), &round(0))
+        .await
+        .unwrap();
+    let again = store
+        .put_round(&new_round(0, &[]), &round(0))
+        .await
+        .unwrap_err();
     assert!(matches!(again, Error::Constraint { .. }), "{again}");
     // The last point of this round is stored already.
     let mut mixed = new_round(1, &[0]);
@@ -98,39 +110,58 @@ async fn a_round_is_decided_once_and_never_stored_in_part() {
         round: 1,
         ..point(0, 0)
     };
-    let mixed = store.put_round(&mixed).await.unwrap_err();
+    let mixed = store.put_round(&mixed, &round(1)).await.unwrap_err();
     assert!(matches!(mixed, Error::Constraint { .. }), "{mixed}");
     let mut endless = new_round(1, &[0]);
     endless.infill[0].violation = f64::INFINITY;
-    let endless = store.put_round(&endless).await.unwrap_err();
+    let endless = store.put_round(&endless, &round(1)).await.unwrap_err();
     assert!(matches!(endless, Error::NotFinite { .. }), "{endless}");
     assert_eq!(store.rounds().await.unwrap().len(), 1);
     assert_eq!(store.infill().await.unwrap(), new_round(0, &[]).infill);
     // The writer continues after the refusals.
-    store.put_round(&new_round(1, &[])).await.unwrap();
+    store
+        .put_round(&new_round(1, &[]), &round(1))
+        .await
+        .unwrap();
 }
 
+/// A round goes with its points and their samples, and the points that it found to have failed are open again.
 #[tokio::test]
-async fn rounds_go_with_what_was_derived_and_their_samples_with_them() {
+async fn a_round_that_is_removed_leaves_the_one_before_as_it_was_sampled() {
     let (_folder, path) = folder();
     let store = store_with(&path, 2).await;
-    store.put_round(&new_round(0, &[])).await.unwrap();
-    sampled(&store, &["infill-0000", "infill-0002", "figure-7"]).await;
-    store.clear_derived(&[]).await.unwrap();
-    assert_eq!(store.rounds().await.unwrap(), []);
-    assert_eq!(store.infill().await.unwrap(), []);
-    assert_eq!(
-        store.verify_counts().await.unwrap(),
-        [("figure-7".to_owned(), 4)]
-    );
-    assert_eq!(store.verify_samples("infill-0000").await.unwrap(), []);
+    let first = new_round(0, &[]);
+    store.put_round(&first, &round(0)).await.unwrap();
+    store
+        .put_round(&new_round(1, &[1]), &round(1))
+        .await
+        .unwrap();
+    sampled(&store, &["infill-0000", "infill-0004", "figure-7"]).await;
+    let generations = ["infill-0000", "infill-0004"].map(|name| (name.to_owned(), 7));
+    store.put_generations(&generations).await.unwrap();
+    store.remove(&[Derived::Round(1)]).await.unwrap();
+    assert_eq!(store.rounds().await.unwrap(), [first.row]);
+    let points = store.infill().await.unwrap();
+    assert!(points.len() == 3 && points.iter().all(|point| !point.failed));
+    let counts = [("figure-7".to_owned(), 4), ("infill-0000".to_owned(), 4)];
+    assert_eq!(store.verify_counts().await.unwrap(), counts);
+    let held = store.generations().await.unwrap();
+    assert_eq!(held.keys().collect::<Vec<_>>(), ["infill-0000"]);
+    let derivations = store.derivations().await.unwrap();
+    assert_eq!(derivations.keys().collect::<Vec<_>>(), ["round 0"]);
+    assert_eq!(derivations["round 0"], round(0));
 
-    // A larger campaign decides its rounds again.
-    store.put_round(&new_round(0, &[])).await.unwrap();
-    sampled(&store, &["infill-0001"]).await;
-    store.extend(&campaign(), &[]).await.unwrap();
+    // It is decided again, with other points.
+    store
+        .put_round(&new_round(1, &[]), &round(1))
+        .await
+        .unwrap();
+    store
+        .remove(&[Derived::Round(1), Derived::Round(0)])
+        .await
+        .unwrap();
+    assert_eq!(store.infill().await.unwrap(), []);
     store.close().await.unwrap();
     let store = open(&path).await;
-    assert_eq!(store.rounds().await.unwrap(), []);
     assert_eq!(store.progress().await.unwrap().verify_samples, 4);
 }

@@ -10,14 +10,15 @@ use std::path::{Path, PathBuf};
 use sqlx::Connection as _;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection, SqliteJournalMode};
 use store::{
-    Batch, DesignRow, Error, FailureKind, FailureRow, JobTimeRow, ModelRow, OptimiserRunRow,
-    OptimumRow, ResponseRow, SampleRow, StageTimeRow, Store, VerifyRow,
+    Batch, Derived, DesignRow, Error, FailureKind, FailureRow, JobTimeRow, ModelRow,
+    OptimiserRunRow, OptimumRow, ResponseRow, SampleRow, StageTimeRow, Store, VerifyRow,
 };
 
 use crate::evaluations::{self, evaluation};
-use crate::rounds::new_round;
+use crate::rounds::{new_round, round};
 use crate::{
-    beside, campaign, design, execute, feasible, folder, infeasible, newest_migration, open, read,
+    beside, campaign, design, execute, feasible, folder, from, infeasible, newest_migration, open,
+    optimum_of, read,
 };
 
 const DESIGNS: u64 = 12;
@@ -85,6 +86,7 @@ fn all_rows() -> Batch {
             })
             .collect(),
         evaluations: vec![],
+        derivations: vec![],
         only_for: None,
     }
 }
@@ -149,6 +151,7 @@ async fn every_released_schema_is_brought_up_to_date() {
         holds_rounds(&store, schema >= 3).await;
         holds_evaluations(&store, schema >= 10).await;
         holds_stage_times(&store, schema >= 11).await;
+        holds_derivations(&store, schema >= 12).await;
         store.close().await.unwrap();
         // The store needs only one migration, and can now be opened for reading.
         let store = Store::open_read_only(&path).await.unwrap();
@@ -156,6 +159,20 @@ async fn every_released_schema_is_brought_up_to_date() {
         holds_rounds(&store, schema >= 3).await;
         holds_evaluations(&store, schema >= 10).await;
     }
+}
+
+/// A store of a former schema does not know what its results were computed from.
+async fn holds_derivations(store: &Store, has_any: bool) {
+    let held = store.derivations().await.unwrap();
+    let expected = [
+        "model",
+        "optimum kriging",
+        "responses",
+        "round 0",
+        "round 1",
+    ];
+    let expected = if has_any { &expected[..] } else { &[] };
+    assert_eq!(held.keys().collect::<Vec<_>>(), expected);
 }
 
 /// A store of a former schema has none, and takes them.
@@ -388,11 +405,23 @@ async fn makes_the_fixture() {
     let store = open(&path).await;
     store.put_designs(&all_designs()).await.unwrap();
     store.writer().unwrap().submit(all_rows()).await.unwrap();
-    store.put_responses(&all_responses(), 0).await.unwrap();
-    store.put_model(&the_model()).await.unwrap();
-    store.put_optimum(&the_optimum()).await.unwrap();
-    for round in 0..2 {
-        store.put_round(&new_round(round, &[])).await.unwrap();
+    store
+        .put_responses(&all_responses(), &from(&Derived::Responses))
+        .await
+        .unwrap();
+    store
+        .put_model(Some(&the_model()), &from(&Derived::Model))
+        .await
+        .unwrap();
+    store
+        .put_optimum(&the_optimum(), &optimum_of("kriging"))
+        .await
+        .unwrap();
+    for number in 0..2 {
+        store
+            .put_round(&new_round(number, &[]), &round(number))
+            .await
+            .unwrap();
     }
     evaluations::want(&store, 7).await;
     evaluations::put(&store, 7, vec![evaluation(7)])

@@ -4,7 +4,8 @@ use std::fs;
 use std::path::Path;
 
 use store::{
-    Batch, Error, FailureKind, FailureRow, JobTimeRow, OptimiserRunRow, Receipt, Store, VerifyRow,
+    Batch, Derived, Error, FailureKind, FailureRow, JobTimeRow, OptimiserRunRow, Receipt, Store,
+    VerifyRow,
 };
 
 use crate::{beside, campaign, design, feasible, folder, open, sample, samples, store_with};
@@ -28,6 +29,7 @@ async fn the_same_rows_again_are_duplicates() {
         }],
         failures: Vec::new(),
         evaluations: vec![],
+        derivations: vec![],
         only_for: None,
     };
     let writer = store.writer().unwrap();
@@ -606,7 +608,8 @@ async fn a_batch_is_stored_for_the_generation_that_is_wanted_only() {
     assert_eq!(held().await, [0.0; 0]);
     assert_eq!(submit(0, 1).await, (0, true));
     assert_eq!(submit(0, 2).await, (1, false));
-    store.clear_derived(&["kriging"]).await.unwrap();
+    let removed = Derived::Verification("kriging".to_owned());
+    store.remove(&[removed]).await.unwrap();
     assert_eq!(submit(1, 2).await, (0, true), "it was cleared");
     assert_eq!(held().await, [0.0; 0]);
 }

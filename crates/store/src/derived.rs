@@ -1,0 +1,190 @@
+//! Derived results, what they were computed from, and their removal.
+
+use crate::Error;
+use crate::connection::Connection;
+use crate::insert::remove_samples;
+use crate::keyed::{self, Table};
+use crate::rounds;
+use crate::rows::{ModelRow, OptimumRow, Receipt, ResponseRow};
+
+/// Completes "the database could not".
+pub(crate) const REMOVING: &str = "remove derived rows";
+
+/// A result that is computed from others.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Derived {
+    /// Criteria and samples of the whole DoE, which depend on the variables that all designs share.
+    Samples,
+    /// The responses of all designs.
+    Responses,
+    /// The model of the responses.
+    Model,
+    /// The run of an optimiser: the approach and the start.
+    Run(String, u64),
+    /// A round of infill.
+    Round(u64),
+    /// The optimum of an approach.
+    Optimum(String),
+    /// The samples of an optimum.
+    Verification(String),
+}
+
+impl Derived {
+    /// The result's name in the table of derivations.
+    #[must_use]
+    pub fn name(&self) -> String {
+        match self {
+            Self::Samples => "samples".to_owned(),
+            Self::Responses => "responses".to_owned(),
+            Self::Model => "model".to_owned(),
+            Self::Run(approach, start) => format!("run {approach} {start}"),
+            Self::Round(round) => format!("round {round}"),
+            Self::Optimum(approach) => format!("optimum {approach}"),
+            Self::Verification(point) => format!("verification {point}"),
+        }
+    }
+}
+
+/// What a derived result was computed from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Derivation {
+    /// [`Derived::name`] of the result.
+    pub name: String,
+    /// The digest of everything that the result depends on.
+    pub inputs: String,
+    /// The digest of the result; `None` where no other result is computed from it.
+    pub output: Option<String>,
+    /// Why there is no result: of a fit that failed.
+    pub failure: Option<String>,
+}
+
+impl Derivation {
+    /// The derivation of a result from which no other is computed.
+    #[must_use]
+    pub fn new(of: &Derived, inputs: impl Into<String>) -> Self {
+        Self {
+            name: of.name(),
+            inputs: inputs.into(),
+            output: None,
+            failure: None,
+        }
+    }
+}
+
+/// Replaces all responses.
+pub(crate) async fn responses(
+    connection: &mut Connection<'_>,
+    rows: &[ResponseRow],
+    derivation: &Derivation,
+) -> Result<Receipt, Error> {
+    connection.run(REMOVING, "DELETE FROM response").await?;
+    put(connection, rows, derivation).await
+}
+
+/// Replaces the model, or removes it if the fit has failed.
+pub(crate) async fn model(
+    connection: &mut Connection<'_>,
+    row: Option<&ModelRow>,
+    derivation: &Derivation,
+) -> Result<Receipt, Error> {
+    connection.run(REMOVING, "DELETE FROM model").await?;
+    put(
+        connection,
+        row.map_or(&[], std::slice::from_ref),
+        derivation,
+    )
+    .await
+}
+
+/// Replaces the optimum of an approach.
+pub(crate) async fn optimum(
+    connection: &mut Connection<'_>,
+    row: &OptimumRow,
+    derivation: &Derivation,
+) -> Result<Receipt, Error> {
+    put(connection, std::slice::from_ref(row), derivation).await
+}
+
+async fn put<T: Table>(
+    connection: &mut Connection<'_>,
+    rows: &[T],
+    derivation: &Derivation,
+) -> Result<Receipt, Error> {
+    keyed::replace(connection, rows).await?;
+    derivations(connection, std::slice::from_ref(derivation)).await?;
+    Ok(Receipt {
+        new_rows: rows.len() as u64,
+        ..Receipt::default()
+    })
+}
+
+/// Stores derivations, replacing those of the same results.
+pub(crate) async fn derivations(
+    connection: &mut Connection<'_>,
+    rows: &[Derivation],
+) -> Result<(), Error> {
+    keyed::replace(connection, rows).await
+}
+
+/// Removes derived results with their derivations. What workers computed for them goes with them, and results
+/// that come late are refused.
+pub(crate) async fn remove(
+    connection: &mut Connection<'_>,
+    results: &[Derived],
+) -> Result<Receipt, Error> {
+    for result in results {
+        match result {
+            Derived::Samples => {
+                for statement in [
+                    "DELETE FROM sample_range",
+                    "DELETE FROM design_tally",
+                    "UPDATE tally SET samples = 0, samples_digest = zeroblob(32)",
+                    "DELETE FROM criteria",
+                ] {
+                    connection.run(REMOVING, statement).await?;
+                }
+            }
+            Derived::Responses => connection.run(REMOVING, "DELETE FROM response").await?,
+            Derived::Model => connection.run(REMOVING, "DELETE FROM model").await?,
+            Derived::Run(approach, start) => {
+                let start = start.cast_signed();
+                let query = sqlx::query!(
+                    "DELETE FROM optimiser_run WHERE approach = ? AND start = ?",
+                    approach,
+                    start,
+                );
+                connection.execute(REMOVING, query).await?;
+                forget_stream(connection, &result.name()).await?;
+            }
+            Derived::Round(round) => rounds::remove(connection, *round).await?,
+            Derived::Optimum(approach) => {
+                let query = sqlx::query!("DELETE FROM optimum WHERE approach = ?", approach);
+                connection.execute(REMOVING, query).await?;
+            }
+            Derived::Verification(point) => {
+                remove_samples(connection, point).await?;
+                forget_stream(connection, point).await?;
+            }
+        }
+        let name = result.name();
+        let query = sqlx::query!("DELETE FROM derivation WHERE name = ?", name);
+        connection.execute(REMOVING, query).await?;
+    }
+    Ok(Receipt::default())
+}
+
+/// Removes the evaluations and the wanted generation of a stream.
+pub(crate) async fn forget_stream(
+    connection: &mut Connection<'_>,
+    stream: &str,
+) -> Result<(), Error> {
+    for statement in [
+        "DELETE FROM evaluation WHERE stream = ?",
+        "DELETE FROM stream_generation WHERE stream = ?",
+    ] {
+        connection
+            .execute(REMOVING, sqlx::query(statement).bind(stream))
+            .await?;
+    }
+    Ok(())
+}
