@@ -138,10 +138,10 @@ pub fn next(problem: &Problem, inputs: &Inputs, state: &State) -> Next {
     let is_open = |run: &Run| !state.is_settled(run.approach, run.start);
     let runs = wanted.into_iter().filter(is_open).collect();
     let mut points = verify_points(campaign, state);
+    points.retain(|point| !point.is_complete());
+    // Also those whose last samples came while the state was read: the next pass sees them settled.
     points.extend(state.enrichment.points.iter().cloned());
-    points.retain(|point| {
-        !point.is_complete() && !state.quarantined.contains(&StreamId::point(point.number))
-    });
+    points.retain(|point| !state.quarantined.contains(&StreamId::point(point.number)));
     let (local, inputs) = local_step(problem, state, &standing).unzip();
     let sampling = standing.base.clone().filter(|_| state.lacks_samples());
     let is_noted = state.derivations.contains_key(&Derived::Samples.name());

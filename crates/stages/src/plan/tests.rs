@@ -189,6 +189,21 @@ fn an_enrichment_that_ended_by_failures_goes_on() {
     world.assert_undisturbed();
 }
 
+/// A campaign ended when the last sample of a round came between two reads of its state.
+#[test]
+fn a_round_whose_last_sample_comes_while_the_state_is_read_is_waited_for() {
+    let mut world = World::new(enriched());
+    let is_round = |next: &Next| next.points.iter().any(|p| infill::is_infill(p.number));
+    world.pass_until(|next| is_round(next) && next.points.len() == 2 && next.runs.is_empty());
+    for point in &mut world.state.enrichment.points {
+        point.stored = (0..point.wanted).collect();
+    }
+    let next = world.next();
+    assert!(next.local.is_none() && !next.is_finished(), "{next:?}");
+    world.finish();
+    world.assert_undisturbed();
+}
+
 /// A verified optimum leaves no samples behind where another design, or none, is chosen in its place.
 #[test]
 fn samples_of_another_design_are_removed() {
