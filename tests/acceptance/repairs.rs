@@ -139,7 +139,9 @@ fn a_campaign_that_was_all_quarantined_is_computed_by_the_same_command() {
 #[test]
 fn what_was_learned_without_a_quarantined_design_is_learned_again() {
     let fails = "r['request'] == 'sample' and d['a'] > 0.8 and not os.path.exists('licence')";
-    let case = Case::new(fails, "1", &[]);
+    // By default a sample that fails for good is a result.
+    let policy = "samples_per_design = 10\nfailed = \"quarantines-design\"";
+    let case = Case::new(fails, "1", &[("samples_per_design = 10", policy)]);
     case.run("c.db", 13);
     let status = case.status("c.db");
     assert_eq!(status["enrichment"]["ended"], true, "{status}");
