@@ -4,7 +4,7 @@ use super::figure::{Figure, figure};
 use crate::charts;
 use crate::data::Enrichment;
 use crate::error::Error;
-use crate::number::count;
+use crate::number::{count, significant};
 use crate::summary::with_unit;
 
 /// The section of the page.
@@ -79,7 +79,7 @@ fn outcome(enrichment: &Enrichment, percentile: &str) -> String {
         "The model predicts a {percentile} of {} (95 % interval {} to {}) for the design that it \
          recommends.",
         shown(last.predicted_um),
-        shown(last.low_um),
+        significant(last.low_um, 4),
         shown(last.high_um),
     );
     if let (Some(verified), Some((low, high))) =
@@ -94,7 +94,7 @@ fn outcome(enrichment: &Enrichment, percentile: &str) -> String {
             " Verification samples give {}, which {lies} the interval that it gives for an estimate from \
              that many, {} to {}.",
             shown(verified),
-            shown(low),
+            significant(low, 4),
             shown(high),
         );
     }
