@@ -128,7 +128,7 @@ fn a_coordinator_that_does_not_answer_cannot_keep_a_worker_that_is_asked_to_leav
     let (status, errors) = worker.finish();
     assert_eq!(status.code(), Some(14), "{errors}");
     assert!(
-        errors.contains("results that nobody acknowledged"),
+        errors.contains("results that the coordinator did not take are in a file"),
         "{errors}"
     );
     // The limit allows for the grace period, a last attempt and a busy machine; a lost call alone

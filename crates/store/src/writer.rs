@@ -67,7 +67,10 @@ impl Writer {
     pub(crate) async fn put(&self, rows: Rows) -> Result<Receipt, Error> {
         let (ack, answer) = oneshot::channel();
         self.queue
-            .send(Command::Write { rows, ack })
+            .send(Command::Write {
+                rows: Box::new(rows),
+                ack,
+            })
             .await
             .map_err(|_| Error::Closed)?;
         answer.await.map_err(|_| Error::Closed)?
@@ -138,7 +141,7 @@ impl Rows {
 #[derive(Debug)]
 enum Command {
     Write {
-        rows: Rows,
+        rows: Box<Rows>,
         ack: Ack,
     },
     Close {
@@ -197,7 +200,7 @@ impl Task {
                 match command {
                     Command::Write { rows, ack } => {
                         rows_in_group += rows.len();
-                        group.push((rows, ack));
+                        group.push((*rows, ack));
                     }
                     Command::Close { ack } => {
                         closing = Some(ack);

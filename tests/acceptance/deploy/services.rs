@@ -7,7 +7,7 @@ use acceptance::isolated::{Isolated, documented};
 use acceptance::{Sandbox, assert_code, errors, printed, programs, root, small_campaign};
 
 /// How long a service manager may take for anything.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_secs(300);
 
 /// Where a user's state is for systemd before 254; `systemd.sh` tells later ones to keep it there, too.
 const DB: &str = "user/home/.config/pitchline/campaign.db";
