@@ -168,7 +168,7 @@ fn twenty_designs(sandbox: &Sandbox) -> String {
         sandbox,
         &[
             ("designs = 60", "method = \"random\"\ndesigns = 20"),
-            ("probe_designs = 3", "probe_designs = 0"),
+            ("probe_designs = 3", "probe_designs = 0\nretry_s = 5.0"),
             (
                 "[sampling]\n",
                 "[sampling]\nfailed = \"quarantines-design\"\n",

@@ -494,8 +494,9 @@ fn design<'a>(
     }
     let keep_going = |drawn: &[f64]| keep_going(&|| output(drawn));
     let (samples_um, failure) = draw(problem, design.as_mut(), sampling.names, unit, &keep_going);
-    // The criteria of a design whose samples fail are stored without them.
-    let has_criteria = failure.is_some() && !responses.is_empty();
+    // The criteria of a design whose samples fail are stored without them, if the failure is a result.
+    let is_result = problem.campaign().sampling.tolerates_failures();
+    let has_criteria = failure.is_some() && is_result && !responses.is_empty();
     let alone = || Output::Design {
         responses: responses.clone(),
         ruled_out: None,
