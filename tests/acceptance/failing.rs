@@ -155,7 +155,6 @@ fn failed_samples_count_as_the_policy_says() {
 #[test]
 fn an_outage_of_the_licence_server_costs_nothing_but_time() {
     let case = Case::new("licence-outage", &[], "");
-    case.sandbox.write("since", "");
     let run = case.run("2", &[("OUT", "8")]);
     assert_code(&run, 0);
     let status = case.status();
