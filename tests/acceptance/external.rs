@@ -396,7 +396,22 @@ fn samples_that_always_fail_end_a_campaign_that_wants_more_of_them() {
 #[test]
 fn numbers_that_cannot_be_are_refused_and_the_mended_simulator_goes_on() {
     let sandbox = Sandbox::new();
-    let file = twenty_designs(&sandbox);
+    // Each candidate of a search fails, too: a short search.
+    let file = campaign(
+        &sandbox,
+        &[
+            ("designs = 60", "method = \"random\"\ndesigns = 20"),
+            (
+                "probe_designs = 3",
+                "probe_designs = 0\nretry_s = 1.0\nattempts = 1",
+            ),
+            ("evaluations = 300 ", "evaluations = 20 "),
+            (
+                "[sampling]\n",
+                "[sampling]\nfailed = \"quarantines-design\"\n",
+            ),
+        ],
+    );
     let mended = path(&sandbox.path("mended"));
     let absurd = [
         (
