@@ -406,6 +406,7 @@ fn numbers_that_cannot_be_are_refused_and_the_mended_simulator_goes_on() {
                 "probe_designs = 0\nretry_s = 1.0\nattempts = 1",
             ),
             ("evaluations = 300 ", "evaluations = 20 "),
+            ("restart_at = 150", "restart_at = 10"),
             (
                 "[sampling]\n",
                 "[sampling]\nfailed = \"quarantines-design\"\n",
