@@ -1,9 +1,9 @@
 //! Derived results stand as long as what they were computed from is unchanged.
 //!
-//! The store keeps with each result the digest of its inputs ([`store::Derivation`]). A [`Standing`] computes
+//! The store keeps with each result the digest of its inputs ([`store::Derivation`]). A `Standing` computes
 //! the digests of the present inputs from a state, and says which stored results are outdated. These are
 //! removed, so what is missing and what has to be computed again are one question, which
-//! [`plan::next`](crate::plan::next) answers.
+//! [`next`](crate::plan::next) answers.
 //!
 //! ```text
 //! samples ─► responses ─► model ─► runs on it ─► optimum

@@ -31,7 +31,7 @@
 //! - [`harrell_davis_p90`], [`choose_p90`]: a percentile of samples that are not normal, and its variance;
 //!   [`exact_bootstrap_variance`] of any weighted sum of order statistics.
 //! - [`Shape`]: a percentile of designs that share the shape of their response's distribution.
-//! - [`reference`]: responses with known percentiles.
+//! - [`mod@reference`]: responses with known percentiles.
 //! - [`control_variate_p90`], [`normal_coefficients`] and [`grouped_p90`]: the same percentile from fewer
 //!   samples, by a control variate, antithetic or quasi-random coefficients.
 //! - [`samples_needed`]: how many more samples until the percentile is precise enough.

@@ -56,7 +56,7 @@ pub(super) fn notes(sources: &Sources, failures: &[store::FailureRow]) -> Vec<St
             campaign::task::NOT_A_NUMBER,
             "gave results that are no numbers",
         ),
-        (campaign::task::FAILED, "failed for good"),
+        (campaign::task::FAILED, "failed in every attempt"),
     ] {
         let count = panics(name);
         if count > 0 {

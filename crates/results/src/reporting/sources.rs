@@ -33,7 +33,7 @@ pub(super) struct Sources {
     pub(super) rounds: Vec<RoundRow>,
     /// Verification samples by point.
     pub(super) verified: BTreeMap<String, Vec<f64>>,
-    /// What has failed for good.
+    /// What has failed in every attempt.
     pub(super) failed: Failed,
 }
 
