@@ -120,6 +120,12 @@ impl Engine {
             if !next.outdated.is_empty() {
                 let outdated: Vec<String> = next.outdated.iter().map(Derived::name).collect();
                 info!(outdated = %outdated.join(", "), "inputs have changed: to be computed again");
+                // The board, too, must not take them for stored; what is on its way is refused.
+                let is_gone = |stream| {
+                    let mut gone = next.outdated.iter();
+                    gone.any(|result| derived::is_of_stream(result, stream))
+                };
+                self.board.forget(is_gone);
                 store.remove(&next.outdated).await?;
                 if next.outdated.contains(&Derived::Samples) {
                     more.clear();

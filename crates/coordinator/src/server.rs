@@ -29,7 +29,7 @@ pub const LEASE: Duration = Duration::from_secs(30);
 const GRACE: Duration = Duration::from_millis(500);
 
 /// Time for open pages to fetch the last numbers when a coordinator ends.
-const PAGE_ENDS: Duration = Duration::from_secs(2);
+const PAGE_ENDS: Duration = Duration::from_secs(12);
 
 /// Interval at which an observer receives the status.
 const OBSERVING_PERIOD: Duration = Duration::from_millis(500);

@@ -348,7 +348,7 @@ function listen() {
       : status.live ? "Connected: the page follows the campaign."
         : "The store alone was asked: what workers do is not known.", false);
     showStatus(status);
-    // A coordinator that ends with its campaign answers for one more second after the last status.
+    // A coordinator that ends with its campaign answers until no page has asked for a second.
     fetchViews();
   });
   source.addEventListener("trouble", (event) => {

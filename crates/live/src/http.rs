@@ -34,8 +34,11 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; c
 
 /// Interval between messages to a listening page, so that a broken connection is noticed.
 const HEARTBEAT: Duration = Duration::from_secs(10);
-/// Time that open pages have after the last status to fetch the views that belong to it.
+/// Open pages fetch the views that belong to the last status: they have done so when none has asked for
+/// this long.
 const FAREWELL: Duration = Duration::from_secs(1);
+/// The longest time that they have.
+const LONGEST_FAREWELL: Duration = Duration::from_secs(10);
 
 /// Serves a site on `listener` until `stop`.
 ///
@@ -51,7 +54,8 @@ pub async fn serve(
     let router = router(Arc::clone(&site), is_loopback);
     let ended = async move {
         if site.send_changes(&stop).await {
-            tokio::time::sleep(FAREWELL).await;
+            let quiet = site.quiet(FAREWELL);
+            let _ = tokio::time::timeout(LONGEST_FAREWELL, quiet).await;
         }
     };
     axum::serve(listener, router)
@@ -77,6 +81,7 @@ fn router(site: Arc<Site>, is_loopback: bool) -> Router {
         .route("/api/v1/events", get(events));
     for view in View::ALL {
         let answer = move |State(site): State<Arc<Site>>, headers: HeaderMap| async move {
+            let _visit = site.visit();
             json(&*site.body(view).await, &headers)
         };
         router = router.route(&format!("/api/v1/{}", view.name()), get(answer));
@@ -149,6 +154,7 @@ async fn map(
     Path((x, y)): Path<(usize, usize)>,
     headers: HeaderMap,
 ) -> Response {
+    let _visit = site.visit();
     match site.map(x, y).await {
         Some(map) => json(&map, &headers),
         None => nothing().await.into_response(),

@@ -138,6 +138,17 @@ pub struct Site {
     work: tokio::sync::Mutex<Work>,
     /// The last status sent to the listening pages.
     sent: watch::Sender<Sent>,
+    /// Number of requests for views that are being answered.
+    visits: watch::Sender<usize>,
+}
+
+/// A request for a view, while it is being answered.
+pub(crate) struct Visit<'a>(&'a watch::Sender<usize>);
+
+impl Drop for Visit<'_> {
+    fn drop(&mut self) {
+        self.0.send_modify(|visits| *visits -= 1);
+    }
 }
 
 /// An event for the listening pages.
@@ -171,6 +182,7 @@ impl Site {
             responses: Kept::default(),
             work: tokio::sync::Mutex::default(),
             sent: watch::Sender::default(),
+            visits: watch::Sender::default(),
         })
     }
 
@@ -240,15 +252,38 @@ impl Site {
         self.sent.subscribe()
     }
 
+    /// Counts a request until the answer is dropped.
+    pub(crate) fn visit(&self) -> Visit<'_> {
+        self.visits.send_modify(|visits| *visits += 1);
+        Visit(&self.visits)
+    }
+
+    /// Waits until no request has come or is being answered for `time`.
+    pub(crate) async fn quiet(&self, time: Duration) {
+        let mut visits = self.visits.subscribe();
+        loop {
+            let change = tokio::time::timeout(time, visits.changed()).await;
+            if change.is_err() && *visits.borrow() == 0 {
+                return;
+            }
+        }
+    }
+
     /// Sends the status to the listening pages whenever it has changed, at most once a second, and
     /// a last time at `stop`. Returns whether any page listens then.
     pub(crate) async fn send_changes(&self, stop: &CancellationToken) -> bool {
         let mut period = tokio::time::interval(SENT);
         period.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
+        let mut was_finished = false;
         while stop.run_until_cancelled(period.tick()).await.is_some() {
             if self.sent.receiver_count() == 0 {
                 continue;
             }
+            let is_finished = matches!(&*self.status().await, Ok(status) if status.finished);
+            if is_finished && !was_finished {
+                self.forget_views().await;
+            }
+            was_finished = is_finished;
             let body = self.body(View::Status).await;
             self.sent.send_if_modified(|sent| {
                 let is_news = sent.status.as_ref().is_none_or(|old| old.tag != body.tag);
@@ -258,21 +293,23 @@ impl Site {
                 is_news
             });
         }
-        // The views that follow the last status must be up to date. The locks wait for a reader at work,
-        // which would otherwise keep its older view afterwards.
-        {
-            let _reading = self.reading_status.lock().await;
-            self.status.forget();
-        }
-        {
-            let _work = self.work.lock().await;
-            self.bodies.iter().for_each(Kept::forget);
-        }
+        self.forget_views().await;
         self.sent.send_replace(Sent {
             status: Some(self.body(View::Status).await),
             is_last: true,
         });
         self.sent.receiver_count() > 0
+    }
+
+    /// Makes sure that the views that follow a last status are up to date. The locks wait for a reader at work,
+    /// which would otherwise keep its older view afterwards.
+    async fn forget_views(&self) {
+        {
+            let _reading = self.reading_status.lock().await;
+            self.status.forget();
+        }
+        let _work = self.work.lock().await;
+        self.bodies.iter().for_each(Kept::forget);
     }
 
     async fn make(&self, view: View, work: &mut Work) -> anyhow::Result<Body> {

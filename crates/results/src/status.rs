@@ -238,6 +238,7 @@ fn micrometres() -> String {
 ///
 /// The store cannot be read, or its campaign file cannot.
 pub async fn read(store: &Store) -> anyhow::Result<Status> {
+    let store = &store.snapshot().await?;
     let row = store.campaign().await?;
     let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
     let progress = store.progress().await?;

@@ -19,13 +19,13 @@ use std::fmt::Write as _;
 
 use campaign::formulation::{Approach, Design, Problem};
 use campaign::task::{Inputs, Run, Source};
-use ledger::Generation;
+use ledger::{Generation, Kind, StreamId};
 use serde::Serialize;
 use sha2::{Digest as _, Sha256};
 use store::{Derivation, Derived, OptimiserRunRow, ResponseRow};
 
-use crate::plan;
 use crate::state::State;
+use crate::{names, plan};
 
 /// The derivation of the responses.
 #[must_use]
@@ -62,6 +62,21 @@ pub fn generation_inputs(generation: Generation) -> String {
 #[must_use]
 pub fn run_of(approach: Approach, start: u32) -> Derived {
     Derived::Run(approach.name().to_owned(), start.into())
+}
+
+/// Whether workers computed a result in this stream.
+#[must_use]
+pub fn is_of_stream(result: &Derived, stream: StreamId) -> bool {
+    match (result, stream.kind) {
+        (Derived::Samples, Kind::Design) => true,
+        (Derived::Run(..), Kind::Run) => {
+            names::run_stream_name(stream).is_some_and(|name| name == result.name())
+        }
+        (Derived::Verification(point), Kind::Point) => {
+            Approach::numbered(stream.index).is_some_and(|approach| approach.name() == point)
+        }
+        _ => false,
+    }
 }
 
 /// A SHA-256 of texts, each with its length.

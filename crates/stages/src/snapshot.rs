@@ -19,7 +19,8 @@ use crate::verification::Sizes;
 /// Reads the state of the campaign, without the quarantined streams. `more` has the designs that need more
 /// samples than others, `sizes` what was read of verification samples before.
 ///
-/// Only the missing part of the DoE is read, so that a restart is quick however much is done.
+/// Everything is read as of one moment: results that come meanwhile are never seen without what they were
+/// derived from. Only the missing part of the DoE is read, so that a restart is quick however much is done.
 ///
 /// # Errors
 ///
@@ -32,6 +33,7 @@ pub async fn load(
     more: &BTreeMap<u64, u64>,
     sizes: &mut Sizes,
 ) -> Result<State, store::Error> {
+    let store = &store.snapshot().await?;
     let campaign = problem.campaign();
     let wanted = u64::from(campaign.sampling.samples_per_design);
     let missing = store.missing_work(wanted, more).await?;

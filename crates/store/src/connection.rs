@@ -6,11 +6,13 @@ use std::sync::Arc;
 use sqlx::pool::PoolConnection;
 use sqlx::query::{Map, Query};
 use sqlx::sqlite::{
-    Sqlite, SqliteArguments, SqliteConnectOptions, SqliteConnection, SqliteQueryResult, SqliteRow,
+    Sqlite, SqliteArguments, SqliteConnectOptions, SqliteConnection, SqlitePool, SqliteQueryResult,
+    SqliteRow,
 };
 use sqlx::{
     Connection as _, Decode, Error as SqlxError, Executor as _, Row as _, Transaction, Type,
 };
+use tokio::sync::{Mutex, OwnedMutexGuard};
 use tokio_stream::{Stream, StreamExt as _};
 
 use crate::Error;
@@ -27,7 +29,50 @@ pub(crate) struct Connection<'c> {
 enum Handle<'c> {
     Own(SqliteConnection),
     Pooled(PoolConnection<Sqlite>),
+    Shared(OwnedMutexGuard<Transaction<'static, Sqlite>>),
     Within(Transaction<'c, Sqlite>),
+}
+
+/// The connections that a store reads with.
+#[derive(Debug, Clone)]
+pub(crate) enum Readers {
+    /// Each read sees what is stored when it begins.
+    Pool(SqlitePool),
+    /// All reads see what was stored at the first of them. One waits for another.
+    Snapshot(Arc<Mutex<Transaction<'static, Sqlite>>>),
+}
+
+impl Readers {
+    pub(crate) async fn acquire(&self, path: &Arc<Path>) -> Result<Connection<'static>, Error> {
+        let sql = match self {
+            Self::Pool(pool) => Handle::Pooled(pool.acquire().await.map_err(|e| opening(path, e))?),
+            Self::Snapshot(moment) => Handle::Shared(Arc::clone(moment).lock_owned().await),
+        };
+        let path = Arc::clone(path);
+        Ok(Connection { sql, path })
+    }
+
+    /// Readers that all see one moment.
+    pub(crate) async fn snapshot(&self, path: &Path) -> Result<Self, Error> {
+        Ok(match self {
+            Self::Pool(pool) => {
+                let moment = pool.begin().await.map_err(|e| opening(path, e))?;
+                Self::Snapshot(Arc::new(Mutex::new(moment)))
+            }
+            Self::Snapshot(_) => self.clone(),
+        })
+    }
+
+    /// Closes the connections, once they are no longer in use.
+    pub(crate) async fn close(&self) {
+        if let Self::Pool(pool) = self {
+            pool.close().await;
+        }
+    }
+}
+
+fn opening(path: &Path, source: SqlxError) -> Error {
+    Error::sqlite("open its file for reading", path, source)
 }
 
 type Mapped<'q, F> = Map<'q, Sqlite, F, SqliteArguments>;
@@ -44,17 +89,11 @@ impl Connection<'static> {
         })
     }
 
-    pub(crate) fn pooled(sql: PoolConnection<Sqlite>, path: &Arc<Path>) -> Self {
-        Self {
-            sql: Handle::Pooled(sql),
-            path: Arc::clone(path),
-        }
-    }
-
     pub(crate) async fn close(self) -> Result<(), Error> {
         let closed = match self.sql {
             Handle::Own(sql) => sql.close().await,
             Handle::Pooled(sql) => sql.close().await,
+            Handle::Shared(_) => Ok(()),
             Handle::Within(transaction) => transaction.rollback().await,
         };
         closed.map_err(|e| Error::sqlite("close its file", &self.path, e))
@@ -90,6 +129,7 @@ impl Connection<'_> {
         match &mut self.sql {
             Handle::Own(sql) => sql,
             Handle::Pooled(sql) => sql,
+            Handle::Shared(sql) => sql,
             Handle::Within(transaction) => transaction,
         }
     }
@@ -104,13 +144,23 @@ impl Connection<'_> {
         })
     }
 
+    /// Begins a transaction for reads of one moment, which may be that of a transaction around it.
+    pub(crate) async fn moment(&mut self) -> Result<Connection<'_>, Error> {
+        let path = Arc::clone(&self.path);
+        let begun = self.sql().begin().await;
+        Ok(Connection {
+            sql: Handle::Within(begun.map_err(|e| Error::sqlite("begin a transaction", &path, e))?),
+            path,
+        })
+    }
+
     pub(crate) async fn commit(self) -> Result<(), Error> {
         match self.sql {
             Handle::Within(transaction) => transaction
                 .commit()
                 .await
                 .map_err(|e| Error::sqlite("commit", &self.path, e)),
-            Handle::Own(_) | Handle::Pooled(_) => Ok(()),
+            Handle::Own(_) | Handle::Pooled(_) | Handle::Shared(_) => Ok(()),
         }
     }
 

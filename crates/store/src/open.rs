@@ -11,12 +11,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use sqlx::ConnectOptions as _;
-use sqlx::sqlite::{
-    SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous,
-};
+use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
 
 use crate::check::{self, Pending, Reading, Verdict};
-use crate::connection::Connection;
+use crate::connection::{Connection, Readers};
 use crate::keyed;
 use crate::lock::Lock;
 use crate::place::{self, Place};
@@ -382,11 +380,12 @@ fn reading(path: &Arc<Path>) -> Reading {
     }
 }
 
-async fn readers(reading: &Reading) -> Result<SqlitePool, Error> {
+async fn readers(reading: &Reading) -> Result<Readers, Error> {
     SqlitePoolOptions::new()
         .max_connections(READERS)
         .connect_with(reading.options.clone())
         .await
+        .map(Readers::Pool)
         .map_err(|e| Error::sqlite("open its file for reading", &reading.path, e))
 }
 

@@ -211,7 +211,7 @@ pub(crate) async fn visit<E: From<Error>>(
     connection: &mut Connection<'_>,
     visit: impl FnMut(SampleRow) -> Result<(), E>,
 ) -> Result<(), E> {
-    let mut moment = connection.begin("BEGIN").await?;
+    let mut moment = connection.moment().await?;
     compare(&mut moment, SampleRange::NAME, visit).await?;
     Ok(moment.commit().await?)
 }

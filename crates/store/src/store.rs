@@ -4,11 +4,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use sqlx::sqlite::SqlitePool;
-
 use crate::Error;
 use crate::check::Verdict;
-use crate::connection::Connection;
+use crate::connection::{Connection, Readers};
 use crate::derived::{Derivation, Derived};
 use crate::keyed::{self, Value};
 use crate::query;
@@ -31,7 +29,7 @@ use crate::writer::{Rows, Writer};
 #[derive(Debug, Clone)]
 pub struct Store {
     pub(crate) path: Arc<Path>,
-    pub(crate) readers: SqlitePool,
+    pub(crate) readers: Readers,
     /// `None` when opened for reading.
     pub(crate) writer: Option<Writer>,
     pub(crate) verdict: Verdict,
@@ -50,6 +48,21 @@ impl Store {
     /// [`Error::ReadOnly`].
     pub fn writer(&self) -> Result<Writer, Error> {
         self.writer.clone().ok_or(Error::ReadOnly)
+    }
+
+    /// A handle for reading whose reads all see the store as it is at the first of them, whatever is written
+    /// meanwhile. It holds one of the reading connections until it is dropped.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Sqlite`] or [`Error::Closed`].
+    pub async fn snapshot(&self) -> Result<Self, Error> {
+        Ok(Self {
+            path: Arc::clone(&self.path),
+            readers: self.readers.snapshot(&self.path).await?,
+            writer: None,
+            verdict: self.verdict.clone(),
+        })
     }
 
     /// Waits for the checks of the file's pages and rows. A small file has been checked when it is
@@ -429,10 +442,7 @@ impl Store {
     }
 
     async fn reader(&self) -> Result<Connection<'static>, Error> {
-        match self.readers.acquire().await {
-            Ok(sql) => Ok(Connection::pooled(sql, &self.path)),
-            Err(e) => Err(Error::sqlite("open its file for reading", &self.path, e)),
-        }
+        self.readers.acquire(&self.path).await
     }
 
     async fn put(&self, rows: Rows) -> Result<Receipt, Error> {

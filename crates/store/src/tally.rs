@@ -203,7 +203,7 @@ pub(crate) async fn verify_samples(
     connection: &mut Connection<'_>,
     point: &str,
 ) -> Result<Vec<VerifyRow>, Error> {
-    let mut moment = connection.begin("BEGIN").await?;
+    let mut moment = connection.moment().await?;
     let (filter, name) = ("WHERE approach = ?", Value::Text(point));
     let rows: Vec<VerifyRow> = keyed::all_where(&mut moment, filter, &[name]).await?;
     let held = points(&mut moment).await?;
@@ -215,7 +215,7 @@ pub(crate) async fn verify_samples(
 
 /// Checks all verification and infill samples against their tallies.
 pub(crate) async fn check_verify_samples(connection: &mut Connection<'_>) -> Result<(), Error> {
-    let mut moment = connection.begin("BEGIN").await?;
+    let mut moment = connection.moment().await?;
     let rows: Vec<VerifyRow> = keyed::all(&mut moment).await?;
     let held = points(&mut moment).await?;
     compare_points(&moment, &rows, &held)?;

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use coordinator::engine::Ended;
 use ledger::{StreamId, Unit};
-use store::{OptimumRow, ResponseRow, Store};
+use store::{Derivation, OptimumRow, ResponseRow, Store};
 
 use crate::running::Coordinator;
 
@@ -154,4 +154,33 @@ async fn a_response_from_too_few_samples_is_replaced_after_a_restart() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_response_from_too_few_samples_is_replaced_after_the_death_of_a_coordinator() {
     ends_as_if_undisturbed(Resumed::AfterDeath).await;
+}
+
+/// Results that workers computed in this very coordinator, and that turn out to be of other inputs, are
+/// computed again: its board has settled their streams and must not take them for stored.
+#[tokio::test]
+async fn what_is_removed_is_computed_again_by_the_same_coordinator() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("c.db");
+    let coordinator = Coordinator::start(&path, campaign_file()).await;
+    run(&coordinator, |_| false).await;
+    let store = &coordinator.store;
+    let expected = found(store).await;
+
+    let derivations = store.derivations().await.unwrap().into_values();
+    let runs = derivations.filter(|held| held.name.starts_with("run "));
+    let runs: Vec<Derivation> = runs.collect();
+    assert!(!runs.is_empty());
+    for held in &runs {
+        let inputs = "others".to_owned();
+        let other = Derivation {
+            inputs,
+            ..held.clone()
+        };
+        store.put_derivation(&other).await.unwrap();
+    }
+    run(&coordinator, |_| false).await;
+    assert_eq!(found(store).await, expected);
+    let again = store.derivations().await.unwrap();
+    assert!(runs.iter().all(|held| again[&held.name] == *held));
 }

@@ -545,3 +545,33 @@ async fn a_reader_sees_whole_batches_while_another_process_writes() {
     writing.await.unwrap();
     assert_eq!(reader.progress().await.unwrap().samples, 40 * BATCH);
 }
+
+#[tokio::test]
+async fn a_snapshot_sees_one_moment() {
+    let (_folder, path) = folder();
+    let store = store_with(&path, 2).await;
+    let snapshot = store.snapshot().await.unwrap();
+    assert_eq!(snapshot.designs().await.unwrap().len(), 2);
+    let batch = Batch {
+        criteria: vec![feasible(0)],
+        samples: vec![sample(0, 0, 1.5)],
+        ..Batch::default()
+    };
+    store.writer().unwrap().submit(batch).await.unwrap();
+    assert_eq!(store.sampled_counts().await.unwrap(), [(0, 1), (1, 0)]);
+    assert_eq!(snapshot.sampled_counts().await.unwrap(), [(0, 0), (1, 0)]);
+    assert_eq!(snapshot.criteria().await.unwrap(), []);
+    let mut visited = Vec::new();
+    let visit = snapshot.visit_samples(|row| {
+        visited.push(row);
+        Ok::<(), store::Error>(())
+    });
+    visit.await.unwrap();
+    assert_eq!(visited, []);
+    assert!(matches!(
+        snapshot.put_designs(&[design(2)]).await,
+        Err(store::Error::ReadOnly)
+    ));
+    drop(snapshot);
+    store.close().await.unwrap();
+}
