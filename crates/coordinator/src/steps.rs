@@ -11,12 +11,12 @@ use campaign::{Approach, Design};
 use ledger::StreamId;
 use stages::cost::{self, Cost};
 use stages::deciding::Rows;
-use stages::fitting::{self, ModelSummary, P90_MODEL};
+use stages::fitting::{self, ModelSummary};
 use stages::linear::LinearResponse;
 use stages::rounds::{self, Round};
 use stages::statistics::{Collector, Computed};
 use stages::{choosing, constraints, derived, designs, responses};
-use store::{Derivation, Derived, InfillRow, OptimumRow, Store};
+use store::{Derivation, Derived, InfillRow, ModelRow, OptimumRow, Store};
 use tokio::sync::{Mutex, MutexGuard};
 use tracing::{debug, info, warn};
 
@@ -126,9 +126,8 @@ impl Steps {
         let problem = Arc::clone(&self.problem);
         info!(points = responses.len(), "fitting the kriging model");
         let (fitted, cpu_seconds) = blocking(move || {
-            fitting::fit(&problem, &designs, &responses, |row| {
-                choosing::feasible(&problem, &base, row, &criteria).is_some()
-            })
+            let observed = fitting::of_doe(&problem, &base, &designs, &responses, &criteria);
+            fitting::fit(&problem, &observed)
         })
         .await?;
         let derivation = Derivation::new(&Derived::Model, inputs);
@@ -160,7 +159,7 @@ impl Steps {
             cpu_seconds = rounded(cpu_seconds),
             "kriging model fitted"
         );
-        let row = fitting::model_row(&model, &summary)?;
+        let row = fitting::model_row(ModelRow::DOE, &model, &summary)?;
         self.store.put_model(Some(&row), &derivation).await?;
         Ok(())
     }
@@ -235,7 +234,7 @@ impl Steps {
                 let runs = self.store.optimiser_runs().await?;
                 let extra = if approach == Approach::Kriging {
                     let sampling = self.sampling_cost(base).await?;
-                    let fit = self.store.model(P90_MODEL).await?.map_or(0.0, |row| {
+                    let fit = self.store.model(ModelRow::DOE).await?.map_or(0.0, |row| {
                         serde_json::from_str::<ModelSummary>(&row.summary_json)
                             .map_or(0.0, |summary| summary.cpu_seconds)
                     });

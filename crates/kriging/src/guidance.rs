@@ -12,8 +12,11 @@ pub struct Guidance<'a> {
     pub unit: &'a str,
     /// A setting and its value in the program's notation, as in `kriging.nugget = "estimated"`.
     pub setting: &'a dyn Fn(&str, &str) -> String,
-    /// How to leave out these observations (numbers from 0), as in `kriging.leave_out = [41]`.
-    pub without: &'a dyn Fn(&[usize]) -> String,
+    /// How to leave out these observations (numbers from 0), as in `kriging.leave_out = [41]`; `None` if there is
+    /// no way.
+    pub without: &'a dyn Fn(&[usize]) -> Option<String>,
+    /// Whether the nugget is estimated already.
+    pub estimates_nugget: bool,
     /// The source of more points, as in "more designs (doe.designs)".
     pub more_points: &'a str,
     /// The source of less noise, as in "more samples (sampling.samples_per_design)".
@@ -29,11 +32,15 @@ impl Guidance<'_> {
         let advice = match warning {
             Warning::Outliers { worst, .. } => {
                 let numbers: Vec<usize> = worst.iter().map(|o| o.observation).collect();
-                format!(
-                    "look at them; {} fits without them, {} takes them as noise",
-                    (self.without)(&numbers),
-                    setting("nugget", "estimated")
-                )
+                let without = (self.without)(&numbers);
+                let without = without.map(|how| format!("{how} fits without them"));
+                let noise = (!self.estimates_nugget)
+                    .then(|| format!("{} takes them as noise", setting("nugget", "estimated")));
+                let ways: Vec<String> = without.into_iter().chain(noise).collect();
+                match ways.is_empty() {
+                    true => "look at them".to_owned(),
+                    false => format!("look at them; {}", ways.join(", ")),
+                }
             }
             Warning::ContradictoryDuplicates { .. } | Warning::NuggetAtBound { upper: true } => {
                 format!("{} help", self.less_noise)
@@ -60,7 +67,10 @@ impl Guidance<'_> {
     #[must_use]
     pub fn error(&self, error: &Error) -> Option<String> {
         let observation = |number: &usize| (self.names.observation)(*number);
-        let (setting, without, unit) = (self.setting, self.without, self.unit);
+        let (setting, unit) = (self.setting, self.unit);
+        let without = |number: usize| {
+            (self.without)(&[number]).map_or_else(String::new, |how| format!(" ({how})"))
+        };
         match error {
             Error::Contradiction {
                 first,
@@ -69,11 +79,11 @@ impl Guidance<'_> {
                 permitted,
             } => Some(format!(
                 "{} and {} lie at the same place, and their {} differ by {difference:.3e}{unit} where their \
-                 noise permits {permitted:.3e}: leave one of them out ({}), or let {} explain it",
+                 noise permits {permitted:.3e}: leave one of them out{}, or let {} explain it",
                 observation(first),
                 observation(second),
                 self.responses,
-                without(&[*second]),
+                without(*second),
                 setting("nugget", "estimated")
             )),
             Error::NotPositiveDefinite {
@@ -81,9 +91,9 @@ impl Guidance<'_> {
                 jitter,
             } => Some(format!(
                 "no covariance matrix is positive definite, even with {jitter:e} added to its diagonal: {} \
-                 repeats others but for rounding; leave it out ({})",
+                 repeats others but for rounding; leave it out{}",
                 observation(number),
-                without(&[*number])
+                without(*number)
             )),
             Error::Logarithm { index, value } => Some(format!(
                 "{} is {value}{unit}, which has no logarithm: choose {}",

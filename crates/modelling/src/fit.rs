@@ -94,7 +94,7 @@ pub fn fit(table: &Table, request: &Request) -> Result<Fit, Error> {
             table.line(row)
         }));
     }
-    let (surrogate, of_fit) = guided(table, &columns, |guidance| {
+    let (surrogate, of_fit) = guided(table, &columns, &settings, |guidance| {
         let surrogate = Surrogate::fit(&data, &settings).map_err(|error| Error::Fit {
             file: table.file().to_owned(),
             reason: guidance.error(&error).unwrap_or_else(|| error.to_string()),
@@ -220,7 +220,12 @@ fn variances(table: &Table, name: &str) -> Result<Vec<f64>, Error> {
 }
 
 /// Calls `with` with guidance in the names of the table and the options of `fit`.
-fn guided<T>(table: &Table, columns: &Columns, with: impl FnOnce(&Guidance<'_>) -> T) -> T {
+fn guided<T>(
+    table: &Table,
+    columns: &Columns,
+    settings: &Settings,
+    with: impl FnOnce(&Guidance<'_>) -> T,
+) -> T {
     let line = |observation: usize| table.line(observation);
     with(&Guidance {
         names: Names {
@@ -236,8 +241,9 @@ fn guided<T>(table: &Table, columns: &Columns, with: impl FnOnce(&Guidance<'_>) 
         without: &|observations| {
             let lines = observations.iter().map(|&i| line(i).to_string());
             let lines: Vec<String> = lines.collect();
-            format!("a table without line {}", lines.join(", "))
+            Some(format!("a table without line {}", lines.join(", ")))
         },
+        estimates_nugget: settings.fit.nugget,
         more_points: "more rows",
         less_noise: "less noisy observations",
     })

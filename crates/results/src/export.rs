@@ -9,7 +9,7 @@ use std::io::Write;
 use campaign::Campaign;
 use campaign::formulation::{Criteria, Problem};
 use clap::ValueEnum;
-use stages::fitting::{ModelSummary, P90_MODEL};
+use stages::fitting::{ModelSummary, latest_model};
 use stages::optima::{self, approach_of, optimum_design};
 use stages::rounds::Round;
 use store::Store;
@@ -205,19 +205,16 @@ async fn leave_one_out<W: Write + Send>(
 ) -> anyhow::Result<()> {
     let [observed, predicted] = ["observed", "predicted"].map(|what| column(problem, what));
     out.write_record(["design", &observed, &predicted, "standardised_residual"])?;
-    let Some(row) = store.model(P90_MODEL).await? else {
+    let Some(row) = latest_model(store).await? else {
         return Ok(());
     };
     let summary: ModelSummary = serde_json::from_str(&row.summary_json)?;
-    let responses = store.responses().await?;
-    let observed: BTreeMap<u64, f64> = responses.iter().map(|r| (r.design, r.p90_um)).collect();
-    for (i, (design, residual)) in summary.residuals_um.iter().enumerate() {
-        let observed = observed.get(design).copied();
+    for left_out in summary.leave_one_out(&store.responses().await?) {
         out.write_record([
-            design.to_string(),
-            optional(observed),
-            optional(observed.map(|observed| observed - residual)),
-            optional(summary.standardised.get(i).copied()),
+            left_out.number.to_string(),
+            number(left_out.observed_um),
+            number(left_out.predicted_um),
+            optional(left_out.standardised),
         ])?;
     }
     Ok(())

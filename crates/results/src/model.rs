@@ -5,18 +5,19 @@ use campaign::Campaign;
 use campaign::formulation::Problem;
 use kriging::Surrogate;
 use modelling::{ModelFile, Quantity};
-use stages::fitting::P90_MODEL;
+use stages::fitting::latest_model;
 use store::Store;
 
 use crate::export::column;
 
-/// The model of the percentile over the variables that the DoE moves, as the campaign fitted it last.
+/// The model of the percentile over the variables that the DoE moves, as the campaign fitted it last: after an
+/// enrichment, to its infill points as well.
 ///
 /// # Errors
 ///
 /// The campaign has not fitted its model yet, or the store cannot be read.
 pub async fn stored(store: &Store) -> anyhow::Result<ModelFile> {
-    let row = store.model(P90_MODEL).await?.with_context(|| {
+    let row = latest_model(store).await?.with_context(|| {
         format!(
             "{} holds no model yet: the campaign fits it when its samples are in",
             store.path().display()

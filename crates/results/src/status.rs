@@ -7,10 +7,10 @@ use campaign::Campaign;
 use campaign::file::Sampling;
 use ledger::Kind;
 use serde::{Deserialize, Serialize};
-use stages::fitting::{ModelSummary, P90_MODEL};
+use stages::fitting::ModelSummary;
 use stages::optima::{self, NoOptimum};
 use stages::verification::Verification;
-use store::Store;
+use store::{ModelRow, Store};
 
 use crate::costs::{self, Times};
 use crate::live::{Left, Live, Running};
@@ -377,7 +377,7 @@ async fn time(store: &Store, status: &mut Status, enriches: bool) -> anyhow::Res
     if !status.finished {
         return Ok(());
     }
-    let model = store.model(P90_MODEL).await?;
+    let model = store.model(ModelRow::DOE).await?;
     let summary = model.map(|row| serde_json::from_str::<ModelSummary>(&row.summary_json));
     let rounds = store.rounds().await?;
     let infill = store.infill().await?;

@@ -11,15 +11,16 @@ use campaign::Criteria;
 use campaign::file::ControlVariate;
 use campaign::formulation::{Design, Problem};
 use campaign::simulator;
-use enrich::{Decision, Infill, Known, Reason, RoundRecord, Sampled, State};
+use enrich::{Decision, Infill, Known, Note, Reason, RoundRecord, Sampled, State};
 use rayon::prelude::*;
 use stats::streams::Purpose;
 use store::{
-    CriteriaRow, DesignRow, EvaluationRow, InfillRow, NewRound, ResponseRow, RoundRow, Store,
-    Unsampled,
+    CriteriaRow, DesignRow, EvaluationRow, InfillRow, ModelRow, NewRound, ResponseRow, RoundRow,
+    Store, Unsampled,
 };
 
 use crate::constraints;
+use crate::fitting::{self, Observed};
 use crate::infill::{self, MORE, REACH, bits, options, point_name, point_number};
 use crate::linear::LinearResponse;
 use crate::responses::{self, Samples};
@@ -241,6 +242,39 @@ impl Rows {
         }
     }
 
+    /// The model of the DoE and all infill points, as the campaign's `[kriging]` says.
+    fn fit(&self, problem: &Problem, base: &Design, state: &State) -> anyhow::Result<ModelRow> {
+        let (designs, criteria) = (&self.designs, &self.criteria);
+        let mut all = fitting::of_doe(problem, base, designs, &self.responses, criteria);
+        let mut places: BTreeMap<Vec<u64>, usize> = (0..)
+            .zip(&all)
+            .map(|(place, observed)| (bits(&observed.x), place))
+            .collect();
+        for row in &self.infill {
+            places.entry(bits(&row.x)).or_insert_with(|| {
+                all.push(Observed {
+                    number: designs.len() as u64 + row.infill,
+                    x: row.x.clone(),
+                    value_um: f64::NAN,
+                    variance_um2: 0.0,
+                    samples: 0,
+                    is_feasible: row.violation <= 0.0,
+                });
+                all.len() - 1
+            });
+        }
+        for sampled in &state.sampled {
+            if let Some(place) = places.get(&bits(&sampled.x)) {
+                let observed = &mut all[*place];
+                observed.value_um = problem.cost(sampled.response_um);
+                observed.variance_um2 = sampled.variance_um2;
+                observed.samples = sampled.samples.into();
+            }
+        }
+        let (model, summary) = fitting::fit(problem, &all)?;
+        fitting::model_row(ModelRow::ENRICHED, &model, &summary)
+    }
+
     /// Decides the next round; its CPU time is left zero.
     ///
     /// # Errors
@@ -307,6 +341,15 @@ impl Rows {
                 failed: false,
             });
         }
+        let model = decision
+            .stop
+            .is_some()
+            .then(|| self.fit(problem, base, &state));
+        let model = model.transpose().unwrap_or_else(|error| {
+            let reason = format!("{error:#}");
+            decision.notes.push(Note::NoModel { reason });
+            None
+        });
         let row = RoundRow {
             round,
             expected_improvement_um: decision.expected_improvement_um,
@@ -329,6 +372,7 @@ impl Rows {
                 row,
                 infill,
                 failed: unsampled,
+                model,
             },
             decision,
         ))

@@ -1,13 +1,14 @@
 //! The kriging model of P90.
 
-use campaign::file::Noise;
-use campaign::formulation::Problem;
+use std::collections::BTreeMap;
+
+use campaign::file::{Noise, Nugget};
+use campaign::formulation::{Design, Problem};
 use kriging::{Data, Error, Guidance, Names, Surrogate};
 use serde::{Deserialize, Serialize};
-use store::{DesignRow, ModelRow, ResponseRow};
+use store::{CriteriaRow, DesignRow, ModelRow, ResponseRow, Store};
 
-/// The name of the model of P90 in the store.
-pub const P90_MODEL: &str = "p90";
+use crate::choosing;
 
 /// The summary of a fitted model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -31,12 +32,15 @@ pub struct ModelSummary {
     pub rmse_um: f64,
     /// The share of observations within their leave-one-out 90 % interval.
     pub coverage90: f64,
-    /// The leave-one-out residuals (observation minus prediction) by design, µm.
+    /// The leave-one-out residuals (observation minus prediction) by [`Observed::number`], µm.
     pub residuals_um: Vec<(u64, f64)>,
     /// Those residuals over their standard deviations, in the same order; empty in stores of earlier
     /// versions.
     #[serde(default)]
     pub standardised: Vec<f64>,
+    /// The observations, in the same order, µm; empty in stores of earlier versions.
+    #[serde(default)]
+    pub observed_um: Vec<f64>,
     /// The variables of the design of the DoE that satisfies every constraint and has the best mean of the model:
     /// the search on the model begins there. `None` without such a design.
     #[serde(default)]
@@ -47,45 +51,126 @@ pub struct ModelSummary {
     pub cpu_seconds: f64,
 }
 
-/// Fits the kriging model of P90 as the campaign's `[kriging]` says; `cpu_seconds` is left zero. `is_feasible` tells
-/// whether a design satisfies every constraint.
+/// A leave-one-out prediction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LeftOut {
+    /// [`Observed::number`].
+    pub number: u64,
+    /// The observation, µm.
+    pub observed_um: f64,
+    /// The prediction from all others, µm.
+    pub predicted_um: f64,
+    /// The residual over its standard deviation; `None` in stores of earlier versions.
+    pub standardised: Option<f64>,
+}
+
+impl ModelSummary {
+    /// The leave-one-out predictions. `responses` are asked for observations that stores of earlier versions
+    /// have nowhere else.
+    pub fn leave_one_out(&self, responses: &[ResponseRow]) -> impl Iterator<Item = LeftOut> {
+        let of_doe: BTreeMap<u64, f64> = responses
+            .iter()
+            .map(|row| (row.design, row.p90_um))
+            .collect();
+        let residuals = self.residuals_um.iter().enumerate();
+        residuals.filter_map(move |(i, &(number, residual))| {
+            let observed_um = self.observed_um.get(i).or_else(|| of_doe.get(&number));
+            let observed_um = *observed_um?;
+            Some(LeftOut {
+                number,
+                observed_um,
+                predicted_um: observed_um - residual,
+                standardised: self.standardised.get(i).copied(),
+            })
+        })
+    }
+}
+
+/// The model to show, to predict from and to export: that of the enrichment's end, if there is one, otherwise
+/// that of the DoE.
+///
+/// # Errors
+///
+/// The store cannot be read.
+pub async fn latest_model(store: &Store) -> Result<Option<ModelRow>, store::Error> {
+    match store.model(ModelRow::ENRICHED).await? {
+        Some(model) => Ok(Some(model)),
+        None => store.model(ModelRow::DOE).await,
+    }
+}
+
+/// A response that a model is fitted to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Observed {
+    /// The number of the design; an infill point has the number of designs in the DoE plus its own.
+    pub number: u64,
+    /// The variables.
+    pub x: Vec<f64>,
+    /// The percentile, µm. One that is not finite is left out.
+    pub value_um: f64,
+    /// Its variance, µm².
+    pub variance_um2: f64,
+    /// Number of samples behind it.
+    pub samples: u64,
+    /// Whether the design satisfies every constraint.
+    pub is_feasible: bool,
+}
+
+/// The responses of the DoE.
+#[must_use]
+pub fn of_doe(
+    problem: &Problem,
+    base: &Design,
+    designs: &[DesignRow],
+    responses: &[ResponseRow],
+    criteria: &[CriteriaRow],
+) -> Vec<Observed> {
+    let samples = u64::from(problem.campaign().sampling.samples_per_design);
+    let observed = responses.iter().filter_map(|response| {
+        let row = designs.get(response.design as usize)?;
+        Some(Observed {
+            number: row.design,
+            x: row.x.clone(),
+            value_um: response.p90_um,
+            variance_um2: response.p90_variance_um2,
+            samples,
+            is_feasible: choosing::feasible(problem, base, row, criteria).is_some(),
+        })
+    });
+    observed.collect()
+}
+
+/// Fits the kriging model of P90 as the campaign's `[kriging]` says; `cpu_seconds` is left zero.
 ///
 /// # Errors
 ///
 /// The data cannot be fitted: too few designs with a response, for example.
-pub fn fit(
-    problem: &Problem,
-    designs: &[DesignRow],
-    responses: &[ResponseRow],
-    is_feasible: impl Fn(&DesignRow) -> bool,
-) -> anyhow::Result<(Surrogate, ModelSummary)> {
+pub fn fit(problem: &Problem, observed: &[Observed]) -> anyhow::Result<(Surrogate, ModelSummary)> {
     let campaign = problem.campaign();
     let d = problem.dimension();
-    let is_left_out = |design: u64| {
-        let mut left_out = campaign.kriging.leave_out.iter();
-        left_out.any(|&number| u64::from(number) == design)
+    let left_out = &campaign.kriging.leave_out;
+    let is_left_out = |number: u64| left_out.iter().any(|&out| u64::from(out) == number);
+    let points: Vec<&Observed> = observed
+        .iter()
+        .filter(|point| !is_left_out(point.number))
+        // Otherwise too many of its samples have failed.
+        .filter(|point| point.value_um.is_finite())
+        .collect();
+    let variables = |of: &[&Observed]| -> Vec<f64> {
+        let x = of.iter().flat_map(|point| point.x.iter().copied());
+        x.collect()
     };
-    let points: Vec<(&DesignRow, &ResponseRow)> = responses
-        .iter()
-        .filter(|response| !is_left_out(response.design))
-        // Too many of its samples have failed.
-        .filter(|response| response.p90_um.is_finite())
-        .filter_map(|response| Some((designs.get(response.design as usize)?, response)))
-        .collect();
-    let x: Vec<f64> = points
-        .iter()
-        .flat_map(|(design, _)| design.x.iter().copied())
-        .collect();
-    let y: Vec<f64> = points.iter().map(|(_, response)| response.p90_um).collect();
-    let noise: Vec<f64> = points
-        .iter()
-        .map(|(_, response)| response.p90_variance_um2)
-        .collect();
-    let noise = match campaign.kriging.noise {
-        Noise::Own => noise,
+    let x = variables(&points);
+    let y: Vec<f64> = points.iter().map(|point| point.value_um).collect();
+    let noise = points.iter().map(|point| point.variance_um2);
+    let noise: Vec<f64> = match campaign.kriging.noise {
+        Noise::Own => noise.collect(),
         Noise::Smoothed => {
             let freedom = campaign.sampling.degrees_of_freedom();
-            kriging::smoothed_noise(&x, d, &noise, freedom, campaign.seed)?
+            let samples = || points.iter().map(|point| point.samples as f64);
+            let of_one: Vec<f64> = noise.zip(samples()).map(|(v, n)| v * n).collect();
+            let smooth = kriging::smoothed_noise(&x, d, &of_one, freedom, campaign.seed)?;
+            smooth.iter().zip(samples()).map(|(v, n)| v / n).collect()
         }
     };
     let data = Data {
@@ -94,19 +179,13 @@ pub fn fit(
         y: &y,
         noise_variance: &noise,
     };
-    let design = |observation: usize| points[observation].1.design;
+    let number = |observation: usize| points[observation].number;
     let settings = campaign.kriging.settings(campaign.seed)?;
     let model =
-        Surrogate::fit(&data, &settings).map_err(|error| explained(problem, error, design))?;
-    let feasible = responses
-        .iter()
-        .filter_map(|row| designs.get(row.design as usize));
-    let feasible: Vec<&DesignRow> = feasible.filter(|row| is_feasible(row)).collect();
-    let at: Vec<f64> = feasible
-        .iter()
-        .flat_map(|row| row.x.iter().copied())
-        .collect();
-    let best = model.means(&at)?.into_iter().zip(feasible);
+        Surrogate::fit(&data, &settings).map_err(|error| explained(problem, error, number))?;
+    let feasible: Vec<&Observed> = observed.iter().filter(|point| point.is_feasible).collect();
+    let means = model.means(&variables(&feasible))?;
+    let best = means.into_iter().zip(feasible);
     let best = best.min_by(|(a, _), (b, _)| problem.cost(*a).total_cmp(&problem.cost(*b)));
     let validation = model.leave_one_out();
     let parameters = model.parameters();
@@ -125,10 +204,11 @@ pub fn fit(
         q2: validation.q2,
         rmse_um: validation.rmse,
         coverage90: validation.coverage90,
-        residuals_um: residuals.map(|(&i, r)| (design(i), *r)).collect(),
+        residuals_um: residuals.map(|(&i, r)| (number(i), *r)).collect(),
         standardised: validation.standardised,
-        best_of_doe: best.map(|(_, row)| row.x.clone()),
-        warnings: guided(problem, design, |guidance| {
+        observed_um: validation.observations.iter().map(|&i| y[i]).collect(),
+        best_of_doe: best.map(|(_, point)| point.x.clone()),
+        warnings: guided(problem, number, |guidance| {
             let warnings = model.warnings().iter();
             warnings.map(|warning| guidance.warning(warning)).collect()
         }),
@@ -137,10 +217,18 @@ pub fn fit(
     Ok((model, summary))
 }
 
+/// What an observation is called in messages.
+fn called(problem: &Problem, number: u64) -> String {
+    match number.checked_sub(problem.campaign().doe.designs.into()) {
+        None => format!("design {number}"),
+        Some(infill) => format!("infill point {infill}"),
+    }
+}
+
 /// Calls `with` with guidance in the names of the campaign and the keys of its file.
 fn guided<T>(
     problem: &Problem,
-    design: impl Fn(usize) -> u64,
+    number: impl Fn(usize) -> u64,
     with: impl FnOnce(&Guidance<'_>) -> T,
 ) -> T {
     let names: Vec<&str> = problem.free_names().collect();
@@ -151,36 +239,44 @@ fn guided<T>(
     with(&Guidance {
         names: Names {
             coordinate: &|j| names[j].to_owned(),
-            observation: &|i| format!("design {}", design(i)),
+            observation: &|i| called(problem, number(i)),
         },
         responses: "percentiles",
         unit: &unit,
         setting: &|key, value| format!("kriging.{key} = {value:?}"),
         without: &|observations| {
-            let designs: Vec<u64> = observations.iter().map(|&i| design(i)).collect();
-            format!("kriging.leave_out = {designs:?}")
+            let numbers: Vec<u64> = observations.iter().map(|&i| number(i)).collect();
+            let designs = u64::from(problem.campaign().doe.designs);
+            // The infill points follow from the others.
+            let can_be_left_out = numbers.iter().all(|number| *number < designs);
+            can_be_left_out.then(|| format!("kriging.leave_out = {numbers:?}"))
         },
+        estimates_nugget: problem.campaign().kriging.nugget == Nugget::Estimated,
         more_points: "more designs (doe.designs)",
         less_noise: "more samples (sampling.samples_per_design)",
     })
 }
 
 /// An error in the names of the campaign, with the keys of its file that help.
-fn explained(problem: &Problem, error: Error, design: impl Fn(usize) -> u64) -> anyhow::Error {
-    match guided(problem, design, |guidance| guidance.error(&error)) {
+fn explained(problem: &Problem, error: Error, number: impl Fn(usize) -> u64) -> anyhow::Error {
+    match guided(problem, number, |guidance| guidance.error(&error)) {
         Some(text) => anyhow::Error::msg(text),
         None => error.into(),
     }
 }
 
-/// The row of a fitted model.
+/// The row named `name` of a fitted model.
 ///
 /// # Errors
 ///
 /// The model cannot be written as JSON: one of its numbers is not finite.
-pub fn model_row(model: &Surrogate, summary: &ModelSummary) -> anyhow::Result<ModelRow> {
+pub fn model_row(
+    name: &str,
+    model: &Surrogate,
+    summary: &ModelSummary,
+) -> anyhow::Result<ModelRow> {
     Ok(ModelRow {
-        name: P90_MODEL.to_owned(),
+        name: name.to_owned(),
         json: model.to_json()?,
         summary_json: serde_json::to_string(summary)?,
     })
@@ -188,10 +284,20 @@ pub fn model_row(model: &Surrogate, summary: &ModelSummary) -> anyhow::Result<Mo
 
 #[cfg(test)]
 mod tests {
-    use campaign::Campaign;
-
     use super::*;
     use crate::designs;
+    use campaign::Campaign;
+
+    fn observed(row: &DesignRow, value_um: f64, variance_um2: f64) -> Observed {
+        Observed {
+            number: row.design,
+            x: row.x.clone(),
+            value_um,
+            variance_um2,
+            samples: 500,
+            is_feasible: true,
+        }
+    }
 
     #[test]
     fn a_model_that_is_no_better_than_noise_is_refused() {
@@ -200,20 +306,16 @@ mod tests {
         let problem = Problem::new(campaign);
         let rows = designs::make(&problem, &[]).unwrap();
         let fitted = |slope: f64| {
-            let response = |row: &DesignRow| {
+            let value_um = |row: &DesignRow| {
                 // Scatter with a standard deviation of about 0.6, and what depends on the design.
                 let scatter = (17.0 * row.design as f64).sin() + (29.0 * row.design as f64).cos();
-                ResponseRow {
-                    design: row.design,
-                    mean_um: 1.0,
-                    sd_um: 1.0,
-                    p90_um: 5.0 + 0.6 * scatter + slope * row.x[0],
-                    p90_variance_um2: 0.36,
-                    lilliefors_p: None,
-                }
+                5.0 + 0.6 * scatter + slope * row.x[0]
             };
-            let responses: Vec<ResponseRow> = rows.iter().map(response).collect();
-            fit(&problem, &rows, &responses, |_| true)
+            let observed: Vec<Observed> = rows
+                .iter()
+                .map(|row| observed(row, value_um(row), 0.36))
+                .collect();
+            fit(&problem, &observed)
         };
         let refusal = fitted(0.0).unwrap_err().to_string();
         assert!(refusal.contains("no dependence on x"), "{refusal}");
@@ -229,25 +331,20 @@ mod tests {
         let problem = Problem::new(campaign.clone());
         let rows = designs::make(&problem, &[]).unwrap();
         // Designs without a response make numbers of rows and of designs differ.
-        let responses: Vec<ResponseRow> = rows
-            .iter()
-            .filter(|row| row.design >= 10)
-            .map(|row| ResponseRow {
-                design: row.design,
-                mean_um: 1.0,
-                sd_um: 1.0,
-                p90_um: 5.0 + 20.0 * row.x[0] + if row.design == 41 { 30.0 } else { 0.0 },
-                p90_variance_um2: 1e-4,
-                lilliefors_p: None,
+        let with_response = rows.iter().filter(|row| row.design >= 10);
+        let observed: Vec<Observed> = with_response
+            .map(|row| {
+                let outlier = if row.design == 41 { 30.0 } else { 0.0 };
+                observed(row, 5.0 + 20.0 * row.x[0] + outlier, 1e-4)
             })
             .collect();
-        let (_, summary) = fit(&problem, &rows, &responses, |_| true).unwrap();
+        let (_, summary) = fit(&problem, &observed).unwrap();
         let named = |text: &&String| text.contains("design 41 lies");
         let warning = summary.warnings.iter().find(named).unwrap();
         assert!(warning.contains("kriging.leave_out = [41]"), "{warning}");
         campaign.kriging.leave_out = vec![41];
         let problem = Problem::new(campaign);
-        let (_, summary) = fit(&problem, &rows, &responses, |_| true).unwrap();
+        let (_, summary) = fit(&problem, &observed).unwrap();
         assert_eq!(summary.points, 69);
         assert!(summary.residuals_um.iter().all(|(design, _)| *design != 41));
         assert!(!summary.warnings.iter().any(|text| text.contains("41")));

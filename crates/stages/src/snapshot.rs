@@ -6,10 +6,10 @@ use campaign::file::Sampling;
 use campaign::formulation::{Approach, Design, Problem};
 use campaign::task::{Inputs, Source};
 use ledger::StreamId;
-use store::{InfillRow, Store};
+use store::{InfillRow, ModelRow, Store};
 
 use crate::constraints;
-use crate::fitting::{ModelSummary, P90_MODEL};
+use crate::fitting::ModelSummary;
 use crate::optima::{approach_of, optimum_design};
 use crate::plan;
 use crate::responses::{self, Sampled};
@@ -50,7 +50,7 @@ pub async fn load(
             .map(|range| range.start as u32..range.end as u32)
             .collect(),
     });
-    let model = store.model(P90_MODEL).await?;
+    let model = store.model(ModelRow::DOE).await?;
     // A summary that cannot be read has no such design, and the search begins at random.
     let summary = model
         .as_ref()

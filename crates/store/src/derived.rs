@@ -17,11 +17,11 @@ pub enum Derived {
     Samples,
     /// The responses of all designs.
     Responses,
-    /// The model of the responses.
+    /// The model of the DoE's responses.
     Model,
     /// The run of an optimiser: the approach and the start.
     Run(String, u64),
-    /// A round of infill.
+    /// A round of infill, and the model of the enrichment's end.
     Round(u64),
     /// The optimum of an approach.
     Optimum(String),
@@ -81,13 +81,13 @@ pub(crate) async fn responses(
     put(connection, rows, derivation).await
 }
 
-/// Replaces the model, or removes it if the fit has failed.
+/// Replaces the model of the DoE, or removes it if the fit has failed.
 pub(crate) async fn model(
     connection: &mut Connection<'_>,
     row: Option<&ModelRow>,
     derivation: &Derivation,
 ) -> Result<Receipt, Error> {
-    connection.run(REMOVING, "DELETE FROM model").await?;
+    remove_model(connection, ModelRow::DOE).await?;
     put(
         connection,
         row.map_or(&[], std::slice::from_ref),
@@ -145,7 +145,7 @@ pub(crate) async fn remove(
                 }
             }
             Derived::Responses => connection.run(REMOVING, "DELETE FROM response").await?,
-            Derived::Model => connection.run(REMOVING, "DELETE FROM model").await?,
+            Derived::Model => remove_model(connection, ModelRow::DOE).await?,
             Derived::Run(approach, start) => {
                 let start = start.cast_signed();
                 let query = sqlx::query!(
@@ -171,6 +171,11 @@ pub(crate) async fn remove(
         connection.execute(REMOVING, query).await?;
     }
     Ok(Receipt::default())
+}
+
+pub(crate) async fn remove_model(connection: &mut Connection<'_>, name: &str) -> Result<(), Error> {
+    let query = sqlx::query("DELETE FROM model WHERE name = ?").bind(name);
+    connection.execute(REMOVING, query).await.map(drop)
 }
 
 /// Removes the evaluations and the wanted generation of a stream.

@@ -5,7 +5,7 @@ use crate::connection::Connection;
 use crate::derived::{self, Derivation, REMOVING};
 use crate::insert;
 use crate::keyed::{self, Table, Value};
-use crate::rows::Receipt;
+use crate::rows::{ModelRow, Receipt};
 
 /// The decision of one round of infill.
 #[derive(Debug, Clone, PartialEq)]
@@ -74,7 +74,7 @@ pub struct Unsampled {
     pub violation: f64,
 }
 
-/// A round to be stored: its decision, its points, and the earlier points that got no samples.
+/// A round to be stored.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NewRound {
     /// The decision of the round.
@@ -83,6 +83,8 @@ pub struct NewRound {
     pub infill: Vec<InfillRow>,
     /// The earlier points that got no samples.
     pub failed: Vec<Unsampled>,
+    /// With the last round: the model of the DoE and all points.
+    pub model: Option<ModelRow>,
 }
 
 pub(crate) async fn insert(
@@ -95,6 +97,9 @@ pub(crate) async fn insert(
     keyed::write(connection, "INSERT INTO", "", &[&new.row]).await?;
     for point in &new.infill {
         keyed::write(connection, "INSERT INTO", "", &[point]).await?;
+    }
+    if let Some(model) = &new.model {
+        keyed::replace(connection, std::slice::from_ref(model)).await?;
     }
     if !new.failed.is_empty() {
         let mut failed: Vec<InfillRow> = keyed::all(connection).await?;
@@ -128,6 +133,7 @@ pub(crate) async fn remove(connection: &mut Connection<'_>, round: u64) -> Resul
     let number = round.cast_signed();
     let query = sqlx::query!("DELETE FROM infill WHERE round = ?", number);
     connection.execute(REMOVING, query).await?;
+    derived::remove_model(connection, ModelRow::ENRICHED).await?;
     let query = sqlx::query!("DELETE FROM enrichment_round WHERE round = ?", number);
     connection.execute(REMOVING, query).await?;
     if let Some(before) = round.checked_sub(1) {

@@ -88,12 +88,19 @@ pub struct ResponseRow {
 /// A fitted model.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ModelRow {
-    /// The response that it predicts.
+    /// What it was fitted to: [`ModelRow::DOE`] or [`ModelRow::ENRICHED`].
     pub name: String,
     /// The whole model, as JSON.
     pub json: String,
     /// A summary of the model, as JSON.
     pub summary_json: String,
+}
+
+impl ModelRow {
+    /// The name of the model of the DoE.
+    pub const DOE: &str = "p90";
+    /// The name of the model of the DoE and all infill points, from the end of an enrichment.
+    pub const ENRICHED: &str = "enriched";
 }
 
 /// One run of an optimiser from one start.

@@ -1,14 +1,17 @@
 //! A whole small campaign with rounds of infill, in this process. Some infill points fail, the
 //! coordinator stops in the middle of a round, and the number of workers changes.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Duration;
 
 use campaign::Approach;
 use coordinator::engine::Ended;
+use enrich::Recommendation;
 use ledger::Unit;
 use results::status;
-use store::{InfillRow, OptimumRow, RoundRow, Store};
+use stages::fitting::{ModelSummary, latest_model};
+use store::{InfillRow, ModelRow, OptimumRow, RoundRow, Store};
 
 use crate::running::Coordinator;
 
@@ -73,6 +76,8 @@ struct Found {
     rounds: Vec<RoundRow>,
     infill: Vec<InfillRow>,
     optimum: OptimumRow,
+    /// The model of the DoE and all infill points, as JSON.
+    model: String,
 }
 
 async fn found(path: &Path) -> Found {
@@ -83,6 +88,8 @@ async fn found(path: &Path) -> Found {
     let name = Approach::EnrichedKriging.name();
     let optimum = optima.into_iter().find(|row| row.approach == name);
     let rounds = store.rounds().await.unwrap().into_iter();
+    let model = latest_model(&store).await.unwrap().unwrap();
+    assert_eq!(model.name, ModelRow::ENRICHED);
     Found {
         digest: store.samples_digest().await.unwrap(),
         rounds: rounds
@@ -96,6 +103,7 @@ async fn found(path: &Path) -> Found {
             cpu_seconds: 0.0,
             ..optimum.expect("the fifth approach has its row")
         },
+        model: model.json,
     }
 }
 
@@ -128,6 +136,28 @@ async fn rounds_end_within_the_budget_and_resume_as_if_nothing_had_been() {
     // The DoE's calls, the infill samples and the searches.
     let searches: u64 = expected.rounds.iter().map(|row| row.simulator_calls).sum();
     assert!(searches > 0 && expected.optimum.simulator_calls > sampled + asked + searches);
+
+    // The model to predict from knows the infill points, and what it says of the recommended design is near
+    // what the enrichment's own models say.
+    let summary = latest_model(&store).await.unwrap().unwrap().summary_json;
+    let summary: ModelSummary = serde_json::from_str(&summary).unwrap();
+    let of_doe = u64::from(DESIGNS);
+    let numbers = summary.residuals_um.iter().map(|(number, _)| *number);
+    let known: BTreeSet<u64> = numbers.collect();
+    let new = infill.iter().filter(|row| row.reason != "more");
+    assert!(new.clone().count() > 3);
+    assert!(
+        new.clone()
+            .all(|row| known.contains(&(of_doe + row.infill)))
+    );
+    let model = results::model::stored(&store).await.unwrap();
+    let best = last.recommendation_json.as_ref().unwrap();
+    let best: Recommendation = serde_json::from_str(best).unwrap();
+    let mean = model.surrogate.means(&best.x).unwrap()[0];
+    assert!(
+        (mean / best.predicted_um - 1.0).abs() < 0.3,
+        "{mean} {best:?}"
+    );
 
     // Stopped in the middle of several rounds, each time with another number of workers.
     for (round, workers) in [(0, 2), (1, 3), (2, 1)] {

@@ -1,10 +1,9 @@
 //! The kriging model, for the report: its quality, its parameters, and what it says.
 
-use std::collections::BTreeMap;
-
 use campaign::Design;
 use kriging::Surrogate;
 use report::{KrigingFit, LeaveOneOut, Parameter, Slice, VariableIndices};
+use stages::fitting::ModelSummary;
 use stats::SensitivityPlan;
 use stats::streams::{Purpose, stream};
 
@@ -64,8 +63,15 @@ pub(super) fn kriging(
         Some(surrogate) => indices(sources, surrogate)?,
         None => Vec::new(),
     };
+    let left_out = model.leave_one_out(&sources.responses);
+    let left_out = left_out.map(|point| LeaveOneOut {
+        design: point.number,
+        standardised: point.standardised,
+        observed_um: point.observed_um,
+        predicted_um: point.predicted_um,
+    });
     Ok(vec![KrigingFit {
-        title: format!("{percentile} over {} designs", model.points),
+        title: format!("{percentile} over {}", fitted_to(sources, model)),
         unit: unit.to_owned(),
         kernel: model.kernel.clone(),
         parameters,
@@ -73,30 +79,22 @@ pub(super) fn kriging(
         rmse_um: model.rmse_um,
         coverage_90: model.coverage90,
         warnings: model.warnings.clone(),
-        leave_one_out: leave_one_out(sources),
+        leave_one_out: left_out.collect(),
         slices,
         indices,
     }])
 }
 
-fn leave_one_out(sources: &Sources) -> Vec<LeaveOneOut> {
-    let Some(model) = &sources.model else {
-        return Vec::new();
-    };
-    let responses = sources.responses.iter();
-    let observed: BTreeMap<u64, f64> = responses.map(|row| (row.design, row.p90_um)).collect();
-    let residuals = model.residuals_um.iter().enumerate();
-    residuals
-        .filter_map(|(i, (design, residual))| {
-            let observed_um = *observed.get(design)?;
-            Some(LeaveOneOut {
-                design: *design,
-                standardised: model.standardised.get(i).copied(),
-                observed_um,
-                predicted_um: observed_um - residual,
-            })
-        })
-        .collect()
+/// The names of what the model was fitted to, in words.
+fn fitted_to(sources: &Sources, model: &ModelSummary) -> String {
+    let all = model.residuals_um.len();
+    let is_of_doe =
+        |(number, _): &&(u64, f64)| sources.designs.iter().any(|row| row.design == *number);
+    let designs = model.residuals_um.iter().filter(is_of_doe).count();
+    match all - designs {
+        0 => format!("{} designs", model.points),
+        infill => format!("{designs} designs and {infill} infill points"),
+    }
 }
 
 /// The model along each variable of the DoE, with the others at a design.

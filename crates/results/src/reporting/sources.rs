@@ -6,8 +6,7 @@ use campaign::file::Sampling;
 use campaign::formulation::Problem;
 use campaign::{Approach, Campaign};
 use gear::paper::printed::Place;
-use stages::fitting::ModelSummary;
-use stages::fitting::P90_MODEL;
+use stages::fitting::{ModelSummary, latest_model};
 use stages::names::run_name;
 use stages::references;
 use store::{
@@ -106,7 +105,7 @@ impl Sources {
         }
         let mut responses = store.responses().await?;
         let failed = Failed::count(store, &problem, &mut responses, &verified).await?;
-        let model = store.model(P90_MODEL).await?;
+        let model = latest_model(store).await?;
         Ok(Self {
             campaign: row,
             designs: store.designs().await?,

@@ -1,7 +1,8 @@
 //! Rounds of infill points: written once, all or nothing, and removed one by one.
 
 use store::{
-    Batch, Derivation, Derived, Error, InfillRow, NewRound, RoundRow, Store, Unsampled, VerifyRow,
+    Batch, Derivation, Derived, Error, InfillRow, ModelRow, NewRound, RoundRow, Store, Unsampled,
+    VerifyRow,
 };
 
 use crate::{folder, from, open, store_with};
@@ -43,6 +44,11 @@ pub(crate) fn new_round(round: u64, failed: &[u64]) -> NewRound {
             .map(|i| point(i, round))
             .collect(),
         failed: failed.iter().map(|&infill| unsampled(infill)).collect(),
+        model: (round > 0).then(|| ModelRow {
+            name: ModelRow::ENRICHED.to_owned(),
+            json: "{}".into(),
+            summary_json: "{}".into(),
+        }),
     }
 }
 
@@ -78,6 +84,8 @@ async fn a_round_is_held_with_its_points_and_marks_those_that_failed() {
     store.put_round(&first, &round(0)).await.unwrap();
     assert_eq!(store.infill().await.unwrap(), first.infill);
     store.put_round(&second, &round(1)).await.unwrap();
+    let models = store.models().await.unwrap();
+    assert_eq!(models, second.model.into_iter().collect::<Vec<_>>());
     store.close().await.unwrap();
 
     let store = Store::open_read_only(&path).await.unwrap();
@@ -141,6 +149,7 @@ async fn a_round_that_is_removed_leaves_the_one_before_as_it_was_sampled() {
     store.put_generations(&generations).await.unwrap();
     store.remove(&[Derived::Round(1)]).await.unwrap();
     assert_eq!(store.rounds().await.unwrap(), [first.row]);
+    assert_eq!(store.models().await.unwrap(), []);
     let points = store.infill().await.unwrap();
     assert!(points.len() == 3 && points.iter().all(|point| !point.failed));
     let counts = [("figure-7".to_owned(), 4), ("infill-0000".to_owned(), 4)];
