@@ -152,6 +152,52 @@ fn failed_samples_count_as_the_policy_says() {
     assert!(differ > 0);
 }
 
+/// What failed for good, and counts as failed, is computed again by a program that has been repaired; all
+/// that rests on it follows.
+#[test]
+fn failures_that_are_results_are_computed_again_when_that_is_asked_for() {
+    let mut case = Case::new("not-a-number", &[], "repaired");
+    let tables = |case: &Case| {
+        let digests = ["samples_digest", "verify_samples_digest"];
+        let digests = digests.map(|digest| case.status()[digest].to_string());
+        let tables = ["designs", "responses", "evaluations"].map(|table| case.export(table));
+        let optima = case.status()["optima"].clone();
+        (digests, tables, optima)
+    };
+    assert_code(&case.run("2", &[]), 0);
+    let undisturbed = tables(&case);
+    assert!(case.status()["warnings"].is_null(), "{}", case.status());
+
+    case = Case::new("not-a-number", &[], "error 0.1");
+    assert_code(&case.run("2", &[]), 0);
+    let warnings = case.status()["warnings"].to_string();
+    for doubt in [
+        "designs failed in every attempt",
+        "samples of the DoE failed. They count as worse than all others.",
+        "verification and infill samples failed",
+        "evaluations in the searches failed",
+    ] {
+        assert!(warnings.contains(doubt), "{doubt}: {warnings}");
+    }
+    case.exec = case.exec.replace("error 0.1", "repaired");
+    // The same command keeps what it has.
+    let kept = tables(&case);
+    assert_code(&case.run("2", &[]), 0);
+    assert_eq!(tables(&case), kept);
+    let again = [
+        "run",
+        &case.file,
+        "--db",
+        "c.db",
+        "--out",
+        "report",
+        "--retry-failed",
+    ];
+    let again = [&again[..], &["--workers", "2", "--exec", &case.exec]].concat();
+    assert_code(&case.sandbox.coordinator(&again), 0);
+    assert_eq!(tables(&case), undisturbed);
+}
+
 #[test]
 fn an_outage_of_the_licence_server_costs_nothing_but_time() {
     let case = Case::new("licence-outage", &[], "");

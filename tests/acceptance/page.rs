@@ -57,7 +57,7 @@ fn samples(status: &Value) -> u64 {
 fn the_views_follow_a_campaign_and_show_it_when_it_has_stopped() {
     let sandbox = Sandbox::new();
     // A campaign too long to finish before it is stopped.
-    let file = sandbox.write("c.toml", &small_campaign(1500, 4000));
+    let file = sandbox.write("c.toml", &small_campaign(10_000, 4000));
     let http = free_address();
     let coordinator = serve(&sandbox, file.to_str().unwrap(), http);
     assert_eq!(ask(http, "/healthz").body, "ok\n");
@@ -283,7 +283,7 @@ fn the_page_works_in_a_browser() {
         return;
     };
     let sandbox = Sandbox::new();
-    let long = sandbox.write("long.toml", &small_campaign(1500, 4000));
+    let long = sandbox.write("long.toml", &small_campaign(10_000, 4000));
     let http = free_address();
     let coordinator = serve(&sandbox, long.to_str().unwrap(), http);
     ask(http, "/healthz");

@@ -114,6 +114,10 @@ pub(crate) struct Run {
     pub(crate) workers: Option<u16>,
     #[command(flatten)]
     pub(crate) simulator: SimulatorArguments,
+    /// Compute again what has failed for good: samples that count as failed, designs, and candidates of
+    /// searches
+    #[arg(long)]
+    pub(crate) retry_failed: bool,
     /// The folder of the report [default: NAME-report]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
@@ -205,6 +209,10 @@ pub(crate) struct Serve {
     pub(crate) workers: u16,
     #[command(flatten)]
     pub(crate) simulator: SimulatorArguments,
+    /// Compute again what has failed for good: samples that count as failed, designs, and candidates of
+    /// searches
+    #[arg(long)]
+    pub(crate) retry_failed: bool,
     /// The folder of the report [default: NAME-report]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,

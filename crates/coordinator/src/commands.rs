@@ -212,6 +212,7 @@ async fn run(arguments: arguments::Run) -> anyhow::Result<u8> {
         workers,
         port: None,
         keep_serving: false,
+        retry_failed: arguments.retry_failed,
         lease: server::LEASE,
         http: arguments.http,
     };
@@ -268,6 +269,7 @@ async fn serve(arguments: arguments::Serve) -> anyhow::Result<u8> {
         workers,
         port: Some(port),
         keep_serving: arguments.keep_serving,
+        retry_failed: arguments.retry_failed,
         lease: Duration::from_secs(arguments.lease),
         http: arguments.http,
     };

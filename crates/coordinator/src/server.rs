@@ -29,7 +29,7 @@ pub const LEASE: Duration = Duration::from_secs(30);
 const GRACE: Duration = Duration::from_millis(500);
 
 /// Time for open pages to fetch the last numbers when a coordinator ends.
-const PAGE_ENDS: Duration = Duration::from_secs(12);
+const PAGE_ENDS: Duration = Duration::from_secs(5);
 
 /// Interval at which an observer receives the status.
 const OBSERVING_PERIOD: Duration = Duration::from_millis(500);
@@ -51,6 +51,8 @@ pub struct Plan {
     pub port: Option<Port>,
     /// Whether to keep serving when the campaign is finished.
     pub keep_serving: bool,
+    /// Whether results that stand for failures are computed again.
+    pub retry_failed: bool,
     /// Duration of a lease.
     pub lease: Duration,
     /// The address of the live page, if any.
@@ -168,6 +170,10 @@ async fn run_open(
 ) -> Result<Outcome, Error> {
     if let Some(digest) = &model_digest {
         store.pin_model_digest(digest).await?;
+    }
+    if plan.retry_failed {
+        let results = store.remove_failures(campaign::task::FAILED).await?;
+        info!(results, "what has failed is computed again");
     }
     let options = ledger::Options {
         lease: plan.lease,

@@ -321,8 +321,7 @@ async function fetchViews() {
   fetching = true;
   fetchedAt = performance.now();
   try {
-    for (const [name, show] of VIEWS) await view(name, show);
-    await fetchMap();
+    await Promise.all([...VIEWS.map(([name, show]) => view(name, show)), fetchMap()]);
   } catch (error) {
     trouble(error);
   } finally {

@@ -38,7 +38,7 @@ const HEARTBEAT: Duration = Duration::from_secs(10);
 /// this long.
 const FAREWELL: Duration = Duration::from_secs(1);
 /// The longest time that they have.
-const LONGEST_FAREWELL: Duration = Duration::from_secs(10);
+const LONGEST_FAREWELL: Duration = Duration::from_secs(3);
 
 /// Serves a site on `listener` until `stop`.
 ///

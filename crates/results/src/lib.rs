@@ -13,6 +13,7 @@ pub mod comparing;
 mod converged;
 mod costs;
 pub mod describing;
+mod doubts;
 pub mod export;
 pub mod live;
 pub mod model;

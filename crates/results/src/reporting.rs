@@ -22,7 +22,6 @@ use stats::streams::{Purpose, stream};
 use store::Store;
 
 pub use self::enrichment::rounds;
-pub(crate) use self::notes::ignored_seeds;
 pub use self::optima::{contact, drawing, run, ste};
 use self::sources::Sources;
 use crate::costs::Times;

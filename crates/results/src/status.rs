@@ -13,9 +13,9 @@ use stages::verification::Verification;
 use store::{ModelRow, Store};
 
 use crate::costs::{self, Times};
+use crate::doubts;
 use crate::live::{Left, Live, Running};
 use crate::ranking::{is_ranked, rank};
-use crate::reporting::ignored_seeds;
 
 /// What `coordinator status --json` prints.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -353,12 +353,7 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
         optima,
         failures: progress.failures,
         failure_groups: groups.map(FailureGroup::from).collect(),
-        warnings: match campaign.is_external() {
-            true => ignored_seeds(&problem, &store.responses().await?)
-                .into_iter()
-                .collect(),
-            false => Vec::new(),
-        },
+        warnings: doubts::of(store, &problem).await?,
         live: None,
     };
     let to_verify = problem.approaches().count() as u64 * u64::from(campaign.verify.first());

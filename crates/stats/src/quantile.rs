@@ -97,12 +97,17 @@ pub fn harrell_davis(
 fn jackknife(sorted: &[f64], level: f64) -> f64 {
     let n = sorted.len();
     let fewer = harrell_davis_weights(n - 1, level);
-    let left_out: Vec<f64> = (0..n)
-        .map(|i| {
-            let others = sorted[..i].iter().chain(&sorted[i + 1..]);
-            weighted(&fewer, others, sorted[0])
-        })
-        .collect();
+    let above_base = |i: usize| sorted[i] - sorted[0];
+    // Without the i-th, those before it keep their ranks and those after it lose one.
+    let mut left_out = vec![0.0; n];
+    let (mut before, mut after) = (0.0, 0.0);
+    for i in 1..n {
+        before += fewer[i - 1] * above_base(i - 1);
+        left_out[i] += before;
+        let from_end = n - 1 - i;
+        after += fewer[from_end] * above_base(from_end + 1);
+        left_out[from_end] += after;
+    }
     let mean = left_out.iter().sum::<f64>() / n as f64;
     let squares: f64 = left_out.iter().map(|v| (v - mean).powi(2)).sum();
     (n - 1) as f64 / n as f64 * squares

@@ -6,6 +6,8 @@ use crate::insert::remove_samples;
 use crate::keyed::{self, Table};
 use crate::rounds;
 use crate::rows::{ModelRow, OptimumRow, Receipt, ResponseRow};
+use crate::samples;
+use crate::tally::{self, Tally};
 
 /// Completes "the database could not".
 pub(crate) const REMOVING: &str = "remove derived rows";
@@ -135,14 +137,8 @@ pub(crate) async fn remove(
     for result in results {
         match result {
             Derived::Samples => {
-                for statement in [
-                    "DELETE FROM sample_range",
-                    "DELETE FROM design_tally",
-                    "UPDATE tally SET samples = 0, samples_digest = zeroblob(32)",
-                    "DELETE FROM criteria",
-                ] {
-                    connection.run(REMOVING, statement).await?;
-                }
+                remove_all_samples(connection).await?;
+                connection.run(REMOVING, "DELETE FROM criteria").await?;
             }
             Derived::Responses => connection.run(REMOVING, "DELETE FROM response").await?,
             Derived::Model => remove_model(connection, ModelRow::DOE).await?,
@@ -171,6 +167,65 @@ pub(crate) async fn remove(
         connection.execute(REMOVING, query).await?;
     }
     Ok(Receipt::default())
+}
+
+async fn remove_all_samples(connection: &mut Connection<'_>) -> Result<(), Error> {
+    for statement in [
+        "DELETE FROM sample_range",
+        "DELETE FROM design_tally",
+        "UPDATE tally SET samples = 0, samples_digest = zeroblob(32)",
+    ] {
+        connection.run(REMOVING, statement).await?;
+    }
+    Ok(())
+}
+
+/// Removes what stands for failures: infinite samples, and criteria and evaluations whose reason begins with
+/// `reason`. A run goes on from its first evaluation that is removed. The receipt counts the rows removed.
+pub(crate) async fn remove_failures(
+    connection: &mut Connection<'_>,
+    reason: &str,
+) -> Result<Receipt, Error> {
+    let mut removed = 0;
+    let mut tally = Tally::default();
+    let kept = samples::finite(connection).await?;
+    let (before, _) = tally::samples(connection).await?;
+    kept.iter().for_each(|range| tally.add_range(range));
+    if tally.samples() < before {
+        removed += before - tally.samples();
+        remove_all_samples(connection).await?;
+        samples::write(connection, &kept).await?;
+    } else {
+        tally = Tally::default();
+    }
+    for (point, (before, _)) in tally::points(connection).await? {
+        let mut rows = tally::verify_samples(connection, &point).await?;
+        rows.retain(|row| row.delta_ste_um.is_finite());
+        if (rows.len() as u64) < before {
+            removed += before - rows.len() as u64;
+            remove_samples(connection, &point).await?;
+            keyed::replace(connection, &rows).await?;
+            rows.iter().for_each(|row| tally.add_verify_sample(row));
+        }
+    }
+    tally.write(connection).await?;
+    for statement in [
+        "DELETE FROM criteria WHERE substr(reason, 1, length(?1)) = ?1",
+        "DELETE FROM optimiser_run WHERE 'run ' || approach || ' ' || start IN
+            (SELECT stream FROM evaluation WHERE substr(refused, 1, length(?1)) = ?1)",
+        "DELETE FROM derivation WHERE name IN
+            (SELECT stream FROM evaluation WHERE substr(refused, 1, length(?1)) = ?1)",
+        "DELETE FROM evaluation WHERE evaluation >=
+            (SELECT min(failed.evaluation) FROM evaluation AS failed
+             WHERE failed.stream = evaluation.stream AND substr(failed.refused, 1, length(?1)) = ?1)",
+    ] {
+        let done = connection.execute(REMOVING, sqlx::query(statement).bind(reason));
+        removed += done.await?.rows_affected();
+    }
+    Ok(Receipt {
+        new_rows: removed,
+        ..Receipt::default()
+    })
 }
 
 pub(crate) async fn remove_model(connection: &mut Connection<'_>, name: &str) -> Result<(), Error> {

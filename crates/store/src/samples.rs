@@ -179,7 +179,10 @@ fn append(ranges: &mut Vec<SampleRange>, row: &SampleRow) {
 
 /// Inserts ranges with one statement: the values as one byte array, and the place of each range in
 /// it.
-async fn write(connection: &mut Connection<'_>, ranges: &[SampleRange]) -> Result<(), Error> {
+pub(crate) async fn write(
+    connection: &mut Connection<'_>,
+    ranges: &[SampleRange],
+) -> Result<(), Error> {
     if ranges.is_empty() {
         return Ok(());
     }
@@ -214,6 +217,19 @@ pub(crate) async fn visit<E: From<Error>>(
     let mut moment = connection.moment().await?;
     compare(&mut moment, SampleRange::NAME, visit).await?;
     Ok(moment.commit().await?)
+}
+
+/// The samples that have not failed.
+pub(crate) async fn finite(connection: &mut Connection<'_>) -> Result<Vec<SampleRange>, Error> {
+    let mut kept = Vec::new();
+    let keep = |row: SampleRow| {
+        if row.delta_ste_um.is_finite() {
+            append(&mut kept, &row);
+        }
+        Ok::<(), Error>(())
+    };
+    visit(connection, keep).await?;
+    Ok(kept)
 }
 
 /// Like [`visit`], within a transaction. A difference is reported for `table`.

@@ -253,6 +253,14 @@ impl Store {
         self.put(Rows::Removal(results.to_vec())).await.map(drop)
     }
 
+    /// Removes what stands for failures, so that it is computed again: infinite samples, and criteria and
+    /// evaluations whose reason begins with `reason`. A run goes on from its first evaluation that is removed.
+    /// Returns the number of rows removed.
+    pub async fn remove_failures(&self, reason: &str) -> Result<u64, Error> {
+        let receipt = self.put(Rows::NoFailures(reason.to_owned())).await?;
+        Ok(receipt.new_rows)
+    }
+
     /// Replaces all responses by these, all or nothing.
     pub async fn put_responses(
         &self,

@@ -35,6 +35,10 @@ impl Tally {
         }
     }
 
+    pub(crate) fn samples(&self) -> u64 {
+        self.samples
+    }
+
     pub(crate) fn digest(&self) -> SamplesDigest {
         self.digest
     }

@@ -105,6 +105,8 @@ pub(crate) enum Rows {
     Generations(Vec<(String, u64)>),
     /// Removes the evaluations of this run.
     NoEvaluations(String),
+    /// Removes what stands for failures, whose reasons begin so.
+    NoFailures(String),
 }
 
 impl Rows {
@@ -133,7 +135,8 @@ impl Rows {
             | Self::ModelDigest(_)
             | Self::Extension(_)
             | Self::Removal(_)
-            | Self::NoEvaluations(_) => 1,
+            | Self::NoEvaluations(_)
+            | Self::NoFailures(_) => 1,
         }
     }
 }
@@ -359,6 +362,7 @@ async fn store(
         [Rows::Extension(campaign)] => insert::extension(connection, campaign).await.map(one),
         [Rows::Generations(rows)] => insert::generations(connection, rows).await.map(one),
         [Rows::NoEvaluations(stream)] => insert::no_evaluations(connection, stream).await.map(one),
+        [Rows::NoFailures(reason)] => derived::remove_failures(connection, reason).await.map(one),
         [Rows::Removal(results)] => derived::remove(connection, results).await.map(one),
         batches => {
             let batches: Vec<&Batch> = batches.iter().filter_map(Rows::batch).collect();

@@ -52,6 +52,7 @@ pub(super) async fn sweep(arguments: arguments::Sweep) -> anyhow::Result<u8> {
             workers: workers.clone(),
             port: None,
             keep_serving: false,
+            retry_failed: false,
             lease: server::LEASE,
             http: None,
         };

@@ -1,28 +1,8 @@
 //! Remarks and warnings, and what the model leaves out.
 
-use campaign::file::FailedSamples;
-use campaign::formulation::Problem;
 use stages::optima::optimum_design;
-use store::ResponseRow;
 
-use super::sources::{Failed, Sources};
-
-/// The warning about an external program none of whose samples depends on its seed.
-pub(crate) fn ignored_seeds(problem: &Problem, responses: &[ResponseRow]) -> Option<String> {
-    // The mean of equal numbers is rounded, and so is their standard deviation.
-    let is_constant = |row: &ResponseRow| row.sd_um <= 1e-12 * row.mean_um.abs();
-    let is_suspicious = problem.campaign().is_external()
-        && !responses.is_empty()
-        && responses.iter().all(is_constant);
-    is_suspicious.then(|| {
-        format!(
-            "The program seems to ignore its seed: in each of {} designs, all samples of {} are equal. The \
-             percentiles are those of a response without random effects.",
-            responses.len(),
-            problem.sampled().name,
-        )
-    })
-}
+use super::sources::Sources;
 
 pub(super) fn notes(sources: &Sources, failures: &[store::FailureRow]) -> Vec<String> {
     let campaign = sources.problem.campaign();
@@ -35,7 +15,7 @@ pub(super) fn notes(sources: &Sources, failures: &[store::FailureRow]) -> Vec<St
                 .map(|warning| format!("Kriging: {warning}.")),
         );
     }
-    notes.extend(ignored_seeds(&sources.problem, &sources.responses));
+    notes.extend(sources.doubts.clone());
     if !campaign.is_external() {
         notes.extend(pointed_tips(sources));
     }
@@ -56,7 +36,6 @@ pub(super) fn notes(sources: &Sources, failures: &[store::FailureRow]) -> Vec<St
             campaign::task::NOT_A_NUMBER,
             "gave results that are no numbers",
         ),
-        (campaign::task::FAILED, "failed in every attempt"),
     ] {
         let count = panics(name);
         if count > 0 {
@@ -65,7 +44,6 @@ pub(super) fn notes(sources: &Sources, failures: &[store::FailureRow]) -> Vec<St
             ));
         }
     }
-    notes.extend(failed(sources));
     let mut quarantined: Vec<&str> = failures
         .iter()
         .filter(|row| row.kind == store::FailureKind::Quarantine)
@@ -96,39 +74,6 @@ pub(super) fn notes(sources: &Sources, failures: &[store::FailureRow]) -> Vec<St
             .to_owned()
     });
     notes
-}
-
-/// The failures that are results, and their meaning.
-fn failed(sources: &Sources) -> Vec<String> {
-    let Failed {
-        samples,
-        designs,
-        verified,
-        evaluations,
-    } = sources.failed;
-    let meaning = match sources.problem.campaign().sampling.failed {
-        FailedSamples::LeftOut => "They are left out of the percentiles.",
-        FailedSamples::RefusesDesign => "A design with one of them has no percentile.",
-        FailedSamples::Worst | FailedSamples::QuarantinesDesign => {
-            "They count as worse than all others."
-        }
-    };
-    let of = sources.samples;
-    let notes = [
-        (samples > 0).then(|| format!("{samples} of {of} samples of the DoE failed. {meaning}")),
-        (designs > 0).then(|| {
-            format!(
-                "{designs} designs have no percentile, because too many of their samples failed."
-            )
-        }),
-        (verified > 0).then(|| format!("{verified} verification samples failed. {meaning}")),
-        (evaluations > 0).then(|| {
-            format!(
-                "{evaluations} evaluations in the searches failed; these candidates ranked last."
-            )
-        }),
-    ];
-    notes.into_iter().flatten().collect()
 }
 
 /// Names optima whose teeth have no tip land left: no constraint of the paper asks for one, and

@@ -1,5 +1,5 @@
 """A noisy bowl whose half with a above 0.5 has no number: argument 1 says what it answers there, and
-argument 2, if given, in which share of the samples elsewhere."""
+argument 2, if given, in which share of the samples elsewhere. With "repaired" all of it has numbers."""
 import json
 import random
 import sys
@@ -12,7 +12,7 @@ for line in sys.stdin:
         answer = {"protocol": 2, "version": "1"}
     else:
         a, b = request["design"]["a"], request["design"]["b"]
-        has_none = a > 0.5
+        has_none = a > 0.5 and sys.argv[1] != "repaired"
         y = (a - 0.3) ** 2 + (b - 0.3) ** 2
         if request["request"] == "evaluate":
             answer = {name: odd if has_none else y for name in request["responses"]}

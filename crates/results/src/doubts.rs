@@ -1,0 +1,93 @@
+//! What makes the results of an external program doubtful: seeds that it ignores, failures that are results.
+
+use campaign::Approach;
+use campaign::file::{FailedSamples, Sampling};
+use campaign::formulation::Problem;
+use stages::names::run_name;
+use store::{CriteriaRow, ResponseRow, SampleRow, Store};
+
+/// One sentence for each doubt about what `store` holds.
+///
+/// # Errors
+///
+/// The store cannot be read.
+pub(crate) async fn of(store: &Store, problem: &Problem) -> Result<Vec<String>, store::Error> {
+    let campaign = problem.campaign();
+    if !campaign.is_external() {
+        return Ok(Vec::new());
+    }
+    let responses = store.responses().await?;
+    let mut doubts: Vec<String> = ignored_seeds(problem, &responses).into_iter().collect();
+    let meaning = match campaign.sampling.failed {
+        FailedSamples::LeftOut => "They are left out of the percentiles.",
+        FailedSamples::RefusesDesign => "A design with one of them has no percentile.",
+        FailedSamples::Worst | FailedSamples::QuarantinesDesign => {
+            "They count as worse than all others."
+        }
+    };
+    let (mut failed, mut all) = (0, 0);
+    let count = |row: SampleRow| {
+        all += 1;
+        failed += usize::from(row.delta_ste_um.is_infinite());
+        Ok::<(), store::Error>(())
+    };
+    store.visit_samples(count).await?;
+    let mut verified = 0;
+    for (point, _) in store.verify_counts().await? {
+        let samples = store.verify_samples(&point).await?;
+        let samples: Vec<f64> = samples.iter().map(|row| row.delta_ste_um).collect();
+        verified += Sampling::count_failed(&samples);
+    }
+    let is_failure = |reason: &str| reason.starts_with(campaign::task::FAILED);
+    let mut candidates = 0;
+    for approach in Approach::OPTIMISED {
+        for start in 0..campaign.optimise.starts {
+            let rows = store.evaluations(&run_name(approach, start), 0).await?;
+            let reasons = rows.iter().filter_map(|row| row.refused.as_deref());
+            candidates += reasons.filter(|reason| is_failure(reason)).count();
+        }
+    }
+    let without = responses.iter().filter(|row| !row.p90_um.is_finite());
+    let criteria = store.criteria().await?;
+    let has_failed = |row: &&CriteriaRow| row.reason.as_deref().is_some_and(is_failure);
+    let counted = [
+        (
+            criteria.iter().filter(has_failed).count(),
+            "designs failed in every attempt; they are recorded as not simulable.".to_owned(),
+        ),
+        (
+            failed,
+            format!("of {all} samples of the DoE failed. {meaning}"),
+        ),
+        (
+            without.count(),
+            "designs have no percentile, because too many of their samples failed.".to_owned(),
+        ),
+        (
+            verified,
+            format!("verification and infill samples failed. {meaning}"),
+        ),
+        (
+            candidates,
+            "evaluations in the searches failed; these candidates ranked last.".to_owned(),
+        ),
+    ];
+    let counted = counted.into_iter().filter(|(count, _)| *count > 0);
+    doubts.extend(counted.map(|(count, what)| format!("{count} {what}")));
+    Ok(doubts)
+}
+
+/// The doubt about a program none of whose samples depends on its seed.
+fn ignored_seeds(problem: &Problem, responses: &[ResponseRow]) -> Option<String> {
+    // The mean of equal numbers is rounded, and so is their standard deviation.
+    let is_constant = |row: &ResponseRow| row.sd_um <= 1e-12 * row.mean_um.abs();
+    let is_suspicious = !responses.is_empty() && responses.iter().all(is_constant);
+    is_suspicious.then(|| {
+        format!(
+            "The program seems to ignore its seed: in each of {} designs, all samples of {} are equal. The \
+             percentiles are those of a response without random effects.",
+            responses.len(),
+            problem.sampled().name,
+        )
+    })
+}
