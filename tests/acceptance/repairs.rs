@@ -113,6 +113,7 @@ impl Case {
             "samples_digest",
             "verify_samples_digest",
             "optima",
+            "warnings",
         ];
         for key in keys {
             assert_eq!(repaired[key], undisturbed[key], "{key}");
@@ -145,6 +146,8 @@ fn what_was_learned_without_a_quarantined_design_is_learned_again() {
     case.run("c.db", 13);
     let status = case.status("c.db");
     assert_eq!(status["enrichment"]["ended"], true, "{status}");
+    let warning = status["warnings"][0].as_str().expect("a warning");
+    assert!(warning.contains("ended without samples of"), "{warning}");
     // What fails again is still missing.
     case.run("c.db", 13);
     case.sandbox.write("licence", "");

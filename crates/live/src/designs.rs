@@ -114,6 +114,10 @@ impl Designs {
         let rows = self.responses();
         let point = |row: &ResponseRow| {
             let design = self.designs.get(row.design as usize)?;
+            // Without a percentile, because too many of its samples have failed.
+            if !row.p90_um.is_finite() {
+                return None;
+            }
             Some(Point {
                 design: row.design,
                 x: design.x.clone(),

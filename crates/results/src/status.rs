@@ -319,6 +319,19 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
     } else {
         "sample"
     };
+    let mut warnings = doubts::of(store, &problem).await?;
+    if stage == "done" {
+        let open = store
+            .missing_work(per_design, &BTreeMap::new())
+            .await?
+            .len();
+        if open > 0 {
+            warnings.push(format!(
+                "The campaign ended without samples of {open} designs, whose jobs were quarantined. The same command \
+                 tries them again."
+            ));
+        }
+    }
     let groups = store.failure_groups().await?.into_iter();
     let mut status = Status {
         schema_version: 3,
@@ -353,7 +366,7 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
         optima,
         failures: progress.failures,
         failure_groups: groups.map(FailureGroup::from).collect(),
-        warnings: doubts::of(store, &problem).await?,
+        warnings,
         live: None,
     };
     let to_verify = problem.approaches().count() as u64 * u64::from(campaign.verify.first());

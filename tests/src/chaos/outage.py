@@ -42,6 +42,10 @@ for line in sys.stdin:
         program.stdin.write(line)
         program.stdin.flush()
         answer = program.stdout.readline()
+        while answer and not answer.startswith("{"):
+            # Not an answer: another line follows it.
+            print(answer, end="", flush=True)
+            answer = program.stdout.readline()
     if not answer:
         sys.exit(program.wait())
     print(answer, end="", flush=True)

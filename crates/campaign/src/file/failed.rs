@@ -68,24 +68,37 @@ impl Sampling {
     pub(super) fn estimate_of_others(&self, samples: &[f64], failed: usize) -> stats::Choice {
         let finite: Vec<f64> = samples.iter().copied().filter(|s| s.is_finite()).collect();
         let share = failed as f64 / samples.len() as f64;
-        let level = match self.failed {
-            FailedSamples::LeftOut => Some(self.level()),
-            FailedSamples::RefusesDesign => None,
-            FailedSamples::Worst | FailedSamples::QuarantinesDesign => {
-                let level = match self.counts_above {
-                    // The failed samples lie below all others.
-                    true => (self.level() - share) / (1.0 - share),
-                    false => self.level() / (1.0 - share),
-                };
-                Some(level).filter(|level| *level > 0.0 && *level < 1.0)
-            }
+        // The level among the others, and its derivative by the share.
+        let (level, by_share) = match self.failed {
+            FailedSamples::LeftOut => (self.level(), 0.0),
+            FailedSamples::RefusesDesign => (1.0, 0.0),
+            FailedSamples::Worst | FailedSamples::QuarantinesDesign => match self.counts_above {
+                // The failed samples lie below all others.
+                true => (
+                    (self.level() - share) / (1.0 - share),
+                    (self.level() - 1.0) / (1.0 - share).powi(2),
+                ),
+                false => (
+                    self.level() / (1.0 - share),
+                    self.level() / (1.0 - share).powi(2),
+                ),
+            },
         };
-        if let Some(level) = level
-            && let Ok(estimate) = self.estimate_at(&finite, level)
+        let (mean, sd) = stats::mean_sd(&finite).unwrap_or_default();
+        if level > 0.0
+            && level < 1.0
+            && let Ok(mut estimate) = self.estimate_at(&finite, level)
         {
+            // The share is an estimate as well. What its error does to the percentile is taken from a normal
+            // distribution's slope at this level.
+            let z = stats::normal_quantile(level);
+            let slope = sd * std::f64::consts::TAU.sqrt() * (0.5 * z * z).exp();
+            let of_share = share * (1.0 - share) / samples.len() as f64;
+            let variance = (slope * by_share).powi(2) * of_share;
+            estimate.chosen.variance += variance;
+            estimate.normal.variance += variance;
             return estimate;
         }
-        let (mean, sd) = stats::mean_sd(&finite).unwrap_or_default();
         let none = stats::Percentile {
             n: samples.len(),
             mean,
@@ -148,6 +161,35 @@ mod tests {
             assert_eq!(p90(Worst, 23), f64::INFINITY);
             near(p90(LeftOut, 23), 1.2816);
         }
+    }
+
+    /// The stated variance is the one that estimates have: it knows that the share of failures is an estimate,
+    /// which at 5 % is half of it.
+    #[test]
+    fn the_variance_counts_the_error_of_the_share() {
+        use rand::RngExt as _;
+        let of = sampling(FailedSamples::Worst, false);
+        let rng = &mut stats::streams::stream(1, stats::streams::Purpose::Test, 0, 0);
+        let (mut values, mut stated) = (Vec::new(), Vec::new());
+        while values.len() < 4000 {
+            let drawn: Vec<f64> = (0..120)
+                .map(|_| match rng.random::<f64>() < 0.04 {
+                    true => of.failed_sample(),
+                    false => stats::normal_quantile(rng.random()),
+                })
+                .collect();
+            let estimate = of.estimate(&drawn).unwrap().chosen;
+            // One in hundreds has too many failures for a percentile.
+            if estimate.p90.is_finite() {
+                values.push(estimate.p90);
+                stated.push(estimate.variance);
+            }
+        }
+        let (_, sd) = stats::mean_sd(&values).unwrap();
+        stated.sort_by(f64::total_cmp);
+        let ratio = stated[stated.len() / 2] / (sd * sd);
+        // Without the share's part it is 0.4.
+        assert!((0.7..1.2).contains(&ratio), "{ratio}");
     }
 
     #[test]
