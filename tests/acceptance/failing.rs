@@ -152,7 +152,7 @@ fn failed_samples_count_as_the_policy_says() {
     assert!(differ > 0);
 }
 
-/// What failed for good, and counts as failed, is computed again by a program that has been repaired; all
+/// What failed in every attempt, and counts as failed, is computed again by a program that has been repaired; all
 /// that rests on it follows.
 #[test]
 fn failures_that_are_results_are_computed_again_when_that_is_asked_for() {

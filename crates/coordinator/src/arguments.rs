@@ -114,7 +114,7 @@ pub(crate) struct Run {
     pub(crate) workers: Option<u16>,
     #[command(flatten)]
     pub(crate) simulator: SimulatorArguments,
-    /// Compute again what has failed for good: samples that count as failed, designs, and candidates of
+    /// Compute again what failed in every attempt: samples that count as failed, designs, and candidates of
     /// searches
     #[arg(long)]
     pub(crate) retry_failed: bool,
@@ -209,7 +209,7 @@ pub(crate) struct Serve {
     pub(crate) workers: u16,
     #[command(flatten)]
     pub(crate) simulator: SimulatorArguments,
-    /// Compute again what has failed for good: samples that count as failed, designs, and candidates of
+    /// Compute again what failed in every attempt: samples that count as failed, designs, and candidates of
     /// searches
     #[arg(long)]
     pub(crate) retry_failed: bool,

@@ -125,6 +125,10 @@ pub(crate) struct Cluster {
     is_drained: bool,
     /// Exit code of a coordinator that ended by itself because the campaign is finished.
     pub(crate) ended: Option<i32>,
+    /// Whether the simulator may have failed since failures were computed again.
+    pub(crate) has_failed: bool,
+    /// Whether the next coordinator computes them again.
+    pub(crate) retries_failed: bool,
     /// Whether a worker left because the campaign is finished.
     pub(crate) is_dismissed: bool,
     /// Whether the workers are kept disconnected, which [`heal`](Self::heal) does not change.
@@ -147,6 +151,8 @@ impl Cluster {
             started: 0,
             is_drained: false,
             ended: None,
+            has_failed: false,
+            retries_failed: false,
             is_dismissed: false,
             is_cut_off: false,
         };
@@ -160,6 +166,7 @@ impl Cluster {
             listen,
             http,
             stays: self.setup.stays,
+            retries_failed: self.retries_failed,
         }
     }
 
@@ -170,6 +177,9 @@ impl Cluster {
             Who::Coordinator => {
                 let serving = self.serving([self.address, self.http]);
                 let command = self.setup.programs.coordinator(folder, ACCESS, serving);
+                if std::mem::take(&mut self.retries_failed) {
+                    self.has_failed = self.setup.folder.join(OUTAGE).exists();
+                }
                 (format!("coordinator-{}", self.started), command)
             }
             Who::Worker(worker) => {
@@ -264,7 +274,10 @@ impl Cluster {
             }
             Act::Resume => self.steer(&["drain", "--resume"])?,
             Act::Retry => self.steer(&["retry"])?,
-            Act::Outage(share) => self.outage(Some(share))?,
+            Act::Outage(share) => {
+                self.has_failed = true;
+                self.outage(Some(share))?;
+            }
             Act::Repair { retries } => {
                 self.outage(None)?;
                 if retries {

@@ -249,6 +249,12 @@ impl Course {
                 self.phase = Phase::Away(Duration::ZERO);
                 Ok(false)
             }
+            // What failed in an outage is a result there, until it is computed again.
+            (Kind::Problem | Kind::Files, _, 0) if cluster.has_failed => {
+                cluster.outage(None)?;
+                cluster.retries_failed = true;
+                Ok(false)
+            }
             (_, _, 0) => Ok(true),
             // The same command again repairs what an outage has left.
             (kind, _, 13) if kind.has_outages() => {

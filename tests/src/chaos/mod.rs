@@ -201,6 +201,10 @@ impl Soak {
                     cluster.ended = Some(code);
                     break now;
                 }
+                if cluster.retries_failed {
+                    // Failed samples are removed.
+                    progress = Progress::default();
+                }
             }
             if now > reference.span * PATIENCE {
                 let last = progress.last;

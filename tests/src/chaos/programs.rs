@@ -25,6 +25,8 @@ pub(crate) struct Serving<'a> {
     pub(crate) http: SocketAddr,
     /// Whether the coordinator keeps serving when the campaign is finished.
     pub(crate) stays: bool,
+    /// Whether failures that are results are computed again.
+    pub(crate) retries_failed: bool,
 }
 
 /// A file in the folder of a round that says for which share of its designs the external simulator fails.
@@ -139,6 +141,9 @@ impl Programs {
         command.args(["--http", &serving.http.to_string()]);
         if serving.stays {
             command.arg("--keep-serving");
+        }
+        if serving.retries_failed {
+            command.arg("--retry-failed");
         }
         command
     }
