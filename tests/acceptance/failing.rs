@@ -198,6 +198,23 @@ fn failures_that_are_results_are_computed_again_when_that_is_asked_for() {
     assert_eq!(tables(&case), undisturbed);
 }
 
+/// A direct search counts failed samples as the DoE does: a candidate does not fail for a few of them.
+#[test]
+fn a_direct_search_counts_failed_samples() {
+    let changes = [
+        ("samples_per_design = 8", "samples_per_design = 40"),
+        ("starts = 1", "starts = 1\ndirect = true"),
+        ("evaluations = 200", "evaluations = 60"),
+    ];
+    let found = ["nan 0.04", "error 0.04"].map(|answer| {
+        let case = Case::new("not-a-number", &changes, answer);
+        assert_code(&case.run("2", &[]), 0);
+        criterion(&case.status(), "direct")
+    });
+    assert_eq!(found[0], found[1]);
+    assert!(found[0] < 0.3, "{found:?}");
+}
+
 #[test]
 fn an_outage_of_the_licence_server_costs_nothing_but_time() {
     let case = Case::new("licence-outage", &[], "");

@@ -171,16 +171,18 @@ async fn run_open(
     if let Some(digest) = &model_digest {
         store.pin_model_digest(digest).await?;
     }
+    let mut histories = store.job_histories().await?;
     if plan.retry_failed {
         let results = store.remove_failures(campaign::task::FAILED).await?;
         info!(results, "what has failed is computed again");
+        histories.iter_mut().for_each(|job| job.failures = 0);
     }
     let options = ledger::Options {
         lease: plan.lease,
         ..board::options(&plan.campaign)
     };
     let board = Arc::new(Board::new(options, rand::random()));
-    board.remember(store.job_histories().await?);
+    board.remember(histories);
     // Without a port or designs, no worker can hold a lease from before.
     if plan.port.is_some() && store.progress().await?.designs > 0 {
         board.delay_leases(GRACE);

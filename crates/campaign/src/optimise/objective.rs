@@ -5,7 +5,7 @@ use stats::streams::{Purpose, stream};
 
 use super::Found;
 use crate::formulation::{Approach, Criteria, Design, Problem};
-use crate::simulator::{Analysis, NoAnswer, Simulator, State};
+use crate::simulator::{Analysis, NoAnswer, Prepared, Simulator, State};
 use crate::task::Run;
 
 /// The violation of a design that is not simulable in feasibility-first ranking: larger than that
@@ -76,20 +76,47 @@ pub fn answer(
         answer.worn = Some(prepared.analyse(State::Baseline)?.criteria);
     }
     if approach == Approach::Direct {
-        let campaign = problem.campaign();
-        let (purpose, number) = COMMON;
-        for sample in 0..campaign.sampling.samples_per_design {
-            let mut rng = stream(campaign.seed, purpose, number, u64::from(sample));
-            let drawn = prepared.sample(&mut rng).map_err(NoAnswer::Failed)?;
-            let drawn = problem.sample_of(drawn);
-            problem.check_sample(drawn).map_err(|why| {
-                let name = &problem.sampled().name;
-                NoAnswer::Failed(format!("{name} of sample {sample} {why}"))
-            })?;
-            answer.samples_um.push(drawn);
-        }
+        answer.samples_um = draw(problem, prepared.as_mut()).map_err(NoAnswer::Failed)?;
     }
     Ok(answer)
+}
+
+/// The samples of a design in a direct search. A sample that fails again and again, while one that did not
+/// fail is computed once more before each attempt, has failed if that is a result.
+fn draw(problem: &Problem, design: &mut dyn Prepared) -> Result<Vec<f64>, String> {
+    let campaign = problem.campaign();
+    let (purpose, number) = COMMON;
+    let mut one = |sample: usize| {
+        let mut rng = stream(campaign.seed, purpose, number, sample as u64);
+        let drawn = problem.sample_of(design.sample(&mut rng)?);
+        let name = &problem.sampled().name;
+        let checked = problem.check_sample(drawn);
+        checked.map_err(|why| format!("{name} of sample {sample} {why}"))?;
+        Ok(drawn)
+    };
+    let is_result = campaign.is_external() && campaign.sampling.tolerates_failures();
+    let mut samples =
+        vec![campaign.sampling.failed_sample(); campaign.sampling.samples_per_design as usize];
+    let mut failed = Vec::new();
+    for (sample, value) in samples.iter_mut().enumerate() {
+        match one(sample) {
+            Ok(drawn) => *value = drawn,
+            Err(error) if is_result => failed.push((sample, error)),
+            Err(error) => return Err(error),
+        }
+    }
+    for _ in 1..campaign.simulator.attempts() {
+        let Some((_, error)) = failed.first() else {
+            break;
+        };
+        let has_failed = |sample: &usize| failed.iter().any(|(other, _)| other == sample);
+        let control = (0..samples.len()).find(|sample| !has_failed(sample));
+        if control.is_none_or(|sample| one(sample).is_err()) {
+            return Err(error.clone());
+        }
+        failed.retain(|(sample, _)| one(*sample).map(|drawn| samples[*sample] = drawn).is_err());
+    }
+    Ok(samples)
 }
 
 /// The objective of one approach.
