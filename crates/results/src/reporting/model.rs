@@ -85,13 +85,11 @@ pub(super) fn kriging(
     }])
 }
 
-/// The names of what the model was fitted to, in words.
+/// What the model was fitted to, in words.
 fn fitted_to(sources: &Sources, model: &ModelSummary) -> String {
-    let all = model.residuals_um.len();
-    let is_of_doe =
-        |(number, _): &&(u64, f64)| sources.designs.iter().any(|row| row.design == *number);
+    let is_of_doe = |(number, _): &&(u64, f64)| *number < sources.designs.len() as u64;
     let designs = model.residuals_um.iter().filter(is_of_doe).count();
-    match all - designs {
+    match model.residuals_um.len() - designs {
         0 => format!("{} designs", model.points),
         infill => format!("{designs} designs and {infill} infill points"),
     }
