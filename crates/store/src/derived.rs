@@ -1,11 +1,13 @@
 //! Derived results, what they were computed from, and their removal.
 
+use std::collections::BTreeMap;
+
 use crate::Error;
 use crate::connection::Connection;
 use crate::insert::remove_samples;
 use crate::keyed::{self, Table};
 use crate::rounds;
-use crate::rows::{ModelRow, OptimumRow, Receipt, ResponseRow};
+use crate::rows::{EvaluationRow, ModelRow, OptimumRow, Receipt, ResponseRow};
 use crate::samples;
 use crate::tally::{self, Tally};
 
@@ -180,8 +182,8 @@ async fn remove_all_samples(connection: &mut Connection<'_>) -> Result<(), Error
     Ok(())
 }
 
-/// Removes what stands for failures: infinite samples, and criteria and evaluations whose reason begins with
-/// `reason`. A run goes on from its first evaluation that is removed. The receipt counts the rows removed.
+/// Removes what stands for failures: infinite samples, and criteria and evaluations that have one or whose reason
+/// begins with `reason`. A run goes on from its first evaluation that is removed. The receipt counts the rows removed.
 pub(crate) async fn remove_failures(
     connection: &mut Connection<'_>,
     reason: &str,
@@ -209,19 +211,29 @@ pub(crate) async fn remove_failures(
         }
     }
     tally.write(connection).await?;
-    for statement in [
-        "DELETE FROM criteria WHERE substr(reason, 1, length(?1)) = ?1",
-        "DELETE FROM optimiser_run WHERE 'run ' || approach || ' ' || start IN
-            (SELECT stream FROM evaluation WHERE substr(refused, 1, length(?1)) = ?1)",
-        "DELETE FROM derivation WHERE name IN
-            (SELECT stream FROM evaluation WHERE substr(refused, 1, length(?1)) = ?1)",
-        "DELETE FROM evaluation WHERE evaluation >=
-            (SELECT min(failed.evaluation) FROM evaluation AS failed
-             WHERE failed.stream = evaluation.stream AND substr(failed.refused, 1, length(?1)) = ?1)",
-    ] {
-        let done = connection.execute(REMOVING, sqlx::query(statement).bind(reason));
-        removed += done.await?.rows_affected();
+    let mut failed: BTreeMap<String, u64> = BTreeMap::new();
+    let evaluations: Vec<EvaluationRow> = keyed::all(connection).await?;
+    for row in evaluations {
+        let is_failure = row.refused.is_some_and(|why| why.starts_with(reason));
+        let mut samples = row.samples.iter().flatten();
+        if is_failure || samples.any(|sample| sample.is_infinite()) {
+            failed.entry(row.stream).or_insert(row.evaluation);
+        }
     }
+    for (stream, first) in failed {
+        for statement in [
+            "DELETE FROM evaluation WHERE stream = ?1 AND evaluation >= ?2",
+            "DELETE FROM optimiser_run WHERE 'run ' || approach || ' ' || start = ?1",
+            "DELETE FROM derivation WHERE name = ?1",
+        ] {
+            let query = sqlx::query(statement).bind(&stream);
+            let query = query.bind(first.cast_signed());
+            removed += connection.execute(REMOVING, query).await?.rows_affected();
+        }
+    }
+    let query = sqlx::query("DELETE FROM criteria WHERE substr(reason, 1, length(?1)) = ?1");
+    let done = connection.execute(REMOVING, query.bind(reason)).await?;
+    removed += done.rows_affected();
     Ok(Receipt {
         new_rows: removed,
         ..Receipt::default()

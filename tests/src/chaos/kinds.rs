@@ -204,14 +204,15 @@ fn external(is_precise: bool) -> String {
     changed(&text, &changes)
 }
 
-/// The example of a problem without gears, with infill.
+/// The example of a problem without gears, with infill. What fails in an outage is a result at once, until the
+/// campaign is told to compute it again.
 fn problem() -> String {
     let text = change(&shipped("ishigami"), "designs = 150", "designs = 60");
     let text = change(&text, "samples_per_design = 30", "samples_per_design = 200");
     text + "\n[optimise]\nevaluations = 200\nstarts = 2\ndirect = true\n\n[verify]\nsamples = 2000\n\n[enrichment]\n\
             criterion = \"expected-quantile-improvement\"\nsamples = 8000\nrounds = 3\n\
             points_per_round = 4\nsamples_per_point = 500\ntolerance = 0.001\n\n\
-            [simulator]\nprobe_designs = 0\nretry_s = 2.0\n"
+            [simulator]\nprobe_designs = 0\nretry_s = 2.0\nattempts = 1\n"
 }
 
 /// The example of a program that communicates through files, with infill and a constraint.

@@ -1,9 +1,9 @@
 """Passes the lines of another program on, but fails for some designs while there is an outage.
 
 The file `outage` in the working folder says for which share, in percent: for 100 every request fails, for less
-only samples of the designs that a seed chooses. With WHOLE = 1 every request fails for any share.
+only samples of the designs that a seed chooses.
 
-    outage.py SEED WHOLE COMMAND...
+    outage.py SEED COMMAND...
 """
 
 import hashlib
@@ -24,7 +24,7 @@ def fails(request):
     wanted = share()
     if request["request"] == "describe" or wanted == 0:
         return False
-    if wanted == 100 or sys.argv[2] == "1":
+    if wanted == 100:
         return True
     parts = json.dumps([sys.argv[1], request["design"]], sort_keys=True)
     draw = hashlib.sha256(parts.encode()).digest()[0] * 100 // 256
@@ -32,7 +32,7 @@ def fails(request):
 
 
 program = subprocess.Popen(
-    sys.argv[3:], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
+    sys.argv[2:], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
 )
 for line in sys.stdin:
     request = json.loads(line)

@@ -99,8 +99,7 @@ impl Programs {
     }
 
     /// Like [`simulator`](Self::simulator), with outages of the share that the file [`OUTAGE`] in the round's
-    /// folder names. A program that reads files fails for all designs, and so does that of a direct search, in
-    /// which a candidate that fails alone is a result.
+    /// folder names. A program that reads files fails for all designs.
     pub(crate) fn with_outages(
         &self,
         folder: &Path,
@@ -117,9 +116,8 @@ impl Programs {
                 format!("test ! -e {} || exit 7; exec {program}", outage.display())
             }
             _ => {
-                let is_whole = u8::from(name == DIRECT);
                 let program = program.trim_start_matches("exec ");
-                format!("{proxy} {seed} {is_whole} {program}")
+                format!("{proxy} {seed} {program}")
             }
         };
         words

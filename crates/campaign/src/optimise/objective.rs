@@ -105,6 +105,11 @@ fn draw(problem: &Problem, design: &mut dyn Prepared) -> Result<Vec<f64>, String
             Err(error) => return Err(error),
         }
     }
+    if failed.len() == samples.len()
+        && let Some((_, error)) = failed.pop()
+    {
+        return Err(error);
+    }
     for _ in 1..campaign.simulator.attempts() {
         let Some((_, error)) = failed.first() else {
             break;
