@@ -254,7 +254,8 @@ impl Store {
     }
 
     /// Removes what stands for failures, so that it is computed again: infinite samples, and criteria and
-    /// evaluations whose reason begins with `reason`. A run goes on from its first evaluation that is removed.
+    /// evaluations that have one or whose reason begins with `reason`. A run goes on from its first evaluation that
+    /// is removed.
     /// Returns the number of rows removed.
     pub async fn remove_failures(&self, reason: &str) -> Result<u64, Error> {
         let receipt = self.put(Rows::NoFailures(reason.to_owned())).await?;

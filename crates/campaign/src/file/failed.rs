@@ -163,8 +163,7 @@ mod tests {
         }
     }
 
-    /// The stated variance is the one that estimates have: it knows that the share of failures is an estimate,
-    /// which at 5 % is half of it.
+    /// The stated variance is the one that estimates have: it knows that the share of failures is an estimate.
     #[test]
     fn the_variance_counts_the_error_of_the_share() {
         use rand::RngExt as _;
