@@ -192,14 +192,14 @@ fn external(is_precise: bool) -> String {
     };
     let changes = [
         ("probe_designs = 3", "probe_designs = 0\nretry_s = 2.0"),
-        ("designs = 60", "designs = 36"),
+        ("designs = 60", "designs = 24"),
         // What fails is to be mended.
         (
             "[sampling]\n",
             "[sampling]\nfailed = \"quarantines-design\"\n",
         ),
         ("samples_per_design = 25", samples),
-        ("\nsamples = 100", "\nsamples = 6000"),
+        ("\nsamples = 100", "\nsamples = 1500"),
     ];
     changed(&text, &changes)
 }
@@ -208,21 +208,24 @@ fn external(is_precise: bool) -> String {
 /// campaign is told to compute it again.
 fn problem() -> String {
     let text = change(&shipped("ishigami"), "designs = 150", "designs = 60");
-    let text = change(&text, "samples_per_design = 30", "samples_per_design = 200");
-    text + "\n[optimise]\nevaluations = 200\nstarts = 2\ndirect = true\n\n[verify]\nsamples = 2000\n\n[enrichment]\n\
-            criterion = \"expected-quantile-improvement\"\nsamples = 8000\nrounds = 3\n\
-            points_per_round = 4\nsamples_per_point = 500\ntolerance = 0.001\n\n\
+    let text = change(&text, "samples_per_design = 30", "samples_per_design = 40");
+    text + "\n[optimise]\nevaluations = 200\nstarts = 2\ndirect = true\n\n[verify]\nsamples = 500\n\n[enrichment]\n\
+            criterion = \"expected-quantile-improvement\"\nsamples = 1600\nrounds = 3\n\
+            points_per_round = 4\nsamples_per_point = 100\ntolerance = 0.001\n\n\
             [simulator]\nprobe_designs = 0\nretry_s = 2.0\nattempts = 1\n"
 }
 
 /// The example of a program that communicates through files, with infill and a constraint.
 fn files() -> String {
-    change(
-        &shipped("cantilever"),
-        "evaluations = 300",
-        "evaluations = 100",
-    ) + "\n[enrichment]\ncriterion = \"expected-quantile-improvement\"\nsamples = 2000\nrounds = 3\n\
-           points_per_round = 4\nsamples_per_point = 60\ntolerance = 0.001\n\n\
+    let changes = [
+        ("designs = 40", "designs = 24"),
+        ("samples_per_design = 25", "samples_per_design = 15"),
+        ("evaluations = 300", "evaluations = 100"),
+        ("\nsamples = 400", "\nsamples = 150"),
+    ];
+    changed(&shipped("cantilever"), &changes)
+        + "\n[enrichment]\ncriterion = \"expected-quantile-improvement\"\nsamples = 800\nrounds = 3\n\
+           points_per_round = 4\nsamples_per_point = 40\ntolerance = 0.001\n\n\
            [simulator]\nprobe_designs = 0\nretry_s = 2.0\n"
 }
 
