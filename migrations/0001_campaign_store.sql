@@ -1,9 +1,14 @@
--- The store of one campaign. Names carry their units; keys count from nought.
+-- The store of one campaign. Names carry units where a column always has the same; indices count from 0.
 --
--- First write wins in `design`, `criteria`, `sample`, `verify_sample` and `optimiser_run`: their
--- rows are functions of the campaign file and of the program, so a second value is an error and
--- never an update. `response`, `model` and `optimum` are replaced when a stage is run again on
--- more data.
+-- The first write wins in `design`, `criteria`, `sample_range`, `point_sample`, `optimiser_run` and `evaluation`:
+-- their rows are functions of the campaign file and of the program, so a second value is an error and never an
+-- update. What is derived from them is removed and computed again when its inputs change (table `derivation`).
+--
+-- Lists of numbers are 64-bit IEEE 754 numbers, little-endian, in the order of the problem's variables or
+-- responses, which `coordinator export` names. In Python: numpy.frombuffer(x, '<f8').
+--
+-- `seal` is a digest of the row's other columns, the first 64 bits of a SHA-256 read as two's complement: a value
+-- that changes outside the program is noticed when the row is read.
 
 -- "PTCH": what tells a store from any other SQLite file.
 PRAGMA application_id = 0x50544348;
@@ -18,57 +23,58 @@ CREATE TABLE campaign (
     seed            INTEGER NOT NULL,
     program_version TEXT    NOT NULL,
     -- Pinned when the first worker registers.
-    model_digest    TEXT
+    model_digest    TEXT,
+    seal            INTEGER NOT NULL
 ) STRICT;
 
 CREATE TABLE design (
     design INTEGER NOT NULL PRIMARY KEY CHECK (design >= 0),
-    x_p    REAL    NOT NULL,
-    x_r    REAL    NOT NULL,
-    ha0_p  REAL    NOT NULL,
-    ha0_r  REAL    NOT NULL,
-    hf0_p  REAL    NOT NULL,
-    hf0_r  REAL    NOT NULL
+    x      BLOB    NOT NULL CHECK (length(x) > 0 AND length(x) % 8 = 0),
+    seal   INTEGER NOT NULL
 ) STRICT;
 
 CREATE TABLE criteria (
-    design                INTEGER NOT NULL PRIMARY KEY REFERENCES design (design),
-    feasible              INTEGER NOT NULL CHECK (feasible IN (0, 1)),
-    -- Why it is infeasible: a code and a sentence.
-    reason                TEXT,
-    contact_ratio         REAL,
-    specific_sliding      REAL,
-    hertz_pressure_mpa    REAL,
-    hertz_pressure_worn_mpa REAL,
-    root_stress_mpa       REAL,
-    clearance_p_mm        REAL,
-    clearance_r_mm        REAL,
-    flank_margin_p_mm     REAL,
-    flank_margin_r_mm     REAL,
-    delta_ste_um          REAL,
-    delta_ste_archard_um  REAL
+    design    INTEGER NOT NULL PRIMARY KEY REFERENCES design (design),
+    -- Whether the simulator gives numbers for the design.
+    simulable INTEGER NOT NULL CHECK (simulable IN (0, 1)),
+    -- Why it is not simulable, or why it gets no samples although it is: a code and a sentence.
+    reason    TEXT,
+    -- Nothing for a design that is not simulable.
+    responses BLOB    CHECK (length(responses) % 8 = 0),
+    seal      INTEGER NOT NULL
 ) STRICT;
 
-CREATE TABLE sample (
+-- Counts of criteria, and of the simulable ones, from a tenth of the pages.
+CREATE INDEX criteria_simulable ON criteria (simulable);
+
+-- The samples of the DoE, packed: a row for each sample would cost ten times as much processor time.
+CREATE TABLE sample_range (
     design       INTEGER NOT NULL REFERENCES design (design),
-    sample       INTEGER NOT NULL CHECK (sample >= 0),
-    delta_ste_um REAL    NOT NULL,
-    PRIMARY KEY (design, sample)
+    -- The range is first_sample .. first_sample + length(samples) / 8. Ranges of one design never overlap; they may
+    -- touch, and what lies between them is not sampled yet.
+    first_sample INTEGER NOT NULL CHECK (first_sample >= 0),
+    seal         INTEGER NOT NULL,
+    -- The sampled response, at most 4096 values. An infinite one stands for a sample that failed.
+    samples      BLOB    NOT NULL CHECK (length(samples) BETWEEN 8 AND 32768 AND length(samples) % 8 = 0),
+    PRIMARY KEY (design, first_sample)
 ) STRICT, WITHOUT ROWID;
 
+-- The percentile of each design's samples, at the campaign's level.
 CREATE TABLE response (
-    design           INTEGER NOT NULL PRIMARY KEY REFERENCES design (design),
-    mean_um          REAL    NOT NULL,
-    sd_um            REAL    NOT NULL,
-    p90_um           REAL    NOT NULL,
-    p90_variance_um2 REAL    NOT NULL,
-    lilliefors_p     REAL
+    design              INTEGER NOT NULL PRIMARY KEY REFERENCES design (design),
+    mean                REAL    NOT NULL,
+    standard_deviation  REAL    NOT NULL,
+    percentile          REAL    NOT NULL,
+    percentile_variance REAL    NOT NULL,
+    lilliefors_p        REAL,
+    seal                INTEGER NOT NULL
 ) STRICT;
 
 CREATE TABLE model (
-    name         TEXT NOT NULL PRIMARY KEY,
-    json         TEXT NOT NULL,
-    summary_json TEXT NOT NULL
+    name         TEXT    NOT NULL PRIMARY KEY,
+    json         TEXT    NOT NULL,
+    summary_json TEXT    NOT NULL,
+    seal         INTEGER NOT NULL
 ) STRICT;
 
 CREATE TABLE optimiser_run (
@@ -76,44 +82,182 @@ CREATE TABLE optimiser_run (
     start           INTEGER NOT NULL CHECK (start >= 0),
     result_json     TEXT    NOT NULL,
     simulator_calls INTEGER NOT NULL CHECK (simulator_calls >= 0),
+    -- Measured, here and below, so no part of any result.
     cpu_seconds     REAL    NOT NULL,
+    seal            INTEGER NOT NULL,
     PRIMARY KEY (approach, start)
 ) STRICT;
+
+-- What an external simulator says of the candidates of an optimiser run. The coordinator holds the search: killed,
+-- it computes the search again from these rows. Runs on the built-in simulator take seconds and have no rows here.
+CREATE TABLE evaluation (
+    -- 'run ', an approach and a start, or an infill point's name.
+    stream        TEXT    NOT NULL,
+    -- Which evaluation of the run, from 0.
+    evaluation    INTEGER NOT NULL CHECK (evaluation >= 0),
+    seal          INTEGER NOT NULL,
+    x             BLOB    NOT NULL CHECK (length(x) > 0 AND length(x) % 8 = 0),
+    -- Why the design cannot be simulated; the columns below are NULL then.
+    refused       TEXT,
+    -- The response without random effects; NULL also of a problem without a baseline.
+    value         REAL,
+    -- What constraints are set on.
+    criteria      BLOB    CHECK (length(criteria) % 8 = 0),
+    -- The same in the baseline state, where a gear pair that was searched without wear was asked for it.
+    worn_criteria BLOB    CHECK (length(worn_criteria) % 8 = 0),
+    -- Of a direct search, the sampled response; NULL where a constraint is broken.
+    samples       BLOB    CHECK (length(samples) % 8 = 0),
+    PRIMARY KEY (stream, evaluation)
+) STRICT, WITHOUT ROWID;
 
 CREATE TABLE optimum (
     approach        TEXT    NOT NULL PRIMARY KEY,
     -- An object of every variable's value by name.
     x_json          TEXT    NOT NULL,
-    criterion_um    REAL    NOT NULL,
+    -- What the approach minimised.
+    criterion       REAL    NOT NULL,
     feasible        INTEGER NOT NULL CHECK (feasible IN (0, 1)),
     criteria_json   TEXT    NOT NULL,
     simulator_calls INTEGER NOT NULL CHECK (simulator_calls >= 0),
     cpu_seconds     REAL    NOT NULL,
-    note            TEXT    NOT NULL
+    note            TEXT    NOT NULL,
+    seal            INTEGER NOT NULL
 ) STRICT;
 
--- No foreign key to `optimum`: an optimum may be replaced while its old samples are still there
--- to be compared with.
-CREATE TABLE verify_sample (
-    approach     TEXT    NOT NULL,
-    sample       INTEGER NOT NULL CHECK (sample >= 0),
-    delta_ste_um REAL    NOT NULL,
-    PRIMARY KEY (approach, sample)
+-- Rounds of infill points: what each decided, written before its points are sampled.
+CREATE TABLE enrichment_round (
+    round                INTEGER NOT NULL PRIMARY KEY CHECK (round >= 0),
+    -- The most that was expected of any observation; nothing where no model could tell.
+    expected_improvement REAL,
+    -- The best design so far, with the model's prediction; nothing without a model.
+    recommendation_json  TEXT,
+    -- Why the enrichment ends; nothing while it goes on.
+    stop_json            TEXT,
+    notes_json           TEXT    NOT NULL,
+    -- Analyses that the search for points took.
+    simulator_calls      INTEGER NOT NULL CHECK (simulator_calls >= 0),
+    cpu_seconds          REAL    NOT NULL,
+    seal                 INTEGER NOT NULL
+) STRICT;
+
+CREATE TABLE infill (
+    -- Counts over all rounds.
+    infill    INTEGER NOT NULL PRIMARY KEY CHECK (infill >= 0),
+    round     INTEGER NOT NULL REFERENCES enrichment_round (round),
+    -- The point's name in `point_sample`, and the number of its random streams.
+    name      TEXT    NOT NULL UNIQUE,
+    number    INTEGER NOT NULL UNIQUE CHECK (number >= 0),
+    -- Why it was chosen.
+    reason    TEXT    NOT NULL,
+    x         BLOB    NOT NULL CHECK (length(x) > 0 AND length(x) % 8 = 0),
+    -- How far the exact constraints are missed.
+    violation REAL    NOT NULL,
+    samples   INTEGER NOT NULL CHECK (samples > 0),
+    -- Whether it got no samples; set together with the round after.
+    failed    INTEGER NOT NULL CHECK (failed IN (0, 1)),
+    seal      INTEGER NOT NULL
+) STRICT;
+
+-- Samples of single points: optima that are verified, and infill points. No foreign key to `optimum`: an optimum
+-- may be replaced while its old samples are still there.
+CREATE TABLE point_sample (
+    -- The approach of an optimum, or the name of an infill point.
+    point  TEXT    NOT NULL,
+    sample INTEGER NOT NULL CHECK (sample >= 0),
+    -- The sampled response. An infinite one stands for a sample that failed.
+    value  REAL    NOT NULL,
+    PRIMARY KEY (point, sample)
 ) STRICT, WITHOUT ROWID;
 
--- What a finished job cost: measured, so no part of any result.
+-- What the samples of a point, or the result of a run, are computed from: the digest of all inputs. Results of
+-- another generation are not stored, so that what comes late for a design that has been chosen anew is not taken
+-- for the new one's.
+CREATE TABLE stream_generation (
+    -- A point's name, or 'run ', an approach and a start.
+    stream     TEXT    NOT NULL PRIMARY KEY,
+    -- The 64 bits of the digest, read as two's complement.
+    generation INTEGER NOT NULL
+) STRICT, WITHOUT ROWID;
+
+-- What each derived result was computed from. A result whose inputs have changed, for example because a quarantined
+-- job has delivered after all, is computed again.
+CREATE TABLE derivation (
+    -- 'samples', 'responses', 'model', 'round ' and its number, 'optimum ' and an approach, 'run ', an approach and
+    -- a start.
+    name    TEXT    NOT NULL PRIMARY KEY,
+    -- The digest of everything that the result depends on, in hex.
+    inputs  TEXT    NOT NULL,
+    -- The digest of the result, in hex; NULL where no other result is computed from it.
+    output  TEXT,
+    -- Why there is no result: of a fit that failed.
+    failure TEXT,
+    seal    INTEGER NOT NULL
+) STRICT, WITHOUT ROWID;
+
+-- Tallies of the tables that grow large, so that nobody has to read them in order to count them. They are written in
+-- the transactions that write the rows they count.
+CREATE TABLE tally (
+    one            INTEGER NOT NULL PRIMARY KEY CHECK (one = 1),
+    samples        INTEGER NOT NULL CHECK (samples >= 0),
+    -- The sum modulo 2^256 of the SHA-256 of every sample of the DoE, both read as little-endian numbers.
+    samples_digest BLOB    NOT NULL CHECK (length(samples_digest) = 32),
+    -- The lock file says how many were acknowledged: fewer here mean that the log was cut.
+    commits        INTEGER NOT NULL CHECK (commits >= 0)
+) STRICT;
+
+INSERT INTO tally (one, samples, samples_digest, commits) VALUES (1, 0, zeroblob(32), 0);
+
+-- A design without a row here has no samples. It has those of 0..samples, without a hole, exactly when
+-- samples = last_sample + 1.
+CREATE TABLE design_tally (
+    design      INTEGER NOT NULL PRIMARY KEY REFERENCES design (design),
+    samples     INTEGER NOT NULL CHECK (samples > 0 AND samples <= last_sample + 1),
+    last_sample INTEGER NOT NULL
+) STRICT;
+
+CREATE TABLE point_tally (
+    point          TEXT    NOT NULL PRIMARY KEY,
+    samples        INTEGER NOT NULL CHECK (samples > 0),
+    -- As in `tally`.
+    samples_digest BLOB    NOT NULL CHECK (length(samples_digest) = 32)
+) STRICT, WITHOUT ROWID;
+
+-- What a finished job cost.
 CREATE TABLE job_time (
     job         INTEGER NOT NULL PRIMARY KEY,
     cpu_seconds REAL    NOT NULL
+) STRICT;
+
+-- How long each stage was the one that the campaign waited for, while a coordinator ran: at most the last minute
+-- before a coordinator was killed is missing.
+CREATE TABLE stage_time (
+    -- A stage's name in `coordinator status`.
+    stage        TEXT NOT NULL PRIMARY KEY,
+    wall_seconds REAL NOT NULL CHECK (wall_seconds >= 0)
 ) STRICT;
 
 -- Append-only: what went wrong, in the order in which it was reported.
 CREATE TABLE failure (
     failure    INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
     job        TEXT    NOT NULL,
-    attempt    INTEGER NOT NULL CHECK (attempt >= 0),
+    -- The number of the lease under which it happened.
+    lease      INTEGER NOT NULL CHECK (lease >= 0),
     worker     TEXT    NOT NULL,
+    -- A worker that was not told that its report is stored hands it in again, perhaps to the next coordinator: its
+    -- own number of the report tells that it is the same one. Crashes are seen by the coordinator and have none.
+    serial     INTEGER,
     kind       TEXT    NOT NULL CHECK (kind IN ('crash', 'failure', 'quarantine')),
     error      TEXT    NOT NULL,
     at_unix_ms INTEGER
 ) STRICT;
+
+CREATE UNIQUE INDEX failure_once ON failure (worker, serial) WHERE serial IS NOT NULL;
+
+-- Failures by cause: the first line of the error without its numbers.
+CREATE TABLE failure_tally (
+    kind         TEXT    NOT NULL,
+    cause        TEXT    NOT NULL,
+    failures     INTEGER NOT NULL CHECK (failures > 0),
+    last_failure INTEGER NOT NULL REFERENCES failure (failure),
+    PRIMARY KEY (kind, cause)
+) STRICT, WITHOUT ROWID;

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let root = PathBuf::from(std::env::var("CARGO_MANIFEST_DIR")?).join("../../proto");
-    let file = root.join("pitchline/v2/pitchline.proto");
+    let file = root.join("pitchline/v1/pitchline.proto");
     println!("cargo:rerun-if-changed={}", root.display());
     let descriptors = protox::compile([&file], [&root])?;
     let out = PathBuf::from(std::env::var("OUT_DIR")?);
@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         "TipRelief",
     ] {
         code = code.type_attribute(
-            format!("pitchline.v2.{message}"),
+            format!("pitchline.v1.{message}"),
             "#[derive(serde::Serialize, serde::Deserialize)]",
         );
     }

@@ -40,7 +40,7 @@ fn the_example_runs_from_the_doe_to_the_report() {
     assert_eq!(status["failures"], 0);
     assert_eq!(status["optima"].as_array().map(Vec::len), Some(4));
     for optimum in status["optima"].as_array().unwrap() {
-        assert!(optimum["criterion_um"].is_number(), "{optimum}");
+        assert!(optimum["criterion"].is_number(), "{optimum}");
     }
     let other = finished(&sandbox, "2.db");
     assert_eq!(other["samples_digest"], status["samples_digest"]);

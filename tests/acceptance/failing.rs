@@ -54,7 +54,7 @@ fn criterion(status: &Value, approach: &str) -> f64 {
     let optima = status["optima"].as_array().expect("a list");
     let optimum = optima.iter().find(|row| row["approach"] == approach);
     let optimum = optimum.unwrap_or_else(|| panic!("no {approach} in {status}"));
-    let criterion = &optimum["criterion_um"];
+    let criterion = &optimum["criterion"];
     criterion
         .as_f64()
         .unwrap_or_else(|| panic!("nothing was found: {optimum}"))
@@ -162,7 +162,7 @@ fn failures_that_are_results_are_computed_again_when_that_is_asked_for() {
     ];
     let mut case = Case::new("not-a-number", &changes, "repaired");
     let tables = |case: &Case| {
-        let digests = ["samples_digest", "verify_samples_digest"];
+        let digests = ["samples_digest", "point_samples_digest"];
         let digests = digests.map(|digest| case.status()[digest].to_string());
         let tables = ["designs", "responses", "evaluations"].map(|table| case.export(table));
         let optima = case.status()["optima"].clone();

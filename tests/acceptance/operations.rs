@@ -186,13 +186,13 @@ async fn a_stranger_learns_what_can_be_asked() {
         panic!("{answer:?}")
     };
     let names: Vec<&str> = list.service.iter().map(|s| s.name.as_str()).collect();
-    for name in ["pitchline.v2.Campaign", "grpc.health.v1.Health"] {
+    for name in ["pitchline.v1.Campaign", "grpc.health.v1.Health"] {
         assert!(names.contains(&name), "{names:?}");
     }
 
     let mut health = tonic_health::pb::health_client::HealthClient::new(channel);
     let request = tonic_health::pb::HealthCheckRequest {
-        service: "pitchline.v2.Campaign".to_owned(),
+        service: "pitchline.v1.Campaign".to_owned(),
     };
     let health = health.check(request).await.unwrap().into_inner();
     assert_eq!(

@@ -258,7 +258,7 @@ fn many_pages_do_not_hold_up_a_campaign() {
     assert_eq!(ended.0.code(), Some(0), "{}", ended.1);
     assert!(asked > 100, "{asked} answers");
     let [watched, alone] = ["c.db", "alone.db"].map(|db| sandbox.status(db).unwrap());
-    for digest in ["samples_digest", "verify_samples_digest"] {
+    for digest in ["samples_digest", "point_samples_digest"] {
         assert_eq!(watched[digest], alone[digest]);
     }
 }

@@ -111,7 +111,7 @@ impl Case {
             "finished",
             "samples",
             "samples_digest",
-            "verify_samples_digest",
+            "point_samples_digest",
             "optima",
             "warnings",
         ];

@@ -367,7 +367,7 @@ fn strangers_on_the_port_disturb_nobody() {
         let mut stream = TcpStream::connect(("127.0.0.1", guarded.port)).unwrap();
         let rubbish: Vec<u8> = match index % 4 {
             0 => b"\x16\x03\x01\x40\x00\x01".to_vec(),
-            1 => b"POST /pitchline.v2.Campaign/Report HTTP/1.1\r\n\r\n".to_vec(),
+            1 => b"POST /pitchline.v1.Campaign/Report HTTP/1.1\r\n\r\n".to_vec(),
             2 => b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\xff\xff\xff\xff\xff\xff\xff\xff\xff".to_vec(),
             _ => (0..4096).map(|byte| (byte * index % 251) as u8).collect(),
         };

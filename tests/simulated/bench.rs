@@ -11,7 +11,7 @@ use coordinator::board::Board;
 use coordinator::recorder::Recorder;
 use coordinator::service::Service;
 use ledger::{Generation, Options, StreamId, Unit, Wanted};
-use protocol::v2::RegisterRequest;
+use protocol::v1::RegisterRequest;
 use results::status::Status;
 use store::{Batch, FailureRow, Receipt};
 
@@ -90,8 +90,8 @@ impl Recorder for Memory {
         self.with(|stored| {
             for row in batch.samples {
                 let key = (row.design, row.sample);
-                if let Some(held) = stored.samples.insert(key, row.delta_ste_um) {
-                    stored.conflicts += u64::from(held.to_bits() != row.delta_ste_um.to_bits());
+                if let Some(held) = stored.samples.insert(key, row.value) {
+                    stored.conflicts += u64::from(held.to_bits() != row.value.to_bits());
                     stored.duplicates += 1;
                     receipt.duplicate_rows += 1;
                 } else {
@@ -99,7 +99,7 @@ impl Recorder for Memory {
                 }
             }
             for row in batch.criteria {
-                stored.criteria.insert(row.design, row.feasible);
+                stored.criteria.insert(row.design, row.simulable);
             }
             for row in batch.failures {
                 if stored.knows_failure(&row.worker, row.serial) {
@@ -187,12 +187,15 @@ pub(crate) fn expected(problem: &Problem) -> Samples {
             samples: 0..SAMPLES,
         };
         let output = compute(problem, &unit, &source(problem, design));
-        let Ok(Output::Design { samples_um, .. }) = output else {
+        let Ok(Output::Design {
+            samples: values, ..
+        }) = output
+        else {
             panic!("design {design} can be simulated");
         };
         samples.extend(
             (0..)
-                .zip(samples_um)
+                .zip(values)
                 .map(|(i, sample)| ((u64::from(design), i), sample)),
         );
     }

@@ -10,8 +10,8 @@ use coordinator::service::Service;
 use ledger::{Generation, StreamId, Unit};
 use proptest::prelude::*;
 use prost::Message;
-use protocol::v2::campaign_server::Campaign as _;
-use protocol::v2::{
+use protocol::v1::campaign_server::Campaign as _;
+use protocol::v1::{
     self, Design, Directive, DrainRequest, Evaluated, ExplainRequest, HeartbeatRequest, HeldLease,
     LeaseRequest, LeaseResult, LeaseState, RegisterRequest, ReleaseRequest, ReportRequest,
     RetryRequest, StatusRequest, UnitResult, WatchRequest,
@@ -107,18 +107,18 @@ fn a_worker() -> impl Strategy<Value = String> {
 }
 
 /// Ids of leases that exist, may exist, and cannot exist.
-fn a_lease() -> impl Strategy<Value = v2::LeaseId> {
+fn a_lease() -> impl Strategy<Value = v1::LeaseId> {
     let epoch = prop_oneof![4 => Just(1), 1 => any::<u64>()];
     let number = prop_oneof![4 => 0..40_u64, 1 => any::<u64>()];
-    (epoch, number).prop_map(|(epoch, number)| v2::LeaseId { epoch, number })
+    (epoch, number).prop_map(|(epoch, number)| v1::LeaseId { epoch, number })
 }
 
-fn a_unit() -> impl Strategy<Value = v2::Unit> {
+fn a_unit() -> impl Strategy<Value = v1::Unit> {
     let index = prop_oneof![3 => 0..8_u64, 1 => any::<u64>()];
     let first = prop_oneof![3 => 0..500_u32, 1 => any::<u32>()];
     let count = prop_oneof![3 => 0..500_u32, 1 => any::<u32>()];
     (0..5_i32, index, any::<u64>(), first, count).prop_map(
-        |(kind, index, generation, first, count)| v2::Unit {
+        |(kind, index, generation, first, count)| v1::Unit {
             kind,
             index,
             generation,
@@ -147,19 +147,19 @@ fn a_unit_result() -> impl Strategy<Value = UnitResult> {
         numbers(),
     );
     let evaluated = evaluated.prop_map(
-        |(values, refused, value, criteria, worn_criteria, samples_um)| Evaluated {
+        |(values, refused, value, criteria, worn_criteria, samples)| Evaluated {
             design: (!values.is_empty()).then_some(Design { values }),
             refused,
             value,
             criteria,
             worn_criteria,
-            samples_um,
+            samples,
         },
     );
     let evaluated = prop::collection::vec(evaluated, 0..3);
     (unit, text(), text(), any::<u64>(), any::<f64>(), evaluated).prop_map(
         |(
-            (unit, responses, samples_um, ruled_out, refused),
+            (unit, responses, samples, ruled_out, refused),
             run_json,
             error,
             serial,
@@ -169,7 +169,7 @@ fn a_unit_result() -> impl Strategy<Value = UnitResult> {
             UnitResult {
                 unit,
                 responses,
-                samples_um,
+                samples,
                 ruled_out,
                 refused,
                 run_json,
@@ -282,7 +282,7 @@ fn no_bytes_break_the_reading_of_results() {
             let is_right = |row: &store::SampleRow| {
                 row.design == read.unit.stream.index
                     && range.contains(&row.sample)
-                    && (0.0..=1e6).contains(&row.delta_ste_um)
+                    && (0.0..=1e6).contains(&row.value)
             };
             prop_assert!(batch.samples.iter().all(is_right));
         }

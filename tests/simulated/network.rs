@@ -14,8 +14,8 @@ use coordinator::board::{Board, Course};
 use gateway::files::Credentials;
 use gateway::{Dial, Link, Role};
 use ledger::Vanished;
-use protocol::v2::campaign_server::CampaignServer;
-use protocol::v2::{
+use protocol::v1::campaign_server::CampaignServer;
+use protocol::v1::{
     Directive, HeartbeatRequest, Lease, LeaseRequest, LeaseResult, LeaseState, ReleaseRequest,
     ReportRequest,
 };

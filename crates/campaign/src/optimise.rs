@@ -36,11 +36,10 @@ const CONTINUATIONS: u32 = 10;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Found {
-    /// The design; `variables` in JSON of earlier versions.
-    #[serde(alias = "variables")]
+    /// The design.
     pub design: Design,
     /// The criterion that the run minimised, µm.
-    pub criterion_um: f64,
+    pub criterion: f64,
     /// Its criteria.
     pub criteria: Criteria,
     /// Whether it satisfies all constraints.

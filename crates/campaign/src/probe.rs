@@ -87,7 +87,7 @@ pub fn answers_of(simulator: &dyn Simulator, designs: u32) -> Result<Answers, Un
             let mut design = simulator.prepare(&asked)?;
             for state in [State::Nominal, State::Baseline] {
                 let analysis = design.analyse(state)?;
-                absorb(analysis.value_um);
+                absorb(analysis.value);
                 analysis
                     .criteria
                     .values()

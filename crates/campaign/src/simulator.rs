@@ -36,7 +36,7 @@ pub enum State {
 pub struct Analysis {
     /// The sampled response without random effects: for a gear pair ΔSTE, in µm. NaN for a problem
     /// [without a baseline](Problem::has_baseline).
-    pub value_um: f64,
+    pub value: f64,
     /// The values that constraints are set on.
     pub criteria: Criteria,
 }
@@ -168,7 +168,7 @@ impl Prepared for BuiltIn<'_> {
         };
         let pressure = analysis.hertz_pressure_mpa;
         Ok(Analysis {
-            value_um: analysis.delta_ste_um,
+            value: analysis.delta_ste_um,
             criteria: self.gears.pair_criteria(&self.pair, pressure).into(),
         })
     }

@@ -187,7 +187,7 @@ pub enum Output {
         /// such as `ruled-out: …`.
         ruled_out: Option<String>,
         /// The response with random effects, from the unit's first sample on.
-        samples_um: Vec<f64>,
+        samples: Vec<f64>,
     },
     /// A design that is not simulable: the reason's short name and a sentence, such as
     /// `contact-gap: …`.
@@ -338,14 +338,13 @@ pub fn compute_until(
                 // Independent samples, so that all approaches are verified alike.
                 coefficients: stats::Sampling::Independent,
             };
-            let output = |samples_um: &[f64]| {
-                (!samples_um.is_empty()).then(|| Output::Samples(samples_um.to_vec()))
-            };
+            let output =
+                |samples: &[f64]| (!samples.is_empty()).then(|| Output::Samples(samples.to_vec()));
             let keep_going = |drawn: &[f64]| keep_going(&|| output(drawn));
             let problem = simulator.problem();
-            let (samples_um, failure) = draw(problem, design.as_mut(), names, unit, &keep_going);
+            let (samples, failure) = draw(problem, design.as_mut(), names, unit, &keep_going);
             Computed {
-                output: output(&samples_um),
+                output: output(&samples),
                 failure,
             }
         }
@@ -482,28 +481,28 @@ fn design<'a>(
     };
     let gets_samples = ruled_out.is_none() && !unit.samples.is_empty();
     // If samples were requested, criteria alone are not an output.
-    let output = |samples_um: &[f64]| {
-        (!gets_samples || !samples_um.is_empty()).then(|| Output::Design {
+    let output = |samples: &[f64]| {
+        (!gets_samples || !samples.is_empty()).then(|| Output::Design {
             responses: responses.clone(),
             ruled_out: ruled_out.clone(),
-            samples_um: samples_um.to_vec(),
+            samples: samples.to_vec(),
         })
     };
     if !gets_samples {
         return done(output(&[]));
     }
     let keep_going = |drawn: &[f64]| keep_going(&|| output(drawn));
-    let (samples_um, failure) = draw(problem, design.as_mut(), sampling.names, unit, &keep_going);
+    let (samples, failure) = draw(problem, design.as_mut(), sampling.names, unit, &keep_going);
     // The criteria of a design whose samples fail are stored without them, if the failure is a result.
     let is_result = problem.campaign().sampling.tolerates_failures();
     let has_criteria = failure.is_some() && is_result && !responses.is_empty();
     let alone = || Output::Design {
         responses: responses.clone(),
         ruled_out: None,
-        samples_um: Vec::new(),
+        samples: Vec::new(),
     };
     Computed {
-        output: output(&samples_um).or_else(|| has_criteria.then(alone)),
+        output: output(&samples).or_else(|| has_criteria.then(alone)),
         failure,
     }
 }

@@ -218,7 +218,7 @@ pub(crate) struct Serve {
     pub(crate) out: Option<PathBuf>,
     /// Serve a live page at http://ADDR, with its data at /api/v1/status and the like, and metrics for
     /// Prometheus at /metrics; loopback only, unless --insecure
-    #[arg(long, value_name = "ADDR", alias = "metrics")]
+    #[arg(long, value_name = "ADDR")]
     pub(crate) http: Option<SocketAddr>,
     /// Keep serving when the campaign is finished, until a signal or `drain`
     #[arg(long)]

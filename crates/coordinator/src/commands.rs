@@ -159,8 +159,7 @@ const fn store_exit_code(error: &store::Error) -> u8 {
         | E::Lost { .. }
         | E::Linked { .. }
         | E::Behind { .. }
-        | E::NewerSchema { .. }
-        | E::OlderSchema { .. } => exit::UNUSABLE_STORE,
+        | E::OtherSchema { .. } => exit::UNUSABLE_STORE,
         E::Locked { .. } => exit::STORE_LOCKED,
         E::Io { .. } | E::DiskFull { .. } | E::UnreadLog { .. } => exit::FILE_ACCESS,
         _ => exit::FAILURE,
@@ -387,7 +386,7 @@ fn code_of_finished(status: &Status) -> u8 {
     } else if status
         .optima
         .iter()
-        .all(|optimum| optimum.criterion_um.is_none())
+        .all(|optimum| optimum.criterion.is_none())
     {
         warn!("finished, but no approach found a feasible design; the report says why");
         exit::NONE_FEASIBLE

@@ -3,10 +3,10 @@
 use campaign::formulation::Problem;
 use campaign::task::{Evaluated, Output};
 use ledger::{Kind, StreamId, Unit};
-use protocol::v2::UnitResult;
+use protocol::v1::UnitResult;
 use stages::names::{run_name, run_stream_name, stream_name, time_key};
 use stages::{derived, searching};
-use store::{Batch, CriteriaRow, JobTimeRow, OptimiserRunRow, SampleRow, VerifyRow};
+use store::{Batch, CriteriaRow, JobTimeRow, OptimiserRunRow, PointSampleRow, SampleRow};
 
 /// The result of one unit, read and checked.
 #[derive(Debug, Clone, PartialEq)]
@@ -87,9 +87,9 @@ pub(crate) fn rows(
 ) -> Result<Batch, String> {
     let mut batch = Batch::default();
     let stream = unit.stream;
-    let numbered = |samples_um: &[f64]| {
+    let numbered = |samples: &[f64]| {
         let numbered: Vec<(u64, f64)> = (u64::from(unit.samples.start)..)
-            .zip(samples_um.iter().copied())
+            .zip(samples.iter().copied())
             .collect();
         let name = &problem.sampled().name;
         for (sample, value) in &numbered {
@@ -101,38 +101,38 @@ pub(crate) fn rows(
     match output {
         Output::Refused(reason) => batch.criteria.push(CriteriaRow {
             design: stream.index,
-            feasible: false,
+            simulable: false,
             reason: Some(reason),
             ..CriteriaRow::default()
         }),
         Output::Design {
             responses,
             ruled_out,
-            samples_um,
+            samples,
         } => {
             problem.check_responses(&responses)?;
             batch.criteria.push(CriteriaRow {
                 design: stream.index,
-                feasible: true,
+                simulable: true,
                 reason: ruled_out,
                 responses: Some(responses),
             });
             let row = |(sample, delta_ste_um)| SampleRow {
                 design: stream.index,
                 sample,
-                delta_ste_um,
+                value: delta_ste_um,
             };
-            batch.samples = numbered(&samples_um)?.into_iter().map(row).collect();
+            batch.samples = numbered(&samples)?.into_iter().map(row).collect();
         }
-        Output::Samples(samples_um) => {
+        Output::Samples(samples) => {
             let point = point(stream).ok_or(UNKNOWN_POINT)?;
             batch.only_for = Some((point.clone(), unit.generation.0));
-            let row = |(sample, delta_ste_um)| VerifyRow {
-                approach: point.clone(),
+            let row = |(sample, delta_ste_um)| PointSampleRow {
+                point: point.clone(),
                 sample,
-                delta_ste_um,
+                value: delta_ste_um,
             };
-            batch.verify = numbered(&samples_um)?.into_iter().map(row).collect();
+            batch.points = numbered(&samples)?.into_iter().map(row).collect();
         }
         Output::Run(run) => {
             if StreamId::run(run.approach.number() as u32, run.start) != stream {
@@ -189,7 +189,7 @@ fn check_evaluation(problem: &Problem, evaluated: &Evaluated) -> Result<(), Stri
             return Err(format!("has a criterion that is {value}"));
         }
     }
-    let mut samples = answer.samples_um.iter();
+    let mut samples = answer.samples.iter();
     samples.try_for_each(|sample| problem.check_sample(*sample))
 }
 
@@ -226,7 +226,7 @@ mod tests {
         let read = of(&design, Ok(Output::Refused("contact-gap: no".to_owned())));
         assert!(read.is_refused && read.unit.samples.is_empty());
         let batch = read.rows.unwrap();
-        assert!(!batch.criteria[0].feasible);
+        assert!(!batch.criteria[0].simulable);
         assert_eq!(batch.criteria[0].reason.as_deref(), Some("contact-gap: no"));
         assert_eq!(batch.times[0].cpu_seconds, 0.0);
         assert_eq!(timed(batch.times[0].job), Some((Kind::Design, 7)));
@@ -238,11 +238,11 @@ mod tests {
         let problem = problem();
         let answer = |criteria: usize| Answer {
             analysis: Analysis {
-                value_um: 1.5,
+                value: 1.5,
                 criteria: Criteria::new(vec![1.0; criteria]),
             },
             worn: None,
-            samples_um: Vec::new(),
+            samples: Vec::new(),
         };
         let of_answers = |answers: [Result<Answer, String>; 2]| {
             let evaluated = answers.map(|answer| Evaluated {
@@ -277,7 +277,7 @@ mod tests {
             batch.only_for,
             Some(("kriging".to_owned(), 0xabcd_0000_1234))
         );
-        let samples: Vec<u64> = batch.verify.iter().map(|row| row.sample).collect();
+        let samples: Vec<u64> = batch.points.iter().map(|row| row.sample).collect();
         assert_eq!(samples, [5, 6]);
         assert_eq!(timed(batch.times[0].job), Some((Kind::Point, 3)));
     }

@@ -80,7 +80,7 @@ fn failure(vanished: Vanished) -> FailureRow {
     };
     FailureRow {
         job: name,
-        attempt: u32::try_from(lease.number).unwrap_or(u32::MAX),
+        lease: u32::try_from(lease.number).unwrap_or(u32::MAX),
         worker: worker.to_string(),
         serial: None,
         kind,

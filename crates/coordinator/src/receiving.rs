@@ -7,7 +7,7 @@ use campaign::formulation::Problem;
 use campaign::task::{self, Evaluated, Output, Source};
 use futures_util::future::join_all;
 use ledger::{Accepted, Delivery, Failure, Generation, LeaseId, StreamId, Unit, WorkerId};
-use protocol::v2::{LeaseResult, UnitResult};
+use protocol::v1::{LeaseResult, UnitResult};
 use stages::names;
 use store::{Batch, CriteriaRow, FailureKind, FailureRow, Receipt, SampleRow};
 use tonic::Status;
@@ -207,12 +207,12 @@ impl<R: Recorder> Receiving<'_, R> {
             batch.samples.push(SampleRow {
                 design: unit.stream.index,
                 sample: first.into(),
-                delta_ste_um: failed_sample,
+                value: failed_sample,
             });
             if self.problem.responses().is_empty() {
                 batch.criteria.push(CriteriaRow {
                     design: unit.stream.index,
-                    feasible: true,
+                    simulable: true,
                     reason: None,
                     responses: Some(Vec::new()),
                 });
@@ -277,7 +277,7 @@ impl<R: Recorder> Receiving<'_, R> {
         };
         let row = FailureRow {
             job: names::stream_name(failed.stream),
-            attempt: u32::try_from(lease.number).unwrap_or(u32::MAX),
+            lease: u32::try_from(lease.number).unwrap_or(u32::MAX),
             worker: worker.to_string(),
             serial: failed.serial,
             kind,

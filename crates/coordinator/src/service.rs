@@ -6,7 +6,7 @@ use std::time::Duration;
 use campaign::formulation::Problem;
 use ledger::{HEARTBEATS_PER_LEASE, LeaseId, Unit, WorkerId};
 use protocol::Refusal;
-use protocol::v2::{
+use protocol::v1::{
     Directive, DrainRequest, DrainResponse, ExplainRequest, ExplainResponse, HeartbeatRequest,
     HeartbeatResponse, LeaseRequest, LeaseResponse, RegisterRequest, RegisterResponse,
     ReleaseRequest, ReleaseResponse, ReportRequest, ReportResponse, RetryRequest, RetryResponse,

@@ -155,7 +155,7 @@ impl Steps {
         }
         info!(
             q2 = rounded(summary.q2),
-            rmse_um = rounded(summary.rmse_um),
+            rmse = rounded(summary.rmse),
             cpu_seconds = rounded(cpu_seconds),
             "kriging model fitted"
         );
@@ -192,9 +192,9 @@ impl Steps {
         info!(
             round = new.row.round + 1,
             points = new.infill.len(),
-            expected_improvement_um = decision.expected_improvement_um.map(rounded),
-            predicted_um = best.map(|best| rounded(best.predicted_um)),
-            half_width_um = best.map(|best| rounded(best.half_width_um())),
+            expected_improvement = decision.expected_improvement.map(rounded),
+            predicted = best.map(|best| rounded(best.predicted)),
+            half_width = best.map(|best| rounded(best.half_width())),
             cpu_seconds = rounded(cpu_seconds),
             "infill decided"
         );
@@ -292,7 +292,7 @@ impl Steps {
         if row.feasible {
             info!(
                 %approach,
-                criterion_um = rounded(row.criterion_um),
+                criterion = rounded(row.criterion),
                 "optimum chosen"
             );
         } else {

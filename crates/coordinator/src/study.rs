@@ -227,12 +227,12 @@ struct Collected {
 #[derive(Default)]
 struct Brought {
     criteria: Option<CriteriaRow>,
-    samples_um: BTreeMap<u64, f64>,
+    samples: BTreeMap<u64, f64>,
 }
 
 impl Brought {
     fn is_complete(&self, samples: usize) -> bool {
-        let is_sampled = self.samples_um.len() == samples;
+        let is_sampled = self.samples.len() == samples;
         self.criteria
             .as_ref()
             .is_some_and(|row| row.reason.is_some() || is_sampled)
@@ -240,7 +240,7 @@ impl Brought {
 
     fn answer(self, problem: &Problem, request: &Request) -> anyhow::Result<Answer> {
         let row = self.criteria.context("a variant was not analysed")?;
-        if !row.feasible {
+        if !row.simulable {
             return Ok(Answer::Refused(row.reason.unwrap_or_default()));
         }
         let variant = &request.variant;
@@ -254,7 +254,7 @@ impl Brought {
         }
         Ok(Answer::Simulated {
             criteria,
-            samples_um: self.samples_um.into_values().collect(),
+            samples: self.samples.into_values().collect(),
         })
     }
 }
@@ -278,7 +278,7 @@ impl Recorder for Answers {
             }
             for row in batch.samples {
                 let brought = collected.designs.entry(row.design).or_default();
-                brought.samples_um.insert(row.sample, row.delta_ste_um);
+                brought.samples.insert(row.sample, row.value);
             }
             for row in batch.runs {
                 let key = (row.approach, row.start);

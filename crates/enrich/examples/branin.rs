@@ -79,17 +79,17 @@ fn fails(share: f64, x: &[f64]) -> bool {
 fn sample(seed: u64, state: &mut State, number: usize, samples: u32) {
     let row = &mut state.sampled[number];
     row.samples += samples;
-    (row.response_um, row.variance_um2) = response(seed, number, &row.x, row.samples);
+    (row.response, row.variance) = response(seed, number, &row.x, row.samples);
 }
 
 fn add(seed: u64, state: &mut State, x: Vec<f64>) {
     state.sampled.push(Sampled {
         x,
         samples: 0,
-        response_um: f64::NAN,
-        variance_um2: 0.0,
+        response: f64::NAN,
+        variance: 0.0,
         violation: 0.0,
-        baseline_um: 0.0,
+        baseline: 0.0,
     });
     sample(seed, state, state.sampled.len() - 1, SAMPLES);
 }
@@ -141,7 +141,7 @@ fn enriched(seed: u64, criterion: Criterion, batch: usize, share: f64) -> (Decis
             }
         }
         state.rounds.push(RoundRecord {
-            expected_improvement_um: decision.expected_improvement_um,
+            expected_improvement: decision.expected_improvement,
             asked: decision.infill.len() as u32,
             failed,
         });
@@ -178,8 +178,8 @@ fn main() {
         let (decision, samples, failed) = enriched(seed, criterion, batch, share);
         all_failed += failed;
         let best = decision.recommendation.expect("every design is feasible");
-        let (regret, error) = (truth(&best.x) - optimum, best.predicted_um - truth(&best.x));
-        let (low, high) = best.interval_um;
+        let (regret, error) = (truth(&best.x) - optimum, best.predicted - truth(&best.x));
+        let (low, high) = best.interval;
         covered += usize::from((low..=high).contains(&truth(&best.x)));
         above.push(regret);
         let end = match decision.stop {
@@ -188,7 +188,7 @@ fn main() {
         };
         println!(
             "| {seed} | {regret:.4} | {error:+.4} | {:.4} | {samples} | {failed} | {} | {end} |",
-            best.half_width_um(),
+            best.half_width(),
             decision.round,
         );
     }

@@ -43,7 +43,7 @@ impl Batch {
                 break;
             };
             let offer = Offer::find(context, regions.get(region), turn)?;
-            outlook.record(region, offer.value_um());
+            outlook.record(region, offer.value());
             if self.take(context, &mut regions, region, offer) {
                 observations += 1;
             } else {
@@ -57,7 +57,7 @@ impl Batch {
             }
             // Lower numbers of streams belong to the turns and to space filling.
             let offer = Offer::find(context, regions.get(region), 3 * options.batch + region)?;
-            outlook.record(region, offer.value_um());
+            outlook.record(region, offer.value());
             if observations < options.batch && self.take(context, &mut regions, region, offer) {
                 observations += 1;
             }
@@ -77,9 +77,9 @@ impl Batch {
         let sampled = &context.rows.sampled;
         let (x, samples) = match offer.winner(context, self.left) {
             None => return false,
-            Some(Winner::More { row, value_um }) => {
+            Some(Winner::More { row, value }) => {
                 let samples = options.samples_more;
-                self.push_more(context.rows.index[row], samples, value_um);
+                self.push_more(context.rows.index[row], samples, value);
                 (sampled[row].x.clone(), samples)
             }
             Some(Winner::New(pick)) => {
@@ -89,7 +89,7 @@ impl Batch {
                     let design = context.rows.index[row];
                     self.notes.push(Note::Repeated { design });
                     // As many samples as the value was computed for; the budget suffices for them.
-                    self.push_more(design, samples, pick.value_um);
+                    self.push_more(design, samples, pick.value);
                     (sampled[row].x.clone(), samples)
                 } else if self.new_designs().any(|x| context.is_same(x, &pick.x)) {
                     return false;
@@ -97,7 +97,7 @@ impl Batch {
                     self.infill.push(Infill::New {
                         x: pick.x.clone(),
                         samples,
-                        value_um: pick.value_um,
+                        value: pick.value,
                         reason: if region == regions.basins.len() {
                             Reason::Global
                         } else {
@@ -114,7 +114,7 @@ impl Batch {
     }
 
     /// Adds samples at a design; several turns at one design become one entry.
-    fn push_more(&mut self, design: usize, samples: u32, value_um: f64) {
+    fn push_more(&mut self, design: usize, samples: u32, value: f64) {
         let mut infill = self.infill.iter_mut();
         let earlier = infill.find_map(|infill| match infill {
             Infill::More {
@@ -127,7 +127,7 @@ impl Batch {
             None => self.infill.push(Infill::More {
                 design,
                 samples,
-                value_um,
+                value,
             }),
         }
     }

@@ -65,8 +65,8 @@ impl Belief {
         self.mean + z * self.sd
     }
 
-    /// The quantile with deviate `z`, µm.
-    pub(crate) fn quantile_um(&self, z: f64) -> f64 {
+    /// The quantile with deviate `z`, in the unit of the response.
+    pub(crate) fn response_quantile(&self, z: f64) -> f64 {
         let quantile = self.quantile(z);
         if self.logarithm {
             quantile.exp()

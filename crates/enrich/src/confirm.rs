@@ -10,7 +10,7 @@ const CONFIRMING: f64 = 6.0;
 /// Gives the recommended design as many samples as bring the half-width of its interval to δ, within
 /// a batch, if no other observation is worth the effort.
 pub(crate) fn confirm(options: &Options, best: &Recommendation, batch: &mut Batch) {
-    let half = best.half_width_um();
+    let half = best.half_width();
     if !batch.infill.is_empty() || half < options.delta_um {
         return;
     }
@@ -30,6 +30,6 @@ pub(crate) fn confirm(options: &Options, best: &Recommendation, batch: &mut Batc
     batch.infill.push(Infill::More {
         design: best.design,
         samples,
-        value_um: 0.0,
+        value: 0.0,
     });
 }

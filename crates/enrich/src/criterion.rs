@@ -14,7 +14,7 @@ use crate::{Criterion, Error, Options};
 /// compared.
 pub(crate) trait InfillCriterion {
     /// The value of [`Options::samples_new`] samples at a new design, µm.
-    fn new_design(&self, x: &[f64], baseline_um: f64) -> f64;
+    fn new_design(&self, x: &[f64], baseline: f64) -> f64;
 
     /// The value of [`Options::samples_more`] further samples at a sampled design, µm.
     fn more_samples(&self, row: &Sampled) -> f64;
@@ -64,10 +64,10 @@ mod tests {
             Sampled {
                 x: vec![x],
                 samples: 30,
-                response_um: 2.0 + (x - 0.4).powi(2) + noise,
-                variance_um2: 0.0025,
+                response: 2.0 + (x - 0.4).powi(2) + noise,
+                variance: 0.0025,
                 violation: 0.0,
-                baseline_um: 0.0,
+                baseline: 0.0,
             }
         });
         State {

@@ -15,7 +15,7 @@ use crate::{Decision, Error, Known, Note, Options, State};
 /// Decides the next round.
 ///
 /// `exact` evaluates the cheap deterministic criteria of a design: the violation of the constraints
-/// (in the caller's units; 0 or less is feasible) and a [baseline](Known::baseline_um) of the
+/// (in the caller's units; 0 or less is feasible) and a [baseline](Known::baseline) of the
 /// response if there is one. It returns `None` if the design cannot be evaluated. No surrogate
 /// stands in for it.
 ///
@@ -85,7 +85,7 @@ where
             None => {}
         }
         let last = state.rounds.last();
-        let before = last.and_then(|round| round.expected_improvement_um);
+        let before = last.and_then(|round| round.expected_improvement);
         let best = recommendation.as_ref();
         stop = after_search(&context, &batch, best, outlook.as_ref(), before);
     }
@@ -97,7 +97,7 @@ where
             batch.infill
         },
         recommendation,
-        expected_improvement_um: outlook.map(|outlook| outlook.expected_um),
+        expected_improvement: outlook.map(|outlook| outlook.expected_um),
         stop,
         notes: batch.notes,
         constraint_evaluations: context.evaluations.get(),

@@ -18,7 +18,7 @@ pub enum Infill {
         /// Number of samples to take.
         samples: u32,
         /// Value of the observation by the criterion, µm.
-        value_um: f64,
+        value: f64,
         /// Why it was chosen.
         reason: Reason,
     },
@@ -29,7 +29,7 @@ pub enum Infill {
         /// Number of samples to add.
         samples: u32,
         /// Value of the samples by the criterion, µm.
-        value_um: f64,
+        value: f64,
     },
 }
 
@@ -55,9 +55,9 @@ pub struct Recommendation {
     /// Variables of the design.
     pub x: Vec<f64>,
     /// The model's prediction of the response there, µm.
-    pub predicted_um: f64,
+    pub predicted: f64,
     /// The model's 95 % interval for the noise-free response there, µm.
-    pub interval_um: (f64, f64),
+    pub interval: (f64, f64),
     /// The standard deviation of an estimate of the response from one sample, µm; that of k samples
     /// is smaller by √k.
     pub sd_of_sample_um: f64,
@@ -66,8 +66,8 @@ pub struct Recommendation {
 impl Recommendation {
     /// Half the width of the interval, µm.
     #[must_use]
-    pub fn half_width_um(&self) -> f64 {
-        0.5 * (self.interval_um.1 - self.interval_um.0)
+    pub fn half_width(&self) -> f64 {
+        0.5 * (self.interval.1 - self.interval.0)
     }
 }
 
@@ -84,7 +84,7 @@ pub struct Decision {
     pub recommendation: Option<Recommendation>,
     /// The highest value that the criterion gives to any observation, µm; `None` without a model. A
     /// value below δ holds for every basin and the whole box.
-    pub expected_improvement_um: Option<f64>,
+    pub expected_improvement: Option<f64>,
     /// The reason to stop; `None` if the enrichment goes on.
     pub stop: Option<Stop>,
     /// What a user should know about the round.

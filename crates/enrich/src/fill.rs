@@ -22,7 +22,7 @@ pub(crate) fn fill(context: &Context<'_>, batch: &mut Batch) {
         batch.infill.push(Infill::New {
             x,
             samples: options.samples_new,
-            value_um: 0.0,
+            value: 0.0,
             reason: Reason::SpaceFilling,
         });
     }

@@ -15,10 +15,10 @@
 //! let sampled = |x: f64| Sampled {
 //!     x: vec![x],
 //!     samples: 30,
-//!     response_um: response(x),
-//!     variance_um2: 1e-6,
+//!     response: response(x),
+//!     variance: 1e-6,
 //!     violation: 0.0,
-//!     baseline_um: 0.0,
+//!     baseline: 0.0,
 //! };
 //! let state = State {
 //!     sampled: (0..8).map(|i| sampled(f64::from(i) / 7.0)).collect(),

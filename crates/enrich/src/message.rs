@@ -12,9 +12,9 @@ pub enum Stop {
     /// in the whole box, and the half-width of the recommendation's interval is below δ.
     Converged {
         /// The larger of the two expected improvements, µm.
-        expected_improvement_um: f64,
+        expected_improvement: f64,
         /// The half-width of the recommendation's 95 % interval, µm.
-        half_width_um: f64,
+        half_width: f64,
     },
     /// The samples left pay for no observation, or for none of those that are expected to gain δ.
     Budget {
@@ -36,13 +36,13 @@ impl fmt::Display for Stop {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Converged {
-                expected_improvement_um,
-                half_width_um,
+                expected_improvement,
+                half_width,
             } => write!(
                 f,
                 "The enrichment has converged: two rounds in a row expected an improvement of at most \
-                 {expected_improvement_um:.4}, and the half-width of the prediction's 95 % interval is \
-                 {half_width_um:.4}, in the unit of the response."
+                 {expected_improvement:.4}, and the half-width of the prediction's 95 % interval is \
+                 {half_width:.4}, in the unit of the response."
             ),
             Self::Budget { samples } => write!(
                 f,
@@ -158,8 +158,8 @@ mod tests {
     #[test]
     fn stops_and_notes_are_sentences() {
         let converged = Stop::Converged {
-            expected_improvement_um: 0.0123,
-            half_width_um: 0.004,
+            expected_improvement: 0.0123,
+            half_width: 0.004,
         };
         assert_eq!(
             converged.to_string(),

@@ -103,15 +103,18 @@ impl Regions {
         if row.violation > 0.0 {
             return None;
         }
-        let belief = basin.model.belief(&row.x, row.baseline_um);
-        let predicted_um = belief.quantile_um(0.0);
+        let belief = basin.model.belief(&row.x, row.baseline);
+        let predicted = belief.response_quantile(0.0);
         // To first order, a small change of a logarithm is a change of the response in proportion.
-        let scale = if belief.logarithm { predicted_um } else { 1.0 };
+        let scale = if belief.logarithm { predicted } else { 1.0 };
         Some(Recommendation {
             design: context.rows.index[basin.best],
             x: row.x.clone(),
-            predicted_um,
-            interval_um: (belief.quantile_um(-Z95), belief.quantile_um(Z95)),
+            predicted,
+            interval: (
+                belief.response_quantile(-Z95),
+                belief.response_quantile(Z95),
+            ),
             sd_of_sample_um: basin.model.noise(1).sqrt() * scale,
         })
     }
@@ -208,8 +211,8 @@ fn basin(
 /// The quantile by which designs are compared, µm.
 fn upper_quantile(context: &Context<'_>, model: &Surrogate, row: usize) -> f64 {
     let row = &context.rows.sampled[row];
-    let belief = model.belief(&row.x, row.baseline_um);
-    belief.quantile_um(context.options.quantile_z)
+    let belief = model.belief(&row.x, row.baseline);
+    belief.response_quantile(context.options.quantile_z)
 }
 
 /// The box around the nearest designs.

@@ -23,7 +23,7 @@ pub(crate) enum Winner {
     /// More samples at a row.
     More {
         row: usize,
-        value_um: f64,
+        value: f64,
     },
 }
 
@@ -41,8 +41,8 @@ impl Offer {
     }
 
     /// The highest value in the region, µm.
-    pub(crate) fn value_um(&self) -> f64 {
-        let new = self.new.as_ref().map_or(0.0, |pick| pick.value_um);
+    pub(crate) fn value(&self) -> f64 {
+        let new = self.new.as_ref().map_or(0.0, |pick| pick.value);
         new.max(self.more.map_or(0.0, |(_, value)| value))
     }
 
@@ -55,20 +55,18 @@ impl Offer {
             new: self.new.filter(|_| cost_new <= left),
             more: self.more.filter(|_| cost_more <= left),
         };
-        if affordable.value_um() < WORTHWHILE * options.delta_um {
+        if affordable.value() < WORTHWHILE * options.delta_um {
             return None;
         }
         let per_sample = |value: f64, samples: u32| value / f64::from(samples);
         match (affordable.new, affordable.more) {
-            (Some(pick), Some((row, value_um)))
-                if per_sample(value_um, cost_more) > per_sample(pick.value_um, cost_new) =>
+            (Some(pick), Some((row, value)))
+                if per_sample(value, cost_more) > per_sample(pick.value, cost_new) =>
             {
-                Some(Winner::More { row, value_um })
+                Some(Winner::More { row, value })
             }
-            (Some(pick), _) => (pick.value_um > 0.0).then_some(Winner::New(pick)),
-            (None, Some((row, value_um))) => {
-                (value_um > 0.0).then_some(Winner::More { row, value_um })
-            }
+            (Some(pick), _) => (pick.value > 0.0).then_some(Winner::New(pick)),
+            (None, Some((row, value))) => (value > 0.0).then_some(Winner::More { row, value }),
             (None, None) => None,
         }
     }

@@ -19,7 +19,7 @@ const LIFT: f64 = 1e9;
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Pick {
     pub(crate) x: Vec<f64>,
-    pub(crate) value_um: f64,
+    pub(crate) value: f64,
 }
 
 /// Searches a region for the feasible design of highest value: the best of random candidates, half
@@ -50,15 +50,15 @@ where
                 violation,
             };
         }
-        let value = probability * criterion.new_design(x, known.baseline_um);
+        let value = probability * criterion.new_design(x, known.baseline);
         // The lower quantile guides the search where the criterion is flat, first among the designs that
         // can probably be simulated.
         let value = if value > NOTHING {
             -value
         } else {
-            let belief = region.model.belief(x, known.baseline_um);
+            let belief = region.model.belief(x, known.baseline);
             let lift = if probability < 0.5 { 2.0 * LIFT } else { LIFT };
-            lift + belief.quantile_um(-options.quantile_z)
+            lift + belief.response_quantile(-options.quantile_z)
         };
         Evaluation {
             value,
@@ -108,9 +108,8 @@ where
     if !evaluation.is_feasible() {
         return Ok(None);
     }
-    let value_um =
-        context.probability(&x) * criterion.new_design(&x, context.known(&x).baseline_um);
-    Ok(Some(Pick { x, value_um }))
+    let value = context.probability(&x) * criterion.new_design(&x, context.known(&x).baseline);
+    Ok(Some(Pick { x, value }))
 }
 
 /// Random designs of a region, in turn uniform over it and normal around its centre.

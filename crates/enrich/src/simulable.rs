@@ -70,10 +70,10 @@ mod tests {
             state.sampled.push(Sampled {
                 x,
                 samples: 30,
-                response_um: 1.0,
-                variance_um2: 0.01,
+                response: 1.0,
+                variance: 0.01,
                 violation: 0.0,
-                baseline_um: 0.0,
+                baseline: 0.0,
             });
         }
         state

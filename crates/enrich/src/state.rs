@@ -13,14 +13,13 @@ pub struct Sampled {
     /// The number of samples that the response was computed from, at least 1.
     pub samples: u32,
     /// The response to be minimised, µm: P90 of ΔSTE. NaN or infinite marks a failure.
-    pub response_um: f64,
+    pub response: f64,
     /// The variance of the response's estimate, µm².
-    pub variance_um2: f64,
+    pub variance: f64,
     /// The violation of the exact constraints, in the caller's units; 0 or less is feasible.
     pub violation: f64,
-    /// [`Known::baseline_um`] of the design.
-    #[serde(default)]
-    pub baseline_um: f64,
+    /// [`Known::baseline`] of the design.
+    pub baseline: f64,
 }
 
 /// The exact constraints and the baseline of a design, which need no samples.
@@ -32,7 +31,7 @@ pub struct Known {
     /// (M. C. Kennedy, A. O'Hagan, *Predicting the output from a complex
     /// computer code when fast approximations are available*, Biometrika 87 (2000) 1–13, with the
     /// factor 1). Zero everywhere if there is none.
-    pub baseline_um: f64,
+    pub baseline: f64,
 }
 
 impl From<f64> for Known {
@@ -40,7 +39,7 @@ impl From<f64> for Known {
     fn from(violation: f64) -> Self {
         Self {
             violation,
-            baseline_um: 0.0,
+            baseline: 0.0,
         }
     }
 }
@@ -49,8 +48,8 @@ impl From<f64> for Known {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RoundRecord {
-    /// [`Decision::expected_improvement_um`](crate::Decision::expected_improvement_um) of the round.
-    pub expected_improvement_um: Option<f64>,
+    /// [`Decision::expected_improvement`](crate::Decision::expected_improvement) of the round.
+    pub expected_improvement: Option<f64>,
     /// Number of infill points that the round asked for.
     pub asked: u32,
     /// Number of these that could not be simulated or sampled.
@@ -99,12 +98,12 @@ impl Rows {
             not_numbers: 0,
         };
         for (index, entry) in state.sampled.iter().enumerate() {
-            if !entry.response_um.is_finite() || entry.violation.is_nan() {
+            if !entry.response.is_finite() || entry.violation.is_nan() {
                 rows.not_numbers += 1;
                 rows.failed.push(entry.x.clone());
                 continue;
             }
-            let value = entry.variance_um2;
+            let value = entry.variance;
             if !(value >= 0.0 && value.is_finite()) {
                 return Err(Error::Variance { index, value });
             }
@@ -143,7 +142,7 @@ impl Rows {
 fn smooth_noise(rows: &mut [Sampled], options: &Options) {
     let samples = |row: &Sampled| f64::from(row.samples.max(2));
     let x: Vec<f64> = rows.iter().flat_map(|row| row.x.iter().copied()).collect();
-    let of_one = rows.iter().map(|row| row.variance_um2 * samples(row));
+    let of_one = rows.iter().map(|row| row.variance * samples(row));
     let of_one: Vec<f64> = of_one.collect();
     let mut counts: Vec<f64> = rows.iter().map(samples).collect();
     counts.sort_by(f64::total_cmp);
@@ -154,7 +153,7 @@ fn smooth_noise(rows: &mut [Sampled], options: &Options) {
     let d = options.bounds.dimension();
     if let Ok(smooth) = kriging::smoothed_noise(&x, d, &of_one, freedom, options.seed) {
         for (row, of_one) in rows.iter_mut().zip(smooth) {
-            row.variance_um2 = of_one / samples(row);
+            row.variance = of_one / samples(row);
         }
     }
 }
@@ -166,9 +165,8 @@ fn merge(row: &mut Sampled, other: &Sampled) {
         f64::from(other.samples.max(1)),
     );
     let share = b / (a + b);
-    row.response_um += share * (other.response_um - row.response_um);
-    row.variance_um2 =
-        (1.0 - share).powi(2) * row.variance_um2 + share.powi(2) * other.variance_um2;
+    row.response += share * (other.response - row.response);
+    row.variance = (1.0 - share).powi(2) * row.variance + share.powi(2) * other.variance;
     row.samples = row.samples.saturating_add(other.samples);
 }
 
@@ -191,10 +189,10 @@ mod tests {
             Sampled {
                 x: vec![(0.37 * place).fract(), (0.71 * place).fract()],
                 samples,
-                response_um: 1.0,
-                variance_um2: 0.36 * scatter.exp() / f64::from(samples),
+                response: 1.0,
+                variance: 0.36 * scatter.exp() / f64::from(samples),
                 violation: 0.0,
-                baseline_um: 0.0,
+                baseline: 0.0,
             }
         });
         let state = State {
@@ -208,7 +206,7 @@ mod tests {
                 ..Options::new(bounds.clone())
             };
             let rows = Rows::new(&state, &options).unwrap();
-            let factor = |row: &Sampled| row.variance_um2 * f64::from(row.samples) / 0.36;
+            let factor = |row: &Sampled| row.variance * f64::from(row.samples) / 0.36;
             let factors = rows.sampled.iter().map(|row| factor(row).ln().abs());
             factors.fold(0.0, f64::max)
         };

@@ -25,8 +25,8 @@ impl Outlook {
     }
 
     /// Records the highest value in a region.
-    pub(crate) fn record(&mut self, region: usize, value_um: f64) {
-        self.expected_um = self.expected_um.max(value_um);
+    pub(crate) fn record(&mut self, region: usize, value: f64) {
+        self.expected_um = self.expected_um.max(value);
         self.consulted[region] = true;
     }
 
@@ -75,11 +75,11 @@ pub(crate) fn after_search(
     if let (Some(best), Some(outlook), Some(before)) = (recommendation, outlook, before)
         && outlook.is_below(delta)
         && before < delta
-        && best.half_width_um() < delta
+        && best.half_width() < delta
     {
         return Some(Stop::Converged {
-            expected_improvement_um: outlook.expected_um.max(before),
-            half_width_um: best.half_width_um(),
+            expected_improvement: outlook.expected_um.max(before),
+            half_width: best.half_width(),
         });
     }
     if !batch.infill.is_empty() {

@@ -43,13 +43,13 @@ impl Surrogate {
         options: &Options,
     ) -> Result<Vec<Self>, kriging::Error> {
         let sampled = || which.iter().map(|&i| &rows.sampled[i]);
-        let itself = if options.logarithm && sampled().all(|s| s.response_um > 0.0) {
+        let itself = if options.logarithm && sampled().all(|s| s.response > 0.0) {
             Scale::Logarithm
         } else {
             Scale::Plain
         };
         let alone = Self::on(itself, rows, which, options);
-        if sampled().all(|s| s.baseline_um == 0.0) {
+        if sampled().all(|s| s.baseline == 0.0) {
             return Ok(vec![alone?]);
         }
         let above = Self::on(Scale::AboveBaseline, rows, which, options);
@@ -85,12 +85,12 @@ impl Surrogate {
         let x: Vec<f64> = sampled().flat_map(|s| s.x.iter().copied()).collect();
         let scaled: Vec<(f64, f64)> = sampled()
             .map(|s| match scale {
-                Scale::Plain => (s.response_um, s.variance_um2),
+                Scale::Plain => (s.response, s.variance),
                 Scale::Logarithm => {
-                    let relative = s.variance_um2 / (s.response_um * s.response_um);
-                    (s.response_um.ln(), relative)
+                    let relative = s.variance / (s.response * s.response);
+                    (s.response.ln(), relative)
                 }
-                Scale::AboveBaseline => (s.response_um - s.baseline_um, s.variance_um2),
+                Scale::AboveBaseline => (s.response - s.baseline, s.variance),
             })
             .collect();
         let (y, noise_variance): (Vec<f64>, Vec<f64>) = scaled.iter().copied().unzip();
@@ -227,7 +227,7 @@ impl Surrogate {
             .filter(|(row, _)| which.contains(row))
             .map(|(&row, r)| match self.scale {
                 // To first order.
-                Scale::Logarithm => r * rows.sampled[row].response_um,
+                Scale::Logarithm => r * rows.sampled[row].response,
                 Scale::Plain | Scale::AboveBaseline => *r,
             })
             .map(|r| r * r)
@@ -254,10 +254,10 @@ mod tests {
             Sampled {
                 x: vec![x],
                 samples: 10,
-                response_um: 5.0 + x + rough,
-                variance_um2: 0.001,
+                response: 5.0 + x + rough,
+                variance: 0.001,
                 violation: 0.0,
-                baseline_um: 0.0,
+                baseline: 0.0,
             }
         });
         let state = State {

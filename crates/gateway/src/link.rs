@@ -7,7 +7,7 @@
 //! ```no_run
 //! # async fn status(reach: gateway::client::Reach) -> Result<String, gateway::Error> {
 //! let link = reach.link(gateway::Role::Client)?;
-//! let answer = link.client().status(protocol::v2::StatusRequest {}).await;
+//! let answer = link.client().status(protocol::v1::StatusRequest {}).await;
 //! Ok(answer.map_err(|status| link.error(&status))?.into_inner().status_json)
 //! # }
 //! ```
@@ -19,7 +19,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use protocol::v2::campaign_client::CampaignClient;
+use protocol::v1::campaign_client::CampaignClient;
 use protocol::{MAX_MESSAGE_BYTES, Refusal};
 use rustls::pki_types::ServerName;
 use tonic::codegen::http::Uri;

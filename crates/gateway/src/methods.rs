@@ -60,16 +60,16 @@ pub const RULES: [Rule; 13] = {
     use Needs::{AnyToken, Nothing, Token};
     use Role::{Client, Worker};
     [
-        rule("/pitchline.v2.Campaign/Register", Token(Worker), LARGE),
-        rule("/pitchline.v2.Campaign/Lease", Token(Worker), SMALL),
-        rule("/pitchline.v2.Campaign/Report", Token(Worker), LARGE),
-        rule("/pitchline.v2.Campaign/Heartbeat", Token(Worker), LIST),
-        rule("/pitchline.v2.Campaign/Release", Token(Worker), LIST),
-        rule("/pitchline.v2.Campaign/Status", Token(Client), SMALL),
-        rule("/pitchline.v2.Campaign/Watch", Token(Client), SMALL),
-        rule("/pitchline.v2.Campaign/Explain", Token(Client), SMALL),
-        rule("/pitchline.v2.Campaign/Drain", Token(Client), SMALL),
-        rule("/pitchline.v2.Campaign/Retry", Token(Client), SMALL),
+        rule("/pitchline.v1.Campaign/Register", Token(Worker), LARGE),
+        rule("/pitchline.v1.Campaign/Lease", Token(Worker), SMALL),
+        rule("/pitchline.v1.Campaign/Report", Token(Worker), LARGE),
+        rule("/pitchline.v1.Campaign/Heartbeat", Token(Worker), LIST),
+        rule("/pitchline.v1.Campaign/Release", Token(Worker), LIST),
+        rule("/pitchline.v1.Campaign/Status", Token(Client), SMALL),
+        rule("/pitchline.v1.Campaign/Watch", Token(Client), SMALL),
+        rule("/pitchline.v1.Campaign/Explain", Token(Client), SMALL),
+        rule("/pitchline.v1.Campaign/Drain", Token(Client), SMALL),
+        rule("/pitchline.v1.Campaign/Retry", Token(Client), SMALL),
         // Health probes carry no secrets, and the answer reveals nothing about the campaign.
         rule("/grpc.health.v1.Health/Check", Nothing, SMALL),
         rule("/grpc.health.v1.Health/Watch", Nothing, SMALL),
@@ -347,7 +347,7 @@ mod tests {
     #[test]
     fn workers_call_what_workers_do_and_clients_the_rest() {
         let role = |method: &str| {
-            let path = format!("/pitchline.v2.Campaign/{method}");
+            let path = format!("/pitchline.v1.Campaign/{method}");
             RULES.iter().find(|rule| rule.path == path).unwrap().needs
         };
         for method in ["Register", "Lease", "Report", "Heartbeat", "Release"] {
@@ -386,7 +386,7 @@ mod tests {
         let mut service = AccessLayer::new(None).layer(Reader);
         let mut call = |method: &str, bytes: usize| {
             let body = http_body_util::Full::new(vec![0; bytes].into());
-            let request = Request::post(format!("/pitchline.v2.Campaign/{method}"))
+            let request = Request::post(format!("/pitchline.v1.Campaign/{method}"))
                 .body(Body::new(body))
                 .unwrap();
             service.call(request)
@@ -410,10 +410,10 @@ mod tests {
     fn what_is_not_listed_is_refused_to_everybody() {
         let tokens = tokens();
         for path in [
-            "/pitchline.v2.Campaign/Erase",
+            "/pitchline.v1.Campaign/Erase",
             "/",
             "",
-            "/pitchline.v2.Campaign/lease",
+            "/pitchline.v1.Campaign/lease",
         ] {
             for tokens in [None, Some(&tokens)] {
                 let header = bearer(Role::Client);

@@ -14,7 +14,7 @@ use std::task::{Context, Poll};
 use std::time::Duration;
 
 use anyhow::Context as _;
-use protocol::v2::campaign_server::{Campaign, CampaignServer};
+use protocol::v1::campaign_server::{Campaign, CampaignServer};
 use protocol::{DESCRIPTORS, MAX_MESSAGE_BYTES};
 use tokio::io::{
     AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _, DuplexStream, ReadBuf,

@@ -25,8 +25,7 @@ pub enum Warning {
         /// Number of distinct points.
         distinct: usize,
         /// Number of parameters that were estimated from them: ranges, σ², a nugget, the trend's
-        /// coefficients. Models stored by earlier versions counted coordinates here.
-        #[serde(alias = "dimensions")]
+        /// coefficients.
         parameters: usize,
     },
     /// There are too few points to fit one range per coordinate: all coordinates share one, in

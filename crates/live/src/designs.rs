@@ -115,13 +115,13 @@ impl Designs {
         let point = |row: &ResponseRow| {
             let design = self.designs.get(row.design as usize)?;
             // Without a percentile, because too many of its samples have failed.
-            if !row.p90_um.is_finite() {
+            if !row.percentile.is_finite() {
                 return None;
             }
             Some(Point {
                 design: row.design,
                 x: design.x.clone(),
-                value: row.p90_um,
+                value: row.percentile,
             })
         };
         rows.iter().filter_map(point).collect()
@@ -159,13 +159,15 @@ impl Designs {
         )?;
         let response = responses
             .iter()
-            .find(|response| row.feasible && response.p90_um.total_cmp(&row.criterion_um).is_eq());
-        let half = response.map_or(f64::NAN, |response| Z95 * response.p90_variance_um2.sqrt());
+            .find(|response| row.feasible && response.percentile.total_cmp(&row.criterion).is_eq());
+        let half = response.map_or(f64::NAN, |response| {
+            Z95 * response.percentile_variance.sqrt()
+        });
         Ok(Candidate {
             percentile: report::Percentile {
-                value_um: response.map_or(f64::NAN, |response| response.p90_um),
-                low_um: response.map_or(f64::NAN, |response| response.p90_um - half),
-                high_um: response.map_or(f64::NAN, |response| response.p90_um + half),
+                value: response.map_or(f64::NAN, |response| response.percentile),
+                low: response.map_or(f64::NAN, |response| response.percentile - half),
+                high: response.map_or(f64::NAN, |response| response.percentile + half),
                 samples: problem.campaign().sampling.samples_per_design as usize,
             },
             design: Some(response.map_or(0, |response| response.design)),

@@ -414,8 +414,8 @@ impl Site {
         let rows = self.store.rounds().await?;
         let infill = self.store.infill().await?;
         let name = Approach::EnrichedKriging.name();
-        let fresh = self.store.verify_samples(name).await?;
-        let fresh: Vec<f64> = fresh.iter().map(|sample| sample.delta_ste_um).collect();
+        let fresh = self.store.point_samples(name).await?;
+        let fresh: Vec<f64> = fresh.iter().map(|sample| sample.value).collect();
         let enrichment = reporting::rounds(problem, &rows, &infill, &fresh)?;
         let percentile = problem.campaign().sampling.percentile_name();
         in_background(move || views::rounds(enrichment.as_ref(), &percentile)).await

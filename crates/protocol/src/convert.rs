@@ -12,7 +12,7 @@ use campaign::task::{Candidate, Computed, Evaluated, Failure, Output, Run, Sourc
 use campaign::{Approach, Criteria, Design};
 use ledger::{Generation, Grant, Kind, LeaseId, StreamId, Unit};
 
-use crate::v2;
+use crate::v1;
 
 mod variant;
 
@@ -30,24 +30,24 @@ fn malformed<T>(why: &str) -> Result<T, Malformed> {
     Err(Malformed(why.to_owned()))
 }
 
-impl From<LeaseId> for v2::LeaseId {
+impl From<LeaseId> for v1::LeaseId {
     fn from(LeaseId { epoch, number }: LeaseId) -> Self {
         Self { epoch, number }
     }
 }
 
-impl From<v2::LeaseId> for LeaseId {
-    fn from(v2::LeaseId { epoch, number }: v2::LeaseId) -> Self {
+impl From<v1::LeaseId> for LeaseId {
+    fn from(v1::LeaseId { epoch, number }: v1::LeaseId) -> Self {
         Self { epoch, number }
     }
 }
 
-impl From<&Unit> for v2::Unit {
+impl From<&Unit> for v1::Unit {
     fn from(unit: &Unit) -> Self {
         let kind = match unit.stream.kind {
-            Kind::Run => Self::kind_of(v2::Kind::Run),
-            Kind::Design => Self::kind_of(v2::Kind::Design),
-            Kind::Point => Self::kind_of(v2::Kind::Point),
+            Kind::Run => Self::kind_of(v1::Kind::Run),
+            Kind::Design => Self::kind_of(v1::Kind::Design),
+            Kind::Point => Self::kind_of(v1::Kind::Point),
         };
         Self {
             kind,
@@ -59,21 +59,21 @@ impl From<&Unit> for v2::Unit {
     }
 }
 
-impl v2::Unit {
-    const fn kind_of(kind: v2::Kind) -> i32 {
+impl v1::Unit {
+    const fn kind_of(kind: v1::Kind) -> i32 {
         kind as i32
     }
 }
 
-impl TryFrom<&v2::Unit> for Unit {
+impl TryFrom<&v1::Unit> for Unit {
     type Error = Malformed;
 
-    fn try_from(unit: &v2::Unit) -> Result<Self, Malformed> {
+    fn try_from(unit: &v1::Unit) -> Result<Self, Malformed> {
         let kind = match unit.kind() {
-            v2::Kind::Run => Kind::Run,
-            v2::Kind::Design => Kind::Design,
-            v2::Kind::Point => Kind::Point,
-            v2::Kind::Unspecified => return malformed("names a unit of no kind"),
+            v1::Kind::Run => Kind::Run,
+            v1::Kind::Design => Kind::Design,
+            v1::Kind::Point => Kind::Point,
+            v1::Kind::Unspecified => return malformed("names a unit of no kind"),
         };
         let Some(end) = unit.first.checked_add(unit.count) else {
             return malformed("names samples beyond the last one there can be");
@@ -90,20 +90,20 @@ impl TryFrom<&v2::Unit> for Unit {
 }
 
 /// The message of a design.
-fn design_message(design: &Design) -> v2::Design {
-    v2::Design {
+fn design_message(design: &Design) -> v1::Design {
+    v1::Design {
         values: design.values().to_vec(),
     }
 }
 
 /// The message of a lease.
 #[must_use]
-pub fn lease(grant: &Grant<Arc<Source>>) -> v2::Lease {
-    let mut lease = v2::Lease {
+pub fn lease(grant: &Grant<Arc<Source>>) -> v1::Lease {
+    let mut lease = v1::Lease {
         id: Some(grant.lease.into()),
         seconds: grant.seconds,
         announce: grant.announce,
-        ..v2::Lease::default()
+        ..v1::Lease::default()
     };
     for (number, (unit, source)) in (0..).zip(&grant.units) {
         lease.units.push(unit.into());
@@ -120,7 +120,7 @@ pub fn lease(grant: &Grant<Arc<Source>>) -> v2::Lease {
             Source::Candidates(candidates) => {
                 let wanted = candidates.iter();
                 let wanted = wanted.filter(|one| unit.samples.contains(&one.evaluation));
-                lease.candidates.extend(wanted.map(|one| v2::Candidate {
+                lease.candidates.extend(wanted.map(|one| v1::Candidate {
                     evaluation: one.evaluation,
                     design: Some(design_message(&one.design)),
                     may_improve: one.may_improve,
@@ -132,7 +132,7 @@ pub fn lease(grant: &Grant<Arc<Source>>) -> v2::Lease {
     lease
 }
 
-impl v2::Lease {
+impl v1::Lease {
     /// The id of the lease.
     #[must_use]
     pub fn name(&self) -> LeaseId {
@@ -150,7 +150,7 @@ impl v2::Lease {
         }
         let mut designs = self.designs.iter();
         let model: Option<Arc<str>> = self.model_json.as_deref().map(Into::into);
-        let source = |(number, unit): (u32, &v2::Unit)| {
+        let source = |(number, unit): (u32, &v1::Unit)| {
             let unit = Unit::try_from(unit)?;
             if self.candidates.iter().any(|one| one.unit == number) {
                 let candidates = self.candidates(number, &unit)?;
@@ -231,27 +231,27 @@ pub fn result(
     unit: &Unit,
     outcome: &Result<Option<Output>, String>,
     cpu_seconds: f64,
-) -> v2::UnitResult {
-    let mut result = v2::UnitResult {
-        unit: Some(v2::Unit {
+) -> v1::UnitResult {
+    let mut result = v1::UnitResult {
+        unit: Some(v1::Unit {
             count: 0,
             ..unit.into()
         }),
         cpu_seconds,
-        ..v2::UnitResult::default()
+        ..v1::UnitResult::default()
     };
     match outcome {
         Ok(Some(Output::Design {
             responses,
             ruled_out,
-            samples_um,
+            samples,
         })) => {
             result.responses.clone_from(responses);
             result.ruled_out.clone_from(ruled_out);
-            result.samples_um.clone_from(samples_um);
+            result.samples.clone_from(samples);
         }
         Ok(Some(Output::Refused(reason))) => result.refused = Some(reason.clone()),
-        Ok(Some(Output::Samples(samples_um))) => result.samples_um.clone_from(samples_um),
+        Ok(Some(Output::Samples(samples))) => result.samples.clone_from(samples),
         Ok(Some(Output::Run(run))) => match serde_json::to_string(run) {
             Ok(json) => {
                 result.run_json = Some(json);
@@ -266,15 +266,15 @@ pub fn result(
         Ok(None) => {}
         Err(error) => result.error = Some(error.clone()),
     }
-    if !result.samples_um.is_empty() {
-        result.samples_count(result.samples_um.len() as u32);
+    if !result.samples.is_empty() {
+        result.samples_count(result.samples.len() as u32);
     }
     result
 }
 
 /// The messages of what a unit came to: of its output, and of the failure that ended it.
 #[must_use]
-pub fn results(unit: &Unit, computed: &Computed, cpu_seconds: f64) -> Vec<v2::UnitResult> {
+pub fn results(unit: &Unit, computed: &Computed, cpu_seconds: f64) -> Vec<v1::UnitResult> {
     let output = computed.output.clone().map(Some);
     let output = output.map(|output| result(unit, &Ok(output), cpu_seconds));
     let failure = computed.failure.as_ref().map(|Failure { sample, error }| {
@@ -284,46 +284,46 @@ pub fn results(unit: &Unit, computed: &Computed, cpu_seconds: f64) -> Vec<v2::Un
             samples: first..first + u32::from(sample.is_some()),
             ..unit.clone()
         };
-        v2::UnitResult {
+        v1::UnitResult {
             unit: Some((&of).into()),
             error: Some(error.clone()),
             cpu_seconds: if output.is_some() { 0.0 } else { cpu_seconds },
-            ..v2::UnitResult::default()
+            ..v1::UnitResult::default()
         }
     });
     output.into_iter().chain(failure).collect()
 }
 
-fn evaluated_message(evaluated: &Evaluated) -> v2::Evaluated {
-    let mut message = v2::Evaluated {
+fn evaluated_message(evaluated: &Evaluated) -> v1::Evaluated {
+    let mut message = v1::Evaluated {
         design: Some(design_message(&evaluated.design)),
-        ..v2::Evaluated::default()
+        ..v1::Evaluated::default()
     };
     match &evaluated.answer {
         Ok(answer) => {
-            message.value = answer.analysis.value_um;
+            message.value = answer.analysis.value;
             message.criteria = answer.analysis.criteria.values().to_vec();
             let worn = answer.worn.as_ref();
             message.worn_criteria = worn.map_or_else(Vec::new, |worn| worn.values().to_vec());
-            message.samples_um.clone_from(&answer.samples_um);
+            message.samples.clone_from(&answer.samples);
         }
         Err(reason) => message.refused = Some(reason.clone()),
     }
     message
 }
 
-fn evaluated(message: &v2::Evaluated) -> Result<Evaluated, Malformed> {
+fn evaluated(message: &v1::Evaluated) -> Result<Evaluated, Malformed> {
     let Some(design) = &message.design else {
         return malformed("has an evaluation without a design");
     };
     let worn = &message.worn_criteria;
     let answer = || Answer {
         analysis: Analysis {
-            value_um: message.value,
+            value: message.value,
             criteria: Criteria::new(message.criteria.clone()),
         },
         worn: (!worn.is_empty()).then(|| Criteria::new(worn.clone())),
-        samples_um: message.samples_um.clone(),
+        samples: message.samples.clone(),
     };
     Ok(Evaluated {
         design: Design::new(design.values.clone()),
@@ -331,7 +331,7 @@ fn evaluated(message: &v2::Evaluated) -> Result<Evaluated, Malformed> {
     })
 }
 
-impl v2::UnitResult {
+impl v1::UnitResult {
     fn samples_count(&mut self, count: u32) {
         if let Some(unit) = &mut self.unit {
             unit.count = count;
@@ -344,7 +344,7 @@ impl v2::UnitResult {
 /// # Errors
 ///
 /// The message is malformed.
-pub fn output(result: &v2::UnitResult) -> Result<(Unit, Result<Output, String>), Malformed> {
+pub fn output(result: &v1::UnitResult) -> Result<(Unit, Result<Output, String>), Malformed> {
     let Some(unit) = &result.unit else {
         return malformed("names no unit");
     };
@@ -352,7 +352,7 @@ pub fn output(result: &v2::UnitResult) -> Result<(Unit, Result<Output, String>),
     let said = [&result.refused, &result.run_json, &result.error];
     let said = said.iter().filter(|text| text.is_some()).count();
     let said = said + usize::from(!result.evaluated.is_empty());
-    let has_samples = !result.responses.is_empty() || !result.samples_um.is_empty();
+    let has_samples = !result.responses.is_empty() || !result.samples.is_empty();
     if said + usize::from(has_samples) != 1 {
         return malformed(
             "must be either samples or one of a refusal, a run, evaluations and an error",
@@ -374,15 +374,15 @@ pub fn output(result: &v2::UnitResult) -> Result<(Unit, Result<Output, String>),
         (Kind::Design, None, None) => Output::Design {
             responses: finite(&result.responses)?,
             ruled_out: result.ruled_out.clone(),
-            samples_um: result.samples_um.clone(),
+            samples: result.samples.clone(),
         },
         (Kind::Point, None, None) if result.responses.is_empty() => {
-            Output::Samples(result.samples_um.clone())
+            Output::Samples(result.samples.clone())
         }
         _ => return malformed("is not what its unit asks for"),
     };
     let count = match &output {
-        Output::Design { samples_um, .. } | Output::Samples(samples_um) => samples_um.len(),
+        Output::Design { samples, .. } | Output::Samples(samples) => samples.len(),
         Output::Refused(_) => 0,
         Output::Run(_) => 1,
         Output::Evaluations(evaluated) => evaluated.len(),
@@ -510,9 +510,7 @@ mod tests {
                 assert_eq!(read, computed);
                 // A design that is refused or ruled out has no samples.
                 let count = match &computed {
-                    Ok(Output::Design { samples_um, .. } | Output::Samples(samples_um)) => {
-                        samples_um.len()
-                    }
+                    Ok(Output::Design { samples, .. } | Output::Samples(samples)) => samples.len(),
                     Ok(Output::Run(_)) => 1,
                     Ok(Output::Evaluations(evaluated)) => evaluated.len(),
                     Ok(Output::Refused(_)) | Err(_) => 0,
@@ -526,19 +524,19 @@ mod tests {
 
     #[test]
     fn nonsense_is_refused() {
-        let unit = v2::Unit {
-            kind: v2::Kind::Design.into(),
+        let unit = v1::Unit {
+            kind: v1::Kind::Design.into(),
             count: 2,
-            ..v2::Unit::default()
+            ..v1::Unit::default()
         };
-        let good = v2::UnitResult {
+        let good = v1::UnitResult {
             unit: Some(unit),
             responses: vec![1.0; 11],
-            samples_um: vec![1.0; 2],
-            ..v2::UnitResult::default()
+            samples: vec![1.0; 2],
+            ..v1::UnitResult::default()
         };
         assert!(output(&good).is_ok());
-        type Change = fn(&mut v2::UnitResult);
+        type Change = fn(&mut v1::UnitResult);
         let changes: [(Change, &str); 7] = [
             (|result| result.unit = None, "names no unit"),
             (|result| result.unit.as_mut().unwrap().kind = 9, "no kind"),
@@ -546,11 +544,11 @@ mod tests {
                 |result| result.unit.as_mut().unwrap().first = u32::MAX,
                 "beyond",
             ),
-            (|result| result.samples_um.push(1.0), "as many samples"),
+            (|result| result.samples.push(1.0), "as many samples"),
             (|result| result.responses[3] = f64::NAN, "not a number"),
             (|result| result.error = Some(String::new()), "either"),
             (
-                |result| result.unit.as_mut().unwrap().kind = v2::Kind::Point.into(),
+                |result| result.unit.as_mut().unwrap().kind = v1::Kind::Point.into(),
                 "asks for",
             ),
         ];

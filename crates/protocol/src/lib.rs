@@ -1,17 +1,17 @@
 //! The network protocol: generated gRPC code and its conversions.
 //!
-//! The messages are defined in `proto/pitchline/v2/pitchline.proto`. This crate compiles them and
+//! The messages are defined in `proto/pitchline/v1/pitchline.proto`. This crate compiles them and
 //! adds the other facts on which both sides must agree: size limits, the reasons for refusals, and
 //! the exit codes of the programs.
 
-/// Version 2 of the protocol, as generated from `proto/pitchline/v2`.
+/// Version 1 of the protocol, as generated from `proto/pitchline/v1`.
 #[expect(
     missing_docs,
     reason = "generated; the .proto file carries the documentation"
 )]
 #[expect(clippy::allow_attributes_without_reason, reason = "generated")]
-pub mod v2 {
-    tonic::include_proto!("pitchline.v2");
+pub mod v1 {
+    tonic::include_proto!("pitchline.v1");
 }
 
 /// The protocol's descriptors, for the reflection service.

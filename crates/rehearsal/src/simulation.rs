@@ -12,7 +12,7 @@ use ledger::{
     Wanted,
 };
 use prost::Message as _;
-use protocol::v2::{LeaseResponse, LeaseResult, ReportRequest};
+use protocol::v1::{LeaseResponse, LeaseResult, ReportRequest};
 use rand::RngExt as _;
 use rand_distr::{Distribution as _, Exp1, LogNormal};
 use rustix::time::{ClockId, clock_gettime};
@@ -383,7 +383,7 @@ fn report(name: &ledger::WorkerId, held: &Held, seconds: f64) -> Vec<u8> {
             0 => Output::Design {
                 responses: vec![1.0; 10],
                 ruled_out: None,
-                samples_um: samples,
+                samples: samples,
             },
             _ => Output::Samples(samples),
         };

@@ -83,7 +83,7 @@ pub fn comparisons(data: &ReportData) -> Vec<Comparison> {
             &place,
             &format!("{}, µm", printed.criterion),
             printed.criterion_um,
-            ours.criterion_um.value,
+            ours.criterion.value,
         );
         if let Some(p90) = printed.p90_um {
             add(&place, "P90, µm", p90, ours.p90_um.value);
@@ -139,7 +139,7 @@ pub fn comparisons(data: &ReportData) -> Vec<Comparison> {
             row.delta_ste_archard_um,
             ours.delta_ste_archard_um,
         );
-        add(&place, "P90, µm", row.p90_um, ours.p90.value_um);
+        add(&place, "P90, µm", row.p90_um, ours.p90.value);
     }
     for row in &paper::APPROACHES {
         let found = data
@@ -153,8 +153,8 @@ pub fn comparisons(data: &ReportData) -> Vec<Comparison> {
         add(
             &place,
             "criterion at its own optimum, µm",
-            row.criterion_um,
-            optimum.criterion_um,
+            row.criterion,
+            optimum.criterion,
         );
         add(
             &place,

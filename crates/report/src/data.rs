@@ -158,11 +158,11 @@ pub struct SimilarDesign {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Percentile {
     /// The estimate, µm.
-    pub value_um: f64,
+    pub value: f64,
     /// Lower end of the two-sided 95 % confidence interval, µm.
-    pub low_um: f64,
+    pub low: f64,
     /// Upper end of it, µm.
-    pub high_um: f64,
+    pub high: f64,
     /// How many samples it rests on.
     pub samples: usize,
 }
@@ -194,7 +194,7 @@ pub struct KrigingFit {
     /// Q² of the leave-one-out predictions: 1 is perfect, 0 no better than the mean.
     pub q2: f64,
     /// Root mean square of the leave-one-out errors, µm.
-    pub rmse_um: f64,
+    pub rmse: f64,
     /// Share of the observations, 0 to 1, within their leave-one-out 90 % prediction interval.
     pub coverage_90: f64,
     /// The leave-one-out predictions.
@@ -248,11 +248,11 @@ pub struct LeaveOneOut {
     /// The design's number.
     pub design: u64,
     /// The observation, µm.
-    pub observed_um: f64,
+    pub observed: f64,
     /// The prediction, µm.
-    pub predicted_um: f64,
-    /// The residual over its standard deviation; none in stores of earlier versions.
-    pub standardised: Option<f64>,
+    pub predicted: f64,
+    /// The residual over its standard deviation.
+    pub standardised: f64,
 }
 
 /// The approaches that the paper compares (section IV.D), and one beyond it.
@@ -324,7 +324,7 @@ pub struct Optimum {
     /// (in modules), ρa_p, ρa_r, ρf_p, ρf_r (mm), β0 (degrees).
     pub variables: [f64; 11],
     /// The criterion that the approach minimised, µm, without any penalty.
-    pub criterion_um: f64,
+    pub criterion: f64,
     /// P90 verified with samples of its own.
     pub p90: Percentile,
     /// P90 as the paper verifies it, by (8) from as many samples, µm: for its Table 5.
@@ -518,13 +518,13 @@ pub struct EnrichmentRound {
     /// Points that broke a constraint and got no samples.
     pub ruled_out: u64,
     /// The most that was expected of an observation, µm.
-    pub expected_improvement_um: f64,
+    pub expected_improvement: f64,
     /// The model's prediction for the recommended design, µm.
-    pub predicted_um: f64,
+    pub predicted: f64,
     /// Lower end of its 95 % interval, µm.
-    pub low_um: f64,
+    pub low: f64,
     /// Upper end of it, µm.
-    pub high_um: f64,
+    pub high: f64,
 }
 
 /// One of the paper's printed designs (Figures 6 to 10), computed on this model.
@@ -550,7 +550,7 @@ pub struct PrintedFigures {
     /// F, MPa.
     pub pressure_mpa: ModelFigure,
     /// The criterion that the figure's caption gives, µm.
-    pub criterion_um: ModelFigure,
+    pub criterion: ModelFigure,
     /// P90, µm; used for the figures whose P90 the paper gives (7 to 10).
     pub p90_um: ModelFigure,
 }

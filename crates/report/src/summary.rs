@@ -148,8 +148,7 @@ pub(crate) fn with_unit(value: f64, digits: usize, unit: &str) -> String {
 /// The digits with which both ends of an interval differ from its middle, at least three.
 pub(crate) fn digits_of(percentile: &Percentile) -> usize {
     let shown = |digits| {
-        [percentile.low_um, percentile.value_um, percentile.high_um]
-            .map(|value| significant(value, digits))
+        [percentile.low, percentile.value, percentile.high].map(|value| significant(value, digits))
     };
     let distinct = |digits: &usize| {
         let [low, value, high] = shown(*digits);
@@ -160,29 +159,29 @@ pub(crate) fn digits_of(percentile: &Percentile) -> usize {
 
 fn headline(best: &Recommended) -> String {
     let digits = digits_of(&best.percentile);
-    let interval = match best.percentile.low_um.is_nan() {
+    let interval = match best.percentile.low.is_nan() {
         true => "no 95 % interval".to_owned(),
         false => format!(
             "95 % interval {} to {}",
-            significant(best.percentile.low_um, digits),
-            significant(best.percentile.high_um, digits)
+            significant(best.percentile.low, digits),
+            significant(best.percentile.high, digits)
         ),
     };
     let mut text = format!(
         "The recommended design has a verified {} of {} ({interval}, {} samples). It was found by the \
          approach “{}”.",
         best.what,
-        with_unit(best.percentile.value_um, digits, &best.unit),
+        with_unit(best.percentile.value, digits, &best.unit),
         count(best.percentile.samples as u64),
         best.approach,
     );
-    if best.percentile.low_um.is_nan() {
+    if best.percentile.low.is_nan() {
         text += " The samples are too few for an interval at this level.";
     }
     let alike: Vec<&str> = best
         .behind
         .iter()
-        .filter(|other| other.difference.low_um <= 0.0)
+        .filter(|other| other.difference.low <= 0.0)
         .map(|other| &*other.approach)
         .collect();
     if !alike.is_empty() {
@@ -205,10 +204,10 @@ fn others(best: &Recommended) -> String {
                  difference,
              }| {
                 let digits = digits_of(difference);
-                let [low, high] = [difference.low_um, difference.high_um];
+                let [low, high] = [difference.low, difference.high];
                 format!(
                     "{approach} by {} [{}; {}]",
-                    with_unit(difference.value_um, digits, &best.unit),
+                    with_unit(difference.value, digits, &best.unit),
                     significant(low, digits),
                     significant(high, digits)
                 )
@@ -243,11 +242,11 @@ fn cost(best: &Recommended) -> String {
 mod tests {
     use super::*;
 
-    fn percentile(value_um: f64, half: f64) -> Percentile {
+    fn percentile(value: f64, half: f64) -> Percentile {
         Percentile {
-            value_um,
-            low_um: value_um - half,
-            high_um: value_um + half,
+            value,
+            low: value - half,
+            high: value + half,
             samples: 6000,
         }
     }

@@ -53,7 +53,7 @@ impl Times {
     }
 }
 
-/// How long a stage took; `None` in stores of earlier versions and before it began.
+/// How long a stage took; `None` before it began.
 pub(crate) fn wall_seconds(times: &[StageTimeRow], stage: &str) -> Option<f64> {
     let time = times.iter().find(|time| time.stage == stage);
     time.map(|time| time.wall_seconds)

@@ -42,7 +42,7 @@ pub fn describe(status: &Status) -> String {
         samples.done, samples.per_design
     );
     let _ = writeln!(text, "samples digest  {}", status.samples_digest);
-    let _ = writeln!(text, "verify digest   {}", status.verify_samples_digest);
+    let _ = writeln!(text, "verify digest   {}", status.point_samples_digest);
     if !status.digests_checked {
         let _ = writeln!(
             text,
@@ -87,7 +87,7 @@ pub fn describe(status: &Status) -> String {
         );
     }
     for optimum in &status.optima {
-        let found = match (optimum.none, optimum.criterion_um) {
+        let found = match (optimum.none, optimum.criterion) {
             (Some(NoOptimum::NoModel), _) => format!("no model ({})", optimum.note),
             (Some(none), _) => none.to_string(),
             (None, None) => "no feasible design".to_owned(),

@@ -28,14 +28,14 @@ pub(crate) async fn of(store: &Store, problem: &Problem) -> Result<Vec<String>, 
     let (mut failed, mut all) = (0, 0);
     let count = |row: SampleRow| {
         all += 1;
-        failed += usize::from(row.delta_ste_um.is_infinite());
+        failed += usize::from(row.value.is_infinite());
         Ok::<(), store::Error>(())
     };
     store.visit_samples(count).await?;
     let mut verified = 0;
-    for (point, _) in store.verify_counts().await? {
-        let samples = store.verify_samples(&point).await?;
-        let samples: Vec<f64> = samples.iter().map(|row| row.delta_ste_um).collect();
+    for (point, _) in store.point_counts().await? {
+        let samples = store.point_samples(&point).await?;
+        let samples: Vec<f64> = samples.iter().map(|row| row.value).collect();
         verified += Sampling::count_failed(&samples);
     }
     let is_failure = |reason: &str| reason.starts_with(campaign::task::FAILED);
@@ -47,7 +47,7 @@ pub(crate) async fn of(store: &Store, problem: &Problem) -> Result<Vec<String>, 
             candidates += reasons.filter(|reason| is_failure(reason)).count();
         }
     }
-    let without = responses.iter().filter(|row| !row.p90_um.is_finite());
+    let without = responses.iter().filter(|row| !row.percentile.is_finite());
     let criteria = store.criteria().await?;
     let has_failed = |row: &&CriteriaRow| row.reason.as_deref().is_some_and(is_failure);
     let counted = [
@@ -80,7 +80,7 @@ pub(crate) async fn of(store: &Store, problem: &Problem) -> Result<Vec<String>, 
 /// The doubt about a program none of whose samples depends on its seed.
 fn ignored_seeds(problem: &Problem, responses: &[ResponseRow]) -> Option<String> {
     // The mean of equal numbers is rounded, and so is their standard deviation.
-    let is_constant = |row: &ResponseRow| row.sd_um <= 1e-12 * row.mean_um.abs();
+    let is_constant = |row: &ResponseRow| row.standard_deviation <= 1e-12 * row.mean.abs();
     let is_suspicious = !responses.is_empty() && responses.iter().all(is_constant);
     is_suspicious.then(|| {
         format!(

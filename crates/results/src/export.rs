@@ -150,11 +150,11 @@ fn optional(value: Option<f64>) -> String {
 }
 
 async fn failures<W: Write + Send>(store: &Store, out: &mut RowWriter<W>) -> anyhow::Result<()> {
-    out.write_record(["job", "attempt", "worker", "kind", "error"])?;
+    out.write_record(["job", "lease", "worker", "kind", "error"])?;
     for row in store.failures().await? {
-        let attempt = row.attempt.to_string();
+        let lease = row.lease.to_string();
         let kind = row.kind.as_str();
-        out.write_record([&row.job, &attempt, &row.worker, kind, &row.error])?;
+        out.write_record([&row.job, &lease, &row.worker, kind, &row.error])?;
     }
     Ok(())
 }
@@ -170,7 +170,7 @@ async fn samples<W: Write + Send>(
             out.write_record([
                 row.design.to_string(),
                 row.sample.to_string(),
-                number(row.delta_ste_um),
+                number(row.value),
             ])?;
             Ok(())
         })
@@ -188,10 +188,10 @@ async fn responses<W: Write + Send>(
     for row in store.responses().await? {
         out.write_record([
             row.design.to_string(),
-            number(row.mean_um),
-            number(row.sd_um),
-            number(row.p90_um),
-            number(row.p90_variance_um2),
+            number(row.mean),
+            number(row.standard_deviation),
+            number(row.percentile),
+            number(row.percentile_variance),
             optional(row.lilliefors_p),
         ])?;
     }
@@ -209,12 +209,12 @@ async fn leave_one_out<W: Write + Send>(
         return Ok(());
     };
     let summary: ModelSummary = serde_json::from_str(&row.summary_json)?;
-    for left_out in summary.leave_one_out(&store.responses().await?) {
+    for left_out in summary.leave_one_out() {
         out.write_record([
             left_out.number.to_string(),
-            number(left_out.observed_um),
-            number(left_out.predicted_um),
-            optional(left_out.standardised),
+            number(left_out.observed),
+            number(left_out.predicted),
+            number(left_out.standardised),
         ])?;
     }
     Ok(())
@@ -268,10 +268,10 @@ async fn rounds<W: Write + Send>(
                 .filter(|point| point.is_ruled_out())
                 .count()
                 .to_string(),
-            optional(row.expected_improvement_um),
-            optional(best.map(|best| best.predicted_um)),
-            optional(best.map(|best| best.interval_um.0)),
-            optional(best.map(|best| best.interval_um.1)),
+            optional(row.expected_improvement),
+            optional(best.map(|best| best.predicted)),
+            optional(best.map(|best| best.interval.0)),
+            optional(best.map(|best| best.interval.1)),
             row.simulator_calls.to_string(),
             number(row.cpu_seconds),
             round
@@ -294,8 +294,8 @@ async fn infill<W: Write + Send>(
     header.extend(["violation", "samples", "failed", &percentile, &variance]);
     out.write_record(&header)?;
     for row in store.infill().await? {
-        let samples = store.verify_samples(&row.name).await?;
-        let samples: Vec<f64> = samples.iter().map(|sample| sample.delta_ste_um).collect();
+        let samples = store.point_samples(&row.name).await?;
+        let samples: Vec<f64> = samples.iter().map(|sample| sample.value).collect();
         let is_whole = samples.len() as u64 == row.samples && !row.failed;
         let estimate = problem.campaign().sampling.estimate(&samples).ok();
         let estimate = estimate
@@ -334,10 +334,10 @@ async fn optima<W: Write + Send>(
         let design = optimum_design(problem, &row);
         let found: Option<Criteria> = serde_json::from_str(&row.criteria_json)?;
         let samples: Vec<f64> = store
-            .verify_samples(&row.approach)
+            .point_samples(&row.approach)
             .await?
             .iter()
-            .map(|sample| sample.delta_ste_um)
+            .map(|sample| sample.value)
             .collect();
         let percentile = problem.campaign().sampling.verified(&samples).ok();
         let interval = percentile.and_then(|percentile| percentile.interval);
@@ -348,7 +348,7 @@ async fn optima<W: Write + Send>(
             Some(design) => record.extend(design.values().iter().copied().map(number)),
             None => record.extend(blanks(variables.len())),
         }
-        record.push(optional(design.as_ref().map(|_| row.criterion_um)));
+        record.push(optional(design.as_ref().map(|_| row.criterion)));
         record.push(optional(percentile.map(|percentile| percentile.value)));
         record.push(optional(interval.map(|(low, _)| low)));
         record.push(optional(interval.map(|(_, high)| high)));

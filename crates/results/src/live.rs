@@ -116,10 +116,8 @@ pub struct Live {
     pub eta_seconds: Option<f64>,
     /// The 95 % interval of `eta_seconds`, from the scatter of the rate and of what is left; of runs of
     /// optimisers the range from the shortest and the longest of late.
-    #[serde(default)]
     pub eta_low_seconds: Option<f64>,
     /// See `eta_low_seconds`.
-    #[serde(default)]
     pub eta_high_seconds: Option<f64>,
     /// Whether leasing was stopped.
     pub draining: bool,
@@ -145,7 +143,6 @@ pub struct Worker {
     /// Whether it gets nothing for a while, having failed too many.
     pub is_suspended: bool,
     /// Samples per second that it delivered lately.
-    #[serde(default)]
     pub samples_per_second: f64,
 }
 

@@ -253,7 +253,7 @@ mod tests {
 
     #[test]
     fn rows_are_read_back_with_types_and_units() {
-        let header: &[&str] = &["job", "attempt", "p90_um"];
+        let header: &[&str] = &["job", "lease", "p90_um"];
         let file = written(&[header, &["7", "2", "1.5"], &["a,b", "3", ""]]).unwrap();
         let metadata = file.metadata().file_metadata().key_value_metadata();
         let value = |key: &str| {

@@ -7,13 +7,13 @@ use report::Percentile;
 #[must_use]
 pub fn percentile(sampling: &Sampling, samples: &[f64]) -> Percentile {
     let verified = sampling.verified(samples).ok();
-    let (low_um, high_um) = verified
+    let (low, high) = verified
         .and_then(|verified| verified.interval)
         .unwrap_or((f64::NAN, f64::NAN));
     Percentile {
-        value_um: verified.map_or(f64::NAN, |verified| verified.value),
-        low_um,
-        high_um,
+        value: verified.map_or(f64::NAN, |verified| verified.value),
+        low,
+        high,
         samples: samples.len(),
     }
 }

@@ -170,7 +170,7 @@ fn header(sources: &Sources, samples_digest: String, stages: Vec<StageCost>) -> 
     for reason in sources
         .criteria
         .iter()
-        .filter(|row| !row.feasible)
+        .filter(|row| !row.simulable)
         .filter_map(|row| row.reason.as_deref())
     {
         let code = reason.split(':').next().unwrap_or(reason);
@@ -203,7 +203,7 @@ fn header(sources: &Sources, samples_digest: String, stages: Vec<StageCost>) -> 
         designs: campaign.doe.designs as usize,
         samples_per_design: campaign.sampling.samples_per_design as usize,
         percentile: campaign.sampling.percentile_name(),
-        simulable: sources.criteria.iter().filter(|row| row.feasible).count(),
+        simulable: sources.criteria.iter().filter(|row| row.simulable).count(),
         refused,
         simulator_calls: sampling + optimising + enriching + verifying,
         stages,
@@ -235,12 +235,12 @@ fn doe(sources: &Sources) -> Vec<DoePoint> {
     let percentiles: BTreeMap<u64, f64> = sources
         .responses
         .iter()
-        .map(|row| (row.design, row.p90_um))
+        .map(|row| (row.design, row.percentile))
         .collect();
     sources
         .criteria
         .iter()
-        .filter(|row| row.feasible)
+        .filter(|row| row.simulable)
         .map(|row| {
             let responses = row.responses.as_deref().unwrap_or_default();
             let named = |name| sources.problem.response(responses, name);

@@ -32,7 +32,7 @@ const TEXT: [&str; 14] = [
 /// Columns that hold whole numbers.
 #[cfg(feature = "parquet")]
 const WHOLE: [&str; 10] = [
-    "attempt",
+    "lease",
     "design",
     "failed",
     "feasible",
@@ -240,7 +240,7 @@ mod tests {
 
     #[test]
     fn rows_are_the_same_in_both_forms() {
-        let header: &[&str] = &["job", "attempt", "p90_um"];
+        let header: &[&str] = &["job", "lease", "p90_um"];
         let rows: [&[&str]; 3] = [header, &["7", "2", "1.5"], &["a,b", "3", ""]];
         assert_eq!(
             written(Format::Csv, &rows).unwrap(),
@@ -252,10 +252,10 @@ mod tests {
             serde_json::json!({
                 "schema_version": 1,
                 "table": "failures",
-                "columns": ["job", "attempt", "p90_um"],
+                "columns": ["job", "lease", "p90_um"],
                 "rows": [
-                    {"job": "7", "attempt": 2, "p90_um": 1.5},
-                    {"job": "a,b", "attempt": 3, "p90_um": null},
+                    {"job": "7", "lease": 2, "p90_um": 1.5},
+                    {"job": "a,b", "lease": 3, "p90_um": null},
                 ],
             })
         );

@@ -33,7 +33,6 @@ pub struct Status {
     /// The first stage that is not: `doe`, `sample`, `fit`, `optimise`, `enrich`, `verify` or `done`.
     pub stage: String,
     /// Every stage of the campaign in order, with how far it is.
-    #[serde(default)]
     pub stages: Vec<StageProgress>,
     /// Designs of the DoE: wanted, made, simulated or refused, and those that can be simulated.
     pub designs: Designs,
@@ -41,12 +40,10 @@ pub struct Status {
     pub samples: Samples,
     /// The digest of all samples, whatever their order; see [`store::Store::samples_digest`].
     pub samples_digest: String,
-    /// The same of verification and infill samples; see [`store::Store::verify_samples_digest`].
-    #[serde(default)]
-    pub verify_samples_digest: String,
+    /// The same of verification and infill samples; see [`store::Store::point_samples_digest`].
+    pub point_samples_digest: String,
     /// Whether the digests were compared with what the store held when it was opened; as recorded
     /// otherwise.
-    #[serde(default)]
     pub digests_checked: bool,
     /// Finished runs of optimisers and how many there will be.
     pub optimiser_runs: Progress,
@@ -58,10 +55,8 @@ pub struct Status {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub enrichment: Option<Enrichment>,
     /// What the percentile is called that is minimised: P90.
-    #[serde(default)]
     pub percentile: String,
     /// The unit of the optima's criteria; empty for a number without one.
-    #[serde(default = "micrometres")]
     pub unit: String,
     /// Chosen optima.
     pub optima: Vec<Optimum>,
@@ -126,7 +121,6 @@ pub struct Designs {
     /// Those of them that could be simulated.
     pub simulable: u64,
     /// Those of them that get no samples, because their constraints rule them out.
-    #[serde(default)]
     pub ruled_out: u64,
 }
 
@@ -169,7 +163,6 @@ pub struct Enrichment {
     /// See `points`.
     pub failed: u64,
     /// Infill points that got no samples because they break a constraint.
-    #[serde(default)]
     pub ruled_out: u64,
     /// Whether there will be no more rounds.
     pub ended: bool,
@@ -181,7 +174,7 @@ pub struct Optimum {
     /// The approach's name.
     pub approach: String,
     /// Its criterion, in the status's unit; absent when no feasible design was found.
-    pub criterion_um: Option<f64>,
+    pub criterion: Option<f64>,
     /// Why there is no design: `no-model`, `none-feasible`, `none-simulable` or `nothing-computed`; absent
     /// when there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -227,11 +220,6 @@ pub struct VerifiedPercentile {
     pub high: Option<f64>,
 }
 
-/// The unit of earlier versions, which knew gears only.
-fn micrometres() -> String {
-    "µm".to_owned()
-}
-
 /// Reads the status of the campaign in `store`.
 ///
 /// # Errors
@@ -243,7 +231,7 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
     let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
     let progress = store.progress().await?;
     let problem = campaign::formulation::Problem::new(campaign.clone());
-    let counts: BTreeMap<String, u64> = store.verify_counts().await?.into_iter().collect();
+    let counts: BTreeMap<String, u64> = store.point_counts().await?.into_iter().collect();
     let mut optima = Vec::new();
     let mut designs = Vec::new();
     for row in optima::stored(store).await? {
@@ -253,7 +241,7 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
             false => None,
         };
         optima.push(Optimum {
-            criterion_um: row.feasible.then_some(row.criterion_um),
+            criterion: row.feasible.then_some(row.criterion),
             none: optima::no_optimum(&problem, &row),
             note: row.note.clone(),
             verified: Progress {
@@ -353,7 +341,7 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
             done: progress.samples,
         },
         samples_digest: store.samples_digest().await?,
-        verify_samples_digest: store.verify_samples_digest().await?,
+        point_samples_digest: store.point_samples_digest().await?,
         digests_checked: store.is_checked(),
         optimiser_runs: Progress {
             done: progress.optimiser_runs,

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use protocol::Refusal;
-use protocol::v2::{
+use protocol::v1::{
     Directive, DrainRequest, DrainResponse, ExplainRequest, ExplainResponse, HeartbeatRequest,
     HeartbeatResponse, Lease, LeaseRequest, LeaseResponse, RegisterRequest, RegisterResponse,
     ReleaseRequest, ReleaseResponse, ReportRequest, ReportResponse, RetryRequest, RetryResponse,

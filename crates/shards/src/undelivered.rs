@@ -8,7 +8,7 @@ use std::fs::{self, File};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use protocol::v2::{LeaseId, LeaseResult};
+use protocol::v1::{LeaseId, LeaseResult};
 
 use crate::error::Error;
 use crate::part::{self, Header, Part};
@@ -158,7 +158,7 @@ impl Found {
 
 #[cfg(test)]
 mod tests {
-    use protocol::v2::UnitResult;
+    use protocol::v1::UnitResult;
 
     use super::*;
 

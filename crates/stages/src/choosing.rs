@@ -36,7 +36,7 @@ pub fn choose_run(
         simulator_calls: calls + extra.simulator_calls,
         cpu_seconds: cpu_seconds + extra.cpu_seconds,
     };
-    let of = |found: &Found| problem.cost(found.criterion_um);
+    let of = |found: &Found| problem.cost(found.criterion);
     let better = |a: &&Found, b: &&Found| of(a).total_cmp(&of(b));
     let best = runs
         .iter()
@@ -85,24 +85,24 @@ pub fn choose_of_doe(
     cost: Cost,
 ) -> anyhow::Result<OptimumRow> {
     let mut best: Option<Found> = None;
-    for response in responses.iter().filter(|row| row.p90_um.is_finite()) {
+    for response in responses.iter().filter(|row| row.percentile.is_finite()) {
         let better = best
             .as_ref()
-            .is_none_or(|found| problem.cost(response.p90_um) < problem.cost(found.criterion_um));
+            .is_none_or(|found| problem.cost(response.percentile) < problem.cost(found.criterion));
         let (Some(row), true) = (designs.get(response.design as usize), better) else {
             continue;
         };
         if let Some((design, criteria)) = feasible(problem, base, row, criteria) {
             best = Some(Found {
                 design,
-                criterion_um: response.p90_um,
+                criterion: response.percentile,
                 criteria,
                 feasible: true,
             });
         }
     }
     // Without a response, either no design gets samples or all that get some were quarantined.
-    let gets_samples = |row: &CriteriaRow| row.feasible && row.reason.is_none();
+    let gets_samples = |row: &CriteriaRow| row.simulable && row.reason.is_none();
     let is_missing = criteria.len() < designs.len() || criteria.iter().any(gets_samples);
     let (found, note) = match &best {
         Some(found) => (Ok(found), ""),
@@ -110,7 +110,7 @@ pub fn choose_of_doe(
             Err(NoOptimum::NothingComputed),
             "No design of the DoE has its samples: all were quarantined.",
         ),
-        None if criteria.iter().any(|row| row.feasible) => (
+        None if criteria.iter().any(|row| row.simulable) => (
             Err(NoOptimum::NoneFeasible),
             "No design of the DoE satisfies every constraint.",
         ),
@@ -169,7 +169,7 @@ pub fn optimum(
         approach: approach.name().to_owned(),
         x_json: design_to_json(problem, found.map(|found| &found.design)),
         // The paper gives designs that cannot be simulated the value 100; here there is no design.
-        criterion_um: found.map_or(0.0, |found| found.criterion_um),
+        criterion: found.map_or(0.0, |found| found.criterion),
         feasible: found.is_ok_and(|found| found.feasible),
         criteria_json: serde_json::to_string(&found.ok().map(|found| &found.criteria))?,
         simulator_calls: cost.simulator_calls,
@@ -190,7 +190,7 @@ fn continuation_note(problem: &Problem, runs: &[RunResult]) -> String {
         .collect();
     let Some(worst) = ended
         .iter()
-        .min_by(|a, b| a.criterion_um.total_cmp(&b.criterion_um))
+        .min_by(|a, b| a.criterion.total_cmp(&b.criterion))
     else {
         return String::new();
     };
@@ -201,7 +201,7 @@ fn continuation_note(problem: &Problem, runs: &[RunResult]) -> String {
         penalty.weight,
         ended.len(),
         runs.len(),
-        worst.criterion_um,
+        worst.criterion,
         broken(problem, worst),
     )
 }

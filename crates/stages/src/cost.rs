@@ -25,7 +25,7 @@ pub struct Cost {
 /// one with Archard's wear, and the samples. Designs that cannot be simulated cost one attempt.
 #[must_use]
 pub fn sampling_calls(criteria: &[CriteriaRow], samples: u64) -> u64 {
-    let simulable = criteria.iter().filter(|row| row.feasible).count() as u64;
+    let simulable = criteria.iter().filter(|row| row.simulable).count() as u64;
     criteria.len() as u64 + simulable + samples
 }
 

@@ -173,10 +173,10 @@ impl Rows {
             sampled.push(Sampled {
                 x: x.clone(),
                 samples: u32::try_from(samples).unwrap_or(u32::MAX),
-                response_um: problem.cost(response.p90_um),
-                variance_um2: response.p90_variance_um2,
+                response: problem.cost(response.percentile),
+                variance: response.percentile_variance,
                 violation,
-                baseline_um: infill::baseline_um(problem, &worn),
+                baseline: infill::baseline(problem, &worn),
             });
         }
         for row in self.infill.iter().filter(|row| !row.failed) {
@@ -184,10 +184,10 @@ impl Rows {
                 sampled.push(Sampled {
                     x: row.x.to_vec(),
                     samples: 0,
-                    response_um: f64::NAN,
-                    variance_um2: 0.0,
+                    response: f64::NAN,
+                    variance: 0.0,
                     violation: row.violation,
-                    baseline_um: f64::NAN,
+                    baseline: f64::NAN,
                 });
                 sampled.len() - 1
             });
@@ -208,19 +208,19 @@ impl Rows {
         for (place, count, row, baseline) in responses {
             let entry = &mut sampled[place];
             if let Some(baseline) = baseline {
-                entry.baseline_um = baseline;
+                entry.baseline = baseline;
             }
             entry.samples = u32::try_from(count).unwrap_or(u32::MAX);
             if let Some(row) = row {
-                entry.response_um = problem.cost(row.p90_um);
-                entry.variance_um2 = row.p90_variance_um2;
+                entry.response = problem.cost(row.percentile);
+                entry.variance = row.percentile_variance;
             }
         }
         let failed = self.infill.iter().filter(|row| row.has_failed());
         let failed = failed.map(|row| &row.x);
         // The coordinator itself knows which gear pairs can be simulated.
         let is_told = constraints::are_asked(problem);
-        let refused = self.criteria.iter().filter(|row| is_told && !row.feasible);
+        let refused = self.criteria.iter().filter(|row| is_told && !row.simulable);
         let refused = refused.filter_map(|row| Some(&self.designs.get(row.design as usize)?.x));
         State {
             failed: refused
@@ -236,7 +236,7 @@ impl Rows {
     fn record(&self, round: &RoundRow) -> RoundRecord {
         let of_round = self.infill.iter().filter(|row| row.round == round.round);
         RoundRecord {
-            expected_improvement_um: round.expected_improvement_um,
+            expected_improvement: round.expected_improvement,
             asked: of_round.clone().count() as u32,
             failed: of_round.filter(|row| row.has_failed()).count() as u32,
         }
@@ -255,8 +255,8 @@ impl Rows {
                 all.push(Observed {
                     number: designs.len() as u64 + row.infill,
                     x: row.x.clone(),
-                    value_um: f64::NAN,
-                    variance_um2: 0.0,
+                    value: f64::NAN,
+                    variance: 0.0,
                     samples: 0,
                     is_feasible: row.violation <= 0.0,
                 });
@@ -266,8 +266,8 @@ impl Rows {
         for sampled in &state.sampled {
             if let Some(place) = places.get(&bits(&sampled.x)) {
                 let observed = &mut all[*place];
-                observed.value_um = problem.cost(sampled.response_um);
-                observed.variance_um2 = sampled.variance_um2;
+                observed.value = problem.cost(sampled.response);
+                observed.variance = sampled.variance;
                 observed.samples = sampled.samples.into();
             }
         }
@@ -306,7 +306,7 @@ impl Rows {
         };
         let mut decision = enrich::decide(&state, &options, &exact)?;
         if let Some(best) = &mut decision.recommendation {
-            best.predicted_um = problem.cost(best.predicted_um);
+            best.predicted = problem.cost(best.predicted);
         }
         let round = self.rounds.len() as u64;
         let mut taken: Vec<u64> = self.infill.iter().map(|row| row.number).collect();
@@ -352,7 +352,7 @@ impl Rows {
         });
         let row = RoundRow {
             round,
-            expected_improvement_um: decision.expected_improvement_um,
+            expected_improvement: decision.expected_improvement,
             recommendation_json: decision
                 .recommendation
                 .as_ref()

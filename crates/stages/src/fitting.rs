@@ -18,9 +18,9 @@ pub struct ModelSummary {
     /// Number of points that the model was fitted to.
     pub points: usize,
     /// The mean µ, µm.
-    pub mu_um: f64,
+    pub mu: f64,
     /// The process variance σ², µm².
-    pub sigma2_um2: f64,
+    pub sigma2: f64,
     /// The ranges in the order of the variables; `None` for a variable that the model does not
     /// depend on.
     pub ranges: Vec<Option<f64>>,
@@ -29,21 +29,17 @@ pub struct ModelSummary {
     /// Q² of leave-one-out predictions.
     pub q2: f64,
     /// Root mean square of the leave-one-out residuals, µm.
-    pub rmse_um: f64,
+    pub rmse: f64,
     /// The share of observations within their leave-one-out 90 % interval.
     pub coverage90: f64,
     /// The leave-one-out residuals (observation minus prediction) by [`Observed::number`], µm.
-    pub residuals_um: Vec<(u64, f64)>,
-    /// Those residuals over their standard deviations, in the same order; empty in stores of earlier
-    /// versions.
-    #[serde(default)]
+    pub residuals: Vec<(u64, f64)>,
+    /// Those residuals over their standard deviations, in the same order.
     pub standardised: Vec<f64>,
-    /// The observations, in the same order, µm; empty in stores of earlier versions.
-    #[serde(default)]
-    pub observed_um: Vec<f64>,
+    /// The observations, in the same order.
+    pub observed: Vec<f64>,
     /// The variables of the design of the DoE that satisfies every constraint and has the best mean of the model:
     /// the search on the model begins there. `None` without such a design.
-    #[serde(default)]
     pub best_of_doe: Option<Vec<f64>>,
     /// Warnings about the data and the fit.
     pub warnings: Vec<String>,
@@ -57,32 +53,25 @@ pub struct LeftOut {
     /// [`Observed::number`].
     pub number: u64,
     /// The observation, µm.
-    pub observed_um: f64,
+    pub observed: f64,
     /// The prediction from all others, µm.
-    pub predicted_um: f64,
-    /// The residual over its standard deviation; `None` in stores of earlier versions.
-    pub standardised: Option<f64>,
+    pub predicted: f64,
+    /// The residual over its standard deviation.
+    pub standardised: f64,
 }
 
 impl ModelSummary {
-    /// The leave-one-out predictions. `responses` are asked for observations that stores of earlier versions
-    /// have nowhere else.
-    pub fn leave_one_out(&self, responses: &[ResponseRow]) -> impl Iterator<Item = LeftOut> {
-        let of_doe: BTreeMap<u64, f64> = responses
-            .iter()
-            .map(|row| (row.design, row.p90_um))
-            .collect();
-        let residuals = self.residuals_um.iter().enumerate();
-        residuals.filter_map(move |(i, &(number, residual))| {
-            let observed_um = self.observed_um.get(i).or_else(|| of_doe.get(&number));
-            let observed_um = *observed_um?;
-            Some(LeftOut {
+    /// The leave-one-out predictions.
+    pub fn leave_one_out(&self) -> impl Iterator<Item = LeftOut> {
+        let scaled = self.observed.iter().zip(&self.standardised);
+        self.residuals.iter().zip(scaled).map(
+            |(&(number, residual), (&observed, &standardised))| LeftOut {
                 number,
-                observed_um,
-                predicted_um: observed_um - residual,
-                standardised: self.standardised.get(i).copied(),
-            })
-        })
+                observed,
+                predicted: observed - residual,
+                standardised,
+            },
+        )
     }
 }
 
@@ -107,9 +96,9 @@ pub struct Observed {
     /// The variables.
     pub x: Vec<f64>,
     /// The percentile, µm. One that is not finite is left out.
-    pub value_um: f64,
+    pub value: f64,
     /// Its variance, µm².
-    pub variance_um2: f64,
+    pub variance: f64,
     /// Number of samples behind it.
     pub samples: u64,
     /// Whether the design satisfies every constraint.
@@ -131,8 +120,8 @@ pub fn of_doe(
         Some(Observed {
             number: row.design,
             x: row.x.clone(),
-            value_um: response.p90_um,
-            variance_um2: response.p90_variance_um2,
+            value: response.percentile,
+            variance: response.percentile_variance,
             samples,
             is_feasible: choosing::feasible(problem, base, row, criteria).is_some(),
         })
@@ -154,15 +143,15 @@ pub fn fit(problem: &Problem, observed: &[Observed]) -> anyhow::Result<(Surrogat
         .iter()
         .filter(|point| !is_left_out(point.number))
         // Otherwise too many of its samples have failed.
-        .filter(|point| point.value_um.is_finite())
+        .filter(|point| point.value.is_finite())
         .collect();
     let variables = |of: &[&Observed]| -> Vec<f64> {
         let x = of.iter().flat_map(|point| point.x.iter().copied());
         x.collect()
     };
     let x = variables(&points);
-    let y: Vec<f64> = points.iter().map(|point| point.value_um).collect();
-    let noise = points.iter().map(|point| point.variance_um2);
+    let y: Vec<f64> = points.iter().map(|point| point.value).collect();
+    let noise = points.iter().map(|point| point.variance);
     let noise: Vec<f64> = match campaign.kriging.noise {
         Noise::Own => noise.collect(),
         Noise::Smoothed => {
@@ -193,8 +182,8 @@ pub fn fit(problem: &Problem, observed: &[Observed]) -> anyhow::Result<(Surrogat
     let summary = ModelSummary {
         kernel: model.kernel().to_string(),
         points: model.points(),
-        mu_um: parameters.mu,
-        sigma2_um2: parameters.sigma2,
+        mu: parameters.mu,
+        sigma2: parameters.sigma2,
         ranges: parameters
             .ranges
             .iter()
@@ -202,11 +191,11 @@ pub fn fit(problem: &Problem, observed: &[Observed]) -> anyhow::Result<(Surrogat
             .collect(),
         negative_log_likelihood: model.negative_log_likelihood(),
         q2: validation.q2,
-        rmse_um: validation.rmse,
+        rmse: validation.rmse,
         coverage90: validation.coverage90,
-        residuals_um: residuals.map(|(&i, r)| (number(i), *r)).collect(),
+        residuals: residuals.map(|(&i, r)| (number(i), *r)).collect(),
         standardised: validation.standardised,
-        observed_um: validation.observations.iter().map(|&i| y[i]).collect(),
+        observed: validation.observations.iter().map(|&i| y[i]).collect(),
         best_of_doe: best.map(|(_, point)| point.x.clone()),
         warnings: guided(problem, number, |guidance| {
             let warnings = model.warnings().iter();
@@ -288,12 +277,12 @@ mod tests {
     use crate::designs;
     use campaign::Campaign;
 
-    fn observed(row: &DesignRow, value_um: f64, variance_um2: f64) -> Observed {
+    fn observed(row: &DesignRow, value: f64, variance: f64) -> Observed {
         Observed {
             number: row.design,
             x: row.x.clone(),
-            value_um,
-            variance_um2,
+            value,
+            variance,
             samples: 500,
             is_feasible: true,
         }
@@ -306,14 +295,14 @@ mod tests {
         let problem = Problem::new(campaign);
         let rows = designs::make(&problem, &[]).unwrap();
         let fitted = |slope: f64| {
-            let value_um = |row: &DesignRow| {
+            let value = |row: &DesignRow| {
                 // Scatter with a standard deviation of about 0.6, and what depends on the design.
                 let scatter = (17.0 * row.design as f64).sin() + (29.0 * row.design as f64).cos();
                 5.0 + 0.6 * scatter + slope * row.x[0]
             };
             let observed: Vec<Observed> = rows
                 .iter()
-                .map(|row| observed(row, value_um(row), 0.36))
+                .map(|row| observed(row, value(row), 0.36))
                 .collect();
             fit(&problem, &observed)
         };
@@ -346,8 +335,8 @@ mod tests {
         let problem = Problem::new(campaign);
         let (_, summary) = fit(&problem, &observed).unwrap();
         assert_eq!(summary.points, 69);
-        assert!(summary.residuals_um.iter().all(|(design, _)| *design != 41));
+        assert!(summary.residuals.iter().all(|(design, _)| *design != 41));
         assert!(!summary.warnings.iter().any(|text| text.contains("41")));
-        assert!(summary.rmse_um < 0.1, "{}", summary.rmse_um);
+        assert!(summary.rmse < 0.1, "{}", summary.rmse);
     }
 }

@@ -102,7 +102,7 @@ pub fn known(problem: &Problem, design: &Design) -> Option<(Known, u64)> {
         // There are no constraints, and no baseline that the coordinator could compute.
         let known = Known {
             violation: 0.0,
-            baseline_um: 0.0,
+            baseline: 0.0,
         };
         return Some((known, 0));
     };
@@ -119,7 +119,7 @@ pub fn known(problem: &Problem, design: &Design) -> Option<(Known, u64)> {
     };
     let known = Known {
         violation: violation(problem, &criteria.into()),
-        baseline_um: worn.delta_ste_um,
+        baseline: worn.delta_ste_um,
     };
     // Archard's wear rests on the unworn analysis.
     Some((known, 2))
@@ -128,15 +128,15 @@ pub fn known(problem: &Problem, design: &Design) -> Option<(Known, u64)> {
 /// The baseline that a model of the response adds to, from an analysis with the mean wear, µm; 0 where
 /// [`known`] has none.
 #[must_use]
-pub fn baseline_um(problem: &Problem, worn: &Analysis) -> f64 {
+pub fn baseline(problem: &Problem, worn: &Analysis) -> f64 {
     if problem.gears().is_some() {
-        worn.value_um
+        worn.value
     } else {
         0.0
     }
 }
 
-/// [`baseline_um`] of a design; `None` if it cannot be simulated.
+/// [`baseline`] of a design; `None` if it cannot be simulated.
 #[must_use]
 pub fn baseline_at_um(problem: &Problem, design: &Design) -> Option<f64> {
     let Some(gears) = problem.gears() else {
@@ -227,7 +227,7 @@ mod tests {
             let worn = pair.archard(gears.wear()).analysis;
             let exact = found.violation;
             let expected = if calls > 0 { worn.delta_ste_um } else { 0.0 };
-            assert_eq!(found.baseline_um, expected);
+            assert_eq!(found.baseline, expected);
             let criteria = gears.pair_criteria(&pair, worn.hertz_pressure_mpa).into();
             assert_eq!(violation(&problem, &criteria), exact);
             assert_eq!(problem.is_feasible(&criteria), exact == 0.0);

@@ -50,7 +50,6 @@ pub fn no_optimum(problem: &Problem, row: &OptimumRow) -> Option<NoOptimum> {
     }
     let read: Option<Map<String, Value>> = serde_json::from_str(&row.x_json).ok();
     let none = read.and_then(|mut read| serde_json::from_value(read.remove("none")?).ok());
-    // Earlier versions did not say why.
     Some(none.unwrap_or(NoOptimum::NoneFeasible))
 }
 

@@ -53,13 +53,13 @@ pub fn sampled(samples: &[f64], sampling: &Sampling) -> Result<Sampled, stats::E
             VarianceFormula::Taylor => stats::p90_variance,
             VarianceFormula::Exact => stats::exact_p90_variance,
         };
-        let normal = of_normal(row.sd_um.powi(2), count, rule.z)?;
+        let normal = of_normal(row.standard_deviation.powi(2), count, rule.z)?;
         // The standard deviation with which a normal sample's percentile would be as uncertain as
         // this.
         let sd = if normal > 0.0 {
-            row.sd_um * (row.p90_variance_um2 / normal).sqrt()
+            row.standard_deviation * (row.percentile_variance / normal).sqrt()
         } else {
-            row.sd_um
+            row.standard_deviation
         };
         let more = stats::samples_needed(count, sd, &rule)?;
         if more == 0 {
@@ -96,10 +96,10 @@ pub fn response_of(
     let estimate = stats::grouped_p90(samples.values, group, settings.normal().z)?;
     Ok(ResponseRow {
         design,
-        mean_um: estimate.mean,
-        sd_um: estimate.sd,
-        p90_um: estimate.p90,
-        p90_variance_um2: estimate.variance,
+        mean: estimate.mean,
+        standard_deviation: estimate.sd,
+        percentile: estimate.p90,
+        percentile_variance: estimate.variance,
         lilliefors_p: None,
     })
 }
@@ -122,20 +122,20 @@ pub fn response(
         let estimate = stats::control_variate_p90(values, controls, known, settings.normal().z)?;
         return Ok(ResponseRow {
             design,
-            mean_um: estimate.mean,
-            sd_um: estimate.sd,
-            p90_um: estimate.p90,
-            p90_variance_um2: estimate.variance,
+            mean: estimate.mean,
+            standard_deviation: estimate.sd,
+            percentile: estimate.p90,
+            percentile_variance: estimate.variance,
             lilliefors_p: stats::lilliefors(values).ok().map(|test| test.p_value),
         });
     }
     let choice = settings.estimate(values)?;
     Ok(ResponseRow {
         design,
-        mean_um: choice.normal.mean,
-        sd_um: choice.normal.sd,
-        p90_um: choice.chosen.p90,
-        p90_variance_um2: choice.chosen.variance,
+        mean: choice.normal.mean,
+        standard_deviation: choice.normal.sd,
+        percentile: choice.chosen.p90,
+        percentile_variance: choice.chosen.variance,
         // Identical samples have no distribution to test; the row then has no p-value.
         lilliefors_p: choice.p_value,
     })
@@ -240,7 +240,7 @@ mod tests {
             Ok(Sampled::Enough(enough))
         );
         let row = response(0, Samples::plain(&samples(enough, 0.35)), &sampling(None)).unwrap();
-        assert!(row.p90_variance_um2.sqrt() <= 0.1, "{row:?}");
+        assert!(row.percentile_variance.sqrt() <= 0.1, "{row:?}");
         // Samples that came early change nothing.
         assert_eq!(
             sampled(&samples(60, 0.35), &precise),
@@ -270,21 +270,21 @@ mod tests {
         );
         assert!(chosen.lilliefors_p.unwrap() < SIGNIFICANCE);
         let expected = stats::harrell_davis_p90(&skewed).unwrap();
-        assert_eq!(chosen.p90_um, expected.p90);
-        assert_eq!(chosen.p90_variance_um2, expected.variance);
+        assert_eq!(chosen.percentile, expected.p90);
+        assert_eq!(chosen.percentile_variance, expected.variance);
         let bootstrap = of(PercentileRule::ChosenBootstrap);
-        assert_eq!(bootstrap.p90_um, chosen.p90_um);
+        assert_eq!(bootstrap.percentile, chosen.percentile);
         let expected = stats::HarrellDavisVariance::Bootstrap;
         let expected = stats::harrell_davis(&skewed, 0.9, expected).unwrap();
-        assert_eq!(bootstrap.p90_variance_um2, expected.variance);
-        assert_ne!(bootstrap.p90_variance_um2, chosen.p90_variance_um2);
+        assert_eq!(bootstrap.percentile_variance, expected.variance);
+        assert_ne!(bootstrap.percentile_variance, chosen.percentile_variance);
         let plain = stats::percentile_p90(&skewed).unwrap();
         assert_eq!(
-            (paper.p90_um, paper.p90_variance_um2),
+            (paper.percentile, paper.percentile_variance),
             (plain.p90, plain.variance)
         );
         // Exact z and an unbiased s both raise it.
-        assert!(normal.p90_um > paper.p90_um);
+        assert!(normal.percentile > paper.percentile);
     }
 
     /// Compares the scatter of the P90 of one pair over independent streams, as workers and
@@ -321,10 +321,10 @@ mod tests {
                         samples: 0..samples,
                     };
                     let output = task::compute(&problem, &unit, &source);
-                    let Ok(Output::Design { samples_um, .. }) = &output else {
+                    let Ok(Output::Design { samples, .. }) = &output else {
                         panic!("the paper's design can be simulated")
                     };
-                    let samples = Samples::plain(samples_um);
+                    let samples = Samples::plain(samples);
                     response_of(0, samples, &campaign.sampling).unwrap()
                 })
                 .collect();
@@ -332,14 +332,14 @@ mod tests {
                 let values: Vec<f64> = rows.iter().map(value).collect();
                 stats::mean_sd(&values).unwrap().1.powi(2)
             };
-            let p90 = scatter(|row| row.p90_um);
-            let stated =
-                rows.iter().map(|row| row.p90_variance_um2).sum::<f64>() / f64::from(replications);
+            let p90 = scatter(|row| row.percentile);
+            let stated = rows.iter().map(|row| row.percentile_variance).sum::<f64>()
+                / f64::from(replications);
             // A variance of 400 is known to 7 %; the jackknife over 8 groups is too large by an
             // eighth.
             let ratio = stated / p90;
             assert!((0.8..1.35).contains(&ratio), "{coefficients:?}: {ratio}");
-            of_mean.push(scatter(|row| row.mean_um));
+            of_mean.push(scatter(|row| row.mean));
             of_p90.push(p90);
         }
         // ΔSTE is nearly linear in the coefficients, so that the mean gains most; an estimate of the
@@ -377,12 +377,12 @@ mod tests {
         };
         let (all, plain, controlled) = (of(20_000, false), of(30, false), of(30, true));
         assert!(
-            controlled.p90_variance_um2 < 0.01 * plain.p90_variance_um2,
+            controlled.percentile_variance < 0.01 * plain.percentile_variance,
             "{controlled:?} beside {plain:?}"
         );
-        let error = (all.p90_variance_um2 + controlled.p90_variance_um2).sqrt();
+        let error = (all.percentile_variance + controlled.percentile_variance).sqrt();
         assert!(
-            (controlled.p90_um - all.p90_um).abs() < 4.0 * error,
+            (controlled.percentile - all.percentile).abs() < 4.0 * error,
             "{controlled:?} beside {all:?}"
         );
     }
@@ -427,9 +427,9 @@ mod tests {
                         response(7, Samples { values, control }, &settings).unwrap()
                     })
                     .collect();
-                let found: Vec<f64> = rows.iter().map(|row| row.p90_um).collect();
+                let found: Vec<f64> = rows.iter().map(|row| row.percentile).collect();
                 let (mean, scatter) = stats::mean_sd(&found).unwrap();
-                let stated = rows.iter().map(|row| row.p90_variance_um2).sum::<f64>();
+                let stated = rows.iter().map(|row| row.percentile_variance).sum::<f64>();
                 let stated = (stated / replications as f64).sqrt() / scatter;
                 (mean, scatter / (replications as f64).sqrt(), stated)
             };

@@ -75,7 +75,7 @@ pub fn recommended(
     };
     let found = Found {
         design,
-        criterion_um: best.predicted_um,
+        criterion: best.predicted,
         feasible: problem.is_feasible(&criteria),
         criteria,
     };

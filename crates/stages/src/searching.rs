@@ -167,11 +167,11 @@ fn answer(row: EvaluationRow) -> Option<Answer> {
     let criteria = Criteria::new(row.criteria?);
     Some(Answer {
         analysis: Analysis {
-            value_um: row.value.unwrap_or(f64::NAN),
+            value: row.value.unwrap_or(f64::NAN),
             criteria,
         },
         worn: row.worn_criteria.map(Criteria::new),
-        samples_um: row.samples.unwrap_or_default(),
+        samples: row.samples.unwrap_or_default(),
     })
 }
 
@@ -190,10 +190,10 @@ pub fn row(stream: String, evaluation: u32, evaluated: task::Evaluated) -> Evalu
     };
     match evaluated.answer {
         Ok(answer) => {
-            row.value = Some(answer.analysis.value_um).filter(|value| value.is_finite());
+            row.value = Some(answer.analysis.value).filter(|value| value.is_finite());
             row.criteria = Some(answer.analysis.criteria.values().to_vec());
             row.worn_criteria = answer.worn.map(|worn| worn.values().to_vec());
-            row.samples = Some(answer.samples_um).filter(|samples| !samples.is_empty());
+            row.samples = Some(answer.samples).filter(|samples| !samples.is_empty());
         }
         Err(reason) => row.refused = Some(reason),
     }

@@ -71,7 +71,7 @@ pub async fn load(
             state.runs.insert((approach, start));
         }
     }
-    let digests = store.verify_digests().await?;
+    let digests = store.point_digests().await?;
     let count = |name: &str| digests.get(name).map_or(0, |(count, _)| *count);
     let generations = store.generations().await?;
     for optimum in store.optima().await? {
@@ -177,11 +177,11 @@ pub(crate) async fn infill_samples(
     store: &Store,
     row: &InfillRow,
 ) -> Result<BTreeMap<u32, f64>, store::Error> {
-    let held = store.verify_samples(&row.name).await?;
+    let held = store.point_samples(&row.name).await?;
     Ok(held
         .iter()
         .filter(|sample| sample.sample < row.samples)
-        .filter_map(|sample| Some((u32::try_from(sample.sample).ok()?, sample.delta_ste_um)))
+        .filter_map(|sample| Some((u32::try_from(sample.sample).ok()?, sample.value)))
         .collect())
 }
 

@@ -66,7 +66,7 @@ impl<'a> Collector<'a> {
         let most = self.problem.campaign().sampling.samples_max() as usize;
         // Samples beyond a hole wait until it is filled.
         if self.samples.len() < most && row.sample == self.samples.len() as u64 {
-            self.samples.push(row.delta_ste_um);
+            self.samples.push(row.value);
         }
         Ok(())
     }
@@ -145,7 +145,7 @@ mod tests {
             .map(|sample| SampleRow {
                 design,
                 sample,
-                delta_ste_um: if sample % 2 == 0 { 1.0 - sd } else { 1.0 + sd },
+                value: if sample % 2 == 0 { 1.0 - sd } else { 1.0 + sd },
             })
             .collect()
     }
@@ -173,7 +173,10 @@ mod tests {
         let [of_twelve, of_ten] = &responses[..] else {
             panic!("two responses");
         };
-        assert_eq!(of_twelve.p90_um, of_ten.p90_um, "the first ten count");
+        assert_eq!(
+            of_twelve.percentile, of_ten.percentile,
+            "the first ten count"
+        );
     }
 
     #[test]

@@ -39,11 +39,11 @@ impl Verification {
         campaign: &Campaign,
         point: &str,
     ) -> Result<Self, store::Error> {
-        let rows = store.verify_samples(point).await?;
+        let rows = store.point_samples(point).await?;
         let samples: Vec<f64> = (0..)
             .zip(&rows)
             .take_while(|(index, row)| *index == row.sample)
-            .map(|(_, row)| row.delta_ste_um)
+            .map(|(_, row)| row.value)
             .collect();
         Ok(Self {
             wanted: wanted(campaign, &samples) as usize,
@@ -80,7 +80,7 @@ impl Sizes {
         {
             return Ok((wanted, (0..wanted).collect()));
         }
-        let rows = store.verify_samples(name).await?;
+        let rows = store.point_samples(name).await?;
         let stored: BTreeSet<u32> = rows
             .iter()
             .filter_map(|row| u32::try_from(row.sample).ok())
@@ -90,7 +90,7 @@ impl Sizes {
             return Ok((first, stored));
         }
         let wanted = known.unwrap_or_else(|| {
-            let values: Vec<f64> = rows.iter().map(|row| row.delta_ste_um).collect();
+            let values: Vec<f64> = rows.iter().map(|row| row.value).collect();
             wanted(campaign, &values)
         });
         self.0.insert(key, wanted);

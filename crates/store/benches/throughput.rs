@@ -76,7 +76,7 @@ async fn fill(
                 let row = |design, sample| SampleRow {
                     design,
                     sample,
-                    delta_ste_um: 1.0 / (sample + 1) as f64,
+                    value: 1.0 / (sample + 1) as f64,
                 };
                 let rows = of
                     .clone()
@@ -98,7 +98,7 @@ async fn fill(
         samples: vec![SampleRow {
             design: designs,
             sample: i,
-            delta_ste_um: 1.0,
+            value: 1.0,
         }],
         ..Batch::default()
     };

@@ -168,52 +168,23 @@ async fn check(reading: &Reading, part: Part) -> Result<(), Error> {
 /// Checks all rows against their seals, and against the counts and digests updated when samples
 /// were stored. A bit that flipped within a number leaves its page valid to SQLite.
 pub(crate) async fn rows(connection: &mut Connection<'_>) -> Result<(), Error> {
-    samples(connection).await?;
-    lasting_rows(connection).await?;
+    samples::visit(connection, |_| Ok::<(), Error>(())).await?;
+    tally::check_point_samples(connection).await?;
+    sealed::<CampaignRow>(connection).await?;
     sealed::<DesignRow>(connection).await?;
     sealed::<CriteriaRow>(connection).await?;
-    sealed::<InfillRow>(connection).await
-}
-
-/// Like [`rows`], for the evaluations of optimiser runs.
-pub(crate) async fn evaluations(connection: &mut Connection<'_>) -> Result<(), Error> {
-    sealed::<EvaluationRow>(connection).await
-}
-
-/// Like [`rows`], for what derived results were computed from.
-pub(crate) async fn derivations(connection: &mut Connection<'_>) -> Result<(), Error> {
-    sealed::<Derivation>(connection).await
-}
-
-/// Checks the samples of the DoE against their digests.
-pub(crate) async fn samples(connection: &mut Connection<'_>) -> Result<(), Error> {
-    samples::visit(connection, |_| Ok::<(), Error>(())).await
-}
-
-/// Like [`rows`], for the tables whose columns have not changed since seals were introduced.
-pub(crate) async fn lasting_rows(connection: &mut Connection<'_>) -> Result<(), Error> {
-    tally::check_verify_samples(connection).await?;
-    sealed::<CampaignRow>(connection).await?;
-    sealed::<OptimiserRunRow>(connection).await?;
     sealed::<ResponseRow>(connection).await?;
     sealed::<ModelRow>(connection).await?;
+    sealed::<OptimiserRunRow>(connection).await?;
+    sealed::<EvaluationRow>(connection).await?;
     sealed::<OptimumRow>(connection).await?;
-    sealed::<RoundRow>(connection).await
+    sealed::<RoundRow>(connection).await?;
+    sealed::<InfillRow>(connection).await?;
+    sealed::<Derivation>(connection).await
 }
 
 async fn sealed<T: Table>(connection: &mut Connection<'_>) -> Result<(), Error> {
     keyed::all::<T>(connection).await.map(drop)
-}
-
-/// Seals all rows, for the migration that introduced seals.
-pub(crate) async fn seal(connection: &mut Connection<'_>) -> Result<(), Error> {
-    keyed::seal::<CampaignRow>(connection).await?;
-    keyed::seal::<OptimiserRunRow>(connection).await?;
-    keyed::seal::<ResponseRow>(connection).await?;
-    keyed::seal::<ModelRow>(connection).await?;
-    keyed::seal::<OptimumRow>(connection).await?;
-    keyed::seal::<RoundRow>(connection).await?;
-    tally::fill_points(connection).await
 }
 
 pub(crate) async fn quick_check(connection: &mut Connection<'_>) -> Result<(), Error> {

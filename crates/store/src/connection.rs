@@ -101,10 +101,6 @@ impl Connection<'static> {
 }
 
 impl Connection<'_> {
-    pub(crate) fn path(&self) -> &Path {
-        &self.path
-    }
-
     pub(crate) fn shared_path(&self) -> Arc<Path> {
         Arc::clone(&self.path)
     }

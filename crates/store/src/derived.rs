@@ -201,13 +201,13 @@ pub(crate) async fn remove_failures(
         tally = Tally::default();
     }
     for (point, (before, _)) in tally::points(connection).await? {
-        let mut rows = tally::verify_samples(connection, &point).await?;
-        rows.retain(|row| row.delta_ste_um.is_finite());
+        let mut rows = tally::point_samples(connection, &point).await?;
+        rows.retain(|row| row.value.is_finite());
         if (rows.len() as u64) < before {
             removed += before - rows.len() as u64;
             remove_samples(connection, &point).await?;
             keyed::replace(connection, &rows).await?;
-            rows.iter().for_each(|row| tally.add_verify_sample(row));
+            rows.iter().for_each(|row| tally.add_point_sample(row));
         }
     }
     tally.write(connection).await?;

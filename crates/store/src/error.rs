@@ -81,32 +81,15 @@ pub enum Error {
         /// Commits that were acknowledged.
         acknowledged: u64,
     },
-    /// A newer program wrote the store.
+    /// Another version of the program wrote the store.
     #[error(
-        "the store {} has schema {found}, this program knows up to {known}: use a newer program",
+        "the store {} has the tables of another version of this program: use the version that made it \
+         (`campaign.program_version` in the file), or start a new store",
         path.display()
     )]
-    NewerSchema {
+    OtherSchema {
         /// The refused file.
         path: PathBuf,
-        /// The schema of the file.
-        found: i64,
-        /// The newest schema that this program knows.
-        known: i64,
-    },
-    /// An older program wrote the store, and a reader may not migrate it.
-    #[error(
-        "the store {} has schema {found}, this program reads {known}: run the coordinator on it \
-         once to bring it up to date",
-        path.display()
-    )]
-    OlderSchema {
-        /// The refused file.
-        path: PathBuf,
-        /// The schema of the file.
-        found: i64,
-        /// The schema that this program reads.
-        known: i64,
     },
     /// The store belongs to another campaign.
     #[error(
@@ -174,32 +157,32 @@ pub enum Error {
     },
     /// A sample was submitted again with a different value.
     #[error(
-        "sample {sample} of design {design} is held as {held:?} um and was offered as {offered:?} \
-         um: samples must not depend on who computes them"
+        "sample {sample} of design {design} is held as {held:?} and was offered as {offered:?}: \
+         samples must not depend on who computes them"
     )]
     Conflict {
         /// The design's index.
         design: u64,
         /// The sample's index.
         sample: u64,
-        /// The value in the store, in micrometres.
+        /// The value in the store.
         held: f64,
-        /// The value that was refused, in micrometres.
+        /// The value that was refused.
         offered: f64,
     },
-    /// A verification sample was submitted again with a different value.
+    /// A sample of an optimum or an infill point was submitted again with a different value.
     #[error(
-        "verification sample {sample} of \"{approach}\" is held as {held:?} um and was offered as \
-         {offered:?} um: samples must not depend on who computes them"
+        "sample {sample} of {point:?} is held as {held:?} and was offered as {offered:?}: \
+         samples must not depend on who computes them"
     )]
-    VerifyConflict {
-        /// The optimisation approach.
-        approach: String,
+    PointConflict {
+        /// The approach of the optimum, or the name of the infill point.
+        point: String,
         /// The sample's index.
         sample: u64,
-        /// The value in the store, in micrometres.
+        /// The value in the store.
         held: f64,
-        /// The value that was refused, in micrometres.
+        /// The value that was refused.
         offered: f64,
     },
     /// A design was submitted again with different variables.
@@ -314,15 +297,6 @@ pub enum Error {
     /// The store was closed before the request was carried out.
     #[error("the store is closed")]
     Closed,
-    /// The schema could not be brought up to date.
-    #[error("the schema of {} could not be brought up to date", path.display())]
-    Migration {
-        /// The store.
-        path: PathBuf,
-        /// The error of the migrator.
-        #[source]
-        source: Arc<sqlx::migrate::MigrateError>,
-    },
     /// A file operation failed.
     #[error("could not {doing} {}", path.display())]
     Io {
@@ -359,7 +333,7 @@ impl Error {
         matches!(
             self,
             Self::Conflict { .. }
-                | Self::VerifyConflict { .. }
+                | Self::PointConflict { .. }
                 | Self::DesignConflict { .. }
                 | Self::CriteriaConflict { .. }
                 | Self::RunConflict { .. }

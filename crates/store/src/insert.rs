@@ -121,8 +121,8 @@ pub(crate) async fn remove_samples(
     point: &str,
 ) -> Result<(), Error> {
     for table in [
-        "DELETE FROM verify_sample WHERE approach = ?",
-        "DELETE FROM verify_tally WHERE approach = ?",
+        "DELETE FROM point_sample WHERE point = ?",
+        "DELETE FROM point_tally WHERE point = ?",
     ] {
         connection
             .execute(REMOVING, sqlx::query(table).bind(point))
@@ -142,9 +142,9 @@ async fn fresh_batches(
     let rows = owned(batches, |batch| &batch.criteria);
     keyed::insert(connection, &rows, to).await?;
     samples::insert(connection, batches, to, &mut tally).await?;
-    let rows = owned(batches, |batch| &batch.verify);
+    let rows = owned(batches, |batch| &batch.points);
     for row in keyed::insert(connection, &rows, to).await? {
-        tally.add_verify_sample(row);
+        tally.add_point_sample(row);
     }
     let rows = owned(batches, |batch| &batch.runs);
     keyed::insert(connection, &rows, to).await?;
@@ -196,11 +196,11 @@ async fn failure(connection: &mut Connection<'_>, row: &FailureRow) -> Result<bo
         .insert(
             "failure",
             sqlx::query!(
-                "INSERT INTO failure (job, attempt, worker, serial, kind, error, at_unix_ms)
+                "INSERT INTO failure (job, lease, worker, serial, kind, error, at_unix_ms)
          VALUES (?, ?, ?, ?, ?, ?, ?)
          ON CONFLICT (worker, serial) WHERE serial IS NOT NULL DO NOTHING",
                 row.job,
-                row.attempt,
+                row.lease,
                 row.worker,
                 serial,
                 kind,
@@ -264,7 +264,7 @@ pub(crate) fn check(batch: &Batch) -> Result<(), Error> {
     }
     all(&batch.criteria)?;
     batch.samples.iter().try_for_each(samples::check)?;
-    all(&batch.verify)?;
+    all(&batch.points)?;
     all(&batch.runs)?;
     all(&batch.evaluations)?;
     all(&batch.times)

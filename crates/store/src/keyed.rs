@@ -133,8 +133,8 @@ impl Column for Option<Vec<f64>> {
 /// The columns in which an infinite number stands for a failed sample, or for a percentile of too many of
 /// them. SQLite returns it unchanged, but not NaN.
 const INFINITE: [&str; 3] = [
-    "verify_sample.delta_ste_um",
-    "response.p90_um",
+    "point_sample.value",
+    "response.percentile",
     "evaluation.samples",
 ];
 
@@ -401,21 +401,18 @@ pub(crate) async fn visit<T: Table, E: From<Error>>(
     mut visit: impl FnMut(T) -> Result<(), E>,
 ) -> Result<(), E> {
     let path = connection.shared_path();
-    let sql = statement::<T>(&columns::<T>(), filter);
+    let (columns, table, keys) = (columns::<T>(), T::NAME, keys::<T>());
+    let sql = format!("SELECT {columns} FROM {table} {filter} ORDER BY {keys}");
     let query = sqlx::query_with(AssertSqlSafe(sql), arguments);
     let mut rows = connection.stream(T::READING, query.try_map(Ok));
     while let Some(row) = rows.next().await {
         let row = row?;
         let read = decode::<T>(&path, &row)?;
         if T::SEALED {
-            let held: Option<i64> = row.try_get(T::COLUMNS.len()).ok().flatten();
+            let held: Option<i64> = row.try_get(T::COLUMNS.len()).ok();
             if held != Some(read.seal()) {
-                let detail = match held {
-                    Some(_) => {
-                        "its values are not those that it was sealed with: something else than this program has changed it"
-                    }
-                    None => "it has no seal: something else than this program has written it",
-                };
+                let detail = "its values are not those that it was sealed with: something else than this program \
+                              has changed it";
                 return Err(Error::damaged_rows(&path, T::NAME, read.name(), detail).into());
             }
         }
@@ -424,34 +421,11 @@ pub(crate) async fn visit<T: Table, E: From<Error>>(
     Ok(())
 }
 
-fn statement<T: Table>(columns: &str, filter: &str) -> String {
-    let (table, keys) = (T::NAME, keys::<T>());
-    format!("SELECT {columns} FROM {table} {filter} ORDER BY {keys}")
-}
-
 fn decode<T: Table>(path: &Path, row: &SqliteRow) -> Result<T, Error> {
     T::read(row).map_err(|e| {
         let row = "one that cannot be read".to_owned();
         Error::damaged_rows(path, T::NAME, row, &e.to_string())
     })
-}
-
-/// All rows of a schema without seals.
-pub(crate) async fn all_unsealed<T: Table>(
-    connection: &mut Connection<'_>,
-) -> Result<Vec<T>, Error> {
-    let sql = statement::<T>(&T::COLUMNS.join(", "), "");
-    let query = sqlx::query(AssertSqlSafe(sql)).try_map(Ok);
-    let rows = connection.all(T::READING, query).await?;
-    rows.iter()
-        .map(|row| decode(connection.path(), row))
-        .collect()
-}
-
-/// Adds seals to the rows of a schema without them.
-pub(crate) async fn seal<T: Table>(connection: &mut Connection<'_>) -> Result<(), Error> {
-    let rows: Vec<T> = all_unsealed(connection).await?;
-    replace(connection, &rows).await
 }
 
 /// Stores rows, replacing those with the same keys.

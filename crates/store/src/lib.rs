@@ -39,14 +39,12 @@
 //! - `before_commit`: all rows of a group are inserted, but not committed;
 //! - `after_commit`: the group is on disk, but not acknowledged;
 //! - `checkpoint`: the log is about to be copied to the file;
-//! - `packing`: some of the samples of an earlier schema are packed, but not committed;
-//! - `migration`: the schema is up to date, but not committed.
+//! - `creation`: a new store has its tables, but they are not committed.
 
 #![warn(missing_docs)]
 
 mod cause;
 mod check;
-mod columns;
 mod connection;
 mod derived;
 mod digest;
@@ -76,7 +74,7 @@ pub use rounds::{InfillRow, NewRound, RoundRow, Unsampled};
 pub use rows::{
     Batch, CampaignRow, CriteriaRow, DesignRow, EvaluationRow, FailureGroup, FailureKind,
     FailureRow, JobHistory, JobTimeRow, MissingWork, ModelRow, OptimiserRunRow, OptimumRow,
-    Progress, Receipt, ResponseRow, SampleRow, StageTimeRow, VerifyRow,
+    PointSampleRow, Progress, Receipt, ResponseRow, SampleRow, StageTimeRow,
 };
 pub use store::Store;
 pub use writer::Writer;

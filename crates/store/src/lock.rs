@@ -75,7 +75,7 @@ impl Lock {
             .rewind()
             .and_then(|()| self.file.read_to_string(&mut note))
             .map_err(|e| Error::io("read the lock file", &self.path, e))?;
-        // There is no record when the store was copied here or written by an older program.
+        // There is no record when the store was copied here.
         let acknowledged: u64 = note.trim().parse().unwrap_or(0);
         if held < acknowledged {
             return Err(Error::Behind {

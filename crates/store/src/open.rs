@@ -20,7 +20,7 @@ use crate::lock::Lock;
 use crate::place::{self, Place};
 use crate::rows::CampaignRow;
 use crate::store::Store;
-use crate::{Error, schema, writer};
+use crate::{Error, query, schema, writer};
 
 /// Size of a file that is checked before it is opened. `PRAGMA quick_check` reads it in about a
 /// quarter of a second.
@@ -70,10 +70,10 @@ impl Store {
     /// # Errors
     ///
     /// [`Error::NotADatabase`], [`Error::NotAStore`], [`Error::Damaged`], [`Error::DamagedRows`],
-    /// [`Error::Behind`], [`Error::Linked`], [`Error::NewerSchema`] and [`Error::OtherCampaign`]
+    /// [`Error::Behind`], [`Error::Linked`], [`Error::OtherSchema`] and [`Error::OtherCampaign`]
     /// for a file that is not a sound store of this campaign, which is then left unchanged;
     /// [`Error::Locked`] while another process, or another `Store`, writes to it;
-    /// [`Error::Migration`], [`Error::DiskFull`], [`Error::Io`] and [`Error::Sqlite`].
+    /// [`Error::DiskFull`], [`Error::Io`] and [`Error::Sqlite`].
     pub async fn create_or_open_with(
         path: &Path,
         campaign: &CampaignRow,
@@ -103,25 +103,23 @@ impl Store {
         let place = Place::of(&path)?;
         roll_back(&path).await?;
         let reading = reading(&path);
-        let (mut connection, found) = schema::inspect(&reading).await?;
+        let mut connection = schema::inspect(&reading).await?;
         let size = size(&path)?;
         let small = size <= check_at_once;
         let compare_at_once = size <= check_at_once.min(COMPARE_AT_ONCE);
-        // The file is also checked first before a migration or a change of the journal mode, since
-        // both write to it.
-        let at_once = small || found < schema::known() || !is_wal(&mut connection).await?;
+        // The file is also checked first before a change of the journal mode, since that writes to it.
+        let at_once = small || !is_wal(&mut connection).await?;
         if at_once {
             check::quick_check(&mut connection).await?;
         }
         if compare_at_once {
-            schema::check_rows(&mut connection, found).await?;
+            check::rows(&mut connection).await?;
         }
-        let (held, commits) = schema::read(&mut connection, found).await?;
+        let held = query::campaign(&mut connection).await?;
+        let commits = query::commits(&mut connection).await?;
         // The connection is closed before a refusal, after which the caller may replace the file.
         connection.close().await?;
-        if let Some(commits) = commits {
-            lock.compare(commits)?;
-        }
+        lock.compare(commits)?;
         if held.digest != campaign.digest
             && let Err(changes) = may_extend(&held)
         {
@@ -140,9 +138,6 @@ impl Store {
             connection
                 .run("get leave to write to its file", LEAVE_TO_WRITE)
                 .await?;
-            if found < schema::known() {
-                schema::migrate(&mut connection, found).await?;
-            }
             let pending = if compare_at_once {
                 Pending::Nothing
             } else {
@@ -177,7 +172,7 @@ impl Store {
     /// # Errors
     ///
     /// [`Error::NoStore`], [`Error::NotADatabase`], [`Error::NotAStore`], [`Error::Damaged`],
-    /// [`Error::DamagedRows`], [`Error::NewerSchema`], [`Error::OlderSchema`], [`Error::Linked`] while
+    /// [`Error::DamagedRows`], [`Error::OtherSchema`], [`Error::Linked`] while
     /// a coordinator writes to the file under another name, [`Error::UnreadLog`], [`Error::Io`] and
     /// [`Error::Sqlite`].
     pub async fn open_read_only(path: &Path) -> Result<Self, Error> {
@@ -190,7 +185,7 @@ impl Store {
         schema::check_header(&path)?;
         place::refuse_hidden_log(&path)?;
         let mut reading = reading(&path);
-        let (mut connection, found) = match schema::inspect(&reading).await {
+        let mut connection = match schema::inspect(&reading).await {
             Err(error) if error.is_read_only_folder() => {
                 let log = beside(&path, "-wal");
                 if fs::metadata(&log).is_ok_and(|log| log.len() > 0) {
@@ -202,16 +197,9 @@ impl Store {
             }
             inspected => inspected?,
         };
-        let known = schema::known();
-        if found < known {
-            let path = path.to_path_buf();
-            return Err(Error::OlderSchema { path, found, known });
-        }
         let verdict = if size(&path)? <= COMPARE_AT_ONCE {
             check::quick_check(&mut connection).await?;
             check::rows(&mut connection).await?;
-            check::evaluations(&mut connection).await?;
-            check::derivations(&mut connection).await?;
             Verdict::sound()
         } else {
             Verdict::on_demand(reading.clone())
@@ -296,7 +284,7 @@ async fn create(path: &Path, campaign: &CampaignRow, lock: &mut Lock) -> Result<
         .journal_mode(SqliteJournalMode::Delete)
         .synchronous(SqliteSynchronous::Full);
     let mut connection = Connection::open(&options, &draft.as_path().into()).await?;
-    schema::migrate(&mut connection, 0).await?;
+    schema::create(&mut connection).await?;
     keyed::replace(&mut connection, slice::from_ref(campaign)).await?;
     // Before the rename, because a later switch creates a journal, which a kill would leave behind.
     connection
@@ -409,7 +397,7 @@ pub(crate) mod tests {
         let row = |sample| SampleRow {
             design: 0,
             sample,
-            delta_ste_um: 1.0,
+            value: 1.0,
         };
         Batch {
             samples: range.map(row).collect(),

@@ -31,14 +31,6 @@ pub(crate) async fn campaign(connection: &mut Connection<'_>) -> Result<Campaign
     row.ok_or_else(|| connection.damaged("it names no campaign"))
 }
 
-/// Like [`campaign`], for a schema without seals.
-pub(crate) async fn campaign_before_seals(
-    connection: &mut Connection<'_>,
-) -> Result<CampaignRow, Error> {
-    let row = keyed::all_unsealed(connection).await?.pop();
-    row.ok_or_else(|| connection.damaged("it names no campaign"))
-}
-
 pub(crate) async fn sampled_counts(
     connection: &mut Connection<'_>,
 ) -> Result<Vec<(u64, u64)>, Error> {
@@ -82,7 +74,7 @@ pub(crate) async fn missing_work(
            LEFT JOIN criteria ON criteria.design = design.design
            LEFT JOIN design_tally ON design_tally.design = design.design
            WHERE criteria.design IS NULL
-              OR criteria.feasible = 1 AND criteria.reason IS NULL
+              OR criteria.simulable = 1 AND criteria.reason IS NULL
                  AND (coalesce(design_tally.samples, 0) < ?1
                       OR design_tally.samples <= design_tally.last_sample)
            ORDER BY design.design"#,
@@ -158,7 +150,7 @@ async fn missing_samples(
         .all(
             LOOKING,
             sqlx::query!(
-                r#"SELECT first_sample, length(delta_ste_um) / 8 AS "samples!: i64"
+                r#"SELECT first_sample, length(samples) / 8 AS "samples!: i64"
                    FROM sample_range WHERE design = ? AND first_sample < ? ORDER BY first_sample"#,
                 design,
                 limit,
@@ -196,18 +188,18 @@ pub(crate) async fn commits(connection: &mut Connection<'_>) -> Result<u64, Erro
         .map(|r| index(r.commits))
 }
 
-pub(crate) async fn verify_counts(
+pub(crate) async fn point_counts(
     connection: &mut Connection<'_>,
 ) -> Result<Vec<(String, u64)>, Error> {
     let rows = connection
         .all(
             "count verification samples",
-            sqlx::query!("SELECT approach, samples FROM verify_tally ORDER BY approach"),
+            sqlx::query!("SELECT point, samples FROM point_tally ORDER BY point"),
         )
         .await?;
     Ok(rows
         .into_iter()
-        .map(|r| (r.approach, index(r.samples)))
+        .map(|r| (r.point, index(r.samples)))
         .collect())
 }
 
@@ -261,7 +253,7 @@ pub(crate) async fn failures(connection: &mut Connection<'_>) -> Result<Vec<Fail
         .all(
             "read failures",
             sqlx::query!(
-                r#"SELECT job, attempt AS "attempt: u32", worker, serial, kind, error, at_unix_ms
+                r#"SELECT job, lease AS "lease: u32", worker, serial, kind, error, at_unix_ms
            FROM failure ORDER BY failure"#
             ),
         )
@@ -270,7 +262,7 @@ pub(crate) async fn failures(connection: &mut Connection<'_>) -> Result<Vec<Fail
         .map(|r| {
             Ok(FailureRow {
                 job: r.job,
-                attempt: r.attempt,
+                lease: r.lease,
                 worker: r.worker,
                 serial: r.serial.map(i64::cast_unsigned),
                 kind: kind(r.kind)?,
@@ -321,7 +313,7 @@ pub(crate) async fn job_histories(
                SELECT job, max(failure) AS last FROM failure WHERE kind = 'quarantine' GROUP BY job
            )
            SELECT failure.job AS "job!",
-                  max(attempt) AS "attempts!: u32",
+                  max(lease) AS "last_lease!: u32",
                   count(DISTINCT CASE WHEN kind = 'crash' AND failure > coalesce(last, 0)
                                       THEN worker END) AS "crashes!: u32",
                   sum(kind = 'failure' AND failure > coalesce(last, 0)) AS "failures!: u32"
@@ -334,7 +326,7 @@ pub(crate) async fn job_histories(
         .into_iter()
         .map(|r| JobHistory {
             job: r.job,
-            attempts: r.attempts,
+            last_lease: r.last_lease,
             crashes: r.crashes,
             failures: r.failures,
         })
@@ -383,15 +375,15 @@ pub(crate) async fn progress(connection: &mut Connection<'_>) -> Result<Progress
             sqlx::query!(
                 r#"SELECT (SELECT count(*) FROM design) AS "designs!: i64",
                   (SELECT count(*) FROM criteria) AS "criteria_done!: i64",
-                  (SELECT count(*) FROM criteria WHERE feasible = 1) AS "simulable!: i64",
-                  (SELECT count(*) FROM criteria WHERE feasible = 1 AND reason IS NOT NULL)
+                  (SELECT count(*) FROM criteria WHERE simulable = 1) AS "simulable!: i64",
+                  (SELECT count(*) FROM criteria WHERE simulable = 1 AND reason IS NOT NULL)
                       AS "ruled_out!: i64",
                   (SELECT samples FROM tally) AS "samples!: i64",
                   (SELECT count(*) FROM response) AS "responses!: i64",
                   (SELECT count(*) FROM model) AS "models!: i64",
                   (SELECT count(*) FROM optimiser_run) AS "optimiser_runs!: i64",
                   (SELECT count(*) FROM optimum) AS "optima!: i64",
-                  (SELECT coalesce(sum(samples), 0) FROM verify_tally) AS "verify_samples!: i64",
+                  (SELECT coalesce(sum(samples), 0) FROM point_tally) AS "point_samples!: i64",
                   (SELECT coalesce(sum(failures), 0) FROM failure_tally) AS "failures!: i64""#
             ),
         )
@@ -406,7 +398,7 @@ pub(crate) async fn progress(connection: &mut Connection<'_>) -> Result<Progress
         models: index(r.models),
         optimiser_runs: index(r.optimiser_runs),
         optima: index(r.optima),
-        verify_samples: index(r.verify_samples),
+        point_samples: index(r.point_samples),
         failures: index(r.failures),
     })
 }

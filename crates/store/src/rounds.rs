@@ -12,8 +12,8 @@ use crate::rows::{ModelRow, Receipt};
 pub struct RoundRow {
     /// The round, from 0.
     pub round: u64,
-    /// The largest expected improvement of any observation, in µm; `None` without a model.
-    pub expected_improvement_um: Option<f64>,
+    /// The largest expected improvement of any observation; `None` without a model.
+    pub expected_improvement: Option<f64>,
     /// The best design so far, as JSON; `None` without a model or a feasible design.
     pub recommendation_json: Option<String>,
     /// Why the enrichment ends, as JSON; `None` while it continues.

@@ -48,8 +48,8 @@ impl DesignRow {
 pub struct CriteriaRow {
     /// Index of the design.
     pub design: u64,
-    /// Whether the design is simulable: the simulator gives numbers for it.
-    pub feasible: bool,
+    /// Whether the simulator gives numbers for the design.
+    pub simulable: bool,
     /// Why the design is not simulable, or why it gets no samples although it is: a code and a
     /// sentence.
     pub reason: Option<String>,
@@ -57,15 +57,15 @@ pub struct CriteriaRow {
     pub responses: Option<Vec<f64>>,
 }
 
-/// One sample ΔSTE(x, θ_i).
+/// One sample of a design.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SampleRow {
-    /// Index of the design x.
+    /// Index of the design.
     pub design: u64,
-    /// Index i of the sample.
+    /// Index of the sample.
     pub sample: u64,
-    /// ΔSTE in µm.
-    pub delta_ste_um: f64,
+    /// The sampled response. An infinite one stands for a sample that failed.
+    pub value: f64,
 }
 
 /// The sampled response of a design, which kriging learns from.
@@ -73,14 +73,14 @@ pub struct SampleRow {
 pub struct ResponseRow {
     /// Index of the design.
     pub design: u64,
-    /// Mean of the samples, in µm.
-    pub mean_um: f64,
-    /// Standard deviation of the samples, in µm.
-    pub sd_um: f64,
-    /// Estimate of the 90 % percentile, in µm.
-    pub p90_um: f64,
-    /// Variance of that estimate, in µm².
-    pub p90_variance_um2: f64,
+    /// Mean of the samples.
+    pub mean: f64,
+    /// Standard deviation of the samples.
+    pub standard_deviation: f64,
+    /// Estimate of the percentile at the campaign's level.
+    pub percentile: f64,
+    /// Variance of that estimate.
+    pub percentile_variance: f64,
     /// p-value of Lilliefors' test of normality; `None` if the test does not apply.
     pub lilliefors_p: Option<f64>,
 }
@@ -98,7 +98,7 @@ pub struct ModelRow {
 
 impl ModelRow {
     /// The name of the model of the DoE.
-    pub const DOE: &str = "p90";
+    pub const DOE: &str = "doe";
     /// The name of the model of the DoE and all infill points, from the end of an enrichment.
     pub const ENRICHED: &str = "enriched";
 }
@@ -125,8 +125,8 @@ pub struct OptimumRow {
     pub approach: String,
     /// The values of all variables, as a JSON object keyed by name.
     pub x_json: String,
-    /// The optimised criterion, in µm.
-    pub criterion_um: f64,
+    /// What the approach minimised.
+    pub criterion: f64,
     /// Whether every constraint holds.
     pub feasible: bool,
     /// The criteria at the optimum, as JSON.
@@ -141,13 +141,13 @@ pub struct OptimumRow {
 
 /// One sample of an optimum or an infill point.
 #[derive(Debug, Clone, PartialEq)]
-pub struct VerifyRow {
+pub struct PointSampleRow {
     /// The approach of the optimum, or the name of the infill point.
-    pub approach: String,
+    pub point: String,
     /// Index of the sample.
     pub sample: u64,
-    /// ΔSTE in µm.
-    pub delta_ste_um: f64,
+    /// The sampled response. An infinite one stands for a sample that failed.
+    pub value: f64,
 }
 
 /// The kinds of event recorded against a job.
@@ -179,13 +179,13 @@ impl FailureKind {
     }
 }
 
-/// One crash, failure or quarantine of one attempt of a job.
+/// One crash, failure or quarantine of a job.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FailureRow {
     /// The name of the job in messages.
     pub job: String,
-    /// The attempt.
-    pub attempt: u32,
+    /// The number of the lease.
+    pub lease: u32,
     /// The worker that held the job's lease.
     pub worker: String,
     /// The worker's own number of the report. A second row with the same worker and number is not
@@ -204,8 +204,8 @@ pub struct FailureRow {
 pub struct JobHistory {
     /// The job's name.
     pub job: String,
-    /// The newest attempt with a recorded event.
-    pub attempts: u32,
+    /// The newest lease with a recorded event.
+    pub last_lease: u32,
     /// Crashes since the job was last quarantined.
     pub crashes: u32,
     /// Failures since the job was last quarantined.
@@ -277,8 +277,8 @@ pub struct Batch {
     pub criteria: Vec<CriteriaRow>,
     /// Samples of designs.
     pub samples: Vec<SampleRow>,
-    /// Samples of optima.
-    pub verify: Vec<VerifyRow>,
+    /// Samples of optima and infill points.
+    pub points: Vec<PointSampleRow>,
     /// Optimiser runs.
     pub runs: Vec<OptimiserRunRow>,
     /// Evaluations of optimiser runs.
@@ -300,7 +300,7 @@ impl Batch {
     pub fn append(&mut self, mut other: Self) {
         self.criteria.append(&mut other.criteria);
         self.samples.append(&mut other.samples);
-        self.verify.append(&mut other.verify);
+        self.points.append(&mut other.points);
         self.runs.append(&mut other.runs);
         self.evaluations.append(&mut other.evaluations);
         self.times.append(&mut other.times);
@@ -313,7 +313,7 @@ impl Batch {
     pub fn len(&self) -> usize {
         self.criteria.len()
             + self.samples.len()
-            + self.verify.len()
+            + self.points.len()
             + self.runs.len()
             + self.evaluations.len()
             + self.times.len()
@@ -371,7 +371,7 @@ pub struct Progress {
     /// Optima.
     pub optima: u64,
     /// Samples at optima.
-    pub verify_samples: u64,
+    pub point_samples: u64,
     /// Recorded crashes, failures and quarantines.
     pub failures: u64,
 }

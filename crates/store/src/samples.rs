@@ -2,36 +2,30 @@
 
 use std::path::Path;
 
+use crate::Error;
 use crate::connection::Connection;
 use crate::digest::SamplesDigest;
 use crate::keyed::{self, Table as _, Value};
 use crate::rows::{Batch, Receipt, SampleRow};
 use crate::tables::{differ, number};
 use crate::tally::{self, Tally};
-use crate::{Error, fail_point, query};
 
 /// Maximum number of samples in a row, as the schema also enforces. It bounds the memory of a
 /// reader.
 const LONGEST: usize = 4096;
-
-/// Number of rows that an upgrade packs at a time.
-const PACKED_AT_ONCE: i64 = 65_536;
-
-/// The table of schemas before 7, with one row per sample.
-const UNPACKED: &str = "sample";
 
 /// Consecutive samples of one design.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct SampleRange {
     pub(crate) design: u64,
     pub(crate) first_sample: u64,
-    /// ΔSTE in µm, 64 bits per sample, little-endian.
-    pub(crate) delta_ste_um: Vec<u8>,
+    /// 64 bits per sample, little-endian.
+    pub(crate) samples: Vec<u8>,
 }
 
 impl SampleRange {
     fn values(&self) -> &[[u8; 8]] {
-        self.delta_ste_um.as_chunks().0
+        self.samples.as_chunks().0
     }
 
     /// The index after the last sample.
@@ -44,7 +38,7 @@ impl SampleRange {
         samples.zip(self.values()).map(|(sample, value)| SampleRow {
             design: self.design,
             sample,
-            delta_ste_um: f64::from_le_bytes(*value),
+            value: f64::from_le_bytes(*value),
         })
     }
 }
@@ -58,13 +52,13 @@ pub(crate) fn check(row: &SampleRow) -> Result<(), Error> {
         }
     }
     // An infinite one stands for a failed sample.
-    if !row.delta_ste_um.is_nan() {
+    if !row.value.is_nan() {
         return Ok(());
     }
     Err(Error::NotFinite {
-        column: "delta_ste_um".to_owned(),
+        column: "value".to_owned(),
         key: format!("sample {} of design {}", row.sample, row.design),
-        value: row.delta_ste_um,
+        value: row.value,
     })
 }
 
@@ -143,12 +137,12 @@ async fn held(
           AND held.first_sample >= coalesce(
                 (SELECT max(first_sample) FROM sample_range
                  WHERE design = span.value ->> 0 AND first_sample <= span.value ->> 1), 0)
-          AND held.first_sample + length(held.delta_ste_um) / 8 > span.value ->> 1)";
+          AND held.first_sample + length(held.samples) / 8 > span.value ->> 1)";
     keyed::all_where(connection, filter, &[Value::Text(&spans)]).await
 }
 
 fn agree(held: &SampleRow, offered: &SampleRow) -> Result<(), Error> {
-    match differ(held.delta_ste_um, offered.delta_ste_um) {
+    match differ(held.value, offered.value) {
         None => Ok(()),
         Some((held, value)) => Err(Error::Conflict {
             design: offered.design,
@@ -161,18 +155,18 @@ fn agree(held: &SampleRow, offered: &SampleRow) -> Result<(), Error> {
 
 /// Appends a sample to the last range, or begins a new one. Samples arrive in order.
 fn append(ranges: &mut Vec<SampleRange>, row: &SampleRow) {
-    let value = number(row.delta_ste_um).to_le_bytes();
+    let value = number(row.value).to_le_bytes();
     match ranges.last_mut() {
         Some(range)
             if (range.design, range.end()) == (row.design, row.sample)
                 && range.values().len() < LONGEST =>
         {
-            range.delta_ste_um.extend(value);
+            range.samples.extend(value);
         }
         _ => ranges.push(SampleRange {
             design: row.design,
             first_sample: row.sample,
-            delta_ste_um: value.to_vec(),
+            samples: value.to_vec(),
         }),
     }
 }
@@ -192,15 +186,15 @@ pub(crate) async fn write(
         let SampleRange {
             design,
             first_sample,
-            delta_ste_um,
+            samples,
         } = range;
-        let (from, length, seal) = (values.len() + 1, delta_ste_um.len(), range.seal());
+        let (from, length, seal) = (values.len() + 1, samples.len(), range.seal());
         places.push(format!("[{design},{first_sample},{seal},{from},{length}]"));
-        values.extend_from_slice(delta_ste_um);
+        values.extend_from_slice(samples);
     }
     let places = format!("[{}]", places.join(","));
     let query = sqlx::query!(
-        "INSERT INTO sample_range (design, first_sample, seal, delta_ste_um)
+        "INSERT INTO sample_range (design, first_sample, seal, samples)
          SELECT value ->> 0, value ->> 1, value ->> 2, substr(?1, value ->> 3, value ->> 4)
          FROM json_each(?2)",
         values,
@@ -212,10 +206,16 @@ pub(crate) async fn write(
 /// Passes every sample to `visit`, and compares the samples with the tallies of the same moment.
 pub(crate) async fn visit<E: From<Error>>(
     connection: &mut Connection<'_>,
-    visit: impl FnMut(SampleRow) -> Result<(), E>,
+    mut visit: impl FnMut(SampleRow) -> Result<(), E>,
 ) -> Result<(), E> {
     let mut moment = connection.moment().await?;
-    compare(&mut moment, SampleRange::NAME, visit).await?;
+    let mut found = Tally::default();
+    ranges(&mut moment, None, |range| {
+        found.add_range(range);
+        range.rows().try_for_each(&mut visit)
+    })
+    .await?;
+    tally::compare(&mut moment, &found).await?;
     Ok(moment.commit().await?)
 }
 
@@ -223,7 +223,7 @@ pub(crate) async fn visit<E: From<Error>>(
 pub(crate) async fn finite(connection: &mut Connection<'_>) -> Result<Vec<SampleRange>, Error> {
     let mut kept = Vec::new();
     let keep = |row: SampleRow| {
-        if row.delta_ste_um.is_finite() {
+        if row.value.is_finite() {
             append(&mut kept, &row);
         }
         Ok::<(), Error>(())
@@ -232,29 +232,14 @@ pub(crate) async fn finite(connection: &mut Connection<'_>) -> Result<Vec<Sample
     Ok(kept)
 }
 
-/// Like [`visit`], within a transaction. A difference is reported for `table`.
-async fn compare<E: From<Error>>(
-    connection: &mut Connection<'_>,
-    table: &'static str,
-    mut visit: impl FnMut(SampleRow) -> Result<(), E>,
-) -> Result<(), E> {
-    let mut found = Tally::default();
-    ranges(connection, None, |range| {
-        found.add_range(range);
-        range.rows().try_for_each(&mut visit)
-    })
-    .await?;
-    Ok(tally::compare(connection, &found, table).await?)
-}
-
-/// The samples of one design, as (sample, ΔSTE in µm).
+/// The samples of one design, as (index, value).
 pub(crate) async fn of_design(
     connection: &mut Connection<'_>,
     design: u64,
 ) -> Result<Vec<(u64, f64)>, Error> {
     let mut samples = Vec::new();
     ranges(connection, Some(design), |range| {
-        samples.extend(range.rows().map(|row| (row.sample, row.delta_ste_um)));
+        samples.extend(range.rows().map(|row| (row.sample, row.value)));
         Ok::<(), Error>(())
     })
     .await?;
@@ -300,62 +285,6 @@ fn overlap(path: &Path, range: &SampleRange) -> Error {
     Error::damaged_rows(path, SampleRange::NAME, range.name(), detail)
 }
 
-/// Packs the table of schemas before 7, which has one row per sample, and drops it.
-pub(crate) async fn pack(connection: &mut Connection<'_>, has_tallies: bool) -> Result<(), Error> {
-    let mut after = (-1, -1);
-    loop {
-        let ranges = unpacked(connection, &mut after).await?;
-        if ranges.is_empty() {
-            break;
-        }
-        write(connection, &ranges).await?;
-        fail_point::at("packing");
-    }
-    if has_tallies {
-        compare(connection, UNPACKED, |_| Ok::<(), Error>(())).await?;
-    }
-    connection
-        .run("drop the table of unpacked samples", "DROP TABLE sample")
-        .await
-}
-
-/// Checks the table of schemas before 7 against its tallies.
-pub(crate) async fn check_unpacked(connection: &mut Connection<'_>) -> Result<(), Error> {
-    let (mut after, mut found) = ((-1, -1), Tally::default());
-    loop {
-        let ranges = unpacked(connection, &mut after).await?;
-        if ranges.is_empty() {
-            return tally::compare(connection, &found, UNPACKED).await;
-        }
-        ranges.iter().for_each(|range| found.add_range(range));
-    }
-}
-
-/// Part of the samples after this design and sample, in order.
-async fn unpacked(
-    connection: &mut Connection<'_>,
-    after: &mut (i64, i64),
-) -> Result<Vec<SampleRange>, Error> {
-    let query = sqlx::query!(
-        "SELECT design, sample, delta_ste_um FROM sample
-         WHERE (design, sample) > (?, ?) ORDER BY design, sample LIMIT ?",
-        after.0,
-        after.1,
-        PACKED_AT_ONCE,
-    );
-    let mut ranges = Vec::new();
-    for row in connection.all("read samples", query).await? {
-        *after = (row.design, row.sample);
-        let row = SampleRow {
-            design: query::index(row.design),
-            sample: query::index(row.sample),
-            delta_ste_um: row.delta_ste_um,
-        };
-        append(&mut ranges, &row);
-    }
-    Ok(ranges)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -367,7 +296,7 @@ mod tests {
         SampleRange {
             design: 0,
             first_sample,
-            delta_ste_um: bytes.collect(),
+            samples: bytes.collect(),
         }
     }
 
@@ -396,7 +325,7 @@ mod tests {
             let row = SampleRow {
                 design: 0,
                 sample,
-                delta_ste_um: sample as f64,
+                value: sample as f64,
             };
             (owner, row)
         });

@@ -1,42 +1,22 @@
-//! Recognises stores and their schemas, and migrates earlier schemas.
+//! Recognises stores and their schema, and makes the tables of a new one.
 
 use std::fs::File;
 use std::io::Read as _;
 use std::path::Path;
-use std::pin::Pin;
 
 use sqlx::migrate::{MigrateError, Migrator};
 
-use crate::check::{self, Reading};
+use crate::check::Reading;
 use crate::connection::Connection;
-use crate::rows::CampaignRow;
-use crate::{Error, columns, fail_point, query, samples, tally};
+use crate::{Error, fail_point, query};
 
 static MIGRATOR: Migrator = sqlx::migrate!("../../migrations");
 
-/// "PTCH", as set by the first migration.
+/// "PTCH", as set by the schema.
 const APPLICATION_ID: i64 = 0x5054_4348;
 
 /// The first bytes of every SQLite file, <https://www.sqlite.org/fileformat2.html> 1.3.
 const SQLITE_MAGIC: &[u8; 16] = b"SQLite format 3\0";
-
-/// The schema that introduced tallies. The program completes its migration.
-const FIRST_WITH_TALLIES: i64 = 2;
-
-/// The schema that introduced seals. The program completes its migration.
-const FIRST_WITH_SEALS: i64 = 6;
-
-/// The schema that packs the samples of the DoE. The program completes its migration.
-const FIRST_WITH_RANGES: i64 = 7;
-
-/// The schema that replaced columns by lists of numbers. The program completes its migration.
-const FIRST_WITH_LISTS: i64 = 9;
-
-/// The schema that introduced evaluations of optimiser runs.
-const FIRST_WITH_EVALUATIONS: i64 = 10;
-
-/// The schema that introduced derivations.
-const FIRST_WITH_DERIVATIONS: i64 = 12;
 
 pub(crate) fn check_header(path: &Path) -> Result<(), Error> {
     let mut file = File::open(path).map_err(|e| Error::io("open", path, e))?;
@@ -73,9 +53,8 @@ pub(crate) fn is_marked(path: &Path) -> Result<bool, Error> {
         .is_some_and(|id| id == (APPLICATION_ID as u32).to_be_bytes()))
 }
 
-/// Checks that the file is a store whose schema this program knows, and returns a reading
-/// connection and the schema's version.
-pub(crate) async fn inspect(reading: &Reading) -> Result<(Connection<'static>, i64), Error> {
+/// Checks that the file is a store with this program's schema, and returns a reading connection.
+pub(crate) async fn inspect(reading: &Reading) -> Result<Connection<'static>, Error> {
     let path = &reading.path;
     let mut connection = Connection::open(&reading.options, path).await?;
     let application_id: Vec<i64> = connection
@@ -88,112 +67,26 @@ pub(crate) async fn inspect(reading: &Reading) -> Result<(Connection<'static>, i
             application_id,
         });
     }
-    let migrations = query::migrations(&mut connection).await?;
-    let found = migrations.last().map_or(0, |(version, _)| *version);
-    let known = known();
-    if found > known {
-        return Err(Error::NewerSchema {
+    let held = query::migrations(&mut connection).await?;
+    let ours = MIGRATOR.iter().map(|m| (m.version, &*m.checksum));
+    if !ours.eq(held.iter().map(|(version, sum)| (*version, &**sum))) {
+        return Err(Error::OtherSchema {
             path: path.to_path_buf(),
-            found,
-            known,
         });
     }
-    for (version, checksum) in &migrations {
-        let ours = MIGRATOR.iter().find(|m| m.version == *version);
-        if ours.is_none_or(|ours| *ours.checksum != **checksum) {
-            return Err(Error::Migration {
-                path: path.to_path_buf(),
-                source: MigrateError::VersionMismatch(*version).into(),
-            });
-        }
-    }
-    Ok((connection, found))
+    Ok(connection)
 }
 
-/// The campaign of a store with a known schema, and its number of commits if the schema counts
-/// them.
-pub(crate) async fn read(
-    connection: &mut Connection<'_>,
-    found: i64,
-) -> Result<(CampaignRow, Option<u64>), Error> {
-    let held = if found >= FIRST_WITH_SEALS {
-        query::campaign(connection).await?
-    } else {
-        query::campaign_before_seals(connection).await?
-    };
-    let commits = if found >= FIRST_WITH_TALLIES {
-        Some(query::commits(connection).await?)
-    } else {
-        None
-    };
-    Ok((held, commits))
-}
-
-/// Checks the rows of a store with a known schema against their digests, if it has any.
-pub(crate) async fn check_rows(connection: &mut Connection<'_>, found: i64) -> Result<(), Error> {
-    if found >= FIRST_WITH_EVALUATIONS {
-        check::evaluations(connection).await?;
-    }
-    if found >= FIRST_WITH_DERIVATIONS {
-        check::derivations(connection).await?;
-    }
-    if found >= FIRST_WITH_LISTS {
-        return check::rows(connection).await;
-    }
-    if found >= FIRST_WITH_RANGES {
-        check::samples(connection).await?;
-    } else if found >= FIRST_WITH_TALLIES {
-        samples::check_unpacked(connection).await?;
-    }
-    if found >= FIRST_WITH_SEALS {
-        check::lasting_rows(connection).await?;
-        columns::check(connection).await?;
-    }
-    Ok(())
-}
-
-pub(crate) fn known() -> i64 {
-    MIGRATOR.iter().map(|m| m.version).max().unwrap_or(0)
-}
-
-/// Migrates the schema in one transaction: after an interruption the store has either the old
-/// schema or the new one.
-pub(crate) async fn migrate(connection: &mut Connection<'_>, found: i64) -> Result<(), Error> {
+/// Makes the tables of a new store, in one transaction.
+pub(crate) async fn create(connection: &mut Connection<'_>) -> Result<(), Error> {
     let mut transaction = connection.begin("BEGIN IMMEDIATE").await?;
-    MIGRATOR.run(transaction.sql()).await.map_err(|e| match e {
-        MigrateError::Execute(e) | MigrateError::ExecuteMigration(e, _) => {
-            transaction.failed("bring the schema up to date", e)
+    let made = MIGRATOR.run(transaction.sql()).await;
+    made.map_err(|error| match error {
+        MigrateError::Execute(error) | MigrateError::ExecuteMigration(error, _) => {
+            transaction.failed("make its tables", error)
         }
-        other => Error::Migration {
-            path: transaction.path().to_owned(),
-            source: other.into(),
-        },
+        other => transaction.failed("make its tables", other.into()),
     })?;
-    convert(&mut transaction, found).await?;
-    fail_point::at("migration");
+    fail_point::at("creation");
     transaction.commit().await
-}
-
-/// Converts the rows of an earlier schema.
-// A boxed future is compiled once, in this crate, not in each crate that opens a store.
-fn convert<'a>(
-    transaction: &'a mut Connection<'_>,
-    found: i64,
-) -> Pin<Box<dyn Future<Output = Result<(), Error>> + Send + 'a>> {
-    Box::pin(async move {
-        if found < FIRST_WITH_RANGES {
-            samples::pack(transaction, found >= FIRST_WITH_TALLIES).await?;
-        }
-        if found < FIRST_WITH_TALLIES {
-            tally::fill(transaction).await?;
-        }
-        if found < FIRST_WITH_SEALS {
-            check::seal(transaction).await?;
-            columns::seal(transaction).await?;
-        }
-        if found < FIRST_WITH_LISTS {
-            columns::convert(transaction).await?;
-        }
-        Ok(())
-    })
 }

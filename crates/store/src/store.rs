@@ -13,8 +13,8 @@ use crate::query;
 use crate::rounds::{InfillRow, NewRound, RoundRow};
 use crate::rows::{
     CampaignRow, CriteriaRow, DesignRow, EvaluationRow, FailureGroup, FailureRow, JobHistory,
-    JobTimeRow, MissingWork, ModelRow, OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow,
-    SampleRow, StageTimeRow, VerifyRow,
+    JobTimeRow, MissingWork, ModelRow, OptimiserRunRow, OptimumRow, PointSampleRow, Progress,
+    Receipt, ResponseRow, SampleRow, StageTimeRow,
 };
 use crate::samples;
 use crate::tally;
@@ -162,7 +162,7 @@ impl Store {
         query::missing_work(&mut self.reader().await?, samples_per_design, more).await
     }
 
-    /// The samples of one design, as (sample, ΔSTE in µm).
+    /// The samples of one design, as (index, value).
     pub async fn samples_of(&self, design: u64) -> Result<Vec<(u64, f64)>, Error> {
         samples::of_design(&mut self.reader().await?, design).await
     }
@@ -185,7 +185,7 @@ impl Store {
     ///
     /// It is equal for every run of one campaign file with one version of the program, whatever the
     /// order of the samples. It is the sum modulo 2²⁵⁶ over all samples of the SHA-256 of design
-    /// and sample as 64-bit little-endian integers and of the bits of ΔSTE in µm, little-endian. A
+    /// and sample as 64-bit little-endian integers and of the bits of the value, little-endian. A
     /// hash is read as a little-endian number, and the sum is written by its bytes in the same
     /// order, so that the digest of a single sample is its SHA-256 and that of none is all zeros.
     ///
@@ -209,16 +209,16 @@ impl Store {
     ///
     /// It is a sum like [`samples_digest`](Store::samples_digest), independent of the order of the
     /// samples, over the SHA-256 of the length of the point's name as a 64-bit little-endian
-    /// integer, the name, the sample and the bits of ΔSTE in µm. It covers the samples stored at
+    /// integer, the name, the sample and the bits of the value. It covers the samples stored at
     /// present: the samples of an optimum that is replaced are removed from it.
-    pub async fn verify_samples_digest(&self) -> Result<String, Error> {
-        let digest = tally::verify_digest(&mut self.reader().await?).await?;
+    pub async fn point_samples_digest(&self) -> Result<String, Error> {
+        let digest = tally::point_samples_digest(&mut self.reader().await?).await?;
         Ok(digest.to_hex())
     }
 
-    /// The [`verify_samples_digest`](Store::verify_samples_digest) computed from the samples.
-    pub async fn recompute_verify_samples_digest(&self) -> Result<String, Error> {
-        let digest = tally::recompute_verify(&mut self.reader().await?).await?;
+    /// The [`point_samples_digest`](Store::point_samples_digest) computed from the samples.
+    pub async fn recompute_point_samples_digest(&self) -> Result<String, Error> {
+        let digest = tally::recompute_point_samples(&mut self.reader().await?).await?;
         Ok(digest.to_hex())
     }
 
@@ -353,8 +353,8 @@ impl Store {
     }
 
     /// The samples of one approach's optimum, or of one infill point.
-    pub async fn verify_samples(&self, approach: &str) -> Result<Vec<VerifyRow>, Error> {
-        tally::verify_samples(&mut self.reader().await?, approach).await
+    pub async fn point_samples(&self, point: &str) -> Result<Vec<PointSampleRow>, Error> {
+        tally::point_samples(&mut self.reader().await?, point).await
     }
 
     /// The number of evaluations of each unfinished run on an external simulator, by the run's
@@ -364,12 +364,12 @@ impl Store {
     }
 
     /// The number of samples of each optimum or infill point that has any, by name.
-    pub async fn verify_counts(&self) -> Result<Vec<(String, u64)>, Error> {
-        query::verify_counts(&mut self.reader().await?).await
+    pub async fn point_counts(&self) -> Result<Vec<(String, u64)>, Error> {
+        query::point_counts(&mut self.reader().await?).await
     }
 
     /// The number and the digest of the samples of each optimum or infill point that has any, by name.
-    pub async fn verify_digests(&self) -> Result<BTreeMap<String, (u64, String)>, Error> {
+    pub async fn point_digests(&self) -> Result<BTreeMap<String, (u64, String)>, Error> {
         let points = tally::points(&mut self.reader().await?).await?.into_iter();
         Ok(points
             .map(|(name, (count, digest))| (name, (count, digest.to_hex())))
@@ -387,8 +387,7 @@ impl Store {
     }
 
     /// Sets the wanted generations of these streams, all or nothing. If another generation was
-    /// wanted before, the samples of that point are removed. If none was, as in a store of an
-    /// earlier schema, they are kept.
+    /// wanted before, the samples of that point are removed.
     pub async fn put_generations(&self, rows: &[(String, u64)]) -> Result<(), Error> {
         self.put(Rows::Generations(rows.to_vec())).await.map(drop)
     }

@@ -4,13 +4,12 @@ use sqlx::sqlite::SqliteRow;
 use sqlx::{Error as SqlxError, Row as _};
 
 use crate::Error;
-use crate::columns::{OldCriteria, OldDesign, OldInfill};
 use crate::derived::Derivation;
 use crate::keyed::{Column, Keyed, Table, Value};
 use crate::rounds::{InfillRow, RoundRow};
 use crate::rows::{
     CampaignRow, CriteriaRow, DesignRow, EvaluationRow, JobTimeRow, ModelRow, OptimiserRunRow,
-    OptimumRow, ResponseRow, StageTimeRow, VerifyRow,
+    OptimumRow, PointSampleRow, ResponseRow, StageTimeRow,
 };
 use crate::samples::SampleRange;
 
@@ -41,37 +40,29 @@ macro_rules! table {
 table!(DesignRow: "design", "read designs", 1 keys, sealed true,
     design x);
 table!(CriteriaRow: "criteria", "read criteria", 1 keys, sealed true,
-    design feasible reason responses);
+    design simulable reason responses);
 table!(InfillRow: "infill", "read infill points", 1 keys, sealed true,
     infill round name number reason x violation samples failed);
-table!(OldDesign: "design", "read designs", 1 keys, sealed true,
-    design x_p x_r ha0_p ha0_r hf0_p hf0_r);
-table!(OldCriteria: "criteria", "read criteria", 1 keys, sealed true,
-    design feasible reason contact_ratio specific_sliding hertz_pressure_mpa
-    hertz_pressure_worn_mpa root_stress_mpa clearance_p_mm clearance_r_mm flank_margin_p_mm
-    flank_margin_r_mm delta_ste_um delta_ste_archard_um);
-table!(OldInfill: "infill", "read infill points", 1 keys, sealed true,
-    infill round name number reason x_p x_r ha0_p ha0_r hf0_p hf0_r violation samples failed);
 table!(SampleRange: "sample_range", "read samples", 2 keys, sealed true,
-    design first_sample delta_ste_um);
-table!(VerifyRow: "verify_sample", "read verification samples", 2 keys, sealed false,
-    approach sample delta_ste_um);
+    design first_sample samples);
+table!(PointSampleRow: "point_sample", "read samples of points", 2 keys, sealed false,
+    point sample value);
 table!(OptimiserRunRow: "optimiser_run", "read optimiser runs", 2 keys, sealed true,
     approach start result_json simulator_calls cpu_seconds);
 table!(EvaluationRow: "evaluation", "read evaluations", 2 keys, sealed true,
     stream evaluation x refused value criteria worn_criteria samples);
 table!(ResponseRow: "response", "read responses", 1 keys, sealed true,
-    design mean_um sd_um p90_um p90_variance_um2 lilliefors_p);
+    design mean standard_deviation percentile percentile_variance lilliefors_p);
 table!(ModelRow: "model", "read models", 1 keys, sealed true,
     name json summary_json);
 table!(OptimumRow: "optimum", "read optima", 1 keys, sealed true,
-    approach x_json criterion_um feasible criteria_json simulator_calls cpu_seconds note);
+    approach x_json criterion feasible criteria_json simulator_calls cpu_seconds note);
 table!(Derivation: "derivation", "read what results were computed from", 1 keys, sealed true,
     name inputs output failure);
 table!(StageTimeRow: "stage_time", "read how long stages took", 1 keys, sealed false,
     stage wall_seconds);
 table!(RoundRow: "enrichment_round", "read rounds", 1 keys, sealed true,
-    round expected_improvement_um recommendation_json stop_json notes_json simulator_calls
+    round expected_improvement recommendation_json stop_json notes_json simulator_calls
     cpu_seconds);
 
 impl Table for CampaignRow {
@@ -170,18 +161,18 @@ impl Keyed for CriteriaRow {
     }
 }
 
-impl Keyed for VerifyRow {
+impl Keyed for PointSampleRow {
     type Key<'a> = (&'a str, u64);
 
     fn key(&self) -> (&str, u64) {
-        (&self.approach, self.sample)
+        (&self.point, self.sample)
     }
 
     fn agree(held: &Self, offered: &Self) -> Result<(), Error> {
-        match differ(held.delta_ste_um, offered.delta_ste_um) {
+        match differ(held.value, offered.value) {
             None => Ok(()),
-            Some((held, value)) => Err(Error::VerifyConflict {
-                approach: offered.approach.clone(),
+            Some((held, value)) => Err(Error::PointConflict {
+                point: offered.point.clone(),
                 sample: offered.sample,
                 held,
                 offered: value,

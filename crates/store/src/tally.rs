@@ -6,10 +6,10 @@ use crate::Error;
 use crate::cause::cause;
 use crate::connection::Connection;
 use crate::digest::SamplesDigest;
-use crate::keyed::{self, Value};
+use crate::keyed::{self, Table as _, Value};
 use crate::query;
-use crate::rows::VerifyRow;
-use crate::samples::{self, SampleRange};
+use crate::rows::PointSampleRow;
+use crate::samples::SampleRange;
 use crate::tables::number;
 
 /// The counts and digests of a set of samples: those of a batch, or all stored ones.
@@ -29,7 +29,7 @@ impl Tally {
         let (count, last) = self.designs.entry(range.design).or_default();
         for row in range.rows() {
             self.samples += 1;
-            self.digest += SamplesDigest::of(row.design, row.sample, row.delta_ste_um);
+            self.digest += SamplesDigest::of(row.design, row.sample, row.value);
             *count += 1;
             *last = row.sample.max(*last);
         }
@@ -43,11 +43,11 @@ impl Tally {
         self.digest
     }
 
-    pub(crate) fn add_verify_sample(&mut self, row: &VerifyRow) {
-        let digest = SamplesDigest::of_point(&row.approach, row.sample, number(row.delta_ste_um));
-        let (count, sum) = match self.points.get_mut(&row.approach) {
+    pub(crate) fn add_point_sample(&mut self, row: &PointSampleRow) {
+        let digest = SamplesDigest::of_point(&row.point, row.sample, number(row.value));
+        let (count, sum) = match self.points.get_mut(&row.point) {
             Some(point) => point,
-            None => self.points.entry(row.approach.clone()).or_default(),
+            None => self.points.entry(row.point.clone()).or_default(),
         };
         *count += 1;
         *sum += digest;
@@ -93,7 +93,7 @@ impl Tally {
             let sum = sum.to_bytes().to_vec();
             let count = count.cast_signed();
             let query = sqlx::query!(
-                "INSERT INTO verify_tally (approach, samples, samples_digest) VALUES (?, ?, ?)
+                "INSERT INTO point_tally (point, samples, samples_digest) VALUES (?, ?, ?)
                  ON CONFLICT DO UPDATE SET
                     samples = samples + excluded.samples,
                     samples_digest = excluded.samples_digest",
@@ -101,7 +101,7 @@ impl Tally {
                 count,
                 sum,
             );
-            connection.insert("verify_tally", query).await?;
+            connection.insert("point_tally", query).await?;
         }
         Ok(())
     }
@@ -122,25 +122,23 @@ pub(crate) async fn samples(
 pub(crate) async fn points(
     connection: &mut Connection<'_>,
 ) -> Result<BTreeMap<String, (u64, SamplesDigest)>, Error> {
-    let query = sqlx::query!("SELECT approach, samples, samples_digest FROM verify_tally");
+    let query = sqlx::query!("SELECT point, samples, samples_digest FROM point_tally");
     let rows = connection.all("count verification samples", query).await?;
     rows.into_iter()
         .map(|r| {
-            let digest = r
-                .samples_digest
-                .as_deref()
-                .and_then(SamplesDigest::from_blob);
-            let digest = digest.ok_or_else(|| {
-                let row = format!("approach {:?}", r.approach);
-                connection.damaged_rows("verify_tally", row, NO_DIGEST)
+            let digest = SamplesDigest::from_blob(&r.samples_digest).ok_or_else(|| {
+                let row = format!("point {:?}", r.point);
+                connection.damaged_rows("point_tally", row, NO_DIGEST)
             })?;
-            Ok((r.approach, (query::index(r.samples), digest)))
+            Ok((r.point, (query::index(r.samples), digest)))
         })
         .collect()
 }
 
 /// The digest of all verification and infill samples, from the tallies.
-pub(crate) async fn verify_digest(connection: &mut Connection<'_>) -> Result<SamplesDigest, Error> {
+pub(crate) async fn point_samples_digest(
+    connection: &mut Connection<'_>,
+) -> Result<SamplesDigest, Error> {
     let points = points(connection).await?;
     Ok(sum(points.values()))
 }
@@ -153,12 +151,9 @@ fn sum<'p>(points: impl Iterator<Item = &'p (u64, SamplesDigest)>) -> SamplesDig
 
 const NO_DIGEST: &str = "it has no digest of 32 bytes";
 
-/// Checks the samples of the DoE, read from `table`, against their tallies.
-pub(crate) async fn compare(
-    connection: &mut Connection<'_>,
-    found: &Tally,
-    table: &'static str,
-) -> Result<(), Error> {
+/// Checks the samples of the DoE against their tallies.
+pub(crate) async fn compare(connection: &mut Connection<'_>, found: &Tally) -> Result<(), Error> {
+    let table = SampleRange::NAME;
     let (count, digest) = samples(connection).await?;
     let held = design_tallies(connection).await?;
     for design in held.keys().chain(found.designs.keys()) {
@@ -203,13 +198,13 @@ async fn design_tallies(
 }
 
 /// The samples of one point, checked against its tally of the same moment.
-pub(crate) async fn verify_samples(
+pub(crate) async fn point_samples(
     connection: &mut Connection<'_>,
     point: &str,
-) -> Result<Vec<VerifyRow>, Error> {
+) -> Result<Vec<PointSampleRow>, Error> {
     let mut moment = connection.moment().await?;
-    let (filter, name) = ("WHERE approach = ?", Value::Text(point));
-    let rows: Vec<VerifyRow> = keyed::all_where(&mut moment, filter, &[name]).await?;
+    let (filter, name) = ("WHERE point = ?", Value::Text(point));
+    let rows: Vec<PointSampleRow> = keyed::all_where(&mut moment, filter, &[name]).await?;
     let held = points(&mut moment).await?;
     let held: BTreeMap<_, _> = held.into_iter().filter(|(name, _)| name == point).collect();
     compare_points(&moment, &rows, &held)?;
@@ -218,9 +213,9 @@ pub(crate) async fn verify_samples(
 }
 
 /// Checks all verification and infill samples against their tallies.
-pub(crate) async fn check_verify_samples(connection: &mut Connection<'_>) -> Result<(), Error> {
+pub(crate) async fn check_point_samples(connection: &mut Connection<'_>) -> Result<(), Error> {
     let mut moment = connection.moment().await?;
-    let rows: Vec<VerifyRow> = keyed::all(&mut moment).await?;
+    let rows: Vec<PointSampleRow> = keyed::all(&mut moment).await?;
     let held = points(&mut moment).await?;
     compare_points(&moment, &rows, &held)?;
     moment.commit().await
@@ -228,11 +223,11 @@ pub(crate) async fn check_verify_samples(connection: &mut Connection<'_>) -> Res
 
 fn compare_points(
     connection: &Connection<'_>,
-    rows: &[VerifyRow],
+    rows: &[PointSampleRow],
     held: &BTreeMap<String, (u64, SamplesDigest)>,
 ) -> Result<(), Error> {
     let mut found = Tally::default();
-    rows.iter().for_each(|row| found.add_verify_sample(row));
+    rows.iter().for_each(|row| found.add_point_sample(row));
     for point in held.keys().chain(found.points.keys()) {
         let (held, found) = (held.get(point), found.points.get(point));
         if held != found {
@@ -243,8 +238,8 @@ fn compare_points(
             let (held, found) = (numbers(held), numbers(found));
             let detail =
                 format!("its samples ({found}) are not those that were acknowledged ({held})");
-            let row = format!("one of approach {point:?}");
-            return Err(connection.damaged_rows("verify_sample", row, &detail));
+            let row = format!("one of point {point:?}");
+            return Err(connection.damaged_rows("point_sample", row, &detail));
         }
     }
     Ok(())
@@ -287,41 +282,11 @@ pub(crate) async fn count_failure(
 }
 
 /// The digest computed from the stored verification and infill samples.
-pub(crate) async fn recompute_verify(
+pub(crate) async fn recompute_point_samples(
     connection: &mut Connection<'_>,
 ) -> Result<SamplesDigest, Error> {
-    let rows: Vec<VerifyRow> = keyed::all(connection).await?;
+    let rows: Vec<PointSampleRow> = keyed::all(connection).await?;
     let mut found = Tally::default();
-    rows.iter().for_each(|row| found.add_verify_sample(row));
+    rows.iter().for_each(|row| found.add_point_sample(row));
     Ok(sum(found.points.values()))
-}
-
-/// Completes the migration that introduced tallies: SQL cannot compute SHA-256 or causes.
-pub(crate) async fn fill(connection: &mut Connection<'_>) -> Result<(), Error> {
-    let digest = samples::recompute(connection).await?;
-    let digest = digest.to_bytes().to_vec();
-    let query = sqlx::query!("UPDATE tally SET samples_digest = ?", digest);
-    connection.insert("tally", query).await?;
-    let query = sqlx::query!("SELECT failure, kind, error FROM failure ORDER BY failure");
-    for row in connection.all("read failures", query).await? {
-        count_failure(connection, &row.kind, &row.error, row.failure).await?;
-    }
-    Ok(())
-}
-
-/// Completes the migration that introduced seals: SQL cannot compute the digests of points.
-pub(crate) async fn fill_points(connection: &mut Connection<'_>) -> Result<(), Error> {
-    let rows: Vec<VerifyRow> = keyed::all(connection).await?;
-    let mut found = Tally::default();
-    rows.iter().for_each(|row| found.add_verify_sample(row));
-    for (point, (_, digest)) in &found.points {
-        let digest = digest.to_bytes().to_vec();
-        let query = sqlx::query!(
-            "UPDATE verify_tally SET samples_digest = ? WHERE approach = ?",
-            digest,
-            point,
-        );
-        connection.insert("verify_tally", query).await?;
-    }
-    Ok(())
 }

@@ -51,7 +51,7 @@ impl Writer {
     ///
     /// # Errors
     ///
-    /// - [`Error::Conflict`], [`Error::VerifyConflict`], [`Error::CriteriaConflict`],
+    /// - [`Error::Conflict`], [`Error::PointConflict`], [`Error::CriteriaConflict`],
     ///   [`Error::RunConflict`]: a row is stored with another value. [`Error::NotFinite`],
     ///   [`Error::TooLarge`], [`Error::Constraint`]: a row cannot be stored. Other batches are not
     ///   affected, and [`Error::is_refusal`] is true.

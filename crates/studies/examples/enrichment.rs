@@ -114,16 +114,13 @@ fn exact(problem: &Problem, base: &Design, x: &[f64], plain: &Cell<u64>) -> Opti
 /// [`exact`] with Archard's analysis even if the geometry alone rules a design out.
 fn sampled(problem: &Problem, base: &Design, x: &[f64], plain: &Cell<u64>) -> Option<Known> {
     let found = exact(problem, base, x, plain)?;
-    if found.baseline_um > 0.0 {
+    if found.baseline > 0.0 {
         return Some(found);
     }
     let pair = gears(problem).pair(&problem.design(x, base)).ok()?;
     plain.set(plain.get() + 2);
-    let baseline_um = pair.archard(gears(problem).wear()).analysis.delta_ste_um;
-    Some(Known {
-        baseline_um,
-        ..found
-    })
+    let baseline = pair.archard(gears(problem).wear()).analysis.delta_ste_um;
+    Some(Known { baseline, ..found })
 }
 
 /// Response and variance of the first `count` samples of the design with stream number `number`.
@@ -230,9 +227,9 @@ fn paper(problem: &Problem, seed: u64, without: &str, rows: &mut Vec<Row>) {
             if let Some(found) = run.best
                 && best
                     .as_ref()
-                    .is_none_or(|(value, _)| found.criterion_um < *value)
+                    .is_none_or(|(value, _)| found.criterion < *value)
             {
-                best = Some((found.criterion_um, found.design));
+                best = Some((found.criterion, found.design));
             }
         }
         let is_kriging = approach == Approach::Kriging;
@@ -296,10 +293,10 @@ fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> 
         state.sampled.push(Sampled {
             x,
             samples: SAMPLES,
-            response_um: p90,
-            variance_um2: variance,
+            response: p90,
+            variance: variance,
             violation: known.violation,
-            baseline_um: known.baseline_um,
+            baseline: known.baseline,
         });
     }
     let options = |left: u32| Options {
@@ -327,12 +324,8 @@ fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> 
                 "# seed {seed} round {} designs {} worn {worn} best {:?} expects {:.4?} cpu {:.1} {:?} {:?}",
                 decision.round,
                 state.sampled.len(),
-                best.map(|b| (
-                    b.predicted_um,
-                    b.half_width_um(),
-                    state.sampled[b.design].samples
-                )),
-                decision.expected_improvement_um,
+                best.map(|b| (b.predicted, b.half_width(), state.sampled[b.design].samples)),
+                decision.expected_improvement,
                 cpu_seconds() - begun,
                 decision.stop,
                 decision.notes,
@@ -351,10 +344,10 @@ fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> 
                     state.sampled.push(Sampled {
                         x: x.clone(),
                         samples: 0,
-                        response_um: f64::NAN,
-                        variance_um2: 0.0,
+                        response: f64::NAN,
+                        variance: 0.0,
                         violation: known.violation,
-                        baseline_um: known.baseline_um,
+                        baseline: known.baseline,
                     });
                     (state.sampled.len() - 1, *samples)
                 }
@@ -369,14 +362,14 @@ fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> 
                 Some((p90, variance)) => {
                     let row = &mut state.sampled[index];
                     row.samples = count;
-                    row.response_um = p90;
-                    row.variance_um2 = variance;
+                    row.response = p90;
+                    row.variance = variance;
                 }
                 None => failed += 1,
             }
         }
         state.rounds.push(RoundRecord {
-            expected_improvement_um: decision.expected_improvement_um,
+            expected_improvement: decision.expected_improvement,
             asked: decision.infill.len() as u32,
             failed,
         });
@@ -391,7 +384,7 @@ fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> 
         x,
         p90,
         interval,
-        predicted: Some((best.predicted_um, best.interval_um.0, best.interval_um.1)),
+        predicted: Some((best.predicted, best.interval.0, best.interval.1)),
         worn: u64::from(worn),
         plain: plain.get(),
         cpu,

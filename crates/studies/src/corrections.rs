@@ -222,9 +222,9 @@ fn all_figures(sampling: &Sampling, rows: &[Row]) -> Table {
             None => line.extend(std::iter::repeat_n(String::new(), VARIABLE_NAMES.len() + 5)),
         }
         let of = |value: fn(&(Found, Percentile)) -> f64| maybe_exact(best.map(value));
-        line.push(of(|best| best.1.value_um));
-        line.push(of(|best| best.1.low_um));
-        line.push(of(|best| best.1.high_um));
+        line.push(of(|best| best.1.value));
+        line.push(of(|best| best.1.low));
+        line.push(of(|best| best.1.high));
         line.push(of(|best| best.0.p90_um));
         line.push(of(|best| best.0.criteria.contact_ratio));
         line.push(of(|best| best.0.criteria.specific_sliding));
@@ -290,7 +290,7 @@ mod tests {
         for (found, p90) in [bare, corrected] {
             assert!(problem.is_feasible(&found.criteria.into()));
             assert_eq!(p90.samples, 60);
-            assert!(p90.low_um < p90.value_um && p90.value_um < p90.high_um);
+            assert!(p90.low < p90.value && p90.value < p90.high);
         }
         let rows = [without.clone(), with.clone()];
         let folder = tempfile::tempdir().unwrap();

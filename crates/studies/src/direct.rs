@@ -245,15 +245,11 @@ impl Search {
     fn note(&mut self, problem: &Problem, design: &Corrected, answer: Answer) -> Evaluation {
         self.evaluations += 1;
         let failed = Evaluation::from(f64::NAN);
-        let Answer::Simulated {
-            criteria,
-            samples_um,
-        } = answer
-        else {
+        let Answer::Simulated { criteria, samples } = answer else {
             return failed;
         };
         self.plain_calls += 2;
-        self.worn_calls += samples_um.len() as u64;
+        self.worn_calls += samples.len() as u64;
         // The pressure counts for designs that break another constraint, too. Otherwise the search
         // would be drawn to those designs, where the pressure would not count.
         let limited = Criteria::from(criteria);
@@ -264,7 +260,7 @@ impl Search {
                 violation: problem.violation(&limited).max(f64::MIN_POSITIVE),
             };
         }
-        let Ok(estimate) = problem.campaign().sampling.estimate(&samples_um) else {
+        let Ok(estimate) = problem.campaign().sampling.estimate(&samples) else {
             return failed;
         };
         let p90_um = estimate.chosen.p90;

@@ -71,12 +71,12 @@ pub async fn optima(store: &Store, problem: &Problem) -> anyhow::Result<Vec<Opti
         ) else {
             continue;
         };
-        let fresh = store.verify_samples(&row.approach).await?;
+        let fresh = store.point_samples(&row.approach).await?;
         optima.push(Optimum {
             approach,
             variables: design.gears(),
             criteria: criteria.gears(),
-            verified: fresh.iter().map(|row| row.delta_ste_um).collect(),
+            verified: fresh.iter().map(|row| row.value).collect(),
         });
     }
     Ok(optima)
@@ -123,6 +123,6 @@ pub fn base_anew(simulations: &dyn Simulations, problem: &Problem) -> anyhow::Re
     let best = runs
         .iter()
         .filter_map(|run| run.best.as_ref())
-        .min_by(|a, b| a.criterion_um.total_cmp(&b.criterion_um));
+        .min_by(|a, b| a.criterion.total_cmp(&b.criterion));
     Ok(best.map_or(printed, |found| problem.base_of(&found.design)))
 }

@@ -83,7 +83,7 @@ pub fn choose<'a>(
     optima: &'a [Optimum],
     approach: Option<&str>,
 ) -> anyhow::Result<&'a Optimum> {
-    let p90 = |optimum: &Optimum| percentile(sampling, &optimum.verified).value_um;
+    let p90 = |optimum: &Optimum| percentile(sampling, &optimum.verified).value;
     match approach {
         Some(name) => optima
             .iter()
@@ -130,11 +130,11 @@ pub fn scenarios(
     let requests: Vec<Request> = scenarios.iter().map(request).collect();
     let answers = simulations.simulate(&requests)?;
     let scenario = |((parameter, factor), answer): ((&'static str, f64), Answer)| {
-        let samples_um = answer.samples_of("the optimum")?;
+        let samples = answer.samples_of("the optimum")?;
         Ok(Scenario {
             parameter,
             factor,
-            p90: percentile(&problem.campaign().sampling, &samples_um),
+            p90: percentile(&problem.campaign().sampling, &samples),
         })
     };
     scenarios.into_iter().zip(answers).map(scenario).collect()
@@ -248,9 +248,9 @@ fn analyse(
     // The percentile of a single sample is that sample.
     let value = |answer| match answer {
         Answer::Refused(_) => f64::NAN,
-        Answer::Simulated { samples_um, .. } => match samples_um[..] {
+        Answer::Simulated { samples, .. } => match samples[..] {
             [sample] => sample,
-            _ => percentile(&problem.campaign().sampling, &samples_um).value_um,
+            _ => percentile(&problem.campaign().sampling, &samples).value,
         },
     };
     let answers = simulations.simulate(&requests)?;
@@ -287,7 +287,7 @@ pub fn write_tables(
     let mut shown = Table::new(["scenario", &format!("{percentile}, µm")]);
     for row in scenarios {
         let p90 = &row.p90;
-        let figures = [row.factor, p90.value_um, p90.low_um, p90.high_um].map(exact);
+        let figures = [row.factor, p90.value, p90.low, p90.high].map(exact);
         table
             .rows
             .push([vec![row.parameter.to_owned()], figures.to_vec()].concat());
@@ -411,9 +411,9 @@ mod tests {
             let row = rows
                 .iter()
                 .find(|row| row.parameter == parameter && row.factor == factor);
-            row.unwrap().p90.value_um
+            row.unwrap().p90.value
         };
-        let nominal = rows[0].p90.value_um;
+        let nominal = rows[0].p90.value;
         // Half the depth may be worse, too, for a design that was optimised for the whole.
         assert!(nominal < of("wear depth", 2.0));
         // A wider scatter of the same mean moves the percentile up.
@@ -472,7 +472,7 @@ mod tests {
         let problem = Problem::new(campaign);
         let rows = scenarios(&InProcess(&problem), &problem, &optimum).unwrap();
         let as_designed = percentile(&problem.campaign().sampling, &optimum.verified);
-        assert!(rows[0].p90.value_um > as_designed.value_um);
+        assert!(rows[0].p90.value > as_designed.value);
         let tolerances = Tolerances {
             modules: 0.01,
             scenario: 0.2,

@@ -225,7 +225,7 @@ fn figures(pair: &Pair, file: &PairFile, request: Request) -> anyhow::Result<Fig
         WearChoice::None => pair.unworn(),
         WearChoice::Archard | WearChoice::Random => pair.archard(&wear).analysis,
     };
-    let samples_um = (request.wear == WearChoice::Random).then(|| {
+    let samples = (request.wear == WearChoice::Random).then(|| {
         let mut sampler = file.sampler(pair);
         (0..request.samples)
             .map(|index| {
@@ -238,8 +238,8 @@ fn figures(pair: &Pair, file: &PairFile, request: Request) -> anyhow::Result<Fig
             })
             .collect::<Vec<f64>>()
     });
-    let moments = samples_um.as_deref().map(stats::mean_sd).transpose()?;
-    let percentile = samples_um
+    let moments = samples.as_deref().map(stats::mean_sd).transpose()?;
+    let percentile = samples
         .as_deref()
         .map(|samples| stats::order_statistic(samples, 0.9, 0.95))
         .transpose()?;
@@ -292,9 +292,9 @@ fn figures(pair: &Pair, file: &PairFile, request: Request) -> anyhow::Result<Fig
         delta_ste_um: analysis.delta_ste_um,
         manufacture: file
             .flank_class()
-            .filter(|_| samples_um.is_some())
+            .filter(|_| samples.is_some())
             .map(|class| Scatter::of(class, geometry)),
-        samples_um,
+        samples_um: samples,
         mean_um: moments.map(|(mean, _)| mean),
         sd_um: moments.map(|(_, sd)| sd),
         p90_um: percentile.map(|percentile| percentile.value),

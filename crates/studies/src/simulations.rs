@@ -32,7 +32,7 @@ pub enum Answer {
         criteria: GearCriteria,
         /// ΔSTE of the samples asked for, µm; empty for a variant that breaks a constraint, if only
         /// feasible variants are to be sampled.
-        samples_um: Vec<f64>,
+        samples: Vec<f64>,
     },
 }
 
@@ -61,7 +61,7 @@ impl Answer {
     /// The variant cannot be simulated.
     pub fn samples_of(self, name: &str) -> anyhow::Result<Vec<f64>> {
         match self {
-            Self::Simulated { samples_um, .. } => Ok(samples_um),
+            Self::Simulated { samples, .. } => Ok(samples),
             Self::Refused(why) => anyhow::bail!("{name} cannot be simulated: {why}"),
         }
     }
@@ -120,9 +120,7 @@ impl Simulations for InProcess<'_> {
             match compute(self.0, &unit, &source).map_err(anyhow::Error::msg)? {
                 Output::Refused(why) => Ok(Answer::Refused(why)),
                 Output::Design {
-                    responses,
-                    samples_um,
-                    ..
+                    responses, samples, ..
                 } => {
                     let design = &request.variant.design;
                     let analysis = self.0.analysis(design, &responses, State::Baseline);
@@ -130,10 +128,7 @@ impl Simulations for InProcess<'_> {
                     if let Some(module) = request.variant.normal_module_mm {
                         criteria.normal_module_mm = module;
                     }
-                    Ok(Answer::Simulated {
-                        criteria,
-                        samples_um,
-                    })
+                    Ok(Answer::Simulated { criteria, samples })
                 }
                 other => anyhow::bail!("a variant cannot give {other:?}"),
             }

@@ -149,10 +149,10 @@ pub async fn rows(member: &Member) -> anyhow::Result<Vec<Row>> {
         let criteria: Option<Criteria> = serde_json::from_str(&optimum.criteria_json)?;
         let found = match (optimum_design(&problem, &optimum), criteria) {
             (Some(design), Some(criteria)) => {
-                let fresh = store.verify_samples(&optimum.approach).await?;
-                let samples: Vec<f64> = fresh.iter().map(|row| row.delta_ste_um).collect();
+                let fresh = store.point_samples(&optimum.approach).await?;
+                let samples: Vec<f64> = fresh.iter().map(|row| row.value).collect();
                 let p90 = percentile(&member.campaign.sampling, &samples);
-                Ok((design.gears(), optimum.criterion_um, criteria.gears(), p90))
+                Ok((design.gears(), optimum.criterion, criteria.gears(), p90))
             }
             _ => Err(optimum.note),
         };
@@ -236,7 +236,7 @@ fn summary(rows: &[Row]) -> Table {
         let best = group
             .iter()
             .filter_map(|row| Some((row, row.found.as_ref().ok()?)))
-            .min_by(|a, b| a.1.3.value_um.total_cmp(&b.1.3.value_um));
+            .min_by(|a, b| a.1.3.value.total_cmp(&b.1.3.value));
         let mut line = vec![
             format!("{} : {}", first.teeth[0], first.teeth[1]),
             best.map_or("none feasible", |(row, _)| row.approach.name())
@@ -288,9 +288,9 @@ fn all_figures(sampling: &Sampling, rows: &[Row]) -> Table {
         line.extend(
             [
                 found.map(|found| found.1),
-                p90.map(|p90| p90.value_um),
-                p90.map(|p90| p90.low_um),
-                p90.map(|p90| p90.high_um),
+                p90.map(|p90| p90.value),
+                p90.map(|p90| p90.low),
+                p90.map(|p90| p90.high),
                 criteria.map(|criteria| criteria.normal_module_mm),
                 criteria.map(|criteria| criteria.contact_ratio),
                 criteria.map(|criteria| criteria.specific_sliding),

@@ -114,10 +114,10 @@ pub(crate) fn maybe_exact(value: Option<f64>) -> String {
 
 /// A percentile and its interval for a table, as in `1.51 [1.49; 1.53]`.
 pub(crate) fn with_interval(p90: &Percentile) -> String {
-    let mut text = format!("{:.3}", p90.value_um);
-    if p90.low_um.is_finite() {
+    let mut text = format!("{:.3}", p90.value);
+    if p90.low.is_finite() {
         // Writing to a String cannot fail.
-        let _ = write!(text, " [{:.3}; {:.3}]", p90.low_um, p90.high_um);
+        let _ = write!(text, " [{:.3}; {:.3}]", p90.low, p90.high);
     }
     text
 }

@@ -50,24 +50,24 @@ pub(crate) fn sampled(problem: &Problem, base: &Design) -> anyhow::Result<Doe> {
         let output = compute(problem, &unit, &Source::Design(design.clone()));
         let Output::Design {
             responses: values,
-            samples_um,
+            samples,
             ..
         } = output.map_err(anyhow::Error::msg)?
         else {
             continue;
         };
-        doe.calls += 1 + samples_um.len() as u64;
-        if samples_um.is_empty() {
+        doe.calls += 1 + samples.len() as u64;
+        if samples.is_empty() {
             continue;
         }
         let control = linear.get(&row.design).map(|linear| {
             doe.calls += linear.analyses();
             let stream = (Purpose::Wear, row.design);
-            let controls = responses::controls(problem, stream, linear, samples_um.len());
+            let controls = responses::controls(problem, stream, linear, samples.len());
             (controls, linear.moments())
         });
         let samples = Samples {
-            values: &samples_um,
+            values: &samples,
             control: control
                 .as_ref()
                 .map(|(values, known)| (&values[..], *known)),

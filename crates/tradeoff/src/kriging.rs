@@ -213,8 +213,8 @@ fn measured(
         .iter()
         .flat_map(|row| doe.designs[row.design as usize].x.iter().copied())
         .collect();
-    let y: Vec<f64> = rows.iter().map(|row| row.p90_um).collect();
-    let own: Vec<f64> = rows.iter().map(|row| row.p90_variance_um2).collect();
+    let y: Vec<f64> = rows.iter().map(|row| row.percentile).collect();
+    let own: Vec<f64> = rows.iter().map(|row| row.percentile_variance).collect();
     let start = process_seconds();
     let noise_variance = match campaign.kriging.noise {
         Noise::Own => own,

@@ -77,7 +77,7 @@ pub struct Ended {
     /// CPU time, with the same inclusion, in seconds.
     pub seconds: f64,
     /// The percentile of verification samples, in µm; infinite without a feasible design.
-    pub percentile_um: f64,
+    pub percentile: f64,
 }
 
 pub(crate) fn run(
@@ -183,7 +183,7 @@ fn enriched(campaign: &Campaign, effort: f64) -> Campaign {
 /// The values of [`COLUMNS`]; a seed without a design counts as an infinite percentile.
 fn values(ended: &[Ended], seeds: u64) -> Vec<f64> {
     let each = |value: fn(&Ended) -> f64| -> Vec<f64> { ended.iter().map(value).collect() };
-    let mut percentiles = each(|one| one.percentile_um);
+    let mut percentiles = each(|one| one.percentile);
     percentiles.resize(seeds as usize, f64::INFINITY);
     let feasible = percentiles.iter().filter(|value| value.is_finite()).count();
     vec![

@@ -380,7 +380,7 @@ impl Estimator {
                 control: is_controlled.then(|| (&draw.controls[..count], control)),
             };
             let row = response_of(0, samples, settings)?;
-            let (percentile, variance) = (row.p90_um, row.p90_variance_um2);
+            let (percentile, variance) = (row.percentile, row.percentile_variance);
             estimates.push(percentile);
             stated += variance / draws.len() as f64;
         }

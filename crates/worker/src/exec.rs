@@ -444,7 +444,7 @@ impl Prepared for Asked<'_> {
         })?;
         if problem.has_baseline() {
             // An optimiser would take an implausible number for an optimum.
-            problem.check_sample(analysis.value_um).map_err(|why| {
+            problem.check_sample(analysis.value).map_err(|why| {
                 let name = &problem.sampled().name;
                 NoAnswer::Failed(format!("the simulator's {name} {why}"))
             })?;

@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use campaign::task::Source;
 use ledger::{LeaseId, Unit};
-use protocol::v2::{HeldLease, LeaseResult, LeaseState, UnitResult};
+use protocol::v1::{HeldLease, LeaseResult, LeaseState, UnitResult};
 use tokio::sync::Notify;
 
 use outbox::Outbox;

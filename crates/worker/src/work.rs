@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 use gateway::Link;
 use ledger::LeaseId;
-use protocol::v2::ReleaseRequest;
+use protocol::v1::ReleaseRequest;
 use tokio::sync::mpsc::UnboundedSender;
 use tokio::sync::watch;
 use tokio::task::JoinSet;

@@ -157,8 +157,8 @@ fn assert_equal(sandbox: &Sandbox, stored: &str, local: &str) {
     assert_eq!(stored["finished"], true, "{stored}");
     assert_eq!(stored["samples_digest"], local["samples_digest"]);
     assert_eq!(
-        stored["verify_samples_digest"],
-        local["verify_samples_digest"]
+        stored["point_samples_digest"],
+        local["point_samples_digest"]
     );
 }
 

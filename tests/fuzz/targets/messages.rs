@@ -15,8 +15,8 @@ use campaign::formulation::Problem;
 use coordinator::service::Service;
 use libfuzzer_sys::fuzz_target;
 use prost::Message;
-use protocol::v2::campaign_server::Campaign as _;
-use protocol::v2::{
+use protocol::v1::campaign_server::Campaign as _;
+use protocol::v1::{
     DrainRequest, ExplainRequest, HeartbeatRequest, LeaseRequest, RegisterRequest, ReleaseRequest,
     ReportRequest, RetryRequest, StatusRequest, WatchRequest,
 };

@@ -9,7 +9,7 @@ use campaign::formulation::Problem;
 use coordinator::ingest;
 use libfuzzer_sys::fuzz_target;
 use prost::Message as _;
-use protocol::v2::UnitResult;
+use protocol::v1::UnitResult;
 
 /// The problem of the workers' reports.
 fn problem() -> &'static Problem {

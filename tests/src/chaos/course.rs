@@ -117,7 +117,7 @@ impl Course {
         match self.phase {
             Phase::Before if self.is_time(status) => {
                 self.cut_off(cluster)?;
-                self.chosen = kriging(status).map(|optimum| optimum["criterion_um"].clone());
+                self.chosen = kriging(status).map(|optimum| optimum["criterion"].clone());
                 self.phase = Phase::Cut(now + self.lead);
             }
             Phase::Cut(until) if now >= until => self.turn(now, cluster, reference)?,
@@ -160,8 +160,7 @@ impl Course {
 
     /// Whether the optimum has changed since the workers were disconnected.
     fn is_chosen_anew(&self, status: &Value) -> bool {
-        kriging(status)
-            .is_some_and(|optimum| Some(&optimum["criterion_um"]) != self.chosen.as_ref())
+        kriging(status).is_some_and(|optimum| Some(&optimum["criterion"]) != self.chosen.as_ref())
     }
 
     fn cut_off(&self, cluster: &mut Cluster) -> Result<(), Violation> {

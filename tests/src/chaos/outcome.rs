@@ -176,9 +176,9 @@ fn rows(db: &Path) -> Result<(BTreeMap<String, Vec<(u64, u64)>>, Vec<FailureRow>
     let read = async {
         let store = Store::open_read_only(db).await?;
         let mut points = BTreeMap::new();
-        for (name, _) in store.verify_counts().await? {
-            let rows = store.verify_samples(&name).await?;
-            let row = |row: store::VerifyRow| (row.sample, row.delta_ste_um.to_bits());
+        for (name, _) in store.point_counts().await? {
+            let rows = store.point_samples(&name).await?;
+            let row = |row: store::PointSampleRow| (row.sample, row.value.to_bits());
             points.insert(name, rows.into_iter().map(row).collect());
         }
         let failures = store.failures().await?;
@@ -234,7 +234,7 @@ mod tests {
         const EXTERNAL: [Kind; 4] = [Kind::External, Kind::Licence, Kind::Problem, Kind::Files];
         let row = |kind| FailureRow {
             job: "design-3".to_owned(),
-            attempt: 1,
+            lease: 1,
             worker: "w".to_owned(),
             serial: None,
             kind,

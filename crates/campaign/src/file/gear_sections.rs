@@ -91,8 +91,8 @@ pub struct Report {
 impl Penalty {
     /// The objective of a design with this criterion, in µm, and this constraint violation.
     #[must_use]
-    pub fn objective(&self, criterion_um: f64, violation: f64) -> f64 {
-        criterion_um / self.reference_um + self.weight * violation
+    pub fn objective(&self, criterion: f64, violation: f64) -> f64 {
+        criterion / self.reference_um + self.weight * violation
     }
 }
 

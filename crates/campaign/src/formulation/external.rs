@@ -62,7 +62,7 @@ impl External {
 
     /// The responses, which do not depend on the state.
     pub(super) fn responses_of(&self, analysis: &Analysis) -> Vec<f64> {
-        let baseline = self.has_baseline().then_some(analysis.value_um);
+        let baseline = self.has_baseline().then_some(analysis.value);
         let criteria = analysis.criteria.values().iter().copied();
         criteria.chain(baseline).collect()
     }
@@ -72,7 +72,7 @@ impl External {
         let count = self.sections.constraints.len();
         let (criteria, baseline) = responses.split_at_checked(count)?;
         Some(Analysis {
-            value_um: baseline.first().copied().unwrap_or(f64::NAN),
+            value: baseline.first().copied().unwrap_or(f64::NAN),
             criteria: Criteria::new(criteria.to_vec()),
         })
     }

@@ -38,7 +38,7 @@ pub struct Answer {
     /// satisfy them with wear, too.
     pub worn: Option<Criteria>,
     /// The samples of a feasible design, in a direct search.
-    pub samples_um: Vec<f64>,
+    pub samples: Vec<f64>,
 }
 
 /// Evaluates a design that an approach may end at. `may_improve` says whether it may be the best
@@ -64,7 +64,7 @@ pub fn answer(
     let mut answer = Answer {
         analysis,
         worn: None,
-        samples_um: Vec::new(),
+        samples: Vec::new(),
     };
     if !is_feasible {
         return Ok(answer);
@@ -76,7 +76,7 @@ pub fn answer(
         answer.worn = Some(prepared.analyse(State::Baseline)?.criteria);
     }
     if approach == Approach::Direct {
-        answer.samples_um = draw(problem, prepared.as_mut()).map_err(NoAnswer::Failed)?;
+        answer.samples = draw(problem, prepared.as_mut()).map_err(NoAnswer::Failed)?;
     }
     Ok(answer)
 }
@@ -157,9 +157,9 @@ impl Seen {
     }
 
     /// Whether a design with this criterion would be the best feasible one so far.
-    fn improves(&self, problem: &Problem, criterion_um: f64) -> bool {
+    fn improves(&self, problem: &Problem, criterion: f64) -> bool {
         let best = self.best.as_ref();
-        best.is_none_or(|best| problem.cost(criterion_um) < problem.cost(best.criterion_um))
+        best.is_none_or(|best| problem.cost(criterion) < problem.cost(best.criterion))
     }
 }
 
@@ -172,7 +172,7 @@ fn ranked(problem: &Problem, evaluated: Option<&Evaluated>) -> Evaluation {
             violation: FAILURE_VIOLATION,
         },
         |Evaluated { found, violation }| Evaluation {
-            value: problem.cost(found.criterion_um),
+            value: problem.cost(found.criterion),
             // On the boundary the violation is zero, but the inequalities are strict.
             violation: if found.feasible {
                 0.0
@@ -219,7 +219,7 @@ impl Objective {
         let predicted = design
             .as_ref()
             .and_then(|design| Some(model?.mean(&problem.free_values(design))));
-        let may_improve = predicted.is_none_or(|criterion_um| seen.improves(problem, criterion_um));
+        let may_improve = predicted.is_none_or(|criterion| seen.improves(problem, criterion));
         // Without constraints a design that is no improvement need not be evaluated.
         let is_settled = predicted.is_some() && problem.criteria().is_empty() && !may_improve;
         Candidate {
@@ -260,10 +260,7 @@ impl Objective {
         let Some(evaluated) = evaluated else {
             return penalty.failure_value.into();
         };
-        let value = penalty.objective(
-            problem.cost(evaluated.found.criterion_um),
-            evaluated.violation,
-        );
+        let value = penalty.objective(problem.cost(evaluated.found.criterion), evaluated.violation);
         if !value.is_finite() {
             return penalty.failure_value.into();
         }
@@ -285,7 +282,7 @@ impl Objective {
             return Some(Evaluated {
                 found: Found {
                     design,
-                    criterion_um: candidate.predicted?,
+                    criterion: candidate.predicted?,
                     criteria: Criteria::new(Vec::new()),
                     feasible: true,
                 },
@@ -297,20 +294,20 @@ impl Objective {
         let is_worn = matches!(self.approach, Approach::Baseline | Approach::Direct);
         // The analysis with Archard's wear also takes the one without.
         seen.simulator_calls += u64::from(is_worn && problem.gears().is_some());
-        seen.simulator_calls += u64::from(answer.worn.is_some()) + answer.samples_um.len() as u64;
+        seen.simulator_calls += u64::from(answer.worn.is_some()) + answer.samples.len() as u64;
         let analysis = answer.analysis;
         let violation = problem.violation(&analysis.criteria);
         let mut feasible = problem.is_feasible(&analysis.criteria);
-        let criterion_um = match self.approach {
+        let criterion = match self.approach {
             // An infeasible design is ranked by its violation alone.
             Approach::Direct if !feasible => 0.0,
             Approach::Direct => {
-                let estimate = problem.campaign().sampling.estimate(&answer.samples_um);
+                let estimate = problem.campaign().sampling.estimate(&answer.samples);
                 estimate.map_or(f64::NAN, |estimate| estimate.chosen.p90)
             }
-            _ => candidate.predicted.unwrap_or(analysis.value_um),
+            _ => candidate.predicted.unwrap_or(analysis.value),
         };
-        if !(criterion_um.is_finite() && violation.is_finite()) {
+        if !(criterion.is_finite() && violation.is_finite()) {
             return None;
         }
         let mut criteria = analysis.criteria;
@@ -320,11 +317,11 @@ impl Objective {
         }
         let found = Found {
             design,
-            criterion_um,
+            criterion,
             criteria,
             feasible,
         };
-        if feasible && seen.improves(problem, criterion_um) {
+        if feasible && seen.improves(problem, criterion) {
             seen.best = Some(found.clone());
         }
         Some(Evaluated { found, violation })

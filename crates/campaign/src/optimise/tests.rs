@@ -160,14 +160,14 @@ fn a_direct_search_minimises_the_percentile_of_designs_that_keep_the_constraints
     let best = result.best.expect("800 designs reach the feasible region");
     assert!(problem.is_feasible(&best.criteria));
     let again = answer(&problem, Approach::Direct, &best.design, true).unwrap();
-    assert_eq!(again.samples_um.len(), 12);
-    let percentile = stats::percentile_p90(&again.samples_um).unwrap();
-    assert_eq!(percentile.p90, best.criterion_um);
+    assert_eq!(again.samples.len(), 12);
+    let percentile = stats::percentile_p90(&again.samples).unwrap();
+    assert_eq!(percentile.p90, best.criterion);
     // Two analyses per design, and samples only of feasible designs.
     let most = 14 * result.evaluations;
     assert!((2 * result.evaluations..most).contains(&result.simulator_calls));
     let values = result.history.iter().map(|(_, value)| *value);
-    let met = values.filter(|value| *value > best.criterion_um).count();
+    let met = values.filter(|value| *value > best.criterion).count();
     assert!(met > 3, "it improved again and again: {:?}", result.history);
 }
 
@@ -223,11 +223,11 @@ fn a_search_on_a_model_begins_at_the_best_design_and_never_ends_worse() {
                 let answers = candidates.iter().map(|candidate| {
                     candidate.is_asked.then(|| Answer {
                         analysis: crate::simulator::Analysis {
-                            value_um: 0.0,
+                            value: 0.0,
                             criteria: Criteria::new(Vec::new()),
                         },
                         worn: None,
-                        samples_um: Vec::new(),
+                        samples: Vec::new(),
                     })
                 });
                 let answers = answers.collect();
@@ -238,10 +238,10 @@ fn a_search_on_a_model_begins_at_the_best_design_and_never_ends_worse() {
         };
         let result = found(Some(problem.design(best, problem.base())));
         let rounding = 1e-9 * least.abs();
-        let ended = result.best.unwrap().criterion_um;
+        let ended = result.best.unwrap().criterion;
         assert!(ended <= least + rounding, "{seed}: {ended} {least}");
         assert_eq!(result.evaluations, 30);
-        let random = found(None).best.unwrap().criterion_um;
+        let random = found(None).best.unwrap().criterion;
         worse_from_random += u32::from(random > least + rounding);
     }
     assert!(worse_from_random > 0, "the budget was to be small");

@@ -32,7 +32,7 @@ fn design(samples: std::ops::Range<u32>) -> Unit {
 
 fn drawn(output: Option<Output>) -> Vec<f64> {
     match output {
-        Some(Output::Design { samples_um, .. } | Output::Samples(samples_um)) => samples_um,
+        Some(Output::Design { samples, .. } | Output::Samples(samples)) => samples,
         other => panic!("no samples: {other:?}"),
     }
 }
@@ -40,7 +40,7 @@ fn drawn(output: Option<Output>) -> Vec<f64> {
 fn analysis(problem: &Problem, pair: &gear::Pair, analysis: &gear::Analysis) -> Analysis {
     let pressure = analysis.hertz_pressure_mpa;
     Analysis {
-        value_um: analysis.delta_ste_um,
+        value: analysis.delta_ste_um,
         criteria: problem
             .gears()
             .unwrap()
@@ -60,10 +60,8 @@ fn a_flank_class_changes_the_samples_alone() {
     let source = Source::Design(asked());
     let parts = |problem: &Problem| match compute(problem, &design(2..7), &source).unwrap() {
         Output::Design {
-            responses,
-            samples_um,
-            ..
-        } => (responses, samples_um),
+            responses, samples, ..
+        } => (responses, samples),
         other => panic!("{other:?}"),
     };
     let (with, without) = (parts(&problem), parts(&perfect));
@@ -88,7 +86,7 @@ fn units_ask_the_built_in_model_and_nothing_else() {
     let worn = pair.archard(gears.wear()).analysis;
     let mut sampler = gears.sampler(&pair);
     let seed = problem.campaign().seed;
-    let samples_um = (2..7)
+    let samples = (2..7)
         .map(|index| sampler.draw(&mut stream(seed, Purpose::Wear, 3, index)))
         .collect();
     let source = Source::Design(asked.clone());
@@ -100,7 +98,7 @@ fn units_ask_the_built_in_model_and_nothing_else() {
                 &analysis(&problem, &pair, &worn)
             ),
             ruled_out: None,
-            samples_um,
+            samples,
         }
     );
     assert_eq!(
@@ -127,11 +125,11 @@ fn a_design_that_its_constraints_rule_out_gets_no_samples() {
             Ok(Output::Design {
                 responses,
                 ruled_out,
-                samples_um,
+                samples,
             }) => {
                 let worn = problem.analysis(&asked(), &responses, State::Baseline);
                 let violation = problem.violation(&worn.unwrap().criteria);
-                (violation, samples_um.len(), ruled_out)
+                (violation, samples.len(), ruled_out)
             }
             other => panic!("{other:?}"),
         }
@@ -221,7 +219,7 @@ impl Prepared for Ready<'_> {
         let gears = self.0.problem.gears().unwrap();
         let pair = gears.pair(&asked()).unwrap();
         Ok(Analysis {
-            value_um: self.0.analysed_um,
+            value: self.0.analysed_um,
             criteria: gears.pair_criteria(&pair, 900.0).into(),
         })
     }

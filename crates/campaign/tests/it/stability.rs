@@ -42,7 +42,7 @@ impl Prepared for Ready {
             details: None,
         };
         Ok(Analysis {
-            value_um: self.0.delta_ste_um,
+            value: self.0.delta_ste_um,
             criteria: criteria.into(),
         })
     }
@@ -123,9 +123,9 @@ fn a_feasible_region_of_a_thousandth_of_the_box_is_found() {
         let lowest = 1.0 + 6.0 * (0.7 - (RADIUS + 0.001) / 6f64.sqrt());
         // A tenth of a per cent: the error due to strict inequality and 6000 designs.
         assert!(
-            (best.criterion_um / lowest - 1.0).abs() < 1e-3,
+            (best.criterion / lowest - 1.0).abs() < 1e-3,
             "start {start}: {} against {lowest}",
-            best.criterion_um
+            best.criterion
         );
     }
 }
@@ -143,9 +143,9 @@ fn a_run_gets_off_a_plateau_of_100s() {
         let result = run(formula, 4000, start);
         let best = result.best.expect("a quarter of the box can be simulated");
         assert!(
-            best.criterion_um < 1.0 + 1e-6,
+            best.criterion < 1.0 + 1e-6,
             "start {start}: {}",
-            best.criterion_um
+            best.criterion
         );
         assert!(
             result.simulator_calls < 2 * result.evaluations,
@@ -181,7 +181,7 @@ fn a_criterion_that_is_no_number_is_a_failure() {
     };
     let result = run(formula, 4000, 0);
     let found = unit(&result);
-    assert!(result.best.unwrap().criterion_um.is_finite());
+    assert!(result.best.unwrap().criterion.is_finite());
     // The best of the other points lies at the edge of the region with NaN.
     assert!((found[2] - 0.3).abs() < 1e-3, "{found:?}");
     let nothing = run(

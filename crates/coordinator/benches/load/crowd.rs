@@ -8,7 +8,7 @@ use anyhow::{Context as _, ensure};
 use campaign::formulation::Problem;
 use campaign::probe;
 use campaign::task::compute;
-use protocol::v2::{
+use protocol::v1::{
     Directive, HeartbeatRequest, LeaseRequest, LeaseResult, RegisterRequest, ReportRequest,
 };
 

@@ -44,7 +44,7 @@ use gateway::client::Reach;
 use gateway::port::{self, Doors};
 use gateway::{Link, Role};
 use ledger::StreamId;
-use protocol::v2::{Kind, LeaseRequest};
+use protocol::v1::{Kind, LeaseRequest};
 use store::{Batch, CampaignRow, CriteriaRow, DesignRow, SampleRow, Store};
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;

@@ -9,7 +9,7 @@ use campaign::{Campaign, probe};
 use coordinator::board::Course;
 use ledger::{Generation, Grant, LeaseId, StreamId, Unit};
 use prost::Message as _;
-use protocol::v2::LeaseResult;
+use protocol::v1::LeaseResult;
 use store::DesignRow;
 
 use crate::{Process, campaign, cpu, cpu_parts, served, slow};

@@ -15,8 +15,8 @@ use coordinator::server;
 use coordinator::service::Service;
 use ledger::WorkerId;
 use protocol::exit;
-use protocol::v2::campaign_server::Campaign as _;
-use protocol::v2::{HeldLease, Lease, LeaseId, RegisterRequest, ReportRequest};
+use protocol::v1::campaign_server::Campaign as _;
+use protocol::v1::{HeldLease, Lease, LeaseId, RegisterRequest, ReportRequest};
 use results::{reporting, status};
 use serde::Serialize;
 use shards::{Header, Part, Shard};
@@ -318,7 +318,7 @@ async fn store_parts(problem: &Arc<Problem>, store: &Store, parts: &[Part]) -> a
         let whole = results
             .iter_mut()
             .flat_map(|result| std::mem::take(&mut result.results));
-        let whole = protocol::v2::LeaseResult {
+        let whole = protocol::v1::LeaseResult {
             results: whole.collect(),
             id: Some(id),
             ..Default::default()

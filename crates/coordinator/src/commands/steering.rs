@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use gateway::client::Reach;
 use gateway::{Link, Role};
 use protocol::exit;
-use protocol::v2::{DrainRequest, ExplainRequest, RetryRequest, WatchRequest};
+use protocol::v1::{DrainRequest, ExplainRequest, RetryRequest, WatchRequest};
 use results::describing::describe;
 use results::status::{self, Status};
 use store::Store;

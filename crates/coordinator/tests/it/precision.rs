@@ -53,7 +53,7 @@ async fn found(store: &Store) -> Found {
     let optima = store.optima().await.unwrap().into_iter();
     Found {
         samples: store.samples_digest().await.unwrap(),
-        verification_samples: store.verify_samples_digest().await.unwrap(),
+        verification_samples: store.point_samples_digest().await.unwrap(),
         responses: store.responses().await.unwrap(),
         models: models.map(|row| (row.name, row.json)).collect(),
         optima: optima

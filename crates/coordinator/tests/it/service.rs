@@ -12,8 +12,8 @@ use coordinator::recorder::StoreRecorder;
 use coordinator::service::Service;
 use ledger::{Options, StreamId};
 use protocol::Refusal;
-use protocol::v2::campaign_server::Campaign as _;
-use protocol::v2::{
+use protocol::v1::campaign_server::Campaign as _;
+use protocol::v1::{
     Directive, DrainRequest, ExplainRequest, HeartbeatRequest, HeldLease, Lease, LeaseRequest,
     LeaseResult, LeaseState, RegisterRequest, ReleaseRequest, ReportRequest, RetryRequest,
     UnitResult, WatchRequest,
@@ -230,7 +230,7 @@ async fn a_result_that_contradicts_the_store_is_loud_and_changes_nothing() {
     assert!(bench.store.failures().await.unwrap().is_empty());
 
     let mut other = answer;
-    other.results[0].samples_um[7] += 1e-9;
+    other.results[0].samples[7] += 1e-9;
     bench.report("wrong", other).await;
     assert_eq!(bench.store.samples_digest().await.unwrap(), held);
     let failures = bench.store.failures().await.unwrap();
@@ -247,7 +247,7 @@ async fn numbers_that_cannot_be_are_failures_until_the_design_is_quarantined() {
         bench.register(bench.introduction(worker)).await.unwrap();
         let (leases, _) = bench.lease(worker).await;
         let mut answer = bench.answer(&leases[0]);
-        answer.results[0].samples_um[3] = absurd;
+        answer.results[0].samples[3] = absurd;
         assert_eq!(bench.report(worker, answer).await, Directive::Continue);
     }
     let design = StreamId::design(0);
@@ -288,7 +288,7 @@ async fn what_a_partial_result_leaves_undone_is_leased_again() {
     bench.register(bench.introduction("leaver")).await.unwrap();
     let (leases, _) = bench.lease("leaver").await;
     let mut part = bench.answer(&leases[0]);
-    part.results[0].samples_um.truncate(4);
+    part.results[0].samples.truncate(4);
     part.results[0].unit.as_mut().unwrap().count = 4;
     bench.report("leaver", part).await;
     assert_eq!(bench.samples().await, 4);
@@ -388,18 +388,18 @@ async fn samples_of_an_optimum_that_was_replaced_are_not_stored_for_the_new_one(
     let removed = store::Derived::Verification(name.to_owned());
     bench.store.remove(&[removed]).await.unwrap();
     bench.report("old", late.clone()).await;
-    assert!(bench.store.verify_samples(name).await.unwrap().is_empty());
+    assert!(bench.store.point_samples(name).await.unwrap().is_empty());
     want(0.20).await;
     bench.report("old", late).await;
-    assert!(bench.store.verify_samples(name).await.unwrap().is_empty());
+    assert!(bench.store.point_samples(name).await.unwrap().is_empty());
     let new = lease("new").await;
     let units = new.units().unwrap();
     assert_eq!(units[0].0.samples, 0..8, "nothing of it is there");
     let expected = bench.answer(&new);
     bench.report("new", expected.clone()).await;
-    let stored = bench.store.verify_samples(name).await.unwrap();
-    let stored: Vec<f64> = stored.iter().map(|row| row.delta_ste_um).collect();
-    assert_eq!(stored, expected.results[0].samples_um);
+    let stored = bench.store.point_samples(name).await.unwrap();
+    let stored: Vec<f64> = stored.iter().map(|row| row.value).collect();
+    assert_eq!(stored, expected.results[0].samples);
 }
 
 #[tokio::test]

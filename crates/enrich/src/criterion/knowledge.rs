@@ -22,7 +22,7 @@ pub(super) struct KnowledgeGradient<'a> {
 
 impl<'a> KnowledgeGradient<'a> {
     pub(super) fn new(model: &'a Surrogate, incumbents: &[&Sampled], options: &'a Options) -> Self {
-        let mean = |row: &&Sampled| model.mean_above(&row.x, row.baseline_um);
+        let mean = |row: &&Sampled| model.mean_above(&row.x, row.baseline);
         let mut compared: Vec<(Vec<f64>, f64)> = incumbents
             .iter()
             .map(|row| (row.x.clone(), mean(row)))
@@ -38,7 +38,7 @@ impl<'a> KnowledgeGradient<'a> {
 
     /// The expected fall of the lowest mean by samples at `x`, µm. `new` is the mean at `x` if it is a
     /// new design: it is then a candidate, too.
-    fn value_um(&self, x: &[f64], new: Option<f64>, samples: u32) -> f64 {
+    fn value(&self, x: &[f64], new: Option<f64>, samples: u32) -> f64 {
         let points: Vec<&[f64]> = self
             .compared
             .iter()
@@ -65,14 +65,14 @@ impl<'a> KnowledgeGradient<'a> {
 }
 
 impl InfillCriterion for KnowledgeGradient<'_> {
-    fn new_design(&self, x: &[f64], baseline_um: f64) -> f64 {
-        let mean = self.model.mean_above(x, baseline_um);
-        self.value_um(x, Some(mean), self.options.samples_new)
+    fn new_design(&self, x: &[f64], baseline: f64) -> f64 {
+        let mean = self.model.mean_above(x, baseline);
+        self.value(x, Some(mean), self.options.samples_new)
     }
 
     fn more_samples(&self, row: &Sampled) -> f64 {
         if self.compared.iter().any(|(x, _)| *x == row.x) {
-            self.value_um(&row.x, None, self.options.samples_more)
+            self.value(&row.x, None, self.options.samples_more)
         } else {
             0.0
         }

@@ -17,7 +17,7 @@ pub(super) struct QuantileImprovement<'a> {
 impl<'a> QuantileImprovement<'a> {
     pub(super) fn new(model: &'a Surrogate, incumbents: &[&Sampled], options: &'a Options) -> Self {
         let quantile = |row: &&Sampled| {
-            let belief = model.belief(&row.x, row.baseline_um);
+            let belief = model.belief(&row.x, row.baseline);
             belief.quantile(options.quantile_z)
         };
         Self {
@@ -27,20 +27,20 @@ impl<'a> QuantileImprovement<'a> {
         }
     }
 
-    fn value_um(&self, x: &[f64], baseline_um: f64, samples: u32) -> f64 {
+    fn value(&self, x: &[f64], baseline: f64, samples: u32) -> f64 {
         let noise = self.model.noise(samples);
-        let belief = self.model.belief(x, baseline_um);
+        let belief = self.model.belief(x, baseline);
         improvement_um(&belief, self.lowest, noise, self.options.quantile_z)
     }
 }
 
 impl InfillCriterion for QuantileImprovement<'_> {
-    fn new_design(&self, x: &[f64], baseline_um: f64) -> f64 {
-        self.value_um(x, baseline_um, self.options.samples_new)
+    fn new_design(&self, x: &[f64], baseline: f64) -> f64 {
+        self.value(x, baseline, self.options.samples_new)
     }
 
     fn more_samples(&self, row: &Sampled) -> f64 {
-        self.value_um(&row.x, row.baseline_um, self.options.samples_more)
+        self.value(&row.x, row.baseline, self.options.samples_more)
     }
 }
 

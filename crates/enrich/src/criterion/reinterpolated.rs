@@ -26,7 +26,7 @@ impl<'a> ReinterpolatedImprovement<'a> {
         options: &'a Options,
     ) -> Result<Self, Error> {
         let interpolating = model.reinterpolated()?;
-        let mean = |row: &&Sampled| interpolating.mean_above(&row.x, row.baseline_um);
+        let mean = |row: &&Sampled| interpolating.mean_above(&row.x, row.baseline);
         Ok(Self {
             lowest: least(incumbents.iter().map(mean)),
             model,
@@ -37,14 +37,14 @@ impl<'a> ReinterpolatedImprovement<'a> {
 }
 
 impl InfillCriterion for ReinterpolatedImprovement<'_> {
-    fn new_design(&self, x: &[f64], baseline_um: f64) -> f64 {
-        let belief = self.interpolating.belief(x, baseline_um);
+    fn new_design(&self, x: &[f64], baseline: f64) -> f64 {
+        let belief = self.interpolating.belief(x, baseline);
         belief.expected_below(self.lowest)
     }
 
     fn more_samples(&self, row: &Sampled) -> f64 {
         let noise = self.model.noise(self.options.samples_more);
-        let belief = self.model.belief(&row.x, row.baseline_um);
+        let belief = self.model.belief(&row.x, row.baseline);
         belief
             .next_mean(noise)
             .map_or(0.0, |next| next.expected_below(self.lowest))

@@ -34,7 +34,7 @@ fn every_criterion_finds_the_optimum_on_the_boundary_within_its_interval() {
         );
         // Three times the half-width: with three criteria, one in seven would miss 95 %.
         assert!(
-            (best.predicted_um - truth).abs() < 3.0 * best.half_width_um(),
+            (best.predicted - truth).abs() < 3.0 * best.half_width(),
             "{criterion:?}: {best:?} but {truth}"
         );
     }
@@ -91,13 +91,13 @@ fn the_enrichment_stops_when_less_than_delta_is_to_be_gained() {
     let mut state = sampled(&problem, 40, 30);
     let end = enrich(&problem, &mut state, &settings, 30);
     let Some(Stop::Converged {
-        expected_improvement_um,
-        half_width_um,
+        expected_improvement,
+        half_width,
     }) = end.stop
     else {
         panic!("{:?} after {} rounds", end.stop, end.round);
     };
-    assert!(expected_improvement_um < 0.03 && half_width_um < 0.03);
+    assert!(expected_improvement < 0.03 && half_width < 0.03);
     assert!(end.infill.is_empty());
 }
 
@@ -191,14 +191,14 @@ fn a_baseline_with_a_kink_does_not_hold_the_search() {
     let baseline = |x: &[f64]| (problem.response)(x) - 0.8 + 4.0 * (mean(x) - 0.4).abs();
     let known = |x: &[f64]| {
         Some(enrich::Known {
-            baseline_um: baseline(x),
+            baseline: baseline(x),
             ..enrich::Known::from(0.0)
         })
     };
     let mut state = sampled(&problem, 60, 30);
     let best = loop {
         for row in &mut state.sampled {
-            row.baseline_um = baseline(&row.x);
+            row.baseline = baseline(&row.x);
         }
         let decision = decide(&state, &options(&problem), &known).unwrap();
         if decision.stop.is_some() || state.rounds.len() >= 12 {

@@ -47,14 +47,14 @@ fn sampled(problem: &Problem, n: usize, samples: u32) -> State {
 }
 
 fn add(problem: &Problem, state: &mut State, x: Vec<f64>, number: usize, samples: u32) {
-    let (response_um, variance_um2) = observe(problem, &x, number, samples);
+    let (response, variance) = observe(problem, &x, number, samples);
     state.sampled.push(Sampled {
         violation: (problem.violation)(&x).unwrap_or(f64::INFINITY),
         x,
         samples,
-        response_um,
-        variance_um2,
-        baseline_um: 0.0,
+        response,
+        variance,
+        baseline: 0.0,
     });
 }
 
@@ -74,13 +74,13 @@ fn carry_out(problem: &Problem, state: &mut State, decision: &Decision) {
                 let (response, variance) = observe(problem, &x, *design, total);
                 let row = &mut state.sampled[*design];
                 row.samples = total;
-                row.response_um = response;
-                row.variance_um2 = variance;
+                row.response = response;
+                row.variance = variance;
             }
         }
     }
     state.rounds.push(RoundRecord {
-        expected_improvement_um: decision.expected_improvement_um,
+        expected_improvement: decision.expected_improvement,
         asked: decision.infill.len() as u32,
         failed: 0,
     });

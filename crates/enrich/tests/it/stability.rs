@@ -31,7 +31,7 @@ fn a_plateau_of_100s_is_reported_and_space_is_filled() {
     assert_eq!(decision.infill.len(), 6);
     assert!(decision.infill.iter().all(is_space_filling));
     assert_eq!(decision.recommendation, None);
-    assert_eq!(decision.expected_improvement_um, None);
+    assert_eq!(decision.expected_improvement, None);
 }
 
 #[test]
@@ -54,7 +54,7 @@ fn responses_that_are_no_numbers_are_failures() {
         ..problem
     };
     let mut state = sampled(&sound, 30, 30);
-    state.sampled[3].response_um = f64::NAN;
+    state.sampled[3].response = f64::NAN;
     let bad = state.sampled[3].x.clone();
     let decision = decide(&state, &options(&sound), &sound.violation).unwrap();
     assert!(decision.recommendation.is_some());
@@ -75,7 +75,7 @@ fn two_rounds_of_only_failures_end_the_enrichment() {
     };
     let mut state = sampled(&problem, 30, 30);
     let failed = RoundRecord {
-        expected_improvement_um: Some(0.5),
+        expected_improvement: Some(0.5),
         asked: 6,
         failed: 6,
     };
@@ -115,7 +115,7 @@ fn there_are_no_more_rounds_than_there_may_be() {
     let first = decide(&state, &limited, &problem.violation).unwrap();
     assert_eq!(first.stop, None);
     state.rounds.push(RoundRecord {
-        expected_improvement_um: first.expected_improvement_um,
+        expected_improvement: first.expected_improvement,
         asked: 0,
         failed: 0,
     });
@@ -187,7 +187,7 @@ fn noise_larger_than_the_signal_is_reported() {
     let best = end.recommendation.unwrap();
     let truth = (problem.response)(&best.x);
     assert!(
-        (best.predicted_um - truth).abs() < 2.0 * best.half_width_um(),
+        (best.predicted - truth).abs() < 2.0 * best.half_width(),
         "{best:?}"
     );
 }
@@ -220,7 +220,7 @@ fn unusable_rows_and_settings_are_errors() {
         }
     ));
     let mut state = sampled(&problem, 5, 30);
-    state.sampled[1].variance_um2 = -1.0;
+    state.sampled[1].variance = -1.0;
     let error = decide(&state, &options(&problem), &problem.violation).unwrap_err();
     assert!(matches!(error, Error::Variance { index: 1, .. }));
     let state = sampled(&problem, 5, 30);

@@ -5,7 +5,7 @@ use enrich::{Criterion, Decision, Infill, Options, Reason, RoundRecord, State, S
 
 /// A round that expected nothing.
 const NOTHING_EXPECTED: RoundRecord = RoundRecord {
-    expected_improvement_um: Some(0.0),
+    expected_improvement: Some(0.0),
     asked: 1,
     failed: 0,
 };
@@ -53,7 +53,7 @@ fn a_small_batch_does_not_converge_before_the_whole_box_is_searched() {
         state.rounds.push(NOTHING_EXPECTED);
         let decision = decide(&state, &settings, &problem.violation).unwrap();
         assert_eq!(decision.stop, None, "batch {batch}");
-        assert!(decision.expected_improvement_um.unwrap() >= settings.delta_um);
+        assert!(decision.expected_improvement.unwrap() >= settings.delta_um);
         assert!((1..=batch).contains(&decision.infill.len()));
         // One search per region, three basins and the box, whatever the batch.
         let searches = decision.constraint_evaluations / settings.search_evaluations as u64;
@@ -110,7 +110,7 @@ fn a_budget_too_small_for_a_new_design_is_not_convergence() {
     };
     let decision = decide(&state, &settings, &problem.violation).unwrap();
     assert_eq!(decision.stop, Some(Stop::Budget { samples: 50 }));
-    assert!(decision.expected_improvement_um.unwrap() >= settings.delta_um);
+    assert!(decision.expected_improvement.unwrap() >= settings.delta_um);
     let ample = Options {
         samples_left: 100,
         ..settings
@@ -167,8 +167,8 @@ fn a_repeated_pick_gets_the_samples_of_a_new_design() {
         ..options(&problem)
     };
     let look: Decision = decide(&state, &with(1e-6), &problem.violation).unwrap();
-    let half = look.recommendation.unwrap().half_width_um();
-    let expected = look.expected_improvement_um.unwrap();
+    let half = look.recommendation.unwrap().half_width();
+    let expected = look.expected_improvement.unwrap();
     assert!(half < expected, "{half} {expected}");
     let settings = with(0.5 * (half + expected));
     let decision = decide(&state, &settings, &problem.violation).unwrap();
@@ -187,7 +187,7 @@ fn a_repeated_pick_gets_the_samples_of_a_new_design() {
     // No round is empty unless it is the last one or the next one may be.
     for _ in 0..4 {
         let decision = decide(&state, &settings, &problem.violation).unwrap();
-        let expected = decision.expected_improvement_um.unwrap_or(0.0);
+        let expected = decision.expected_improvement.unwrap_or(0.0);
         let goes_on = !decision.infill.is_empty() || decision.stop.is_some();
         assert!(goes_on || expected < settings.delta_um, "{decision:?}");
         carry_out(&problem, &mut state, &decision);
@@ -207,7 +207,7 @@ fn every_criterion_values_more_samples_by_itself() {
             ..options(&problem)
         };
         let decision = decide(&state, &settings, &problem.violation).unwrap();
-        decision.expected_improvement_um.unwrap()
+        decision.expected_improvement.unwrap()
     };
     assert_eq!(expected(Criterion::KnowledgeGradient, 1.28), 0.0);
     let reinterpolated = Criterion::ReinterpolatedExpectedImprovement;

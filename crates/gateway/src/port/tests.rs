@@ -4,7 +4,7 @@ use std::net::SocketAddr;
 use std::time::SystemTime;
 
 use protocol::Refusal;
-use protocol::v2::StatusRequest;
+use protocol::v1::StatusRequest;
 use tonic::Code;
 
 use super::*;

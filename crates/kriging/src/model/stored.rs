@@ -20,7 +20,6 @@ const VERSION: u32 = 1;
 struct Stored {
     version: u32,
     kernel: Kernel,
-    #[serde(default, skip_serializing_if = "Response::is_plain")]
     response: Response,
     dimensions: usize,
     mu: f64,
@@ -36,30 +35,10 @@ struct Stored {
     noise_variance: Vec<f64>,
     weights: Vec<f64>,
     first_observation: Vec<usize>,
-    // Absent in the plain model, so that older programs read it, and refuse models with these
-    // options.
-    #[serde(default, skip_serializing_if = "Trend::is_constant")]
     trend: Trend,
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     slopes: Vec<f64>,
-    #[serde(default, skip_serializing_if = "is_zero")]
     nugget: f64,
-    #[serde(default = "one", skip_serializing_if = "is_one")]
     calibration: f64,
-}
-
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes references")]
-fn is_zero(value: &f64) -> bool {
-    *value == 0.0
-}
-
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes references")]
-fn is_one(value: &f64) -> bool {
-    *value == 1.0
-}
-
-fn one() -> f64 {
-    1.0
 }
 
 /// The part that must be readable whatever the rest looks like.

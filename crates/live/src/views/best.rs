@@ -84,11 +84,10 @@ pub struct Candidate {
 /// chosen as the lowest of `estimates` estimates.
 #[must_use]
 pub fn best(problem: &Problem, finished: bool, candidates: &[Candidate], estimates: usize) -> Best {
-    let is_usable = |candidate: &&Candidate| {
-        candidate.row.feasible && candidate.percentile.value_um.is_finite()
-    };
+    let is_usable =
+        |candidate: &&Candidate| candidate.row.feasible && candidate.percentile.value.is_finite();
     let usable = || candidates.iter().filter(is_usable);
-    let cost = |candidate: &Candidate| problem.cost(candidate.percentile.value_um);
+    let cost = |candidate: &Candidate| problem.cost(candidate.percentile.value);
     let least = |a: &&Candidate, b: &&Candidate| cost(a).total_cmp(&cost(b));
     let verified = usable().filter(|candidate| candidate.design.is_none());
     let chosen = verified.min_by(least).or_else(|| usable().min_by(least));
@@ -140,9 +139,9 @@ pub fn of_design(problem: &Problem, candidate: &Candidate) -> Option<BestDesign>
             ),
         },
         verified: candidate.design.is_none(),
-        value: percentile.value_um,
-        low: percentile.low_um,
-        high: percentile.high_um,
+        value: percentile.value,
+        low: percentile.low,
+        high: percentile.high,
         samples: percentile.samples as u64,
         variables: variables
             .map(|(variable, value)| Named {

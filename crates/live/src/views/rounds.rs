@@ -51,19 +51,14 @@ pub fn rounds(enrichment: Option<&Enrichment>, percentile: &str) -> Rounds {
     let rows: Vec<Vec<String>> = rounds
         .iter()
         .map(|round| {
-            let ends = [round.predicted_um, round.low_um, round.high_um].map(number);
+            let ends = [round.predicted, round.low, round.high].map(number);
             let [predicted, low, high] = ends;
             vec![round.round.to_string(), predicted, low, high]
         })
         .collect();
     let gains: Vec<Vec<String>> = rounds
         .iter()
-        .map(|round| {
-            vec![
-                round.round.to_string(),
-                number(round.expected_improvement_um),
-            ]
-        })
+        .map(|round| vec![round.round.to_string(), number(round.expected_improvement)])
         .collect();
     // Before the first round there is nothing to draw except the tolerance.
     let begun = enrichment.filter(|_| !rounds.is_empty());
@@ -96,9 +91,9 @@ fn of_round(round: &EnrichmentRound) -> Round {
         further_turns: round.further_turns,
         samples: round.samples,
         failed: round.failed,
-        expected_improvement: round.expected_improvement_um,
-        predicted: round.predicted_um,
-        low: round.low_um,
-        high: round.high_um,
+        expected_improvement: round.expected_improvement,
+        predicted: round.predicted,
+        low: round.low,
+        high: round.high,
     }
 }

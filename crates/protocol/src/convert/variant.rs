@@ -5,11 +5,11 @@ use gear::{Corrections, ReliefShape, TipRelief};
 use stats::streams::Purpose;
 
 use super::{Malformed, malformed};
-use crate::v2;
+use crate::v1;
 
 /// The message of a variant.
-pub(super) fn message(variant: &Variant) -> v2::Variant {
-    let relief = |relief: TipRelief| v2::TipRelief {
+pub(super) fn message(variant: &Variant) -> v1::Variant {
+    let relief = |relief: TipRelief| v1::TipRelief {
         amount_mm: relief.amount,
         length_mm: relief.length,
         is_parabolic: relief.shape == ReliefShape::Parabolic,
@@ -25,11 +25,11 @@ pub(super) fn message(variant: &Variant) -> v2::Variant {
     } = variant.wear;
     let (purpose, number) = variant.stream;
     let purpose = match purpose {
-        Purpose::Wear => v2::Purpose::Wear,
-        Purpose::Verify => v2::Purpose::Verify,
-        _ => v2::Purpose::Unspecified,
+        Purpose::Wear => v1::Purpose::Wear,
+        Purpose::Verify => v1::Purpose::Verify,
+        _ => v1::Purpose::Unspecified,
     };
-    v2::Variant {
+    v1::Variant {
         design: Some(super::design_message(&variant.design)),
         pinion_relief: pinion.map(relief),
         mate_relief: mate.map(relief),
@@ -47,7 +47,7 @@ pub(super) fn message(variant: &Variant) -> v2::Variant {
 /// # Errors
 ///
 /// The message is malformed.
-pub(super) fn read(message: &v2::Variant) -> Result<Variant, Malformed> {
+pub(super) fn read(message: &v1::Variant) -> Result<Variant, Malformed> {
     let Some(design) = &message.design else {
         return malformed("has a variant of no design");
     };
@@ -55,11 +55,11 @@ pub(super) fn read(message: &v2::Variant) -> Result<Variant, Malformed> {
         return malformed("has not three factors on the wear for each variant");
     };
     let purpose = match message.purpose() {
-        v2::Purpose::Wear => Purpose::Wear,
-        v2::Purpose::Verify => Purpose::Verify,
-        v2::Purpose::Unspecified => return malformed("names random streams that there are not"),
+        v1::Purpose::Wear => Purpose::Wear,
+        v1::Purpose::Verify => Purpose::Verify,
+        v1::Purpose::Unspecified => return malformed("names random streams that there are not"),
     };
-    let relief = |relief: &v2::TipRelief| TipRelief {
+    let relief = |relief: &v1::TipRelief| TipRelief {
         amount: relief.amount_mm,
         length: relief.length_mm,
         shape: if relief.is_parabolic {

@@ -100,7 +100,7 @@ pub fn chart_front(
 }
 
 fn middle(points: &[(f64, Percentile)]) -> Vec<[f64; 2]> {
-    points.iter().map(|(x, p90)| [*x, p90.value_um]).collect()
+    points.iter().map(|(x, p90)| [*x, p90.value]).collect()
 }
 
 /// A ring for each percentile and a bar for its interval.
@@ -109,7 +109,7 @@ fn with_bars(name: &str, colour: usize, points: &[(f64, Percentile)]) -> Vec<Ser
         name: None,
         mark: Mark::Curve(""),
         colour,
-        points: vec![[*x, p90.low_um], [*x, p90.high_um]],
+        points: vec![[*x, p90.low], [*x, p90.high]],
     };
     let mut series: Vec<Series> = points.iter().map(bar).collect();
     series.push(Series {

@@ -7,7 +7,7 @@ use crate::svg::{Chart, Mark, Picture, Scale, Series};
 
 /// The standardised leave-one-out residuals against the quantiles of the normal distribution.
 pub(crate) fn residuals(fit: &KrigingFit) -> Result<Picture, Error> {
-    let standardised = fit.leave_one_out.iter().filter_map(|p| p.standardised);
+    let standardised = fit.leave_one_out.iter().map(|p| p.standardised);
     let mut ordered: Vec<f64> = standardised.filter(|r| r.is_finite()).collect();
     ordered.sort_by(f64::total_cmp);
     let n = ordered.len() as f64;

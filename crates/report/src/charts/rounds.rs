@@ -18,9 +18,9 @@ pub(crate) fn prediction(enrichment: &Enrichment, percentile: &str) -> Result<Pi
             .collect(),
     };
     let mut series = vec![
-        line("95 % interval", Mark::Thin("5 3"), 0, |r| r.low_um),
-        line("", Mark::Thin("5 3"), 0, |r| r.high_um),
-        line("prediction", Mark::Curve(""), 0, |r| r.predicted_um),
+        line("95 % interval", Mark::Thin("5 3"), 0, |r| r.low),
+        line("", Mark::Thin("5 3"), 0, |r| r.high),
+        line("prediction", Mark::Curve(""), 0, |r| r.predicted),
     ];
     if let (Some(verified), Some(last)) = (enrichment.verified_um, enrichment.rounds.last()) {
         series.push(Series {
@@ -45,7 +45,7 @@ pub(crate) fn expected_improvement(enrichment: &Enrichment) -> Result<Picture, E
     let points: Vec<[f64; 2]> = enrichment
         .rounds
         .iter()
-        .map(|round| [round.round as f64, round.expected_improvement_um])
+        .map(|round| [round.round as f64, round.expected_improvement])
         .collect();
     let last = enrichment.rounds.last().map_or(1.0, |r| r.round as f64);
     let tolerance = enrichment.tolerance_um;

@@ -100,10 +100,7 @@ pub(crate) fn responses(
 
 /// See [`super::chart_leave_one_out`].
 pub(crate) fn leave_one_out(fit: &KrigingFit) -> Result<Picture, Error> {
-    let pairs = fit
-        .leave_one_out
-        .iter()
-        .map(|p| [p.observed_um, p.predicted_um]);
+    let pairs = fit.leave_one_out.iter().map(|p| [p.observed, p.predicted]);
     let points = drawable_pairs(pairs, Scale::Linear);
     let chart = Chart {
         title: "Leave-one-out predictions".to_owned(),

@@ -71,16 +71,16 @@ fn outcome(enrichment: &Enrichment, percentile: &str) -> String {
     let Some(last) = enrichment.rounds.last() else {
         return String::new();
     };
-    if !last.predicted_um.is_finite() {
+    if !last.predicted.is_finite() {
         return String::new();
     }
     let shown = |value: f64| with_unit(value, 4, &enrichment.unit);
     let mut text = format!(
         "The model predicts a {percentile} of {} (95 % interval {} to {}) for the design that it \
          recommends.",
-        shown(last.predicted_um),
-        significant(last.low_um, 4),
-        shown(last.high_um),
+        shown(last.predicted),
+        significant(last.low, 4),
+        shown(last.high),
     );
     if let (Some(verified), Some((low, high))) =
         (enrichment.verified_um, enrichment.interval_of_estimate_um)

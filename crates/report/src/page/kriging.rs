@@ -31,7 +31,7 @@ impl KrigingView {
 /// The section of one model.
 pub(super) fn kriging_view(fit: &KrigingFit) -> Result<KrigingView, Error> {
     let standardised = fit.leave_one_out.iter();
-    let standardised = standardised.filter_map(|p| Some((p.design, p.standardised?)));
+    let standardised = standardised.map(|p| (p.design, p.standardised));
     let largest = standardised.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
     let largest = largest.map(|(design, residual)| {
         (
@@ -45,7 +45,7 @@ pub(super) fn kriging_view(fit: &KrigingFit) -> Result<KrigingView, Error> {
         warnings: fit.warnings.clone(),
         quality: [
             ("Q²".to_owned(), fixed(fit.q2, 3)),
-            ("RMSE".to_owned(), with_unit(fit.rmse_um, 3, &fit.unit)),
+            ("RMSE".to_owned(), with_unit(fit.rmse, 3, &fit.unit)),
             (
                 "Within the 90 % interval".to_owned(),
                 percent(fit.coverage_90),

@@ -135,8 +135,8 @@ fn summary(approach: Approach, optimum: &Optimum, percentile: &str) -> String {
     format!(
         "{} {} µm, verified {percentile} {} µm{converged}; {}.",
         capitalised(&approach.criterion(percentile)),
-        significant(optimum.criterion_um, 3),
-        significant(optimum.p90.value_um, digits_of(&optimum.p90)),
+        significant(optimum.criterion, 3),
+        significant(optimum.p90.value, digits_of(&optimum.p90)),
         if optimum.feasible {
             "feasible"
         } else {

@@ -89,13 +89,13 @@ impl<'a> Row<'a> {
                 Err(why) => Err(why),
             },
             criterion: with_unit(optimum.criterion, 4, unit),
-            p90: with_unit(p90.value_um, digits, unit),
-            interval: match p90.low_um.is_nan() {
+            p90: with_unit(p90.value, digits, unit),
+            interval: match p90.low.is_nan() {
                 true => "none: too few samples".to_owned(),
                 false => format!(
                     "{} to {}",
-                    significant(p90.low_um, digits),
-                    significant(p90.high_um, digits)
+                    significant(p90.low, digits),
+                    significant(p90.high, digits)
                 ),
             },
             calls: count(optimum.simulator_calls),

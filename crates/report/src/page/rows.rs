@@ -142,7 +142,7 @@ pub(super) fn similar(data: &ReportData) -> Vec<SimilarRow> {
             number: i + 1,
             variables: variables(&design.variables),
             archard: fixed(design.delta_ste_archard_um, 2),
-            p90: fixed(design.p90.value_um, decimals(&design.p90)),
+            p90: fixed(design.p90.value, decimals(&design.p90)),
             interval: interval(&design.p90),
             samples: count(design.p90.samples as u64),
             paper_archard: printed(|row| row.delta_ste_archard_um),
@@ -255,8 +255,8 @@ fn design_cells(optimum: &Optimum, limits: &Limits) -> DesignCells {
     DesignCells {
         variables: variables(&optimum.variables[..6]),
         others: others(&optimum.variables),
-        criterion: fixed(optimum.criterion_um, 2),
-        p90: fixed(optimum.p90.value_um, decimals(&optimum.p90)),
+        criterion: fixed(optimum.criterion, 2),
+        p90: fixed(optimum.p90.value, decimals(&optimum.p90)),
         interval: interval(&optimum.p90),
         converged: optimum.converged_difference_um.map(difference),
         constraints: vec![
@@ -296,7 +296,7 @@ fn paper_cells(result: &ApproachResult) -> Option<PaperCells> {
     Some(PaperCells {
         variables: variables(&row.variables),
         others: others(&design.variables),
-        criterion: fixed(row.criterion_um, 2),
+        criterion: fixed(row.criterion, 2),
         p90: fixed(row.p90_um, 2),
         constraints: vec![
             fixed(design.contact_ratio, 2),
@@ -367,7 +367,7 @@ pub(super) fn printed(data: &ReportData) -> Result<Vec<ComparedDesign>, Error> {
                         printed.criterion,
                         "µm",
                         printed.criterion_um,
-                        &model.criterion_um,
+                        &model.criterion,
                     ),
                 ];
                 if let Some(p90) = printed.p90_um {
@@ -430,16 +430,16 @@ fn others(variables: &[f64; 11]) -> Vec<String> {
 pub(super) fn decimals(p90: &Percentile) -> usize {
     let differs = |decimals: &usize| {
         let [low, value, high] =
-            [p90.low_um, p90.value_um, p90.high_um].map(|value| fixed(value, *decimals));
+            [p90.low, p90.value, p90.high].map(|value| fixed(value, *decimals));
         low != value && value != high
     };
     (2..6).find(differs).unwrap_or(2)
 }
 
 fn interval(p90: &Percentile) -> String {
-    if p90.low_um.is_finite() || p90.high_um.is_finite() {
+    if p90.low.is_finite() || p90.high.is_finite() {
         let decimals = decimals(p90);
-        let [low, high] = [p90.low_um, p90.high_um].map(|value| fixed(value, decimals));
+        let [low, high] = [p90.low, p90.high].map(|value| fixed(value, decimals));
         format!("[{low} ; {high}]")
     } else {
         MISSING.to_owned()

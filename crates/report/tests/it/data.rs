@@ -47,7 +47,7 @@ pub(crate) fn plausible() -> ReportData {
             kernel: "Matérn 5/2".to_owned(),
             parameters: parameters(),
             q2: 0.874,
-            rmse_um: 0.61,
+            rmse: 0.61,
             coverage_90: 0.938,
             warnings: vec![
                 "design 59 lies 5.1 standard deviations from its leave-one-out prediction"
@@ -75,7 +75,7 @@ pub(crate) fn plausible() -> ReportData {
 
 fn enrichment() -> Enrichment {
     let rounds = (1..=4).map(|round| {
-        let predicted_um = 1.60 - 0.06 * round as f64;
+        let predicted = 1.60 - 0.06 * round as f64;
         EnrichmentRound {
             round,
             new_designs: 24 - 3 * round,
@@ -83,10 +83,10 @@ fn enrichment() -> Enrichment {
             samples: 720,
             failed: u64::from(round > 2),
             ruled_out: 0,
-            expected_improvement_um: 0.2 / (round * round * round) as f64,
-            predicted_um,
-            low_um: predicted_um - 0.06 / round as f64,
-            high_um: predicted_um + 0.06 / round as f64,
+            expected_improvement: 0.2 / (round * round * round) as f64,
+            predicted,
+            low: predicted - 0.06 / round as f64,
+            high: predicted + 0.06 / round as f64,
         }
     });
     Enrichment {
@@ -181,9 +181,9 @@ fn leave_one_out(doe: &[DoePoint]) -> Vec<LeaveOneOut> {
             let residual = noise.normal();
             LeaveOneOut {
                 design,
-                observed_um: p.p90_um,
-                predicted_um: 0.95 * p.p90_um + 0.3 + (0.2 + 0.06 * p.p90_um) * residual,
-                standardised: Some(-residual),
+                observed: p.p90_um,
+                predicted: 0.95 * p.p90_um + 0.3 + (0.2 + 0.06 * p.p90_um) * residual,
+                standardised: -residual,
             }
         })
         .collect()
@@ -262,7 +262,7 @@ fn approaches() -> Vec<ApproachResult> {
                 approach: row.approach,
                 outcome: Ok(Optimum {
                     variables: design.variables,
-                    criterion_um: row.criterion_um * 0.95,
+                    criterion: row.criterion * 0.95,
                     p90: percentile(row.p90_um * 1.04),
                     p90_by_paper_um: row.p90_um * 1.04,
                     converged_difference_um: Some(-0.0006),
@@ -300,11 +300,11 @@ fn approaches() -> Vec<ApproachResult> {
         .collect()
 }
 
-fn percentile(value_um: f64) -> Percentile {
+fn percentile(value: f64) -> Percentile {
     Percentile {
-        value_um,
-        low_um: value_um - 0.05,
-        high_um: value_um + 0.05,
+        value,
+        low: value - 0.05,
+        high: value + 0.05,
         samples: 500,
     }
 }
@@ -361,7 +361,7 @@ fn printed() -> Vec<PrintedDesign> {
                     note: notes[usize::from(i == 0)].to_owned(),
                 },
                 pressure_mpa: (design.pressure_mpa * 1.12).into(),
-                criterion_um: (design.criterion_um * if i == 3 { 1.95 } else { 1.04 }).into(),
+                criterion: (design.criterion_um * if i == 3 { 1.95 } else { 1.04 }).into(),
                 p90_um: f64::NAN.into(),
             });
             let outcome = if i == 4 {

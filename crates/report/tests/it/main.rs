@@ -337,9 +337,9 @@ fn percentiles_have_the_decimals_that_their_intervals_need() {
     let mut data = plausible();
     if let Ok(optimum) = &mut data.approaches[0].outcome {
         optimum.p90 = Percentile {
-            value_um: 1.492,
-            low_um: 1.489,
-            high_um: 1.494,
+            value: 1.492,
+            low: 1.489,
+            high: 1.494,
             samples: 500,
         };
     }
@@ -365,9 +365,9 @@ fn values_that_are_not_finite_are_dashes() {
     data.kriging[0].q2 = f64::NEG_INFINITY;
     if let Ok(optimum) = &mut data.approaches[0].outcome {
         optimum.p90 = Percentile {
-            value_um: f64::NAN,
-            low_um: f64::NAN,
-            high_um: f64::NAN,
+            value: f64::NAN,
+            low: f64::NAN,
+            high: f64::NAN,
             samples: 0,
         };
         optimum.constraints.pressure_mpa = f64::NAN;
@@ -404,8 +404,8 @@ fn the_enrichment_is_told_in_sentences() {
     // Before the first round, and where no model could be fitted.
     let enrichment = data.enrichment.as_mut().unwrap();
     enrichment.rounds.truncate(1);
-    enrichment.rounds[0].predicted_um = f64::NAN;
-    enrichment.rounds[0].expected_improvement_um = f64::NAN;
+    enrichment.rounds[0].predicted = f64::NAN;
+    enrichment.rounds[0].expected_improvement = f64::NAN;
     check(&render(&data).unwrap().html);
     data.enrichment.as_mut().unwrap().rounds.clear();
     let page = render(&data).unwrap().html;

@@ -34,7 +34,7 @@ pub(super) async fn write<W: Write + Send>(
         let feasible = criteria.and_then(|criteria| known.is_feasible(problem, &row.x, criteria));
         let mut record = vec![row.design.to_string()];
         record.extend(row.x.iter().copied().map(number));
-        record.push(flag(criteria.map(|criteria| criteria.feasible)));
+        record.push(flag(criteria.map(|criteria| criteria.simulable)));
         record.push(flag(feasible));
         record.push(of_design.samples.to_string());
         record.push(of_design.reason(&problem.campaign().sampling));
@@ -117,7 +117,7 @@ impl OfDesign<'_> {
             samples >= u64::from(sampling.samples_max())
                 || self
                     .response
-                    .is_some_and(|row| row.p90_variance_um2.sqrt() <= precision)
+                    .is_some_and(|row| row.percentile_variance.sqrt() <= precision)
         });
         if self.criteria.is_some() && samples >= wanted && is_precise {
             return String::new();
@@ -158,16 +158,16 @@ mod tests {
         quarantined: Option<&str>,
     ) -> String {
         let criteria = criteria.map(|reason| CriteriaRow {
-            feasible: true,
+            simulable: true,
             reason: reason.map(str::to_owned),
             ..CriteriaRow::default()
         });
         let response = variance.map(|p90_variance_um2| ResponseRow {
             design: 0,
-            mean_um: 1.0,
-            sd_um: 1.0,
-            p90_um: 2.0,
-            p90_variance_um2,
+            mean: 1.0,
+            standard_deviation: 1.0,
+            percentile: 2.0,
+            percentile_variance: p90_variance_um2,
             lilliefors_p: None,
         });
         let of_design = OfDesign {

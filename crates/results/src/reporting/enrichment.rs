@@ -60,10 +60,10 @@ pub fn rounds(
                 .sum(),
             failed: points().filter(|point| point.has_failed()).count() as u64,
             ruled_out: points().filter(|point| point.is_ruled_out()).count() as u64,
-            expected_improvement_um: round.row.expected_improvement_um.unwrap_or(f64::NAN),
-            predicted_um: best.map_or(f64::NAN, |best| best.predicted_um),
-            low_um: best.map_or(f64::NAN, |best| best.interval_um.0),
-            high_um: best.map_or(f64::NAN, |best| best.interval_um.1),
+            expected_improvement: round.row.expected_improvement.unwrap_or(f64::NAN),
+            predicted: best.map_or(f64::NAN, |best| best.predicted),
+            low: best.map_or(f64::NAN, |best| best.interval.0),
+            high: best.map_or(f64::NAN, |best| best.interval.1),
         });
         stop = round
             .stop
@@ -82,8 +82,8 @@ pub fn rounds(
         interval_of_estimate_um: recommendation.zip(verified).and_then(|(best, verified)| {
             // Both are uncertain, the model and the verification.
             let (low, high) = verified.interval?;
-            let half = best.half_width_um().hypot(0.5 * (high - low));
-            Some((best.predicted_um - half, best.predicted_um + half))
+            let half = best.half_width().hypot(0.5 * (high - low));
+            Some((best.predicted - half, best.predicted + half))
         }),
     }))
 }

@@ -75,7 +75,7 @@ fn ruled_out(sources: &Sources) -> Option<(String, String)> {
     let count = sources
         .criteria
         .iter()
-        .filter(|row| row.feasible && row.reason.is_some())
+        .filter(|row| row.simulable && row.reason.is_some())
         .count();
     let by = if limit > 0.0 {
         format!(" (a violation above {limit})")
@@ -92,7 +92,7 @@ fn ruled_out(sources: &Sources) -> Option<(String, String)> {
 fn precision(sources: &Sources) -> Option<(String, String)> {
     let sampling = &sources.problem.campaign().sampling;
     let precision = sampling.precision_um?;
-    let reached = |row: &&store::ResponseRow| row.p90_variance_um2.sqrt() <= precision;
+    let reached = |row: &&store::ResponseRow| row.percentile_variance.sqrt() <= precision;
     let reached = sources.responses.iter().filter(reached).count();
     Some((
         format!("precision of {}", sampling.percentile_name()),

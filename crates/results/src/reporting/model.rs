@@ -38,8 +38,8 @@ pub(super) fn kriging(
         unit => format!("{unit}²"),
     };
     let mut parameters = vec![
-        parameter("µ", model.mu_um, unit),
-        parameter("σ²", model.sigma2_um2, &squared),
+        parameter("µ", model.mu, unit),
+        parameter("σ²", model.sigma2, &squared),
         parameter("−log likelihood", model.negative_log_likelihood, ""),
     ];
     parameters.extend(
@@ -63,12 +63,12 @@ pub(super) fn kriging(
         Some(surrogate) => indices(sources, surrogate)?,
         None => Vec::new(),
     };
-    let left_out = model.leave_one_out(&sources.responses);
+    let left_out = model.leave_one_out();
     let left_out = left_out.map(|point| LeaveOneOut {
         design: point.number,
         standardised: point.standardised,
-        observed_um: point.observed_um,
-        predicted_um: point.predicted_um,
+        observed: point.observed,
+        predicted: point.predicted,
     });
     Ok(vec![KrigingFit {
         title: format!("{percentile} over {}", fitted_to(sources, model)),
@@ -76,7 +76,7 @@ pub(super) fn kriging(
         kernel: model.kernel.clone(),
         parameters,
         q2: model.q2,
-        rmse_um: model.rmse_um,
+        rmse: model.rmse,
         coverage_90: model.coverage90,
         warnings: model.warnings.clone(),
         leave_one_out: left_out.collect(),
@@ -88,8 +88,8 @@ pub(super) fn kriging(
 /// What the model was fitted to, in words.
 fn fitted_to(sources: &Sources, model: &ModelSummary) -> String {
     let is_of_doe = |(number, _): &&(u64, f64)| *number < sources.designs.len() as u64;
-    let designs = model.residuals_um.iter().filter(is_of_doe).count();
-    match model.residuals_um.len() - designs {
+    let designs = model.residuals.iter().filter(is_of_doe).count();
+    match model.residuals.len() - designs {
         0 => format!("{} designs", model.points),
         infill => format!("{designs} designs and {infill} infill points"),
     }

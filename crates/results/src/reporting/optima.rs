@@ -112,7 +112,7 @@ fn optimum(
     let pair = gears.and_then(|gears| gears.pair(design).ok());
     Optimum {
         variables: design.gears().values(),
-        criterion_um: row.criterion_um,
+        criterion: row.criterion,
         p90: percentile(sampling, samples),
         p90_by_paper_um: sampling
             .papers_estimate(&samples[..samples.len().min(ACCURATE_SAMPLES)])

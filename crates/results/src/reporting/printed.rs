@@ -28,13 +28,14 @@ pub(super) fn preliminary(sources: &Sources) -> Vec<PreliminaryDesign> {
             let samples = &samples[..samples.len().min(paper::ACCURATE_SAMPLES)];
             let plain = Samples::plain(samples);
             let response = responses::response(0, plain, &of_paper).ok()?;
-            let variance = stats::p90_variance(response.sd_um.powi(2), k, of_paper.normal().z);
+            let variance =
+                stats::p90_variance(response.standard_deviation.powi(2), k, of_paper.normal().z);
             Some(PreliminaryDesign {
                 variables: printed.variables,
                 samples: samples.len(),
-                mean_um: response.mean_um,
-                sd_um: response.sd_um,
-                p90_um: response.p90_um,
+                mean_um: response.mean,
+                sd_um: response.standard_deviation,
+                p90_um: response.percentile,
                 lilliefors_p: response.lilliefors_p.unwrap_or(f64::NAN),
                 p90_variance_um2: variance.unwrap_or(f64::NAN),
             })
@@ -96,12 +97,12 @@ fn printed_figures(sources: &Sources, figure: u8) -> Result<PrintedFigures, Stri
             .map_or(&[][..], Vec::as_slice),
     };
     let p90 = percentile(&sources.problem.campaign().sampling, samples);
-    let criterion_um = match figure {
+    let criterion = match figure {
         6 | 7 => unworn.delta_ste_um,
         9 => worn.delta_ste_um,
         // The captions give a kriging prediction and an estimate from 30 samples; the model's
         // figure beside them is its own accurate percentile.
-        _ => p90.value_um,
+        _ => p90.value,
     };
     let notched = pair.root_stress().iter().any(|root| !root.in_range);
     let mut von_mises = report::ModelFigure::from(criteria.root_stress_mpa);
@@ -115,7 +116,7 @@ fn printed_figures(sources: &Sources, figure: u8) -> Result<PrintedFigures, Stri
         specific_slip: criteria.specific_sliding.into(),
         von_mises_mpa: von_mises,
         pressure_mpa: criteria.hertz_pressure_mpa.into(),
-        criterion_um: criterion_um.into(),
-        p90_um: p90.value_um.into(),
+        criterion: criterion.into(),
+        p90_um: p90.value.into(),
     })
 }

@@ -54,7 +54,7 @@ fn optimum(sources: &Sources, row: &OptimumRow) -> anyhow::Result<ProblemOptimum
         design: optimum_design(problem, row)
             .map(variables)
             .ok_or_else(|| sentence(problem, row)),
-        criterion: row.criterion_um,
+        criterion: row.criterion,
         p90: percentile(
             &problem.campaign().sampling,
             verified.map_or(&[][..], Vec::as_slice),

@@ -48,15 +48,12 @@ impl Sources {
             .map(|approach| approach.name().to_owned())
             .chain(Place::all().map(references::name));
         for name in names {
-            let samples = store.verify_samples(&name).await?;
-            verified.insert(
-                name,
-                samples.iter().map(|sample| sample.delta_ste_um).collect(),
-            );
+            let samples = store.point_samples(&name).await?;
+            verified.insert(name, samples.iter().map(|sample| sample.value).collect());
         }
         let mut responses = store.responses().await?;
         // The others have no percentile.
-        responses.retain(|row| row.p90_um.is_finite());
+        responses.retain(|row| row.percentile.is_finite());
         let model = latest_model(store).await?;
         Ok(Self {
             campaign: row,

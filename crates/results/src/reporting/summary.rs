@@ -118,9 +118,9 @@ fn recommended(sources: &Sources) -> anyhow::Result<Option<Recommended>> {
         Some(Behind {
             approach: name(other.design),
             difference: report::Percentile {
-                value_um: other.behind?.value,
-                low_um: low,
-                high_um: high,
+                value: other.behind?.value,
+                low: low,
+                high: high,
                 samples: other.behind?.n,
             },
         })

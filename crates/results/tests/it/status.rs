@@ -108,7 +108,7 @@ async fn time_to_go_is_that_of_the_stage() {
     status.stage = "verify".to_owned();
     let optimum = |done| Optimum {
         approach: "kriging".to_owned(),
-        criterion_um: Some(1.5),
+        criterion: Some(1.5),
         percentile: None,
         behind: None,
         none: None,

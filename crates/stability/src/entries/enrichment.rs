@@ -124,14 +124,14 @@ impl Scene {
 
     fn add(&self, state: &mut State, x: Vec<f64>, samples: u32) {
         let number = state.sampled.len();
-        let (response_um, variance_um2) = self.observe(&x, number, samples);
+        let (response, variance) = self.observe(&x, number, samples);
         state.sampled.push(Sampled {
             violation: (self.violation)(&x),
             x,
             samples,
-            response_um,
-            variance_um2,
-            baseline_um: 0.0,
+            response,
+            variance,
+            baseline: 0.0,
         });
     }
 
@@ -163,12 +163,12 @@ impl Scene {
                     let x = state.sampled[*design].x.clone();
                     let (response, variance) = self.observe(&x, *design, total);
                     let row = &mut state.sampled[*design];
-                    (row.samples, row.response_um, row.variance_um2) = (total, response, variance);
+                    (row.samples, row.response, row.variance) = (total, response, variance);
                 }
             }
         }
         state.rounds.push(RoundRecord {
-            expected_improvement_um: decision.expected_improvement_um,
+            expected_improvement: decision.expected_improvement,
             asked: decision.infill.len() as u32,
             failed: 0,
         });
@@ -224,10 +224,10 @@ fn cliff(found: &mut Outcome) -> Result<(), Failed> {
         "µm",
         0.2,
     );
-    let error = (best.predicted_um - truth).abs();
+    let error = (best.predicted - truth).abs();
     found.at_most(
         "error of its prediction in half-widths",
-        error / best.half_width_um(),
+        error / best.half_width(),
         "",
         2.0,
     );
@@ -252,14 +252,14 @@ fn noise_only(found: &mut Outcome) -> Result<(), Failed> {
     scene.carry_out(&mut state, &first);
     let second = scene.decide(&state, &options)?;
     let best = second.recommendation.ok_or("nothing is recommended")?;
-    let error = (best.predicted_um - 10.0).abs();
+    let error = (best.predicted - 10.0).abs();
     found.at_most(
         "error of the recommended prediction in half-widths",
-        error / best.half_width_um(),
+        error / best.half_width(),
         "",
         2.0,
     );
-    found.figure("half-width of its interval", best.half_width_um(), "µm");
+    found.figure("half-width of its interval", best.half_width(), "µm");
     found.holds("two rounds of noise do not converge", second.stop.is_none());
     Ok(())
 }
@@ -278,7 +278,7 @@ fn nothing_feasible(found: &mut Outcome) -> Result<(), Failed> {
 
 fn not_numbers(found: &mut Outcome) -> Result<(), Failed> {
     let mut state = SLOPE.state(30);
-    state.sampled[3].response_um = f64::NAN;
+    state.sampled[3].response = f64::NAN;
     let bad = state.sampled[3].x.clone();
     let decision = SLOPE.decide(&state, &SLOPE.options()?)?;
     found.warned(&decision.notes, &["NotNumbers"]);
@@ -314,7 +314,7 @@ fn only_failures(found: &mut Outcome) -> Result<(), Failed> {
     let options = SLOPE.options()?;
     for rounds in 1..=2 {
         state.rounds.push(RoundRecord {
-            expected_improvement_um: Some(0.5),
+            expected_improvement: Some(0.5),
             asked: 6,
             failed: 6,
         });

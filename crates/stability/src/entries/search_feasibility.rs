@@ -177,11 +177,7 @@ fn penalty(found: &mut Outcome) -> Result<(), Failed> {
             found.detected(constraint.name.to_string(), &constraint);
         }
     }
-    found.figure(
-        "criterion of the penalised winner",
-        printed.criterion_um,
-        "µm",
-    );
+    found.figure("criterion of the penalised winner", printed.criterion, "µm");
     found.at_least("continuations", f64::from(result.continuations), "", 1.0);
     let best = result.best.ok_or("the run found no feasible design")?;
     found.at_most(
@@ -190,7 +186,7 @@ fn penalty(found: &mut Outcome) -> Result<(), Failed> {
         "",
         0.0,
     );
-    found.figure("criterion of the final design", best.criterion_um, "µm");
+    found.figure("criterion of the final design", best.criterion, "µm");
     found.figure(
         "evaluations, continuations included",
         result.evaluations as f64,

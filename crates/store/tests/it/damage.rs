@@ -4,7 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use store::{
-    Batch, Derived, Error, ModelRow, OptimiserRunRow, OptimumRow, ResponseRow, Store, VerifyRow,
+    Batch, Derived, Error, ModelRow, OptimiserRunRow, OptimumRow, PointSampleRow, ResponseRow,
+    Store,
 };
 
 use crate::rounds::{new_round, round};
@@ -192,7 +193,7 @@ async fn a_transaction_under_a_journal_that_was_killed_is_undone() {
         .await
         .unwrap();
     // 9.5, little-endian.
-    sqlx::query("UPDATE sample_range SET delta_ste_um = x'0000000000002340'")
+    sqlx::query("UPDATE sample_range SET samples = x'0000000000002340'")
         .execute(&mut connection)
         .await
         .unwrap();
@@ -279,7 +280,7 @@ async fn with_every_row(path: &Path) {
     let store = store_with(path, 2).await;
     let batch = Batch {
         criteria: vec![feasible(0), infeasible(1)],
-        verify: (0..40).map(|i| verified("kriging", i)).collect(),
+        points: (0..40).map(|i| verified("kriging", i)).collect(),
         runs: vec![OptimiserRunRow {
             approach: "kriging".into(),
             start: 3,
@@ -292,10 +293,10 @@ async fn with_every_row(path: &Path) {
     store.writer().unwrap().submit(batch).await.unwrap();
     let response = ResponseRow {
         design: 1,
-        mean_um: 1.5,
-        sd_um: 0.1,
-        p90_um: 1.75,
-        p90_variance_um2: 0.01,
+        mean: 1.5,
+        standard_deviation: 0.1,
+        percentile: 1.75,
+        percentile_variance: 0.01,
         lilliefors_p: None,
     };
     store
@@ -314,7 +315,7 @@ async fn with_every_row(path: &Path) {
     let optimum = OptimumRow {
         approach: "kriging".into(),
         x_json: "{\"x_p\":0.5}".into(),
-        criterion_um: 0.75,
+        criterion: 0.75,
         feasible: true,
         criteria_json: "{}".into(),
         simulator_calls: 1200,
@@ -337,11 +338,11 @@ async fn with_every_row(path: &Path) {
     store.close().await.unwrap();
 }
 
-fn verified(point: &str, sample: u64) -> VerifyRow {
-    VerifyRow {
-        approach: point.into(),
+fn verified(point: &str, sample: u64) -> PointSampleRow {
+    PointSampleRow {
+        point: point.into(),
         sample,
-        delta_ste_um: 1.0 + sample as f64,
+        value: 1.0 + sample as f64,
     }
 }
 
@@ -391,7 +392,7 @@ async fn an_edited_row_of_any_table_is_named() {
         (
             "response",
             "design 1",
-            "UPDATE response SET p90_um = 1.7500000000000002",
+            "UPDATE response SET percentile = 1.7500000000000002",
         ),
         (
             "model",
@@ -401,7 +402,7 @@ async fn an_edited_row_of_any_table_is_named() {
         (
             "optimum",
             "approach \"kriging\"",
-            "UPDATE optimum SET criterion_um = 0.7",
+            "UPDATE optimum SET criterion = 0.7",
         ),
         (
             "optimum",
@@ -411,7 +412,7 @@ async fn an_edited_row_of_any_table_is_named() {
         (
             "optimum",
             "approach \"simulator\"",
-            "INSERT INTO optimum SELECT 'simulator', x_json, criterion_um, feasible, criteria_json,
+            "INSERT INTO optimum SELECT 'simulator', x_json, criterion, feasible, criteria_json,
                 simulator_calls, cpu_seconds, note, seal FROM optimum",
         ),
         (
@@ -428,21 +429,21 @@ async fn an_edited_row_of_any_table_is_named() {
         (
             "sample_range",
             "first_sample 50 of design 1",
-            "UPDATE sample_range SET delta_ste_um = CAST(substr(delta_ste_um, 1, 56)
-                || x'000000000000f43f' || substr(delta_ste_um, 65) AS BLOB)
+            "UPDATE sample_range SET samples = CAST(substr(samples, 1, 56)
+                || x'000000000000f43f' || substr(samples, 65) AS BLOB)
                 WHERE first_sample = 50",
         ),
         // Sample 50 becomes NaN.
         (
             "sample_range",
             "first_sample 50 of design 1",
-            "UPDATE sample_range SET delta_ste_um = CAST(x'000000000000f87f'
-                || substr(delta_ste_um, 9) AS BLOB) WHERE first_sample = 50",
+            "UPDATE sample_range SET samples = CAST(x'000000000000f87f'
+                || substr(samples, 9) AS BLOB) WHERE first_sample = 50",
         ),
         (
             "sample_range",
             "first_sample 0 of design 1",
-            "UPDATE sample_range SET delta_ste_um = substr(delta_ste_um, 9) WHERE first_sample = 0",
+            "UPDATE sample_range SET samples = substr(samples, 9) WHERE first_sample = 0",
         ),
         (
             "sample_range",
@@ -457,7 +458,7 @@ async fn an_edited_row_of_any_table_is_named() {
         (
             "sample_range",
             "first_sample 10 of design 1",
-            "INSERT INTO sample_range SELECT design, 10, seal, delta_ste_um FROM sample_range
+            "INSERT INTO sample_range SELECT design, 10, seal, samples FROM sample_range
                 WHERE first_sample = 50",
         ),
         (
@@ -482,19 +483,19 @@ async fn an_edited_row_of_any_table_is_named() {
             "UPDATE tally SET samples_digest = zeroblob(32)",
         ),
         (
-            "verify_sample",
+            "point_sample",
             "one of approach \"kriging\"",
-            "UPDATE verify_sample SET delta_ste_um = 1.25 WHERE sample = 7",
+            "UPDATE point_sample SET value = 1.25 WHERE sample = 7",
         ),
         (
-            "verify_sample",
+            "point_sample",
             "one of approach \"kriging\"",
-            "DELETE FROM verify_sample WHERE sample = 7",
+            "DELETE FROM point_sample WHERE sample = 7",
         ),
         (
-            "verify_sample",
+            "point_sample",
             "one of approach \"kriging\"",
-            "DELETE FROM verify_tally",
+            "DELETE FROM point_tally",
         ),
     ];
     for (table, row, edit) in edits {
@@ -515,7 +516,7 @@ async fn a_range_that_was_cut_within_a_number_is_named() {
     execute(
         &path,
         "PRAGMA ignore_check_constraints = ON;
-         UPDATE sample_range SET delta_ste_um = substr(delta_ste_um, 1, length(delta_ste_um) - 3)
+         UPDATE sample_range SET samples = substr(samples, 1, length(samples) - 3)
          WHERE first_sample = 50",
     )
     .await;
@@ -574,7 +575,7 @@ async fn rows_that_the_program_changes_stay_sound() {
     with_every_row(&path).await;
     let store = open(&path).await;
     let mut optimum = store.optima().await.unwrap().remove(0);
-    optimum.criterion_um = -0.0;
+    optimum.criterion = -0.0;
     store
         .put_optimum(&optimum, &optimum_of(&optimum.approach))
         .await
@@ -591,7 +592,7 @@ async fn rows_that_the_program_changes_stay_sound() {
         .put_generations(&[("kriging".into(), 2)])
         .await
         .unwrap();
-    assert_eq!(store.verify_samples("kriging").await.unwrap(), []);
+    assert_eq!(store.point_samples("kriging").await.unwrap(), []);
     store.extend(&larger).await.unwrap();
     store.close().await.unwrap();
     let store = Store::create_or_open(&path, &larger).await.unwrap();
@@ -600,14 +601,14 @@ async fn rows_that_the_program_changes_stay_sound() {
         store.campaign().await.unwrap().model_digest.as_deref(),
         Some("abc")
     );
-    assert_eq!(store.verify_samples_digest().await.unwrap(), "0".repeat(64));
+    assert_eq!(store.point_samples_digest().await.unwrap(), "0".repeat(64));
 }
 
 #[tokio::test]
 async fn the_digest_of_verification_samples_is_that_of_any_order() {
     let (_first, one) = folder();
     let (_second, other) = folder();
-    let rows: Vec<VerifyRow> = ["kriging", "infill-0001"]
+    let rows: Vec<PointSampleRow> = ["kriging", "infill-0001"]
         .iter()
         .flat_map(|point| (0..50).map(|i| verified(point, i)))
         .collect();
@@ -615,7 +616,7 @@ async fn the_digest_of_verification_samples_is_that_of_any_order() {
     for (path, step) in [(one, 7), (other, 31)] {
         let store = store_with(&path, 1).await;
         let none = store.samples_digest().await.unwrap();
-        assert_eq!(store.verify_samples_digest().await.unwrap(), none);
+        assert_eq!(store.point_samples_digest().await.unwrap(), none);
         let mut rows = rows.clone();
         if step == 31 {
             rows.reverse();
@@ -625,15 +626,15 @@ async fn the_digest_of_verification_samples_is_that_of_any_order() {
             for _ in 0..2 {
                 let verify = part.to_vec();
                 let batch = Batch {
-                    verify,
+                    points: verify,
                     ..Batch::default()
                 };
                 store.writer().unwrap().submit(batch).await.unwrap();
             }
         }
-        let digest = store.verify_samples_digest().await.unwrap();
+        let digest = store.point_samples_digest().await.unwrap();
         assert_eq!(
-            store.recompute_verify_samples_digest().await.unwrap(),
+            store.recompute_point_samples_digest().await.unwrap(),
             digest
         );
         assert_eq!(
@@ -668,7 +669,7 @@ async fn a_reader_of_a_large_store_checks_it_when_asked() {
     execute(
         &path,
         "UPDATE sample_range
-         SET delta_ste_um = CAST(x'0000000000000440' || substr(delta_ste_um, 9) AS BLOB)
+         SET samples = CAST(x'0000000000000440' || substr(samples, 9) AS BLOB)
          WHERE first_sample = 4096",
     )
     .await;

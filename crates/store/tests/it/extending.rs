@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use store::{
     Batch, CampaignRow, Derived, Error, MissingWork, ModelRow, OptimiserRunRow, OptimumRow,
-    ResponseRow, Store, VerifyRow,
+    PointSampleRow, ResponseRow, Store,
 };
 
 use crate::{campaign, design, feasible, folder, from, optimum_of, read, sample, store_with};
@@ -26,13 +26,13 @@ async fn finished(store: &Store) {
     let batch = Batch {
         criteria: vec![feasible(0), feasible(1)],
         samples: rows.collect(),
-        verify: ["kriging", "paper"]
+        points: ["kriging", "paper"]
             .into_iter()
             .flat_map(|approach| {
-                (0..5).map(move |sample| VerifyRow {
-                    approach: approach.into(),
+                (0..5).map(move |sample| PointSampleRow {
+                    point: approach.into(),
                     sample,
-                    delta_ste_um: 0.5,
+                    value: 0.5,
                 })
             })
             .collect(),
@@ -50,10 +50,10 @@ async fn finished(store: &Store) {
     store.writer().unwrap().submit(batch).await.unwrap();
     let response = ResponseRow {
         design: 0,
-        mean_um: 1.5,
-        sd_um: 0.0,
-        p90_um: 1.5,
-        p90_variance_um2: 0.0,
+        mean: 1.5,
+        standard_deviation: 0.0,
+        percentile: 1.5,
+        percentile_variance: 0.0,
         lilliefors_p: None,
     };
     store
@@ -73,7 +73,7 @@ async fn finished(store: &Store) {
         let optimum = OptimumRow {
             approach: of(approach),
             x_json: "{}".into(),
-            criterion_um: 1.0,
+            criterion: 1.0,
             feasible: true,
             criteria_json: "{}".into(),
             simulator_calls: 1,
@@ -127,7 +127,7 @@ async fn an_extension_keeps_everything_but_the_responses() {
     assert_eq!(store.responses().await.unwrap(), []);
     assert!(!store.derivations().await.unwrap().contains_key("responses"));
     assert_eq!(store.models().await.unwrap().len(), 1);
-    assert_eq!(store.progress().await.unwrap().verify_samples, 10);
+    assert_eq!(store.progress().await.unwrap().point_samples, 10);
     assert_eq!(store.samples_digest().await.unwrap(), digest);
     assert_eq!(store.criteria().await.unwrap().len(), 2);
 
@@ -212,7 +212,7 @@ async fn results_are_removed_one_by_one() {
     );
     let progress = store.progress().await.unwrap();
     assert_eq!((progress.samples, progress.criteria_done), (0, 0));
-    assert_eq!(progress.verify_samples, 5, "those of the reference stay");
+    assert_eq!(progress.point_samples, 5, "those of the reference stay");
     store.close().await.unwrap();
     Store::open_read_only(&path).await.unwrap();
 }

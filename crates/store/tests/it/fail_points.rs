@@ -6,11 +6,9 @@ use std::os::unix::process::ExitStatusExt as _;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use store::{Batch, Error, FailPoint, Store};
+use store::{Batch, FailPoint, Store};
 
-use crate::{
-    campaign, execute, folder, newest_migration, open, sample, samples, schemas, store_with,
-};
+use crate::{folder, open, sample, samples, store_with};
 
 const BATCHES: u64 = 8;
 const ROWS: u64 = 2000;
@@ -128,44 +126,11 @@ async fn killed_during_a_checkpoint() {
     assert!(deaths > 0, "no child died in time");
 }
 
-/// Design 1 gets enough samples to be packed in several parts.
 #[tokio::test]
-async fn killed_while_samples_are_packed() {
+async fn killed_while_the_store_is_made() {
     let (_folder, path) = folder();
-    std::fs::copy(schemas::fixture(1), &path).unwrap();
-    execute(
-        &path,
-        "WITH RECURSIVE part (i) AS (SELECT 0 UNION ALL SELECT i + 1 FROM part WHERE i < 149999)
-         INSERT INTO sample SELECT 1, i, 1.0 / (i + 1) FROM part",
-    )
-    .await;
-    let child = run_child(&path, "packing:1");
-    assert_eq!(child, (0, true));
-    let error = Store::open_read_only(&path).await.unwrap_err();
-    assert!(
-        matches!(error, Error::OlderSchema { found: 1, .. }),
-        "{error}"
-    );
-    let store = Store::create_or_open(&path, &campaign()).await.unwrap();
-    let expected: Vec<(u64, f64)> = (0..150_000).map(|i| (i, 1.0 / (i + 1) as f64)).collect();
-    assert_eq!(store.samples_of(1).await.unwrap(), expected);
-    store.close().await.unwrap();
-    let store = Store::open_read_only(&path).await.unwrap();
-    store.checked().await.unwrap();
-}
-
-#[tokio::test]
-async fn killed_during_a_migration() {
-    let (_folder, path) = folder();
-    std::fs::copy(schemas::fixture(1), &path).unwrap();
-    let child = run_child(&path, "migration");
-    assert_eq!(child, (0, true));
-    let error = Store::open_read_only(&path).await.unwrap_err();
-    let known = newest_migration();
-    assert!(
-        matches!(error, Error::OlderSchema { found: 1, known: k, .. } if k == known),
-        "{error}"
-    );
-    let store = Store::create_or_open(&path, &campaign()).await.unwrap();
-    schemas::holds_every_row(&store).await;
+    assert_eq!(run_child(&path, "creation"), (0, true));
+    assert!(!path.exists());
+    open(&path).await.close().await.unwrap();
+    Store::open_read_only(&path).await.unwrap();
 }

@@ -10,7 +10,6 @@ mod ranges;
 mod reading;
 mod refusal;
 mod rounds;
-mod schemas;
 mod writing;
 
 use std::path::{Path, PathBuf};
@@ -64,11 +63,11 @@ fn design(design: u64) -> DesignRow {
     DesignRow::new(design, [x, 0.1, 1.1, 1.2, 1.3, 1.4])
 }
 
-fn sample(design: u64, sample: u64, delta_ste_um: f64) -> SampleRow {
+fn sample(design: u64, sample: u64, value: f64) -> SampleRow {
     SampleRow {
         design,
         sample,
-        delta_ste_um,
+        value,
     }
 }
 
@@ -82,9 +81,8 @@ fn samples(rows: impl IntoIterator<Item = SampleRow>) -> Batch {
 fn feasible(design: u64) -> CriteriaRow {
     CriteriaRow {
         design,
-        feasible: true,
+        simulable: true,
         reason: None,
-        // The columns of a gear pair, as in the schemas before 9.
         responses: Some(vec![
             2.25, 1.5, 1100.0, 1050.0, 250.0, 0.5, 0.6, 0.01, 0.02, 1.7, 2.9,
         ]),
@@ -107,17 +105,6 @@ fn beside(path: &Path, suffix: &str) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(suffix);
     name.into()
-}
-
-/// The newest schema, according to the file names of the migrations.
-fn newest_migration() -> i64 {
-    let migrations = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../migrations");
-    std::fs::read_dir(migrations)
-        .unwrap()
-        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-        .filter_map(|name| name.split('_').next()?.parse().ok())
-        .max()
-        .unwrap()
 }
 
 async fn execute(path: &Path, sql: &'static str) {

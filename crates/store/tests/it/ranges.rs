@@ -17,7 +17,7 @@ async fn ranges(path: &Path) -> Vec<(i64, i64, Vec<f64>)> {
     let options = SqliteConnectOptions::new().filename(path).read_only(true);
     let mut connection = SqliteConnection::connect_with(&options).await.unwrap();
     let rows = sqlx::query(
-        "SELECT design, first_sample, delta_ste_um FROM sample_range ORDER BY design, first_sample",
+        "SELECT design, first_sample, samples FROM sample_range ORDER BY design, first_sample",
     )
     .fetch_all(&mut connection)
     .await
@@ -95,7 +95,7 @@ async fn another_value_within_a_range_is_refused_by_its_number() {
     let writer = store.writer().unwrap();
     writer.submit(range(1, 0..100)).await.unwrap();
     let mut other = range(1, 50..150);
-    other.samples[23].delta_ste_um = -1.0;
+    other.samples[23].value = -1.0;
     let error = writer.submit(other).await.unwrap_err();
     assert!(error.is_refusal());
     let said = error.to_string();
@@ -171,7 +171,7 @@ fn batch((ranges, other): &Offer) -> Batch {
         .collect();
     if let Some(other) = other {
         let other = other % rows.len();
-        rows[other].delta_ste_um += 0.5;
+        rows[other].value += 0.5;
     }
     samples(rows)
 }
@@ -181,9 +181,9 @@ fn offer(table: &mut BTreeMap<(u64, u64), f64>, batch: &Batch) -> Option<Receipt
     let mut with = table.clone();
     let mut counts = receipt(0, 0);
     for row in &batch.samples {
-        match with.insert((row.design, row.sample), row.delta_ste_um) {
+        match with.insert((row.design, row.sample), row.value) {
             None => counts.new_rows += 1,
-            Some(held) if held == row.delta_ste_um => counts.duplicate_rows += 1,
+            Some(held) if held == row.value => counts.duplicate_rows += 1,
             Some(_) => return None,
         }
     }

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use sha2::{Digest as _, Sha256};
 use store::{
     Batch, Derived, Error, FailureGroup, FailureKind, FailureRow, JobTimeRow, MissingWork,
-    ModelRow, OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow, SampleRow, Store,
-    VerifyRow,
+    ModelRow, OptimiserRunRow, OptimumRow, PointSampleRow, Progress, Receipt, ResponseRow,
+    SampleRow, Store,
 };
 
 use crate::{
@@ -21,21 +21,21 @@ async fn every_table_gives_back_what_was_put() {
     let batch = Batch {
         criteria: vec![feasible(0), infeasible(1)],
         samples: vec![sample(0, 1, 2.5), sample(0, 0, 1.5)],
-        verify: vec![
-            VerifyRow {
-                approach: "II".into(),
+        points: vec![
+            PointSampleRow {
+                point: "II".into(),
                 sample: 1,
-                delta_ste_um: 0.75,
+                value: 0.75,
             },
-            VerifyRow {
-                approach: "II".into(),
+            PointSampleRow {
+                point: "II".into(),
                 sample: 0,
-                delta_ste_um: 0.25,
+                value: 0.25,
             },
-            VerifyRow {
-                approach: "III".into(),
+            PointSampleRow {
+                point: "III".into(),
                 sample: 0,
-                delta_ste_um: 0.5,
+                value: 0.5,
             },
         ],
         runs: vec![
@@ -61,7 +61,7 @@ async fn every_table_gives_back_what_was_put() {
         failures: vec![
             FailureRow {
                 job: "samples of design 1".into(),
-                attempt: u32::MAX,
+                lease: u32::MAX,
                 worker: "w1".into(),
                 serial: Some(u64::MAX),
                 kind: FailureKind::Quarantine,
@@ -70,7 +70,7 @@ async fn every_table_gives_back_what_was_put() {
             },
             FailureRow {
                 job: "samples of design 0".into(),
-                attempt: 1,
+                lease: 1,
                 worker: "w2".into(),
                 serial: None,
                 kind: FailureKind::Crash,
@@ -85,18 +85,18 @@ async fn every_table_gives_back_what_was_put() {
     let responses = [
         ResponseRow {
             design: 0,
-            mean_um: 2.0,
-            sd_um: 0.7,
-            p90_um: 2.9,
-            p90_variance_um2: 0.01,
+            mean: 2.0,
+            standard_deviation: 0.7,
+            percentile: 2.9,
+            percentile_variance: 0.01,
             lilliefors_p: Some(0.4),
         },
         ResponseRow {
             design: 1,
-            mean_um: 1.0,
-            sd_um: 0.0,
-            p90_um: 1.0,
-            p90_variance_um2: 0.0,
+            mean: 1.0,
+            standard_deviation: 0.0,
+            percentile: 1.0,
+            percentile_variance: 0.0,
             lilliefors_p: None,
         },
     ];
@@ -108,7 +108,7 @@ async fn every_table_gives_back_what_was_put() {
     let optimum = OptimumRow {
         approach: "II".into(),
         x_json: "{\"x_p\":0.5}".into(),
-        criterion_um: 0.8,
+        criterion: 0.8,
         feasible: true,
         criteria_json: "{}".into(),
         simulator_calls: 12_000,
@@ -155,8 +155,8 @@ async fn every_table_gives_back_what_was_put() {
     let runs = store.optimiser_runs().await.unwrap();
     assert_eq!(runs, [batch.runs[1].clone(), batch.runs[0].clone()]);
     assert_eq!(store.optima().await.unwrap(), [optimum]);
-    let verify = store.verify_samples("II").await.unwrap();
-    assert_eq!(verify, [batch.verify[1].clone(), batch.verify[0].clone()]);
+    let verify = store.point_samples("II").await.unwrap();
+    assert_eq!(verify, [batch.points[1].clone(), batch.points[0].clone()]);
     assert_eq!(store.job_times().await.unwrap(), batch.times);
     assert_eq!(
         store.failures().await.unwrap(),
@@ -173,7 +173,7 @@ async fn every_table_gives_back_what_was_put() {
         models: 1,
         optimiser_runs: 2,
         optima: 1,
-        verify_samples: 3,
+        point_samples: 3,
         failures: 2,
     };
     assert_eq!(store.progress().await.unwrap(), progress);
@@ -186,10 +186,10 @@ async fn stages_run_again_replace_their_results() {
     for value in [1.0, 2.0] {
         let response = ResponseRow {
             design: 0,
-            mean_um: value,
-            sd_um: value,
-            p90_um: value,
-            p90_variance_um2: value,
+            mean: value,
+            standard_deviation: value,
+            percentile: value,
+            percentile_variance: value,
             lilliefors_p: None,
         };
         store
@@ -310,7 +310,7 @@ pub(crate) fn documented_digest(rows: &[SampleRow]) -> String {
         let mut bytes = Vec::new();
         bytes.extend(row.design.to_le_bytes());
         bytes.extend(row.sample.to_le_bytes());
-        bytes.extend(row.delta_ste_um.to_le_bytes());
+        bytes.extend(row.value.to_le_bytes());
         let mut carry = 0;
         for (sum, byte) in sum.iter_mut().zip(Sha256::digest(&bytes)) {
             let total = u16::from(*sum) + u16::from(byte) + carry;
@@ -361,10 +361,10 @@ async fn tallies_are_what_a_count_of_the_rows_would_say() {
     let (_folder, path) = folder();
     let store = store_with(&path, 3).await;
     let writer = store.writer().unwrap();
-    let verify = |approach: &str, sample, delta_ste_um| VerifyRow {
-        approach: approach.into(),
+    let verify = |approach: &str, sample, value| PointSampleRow {
+        point: approach.into(),
         sample,
-        delta_ste_um,
+        value,
     };
     // New rows, stored ones, repeated ones, negative zeros, and refused ones.
     let mut held = Vec::new();
@@ -378,18 +378,18 @@ async fn tallies_are_what_a_count_of_the_rows_would_say() {
             })
             .collect();
         let good = Batch {
-            verify: (0..4)
+            points: (0..4)
                 .map(|i| verify(["a", "b"][i % 2], round / 2 + i as u64, 1.0))
                 .collect(),
             ..samples(rows.iter().copied())
         };
         let bad = Batch {
-            verify: vec![verify("a", 1000 + round, 1.0), verify("a", 0, 2.0)],
+            points: vec![verify("a", 1000 + round, 1.0), verify("a", 0, 2.0)],
             ..samples([sample(0, 1000 + round, 1.0)])
         };
         let (good, bad) = tokio::join!(writer.submit(good), writer.submit(bad));
         assert!(good.is_ok());
-        assert!(matches!(bad, Err(Error::VerifyConflict { .. })));
+        assert!(matches!(bad, Err(Error::PointConflict { .. })));
         held.extend(rows.iter().map(|row| (row.design, row.sample)));
         held.sort_unstable();
         held.dedup();
@@ -405,15 +405,15 @@ async fn tallies_are_what_a_count_of_the_rows_would_say() {
         }
         count = [0, 0];
         for (i, approach) in ["a", "b"].into_iter().enumerate() {
-            count[i] = store.verify_samples(approach).await.unwrap().len() as u64;
+            count[i] = store.point_samples(approach).await.unwrap().len() as u64;
         }
         assert_eq!(
-            store.verify_counts().await.unwrap(),
+            store.point_counts().await.unwrap(),
             [("a".to_owned(), count[0]), ("b".to_owned(), count[1])]
         );
         let progress = store.progress().await.unwrap();
         assert_eq!(progress.samples, held.len() as u64);
-        assert_eq!(progress.verify_samples, count[0] + count[1]);
+        assert_eq!(progress.point_samples, count[0] + count[1]);
     }
     assert!(
         count[0] > 10 && held.len() > 100,
@@ -427,7 +427,7 @@ async fn failures_are_grouped_by_kind_and_cause() {
     let store = open(&path).await;
     let failure = |job: &str, worker: &str, kind, error: &str| FailureRow {
         job: job.into(),
-        attempt: 1,
+        lease: 1,
         worker: worker.into(),
         serial: None,
         kind,

@@ -1,8 +1,8 @@
 //! Rounds of infill points: written once, all or nothing, and removed one by one.
 
 use store::{
-    Batch, Derivation, Derived, Error, InfillRow, ModelRow, NewRound, RoundRow, Store, Unsampled,
-    VerifyRow,
+    Batch, Derivation, Derived, Error, InfillRow, ModelRow, NewRound, PointSampleRow, RoundRow,
+    Store, Unsampled,
 };
 
 use crate::{folder, from, open, store_with};
@@ -33,7 +33,7 @@ pub(crate) fn new_round(round: u64, failed: &[u64]) -> NewRound {
     NewRound {
         row: RoundRow {
             round,
-            expected_improvement_um: (round > 0).then_some(0.25),
+            expected_improvement: (round > 0).then_some(0.25),
             recommendation_json: (round > 0).then(|| format!("{{\"design\":{round}}}")),
             stop_json: None,
             notes_json: "[]".into(),
@@ -61,15 +61,15 @@ async fn sampled(store: &Store, names: &[&str]) {
     let verify = names
         .iter()
         .flat_map(|name| {
-            (0..4).map(move |sample| VerifyRow {
-                approach: (*name).into(),
+            (0..4).map(move |sample| PointSampleRow {
+                point: (*name).into(),
                 sample,
-                delta_ste_um: 0.5,
+                value: 0.5,
             })
         })
         .collect();
     let batch = Batch {
-        verify,
+        points: verify,
         ..Batch::default()
     };
     store.writer().unwrap().submit(batch).await.unwrap();
@@ -153,7 +153,7 @@ async fn a_round_that_is_removed_leaves_the_one_before_as_it_was_sampled() {
     let points = store.infill().await.unwrap();
     assert!(points.len() == 3 && points.iter().all(|point| !point.failed));
     let counts = [("figure-7".to_owned(), 4), ("infill-0000".to_owned(), 4)];
-    assert_eq!(store.verify_counts().await.unwrap(), counts);
+    assert_eq!(store.point_counts().await.unwrap(), counts);
     let held = store.generations().await.unwrap();
     assert_eq!(held.keys().collect::<Vec<_>>(), ["infill-0000"]);
     let derivations = store.derivations().await.unwrap();
@@ -172,5 +172,5 @@ async fn a_round_that_is_removed_leaves_the_one_before_as_it_was_sampled() {
     assert_eq!(store.infill().await.unwrap(), []);
     store.close().await.unwrap();
     let store = open(&path).await;
-    assert_eq!(store.progress().await.unwrap().verify_samples, 4);
+    assert_eq!(store.progress().await.unwrap().point_samples, 4);
 }

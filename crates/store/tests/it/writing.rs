@@ -4,8 +4,8 @@ use std::fs;
 use std::path::Path;
 
 use store::{
-    Batch, Derived, Error, FailureKind, FailureRow, JobTimeRow, OptimiserRunRow, Receipt, Store,
-    VerifyRow,
+    Batch, Derived, Error, FailureKind, FailureRow, JobTimeRow, OptimiserRunRow, PointSampleRow,
+    Receipt, Store,
 };
 
 use crate::{beside, campaign, design, feasible, folder, open, sample, samples, store_with};
@@ -17,10 +17,10 @@ async fn the_same_rows_again_are_duplicates() {
     let batch = Batch {
         criteria: vec![feasible(1)],
         samples: (0..2500).map(|i| sample(1, i, i as f64)).collect(),
-        verify: vec![VerifyRow {
-            approach: "I".into(),
+        points: vec![PointSampleRow {
+            point: "I".into(),
             sample: 0,
-            delta_ste_um: 1.0,
+            value: 1.0,
         }],
         runs: vec![run("I", 0, "{}")],
         times: vec![JobTimeRow {
@@ -141,11 +141,11 @@ async fn another_value_for_anything_computed_is_refused() {
     let (_folder, path) = folder();
     let store = store_with(&path, 1).await;
     let writer = store.writer().unwrap();
-    let verify = |delta_ste_um| Batch {
-        verify: vec![VerifyRow {
-            approach: "I".into(),
+    let verify = |value| Batch {
+        points: vec![PointSampleRow {
+            point: "I".into(),
             sample: 4,
-            delta_ste_um,
+            value,
         }],
         ..Batch::default()
     };
@@ -165,7 +165,7 @@ async fn another_value_for_anything_computed_is_refused() {
 
     let error = writer.submit(verify(2.0)).await.unwrap_err();
     assert!(
-        matches!(&error, Error::VerifyConflict { approach, sample: 4, held: 1.0, offered: 2.0 }
+        matches!(&error, Error::PointConflict { point: approach, sample: 4, held: 1.0, offered: 2.0 }
             if approach == "I"),
         "{error}"
     );
@@ -208,16 +208,16 @@ async fn failed_samples_are_stored_and_read_back() {
     let store = store_with(&path, 1).await;
     let writer = store.writer().unwrap();
     let mut batch = samples([sample(0, 0, 1.0), sample(0, 1, f64::INFINITY)]);
-    batch.verify = vec![VerifyRow {
-        approach: "kriging".into(),
+    batch.points = vec![PointSampleRow {
+        point: "kriging".into(),
         sample: 0,
-        delta_ste_um: f64::NEG_INFINITY,
+        value: f64::NEG_INFINITY,
     }];
     writer.submit(batch).await.unwrap();
     let held = store.samples_of(0).await.unwrap();
     assert_eq!(held, [(0, 1.0), (1, f64::INFINITY)]);
-    let verified = store.verify_samples("kriging").await.unwrap();
-    assert_eq!(verified[0].delta_ste_um, f64::NEG_INFINITY);
+    let verified = store.point_samples("kriging").await.unwrap();
+    assert_eq!(verified[0].value, f64::NEG_INFINITY);
     drop(writer);
     store.close().await.unwrap();
     // The digests are compared when the store is opened.
@@ -369,7 +369,7 @@ async fn batches_that_share_a_commit_have_receipts_of_their_own() {
     let store = store_with(&path, 3).await;
     let failure = |job: u64| FailureRow {
         job: job.to_string(),
-        attempt: 1,
+        lease: 1,
         worker: "w".into(),
         serial: None,
         kind: FailureKind::Failure,
@@ -533,7 +533,7 @@ async fn a_failure_is_stored_once_for_each_number_of_its_worker() {
     let store = open(&path).await;
     let failure = |worker: &str, serial| FailureRow {
         job: "sample-0-0".into(),
-        attempt: 1,
+        lease: 1,
         worker: worker.into(),
         serial,
         kind: FailureKind::Failure,
@@ -569,10 +569,10 @@ async fn a_batch_is_stored_for_the_generation_that_is_wanted_only() {
     let store = store_with(&path, 1).await;
     let writer = store.writer().unwrap();
     let batch = |sample, generation| Batch {
-        verify: vec![VerifyRow {
-            approach: "kriging".into(),
+        points: vec![PointSampleRow {
+            point: "kriging".into(),
             sample,
-            delta_ste_um: generation as f64,
+            value: generation as f64,
         }],
         only_for: Some(("kriging".into(), generation)),
         ..Batch::default()
@@ -586,13 +586,11 @@ async fn a_batch_is_stored_for_the_generation_that_is_wanted_only() {
         store.put_generations(&wanted).await.unwrap();
     };
     let held = async || {
-        let rows = store.verify_samples("kriging").await.unwrap();
-        let tally = store.verify_counts().await.unwrap();
+        let rows = store.point_samples("kriging").await.unwrap();
+        let tally = store.point_counts().await.unwrap();
         let count = tally.iter().map(|(_, count)| *count).sum::<u64>();
         assert_eq!(count, rows.len() as u64);
-        rows.iter()
-            .map(|row| row.delta_ste_um)
-            .collect::<Vec<f64>>()
+        rows.iter().map(|row| row.value).collect::<Vec<f64>>()
     };
     assert_eq!(submit(0, 1).await, (0, true), "nobody has asked for any");
     put(1).await;
@@ -612,23 +610,4 @@ async fn a_batch_is_stored_for_the_generation_that_is_wanted_only() {
     store.remove(&[removed]).await.unwrap();
     assert_eq!(submit(1, 2).await, (0, true), "it was cleared");
     assert_eq!(held().await, [0.0; 0]);
-}
-
-/// A store of an earlier schema does not record the generations of its samples.
-#[tokio::test]
-async fn samples_that_were_there_before_generations_stay() {
-    let (_folder, path) = folder();
-    let store = store_with(&path, 1).await;
-    let batch = Batch {
-        verify: vec![VerifyRow {
-            approach: "kriging".into(),
-            sample: 0,
-            delta_ste_um: 1.0,
-        }],
-        ..Batch::default()
-    };
-    store.writer().unwrap().submit(batch).await.unwrap();
-    let wanted = [("kriging".to_owned(), u64::MAX)];
-    store.put_generations(&wanted).await.unwrap();
-    assert_eq!(store.verify_samples("kriging").await.unwrap().len(), 1);
 }

@@ -115,8 +115,8 @@ pub struct Point {
 }
 
 impl Point {
-    pub(super) fn judged_um(&self) -> f64 {
-        self.verified.unwrap_or(self.p90).value_um
+    pub(super) fn judged(&self) -> f64 {
+        self.verified.unwrap_or(self.p90).value
     }
 }
 
@@ -162,21 +162,20 @@ pub async fn of_doe(
         let samples = counts.get(&response.design).copied().unwrap_or(0) as usize;
         let estimate = stats::Percentile {
             n: samples,
-            mean: response.mean_um,
-            sd: response.sd_um,
-            p90: response.p90_um,
-            variance: response.p90_variance_um2,
+            mean: response.mean,
+            sd: response.standard_deviation,
+            p90: response.percentile,
+            variance: response.percentile_variance,
         };
-        let (low_um, high_um) =
-            stats::p90_interval(&estimate, 0.95).unwrap_or((f64::NAN, f64::NAN));
+        let (low, high) = stats::p90_interval(&estimate, 0.95).unwrap_or((f64::NAN, f64::NAN));
         points.push(Point {
             source: Source::Doe(response.design),
             variables: design.gears(),
             criteria,
             p90: Percentile {
-                value_um: response.p90_um,
-                low_um,
-                high_um,
+                value: response.percentile,
+                low,
+                high,
                 samples,
             },
             verified: None,
@@ -202,7 +201,7 @@ pub fn of_optima(sampling: &Sampling, optima: &[Optimum]) -> Vec<Point> {
                 on_front: false,
             }
         })
-        .filter(|point| point.p90.value_um.is_finite())
+        .filter(|point| point.p90.value.is_finite())
         .collect()
 }
 
@@ -239,7 +238,7 @@ pub fn front_of_doe(
     points: &[Point],
     against: Against,
 ) -> anyhow::Result<Vec<Point>> {
-    let front = front_of(points, against, |point| point.p90.value_um);
+    let front = front_of(points, against, |point| point.p90.value);
     let front: Vec<Point> = front.into_iter().map(|i| points[i].clone()).collect();
     let Some(simulations) = simulations else {
         return Ok(front);
@@ -263,8 +262,8 @@ fn verify(
     let requests: Vec<Request> = points.iter().map(request).collect();
     let answers = simulations.simulate(&requests)?;
     let fresh = |(mut point, answer): (Point, Answer)| {
-        let samples_um = answer.samples_of(&point.source.name())?;
-        point.verified = Some(percentile(&problem.campaign().sampling, &samples_um));
+        let samples = answer.samples_of(&point.source.name())?;
+        point.verified = Some(percentile(&problem.campaign().sampling, &samples));
         Ok(point)
     };
     points.into_iter().zip(answers).map(fresh).collect()
@@ -291,7 +290,7 @@ pub fn refine(
         .filter(|point| problem.base_of(&point.variables.into()) == *base)
         .cloned()
         .collect();
-    let front = front_of(&known, against, Point::judged_um);
+    let front = front_of(&known, against, Point::judged);
     let best = front.last().map(|&i| against.of(&known[i].criteria));
     let found: Vec<Option<Point>> = at_once(0..count, |number| {
         let own = against.limit(problem);
@@ -318,9 +317,9 @@ pub fn refine(
             variables: found.design.variables,
             criteria: found.criteria,
             p90: Percentile {
-                value_um: found.p90_um,
-                low_um: f64::NAN,
-                high_um: f64::NAN,
+                value: found.p90_um,
+                low: f64::NAN,
+                high: f64::NAN,
                 samples: problem.campaign().sampling.samples_per_design as usize,
             },
             verified: None,
@@ -332,14 +331,14 @@ pub fn refine(
 
 /// Marks the points on the front of all of them, and sorts by the second objective.
 pub fn mark(points: &mut [Point], against: Against) {
-    for i in front_of(points, against, Point::judged_um) {
+    for i in front_of(points, against, Point::judged) {
         points[i].on_front = true;
     }
     points.sort_by(|a, b| {
         against
             .of(&a.criteria)
             .total_cmp(&against.of(&b.criteria))
-            .then(a.judged_um().total_cmp(&b.judged_um()))
+            .then(a.judged().total_cmp(&b.judged()))
     });
 }
 
@@ -353,10 +352,10 @@ mod tests {
     fn point(source: Source, pressure: f64, p90_um: f64, verified_um: Option<f64>) -> Point {
         let problem = Problem::new(Campaign::parse("paper.toml", Campaign::PAPER).unwrap());
         let design = stages::references::design(gear::paper::printed::Place::Figure(9));
-        let percentile = |value_um: f64| Percentile {
-            value_um,
-            low_um: value_um - 0.1,
-            high_um: value_um + 0.1,
+        let percentile = |value: f64| Percentile {
+            value,
+            low: value - 0.1,
+            high: value + 0.1,
             samples: 30,
         };
         Point {
@@ -383,10 +382,10 @@ mod tests {
             doe(4, 1300.0, 2.5),
             doe(5, 1400.0, 1.0),
         ];
-        let front = front_of(&points, Against::Pressure, |point| point.p90.value_um);
+        let front = front_of(&points, Against::Pressure, |point| point.p90.value);
         assert_eq!(front, [1, 3, 5]);
         // The root stress is the same for all, so one point is best.
-        let front = front_of(&points, Against::RootStress, |point| point.p90.value_um);
+        let front = front_of(&points, Against::RootStress, |point| point.p90.value);
         assert_eq!(front, [5]);
     }
 

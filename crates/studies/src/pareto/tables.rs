@@ -126,9 +126,9 @@ fn all_figures(sampling: &Sampling, points: &[Point]) -> Table {
         );
         for p90 in [Some(point.p90), point.verified] {
             let finite = |value: f64| value.is_finite().then_some(value);
-            line.push(maybe_exact(p90.map(|p90| p90.value_um)));
-            line.push(maybe_exact(p90.and_then(|p90| finite(p90.low_um))));
-            line.push(maybe_exact(p90.and_then(|p90| finite(p90.high_um))));
+            line.push(maybe_exact(p90.map(|p90| p90.value)));
+            line.push(maybe_exact(p90.and_then(|p90| finite(p90.low))));
+            line.push(maybe_exact(p90.and_then(|p90| finite(p90.high))));
         }
         line.push(u8::from(point.on_front).to_string());
         table.rows.push(line);
@@ -153,12 +153,12 @@ fn chart(
     };
     let dots: Vec<[f64; 2]> = all
         .iter()
-        .map(|point| [at(point), point.p90.value_um])
+        .map(|point| [at(point), point.p90.value])
         .collect();
     let front: Vec<[f64; 2]> = marked
         .iter()
         .filter(|point| point.on_front)
-        .map(|point| [at(point), point.judged_um()])
+        .map(|point| [at(point), point.judged()])
         .collect();
     report::chart_front(
         &problem.campaign().sampling.percentile_name(),
@@ -193,9 +193,9 @@ mod tests {
             variables: design.gears(),
             criteria: gears.pair_criteria(&pair, pressure),
             p90: Percentile {
-                value_um: 2.0,
-                low_um: 1.9,
-                high_um: 2.1,
+                value: 2.0,
+                low: 1.9,
+                high: 2.1,
                 samples: 30,
             },
             verified: None,

@@ -82,9 +82,9 @@ fn run(backend: &Backend, samples: Range<u32>) -> Result<Output, String> {
     backend.with(&problem(), compute).0
 }
 
-fn samples(output: &Output) -> Vec<f64> {
+fn values(output: &Output) -> Vec<f64> {
     match output {
-        Output::Design { samples_um, .. } => samples_um.clone(),
+        Output::Design { samples, .. } => samples.clone(),
         other => panic!("no samples: {other:?}"),
     }
 }
@@ -122,9 +122,7 @@ fn answers_become_results_and_one_process_gives_them_all() {
     let backend = backend("echo started >&2");
     let result = run(&backend, THREE).unwrap();
     let Output::Design {
-        responses,
-        samples_um,
-        ..
+        responses, samples, ..
     } = &result
     else {
         panic!("a simulated design")
@@ -143,15 +141,12 @@ fn answers_become_results_and_one_process_gives_them_all() {
     ] {
         assert_eq!(named(name), value, "{name}");
     }
-    assert_eq!(samples_um.len(), 3);
-    assert_ne!(
-        samples_um[0], samples_um[1],
-        "every sample has a seed of its own"
-    );
+    assert_eq!(samples.len(), 3);
+    assert_ne!(samples[0], samples[1], "every sample has a seed of its own");
     // A repetition gives the same numbers, and so does a part.
     assert_eq!(run(&backend, THREE).unwrap(), result);
     let part = run(&backend, 2..3).unwrap();
-    assert_eq!(samples(&part), samples_um[2..]);
+    assert_eq!(values(&part), samples[2..]);
     let Backend::External(programs) = &backend else {
         panic!("an external backend")
     };
@@ -186,10 +181,10 @@ fn a_refused_design_is_a_result_and_a_refused_sample_is_infinitely_bad() {
     let reason = "contact-gap: the teeth lose contact".to_owned();
     assert_eq!(run(&backend(refusing), THREE), Ok(Output::Refused(reason)));
     let refusing = "on_sample() { answer '\"refused\":\"contact-gap: not now\"'; }";
-    let Ok(Output::Design { samples_um, .. }) = run(&backend(refusing), THREE) else {
+    let Ok(Output::Design { samples, .. }) = run(&backend(refusing), THREE) else {
         panic!("the refused samples are a result");
     };
-    assert_eq!(samples_um, [f64::INFINITY; 3]);
+    assert_eq!(samples, [f64::INFINITY; 3]);
 }
 
 #[test]
@@ -223,7 +218,7 @@ fn a_process_that_died_is_replaced() {
     let backend = backend(&dying);
     let error = run(&backend, THREE).unwrap_err();
     assert!(error.contains("signal: 9"), "{error}");
-    assert_eq!(samples(&run(&backend, THREE).unwrap()), [1.0; 3]);
+    assert_eq!(values(&run(&backend, THREE).unwrap()), [1.0; 3]);
     std::fs::remove_file(file).unwrap();
 }
 
@@ -235,7 +230,7 @@ fn a_process_that_died_between_jobs_fails_none() {
         on_sample() { n=$((n + 1)); answer '"delta_ste_um":1'; [ $n -lt 3 ] || exit 0; }"#;
     let backend = backend(dying);
     for _ in 0..2 {
-        assert_eq!(samples(&run(&backend, THREE).unwrap()), [1.0; 3]);
+        assert_eq!(values(&run(&backend, THREE).unwrap()), [1.0; 3]);
         let Backend::External(programs) = &backend else {
             panic!("an external backend")
         };
@@ -299,7 +294,7 @@ fn slow_writers_of_partial_lines_are_waited_for() {
     let slow = r#"on_sample() {
         printf '{"id":%s,' "$id"; sleep 0.05; printf '"delta_ste_um":'; sleep 0.05; printf '2.5}\n'
     }"#;
-    assert_eq!(samples(&run(&backend(slow), THREE).unwrap()), [2.5; 3]);
+    assert_eq!(values(&run(&backend(slow), THREE).unwrap()), [2.5; 3]);
 }
 
 #[test]
@@ -360,7 +355,7 @@ fn a_stopped_task_keeps_its_finished_samples() {
     });
     // `keep_going` is called before the design and before each of its samples.
     let whole = run(&backend, THREE).unwrap();
-    assert_eq!(samples(&computed.output.unwrap()), samples(&whole)[..2]);
+    assert_eq!(values(&computed.output.unwrap()), values(&whole)[..2]);
     assert!(seconds > 0.0);
 }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use ledger::LeaseId;
 use prost::Message as _;
-use protocol::v2::LeaseResult;
+use protocol::v1::LeaseResult;
 
 use super::Lease;
 

@@ -28,7 +28,7 @@ fn taken(numbers: std::ops::RangeInclusive<u64>) -> HeldLeases {
 
 fn samples(count: usize) -> UnitResult {
     UnitResult {
-        samples_um: vec![1.5; count],
+        samples: vec![1.5; count],
         ..UnitResult::default()
     }
 }
@@ -130,7 +130,7 @@ fn giving_up_hands_in_what_is_finished_of_a_lease() {
             result
                 .results
                 .iter()
-                .map(|unit| unit.samples_um.len())
+                .map(|unit| unit.samples.len())
                 .collect()
         })
         .collect();

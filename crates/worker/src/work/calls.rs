@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use campaign::task::{Computed, Failure, Output, Source, compute_until};
 use gateway::link::cause;
 use ledger::{LeaseId, Unit};
-use protocol::v2::{self, Directive, HeartbeatRequest, LeaseRequest, ReportRequest, UnitResult};
+use protocol::v1::{self, Directive, HeartbeatRequest, LeaseRequest, ReportRequest, UnitResult};
 use rustix::time::{ClockId, clock_gettime};
 use tokio::sync::mpsc::UnboundedReceiver;
 use tokio_util::sync::CancellationToken;
@@ -401,6 +401,6 @@ pub(super) async fn heartbeat(
 }
 
 /// Converts the ids of leases.
-pub(super) fn ids(leases: &[v2::LeaseId]) -> Vec<LeaseId> {
+pub(super) fn ids(leases: &[v1::LeaseId]) -> Vec<LeaseId> {
     leases.iter().map(|id| (*id).into()).collect()
 }

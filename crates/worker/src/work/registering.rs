@@ -6,7 +6,7 @@ use std::time::Instant;
 use campaign::Campaign;
 use campaign::formulation::Problem;
 use gateway::link::cause;
-use protocol::v2::RegisterRequest;
+use protocol::v1::RegisterRequest;
 use tracing::{debug, info, warn};
 
 use super::contact::SILENCE;

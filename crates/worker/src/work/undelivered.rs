@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use protocol::v2::LeaseResult;
+use protocol::v1::LeaseResult;
 use shards::{Found, Undelivered};
 use tracing::{error, info, warn};
 

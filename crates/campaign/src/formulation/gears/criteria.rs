@@ -237,8 +237,8 @@ pub(in super::super) fn responses_of(unworn: &Analysis, worn: &Analysis) -> Vec<
         criteria.clearance_mm[1],
         criteria.flank_margin_mm[0],
         criteria.flank_margin_mm[1],
-        unworn.value_um,
-        worn.value_um,
+        unworn.value,
+        worn.value,
     ];
     responses.extend(criteria.details.iter().flat_map(GearDetails::values));
     responses
@@ -250,8 +250,8 @@ pub(in super::super) fn check(response: impl Fn(&str) -> Option<f64>) -> Result<
         ("delta_ste_um", "unworn"),
         ("delta_ste_archard_um", "with Archard's wear"),
     ] {
-        let value_um = response(name).unwrap_or(f64::NAN);
-        check_delta_ste(value_um).map_err(|why| format!("ΔSTE {state} {why}"))?;
+        let value = response(name).unwrap_or(f64::NAN);
+        check_delta_ste(value).map_err(|why| format!("ΔSTE {state} {why}"))?;
     }
     Ok(())
 }
@@ -294,7 +294,7 @@ pub(in super::super) fn analysis(
     else {
         return None;
     };
-    let (hertz_pressure_mpa, value_um) = match state {
+    let (hertz_pressure_mpa, value) = match state {
         State::Nominal => (unworn_mpa, delta_ste_um),
         State::Baseline => (worn_mpa, delta_ste_archard_um),
     };
@@ -309,7 +309,7 @@ pub(in super::super) fn analysis(
         details: GearDetails::of_values(details)?,
     };
     Some(Analysis {
-        value_um,
+        value,
         criteria: Criteria::from(criteria),
     })
 }

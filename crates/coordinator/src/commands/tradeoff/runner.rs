@@ -138,15 +138,15 @@ async fn whole(
         let Some(approach) = optima::approach_of(&row.approach) else {
             continue;
         };
-        let samples = store.verify_samples(&row.approach).await?;
-        let samples: Vec<f64> = samples.iter().map(|sample| sample.delta_ste_um).collect();
+        let samples = store.point_samples(&row.approach).await?;
+        let samples: Vec<f64> = samples.iter().map(|sample| sample.value).collect();
         let verified = campaign.sampling.verified(&samples).ok();
-        let percentile_um = verified.filter(|_| row.feasible).map(|found| found.value);
+        let percentile = verified.filter(|_| row.feasible).map(|found| found.value);
         ended.push(Ended {
             approach,
             calls: row.simulator_calls as f64,
             seconds: row.cpu_seconds,
-            percentile_um: percentile_um.unwrap_or(f64::INFINITY),
+            percentile: percentile.unwrap_or(f64::INFINITY),
         });
     }
     store.close().await?;
@@ -207,7 +207,7 @@ fn points(problem: &Problem, count: usize) -> anyhow::Result<Vec<Vec<f64>>> {
         let source = Source::Design(problem.design(&x, problem.base()));
         let is_sampled = || {
             let output = compute(problem, &design_unit(0, 1), &source);
-            matches!(output, Ok(Output::Design { samples_um, .. }) if !samples_um.is_empty())
+            matches!(output, Ok(Output::Design { samples, .. }) if !samples.is_empty())
         };
         if problem.gears().is_none() || is_sampled() {
             found.push(x);

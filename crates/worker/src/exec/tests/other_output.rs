@@ -85,7 +85,7 @@ fn ids_are_never_used_again_within_a_process() {
     }"#;
     let backend = backend(twice_asked);
     for _ in 0..3 {
-        assert_eq!(samples(&run(&backend, THREE).unwrap()), [1.0; 3]);
+        assert_eq!(values(&run(&backend, THREE).unwrap()), [1.0; 3]);
     }
 }
 
@@ -148,6 +148,6 @@ fn the_last_answer_of_a_process_may_lack_its_newline() {
         }"#;
     let backend = backend(last);
     for _ in 0..2 {
-        assert_eq!(samples(&run(&backend, THREE).unwrap()), [1.0; 3]);
+        assert_eq!(values(&run(&backend, THREE).unwrap()), [1.0; 3]);
     }
 }

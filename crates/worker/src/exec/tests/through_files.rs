@@ -34,7 +34,7 @@ fn sum(problem: &Problem, backend: &Backend) -> Result<(f64, [f64; 2]), String> 
             NoAnswer::Failed(why) => why,
         };
         let mut prepared = simulator.prepare(&design).map_err(told)?;
-        let baseline = prepared.analyse(State::Baseline).map_err(told)?.value_um;
+        let baseline = prepared.analyse(State::Baseline).map_err(told)?.value;
         let sample = |number| {
             let mut rng = stats::streams::stream(1, stats::streams::Purpose::Wear, 0, number);
             prepared.sample(&mut rng)
