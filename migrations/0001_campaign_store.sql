@@ -1,11 +1,14 @@
 -- The store of one campaign. Names carry units where a column always has the same; indices count from 0.
 --
--- The first write wins in `design`, `criteria`, `sample_range`, `point_sample`, `optimiser_run` and `evaluation`:
--- their rows are functions of the campaign file and of the program, so a second value is an error and never an
--- update. What is derived from them is removed and computed again when its inputs change (table `derivation`).
+-- The first write wins in `design`, `criteria`, `sample_block`, `optimiser_run` and `evaluation`: their rows are
+-- functions of the campaign file and of the program, so a second value is an error and never an update. What is
+-- derived from them is removed and computed again when its inputs change (table `derivation`).
 --
 -- Lists of numbers are 64-bit IEEE 754 numbers, little-endian, in the order of the problem's variables or
 -- responses, which `coordinator export` names. In Python: numpy.frombuffer(x, '<f8').
+--
+-- `stream` is what needs samples or a result of a worker, as one number: of a design its index, of a point 1 << 56 |
+-- its number (an optimum's is its approach's), of a run 2 << 56 | the approach's number << 32 | the start.
 --
 -- `seal` is a digest of the row's other columns, the first 64 bits of a SHA-256 read as two's complement: a value
 -- that changes outside the program is noticed when the row is read.
@@ -47,16 +50,17 @@ CREATE TABLE criteria (
 -- Counts of criteria, and of the simulable ones, from a tenth of the pages.
 CREATE INDEX criteria_simulable ON criteria (simulable);
 
--- The samples of the DoE, packed: a row for each sample would cost ten times as much processor time.
-CREATE TABLE sample_range (
-    design       INTEGER NOT NULL REFERENCES design (design),
-    -- The range is first_sample .. first_sample + length(samples) / 8. Ranges of one design never overlap; they may
+-- The samples of designs, of optima that are verified and of infill points, packed: a row for each sample would cost
+-- ten times as much processor time.
+CREATE TABLE sample_block (
+    stream       INTEGER NOT NULL,
+    -- The block is first_sample .. first_sample + length(samples) / 8. Blocks of one stream never overlap; they may
     -- touch, and what lies between them is not sampled yet.
     first_sample INTEGER NOT NULL CHECK (first_sample >= 0),
-    seal         INTEGER NOT NULL,
     -- The sampled response, at most 4096 values. An infinite one stands for a sample that failed.
     samples      BLOB    NOT NULL CHECK (length(samples) BETWEEN 8 AND 32768 AND length(samples) % 8 = 0),
-    PRIMARY KEY (design, first_sample)
+    seal         INTEGER NOT NULL,
+    PRIMARY KEY (stream, first_sample)
 ) STRICT, WITHOUT ROWID;
 
 -- The percentile of each design's samples, at the campaign's level.
@@ -78,21 +82,19 @@ CREATE TABLE model (
 ) STRICT;
 
 CREATE TABLE optimiser_run (
-    approach        TEXT    NOT NULL,
-    start           INTEGER NOT NULL CHECK (start >= 0),
+    stream          INTEGER NOT NULL PRIMARY KEY,
     result_json     TEXT    NOT NULL,
     simulator_calls INTEGER NOT NULL CHECK (simulator_calls >= 0),
     -- Measured, here and below, so no part of any result.
     cpu_seconds     REAL    NOT NULL,
-    seal            INTEGER NOT NULL,
-    PRIMARY KEY (approach, start)
+    seal            INTEGER NOT NULL
 ) STRICT;
 
 -- What an external simulator says of the candidates of an optimiser run. The coordinator holds the search: killed,
 -- it computes the search again from these rows. Runs on the built-in simulator take seconds and have no rows here.
 CREATE TABLE evaluation (
-    -- 'run ', an approach and a start, or an infill point's name.
-    stream        TEXT    NOT NULL,
+    -- A run or an infill point.
+    stream        INTEGER NOT NULL,
     -- Which evaluation of the run, from 0.
     evaluation    INTEGER NOT NULL CHECK (evaluation >= 0),
     seal          INTEGER NOT NULL,
@@ -144,8 +146,8 @@ CREATE TABLE infill (
     -- Counts over all rounds.
     infill    INTEGER NOT NULL PRIMARY KEY CHECK (infill >= 0),
     round     INTEGER NOT NULL REFERENCES enrichment_round (round),
-    -- The point's name in `point_sample`, and the number of its random streams.
     name      TEXT    NOT NULL UNIQUE,
+    -- Its index as a stream and as the source of its random numbers.
     number    INTEGER NOT NULL UNIQUE CHECK (number >= 0),
     -- Why it was chosen.
     reason    TEXT    NOT NULL,
@@ -158,32 +160,19 @@ CREATE TABLE infill (
     seal      INTEGER NOT NULL
 ) STRICT;
 
--- Samples of single points: optima that are verified, and infill points. No foreign key to `optimum`: an optimum
--- may be replaced while its old samples are still there.
-CREATE TABLE point_sample (
-    -- The approach of an optimum, or the name of an infill point.
-    point  TEXT    NOT NULL,
-    sample INTEGER NOT NULL CHECK (sample >= 0),
-    -- The sampled response. An infinite one stands for a sample that failed.
-    value  REAL    NOT NULL,
-    PRIMARY KEY (point, sample)
-) STRICT, WITHOUT ROWID;
-
 -- What the samples of a point, or the result of a run, are computed from: the digest of all inputs. Results of
 -- another generation are not stored, so that what comes late for a design that has been chosen anew is not taken
 -- for the new one's.
 CREATE TABLE stream_generation (
-    -- A point's name, or 'run ', an approach and a start.
-    stream     TEXT    NOT NULL PRIMARY KEY,
+    stream     INTEGER NOT NULL PRIMARY KEY,
     -- The 64 bits of the digest, read as two's complement.
     generation INTEGER NOT NULL
-) STRICT, WITHOUT ROWID;
+) STRICT;
 
 -- What each derived result was computed from. A result whose inputs have changed, for example because a quarantined
 -- job has delivered after all, is computed again.
 CREATE TABLE derivation (
-    -- 'samples', 'responses', 'model', 'round ' and its number, 'optimum ' and an approach, 'run ', an approach and
-    -- a start.
+    -- 'samples', 'responses', 'model', 'round ' and its number, 'optimum ' and an approach, or the stream of a run.
     name    TEXT    NOT NULL PRIMARY KEY,
     -- The digest of everything that the result depends on, in hex.
     inputs  TEXT    NOT NULL,
@@ -196,31 +185,26 @@ CREATE TABLE derivation (
 
 -- Tallies of the tables that grow large, so that nobody has to read them in order to count them. They are written in
 -- the transactions that write the rows they count.
-CREATE TABLE tally (
-    one            INTEGER NOT NULL PRIMARY KEY CHECK (one = 1),
-    samples        INTEGER NOT NULL CHECK (samples >= 0),
-    -- The sum modulo 2^256 of the SHA-256 of every sample of the DoE, both read as little-endian numbers.
-    samples_digest BLOB    NOT NULL CHECK (length(samples_digest) = 32),
-    -- The lock file says how many were acknowledged: fewer here mean that the log was cut.
-    commits        INTEGER NOT NULL CHECK (commits >= 0)
-) STRICT;
 
-INSERT INTO tally (one, samples, samples_digest, commits) VALUES (1, 0, zeroblob(32), 0);
-
--- A design without a row here has no samples. It has those of 0..samples, without a hole, exactly when
+-- A stream without a row here has no samples. It has those of 0..samples, without a hole, exactly when
 -- samples = last_sample + 1.
-CREATE TABLE design_tally (
-    design      INTEGER NOT NULL PRIMARY KEY REFERENCES design (design),
+CREATE TABLE sample_tally (
+    stream      INTEGER NOT NULL PRIMARY KEY,
     samples     INTEGER NOT NULL CHECK (samples > 0 AND samples <= last_sample + 1),
-    last_sample INTEGER NOT NULL
+    last_sample INTEGER NOT NULL,
+    -- How many of them failed.
+    failed      INTEGER NOT NULL CHECK (failed BETWEEN 0 AND samples),
+    -- The sum modulo 2^256 of the SHA-256 of every sample, both read as little-endian numbers.
+    digest      BLOB    NOT NULL CHECK (length(digest) = 32)
 ) STRICT;
 
-CREATE TABLE point_tally (
-    point          TEXT    NOT NULL PRIMARY KEY,
-    samples        INTEGER NOT NULL CHECK (samples > 0),
-    -- As in `tally`.
-    samples_digest BLOB    NOT NULL CHECK (length(samples_digest) = 32)
-) STRICT, WITHOUT ROWID;
+CREATE TABLE commit_tally (
+    one     INTEGER NOT NULL PRIMARY KEY CHECK (one = 1),
+    -- The lock file says how many were acknowledged: fewer here mean that the log was cut.
+    commits INTEGER NOT NULL CHECK (commits >= 0)
+) STRICT;
+
+INSERT INTO commit_tally (one, commits) VALUES (1, 0);
 
 -- What a finished job cost.
 CREATE TABLE job_time (
@@ -239,7 +223,9 @@ CREATE TABLE stage_time (
 -- Append-only: what went wrong, in the order in which it was reported.
 CREATE TABLE failure (
     failure    INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
-    job        TEXT    NOT NULL,
+    stream     INTEGER NOT NULL,
+    -- Whether the lease had other streams, too, any of which may be the cause.
+    shared     INTEGER NOT NULL CHECK (shared IN (0, 1)),
     -- The number of the lease under which it happened.
     lease      INTEGER NOT NULL CHECK (lease >= 0),
     worker     TEXT    NOT NULL,

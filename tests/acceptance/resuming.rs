@@ -5,13 +5,15 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use acceptance::{Running, Sandbox, assert_code};
+use ledger::StreamId;
 use store::{EvaluationRow, Store};
 
 use crate::example::{campaign, program};
 use crate::place::DB;
 
 /// The only job of the campaign until it is done, by its name in the store.
-const RUN: &str = "run no-wear 0";
+/// The first run without wear.
+const RUN: StreamId = StreamId::run(1, 0);
 
 /// The example's program, which logs every request and answers after `seconds`.
 fn noting(sandbox: &Sandbox, name: &str, seconds: f64) -> (String, PathBuf) {
@@ -42,7 +44,7 @@ fn held(sandbox: &Sandbox, db: &str) -> (Option<String>, Vec<EvaluationRow>) {
     runtime.block_on(async {
         let store = Store::open_read_only(&sandbox.path(db)).await.unwrap();
         let runs = store.optimiser_runs().await.unwrap();
-        let result = runs.into_iter().find(|run| run.approach == "no-wear");
+        let result = runs.into_iter().find(|run| run.stream == RUN);
         let evaluations = store.evaluations(RUN, 0).await.unwrap();
         store.close().await.unwrap();
         (result.map(|run| run.result_json), evaluations)

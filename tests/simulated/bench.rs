@@ -88,14 +88,16 @@ impl Recorder for Memory {
         tokio::time::sleep(COMMIT).await;
         let mut receipt = Receipt::default();
         self.with(|stored| {
-            for row in batch.samples {
-                let key = (row.design, row.sample);
-                if let Some(held) = stored.samples.insert(key, row.value) {
-                    stored.conflicts += u64::from(held.to_bits() != row.value.to_bits());
-                    stored.duplicates += 1;
-                    receipt.duplicate_rows += 1;
-                } else {
-                    receipt.new_rows += 1;
+            for block in batch.samples {
+                for (sample, value) in block.indexed() {
+                    let key = (block.stream.index, sample);
+                    if let Some(held) = stored.samples.insert(key, value) {
+                        stored.conflicts += u64::from(held.to_bits() != value.to_bits());
+                        stored.duplicates += 1;
+                        receipt.duplicate_rows += 1;
+                    } else {
+                        receipt.new_rows += 1;
+                    }
                 }
             }
             for row in batch.criteria {

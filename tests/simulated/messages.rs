@@ -259,8 +259,8 @@ fn config(cases: u32) -> ProptestConfig {
 fn no_bytes_break_the_reading_of_results() {
     let problem = Problem::new(campaign());
     let good = answer(&problem);
-    let read = ingest::read(&problem, &good, |_| None).expect("it is whole");
-    assert_eq!(read.rows.expect("it is right").samples.len(), 9);
+    let read = ingest::read(&problem, &good).expect("it is whole");
+    assert_eq!(read.rows.expect("it is right").samples[0].samples.len(), 9);
     let answer = good.encode_to_vec();
     let bytes = prop::collection::vec(any::<u8>(), 0..200);
     let changes = prop::collection::vec(a_change(), 1..5);
@@ -272,17 +272,16 @@ fn no_bytes_break_the_reading_of_results() {
         let Ok(result) = UnitResult::decode(&*payload) else {
             return Ok(());
         };
-        let Ok(read) = ingest::read(&problem, &result, |_| Some("archard".to_owned())) else {
+        let Ok(read) = ingest::read(&problem, &result) else {
             return Ok(());
         };
         if let Ok(batch) = read.rows {
             prop_assert!(batch.times.iter().all(|time| time.cpu_seconds >= 0.0));
             // The rows cover the unit and hold only plausible values.
             let range = u64::from(read.unit.samples.start)..u64::from(read.unit.samples.end);
-            let is_right = |row: &store::SampleRow| {
-                row.design == read.unit.stream.index
-                    && range.contains(&row.sample)
-                    && (0.0..=1e6).contains(&row.value)
+            let is_right = |block: &store::SampleBlock| {
+                let is_right = |(sample, value)| range.contains(&sample) && (0.0..=1e6).contains(&value);
+                block.stream == read.unit.stream && block.indexed().all(is_right)
             };
             prop_assert!(batch.samples.iter().all(is_right));
         }

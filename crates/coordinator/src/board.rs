@@ -12,7 +12,6 @@ use ledger::{
 };
 use protocol::MAX_MESSAGE_BYTES;
 use results::live::Running;
-use stages::names;
 use stages::searching::Progress;
 use tokio::sync::Notify;
 use tokio::time::Instant;
@@ -44,10 +43,8 @@ pub enum Course {
 
 struct Inner {
     ledger: Ledger<Arc<Source>>,
-    /// Names of the points in the store, by their numbers.
-    points: BTreeMap<u64, String>,
     /// Crashes and failures before this coordinator started, by stream name.
-    histories: BTreeMap<String, History>,
+    histories: BTreeMap<StreamId, History>,
     /// Rates of stored samples, of all workers and of each.
     meters: Meters,
     of_workers: BTreeMap<WorkerId, Meters>,
@@ -97,7 +94,6 @@ impl Board {
             epoch,
             inner: Mutex::new(Inner {
                 ledger: Ledger::new(options, epoch),
-                points: BTreeMap::new(),
                 histories: BTreeMap::new(),
                 meters: Meters::default(),
                 of_workers: BTreeMap::new(),
@@ -162,13 +158,13 @@ impl Board {
     // For the engine.
 
     /// Restores the crashes and failures of streams from before a restart.
-    pub fn remember(&self, histories: Vec<store::JobHistory>) {
+    pub fn remember(&self, histories: Vec<store::StreamHistory>) {
         let known = histories.into_iter().map(|history| {
             let counted = History {
                 crashes: history.crashes as usize,
                 failures: history.failures,
             };
-            (history.job, counted)
+            (history.stream, counted)
         });
         self.lock().histories = known.collect();
     }
@@ -185,8 +181,7 @@ impl Board {
         self.change(|inner, _| {
             for mut wanted in wanted {
                 if !inner.histories.is_empty() {
-                    let name = names::stream_name(wanted.stream);
-                    wanted.history = inner.histories.remove(&name).unwrap_or_default();
+                    wanted.history = inner.histories.remove(&wanted.stream).unwrap_or_default();
                 }
                 inner.ledger.want(wanted);
             }
@@ -197,20 +192,6 @@ impl Board {
     /// compute anything.
     pub fn set_control(&self, unit: Unit, source: Arc<Source>) {
         self.lock().ledger.set_control(unit, source);
-    }
-
-    /// Records the name of a point in the store.
-    pub fn name_point(&self, number: u64, name: &str) {
-        self.lock().points.insert(number, name.to_owned());
-    }
-
-    /// Returns the name of a point in the store, or none if the stream is no known point.
-    #[must_use]
-    pub fn point_name(&self, stream: StreamId) -> Option<String> {
-        let is_point = stream.kind == Kind::Point;
-        let inner = self.lock();
-        let name = is_point.then(|| inner.points.get(&stream.index));
-        name.flatten().cloned()
     }
 
     /// Forgets streams whose samples are no longer needed.

@@ -216,16 +216,13 @@ impl Engine {
             streams,
             mut generations,
         } = asked;
-        for point in &next.points {
-            self.board.name_point(point.number, &point.name);
-        }
         // The store first: results of a job on the board may arrive at once.
         if let Some(samples) = &next.samples {
             self.store.put_derivation(samples).await?;
         }
         if !generations.is_empty() {
             let held = self.store.generations().await?;
-            generations.retain(|(name, generation)| held.get(name) != Some(generation));
+            generations.retain(|(stream, generation)| held.get(stream) != Some(generation));
         }
         if !generations.is_empty() {
             self.store.put_generations(&generations).await?;
@@ -242,12 +239,12 @@ impl Engine {
         searches: &mut Searches,
         asked: &mut Asked,
     ) -> anyhow::Result<bool> {
-        let name = names::run_name(run.approach, run.start);
+        let stream = run.stream();
         loop {
             let turn = searches.turn(&self.store, &self.problem, &self.inputs, run);
-            match turn.await.with_context(|| name.clone())? {
+            match turn.await.with_context(|| names::stream_name(stream))? {
                 Turn::Asks(wanted) => {
-                    asked.named(name, wanted);
+                    asked.add(wanted);
                     return Ok(true);
                 }
                 Turn::Finished(result) => {
@@ -255,8 +252,8 @@ impl Engine {
                     return Ok(false);
                 }
                 Turn::Foreign => {
-                    info!(run = %name, "evaluations of another build or of other inputs: it begins anew");
-                    self.store.clear_evaluations(&name).await?;
+                    info!(run = %names::stream_name(stream), "evaluations of another build or of other inputs: it begins anew");
+                    self.store.clear_evaluations(stream).await?;
                 }
             }
         }
@@ -269,8 +266,7 @@ impl Engine {
             .iter()
             .filter(|time| names::is_time_of_run(time.job, run.approach, run.start));
         let row = OptimiserRunRow {
-            approach: run.approach.name().to_owned(),
-            start: run.start.into(),
+            stream: run.stream(),
             result_json: serde_json::to_string(result)?,
             simulator_calls: result.simulator_calls,
             cpu_seconds: of_run.map(|time| time.cpu_seconds).sum(),

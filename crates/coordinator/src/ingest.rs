@@ -2,11 +2,11 @@
 
 use campaign::formulation::Problem;
 use campaign::task::{Evaluated, Output};
-use ledger::{Kind, StreamId, Unit};
+use ledger::{StreamId, Unit};
 use protocol::v1::UnitResult;
-use stages::names::{run_name, run_stream_name, stream_name, time_key};
+use stages::names::{stream_name, time_key};
 use stages::{derived, searching};
-use store::{Batch, CriteriaRow, JobTimeRow, OptimiserRunRow, PointSampleRow, SampleRow};
+use store::{Batch, CriteriaRow, JobTimeRow, OptimiserRunRow, SampleBlock};
 
 /// The result of one unit, read and checked.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,20 +21,13 @@ pub struct Read {
     pub serial: Option<u64>,
 }
 
-/// Reason for refusing the result of an unknown point.
-const UNKNOWN_POINT: &str = "is of a point that was not asked for";
-
 /// Reads the result of a unit and converts it to rows. Numbers that are not plausible are a
-/// failure. `point` returns the name of a point in the store.
+/// failure.
 ///
 /// # Errors
 ///
 /// The message does not say which unit it is about. The error is a phrase without its subject.
-pub fn read(
-    problem: &Problem,
-    result: &UnitResult,
-    point: impl Fn(StreamId) -> Option<String>,
-) -> Result<Read, protocol::Malformed> {
+pub fn read(problem: &Problem, result: &UnitResult) -> Result<Read, protocol::Malformed> {
     let named = |stream, why: &str| format!("{}: {why}", stream_name(stream));
     let (unit, output) = match protocol::output(result) {
         Ok(read) => read,
@@ -62,7 +55,7 @@ pub fn read(
     let is_time = result.cpu_seconds.is_finite() && result.cpu_seconds >= 0.0;
     let cpu_seconds = if is_time { result.cpu_seconds } else { 0.0 };
     let rows = output.and_then(|output| {
-        let rows = rows(problem, &unit, output, cpu_seconds, &point);
+        let rows = rows(problem, &unit, output, cpu_seconds);
         rows.map_err(|why| named(unit.stream, &why))
     });
     Ok(Read {
@@ -83,20 +76,21 @@ pub(crate) fn rows(
     unit: &Unit,
     output: Output,
     cpu_seconds: f64,
-    point: impl Fn(StreamId) -> Option<String>,
 ) -> Result<Batch, String> {
     let mut batch = Batch::default();
     let stream = unit.stream;
-    let numbered = |samples: &[f64]| {
-        let numbered: Vec<(u64, f64)> = (u64::from(unit.samples.start)..)
-            .zip(samples.iter().copied())
-            .collect();
+    let block = |samples: Vec<f64>| {
+        let first_sample = u64::from(unit.samples.start);
         let name = &problem.sampled().name;
-        for (sample, value) in &numbered {
+        for (sample, value) in (first_sample..).zip(&samples) {
             let checked = problem.check_sample(*value);
             checked.map_err(|why| format!("{name} of sample {sample} {why}"))?;
         }
-        Ok::<_, String>(numbered)
+        Ok::<_, String>(SampleBlock {
+            stream,
+            first_sample,
+            samples,
+        })
     };
     match output {
         Output::Refused(reason) => batch.criteria.push(CriteriaRow {
@@ -117,32 +111,19 @@ pub(crate) fn rows(
                 reason: ruled_out,
                 responses: Some(responses),
             });
-            let row = |(sample, delta_ste_um)| SampleRow {
-                design: stream.index,
-                sample,
-                value: delta_ste_um,
-            };
-            batch.samples = numbered(&samples)?.into_iter().map(row).collect();
+            batch.samples.push(block(samples)?);
         }
         Output::Samples(samples) => {
-            let point = point(stream).ok_or(UNKNOWN_POINT)?;
-            batch.only_for = Some((point.clone(), unit.generation.0));
-            let row = |(sample, delta_ste_um)| PointSampleRow {
-                point: point.clone(),
-                sample,
-                value: delta_ste_um,
-            };
-            batch.points = numbered(&samples)?.into_iter().map(row).collect();
+            batch.only_for = Some((stream, unit.generation.0));
+            batch.samples.push(block(samples)?);
         }
         Output::Run(run) => {
             if StreamId::run(run.approach.number() as u32, run.start) != stream {
                 return Err("the worker's result is another run's".to_owned());
             }
-            let name = run_name(run.approach, run.start);
-            batch.only_for = Some((name, unit.generation.0));
+            batch.only_for = Some((stream, unit.generation.0));
             let row = OptimiserRunRow {
-                approach: run.approach.name().to_owned(),
-                start: u64::from(run.start),
+                stream,
                 result_json: serde_json::to_string(&run)
                     .map_err(|error| format!("the run cannot be written: {error}"))?,
                 simulator_calls: run.simulator_calls,
@@ -153,15 +134,11 @@ pub(crate) fn rows(
             batch.runs.push(row);
         }
         Output::Evaluations(evaluated) => {
-            let name = match stream.kind {
-                Kind::Point => point(stream).ok_or(UNKNOWN_POINT)?,
-                _ => run_stream_name(stream).ok_or("is of an approach that there is not")?,
-            };
-            batch.only_for = Some((name.clone(), unit.generation.0));
+            batch.only_for = Some((stream, unit.generation.0));
             for (evaluation, evaluated) in unit.samples.clone().zip(evaluated) {
                 let checked = check_evaluation(problem, &evaluated);
                 checked.map_err(|why| format!("evaluation {evaluation} {why}"))?;
-                let row = searching::row(name.clone(), evaluation, evaluated);
+                let row = searching::row(stream, evaluation, evaluated);
                 batch.evaluations.push(row);
             }
         }
@@ -198,7 +175,7 @@ mod tests {
     use campaign::optimise::Answer;
     use campaign::simulator::Analysis;
     use campaign::{Approach, Campaign, Criteria};
-    use ledger::Generation;
+    use ledger::{Generation, Kind};
     use stages::names::{is_time_of_run, timed};
 
     use super::*;
@@ -217,7 +194,7 @@ mod tests {
 
     fn of(unit: &Unit, outcome: Result<Output, String>) -> Read {
         let sent = protocol::result(unit, &outcome.map(Some), f64::NAN);
-        read(&problem(), &sent, |_| Some("kriging".to_owned())).unwrap()
+        read(&problem(), &sent).unwrap()
     }
 
     #[test]
@@ -253,8 +230,7 @@ mod tests {
         };
         let refused = Err("involute: no".to_owned());
         let batch = of_answers([Ok(answer(problem.criteria().len())), refused.clone()]).unwrap();
-        let name = "run archard 1".to_owned();
-        assert_eq!(batch.only_for, Some((name, 0xabcd_0000_1234)));
+        assert_eq!(batch.only_for, Some((run.stream, 0xabcd_0000_1234)));
         let numbers: Vec<u64> = batch.evaluations.iter().map(|row| row.evaluation).collect();
         assert_eq!(numbers, [30, 31]);
         assert_eq!(batch.evaluations[0].value, Some(1.5));
@@ -273,12 +249,9 @@ mod tests {
         let batch = of(&point, Ok(Output::Samples(vec![1.0, 2.0])))
             .rows
             .unwrap();
-        assert_eq!(
-            batch.only_for,
-            Some(("kriging".to_owned(), 0xabcd_0000_1234))
-        );
-        let samples: Vec<u64> = batch.points.iter().map(|row| row.sample).collect();
-        assert_eq!(samples, [5, 6]);
+        assert_eq!(batch.only_for, Some((point.stream, 0xabcd_0000_1234)));
+        let samples: Vec<(u64, f64)> = batch.samples[0].indexed().collect();
+        assert_eq!(samples, [(5, 1.0), (6, 2.0)]);
         assert_eq!(timed(batch.times[0].job), Some((Kind::Point, 3)));
     }
 
@@ -292,12 +265,9 @@ mod tests {
             assert!(error.starts_with(&expected), "{error}");
         }
         let mut nonsense = protocol::result(&point, &Ok(None), 0.0);
-        let error = read(&problem(), &nonsense, |_| None)
-            .unwrap()
-            .rows
-            .unwrap_err();
+        let error = read(&problem(), &nonsense).unwrap().rows.unwrap_err();
         assert!(error.contains("the worker's result must be"), "{error}");
         nonsense.unit = None;
-        assert!(read(&problem(), &nonsense, |_| None).is_err());
+        assert!(read(&problem(), &nonsense).is_err());
     }
 }

@@ -59,11 +59,6 @@ fn failure(vanished: Vanished) -> FailureRow {
         is_split,
         quarantined,
     } = vanished;
-    let name = if is_split {
-        format!("{} and others", names::stream_name(stream))
-    } else {
-        names::stream_name(stream)
-    };
     let job = names::job_name(stream, &(0..0));
     let (kind, error) = if quarantined {
         error!(%job, %worker, "too many workers vanished: quarantined");
@@ -79,7 +74,8 @@ fn failure(vanished: Vanished) -> FailureRow {
         )
     };
     FailureRow {
-        job: name,
+        stream,
+        shared: is_split,
         lease: u32::try_from(lease.number).unwrap_or(u32::MAX),
         worker: worker.to_string(),
         serial: None,

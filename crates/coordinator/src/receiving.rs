@@ -9,7 +9,7 @@ use futures_util::future::join_all;
 use ledger::{Accepted, Delivery, Failure, Generation, LeaseId, StreamId, Unit, WorkerId};
 use protocol::v1::{LeaseResult, UnitResult};
 use stages::names;
-use store::{Batch, CriteriaRow, FailureKind, FailureRow, Receipt, SampleRow};
+use store::{Batch, CriteriaRow, FailureKind, FailureRow, Receipt, SampleBlock};
 use tonic::Status;
 use tracing::{debug, error, info, warn};
 
@@ -108,8 +108,7 @@ impl<R: Recorder> Receiving<'_, R> {
 
     /// Reads the result of a unit and adds it to `brought`.
     fn take(&self, worker: &WorkerId, result: &UnitResult, brought: &mut Brought) {
-        let read = match ingest::read(self.problem, result, |stream| self.board.point_name(stream))
-        {
+        let read = match ingest::read(self.problem, result) {
             Ok(read) => read,
             Err(why) => {
                 warn!(%worker, "a result {why}; it is dropped");
@@ -204,10 +203,10 @@ impl<R: Recorder> Receiving<'_, R> {
         };
         let mut batch = Batch::default();
         if let (Source::Design(_), Output::Samples(_)) = (&*source, &output) {
-            batch.samples.push(SampleRow {
-                design: unit.stream.index,
-                sample: first.into(),
-                value: failed_sample,
+            batch.samples.push(SampleBlock {
+                stream: unit.stream,
+                first_sample: first.into(),
+                samples: vec![failed_sample],
             });
             if self.problem.responses().is_empty() {
                 batch.criteria.push(CriteriaRow {
@@ -219,8 +218,7 @@ impl<R: Recorder> Receiving<'_, R> {
             }
             return Some((batch, unit));
         }
-        let point = |stream| self.board.point_name(stream);
-        batch = ingest::rows(self.problem, &unit, output, 0.0, point).ok()?;
+        batch = ingest::rows(self.problem, &unit, output, 0.0).ok()?;
         batch.times.clear();
         Some((batch, unit))
     }
@@ -276,7 +274,8 @@ impl<R: Recorder> Receiving<'_, R> {
             }
         };
         let row = FailureRow {
-            job: names::stream_name(failed.stream),
+            stream: failed.stream,
+            shared: false,
             lease: u32::try_from(lease.number).unwrap_or(u32::MAX),
             worker: worker.to_string(),
             serial: failed.serial,

@@ -171,7 +171,7 @@ async fn run_open(
     if let Some(digest) = &model_digest {
         store.pin_model_digest(digest).await?;
     }
-    let mut histories = store.job_histories().await?;
+    let mut histories = store.stream_histories().await?;
     if plan.retry_failed {
         let results = store.remove_failures(campaign::task::FAILED).await?;
         info!(results, "what has failed is computed again");

@@ -161,10 +161,7 @@ impl Simulations for Workers {
     }
 
     fn optimise(&self, runs: Vec<Run>) -> anyhow::Result<Vec<RunResult>> {
-        let keys: Vec<(String, u64)> = runs
-            .iter()
-            .map(|run| (run.approach.name().to_owned(), u64::from(run.start)))
-            .collect();
+        let keys: Vec<StreamId> = runs.iter().map(Run::stream).collect();
         let wanted = runs.into_iter().map(|run| {
             let stream = run.stream();
             self.inputs.wanted(stream, Source::Run(run), 1)
@@ -214,8 +211,8 @@ struct Answers {
 #[derive(Default)]
 struct Collected {
     designs: BTreeMap<u64, Brought>,
-    /// Results of runs as JSON, by approach and start.
-    runs: BTreeMap<(String, u64), String>,
+    /// Results of runs as JSON.
+    runs: BTreeMap<StreamId, String>,
     /// Failures by worker and the worker's serial number.
     failures: BTreeSet<(String, u64)>,
     /// The error of the first quarantined job.
@@ -276,13 +273,12 @@ impl Recorder for Answers {
                 let brought = collected.designs.entry(row.design).or_default();
                 brought.criteria.get_or_insert(row);
             }
-            for row in batch.samples {
-                let brought = collected.designs.entry(row.design).or_default();
-                brought.samples.insert(row.sample, row.value);
+            for block in batch.samples {
+                let brought = collected.designs.entry(block.stream.index).or_default();
+                brought.samples.extend(block.indexed());
             }
             for row in batch.runs {
-                let key = (row.approach, row.start);
-                collected.runs.insert(key, row.result_json);
+                collected.runs.insert(row.stream, row.result_json);
             }
             for row in batch.failures {
                 if let Some(serial) = row.serial {

@@ -40,12 +40,6 @@ pub enum Response {
     Log,
 }
 
-impl Response {
-    pub(crate) fn is_plain(&self) -> bool {
-        *self == Self::Plain
-    }
-}
-
 /// Settings of a fit of a [`Surrogate`].
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Settings {

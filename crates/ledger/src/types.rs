@@ -16,6 +16,9 @@ pub enum Kind {
     Point,
 }
 
+/// Where the kind begins in [`StreamId::key`].
+const KIND_SHIFT: u32 = 56;
+
 /// Identifies a stream: a source of samples, or of one result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct StreamId {
@@ -57,6 +60,31 @@ impl StreamId {
     #[must_use]
     pub const fn run_parts(self) -> (u32, u32) {
         ((self.index >> 32) as u32, self.index as u32)
+    }
+
+    /// The stream as one number, by which the store knows it: the kind in the upper 8 bits, and below them the index
+    /// of a design or a point, or a run's approach in 24 bits and its start in 32. A design's is its index.
+    #[must_use]
+    pub const fn key(self) -> u64 {
+        let kind = match self.kind {
+            Kind::Design => 0,
+            Kind::Point => 1,
+            Kind::Run => 2,
+        };
+        kind << KIND_SHIFT | self.index
+    }
+
+    /// The stream with this key; `None` if no stream has it.
+    #[must_use]
+    pub const fn from_key(key: u64) -> Option<Self> {
+        let kind = match key >> KIND_SHIFT {
+            0 => Kind::Design,
+            1 => Kind::Point,
+            2 => Kind::Run,
+            _ => return None,
+        };
+        let index = key & ((1 << KIND_SHIFT) - 1);
+        Some(Self { kind, index })
     }
 
     /// The group that the stream is settled with.

@@ -9,11 +9,11 @@ use std::collections::BTreeMap;
 
 use campaign::Approach;
 use campaign::formulation::{Design, Problem};
-use stages::choosing;
 use stages::cost::Cost;
 use stages::optima::{approach_of, optimum_design};
 use stages::responses::{Samples, response_of};
 use stages::state::State;
+use stages::{choosing, names};
 use store::{CriteriaRow, DesignRow, OptimumRow, Progress, ResponseRow, Store};
 
 use crate::views::{Candidate, Point};
@@ -83,7 +83,7 @@ impl Designs {
             .into_iter();
         let at_once = (SAMPLES_AT_ONCE / wanted.max(1)).clamp(1, DESIGNS_AT_ONCE);
         for design in waiting.by_ref().take(at_once) {
-            let held = store.samples_of(design).await?;
+            let held = store.samples_of(names::design(design)).await?;
             let first = held.iter().zip(0..wanted as u64);
             let first = first.take_while(|((sample, _), place)| sample == place);
             let values: Vec<f64> = first.map(|((_, value), _)| *value).collect();

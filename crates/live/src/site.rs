@@ -18,8 +18,8 @@ use results::percentile::percentile;
 use results::reporting;
 use results::status::{self, Status};
 use serde::Serialize;
-use stages::optima::approach_of;
 use stages::verification::Verification;
+use stages::{names, optima};
 use store::{OptimumRow, Store};
 use tokio::sync::watch;
 use tokio::time::Instant;
@@ -362,7 +362,10 @@ impl Site {
             return Ok(None);
         }
         let campaign = problem.campaign();
-        let verification = Verification::read(&self.store, campaign, &row.approach).await?;
+        let Some(point) = optima::point_of(&row) else {
+            return Ok(None);
+        };
+        let verification = Verification::read(&self.store, campaign, point).await?;
         if !verification.is_complete() {
             return Ok(None);
         }
@@ -391,19 +394,19 @@ impl Site {
         let rows = self.store.optimiser_runs().await?;
         let mut runs = BTreeMap::new();
         for search in searches.into_iter().flatten() {
-            let (number, start) = search.stream.run_parts();
+            let Some((approach, start)) = names::run_of(search.stream) else {
+                continue;
+            };
             let run = OptimiserRun {
                 start: start as usize + 1,
                 best: search.history,
                 restarts: Vec::new(),
             };
-            if let Some(approach) = Approach::numbered(number.into()) {
-                runs.insert((approach, run.start), (run, false));
-            }
+            runs.insert((approach, run.start), (run, false));
         }
         for row in rows {
             let run = reporting::run(&problem, &row)?;
-            if let Some(approach) = approach_of(&row.approach) {
+            if let Some((approach, _)) = names::run_of(row.stream) {
                 runs.insert((approach, run.start), (run, true));
             }
         }
@@ -413,9 +416,8 @@ impl Site {
     async fn rounds(&self, problem: &Problem) -> anyhow::Result<Body> {
         let rows = self.store.rounds().await?;
         let infill = self.store.infill().await?;
-        let name = Approach::EnrichedKriging.name();
-        let fresh = self.store.point_samples(name).await?;
-        let fresh: Vec<f64> = fresh.iter().map(|sample| sample.value).collect();
+        let point = names::verification(Approach::EnrichedKriging);
+        let fresh = self.store.values_of(point).await?;
         let enrichment = reporting::rounds(problem, &rows, &infill, &fresh)?;
         let percentile = problem.campaign().sampling.percentile_name();
         in_background(move || views::rounds(enrichment.as_ref(), &percentile)).await

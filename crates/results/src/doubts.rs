@@ -1,10 +1,11 @@
 //! What makes the results of an external program doubtful: seeds that it ignores, failures that are results.
 
 use campaign::Approach;
-use campaign::file::{FailedSamples, Sampling};
+use campaign::file::FailedSamples;
 use campaign::formulation::Problem;
-use stages::names::run_name;
-use store::{CriteriaRow, ResponseRow, SampleRow, Store};
+use ledger::Kind;
+use stages::names;
+use store::{CriteriaRow, ResponseRow, Store};
 
 /// One sentence for each doubt about what `store` holds.
 ///
@@ -25,24 +26,23 @@ pub(crate) async fn of(store: &Store, problem: &Problem) -> Result<Vec<String>, 
             "They count as worse than all others."
         }
     };
-    let (mut failed, mut all) = (0, 0);
-    let count = |row: SampleRow| {
-        all += 1;
-        failed += usize::from(row.value.is_infinite());
-        Ok::<(), store::Error>(())
+    let tallies = store.sample_tallies().await?;
+    let of_kind = |kind: Kind| {
+        tallies
+            .iter()
+            .filter(move |(stream, _)| stream.kind == kind)
     };
-    store.visit_samples(count).await?;
-    let mut verified = 0;
-    for (point, _) in store.point_counts().await? {
-        let samples = store.point_samples(&point).await?;
-        let samples: Vec<f64> = samples.iter().map(|row| row.value).collect();
-        verified += Sampling::count_failed(&samples);
-    }
+    let failed = |kind| {
+        of_kind(kind)
+            .map(|(_, tally)| tally.failed as usize)
+            .sum::<usize>()
+    };
+    let all: u64 = of_kind(Kind::Design).map(|(_, tally)| tally.samples).sum();
     let is_failure = |reason: &str| reason.starts_with(campaign::task::FAILED);
     let mut candidates = 0;
     for approach in Approach::OPTIMISED {
         for start in 0..campaign.optimise.starts {
-            let rows = store.evaluations(&run_name(approach, start), 0).await?;
+            let rows = store.evaluations(names::run(approach, start), 0).await?;
             let reasons = rows.iter().filter_map(|row| row.refused.as_deref());
             candidates += reasons.filter(|reason| is_failure(reason)).count();
         }
@@ -56,7 +56,7 @@ pub(crate) async fn of(store: &Store, problem: &Problem) -> Result<Vec<String>, 
             "designs failed in every attempt; they are recorded as not simulable.".to_owned(),
         ),
         (
-            failed,
+            failed(Kind::Design),
             format!("of {all} samples of the DoE failed. {meaning}"),
         ),
         (
@@ -64,7 +64,7 @@ pub(crate) async fn of(store: &Store, problem: &Problem) -> Result<Vec<String>, 
             "designs have no percentile, because too many of their samples failed.".to_owned(),
         ),
         (
-            verified,
+            failed(Kind::Point),
             format!("verification and infill samples failed. {meaning}"),
         ),
         (

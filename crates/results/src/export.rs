@@ -9,7 +9,9 @@ use std::io::Write;
 use campaign::Campaign;
 use campaign::formulation::{Criteria, Problem};
 use clap::ValueEnum;
+use ledger::StreamId;
 use stages::fitting::{ModelSummary, latest_model};
+use stages::names;
 use stages::optima::{self, approach_of, optimum_design};
 use stages::rounds::Round;
 use store::Store;
@@ -154,7 +156,13 @@ async fn failures<W: Write + Send>(store: &Store, out: &mut RowWriter<W>) -> any
     for row in store.failures().await? {
         let lease = row.lease.to_string();
         let kind = row.kind.as_str();
-        out.write_record([&row.job, &lease, &row.worker, kind, &row.error])?;
+        out.write_record([
+            &names::failed_job(&row),
+            &lease,
+            &row.worker,
+            kind,
+            &row.error,
+        ])?;
     }
     Ok(())
 }
@@ -166,13 +174,11 @@ async fn samples<W: Write + Send>(
 ) -> anyhow::Result<()> {
     out.write_record(["design", "sample", &problem.sampled().name])?;
     store
-        .visit_samples(|row| -> anyhow::Result<()> {
-            out.write_record([
-                row.design.to_string(),
-                row.sample.to_string(),
-                number(row.value),
-            ])?;
-            Ok(())
+        .visit_samples(|block| {
+            let design = block.stream.index.to_string();
+            block.indexed().try_for_each(|(sample, value)| {
+                out.write_record([&design, &sample.to_string(), &number(value)])
+            })
         })
         .await
 }
@@ -294,8 +300,7 @@ async fn infill<W: Write + Send>(
     header.extend(["violation", "samples", "failed", &percentile, &variance]);
     out.write_record(&header)?;
     for row in store.infill().await? {
-        let samples = store.point_samples(&row.name).await?;
-        let samples: Vec<f64> = samples.iter().map(|sample| sample.value).collect();
+        let samples = store.values_of(StreamId::point(row.number)).await?;
         let is_whole = samples.len() as u64 == row.samples && !row.failed;
         let estimate = problem.campaign().sampling.estimate(&samples).ok();
         let estimate = estimate
@@ -333,12 +338,7 @@ async fn optima<W: Write + Send>(
     for row in optima::stored(store).await? {
         let design = optimum_design(problem, &row);
         let found: Option<Criteria> = serde_json::from_str(&row.criteria_json)?;
-        let samples: Vec<f64> = store
-            .point_samples(&row.approach)
-            .await?
-            .iter()
-            .map(|sample| sample.value)
-            .collect();
+        let samples = optima::verification_samples(store, &row).await?;
         let percentile = problem.campaign().sampling.verified(&samples).ok();
         let interval = percentile.and_then(|percentile| percentile.interval);
         let approach = approach_of(&row.approach).map(|a| problem.approach_name(a).to_owned());

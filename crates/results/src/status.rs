@@ -1,16 +1,17 @@
 //! How far a campaign is, read from its store.
 
 use std::cmp::Ordering;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use campaign::Campaign;
 use campaign::file::Sampling;
-use ledger::Kind;
+use ledger::{Kind, StreamId};
 use serde::{Deserialize, Serialize};
 use stages::fitting::ModelSummary;
+use stages::names;
 use stages::optima::{self, NoOptimum};
 use stages::verification::Verification;
-use store::{ModelRow, Store};
+use store::{ModelRow, SampleTally, Store};
 
 use crate::costs::{self, Times};
 use crate::doubts;
@@ -231,14 +232,14 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
     let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
     let progress = store.progress().await?;
     let problem = campaign::formulation::Problem::new(campaign.clone());
-    let counts: BTreeMap<String, u64> = store.point_counts().await?.into_iter().collect();
+    let tallies = store.sample_tallies().await?;
     let mut optima = Vec::new();
     let mut designs = Vec::new();
     for row in optima::stored(store).await? {
         let approach = optima::approach_of(&row.approach);
-        let verification = match row.feasible {
-            true => Some(Verification::read(store, &campaign, &row.approach).await?),
-            false => None,
+        let verification = match optima::point_of(&row).filter(|_| row.feasible) {
+            Some(point) => Some(Verification::read(store, &campaign, point).await?),
+            None => None,
         };
         optima.push(Optimum {
             criterion: row.feasible.then_some(row.criterion),
@@ -291,7 +292,7 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
         optima.iter().any(|optimum| optimum.approach == name)
     };
     let all_chosen = problem.approaches().all(chosen);
-    let enrichment = enrichment(store, &counts).await?;
+    let enrichment = enrichment(store, &tallies).await?;
     let is_left = |approach| approach != campaign::Approach::EnrichedKriging && !chosen(approach);
     let only_enriched = !all_chosen && !problem.approaches().any(is_left);
     let stage = if progress.designs < wanted {
@@ -408,17 +409,29 @@ async fn unfinished_runs(
     problem: &campaign::formulation::Problem,
 ) -> Result<Vec<UnfinishedRun>, store::Error> {
     let wanted = u64::from(problem.campaign().optimise.evaluations);
-    let runs = store.unfinished_runs().await?.into_iter();
-    let run = |(name, done): (String, u64)| UnfinishedRun {
-        name: name.trim_start_matches("run ").to_owned(),
-        evaluations: Progress { done, wanted },
-    };
-    Ok(runs.map(run).collect())
+    let finished: BTreeSet<StreamId> = store
+        .optimiser_runs()
+        .await?
+        .into_iter()
+        .map(|row| row.stream)
+        .collect();
+    let mut evaluated = store.evaluated().await?;
+    evaluated.retain(|stream, _| !finished.contains(stream));
+    Ok(evaluated
+        .into_iter()
+        .filter_map(|(stream, (done, _))| {
+            let (approach, start) = names::run_of(stream)?;
+            Some(UnfinishedRun {
+                name: format!("{} {start}", approach.name()),
+                evaluations: Progress { done, wanted },
+            })
+        })
+        .collect())
 }
 
 async fn enrichment(
     store: &Store,
-    counts: &BTreeMap<String, u64>,
+    tallies: &BTreeMap<StreamId, SampleTally>,
 ) -> Result<Option<Enrichment>, store::Error> {
     let rounds = store.rounds().await?;
     let Some(last) = rounds.last() else {
@@ -427,8 +440,8 @@ async fn enrichment(
     let infill = store.infill().await?;
     let of_last = infill.iter().filter(|row| row.round == last.round);
     let done = of_last.clone().map(|row| {
-        let held = counts.get(&row.name).copied().unwrap_or(0);
-        held.min(row.samples)
+        let tally = tallies.get(&StreamId::point(row.number));
+        tally.map_or(0, |tally| tally.samples).min(row.samples)
     });
     Ok(Some(Enrichment {
         round: last.round + 1,
@@ -450,7 +463,7 @@ impl From<store::FailureGroup> for FailureGroup {
             cause: group.cause,
             count: group.count,
             last_error: group.last_error,
-            last_job: group.last_job,
+            last_job: names::stream_name(group.last_stream),
         }
     }
 }

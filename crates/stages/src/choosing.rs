@@ -7,6 +7,7 @@ use campaign::{Approach, Criteria, Design};
 use store::{CriteriaRow, DesignRow, OptimiserRunRow, OptimumRow, ResponseRow};
 
 use crate::cost::Cost;
+use crate::names;
 use crate::optima::{NoOptimum, design_to_json};
 
 /// Chooses the best design that the runs of an approach found.
@@ -24,7 +25,7 @@ pub fn choose_run(
 ) -> anyhow::Result<OptimumRow> {
     let rows: Vec<_> = rows
         .iter()
-        .filter(|row| row.approach == approach.name())
+        .filter(|row| names::run_of(row.stream).is_some_and(|(of, _)| of == approach))
         .collect();
     let runs: Vec<RunResult> = rows
         .iter()

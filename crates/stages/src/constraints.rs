@@ -55,7 +55,8 @@ pub(crate) async fn evaluation(
     store: &Store,
     point: &InfillRow,
 ) -> Result<Option<EvaluationRow>, store::Error> {
-    Ok(store.evaluations(&point.name, 0).await?.into_iter().next())
+    let stream = StreamId::point(point.number);
+    Ok(store.evaluations(stream, 0).await?.into_iter().next())
 }
 
 /// The constraint violation of an evaluated point; `None` if it cannot be simulated.

@@ -23,6 +23,7 @@ use crate::constraints;
 use crate::fitting::{self, Observed};
 use crate::infill::{self, MORE, REACH, bits, options, point_name, point_number};
 use crate::linear::LinearResponse;
+use crate::names;
 use crate::responses::{self, Samples};
 use crate::snapshot::{infill_samples, response_counts};
 
@@ -75,11 +76,8 @@ impl Rows {
         for design in &rows.designs {
             if sampled.contains(&bits(&design.x)) {
                 let count = rows.counts.get(&design.design).copied().unwrap_or(0);
-                let held = store.samples_of(design.design).await?;
-                let held = held
-                    .into_iter()
-                    .take(count as usize)
-                    .map(|(_, value)| value);
+                let held = store.values_of(names::design(design.design)).await?;
+                let held = held.into_iter().take(count as usize);
                 rows.of_designs.insert(design.design, held.collect());
             }
         }

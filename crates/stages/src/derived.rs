@@ -39,7 +39,7 @@ pub fn of_responses(inputs: String, rows: &[ResponseRow]) -> Derivation {
 /// The derivation of a run with this result.
 #[must_use]
 pub fn of_run(inputs: String, row: &OptimiserRunRow) -> Derivation {
-    let result = Derived::Run(row.approach.clone(), row.start);
+    let result = Derived::Run(row.stream);
     Derivation {
         output: Some(Digest::new("run").with(&row.result_json).hex()),
         ..Derivation::new(&result, inputs)
@@ -61,20 +61,15 @@ pub fn generation_inputs(generation: Generation) -> String {
 /// The run of an optimiser as a derived result.
 #[must_use]
 pub fn run_of(approach: Approach, start: u32) -> Derived {
-    Derived::Run(approach.name().to_owned(), start.into())
+    Derived::Run(names::run(approach, start))
 }
 
 /// Whether workers computed a result in this stream.
 #[must_use]
 pub fn is_of_stream(result: &Derived, stream: StreamId) -> bool {
-    match (result, stream.kind) {
-        (Derived::Samples, Kind::Design) => true,
-        (Derived::Run(..), Kind::Run) => {
-            names::run_stream_name(stream).is_some_and(|name| name == result.name())
-        }
-        (Derived::Verification(point), Kind::Point) => {
-            Approach::numbered(stream.index).is_some_and(|approach| approach.name() == point)
-        }
+    match result {
+        Derived::Samples => stream.kind == Kind::Design,
+        Derived::Run(of) | Derived::Verification(of) => *of == stream,
         _ => false,
     }
 }
@@ -241,12 +236,11 @@ impl<'a> Standing<'a> {
             }
         }
         for &approach in self.state.optima.keys() {
-            let name = approach.name().to_owned();
-            let result = Derived::Optimum(name.clone());
+            let result = Derived::Optimum(approach.name().to_owned());
             if !self.is_settled(approach) || self.differs(&result, &self.optimum_inputs(approach)) {
                 outdated.push(result);
             } else if self.state.stale.contains(&approach) {
-                outdated.push(Derived::Verification(name));
+                outdated.push(Derived::Verification(names::verification(approach)));
             }
         }
         if is_known {

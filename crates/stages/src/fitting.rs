@@ -1,7 +1,5 @@
 //! The kriging model of P90.
 
-use std::collections::BTreeMap;
-
 use campaign::file::{Noise, Nugget};
 use campaign::formulation::{Design, Problem};
 use kriging::{Data, Error, Guidance, Names, Surrogate};

@@ -1,24 +1,38 @@
-//! The names of streams: in the store, in messages, and as keys of their times in the store.
+//! Streams by what they are of, and their names in messages.
 
 use std::ops::Range;
 
 use campaign::Approach;
 use ledger::{Kind, StreamId, Unit};
+use store::FailureRow;
 
 use crate::infill;
 
-/// The name under which the store keeps the generation of a run.
+/// The stream of a design in the store.
 #[must_use]
-pub fn run_name(approach: Approach, start: u32) -> String {
-    format!("run {} {start}", approach.name())
+pub const fn design(index: u64) -> StreamId {
+    // A DoE has at most 100 000 designs.
+    StreamId::design(index as u32)
 }
 
-/// The name under which the store keeps the generation of a stream, if it is a run.
+/// The stream of an optimum's verification samples.
 #[must_use]
-pub fn run_stream_name(stream: StreamId) -> Option<String> {
+pub const fn verification(approach: Approach) -> StreamId {
+    StreamId::point(approach.number())
+}
+
+/// The stream of a run.
+#[must_use]
+pub const fn run(approach: Approach, start: u32) -> StreamId {
+    StreamId::run(approach.number() as u32, start)
+}
+
+/// The approach and the start of a run; `None` if the stream is none.
+#[must_use]
+pub fn run_of(stream: StreamId) -> Option<(Approach, u32)> {
     let (number, start) = stream.run_parts();
     let approach = Approach::numbered(number.into())?;
-    (stream.kind == Kind::Run).then(|| run_name(approach, start))
+    (stream.kind == Kind::Run).then_some((approach, start))
 }
 
 /// The name of a stream in messages.
@@ -38,6 +52,17 @@ pub fn stream_name(stream: StreamId) -> String {
             Some(approach) => format!("verify-{}", approach.name()),
             None => stream.to_string(),
         },
+    }
+}
+
+/// The job of a failure in messages.
+#[must_use]
+pub fn failed_job(row: &FailureRow) -> String {
+    let name = stream_name(row.stream);
+    if row.shared {
+        name + " and others"
+    } else {
+        name
     }
 }
 

@@ -2,12 +2,13 @@
 
 use campaign::Approach;
 use campaign::formulation::{Design, Problem, Quantity};
+use ledger::StreamId;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 use store::{OptimumRow, Store};
 
-use crate::plan;
 use crate::state::State;
+use crate::{names, plan};
 
 /// The approach of that name.
 #[must_use]
@@ -39,6 +40,27 @@ impl std::fmt::Display for NoOptimum {
             Self::NoneSimulable => "no simulable design",
             Self::NothingComputed => "nothing computed",
         })
+    }
+}
+
+/// The stream of an optimum's verification samples.
+#[must_use]
+pub fn point_of(row: &OptimumRow) -> Option<StreamId> {
+    approach_of(&row.approach).map(names::verification)
+}
+
+/// The values of an optimum's verification samples.
+///
+/// # Errors
+///
+/// The store cannot be read.
+pub async fn verification_samples(
+    store: &Store,
+    row: &OptimumRow,
+) -> Result<Vec<f64>, store::Error> {
+    match point_of(row) {
+        Some(point) => store.values_of(point).await,
+        None => Ok(Vec::new()),
     }
 }
 

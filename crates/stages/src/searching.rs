@@ -16,8 +16,6 @@ use campaign::task::{self, Inputs, Run, Source};
 use ledger::{Generation, StreamId, Wanted};
 use store::{EvaluationRow, Store};
 
-use crate::names;
-
 /// The searches of a campaign.
 #[derive(Default)]
 pub struct Searches {
@@ -104,8 +102,7 @@ impl Searches {
             Some(held) if held.of == of => held,
             _ => Held::new(problem, run, of).map_err(anyhow::Error::msg)?,
         };
-        let name = names::run_name(run.approach, run.start);
-        let rows = store.evaluations(&name, held.first.into()).await?;
+        let rows = store.evaluations(stream, held.first.into()).await?;
         let mut rows: BTreeMap<u64, EvaluationRow> =
             rows.into_iter().map(|row| (row.evaluation, row)).collect();
         loop {
@@ -175,9 +172,9 @@ fn answer(row: EvaluationRow) -> Option<Answer> {
     })
 }
 
-/// The row of an evaluation, of a run or an infill point under its name in the store.
+/// The row of an evaluation, of a run or an infill point.
 #[must_use]
-pub fn row(stream: String, evaluation: u32, evaluated: task::Evaluated) -> EvaluationRow {
+pub fn row(stream: StreamId, evaluation: u32, evaluated: task::Evaluated) -> EvaluationRow {
     let mut row = EvaluationRow {
         stream,
         evaluation: evaluation.into(),

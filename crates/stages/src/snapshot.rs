@@ -6,15 +6,15 @@ use campaign::file::Sampling;
 use campaign::formulation::{Approach, Design, Problem};
 use campaign::task::{Inputs, Source};
 use ledger::StreamId;
-use store::{InfillRow, ModelRow, Store};
+use store::{InfillRow, ModelRow, SampleTally, Store};
 
 use crate::constraints;
 use crate::fitting::ModelSummary;
 use crate::optima::{approach_of, optimum_design};
-use crate::plan;
 use crate::responses::{self, Sampled};
 use crate::state::{OpenDesign, Progress, State, VerifyPoint};
 use crate::verification::Sizes;
+use crate::{names, plan};
 
 /// Reads the state of the campaign, without the quarantined streams. `more` has the designs that need more
 /// samples than others, `sizes` what was read of verification samples before.
@@ -66,34 +66,31 @@ pub async fn load(
         ..State::default()
     };
     for run in store.optimiser_runs().await? {
-        if let (Some(approach), Ok(start)) = (approach_of(&run.approach), u32::try_from(run.start))
-        {
-            state.runs.insert((approach, start));
-        }
+        state.runs.extend(names::run_of(run.stream));
     }
-    let digests = store.point_digests().await?;
-    let count = |name: &str| digests.get(name).map_or(0, |(count, _)| *count);
+    let tallies = store.sample_tallies().await?;
+    let count = |point: StreamId| tallies.get(&point).map_or(0, |tally| tally.samples);
     let generations = store.generations().await?;
     for optimum in store.optima().await? {
         let Some(approach) = approach_of(&optimum.approach) else {
             continue;
         };
         let design = optimum_design(problem, &optimum);
-        let count = count(approach.name());
-        let generation = generations.get(approach.name());
+        let point = names::verification(approach);
+        let count = count(point);
+        let generation = generations.get(&point);
         if count > 0 && !is_of(inputs, approach, design.as_ref(), generation) {
             state.stale.insert(approach);
         } else if let Some(design) = &design {
-            let point = (approach.name(), design);
-            let sizes = sizes.of(store, campaign, point, count).await?;
+            let sizes = sizes.of(store, campaign, (point, design), count).await?;
             state.verified.insert(approach, sizes);
         }
         state.optima.insert(approach, design);
     }
     for point in references {
-        let count = count(&point.name);
-        let named = (&*point.name, &point.design);
-        let (wanted, stored) = sizes.of(store, campaign, named, count).await?;
+        let stream = StreamId::point(point.number);
+        let of = (stream, &point.design);
+        let (wanted, stored) = sizes.of(store, campaign, of, count(stream)).await?;
         state.reference_points.push(VerifyPoint {
             wanted,
             stored,
@@ -101,36 +98,32 @@ pub async fn load(
         });
     }
     if let (Some(base), Some(_)) = (plan::base(problem, &state), &campaign.enrichment) {
-        state.enrichment = enrichment(store, problem, &base, &digests).await?;
+        state.enrichment = enrichment(store, problem, &base, &tallies).await?;
     }
     Ok(state)
 }
 
-/// Whether the verification samples of an approach, of this generation, are of its design. Samples of earlier
-/// schemas have no generation.
+/// Whether the verification samples of an approach, of this generation, are of its design.
 fn is_of(
     inputs: &Inputs,
     approach: Approach,
     design: Option<&Design>,
     generation: Option<&u64>,
 ) -> bool {
-    let stream = StreamId::point(approach.number());
+    let stream = names::verification(approach);
     let wanted = design.map(|design| inputs.generation(stream, &Source::Point(design.clone())));
-    wanted.is_some_and(|wanted| generation.is_none_or(|held| *held == wanted.0))
+    wanted.is_some_and(|wanted| generation == Some(&wanted.0))
 }
-
-/// The number and the digest of the samples of each point.
-type Digests = BTreeMap<String, (u64, String)>;
 
 /// The progress of the enrichment.
 async fn enrichment(
     store: &Store,
     problem: &Problem,
     base: &Design,
-    digests: &Digests,
+    tallies: &BTreeMap<StreamId, SampleTally>,
 ) -> Result<Progress, store::Error> {
     let rounds = store.rounds().await?;
-    let evaluated = store.evaluated_points().await?;
+    let evaluated = store.evaluated().await?;
     let mut progress = Progress {
         rounds: vec![String::new(); rounds.len()],
         is_stopped: rounds.last().is_some_and(|last| last.stop_json.is_some()),
@@ -138,12 +131,13 @@ async fn enrichment(
     };
     for row in store.infill().await? {
         progress.numbers.insert(row.number);
-        let digest = digests.get(&row.name);
-        let complete = digest.filter(|(count, _)| *count == row.samples);
+        let stream = StreamId::point(row.number);
+        let tally = tallies.get(&stream);
+        let complete = tally.filter(|tally| tally.samples == row.samples);
         if let Some(results) = progress.rounds.get_mut(row.round as usize) {
             // A round takes all samples of a point, or none.
-            let samples = complete.map_or("-", |(_, digest)| digest);
-            let evaluation = evaluated.get(&row.name).map_or("-", String::as_str);
+            let samples = complete.map_or_else(|| "-".to_owned(), SampleTally::digest);
+            let evaluation = evaluated.get(&stream).map_or("-", |(_, digest)| digest);
             *results += &format!("{} {samples} {evaluation};", row.name);
         }
         if complete.is_some() {
@@ -177,11 +171,11 @@ pub(crate) async fn infill_samples(
     store: &Store,
     row: &InfillRow,
 ) -> Result<BTreeMap<u32, f64>, store::Error> {
-    let held = store.point_samples(&row.name).await?;
+    let held = store.samples_of(StreamId::point(row.number)).await?;
     Ok(held
-        .iter()
-        .filter(|sample| sample.sample < row.samples)
-        .filter_map(|sample| Some((u32::try_from(sample.sample).ok()?, sample.value)))
+        .into_iter()
+        .filter(|(sample, _)| *sample < row.samples)
+        .filter_map(|(sample, value)| Some((u32::try_from(sample).ok()?, value)))
         .collect())
 }
 
@@ -200,8 +194,7 @@ pub async fn response_counts(
         let count = if settings.rule().is_none() {
             settings.samples_per_design as usize
         } else {
-            let held = store.samples_of(row.design).await?;
-            let held: Vec<f64> = held.into_iter().map(|(_, value)| value).collect();
+            let held = store.values_of(names::design(row.design)).await?;
             match responses::sampled(&held, settings)? {
                 Sampled::Enough(count) => count,
                 Sampled::Wants { at_least, .. } => at_least,
@@ -224,7 +217,7 @@ pub async fn wants_more(store: &Store, settings: &Sampling) -> anyhow::Result<BT
         return Ok(more);
     }
     for row in store.responses().await? {
-        let samples = store.samples_of(row.design).await?;
+        let samples = store.samples_of(names::design(row.design)).await?;
         let held = samples
             .iter()
             .zip(0..)

@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use campaign::formulation::Problem;
 use ledger::StreamId;
 use stats::streams::Purpose;
-use store::{ResponseRow, SampleRow};
+use store::{ResponseRow, SampleBlock};
 
 use crate::linear::LinearResponse;
 use crate::responses::{self, Sampled, Samples};
@@ -53,20 +53,22 @@ impl<'a> Collector<'a> {
         }
     }
 
-    /// Takes the next sample.
+    /// Takes the next samples.
     ///
     /// # Errors
     ///
     /// The samples of the design before make no response.
-    pub fn push(&mut self, row: &SampleRow) -> anyhow::Result<()> {
-        if self.design != Some(row.design) {
+    pub fn push(&mut self, block: &SampleBlock) -> anyhow::Result<()> {
+        let design = block.stream.index;
+        if self.design != Some(design) {
             self.close()?;
-            self.design = Some(row.design);
+            self.design = Some(design);
         }
         let most = self.problem.campaign().sampling.samples_max() as usize;
         // Samples beyond a hole wait until it is filled.
-        if self.samples.len() < most && row.sample == self.samples.len() as u64 {
-            self.samples.push(row.value);
+        if block.first_sample == self.samples.len() as u64 {
+            let wanted = most.saturating_sub(self.samples.len());
+            self.samples.extend(block.samples.iter().take(wanted));
         }
         Ok(())
     }
@@ -126,6 +128,8 @@ impl<'a> Collector<'a> {
 
 #[cfg(test)]
 mod tests {
+    use std::ops::Range;
+
     use campaign::Campaign;
 
     use super::*;
@@ -140,31 +144,32 @@ mod tests {
     }
 
     /// Samples of a design that scatter by `sd`.
-    fn rows(design: u64, samples: impl Iterator<Item = u64>, sd: f64) -> Vec<SampleRow> {
-        samples
-            .map(|sample| SampleRow {
-                design,
-                sample,
-                value: if sample % 2 == 0 { 1.0 - sd } else { 1.0 + sd },
-            })
-            .collect()
+    fn blocks(design: u32, samples: Range<u64>, sd: f64) -> Vec<SampleBlock> {
+        let value = |sample: u64| if sample % 2 == 0 { 1.0 - sd } else { 1.0 + sd };
+        vec![SampleBlock {
+            stream: StreamId::design(design),
+            first_sample: samples.start,
+            samples: samples.map(value).collect(),
+        }]
     }
 
-    fn computed(problem: &Problem, rows: &[SampleRow], quarantined: &[u32]) -> Computed {
+    fn computed(problem: &Problem, blocks: &[SampleBlock], quarantined: &[u32]) -> Computed {
         let linear = BTreeMap::new();
         let quarantined = quarantined.iter().copied().map(StreamId::design).collect();
         let mut collector = Collector::new(problem, &linear, &quarantined);
-        for row in rows {
-            collector.push(row).unwrap();
+        for block in blocks {
+            collector.push(block).unwrap();
         }
         collector.finish().unwrap()
     }
 
     #[test]
     fn samples_beyond_a_hole_wait_until_it_is_filled() {
-        let mut held = rows(0, 0..12, 0.2);
-        held.extend(rows(3, (0..12).filter(|sample| *sample != 7), 0.2));
-        held.extend(rows(4, 0..10, 0.2));
+        let mut held = blocks(0, 0..12, 0.2);
+        held.extend(blocks(3, 0..7, 0.2));
+        held.extend(blocks(3, 8..12, 0.2));
+        held.extend(blocks(4, 0..6, 0.2));
+        held.extend(blocks(4, 6..10, 0.2));
         let Computed::Responses(responses) = computed(&problem(None), &held, &[]) else {
             panic!("nothing more is wanted without a precision");
         };
@@ -181,8 +186,8 @@ mod tests {
 
     #[test]
     fn designs_that_want_more_hold_up_the_others_until_they_are_quarantined() {
-        let mut held = rows(0, 0..10, 0.01);
-        held.extend(rows(1, 0..10, 0.35));
+        let mut held = blocks(0, 0..10, 0.01);
+        held.extend(blocks(1, 0..10, 0.35));
         let precise = problem(Some(0.1));
         let wants = computed(&precise, &held, &[]);
         assert_eq!(wants, Computed::Wants(BTreeMap::from([(1, 20)])));

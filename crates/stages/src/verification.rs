@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use campaign::Campaign;
 use campaign::formulation::Design;
+use ledger::StreamId;
 use store::Store;
 
 /// Number of samples that a point with these samples gets. It depends on the campaign and on the first
@@ -37,13 +38,13 @@ impl Verification {
     pub async fn read(
         store: &Store,
         campaign: &Campaign,
-        point: &str,
+        point: StreamId,
     ) -> Result<Self, store::Error> {
-        let rows = store.point_samples(point).await?;
+        let held = store.samples_of(point).await?;
         let samples: Vec<f64> = (0..)
-            .zip(&rows)
-            .take_while(|(index, row)| *index == row.sample)
-            .map(|(_, row)| row.value)
+            .zip(held)
+            .take_while(|(index, (sample, _))| index == sample)
+            .map(|(_, (_, value))| value)
             .collect();
         Ok(Self {
             wanted: wanted(campaign, &samples) as usize,
@@ -60,37 +61,37 @@ impl Verification {
 
 /// The numbers of samples that follow from samples read before.
 #[derive(Debug, Default)]
-pub struct Sizes(BTreeMap<(String, Vec<u64>), u32>);
+pub struct Sizes(BTreeMap<(StreamId, Vec<u64>), u32>);
 
 impl Sizes {
-    /// Number of samples that the point named `name` at `design` gets, and the indices of those in the store,
+    /// Number of samples that the point at `design` gets, and the indices of those in the store,
     /// of which there are `count`.
     pub(crate) async fn of(
         &mut self,
         store: &Store,
         campaign: &Campaign,
-        (name, design): (&str, &Design),
+        (point, design): (StreamId, &Design),
         count: u64,
     ) -> Result<(u32, BTreeSet<u32>), store::Error> {
         let bits = design.values().iter().map(|value| value.to_bits());
-        let key = (name.to_owned(), bits.collect());
+        let key = (point, bits.collect());
         let known = self.0.get(&key).copied();
         if let Some(wanted) = known
             && count >= wanted.into()
         {
             return Ok((wanted, (0..wanted).collect()));
         }
-        let rows = store.point_samples(name).await?;
-        let stored: BTreeSet<u32> = rows
+        let held = store.samples_of(point).await?;
+        let stored: BTreeSet<u32> = held
             .iter()
-            .filter_map(|row| u32::try_from(row.sample).ok())
+            .filter_map(|(sample, _)| u32::try_from(*sample).ok())
             .collect();
         let first = campaign.verify.first();
         if known.is_none() && !(0..first).all(|sample| stored.contains(&sample)) {
             return Ok((first, stored));
         }
         let wanted = known.unwrap_or_else(|| {
-            let values: Vec<f64> = rows.iter().map(|row| row.value).collect();
+            let values: Vec<f64> = held.iter().map(|(_, value)| *value).collect();
             wanted(campaign, &values)
         });
         self.0.insert(key, wanted);

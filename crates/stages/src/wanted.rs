@@ -6,17 +6,17 @@ use campaign::formulation::Problem;
 use campaign::task::{Inputs, Source};
 use ledger::{StreamId, Wanted};
 
+use crate::constraints;
 use crate::plan::Next;
 use crate::state::OpenDesign;
-use crate::{constraints, names};
 
 /// Requests to workers.
 #[derive(Debug, Clone, Default)]
 pub struct Asked {
     /// The streams, each with its missing units.
     pub streams: Vec<Wanted<Arc<Source>>>,
-    /// The generations of runs and points by their names in the store, which accepts no others.
-    pub generations: Vec<(String, u64)>,
+    /// The generations of runs and points: the store accepts no others.
+    pub generations: Vec<(StreamId, u64)>,
 }
 
 /// The requests of `next`; `open` are the designs that lack samples. The runs of an external
@@ -27,7 +27,7 @@ pub fn asked(problem: &Problem, inputs: &Inputs, next: &Next, open: &[OpenDesign
     let whole_runs = (!problem.campaign().is_external()).then_some(&next.runs);
     for run in whole_runs.into_iter().flatten() {
         let wanted = inputs.wanted(run.stream(), Source::Run(run.clone()), 1);
-        asked.named(names::run_name(run.approach, run.start), wanted);
+        asked.add(wanted);
     }
     if let Some(base) = &next.sampling {
         for design in open {
@@ -51,15 +51,15 @@ pub fn asked(problem: &Problem, inputs: &Inputs, next: &Next, open: &[OpenDesign
                 ..inputs.wanted(stream, source, point.wanted)
             }
         };
-        asked.named(point.name.clone(), wanted);
+        asked.add(wanted);
     }
     asked
 }
 
 impl Asked {
-    /// Adds a stream that the store knows by a name.
-    pub fn named(&mut self, name: String, wanted: Wanted<Arc<Source>>) {
-        self.generations.push((name, wanted.generation.0));
+    /// Adds a stream whose results depend on its generation.
+    pub fn add(&mut self, wanted: Wanted<Arc<Source>>) {
+        self.generations.push((wanted.stream, wanted.generation.0));
         self.streams.push(wanted);
     }
 }

@@ -13,10 +13,11 @@ use std::future::Future;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use ledger::StreamId;
 use rustix::time::{ClockId, clock_gettime};
 use store::{
     Batch, CampaignRow, CriteriaRow, DesignRow, Error, FailureKind, FailureRow, JobTimeRow,
-    SampleRow, Store,
+    SampleBlock, Store,
 };
 
 type Failure = Box<dyn std::error::Error>;
@@ -73,16 +74,13 @@ async fn fill(
                 .step_by(4)
             {
                 let of = first..designs.min(first + together);
-                let row = |design, sample| SampleRow {
-                    design,
-                    sample,
-                    value: 1.0 / (sample + 1) as f64,
-                };
-                let rows = of
-                    .clone()
-                    .flat_map(|d| (0..samples).map(move |s| row(d, s)));
+                let blocks = of.clone().map(|design| SampleBlock {
+                    stream: StreamId::design(design as u32),
+                    first_sample: 0,
+                    samples: (0..samples).map(|i| 1.0 / (i + 1) as f64).collect(),
+                });
                 let batch = Batch {
-                    samples: rows.collect(),
+                    samples: blocks.collect(),
                     criteria: of.map(criteria).collect(),
                     ..Batch::default()
                 };
@@ -95,10 +93,10 @@ async fn fill(
     timed(&doing, designs * samples, joined(callers)).await?;
 
     let one_sample = |i| Batch {
-        samples: vec![SampleRow {
-            design: designs,
-            sample: i,
-            value: 1.0,
+        samples: vec![SampleBlock {
+            stream: StreamId::design(designs as u32),
+            first_sample: i,
+            samples: vec![1.0],
         }],
         ..Batch::default()
     };
@@ -117,15 +115,16 @@ async fn fill(
     small(&store, "batches of one job time", one_time).await?;
     small(&store, "batches of one sample and one job time", both).await?;
 
-    let failures = (0..10_000).map(|i| FailureRow {
-        job: format!("sample-{i}"),
-        attempt: 1,
+    let failures = (0..10_000_u32).map(|i| FailureRow {
+        stream: StreamId::design(i),
+        shared: false,
+        lease: 1,
         worker: format!("worker-{}", i % 100),
         serial: None,
         kind: FailureKind::Failure,
         error: format!(
             "cause {}: no load path in sample {i}",
-            ["a", "b", "c"][i % 3]
+            ["a", "b", "c"][i as usize % 3]
         ),
         at_unix_ms: None,
     });
@@ -187,10 +186,13 @@ async fn read(path: &Path, campaign: &CampaignRow, samples: u64) -> Result<(), F
     });
     println!("  of {} designs", missing.await?.len());
     timed("the file checked", 0, store.checked()).await?;
-    let digest = timed("digest of all rows", 0, store.recompute_samples_digest()).await?;
-    if digest != store.samples_digest().await? {
-        return Err("the digest on record is not that of the rows".into());
-    }
+    let visit = store.visit_samples(|_| Ok::<(), Error>(()));
+    timed(
+        "all samples visited and compared with their digests",
+        0,
+        visit,
+    )
+    .await?;
     timed("closed", 0, store.close()).await?;
     Ok(())
 }
@@ -202,7 +204,7 @@ fn design(design: u64) -> DesignRow {
 fn criteria(design: u64) -> CriteriaRow {
     CriteriaRow {
         design,
-        feasible: true,
+        simulable: true,
         responses: Some(vec![2.25, 1.5, 1100.0]),
         ..CriteriaRow::default()
     }

@@ -13,6 +13,7 @@ use std::sync::Arc;
 use sqlx::sqlite::SqliteConnectOptions;
 use tokio::sync::watch;
 
+use crate::Error;
 use crate::connection::Connection;
 use crate::derived::Derivation;
 use crate::keyed::{self, Table};
@@ -21,7 +22,7 @@ use crate::rows::{
     CampaignRow, CriteriaRow, DesignRow, EvaluationRow, ModelRow, OptimiserRunRow, OptimumRow,
     ResponseRow,
 };
-use crate::{Error, samples, tally};
+use crate::samples::{self, Of};
 
 type Found = watch::Sender<Option<Result<(), Error>>>;
 
@@ -168,8 +169,7 @@ async fn check(reading: &Reading, part: Part) -> Result<(), Error> {
 /// Checks all rows against their seals, and against the counts and digests updated when samples
 /// were stored. A bit that flipped within a number leaves its page valid to SQLite.
 pub(crate) async fn rows(connection: &mut Connection<'_>) -> Result<(), Error> {
-    samples::visit(connection, |_| Ok::<(), Error>(())).await?;
-    tally::check_point_samples(connection).await?;
+    samples::visit(connection, Of::All, |_| Ok::<(), Error>(())).await?;
     sealed::<CampaignRow>(connection).await?;
     sealed::<DesignRow>(connection).await?;
     sealed::<CriteriaRow>(connection).await?;

@@ -2,14 +2,14 @@
 
 use std::collections::BTreeMap;
 
+use ledger::StreamId;
+
 use crate::Error;
 use crate::connection::Connection;
-use crate::insert::remove_samples;
 use crate::keyed::{self, Table};
 use crate::rounds;
 use crate::rows::{EvaluationRow, ModelRow, OptimumRow, Receipt, ResponseRow};
-use crate::samples;
-use crate::tally::{self, Tally};
+use crate::samples::{self, Of};
 
 /// Completes "the database could not".
 pub(crate) const REMOVING: &str = "remove derived rows";
@@ -23,14 +23,14 @@ pub enum Derived {
     Responses,
     /// The model of the DoE's responses.
     Model,
-    /// The run of an optimiser: the approach and the start.
-    Run(String, u64),
+    /// The run of an optimiser.
+    Run(StreamId),
     /// A round of infill, and the model of the enrichment's end.
     Round(u64),
     /// The optimum of an approach.
     Optimum(String),
     /// The samples of an optimum.
-    Verification(String),
+    Verification(StreamId),
 }
 
 impl Derived {
@@ -41,10 +41,10 @@ impl Derived {
             Self::Samples => "samples".to_owned(),
             Self::Responses => "responses".to_owned(),
             Self::Model => "model".to_owned(),
-            Self::Run(approach, start) => format!("run {approach} {start}"),
+            Self::Run(stream) => stream.to_string(),
             Self::Round(round) => format!("round {round}"),
             Self::Optimum(approach) => format!("optimum {approach}"),
-            Self::Verification(point) => format!("verification {point}"),
+            Self::Verification(stream) => format!("verification {stream}"),
         }
     }
 }
@@ -139,29 +139,25 @@ pub(crate) async fn remove(
     for result in results {
         match result {
             Derived::Samples => {
-                remove_all_samples(connection).await?;
+                samples::remove(connection, Of::Designs).await?;
                 connection.run(REMOVING, "DELETE FROM criteria").await?;
             }
             Derived::Responses => connection.run(REMOVING, "DELETE FROM response").await?,
             Derived::Model => remove_model(connection, ModelRow::DOE).await?,
-            Derived::Run(approach, start) => {
-                let start = start.cast_signed();
-                let query = sqlx::query!(
-                    "DELETE FROM optimiser_run WHERE approach = ? AND start = ?",
-                    approach,
-                    start,
-                );
+            Derived::Run(stream) => {
+                let key = stream.key().cast_signed();
+                let query = sqlx::query!("DELETE FROM optimiser_run WHERE stream = ?", key);
                 connection.execute(REMOVING, query).await?;
-                forget_stream(connection, &result.name()).await?;
+                forget_stream(connection, *stream).await?;
             }
             Derived::Round(round) => rounds::remove(connection, *round).await?,
             Derived::Optimum(approach) => {
                 let query = sqlx::query!("DELETE FROM optimum WHERE approach = ?", approach);
                 connection.execute(REMOVING, query).await?;
             }
-            Derived::Verification(point) => {
-                remove_samples(connection, point).await?;
-                forget_stream(connection, point).await?;
+            Derived::Verification(stream) => {
+                samples::remove(connection, Of::One(*stream)).await?;
+                forget_stream(connection, *stream).await?;
             }
         }
         let name = result.name();
@@ -171,47 +167,14 @@ pub(crate) async fn remove(
     Ok(Receipt::default())
 }
 
-async fn remove_all_samples(connection: &mut Connection<'_>) -> Result<(), Error> {
-    for statement in [
-        "DELETE FROM sample_range",
-        "DELETE FROM design_tally",
-        "UPDATE tally SET samples = 0, samples_digest = zeroblob(32)",
-    ] {
-        connection.run(REMOVING, statement).await?;
-    }
-    Ok(())
-}
-
 /// Removes what stands for failures: infinite samples, and criteria and evaluations that have one or whose reason
 /// begins with `reason`. A run goes on from its first evaluation that is removed. The receipt counts the rows removed.
 pub(crate) async fn remove_failures(
     connection: &mut Connection<'_>,
     reason: &str,
 ) -> Result<Receipt, Error> {
-    let mut removed = 0;
-    let mut tally = Tally::default();
-    let kept = samples::finite(connection).await?;
-    let (before, _) = tally::samples(connection).await?;
-    kept.iter().for_each(|range| tally.add_range(range));
-    if tally.samples() < before {
-        removed += before - tally.samples();
-        remove_all_samples(connection).await?;
-        samples::write(connection, &kept).await?;
-    } else {
-        tally = Tally::default();
-    }
-    for (point, (before, _)) in tally::points(connection).await? {
-        let mut rows = tally::point_samples(connection, &point).await?;
-        rows.retain(|row| row.value.is_finite());
-        if (rows.len() as u64) < before {
-            removed += before - rows.len() as u64;
-            remove_samples(connection, &point).await?;
-            keyed::replace(connection, &rows).await?;
-            rows.iter().for_each(|row| tally.add_point_sample(row));
-        }
-    }
-    tally.write(connection).await?;
-    let mut failed: BTreeMap<String, u64> = BTreeMap::new();
+    let mut removed = samples::remove_failed(connection).await?;
+    let mut failed: BTreeMap<StreamId, u64> = BTreeMap::new();
     let evaluations: Vec<EvaluationRow> = keyed::all(connection).await?;
     for row in evaluations {
         let is_failure = row.refused.is_some_and(|why| why.starts_with(reason));
@@ -221,13 +184,15 @@ pub(crate) async fn remove_failures(
         }
     }
     for (stream, first) in failed {
-        for statement in [
-            "DELETE FROM evaluation WHERE stream = ?1 AND evaluation >= ?2",
-            "DELETE FROM optimiser_run WHERE 'run ' || approach || ' ' || start = ?1",
-            "DELETE FROM derivation WHERE name = ?1",
+        let (key, first) = (stream.key().cast_signed(), first.cast_signed());
+        let name = Derived::Run(stream).name();
+        for query in [
+            sqlx::query("DELETE FROM evaluation WHERE stream = ? AND evaluation >= ?")
+                .bind(key)
+                .bind(first),
+            sqlx::query("DELETE FROM optimiser_run WHERE stream = ?").bind(key),
+            sqlx::query("DELETE FROM derivation WHERE name = ?").bind(name),
         ] {
-            let query = sqlx::query(statement).bind(&stream);
-            let query = query.bind(first.cast_signed());
             removed += connection.execute(REMOVING, query).await?.rows_affected();
         }
     }
@@ -248,15 +213,14 @@ pub(crate) async fn remove_model(connection: &mut Connection<'_>, name: &str) ->
 /// Removes the evaluations and the wanted generation of a stream.
 pub(crate) async fn forget_stream(
     connection: &mut Connection<'_>,
-    stream: &str,
+    stream: StreamId,
 ) -> Result<(), Error> {
     for statement in [
         "DELETE FROM evaluation WHERE stream = ?",
         "DELETE FROM stream_generation WHERE stream = ?",
     ] {
-        connection
-            .execute(REMOVING, sqlx::query(statement).bind(stream))
-            .await?;
+        let query = sqlx::query(statement).bind(stream.key().cast_signed());
+        connection.execute(REMOVING, query).await?;
     }
     Ok(())
 }

@@ -5,7 +5,7 @@ use std::ops::AddAssign;
 
 use sha2::{Digest as _, Sha256};
 
-/// A sum modulo 2²⁵⁶ over samples, each with the SHA-256 of its design and its index as 64-bit
+/// A sum modulo 2²⁵⁶ over samples, each with the SHA-256 of its stream's index and its own as 64-bit
 /// little-endian integers and of the bits of its value, little-endian, read as a
 /// little-endian number.
 ///
@@ -22,23 +22,12 @@ pub(crate) struct SamplesDigest {
 }
 
 impl SamplesDigest {
-    pub(crate) fn of(design: u64, sample: u64, value: f64) -> Self {
+    pub(crate) fn of(stream: u64, sample: u64, value: f64) -> Self {
         let mut bytes = [0; 24];
-        bytes[..8].copy_from_slice(&design.to_le_bytes());
+        bytes[..8].copy_from_slice(&stream.to_le_bytes());
         bytes[8..16].copy_from_slice(&sample.to_le_bytes());
         bytes[16..].copy_from_slice(&value.to_bits().to_le_bytes());
         Self::from_bytes(&Sha256::digest(bytes).into())
-    }
-
-    /// The digest of one verification sample. The point's name, preceded by its length, takes the
-    /// place of a design's index.
-    pub(crate) fn of_point(point: &str, sample: u64, value: f64) -> Self {
-        let mut hash = Sha256::new();
-        hash.update((point.len() as u64).to_le_bytes());
-        hash.update(point);
-        hash.update(sample.to_le_bytes());
-        hash.update(value.to_bits().to_le_bytes());
-        Self::from_bytes(&hash.finalize().into())
     }
 
     /// Reads the digest of a tally; `None` unless these are 32 bytes.

@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use ledger::StreamId;
+
 /// An error of the store.
 ///
 /// It can be cloned because one failed commit is reported to every batch of its group.
@@ -157,12 +159,12 @@ pub enum Error {
     },
     /// A sample was submitted again with a different value.
     #[error(
-        "sample {sample} of design {design} is held as {held:?} and was offered as {offered:?}: \
-         samples must not depend on who computes them"
+        "sample {sample} of {stream} is held as {held:?} and was offered as {offered:?}: samples must not depend on \
+         who computes them"
     )]
     Conflict {
-        /// The design's index.
-        design: u64,
+        /// The design, optimum or infill point.
+        stream: StreamId,
         /// The sample's index.
         sample: u64,
         /// The value in the store.
@@ -170,20 +172,11 @@ pub enum Error {
         /// The value that was refused.
         offered: f64,
     },
-    /// A sample of an optimum or an infill point was submitted again with a different value.
-    #[error(
-        "sample {sample} of {point:?} is held as {held:?} and was offered as {offered:?}: \
-         samples must not depend on who computes them"
-    )]
-    PointConflict {
-        /// The approach of the optimum, or the name of the infill point.
-        point: String,
-        /// The sample's index.
-        sample: u64,
-        /// The value in the store.
-        held: f64,
-        /// The value that was refused.
-        offered: f64,
+    /// A sample was submitted of a design that is not in the store.
+    #[error("design {design} is not in the store: its variables come before its samples")]
+    UnknownDesign {
+        /// The design's index.
+        design: u64,
     },
     /// A design was submitted again with different variables.
     #[error(
@@ -209,23 +202,21 @@ pub enum Error {
     },
     /// An optimiser run was submitted again with a different result.
     #[error(
-        "run {start} of \"{approach}\" is held with another result than the one offered: a run \
+        "{stream} is held with another result than the one offered: a run \
          must not depend on who computes it"
     )]
     RunConflict {
-        /// The optimisation approach.
-        approach: String,
-        /// The run's index.
-        start: u64,
+        /// The run.
+        stream: StreamId,
     },
     /// An evaluation was submitted again with different values.
     #[error(
-        "evaluation {evaluation} of {stream:?} is held with other values than those offered: an \
+        "evaluation {evaluation} of {stream} is held with other values than those offered: an \
          external simulator must answer the same to the same question"
     )]
     EvaluationConflict {
-        /// The name of the run.
-        stream: String,
+        /// The run, or an infill point.
+        stream: StreamId,
         /// The index of the evaluation.
         evaluation: u64,
     },
@@ -333,7 +324,7 @@ impl Error {
         matches!(
             self,
             Self::Conflict { .. }
-                | Self::PointConflict { .. }
+                | Self::UnknownDesign { .. }
                 | Self::DesignConflict { .. }
                 | Self::CriteriaConflict { .. }
                 | Self::RunConflict { .. }

@@ -5,13 +5,7 @@ use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
-const NAMES: [&str; 5] = [
-    "before_commit",
-    "after_commit",
-    "checkpoint",
-    "packing",
-    "migration",
-];
+const NAMES: [&str; 4] = ["before_commit", "after_commit", "checkpoint", "creation"];
 
 /// The fail point that was set, and how often the process has reached it.
 static SET: OnceLock<(FailPoint, AtomicU32)> = OnceLock::new();

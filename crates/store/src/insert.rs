@@ -1,13 +1,15 @@
 //! The operations of the writer's transactions, each within a savepoint of the caller.
 
+use ledger::StreamId;
+
 use crate::Error;
 use crate::connection::Connection;
 use crate::derived::{self, Derived, REMOVING};
 use crate::keyed::{self, Keyed, Table};
 use crate::query;
 use crate::rows::{Batch, CampaignRow, DesignRow, FailureRow, Receipt};
-use crate::samples;
-use crate::tally::{self, Tally};
+use crate::samples::{self, Of, SampleBlock};
+use crate::tally;
 
 /// Sets the digest of the gear model if there is none yet, and refuses another one.
 pub(crate) async fn model_digest(
@@ -70,15 +72,16 @@ pub(crate) async fn batches(
 
 /// Whether a batch is for another generation than the wanted one.
 async fn is_stale(connection: &mut Connection<'_>, batch: &Batch) -> Result<bool, Error> {
-    let Some((stream, generation)) = &batch.only_for else {
+    let Some((stream, generation)) = batch.only_for else {
         return Ok(false);
     };
+    let key = stream.key().cast_signed();
     let wanted = connection
         .optional(
             "read what is wanted",
             sqlx::query!(
                 "SELECT generation FROM stream_generation WHERE stream = ?",
-                stream
+                key
             ),
         )
         .await?;
@@ -88,17 +91,17 @@ async fn is_stale(connection: &mut Connection<'_>, batch: &Batch) -> Result<bool
 /// Sets the wanted generations and removes the samples of others.
 pub(crate) async fn generations(
     connection: &mut Connection<'_>,
-    rows: &[(String, u64)],
+    rows: &[(StreamId, u64)],
 ) -> Result<Receipt, Error> {
     for (stream, generation) in rows {
-        let generation = generation.cast_signed();
+        let (generation, key) = (generation.cast_signed(), stream.key().cast_signed());
         let done = connection.insert("stream_generation", sqlx::query!(
             "UPDATE stream_generation SET generation = ?1 WHERE stream = ?2 AND generation <> ?1",
             generation,
-            stream,
+            key,
         )).await?;
         if done.rows_affected() > 0 {
-            remove_samples(connection, stream).await?;
+            samples::remove(connection, Of::One(*stream)).await?;
         }
         connection
             .insert(
@@ -106,7 +109,7 @@ pub(crate) async fn generations(
                 sqlx::query!(
                     "INSERT INTO stream_generation (stream, generation) VALUES (?, ?)
              ON CONFLICT DO NOTHING",
-                    stream,
+                    key,
                     generation,
                 ),
             )
@@ -115,37 +118,16 @@ pub(crate) async fn generations(
     Ok(new(rows.len() as u64))
 }
 
-/// Removes the samples of a point.
-pub(crate) async fn remove_samples(
-    connection: &mut Connection<'_>,
-    point: &str,
-) -> Result<(), Error> {
-    for table in [
-        "DELETE FROM point_sample WHERE point = ?",
-        "DELETE FROM point_tally WHERE point = ?",
-    ] {
-        connection
-            .execute(REMOVING, sqlx::query(table).bind(point))
-            .await?;
-    }
-    Ok(())
-}
-
 async fn fresh_batches(
     connection: &mut Connection<'_>,
     batches: &[&Batch],
 ) -> Result<Vec<Receipt>, Error> {
     let mut receipts = vec![Receipt::default(); batches.len()];
     let to = &mut receipts;
-    let mut tally = Tally::default();
 
     let rows = owned(batches, |batch| &batch.criteria);
     keyed::insert(connection, &rows, to).await?;
-    samples::insert(connection, batches, to, &mut tally).await?;
-    let rows = owned(batches, |batch| &batch.points);
-    for row in keyed::insert(connection, &rows, to).await? {
-        tally.add_point_sample(row);
-    }
+    samples::insert(connection, batches, to).await?;
     let rows = owned(batches, |batch| &batch.runs);
     keyed::insert(connection, &rows, to).await?;
     let rows = owned(batches, |batch| &batch.evaluations);
@@ -162,7 +144,6 @@ async fn fresh_batches(
             to[owner].duplicate_rows += 1;
         }
     }
-    tally.write(connection).await?;
     Ok(receipts)
 }
 
@@ -192,14 +173,16 @@ pub(crate) async fn designs(
 async fn failure(connection: &mut Connection<'_>, row: &FailureRow) -> Result<bool, Error> {
     let kind = row.kind.as_str();
     let serial = row.serial.map(u64::cast_signed);
+    let key = row.stream.key().cast_signed();
     let done = connection
         .insert(
             "failure",
             sqlx::query!(
-                "INSERT INTO failure (job, lease, worker, serial, kind, error, at_unix_ms)
-         VALUES (?, ?, ?, ?, ?, ?, ?)
+                "INSERT INTO failure (stream, shared, lease, worker, serial, kind, error, at_unix_ms)
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?)
          ON CONFLICT (worker, serial) WHERE serial IS NOT NULL DO NOTHING",
-                row.job,
+                key,
+                row.shared,
                 row.lease,
                 row.worker,
                 serial,
@@ -243,9 +226,10 @@ pub(crate) async fn extension(
 /// Removes the evaluations of a run.
 pub(crate) async fn no_evaluations(
     connection: &mut Connection<'_>,
-    stream: &str,
+    stream: StreamId,
 ) -> Result<Receipt, Error> {
-    let query = sqlx::query!("DELETE FROM evaluation WHERE stream = ?", stream);
+    let key = stream.key().cast_signed();
+    let query = sqlx::query!("DELETE FROM evaluation WHERE stream = ?", key);
     connection.execute(REMOVING, query).await?;
     Ok(Receipt::default())
 }
@@ -263,8 +247,7 @@ pub(crate) fn check(batch: &Batch) -> Result<(), Error> {
         rows.iter().try_for_each(T::check)
     }
     all(&batch.criteria)?;
-    batch.samples.iter().try_for_each(samples::check)?;
-    all(&batch.points)?;
+    batch.samples.iter().try_for_each(SampleBlock::check)?;
     all(&batch.runs)?;
     all(&batch.evaluations)?;
     all(&batch.times)

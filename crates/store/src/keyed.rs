@@ -13,6 +13,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use ledger::StreamId;
 use sha2::{Digest as _, Sha256};
 use sqlx::sqlite::{SqliteArguments, SqliteRow};
 use sqlx::{Arguments as _, AssertSqlSafe, Error as SqlxError, Row as _};
@@ -35,9 +36,9 @@ pub(crate) enum Value<'v> {
     Count(u64),
     /// 64 bits, stored as a two's complement integer.
     Bits(u64),
+    Stream(StreamId),
     Number(f64),
     Text(&'v str),
-    Bytes(&'v [u8]),
     /// A list of numbers, stored as little-endian bytes.
     Numbers(&'v [f64]),
 }
@@ -56,6 +57,18 @@ impl Column for u64 {
 
     fn read(row: &SqliteRow, place: usize) -> Result<Self, SqlxError> {
         row.try_get::<i64, _>(place).map(i64::cast_unsigned)
+    }
+}
+
+impl Column for StreamId {
+    fn value(&self) -> Value<'_> {
+        Value::Stream(*self)
+    }
+
+    fn read(row: &SqliteRow, place: usize) -> Result<Self, SqlxError> {
+        let key: i64 = row.try_get(place)?;
+        let stream = Self::from_key(key.cast_unsigned());
+        stream.ok_or_else(|| SqlxError::Decode(format!("{key} is no stream").into()))
     }
 }
 
@@ -99,16 +112,6 @@ impl Column for String {
     }
 }
 
-impl Column for Vec<u8> {
-    fn value(&self) -> Value<'_> {
-        Value::Bytes(self)
-    }
-
-    fn read(row: &SqliteRow, place: usize) -> Result<Self, SqlxError> {
-        row.try_get(place)
-    }
-}
-
 impl Column for Vec<f64> {
     fn value(&self) -> Value<'_> {
         Value::Numbers(self)
@@ -133,7 +136,7 @@ impl Column for Option<Vec<f64>> {
 /// The columns in which an infinite number stands for a failed sample, or for a percentile of too many of
 /// them. SQLite returns it unchanged, but not NaN.
 const INFINITE: [&str; 3] = [
-    "point_sample.value",
+    "sample_block.samples",
     "response.percentile",
     "evaluation.samples",
 ];
@@ -185,8 +188,9 @@ pub(crate) trait Table: Sized + Send + Sync + Unpin {
         self.each(|value| {
             if let Some(column) = Self::COLUMNS.get(parts.len()) {
                 parts.push(match value {
-                    Value::Null | Value::Bytes(_) | Value::Numbers(_) => (*column).to_owned(),
+                    Value::Null | Value::Numbers(_) => (*column).to_owned(),
                     Value::Count(value) | Value::Bits(value) => format!("{column} {value}"),
+                    Value::Stream(stream) => stream.to_string(),
                     Value::Number(value) => format!("{column} {value}"),
                     Value::Text(value) => format!("{column} {value:?}"),
                 });
@@ -244,17 +248,16 @@ pub(crate) trait Table: Sized + Send + Sync + Unpin {
                 hash.update([1]);
                 hash.update(value.to_le_bytes());
             }
+            Value::Stream(stream) => {
+                hash.update([1]);
+                hash.update(stream.key().to_le_bytes());
+            }
             Value::Number(value) => {
                 hash.update([2]);
                 hash.update(value.to_bits().to_le_bytes());
             }
             Value::Text(value) => {
                 hash.update([3]);
-                hash.update((value.len() as u64).to_le_bytes());
-                hash.update(value);
-            }
-            Value::Bytes(value) => {
-                hash.update([4]);
                 hash.update((value.len() as u64).to_le_bytes());
                 hash.update(value);
             }
@@ -506,9 +509,9 @@ fn add(value: Value<'_>, arguments: &mut SqliteArguments) -> Result<(), SqlxErro
     match value {
         Value::Null => arguments.add(None::<i64>),
         Value::Count(value) | Value::Bits(value) => arguments.add(value.cast_signed()),
+        Value::Stream(stream) => arguments.add(stream.key().cast_signed()),
         Value::Number(value) => arguments.add(value),
         Value::Text(value) => arguments.add(value),
-        Value::Bytes(value) => arguments.add(value),
         Value::Numbers(values) => {
             let bytes = values.iter().flat_map(|value| value.to_le_bytes());
             arguments.add(bytes.collect::<Vec<u8>>())

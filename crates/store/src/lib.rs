@@ -73,8 +73,10 @@ pub use filesystem::network_file_system;
 pub use rounds::{InfillRow, NewRound, RoundRow, Unsampled};
 pub use rows::{
     Batch, CampaignRow, CriteriaRow, DesignRow, EvaluationRow, FailureGroup, FailureKind,
-    FailureRow, JobHistory, JobTimeRow, MissingWork, ModelRow, OptimiserRunRow, OptimumRow,
-    PointSampleRow, Progress, Receipt, ResponseRow, SampleRow, StageTimeRow,
+    FailureRow, JobTimeRow, MissingWork, ModelRow, OptimiserRunRow, OptimumRow, Progress, Receipt,
+    ResponseRow, StageTimeRow, StreamHistory,
 };
+pub use samples::SampleBlock;
 pub use store::Store;
+pub use tally::SampleTally;
 pub use writer::Writer;

@@ -380,7 +380,10 @@ async fn readers(reading: &Reading) -> Result<Readers, Error> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::rows::{Batch, DesignRow, SampleRow};
+    use ledger::StreamId;
+
+    use crate::rows::{Batch, DesignRow};
+    use crate::samples::SampleBlock;
 
     pub(crate) fn campaign() -> CampaignRow {
         CampaignRow {
@@ -394,13 +397,13 @@ pub(crate) mod tests {
     }
 
     pub(crate) fn samples(range: std::ops::Range<u64>) -> Batch {
-        let row = |sample| SampleRow {
-            design: 0,
-            sample,
-            value: 1.0,
+        let block = SampleBlock {
+            stream: StreamId::design(0),
+            first_sample: range.start,
+            samples: range.map(|_| 1.0).collect(),
         };
         Batch {
-            samples: range.map(row).collect(),
+            samples: vec![block],
             ..Batch::default()
         }
     }

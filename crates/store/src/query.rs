@@ -3,13 +3,15 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use ledger::StreamId;
+
 use crate::Error;
 use crate::cause::first_line;
 use crate::connection::Connection;
 use crate::keyed::{self, numbers};
 use crate::rows::{
-    CampaignRow, DesignRow, FailureGroup, FailureKind, FailureRow, JobHistory, MissingWork,
-    Progress,
+    CampaignRow, DesignRow, FailureGroup, FailureKind, FailureRow, MissingWork, Progress,
+    StreamHistory,
 };
 
 /// The operation of finding missing work; completes "the database could not".
@@ -38,8 +40,8 @@ pub(crate) async fn sampled_counts(
         .all(
             "count samples",
             sqlx::query!(
-                r#"SELECT design.design, coalesce(design_tally.samples, 0) AS "held!: i64"
-           FROM design LEFT JOIN design_tally ON design_tally.design = design.design
+                r#"SELECT design.design, coalesce(sample_tally.samples, 0) AS "held!: i64"
+           FROM design LEFT JOIN sample_tally ON sample_tally.stream = design.design
            ORDER BY design.design"#
             ),
         )
@@ -68,15 +70,15 @@ pub(crate) async fn missing_work(
                 r#"SELECT design.design AS "design!: i64",
                   design.x AS "x!: Vec<u8>",
                   criteria.design IS NULL AS "without_criteria!: bool",
-                  coalesce(design_tally.samples, 0) AS "held!: i64",
-                  coalesce(design_tally.last_sample, -1) AS "last!: i64"
+                  coalesce(sample_tally.samples, 0) AS "held!: i64",
+                  coalesce(sample_tally.last_sample, -1) AS "last!: i64"
            FROM design
            LEFT JOIN criteria ON criteria.design = design.design
-           LEFT JOIN design_tally ON design_tally.design = design.design
+           LEFT JOIN sample_tally ON sample_tally.stream = design.design
            WHERE criteria.design IS NULL
               OR criteria.simulable = 1 AND criteria.reason IS NULL
-                 AND (coalesce(design_tally.samples, 0) < ?1
-                      OR design_tally.samples <= design_tally.last_sample)
+                 AND (coalesce(sample_tally.samples, 0) < ?1
+                      OR sample_tally.samples <= sample_tally.last_sample)
            ORDER BY design.design"#,
                 limit,
             ),
@@ -151,7 +153,7 @@ async fn missing_samples(
             LOOKING,
             sqlx::query!(
                 r#"SELECT first_sample, length(samples) / 8 AS "samples!: i64"
-                   FROM sample_range WHERE design = ? AND first_sample < ? ORDER BY first_sample"#,
+                   FROM sample_block WHERE stream = ? AND first_sample < ? ORDER BY first_sample"#,
                 design,
                 limit,
             ),
@@ -183,24 +185,12 @@ fn gaps(held: impl IntoIterator<Item = Range<u64>>, wanted: u64) -> Vec<Range<u6
 /// The number of commits in the store.
 pub(crate) async fn commits(connection: &mut Connection<'_>) -> Result<u64, Error> {
     connection
-        .one("read the tally", sqlx::query!("SELECT commits FROM tally"))
+        .one(
+            "read the tally",
+            sqlx::query!("SELECT commits FROM commit_tally"),
+        )
         .await
         .map(|r| index(r.commits))
-}
-
-pub(crate) async fn point_counts(
-    connection: &mut Connection<'_>,
-) -> Result<Vec<(String, u64)>, Error> {
-    let rows = connection
-        .all(
-            "count verification samples",
-            sqlx::query!("SELECT point, samples FROM point_tally ORDER BY point"),
-        )
-        .await?;
-    Ok(rows
-        .into_iter()
-        .map(|r| (r.point, index(r.samples)))
-        .collect())
 }
 
 /// The digest of all criteria: their number and the sums of the halves of their seals.
@@ -213,39 +203,23 @@ pub(crate) async fn criteria_digest(connection: &mut Connection<'_>) -> Result<S
     Ok(format!("{:x}-{:x}-{:x}", r.count, r.low, r.high))
 }
 
-/// The digest of the evaluations of each infill point that has any, by the point's name.
-pub(crate) async fn evaluated_points(
+/// The number and the digest of the evaluations of each stream that has any.
+pub(crate) async fn evaluated(
     connection: &mut Connection<'_>,
-) -> Result<BTreeMap<String, String>, Error> {
+) -> Result<BTreeMap<StreamId, (u64, String)>, Error> {
     let query = sqlx::query!(
-        r#"SELECT stream AS "stream!: String", count(*) AS "count!: i64",
+        r#"SELECT stream AS "stream!: i64", count(*) AS "count!: i64",
                   sum(seal & 4294967295) AS "low!: i64",
                   sum((seal >> 32) & 4294967295) AS "high!: i64"
-           FROM evaluation WHERE stream IN (SELECT name FROM infill) GROUP BY stream"#
+           FROM evaluation GROUP BY stream"#
     );
     let rows = connection.all("read evaluations", query).await?;
-    Ok(rows
-        .into_iter()
-        .map(|r| (r.stream, format!("{:x}-{:x}-{:x}", r.count, r.low, r.high)))
-        .collect())
-}
-
-/// The number of evaluations of each unfinished run, by the run's name.
-pub(crate) async fn unfinished_runs(
-    connection: &mut Connection<'_>,
-) -> Result<Vec<(String, u64)>, Error> {
-    let query = sqlx::query!(
-        r#"SELECT stream AS "stream!: String", count(*) AS "evaluations!: i64" FROM evaluation
-           WHERE stream LIKE 'run %' AND NOT EXISTS (
-               SELECT 1 FROM optimiser_run
-               WHERE stream = 'run ' || optimiser_run.approach || ' ' || optimiser_run.start)
-           GROUP BY stream ORDER BY stream"#
-    );
-    let rows = connection.all("count evaluations", query).await?;
-    Ok(rows
-        .into_iter()
-        .map(|r| (r.stream, index(r.evaluations)))
-        .collect())
+    rows.into_iter()
+        .map(|r| {
+            let digest = format!("{:x}-{:x}-{:x}", r.count, r.low, r.high);
+            Ok((stream(r.stream)?, (index(r.count), digest)))
+        })
+        .collect()
 }
 
 pub(crate) async fn failures(connection: &mut Connection<'_>) -> Result<Vec<FailureRow>, Error> {
@@ -253,7 +227,7 @@ pub(crate) async fn failures(connection: &mut Connection<'_>) -> Result<Vec<Fail
         .all(
             "read failures",
             sqlx::query!(
-                r#"SELECT job, lease AS "lease: u32", worker, serial, kind, error, at_unix_ms
+                r#"SELECT stream, shared AS "shared: bool", lease AS "lease: u32", worker, serial, kind, error, at_unix_ms
            FROM failure ORDER BY failure"#
             ),
         )
@@ -261,7 +235,8 @@ pub(crate) async fn failures(connection: &mut Connection<'_>) -> Result<Vec<Fail
     rows.into_iter()
         .map(|r| {
             Ok(FailureRow {
-                job: r.job,
+                stream: stream(r.stream)?,
+                shared: r.shared,
                 lease: r.lease,
                 worker: r.worker,
                 serial: r.serial.map(i64::cast_unsigned),
@@ -289,48 +264,49 @@ pub(crate) async fn knows_failure(
 
 pub(crate) async fn generations(
     connection: &mut Connection<'_>,
-) -> Result<BTreeMap<String, u64>, Error> {
+) -> Result<BTreeMap<StreamId, u64>, Error> {
     let rows = connection
         .all(
             "read what is wanted",
             sqlx::query!("SELECT stream, generation FROM stream_generation"),
         )
         .await?;
-    let rows = rows.into_iter();
-    Ok(rows
-        .map(|r| (r.stream, r.generation.cast_unsigned()))
-        .collect())
+    rows.into_iter()
+        .map(|r| Ok((stream(r.stream)?, r.generation.cast_unsigned())))
+        .collect()
 }
 
-pub(crate) async fn job_histories(
+pub(crate) async fn stream_histories(
     connection: &mut Connection<'_>,
-) -> Result<Vec<JobHistory>, Error> {
+) -> Result<Vec<StreamHistory>, Error> {
     let rows = connection
         .all(
-            "read what went wrong with jobs",
+            "read what went wrong with streams",
             sqlx::query!(
                 r#"WITH quarantined AS (
-               SELECT job, max(failure) AS last FROM failure WHERE kind = 'quarantine' GROUP BY job
+               SELECT stream, max(failure) AS last FROM failure WHERE kind = 'quarantine' GROUP BY stream
            )
-           SELECT failure.job AS "job!",
+           SELECT failure.stream AS "stream!",
                   max(lease) AS "last_lease!: u32",
                   count(DISTINCT CASE WHEN kind = 'crash' AND failure > coalesce(last, 0)
                                       THEN worker END) AS "crashes!: u32",
                   sum(kind = 'failure' AND failure > coalesce(last, 0)) AS "failures!: u32"
-           FROM failure LEFT JOIN quarantined ON quarantined.job = failure.job
-           GROUP BY failure.job ORDER BY failure.job"#
+           FROM failure LEFT JOIN quarantined ON quarantined.stream = failure.stream
+           WHERE NOT shared
+           GROUP BY failure.stream ORDER BY failure.stream"#
             ),
         )
         .await?;
-    Ok(rows
-        .into_iter()
-        .map(|r| JobHistory {
-            job: r.job,
-            last_lease: r.last_lease,
-            crashes: r.crashes,
-            failures: r.failures,
+    rows.into_iter()
+        .map(|r| {
+            Ok(StreamHistory {
+                stream: stream(r.stream)?,
+                last_lease: r.last_lease,
+                crashes: r.crashes,
+                failures: r.failures,
+            })
         })
-        .collect())
+        .collect()
 }
 
 pub(crate) async fn failure_groups(
@@ -340,7 +316,7 @@ pub(crate) async fn failure_groups(
         .all(
             "read the causes of failures",
             sqlx::query!(
-                r#"SELECT failure_tally.kind, cause, failures, job, worker, error
+                r#"SELECT failure_tally.kind, cause, failures, stream, worker, error
            FROM failure_tally JOIN failure ON failure = last_failure
            ORDER BY failure_tally.kind, cause"#
             ),
@@ -353,11 +329,18 @@ pub(crate) async fn failure_groups(
                 cause: r.cause,
                 count: index(r.failures),
                 last_error: first_line(&r.error).to_owned(),
-                last_job: r.job,
+                last_stream: stream(r.stream)?,
                 last_worker: r.worker,
             })
         })
         .collect()
+}
+
+fn stream(key: i64) -> Result<StreamId, Error> {
+    StreamId::from_key(index(key)).ok_or_else(|| Error::UnknownValue {
+        column: "stream",
+        value: key.to_string(),
+    })
 }
 
 fn kind(text: String) -> Result<FailureKind, Error> {
@@ -368,6 +351,7 @@ fn kind(text: String) -> Result<FailureKind, Error> {
 }
 
 pub(crate) async fn progress(connection: &mut Connection<'_>) -> Result<Progress, Error> {
+    let first_point = StreamId::point(0).key().cast_signed();
     // A single statement, so that all counts are of the same moment.
     let r = connection
         .one(
@@ -378,13 +362,15 @@ pub(crate) async fn progress(connection: &mut Connection<'_>) -> Result<Progress
                   (SELECT count(*) FROM criteria WHERE simulable = 1) AS "simulable!: i64",
                   (SELECT count(*) FROM criteria WHERE simulable = 1 AND reason IS NOT NULL)
                       AS "ruled_out!: i64",
-                  (SELECT samples FROM tally) AS "samples!: i64",
+                  (SELECT coalesce(sum(samples), 0) FROM sample_tally WHERE stream < ?1) AS "samples!: i64",
                   (SELECT count(*) FROM response) AS "responses!: i64",
                   (SELECT count(*) FROM model) AS "models!: i64",
                   (SELECT count(*) FROM optimiser_run) AS "optimiser_runs!: i64",
                   (SELECT count(*) FROM optimum) AS "optima!: i64",
-                  (SELECT coalesce(sum(samples), 0) FROM point_tally) AS "point_samples!: i64",
-                  (SELECT coalesce(sum(failures), 0) FROM failure_tally) AS "failures!: i64""#
+                  (SELECT coalesce(sum(samples), 0) FROM sample_tally WHERE stream >= ?1)
+                      AS "point_samples!: i64",
+                  (SELECT coalesce(sum(failures), 0) FROM failure_tally) AS "failures!: i64""#,
+                first_point,
             ),
         )
         .await?;

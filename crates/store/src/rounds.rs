@@ -1,11 +1,13 @@
 //! Rounds of infill points.
 
+use ledger::StreamId;
+
 use crate::Error;
 use crate::connection::Connection;
 use crate::derived::{self, Derivation, REMOVING};
-use crate::insert;
 use crate::keyed::{self, Table, Value};
 use crate::rows::{ModelRow, Receipt};
+use crate::samples::{self, Of};
 
 /// The decision of one round of infill.
 #[derive(Debug, Clone, PartialEq)]
@@ -127,8 +129,9 @@ pub(crate) async fn remove(connection: &mut Connection<'_>, round: u64) -> Resul
     };
     let points: Vec<InfillRow> = of_round(connection, round).await?;
     for point in points {
-        insert::remove_samples(connection, &point.name).await?;
-        derived::forget_stream(connection, &point.name).await?;
+        let stream = StreamId::point(point.number);
+        samples::remove(connection, Of::One(stream)).await?;
+        derived::forget_stream(connection, stream).await?;
     }
     let number = round.cast_signed();
     let query = sqlx::query!("DELETE FROM infill WHERE round = ?", number);

@@ -2,7 +2,10 @@
 
 use std::ops::Range;
 
+use ledger::StreamId;
+
 use crate::derived::Derivation;
+use crate::samples::SampleBlock;
 
 /// The campaign that a store belongs to: its only row.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -57,17 +60,6 @@ pub struct CriteriaRow {
     pub responses: Option<Vec<f64>>,
 }
 
-/// One sample of a design.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SampleRow {
-    /// Index of the design.
-    pub design: u64,
-    /// Index of the sample.
-    pub sample: u64,
-    /// The sampled response. An infinite one stands for a sample that failed.
-    pub value: f64,
-}
-
 /// The sampled response of a design, which kriging learns from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ResponseRow {
@@ -106,10 +98,8 @@ impl ModelRow {
 /// One run of an optimiser from one start.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OptimiserRunRow {
-    /// The problem formulation.
-    pub approach: String,
-    /// Index of the start.
-    pub start: u64,
+    /// The run.
+    pub stream: StreamId,
     /// The result, as JSON. Two rows are the same run if this and `simulator_calls` agree.
     pub result_json: String,
     /// Number of calls of the simulator.
@@ -137,17 +127,6 @@ pub struct OptimumRow {
     pub cpu_seconds: f64,
     /// A remark for the report; empty if there is none.
     pub note: String,
-}
-
-/// One sample of an optimum or an infill point.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PointSampleRow {
-    /// The approach of the optimum, or the name of the infill point.
-    pub point: String,
-    /// Index of the sample.
-    pub sample: u64,
-    /// The sampled response. An infinite one stands for a sample that failed.
-    pub value: f64,
 }
 
 /// The kinds of event recorded against a job.
@@ -179,11 +158,13 @@ impl FailureKind {
     }
 }
 
-/// One crash, failure or quarantine of a job.
+/// One crash, failure or quarantine of a stream.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FailureRow {
-    /// The name of the job in messages.
-    pub job: String,
+    /// The stream.
+    pub stream: StreamId,
+    /// Whether the lease had other streams, too, any of which may be the cause.
+    pub shared: bool,
     /// The number of the lease.
     pub lease: u32,
     /// The worker that held the job's lease.
@@ -199,16 +180,16 @@ pub struct FailureRow {
     pub at_unix_ms: Option<i64>,
 }
 
-/// The recorded crashes and failures of a job.
+/// The recorded crashes and failures of a stream.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct JobHistory {
-    /// The job's name.
-    pub job: String,
+pub struct StreamHistory {
+    /// The stream.
+    pub stream: StreamId,
     /// The newest lease with a recorded event.
     pub last_lease: u32,
-    /// Crashes since the job was last quarantined.
+    /// Crashes since the stream was last quarantined.
     pub crashes: u32,
-    /// Failures since the job was last quarantined.
+    /// Failures since the stream was last quarantined.
     pub failures: u32,
 }
 
@@ -224,8 +205,8 @@ pub struct FailureGroup {
     pub count: u64,
     /// The first line of the latest error, with its numbers.
     pub last_error: String,
-    /// The job of the latest failure.
-    pub last_job: String,
+    /// The stream of the latest failure.
+    pub last_stream: StreamId,
     /// The worker of the latest failure.
     pub last_worker: String,
 }
@@ -252,8 +233,8 @@ pub struct StageTimeRow {
 /// An external simulator's evaluation of a candidate of an optimiser run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EvaluationRow {
-    /// The name of the run, as in the table of generations.
-    pub stream: String,
+    /// The run, or an infill point.
+    pub stream: StreamId,
     /// Index of the evaluation within the run, from 0.
     pub evaluation: u64,
     /// The values of all variables.
@@ -275,10 +256,8 @@ pub struct EvaluationRow {
 pub struct Batch {
     /// Criteria of designs.
     pub criteria: Vec<CriteriaRow>,
-    /// Samples of designs.
-    pub samples: Vec<SampleRow>,
-    /// Samples of optima and infill points.
-    pub points: Vec<PointSampleRow>,
+    /// Samples of designs, optima and infill points.
+    pub samples: Vec<SampleBlock>,
     /// Optimiser runs.
     pub runs: Vec<OptimiserRunRow>,
     /// Evaluations of optimiser runs.
@@ -292,7 +271,7 @@ pub struct Batch {
     /// The stream and the generation of these results, if they may be out of date. They are stored
     /// only if that generation was the last one given to
     /// [`Store::put_generations`](crate::Store::put_generations).
-    pub only_for: Option<(String, u64)>,
+    pub only_for: Option<(StreamId, u64)>,
 }
 
 impl Batch {
@@ -300,7 +279,6 @@ impl Batch {
     pub fn append(&mut self, mut other: Self) {
         self.criteria.append(&mut other.criteria);
         self.samples.append(&mut other.samples);
-        self.points.append(&mut other.points);
         self.runs.append(&mut other.runs);
         self.evaluations.append(&mut other.evaluations);
         self.times.append(&mut other.times);
@@ -312,8 +290,11 @@ impl Batch {
     /// The number of rows of all kinds.
     pub fn len(&self) -> usize {
         self.criteria.len()
-            + self.samples.len()
-            + self.points.len()
+            + self
+                .samples
+                .iter()
+                .map(|block| block.samples.len())
+                .sum::<usize>()
             + self.runs.len()
             + self.evaluations.len()
             + self.times.len()

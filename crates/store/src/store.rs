@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
+use ledger::{Kind, StreamId};
+
 use crate::Error;
 use crate::check::Verdict;
 use crate::connection::{Connection, Readers};
@@ -12,12 +14,12 @@ use crate::keyed::{self, Value};
 use crate::query;
 use crate::rounds::{InfillRow, NewRound, RoundRow};
 use crate::rows::{
-    CampaignRow, CriteriaRow, DesignRow, EvaluationRow, FailureGroup, FailureRow, JobHistory,
-    JobTimeRow, MissingWork, ModelRow, OptimiserRunRow, OptimumRow, PointSampleRow, Progress,
-    Receipt, ResponseRow, SampleRow, StageTimeRow,
+    CampaignRow, CriteriaRow, DesignRow, EvaluationRow, FailureGroup, FailureRow, JobTimeRow,
+    MissingWork, ModelRow, OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow,
+    StageTimeRow, StreamHistory,
 };
-use crate::samples;
-use crate::tally;
+use crate::samples::{self, Of, SampleBlock};
+use crate::tally::{self, SampleTally};
 use crate::writer::{Rows, Writer};
 
 /// A campaign's store, open for reading or for reading and writing. Clones share one writer and one
@@ -162,12 +164,23 @@ impl Store {
         query::missing_work(&mut self.reader().await?, samples_per_design, more).await
     }
 
-    /// The samples of one design, as (index, value).
-    pub async fn samples_of(&self, design: u64) -> Result<Vec<(u64, f64)>, Error> {
-        samples::of_design(&mut self.reader().await?, design).await
+    /// The samples of a design, an optimum or an infill point, as (index, value).
+    pub async fn samples_of(&self, stream: StreamId) -> Result<Vec<(u64, f64)>, Error> {
+        samples::of_stream(&mut self.reader().await?, stream).await
     }
 
-    /// Passes every sample to `visit`, ordered by design and sample, without holding all of them in
+    /// The values of the samples of a design, an optimum or an infill point, in order of their indices.
+    pub async fn values_of(&self, stream: StreamId) -> Result<Vec<f64>, Error> {
+        let samples = self.samples_of(stream).await?;
+        Ok(samples.into_iter().map(|(_, value)| value).collect())
+    }
+
+    /// What is known of the samples of each stream that has any, without reading them.
+    pub async fn sample_tallies(&self) -> Result<BTreeMap<StreamId, SampleTally>, Error> {
+        tally::all(&mut self.reader().await?, Of::All).await
+    }
+
+    /// Passes the samples of all designs to `visit`, ordered by design and sample, without holding all of them in
     /// memory. The samples are those of one moment, whatever is written meanwhile.
     ///
     /// # Errors
@@ -175,10 +188,10 @@ impl Store {
     /// The first error of `visit`, which ends the visit, or the store's own.
     pub async fn visit_samples<E: From<Error>>(
         &self,
-        visit: impl FnMut(SampleRow) -> Result<(), E>,
+        visit: impl FnMut(&SampleBlock) -> Result<(), E>,
     ) -> Result<(), E> {
         let mut reader = self.reader().await?;
-        samples::visit(&mut reader, visit).await
+        samples::visit(&mut reader, Of::Designs, visit).await
     }
 
     /// The digest of all samples, as 64 hex digits. It is read, not computed.
@@ -193,33 +206,19 @@ impl Store {
     /// accidents, such as samples that differ, are lost or are stored twice. It is not a signature:
     /// anybody who can choose samples freely can construct two tables with the same sum.
     pub async fn samples_digest(&self) -> Result<String, Error> {
-        let (_, digest) = tally::samples(&mut self.reader().await?).await?;
-        Ok(digest.to_hex())
-    }
-
-    /// The [`samples_digest`](Store::samples_digest) computed from the samples, all of which are
-    /// read. A difference means that another program changed the store's file.
-    pub async fn recompute_samples_digest(&self) -> Result<String, Error> {
-        let digest = samples::recompute(&mut self.reader().await?).await?;
-        Ok(digest.to_hex())
+        let tallies = tally::all(&mut self.reader().await?, Of::Designs).await?;
+        Ok(tally::sum(tallies.values()).to_hex())
     }
 
     /// The digest of all verification and infill samples, as 64 hex digits. It is read, not
     /// computed.
     ///
-    /// It is a sum like [`samples_digest`](Store::samples_digest), independent of the order of the
-    /// samples, over the SHA-256 of the length of the point's name as a 64-bit little-endian
-    /// integer, the name, the sample and the bits of the value. It covers the samples stored at
-    /// present: the samples of an optimum that is replaced are removed from it.
+    /// It is a sum like [`samples_digest`](Store::samples_digest), with the point's number in the place of the
+    /// design. It covers the samples stored at present: the samples of an optimum that is replaced are removed from it.
     pub async fn point_samples_digest(&self) -> Result<String, Error> {
-        let digest = tally::point_samples_digest(&mut self.reader().await?).await?;
-        Ok(digest.to_hex())
-    }
-
-    /// The [`point_samples_digest`](Store::point_samples_digest) computed from the samples.
-    pub async fn recompute_point_samples_digest(&self) -> Result<String, Error> {
-        let digest = tally::recompute_point_samples(&mut self.reader().await?).await?;
-        Ok(digest.to_hex())
+        let mut tallies = self.sample_tallies().await?;
+        tallies.retain(|stream, _| stream.kind == Kind::Point);
+        Ok(tally::sum(tallies.values()).to_hex())
     }
 
     /// The responses of all designs that have one.
@@ -294,25 +293,26 @@ impl Store {
         self.put(rows).await.map(drop)
     }
 
-    /// All optimiser runs, by approach and then by start.
+    /// All optimiser runs.
     pub async fn optimiser_runs(&self) -> Result<Vec<OptimiserRunRow>, Error> {
         keyed::all(&mut self.reader().await?).await
     }
 
-    /// The evaluations of a run, given by its name in the table of generations, from the `first`
-    /// one on.
-    pub async fn evaluations(&self, stream: &str, first: u64) -> Result<Vec<EvaluationRow>, Error> {
+    /// The evaluations of a run or an infill point, from the `first` one on.
+    pub async fn evaluations(
+        &self,
+        stream: StreamId,
+        first: u64,
+    ) -> Result<Vec<EvaluationRow>, Error> {
         let mut reader = self.reader().await?;
         let of_run = "WHERE stream = ? AND evaluation >= ?";
-        let parameters = [Value::Text(stream), Value::Count(first)];
+        let parameters = [Value::Stream(stream), Value::Count(first)];
         keyed::all_where(&mut reader, of_run, &parameters).await
     }
 
     /// Removes the evaluations of a run that belong to another search.
-    pub async fn clear_evaluations(&self, stream: &str) -> Result<(), Error> {
-        self.put(Rows::NoEvaluations(stream.to_owned()))
-            .await
-            .map(drop)
+    pub async fn clear_evaluations(&self, stream: StreamId) -> Result<(), Error> {
+        self.put(Rows::NoEvaluations(stream)).await.map(drop)
     }
 
     /// All optima.
@@ -352,43 +352,19 @@ impl Store {
         self.put(rows).await.map(drop)
     }
 
-    /// The samples of one approach's optimum, or of one infill point.
-    pub async fn point_samples(&self, point: &str) -> Result<Vec<PointSampleRow>, Error> {
-        tally::point_samples(&mut self.reader().await?, point).await
-    }
-
-    /// The number of evaluations of each unfinished run on an external simulator, by the run's
-    /// name.
-    pub async fn unfinished_runs(&self) -> Result<Vec<(String, u64)>, Error> {
-        query::unfinished_runs(&mut self.reader().await?).await
-    }
-
-    /// The number of samples of each optimum or infill point that has any, by name.
-    pub async fn point_counts(&self) -> Result<Vec<(String, u64)>, Error> {
-        query::point_counts(&mut self.reader().await?).await
-    }
-
-    /// The number and the digest of the samples of each optimum or infill point that has any, by name.
-    pub async fn point_digests(&self) -> Result<BTreeMap<String, (u64, String)>, Error> {
-        let points = tally::points(&mut self.reader().await?).await?.into_iter();
-        Ok(points
-            .map(|(name, (count, digest))| (name, (count, digest.to_hex())))
-            .collect())
-    }
-
-    /// The digest of the evaluations of each infill point that has any, by name.
-    pub async fn evaluated_points(&self) -> Result<BTreeMap<String, String>, Error> {
-        query::evaluated_points(&mut self.reader().await?).await
+    /// The number and the digest of the evaluations of each run or infill point that has any.
+    pub async fn evaluated(&self) -> Result<BTreeMap<StreamId, (u64, String)>, Error> {
+        query::evaluated(&mut self.reader().await?).await
     }
 
     /// The wanted generation of each stream.
-    pub async fn generations(&self) -> Result<BTreeMap<String, u64>, Error> {
+    pub async fn generations(&self) -> Result<BTreeMap<StreamId, u64>, Error> {
         query::generations(&mut self.reader().await?).await
     }
 
     /// Sets the wanted generations of these streams, all or nothing. If another generation was
     /// wanted before, the samples of that point are removed.
-    pub async fn put_generations(&self, rows: &[(String, u64)]) -> Result<(), Error> {
+    pub async fn put_generations(&self, rows: &[(StreamId, u64)]) -> Result<(), Error> {
         self.put(Rows::Generations(rows.to_vec())).await.map(drop)
     }
 
@@ -433,9 +409,9 @@ impl Store {
         query::knows_failure(&mut self.reader().await?, worker, serial).await
     }
 
-    /// The crashes and failures of each job.
-    pub async fn job_histories(&self) -> Result<Vec<JobHistory>, Error> {
-        query::job_histories(&mut self.reader().await?).await
+    /// The crashes and failures of each stream, without those of leases that had other streams, too.
+    pub async fn stream_histories(&self) -> Result<Vec<StreamHistory>, Error> {
+        query::stream_histories(&mut self.reader().await?).await
     }
 
     /// The failures, grouped and ordered by kind and then by cause.

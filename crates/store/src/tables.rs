@@ -1,5 +1,6 @@
 //! The mapping of rows to SQLite: the columns of each table, and when two rows agree.
 
+use ledger::StreamId;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{Error as SqlxError, Row as _};
 
@@ -9,9 +10,9 @@ use crate::keyed::{Column, Keyed, Table, Value};
 use crate::rounds::{InfillRow, RoundRow};
 use crate::rows::{
     CampaignRow, CriteriaRow, DesignRow, EvaluationRow, JobTimeRow, ModelRow, OptimiserRunRow,
-    OptimumRow, PointSampleRow, ResponseRow, StageTimeRow,
+    OptimumRow, ResponseRow, StageTimeRow,
 };
-use crate::samples::SampleRange;
+use crate::samples::SampleBlock;
 
 /// Implements a table whose columns are the fields of its row, those of the key first.
 macro_rules! table {
@@ -43,12 +44,10 @@ table!(CriteriaRow: "criteria", "read criteria", 1 keys, sealed true,
     design simulable reason responses);
 table!(InfillRow: "infill", "read infill points", 1 keys, sealed true,
     infill round name number reason x violation samples failed);
-table!(SampleRange: "sample_range", "read samples", 2 keys, sealed true,
-    design first_sample samples);
-table!(PointSampleRow: "point_sample", "read samples of points", 2 keys, sealed false,
-    point sample value);
-table!(OptimiserRunRow: "optimiser_run", "read optimiser runs", 2 keys, sealed true,
-    approach start result_json simulator_calls cpu_seconds);
+table!(SampleBlock: "sample_block", "read samples", 2 keys, sealed true,
+    stream first_sample samples);
+table!(OptimiserRunRow: "optimiser_run", "read optimiser runs", 1 keys, sealed true,
+    stream result_json simulator_calls cpu_seconds);
 table!(EvaluationRow: "evaluation", "read evaluations", 2 keys, sealed true,
     stream evaluation x refused value criteria worn_criteria samples);
 table!(ResponseRow: "response", "read responses", 1 keys, sealed true,
@@ -161,31 +160,11 @@ impl Keyed for CriteriaRow {
     }
 }
 
-impl Keyed for PointSampleRow {
-    type Key<'a> = (&'a str, u64);
-
-    fn key(&self) -> (&str, u64) {
-        (&self.point, self.sample)
-    }
-
-    fn agree(held: &Self, offered: &Self) -> Result<(), Error> {
-        match differ(held.value, offered.value) {
-            None => Ok(()),
-            Some((held, value)) => Err(Error::PointConflict {
-                point: offered.point.clone(),
-                sample: offered.sample,
-                held,
-                offered: value,
-            }),
-        }
-    }
-}
-
 impl Keyed for OptimiserRunRow {
-    type Key<'a> = (&'a str, u64);
+    type Key<'a> = StreamId;
 
-    fn key(&self) -> (&str, u64) {
-        (&self.approach, self.start)
+    fn key(&self) -> StreamId {
+        self.stream
     }
 
     fn agree(held: &Self, offered: &Self) -> Result<(), Error> {
@@ -196,18 +175,17 @@ impl Keyed for OptimiserRunRow {
             Ok(())
         } else {
             Err(Error::RunConflict {
-                approach: offered.approach.clone(),
-                start: offered.start,
+                stream: offered.stream,
             })
         }
     }
 }
 
 impl Keyed for EvaluationRow {
-    type Key<'a> = (&'a str, u64);
+    type Key<'a> = (StreamId, u64);
 
-    fn key(&self) -> (&str, u64) {
-        (&self.stream, self.evaluation)
+    fn key(&self) -> (StreamId, u64) {
+        (self.stream, self.evaluation)
     }
 
     fn agree(held: &Self, offered: &Self) -> Result<(), Error> {
@@ -215,7 +193,7 @@ impl Keyed for EvaluationRow {
             return Ok(());
         }
         Err(Error::EvaluationConflict {
-            stream: offered.stream.clone(),
+            stream: offered.stream,
             evaluation: offered.evaluation,
         })
     }

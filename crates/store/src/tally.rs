@@ -2,245 +2,200 @@
 
 use std::collections::BTreeMap;
 
+use ledger::StreamId;
+
 use crate::Error;
 use crate::cause::cause;
 use crate::connection::Connection;
 use crate::digest::SamplesDigest;
-use crate::keyed::{self, Table as _, Value};
+use crate::keyed::Table as _;
 use crate::query;
-use crate::rows::PointSampleRow;
-use crate::samples::SampleRange;
-use crate::tables::number;
+use crate::samples::{Of, SampleBlock};
 
-/// The counts and digests of a set of samples: those of a batch, or all stored ones.
-#[derive(Debug, Default)]
-pub(crate) struct Tally {
-    samples: u64,
-    digest: SamplesDigest,
-    /// Count and highest index of the samples, by design.
-    designs: BTreeMap<u64, (u64, u64)>,
-    /// Count and digest of the samples, by point.
-    points: BTreeMap<String, (u64, SamplesDigest)>,
+/// What is known of a stream's samples without reading them.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct SampleTally {
+    /// How many there are.
+    pub samples: u64,
+    /// How many of them failed.
+    pub failed: u64,
+    /// The highest index.
+    pub(crate) last: u64,
+    pub(crate) digest: SamplesDigest,
 }
 
-impl Tally {
-    /// Adds a non-empty range.
-    pub(crate) fn add_range(&mut self, range: &SampleRange) {
-        let (count, last) = self.designs.entry(range.design).or_default();
-        for row in range.rows() {
-            self.samples += 1;
-            self.digest += SamplesDigest::of(row.design, row.sample, row.value);
-            *count += 1;
-            *last = row.sample.max(*last);
+impl SampleTally {
+    /// The digest of the samples, which does not depend on their order, as 64 hex digits.
+    #[must_use]
+    pub fn digest(&self) -> String {
+        self.digest.to_hex()
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.samples += other.samples;
+        self.failed += other.failed;
+        self.last = self.last.max(other.last);
+        self.digest += other.digest;
+    }
+}
+
+/// The tallies of some samples: those of a batch, or all stored ones.
+#[derive(Debug, Default)]
+pub(crate) struct Tallies(BTreeMap<StreamId, SampleTally>);
+
+impl Tallies {
+    pub(crate) fn add(&mut self, block: &SampleBlock) {
+        let tally = self.0.entry(block.stream).or_default();
+        for (sample, value) in block.indexed() {
+            tally.add(&SampleTally {
+                samples: 1,
+                failed: u64::from(value.is_infinite()),
+                last: sample,
+                digest: SamplesDigest::of(block.stream.index, sample, value),
+            });
         }
     }
 
-    pub(crate) fn samples(&self) -> u64 {
-        self.samples
-    }
-
-    pub(crate) fn digest(&self) -> SamplesDigest {
-        self.digest
-    }
-
-    pub(crate) fn add_point_sample(&mut self, row: &PointSampleRow) {
-        let digest = SamplesDigest::of_point(&row.point, row.sample, number(row.value));
-        let (count, sum) = match self.points.get_mut(&row.point) {
-            Some(point) => point,
-            None => self.points.entry(row.point.clone()).or_default(),
-        };
-        *count += 1;
-        *sum += digest;
-    }
-
-    /// Adds these counts to the tallies in the store, in the transaction that stored the rows.
-    pub(crate) async fn write(&self, connection: &mut Connection<'_>) -> Result<(), Error> {
-        if self.samples > 0 {
-            let (_, mut digest) = samples(connection).await?;
-            digest += self.digest;
-            let digest = digest.to_bytes().to_vec();
-            let count = self.samples.cast_signed();
-            let query = sqlx::query!(
-                "UPDATE tally SET samples = samples + ?, samples_digest = ?",
-                count,
-                digest,
-            );
-            connection.insert("tally", query).await?;
-            // An array of arrays: one statement for any number of designs, prepared once.
-            let designs: Vec<String> = self
-                .designs
-                .iter()
-                .map(|(design, (count, last))| format!("[{design},{count},{last}]"))
-                .collect();
-            let designs = format!("[{}]", designs.join(","));
-            let query = sqlx::query!(
-                "INSERT INTO design_tally (design, samples, last_sample)
-                 SELECT value ->> 0, value ->> 1, value ->> 2 FROM json_each(?) WHERE TRUE
-                 ON CONFLICT DO UPDATE SET
-                    samples = samples + excluded.samples,
-                    last_sample = max(last_sample, excluded.last_sample)",
-                designs,
-            );
-            connection.insert("design_tally", query).await?;
-        }
-        if self.points.is_empty() {
+    /// Adds these tallies to those in the store, in the transaction that stored the samples.
+    pub(crate) async fn write(mut self, connection: &mut Connection<'_>) -> Result<(), Error> {
+        if self.0.is_empty() {
             return Ok(());
         }
-        let held = points(connection).await?;
-        for (point, (count, digest)) in &self.points {
-            let (_, mut sum) = held.get(point).copied().unwrap_or_default();
-            sum += *digest;
-            let sum = sum.to_bytes().to_vec();
-            let count = count.cast_signed();
-            let query = sqlx::query!(
-                "INSERT INTO point_tally (point, samples, samples_digest) VALUES (?, ?, ?)
-                 ON CONFLICT DO UPDATE SET
-                    samples = samples + excluded.samples,
-                    samples_digest = excluded.samples_digest",
-                point,
-                count,
-                sum,
-            );
-            connection.insert("point_tally", query).await?;
+        // Arrays of arrays: one statement for any number of streams, prepared once.
+        let keys: Vec<String> = self
+            .0
+            .keys()
+            .map(|stream| stream.key().to_string())
+            .collect();
+        let keys = format!("[{}]", keys.join(","));
+        let query = sqlx::query!(
+            "SELECT stream, samples, last_sample, failed, digest FROM sample_tally
+             WHERE stream IN (SELECT value FROM json_each(?))",
+            keys,
+        );
+        for row in connection.all(COUNTING, query).await? {
+            let (stream, held) = read(
+                connection,
+                row.stream,
+                [row.samples, row.last_sample, row.failed],
+                &row.digest,
+            )?;
+            self.0.entry(stream).or_default().add(&held);
         }
-        Ok(())
+        let mut digests = Vec::new();
+        let mut rows = Vec::with_capacity(self.0.len());
+        for (stream, tally) in &self.0 {
+            let from = digests.len() + 1;
+            digests.extend(tally.digest.to_bytes());
+            let SampleTally {
+                samples,
+                failed,
+                last,
+                ..
+            } = tally;
+            rows.push(format!(
+                "[{},{samples},{last},{failed},{from}]",
+                stream.key()
+            ));
+        }
+        let rows = format!("[{}]", rows.join(","));
+        let query = sqlx::query!(
+            "INSERT OR REPLACE INTO sample_tally (stream, samples, last_sample, failed, digest)
+             SELECT value ->> 0, value ->> 1, value ->> 2, value ->> 3, substr(?1, value ->> 4, 32)
+             FROM json_each(?2)",
+            digests,
+            rows,
+        );
+        connection.insert("sample_tally", query).await.map(drop)
     }
 }
 
-/// Count and digest of the samples of the DoE, from the tally.
-pub(crate) async fn samples(
-    connection: &mut Connection<'_>,
-) -> Result<(u64, SamplesDigest), Error> {
-    let query = sqlx::query!("SELECT samples, samples_digest FROM tally");
-    let row = connection.one("read the tally", query).await?;
-    let digest = SamplesDigest::from_blob(&row.samples_digest)
-        .ok_or_else(|| connection.damaged_rows("tally", "one 1".into(), NO_DIGEST))?;
-    Ok((query::index(row.samples), digest))
-}
+/// Completes "the database could not".
+const COUNTING: &str = "count samples";
 
-/// Count and digest of the samples of each point that has any, from the tallies.
-pub(crate) async fn points(
+/// The stored tallies of streams.
+pub(crate) async fn all(
     connection: &mut Connection<'_>,
-) -> Result<BTreeMap<String, (u64, SamplesDigest)>, Error> {
-    let query = sqlx::query!("SELECT point, samples, samples_digest FROM point_tally");
-    let rows = connection.all("count verification samples", query).await?;
-    rows.into_iter()
-        .map(|r| {
-            let digest = SamplesDigest::from_blob(&r.samples_digest).ok_or_else(|| {
-                let row = format!("point {:?}", r.point);
-                connection.damaged_rows("point_tally", row, NO_DIGEST)
-            })?;
-            Ok((r.point, (query::index(r.samples), digest)))
+    of: Of,
+) -> Result<BTreeMap<StreamId, SampleTally>, Error> {
+    let (first, last) = of.keys();
+    let (first, last) = (first.cast_signed(), last.cast_signed());
+    let query = sqlx::query!(
+        "SELECT stream, samples, last_sample, failed, digest FROM sample_tally
+         WHERE stream BETWEEN ? AND ?",
+        first,
+        last,
+    );
+    let rows = connection.all(COUNTING, query).await?.into_iter();
+    let counts = |row| row;
+    rows.map(counts)
+        .map(|row| {
+            let counts = [row.samples, row.last_sample, row.failed];
+            read(connection, row.stream, counts, &row.digest)
         })
         .collect()
 }
 
-/// The digest of all verification and infill samples, from the tallies.
-pub(crate) async fn point_samples_digest(
-    connection: &mut Connection<'_>,
-) -> Result<SamplesDigest, Error> {
-    let points = points(connection).await?;
-    Ok(sum(points.values()))
+fn read(
+    connection: &Connection<'_>,
+    key: i64,
+    [samples, last, failed]: [i64; 3],
+    digest: &[u8],
+) -> Result<(StreamId, SampleTally), Error> {
+    let read = StreamId::from_key(query::index(key)).zip(SamplesDigest::from_blob(digest));
+    let (stream, digest) = read.ok_or_else(|| {
+        let row = format!("stream {key}");
+        connection.damaged_rows(
+            "sample_tally",
+            row,
+            "it has no digest of 32 bytes, or is of no stream",
+        )
+    })?;
+    let tally = SampleTally {
+        samples: query::index(samples),
+        failed: query::index(failed),
+        last: query::index(last),
+        digest,
+    };
+    Ok((stream, tally))
 }
 
-fn sum<'p>(points: impl Iterator<Item = &'p (u64, SamplesDigest)>) -> SamplesDigest {
+/// The digest of all samples of the tallies.
+pub(crate) fn sum<'t>(tallies: impl IntoIterator<Item = &'t SampleTally>) -> SamplesDigest {
     let mut sum = SamplesDigest::default();
-    points.for_each(|(_, digest)| sum += *digest);
+    tallies.into_iter().for_each(|tally| sum += tally.digest);
     sum
 }
 
-const NO_DIGEST: &str = "it has no digest of 32 bytes";
-
-/// Checks the samples of the DoE against their tallies.
-pub(crate) async fn compare(connection: &mut Connection<'_>, found: &Tally) -> Result<(), Error> {
-    let table = SampleRange::NAME;
-    let (count, digest) = samples(connection).await?;
-    let held = design_tallies(connection).await?;
-    for design in held.keys().chain(found.designs.keys()) {
-        let (held, found) = (held.get(design), found.designs.get(design));
-        if held != found {
-            let numbers = |numbers: Option<&(u64, u64)>| {
-                let (count, last) = numbers.copied().unwrap_or_default();
-                format!("{count} up to number {last}")
-            };
-            let (held, found) = (numbers(held), numbers(found));
-            let detail = format!("it has samples ({found}) other than were counted ({held})");
-            let row = format!("design {design}");
-            return Err(connection.damaged_rows(table, row, &detail));
-        }
-    }
-    if (count, digest) != (found.samples, found.digest) {
-        let detail = format!(
-            "{} samples have the digest {}, the {count} that were acknowledged had {}: a number \
-             has changed on the disk",
-            found.samples,
-            found.digest.to_hex(),
-            digest.to_hex()
-        );
-        let row = "one of all".to_owned();
-        return Err(connection.damaged_rows(table, row, &detail));
-    }
-    Ok(())
-}
-
-/// Count and highest index of each design's samples, from the tallies.
-async fn design_tallies(
+/// Checks the samples of streams against their tallies.
+pub(crate) async fn compare(
     connection: &mut Connection<'_>,
-) -> Result<BTreeMap<u64, (u64, u64)>, Error> {
-    let query = sqlx::query!("SELECT design, samples, last_sample FROM design_tally");
-    let rows = connection.all("count samples", query).await?.into_iter();
-    Ok(rows
-        .map(|r| {
-            let tally = (query::index(r.samples), query::index(r.last_sample));
-            (query::index(r.design), tally)
-        })
-        .collect())
-}
-
-/// The samples of one point, checked against its tally of the same moment.
-pub(crate) async fn point_samples(
-    connection: &mut Connection<'_>,
-    point: &str,
-) -> Result<Vec<PointSampleRow>, Error> {
-    let mut moment = connection.moment().await?;
-    let (filter, name) = ("WHERE point = ?", Value::Text(point));
-    let rows: Vec<PointSampleRow> = keyed::all_where(&mut moment, filter, &[name]).await?;
-    let held = points(&mut moment).await?;
-    let held: BTreeMap<_, _> = held.into_iter().filter(|(name, _)| name == point).collect();
-    compare_points(&moment, &rows, &held)?;
-    moment.commit().await?;
-    Ok(rows)
-}
-
-/// Checks all verification and infill samples against their tallies.
-pub(crate) async fn check_point_samples(connection: &mut Connection<'_>) -> Result<(), Error> {
-    let mut moment = connection.moment().await?;
-    let rows: Vec<PointSampleRow> = keyed::all(&mut moment).await?;
-    let held = points(&mut moment).await?;
-    compare_points(&moment, &rows, &held)?;
-    moment.commit().await
-}
-
-fn compare_points(
-    connection: &Connection<'_>,
-    rows: &[PointSampleRow],
-    held: &BTreeMap<String, (u64, SamplesDigest)>,
+    of: Of,
+    found: &Tallies,
 ) -> Result<(), Error> {
-    let mut found = Tally::default();
-    rows.iter().for_each(|row| found.add_point_sample(row));
-    for point in held.keys().chain(found.points.keys()) {
-        let (held, found) = (held.get(point), found.points.get(point));
-        if held != found {
-            let numbers = |numbers: Option<&(u64, SamplesDigest)>| {
-                let (count, digest) = numbers.copied().unwrap_or_default();
-                format!("{count} with the digest {}", digest.to_hex())
-            };
-            let (held, found) = (numbers(held), numbers(found));
-            let detail =
-                format!("its samples ({found}) are not those that were acknowledged ({held})");
-            let row = format!("one of point {point:?}");
-            return Err(connection.damaged_rows("point_sample", row, &detail));
+    let held = all(connection, of).await?;
+    for stream in held.keys().chain(found.0.keys()) {
+        let (held, found) = (held.get(stream), found.0.get(stream));
+        if held == found {
+            continue;
         }
+        let in_words = |tally: Option<&SampleTally>| {
+            let tally = tally.copied().unwrap_or_default();
+            let SampleTally {
+                samples,
+                last,
+                digest,
+                ..
+            } = tally;
+            format!("{samples} up to number {last}, digest {}", digest.to_hex())
+        };
+        let detail = format!(
+            "its samples ({}) are not those that were acknowledged ({})",
+            in_words(found),
+            in_words(held)
+        );
+        let row = format!("one of {stream}");
+        return Err(connection.damaged_rows(SampleBlock::NAME, row, &detail));
     }
     Ok(())
 }
@@ -250,7 +205,7 @@ pub(crate) async fn count_commit(connection: &mut Connection<'_>) -> Result<u64,
     connection
         .one(
             "count a commit",
-            sqlx::query!("UPDATE tally SET commits = commits + 1 RETURNING commits"),
+            sqlx::query!("UPDATE commit_tally SET commits = commits + 1 RETURNING commits"),
         )
         .await
         .map(|r| query::index(r.commits))
@@ -279,14 +234,4 @@ pub(crate) async fn count_failure(
         )
         .await?;
     Ok(())
-}
-
-/// The digest computed from the stored verification and infill samples.
-pub(crate) async fn recompute_point_samples(
-    connection: &mut Connection<'_>,
-) -> Result<SamplesDigest, Error> {
-    let rows: Vec<PointSampleRow> = keyed::all(connection).await?;
-    let mut found = Tally::default();
-    rows.iter().for_each(|row| found.add_point_sample(row));
-    Ok(sum(found.points.values()))
 }

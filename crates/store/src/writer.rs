@@ -9,6 +9,7 @@
 use std::slice;
 use std::time::Duration;
 
+use ledger::StreamId;
 use sqlx::sqlite::SqliteConnectOptions;
 use tokio::sync::{mpsc, oneshot};
 
@@ -51,7 +52,7 @@ impl Writer {
     ///
     /// # Errors
     ///
-    /// - [`Error::Conflict`], [`Error::PointConflict`], [`Error::CriteriaConflict`],
+    /// - [`Error::Conflict`], [`Error::CriteriaConflict`],
     ///   [`Error::RunConflict`]: a row is stored with another value. [`Error::NotFinite`],
     ///   [`Error::TooLarge`], [`Error::Constraint`]: a row cannot be stored. Other batches are not
     ///   affected, and [`Error::is_refusal`] is true.
@@ -102,9 +103,9 @@ pub(crate) enum Rows {
     ModelDigest(String),
     Extension(CampaignRow),
     Removal(Vec<Derived>),
-    Generations(Vec<(String, u64)>),
+    Generations(Vec<(StreamId, u64)>),
     /// Removes the evaluations of this run.
-    NoEvaluations(String),
+    NoEvaluations(StreamId),
     /// Removes what stands for failures, whose reasons begin so.
     NoFailures(String),
 }
@@ -361,7 +362,7 @@ async fn store(
         [Rows::ModelDigest(digest)] => insert::model_digest(connection, digest).await.map(one),
         [Rows::Extension(campaign)] => insert::extension(connection, campaign).await.map(one),
         [Rows::Generations(rows)] => insert::generations(connection, rows).await.map(one),
-        [Rows::NoEvaluations(stream)] => insert::no_evaluations(connection, stream).await.map(one),
+        [Rows::NoEvaluations(stream)] => insert::no_evaluations(connection, *stream).await.map(one),
         [Rows::NoFailures(reason)] => derived::remove_failures(connection, reason).await.map(one),
         [Rows::Removal(results)] => derived::remove(connection, results).await.map(one),
         batches => {
@@ -427,6 +428,13 @@ mod tests {
         writer.close().await.unwrap();
 
         let store = Store::create_or_open(&path, &campaign()).await.unwrap();
-        assert_eq!(store.samples_of(0).await.unwrap().len(), 200);
+        assert_eq!(
+            store
+                .samples_of(ledger::StreamId::design(0))
+                .await
+                .unwrap()
+                .len(),
+            200
+        );
     }
 }

@@ -71,12 +71,11 @@ pub async fn optima(store: &Store, problem: &Problem) -> anyhow::Result<Vec<Opti
         ) else {
             continue;
         };
-        let fresh = store.point_samples(&row.approach).await?;
         optima.push(Optimum {
             approach,
             variables: design.gears(),
             criteria: criteria.gears(),
-            verified: fresh.iter().map(|row| row.value).collect(),
+            verified: optima::verification_samples(store, &row).await?,
         });
     }
     Ok(optima)

@@ -149,8 +149,7 @@ pub async fn rows(member: &Member) -> anyhow::Result<Vec<Row>> {
         let criteria: Option<Criteria> = serde_json::from_str(&optimum.criteria_json)?;
         let found = match (optimum_design(&problem, &optimum), criteria) {
             (Some(design), Some(criteria)) => {
-                let fresh = store.point_samples(&optimum.approach).await?;
-                let samples: Vec<f64> = fresh.iter().map(|row| row.value).collect();
+                let samples = optima::verification_samples(&store, &optimum).await?;
                 let p90 = percentile(&member.campaign.sampling, &samples);
                 Ok((design.gears(), optimum.criterion, criteria.gears(), p90))
             }

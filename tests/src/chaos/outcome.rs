@@ -103,7 +103,7 @@ impl Outcome {
             FailureKind::Failure | FailureKind::Quarantine => kind.has_outages(),
         };
         match self.failures.iter().find(|row| !is_expected(row)) {
-            Some(row) => Err(Violation(format!("{}: {}", row.job, row.error))),
+            Some(row) => Err(Violation(format!("{}: {}", row.stream, row.error))),
             None => Ok(()),
         }
     }
@@ -166,7 +166,7 @@ fn without_times(text: &str) -> Vec<String> {
     lines.map(kept).collect()
 }
 
-/// Rows that no table exports unchanged: the samples of optima and infill points, and failures.
+/// Rows that no table exports unchanged: samples, those of optima and infill points, too, and failures.
 #[expect(clippy::type_complexity, reason = "it is taken apart at once")]
 fn rows(db: &Path) -> Result<(BTreeMap<String, Vec<(u64, u64)>>, Vec<FailureRow>), Violation> {
     let runtime = tokio::runtime::Builder::new_current_thread()
@@ -176,10 +176,10 @@ fn rows(db: &Path) -> Result<(BTreeMap<String, Vec<(u64, u64)>>, Vec<FailureRow>
     let read = async {
         let store = Store::open_read_only(db).await?;
         let mut points = BTreeMap::new();
-        for (name, _) in store.point_counts().await? {
-            let rows = store.point_samples(&name).await?;
-            let row = |row: store::PointSampleRow| (row.sample, row.value.to_bits());
-            points.insert(name, rows.into_iter().map(row).collect());
+        for stream in store.sample_tallies().await?.into_keys() {
+            let held = store.samples_of(stream).await?.into_iter();
+            let bits = held.map(|(sample, value)| (sample, value.to_bits()));
+            points.insert(stream.to_string(), bits.collect());
         }
         let failures = store.failures().await?;
         store.close().await?;
@@ -191,6 +191,8 @@ fn rows(db: &Path) -> Result<(BTreeMap<String, Vec<(u64, u64)>>, Vec<FailureRow>
 
 #[cfg(test)]
 mod tests {
+    use ledger::StreamId;
+
     use super::*;
 
     fn outcome() -> Outcome {
@@ -233,7 +235,8 @@ mod tests {
     fn only_failures_that_were_made_are_expected() {
         const EXTERNAL: [Kind; 4] = [Kind::External, Kind::Licence, Kind::Problem, Kind::Files];
         let row = |kind| FailureRow {
-            job: "design-3".to_owned(),
+            stream: StreamId::design(3),
+            shared: false,
             lease: 1,
             worker: "w".to_owned(),
             serial: None,

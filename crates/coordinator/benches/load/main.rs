@@ -45,7 +45,7 @@ use gateway::port::{self, Doors};
 use gateway::{Link, Role};
 use ledger::StreamId;
 use protocol::v1::{Kind, LeaseRequest};
-use store::{Batch, CampaignRow, CriteriaRow, DesignRow, SampleRow, Store};
+use store::{Batch, CampaignRow, CriteriaRow, DesignRow, SampleBlock, Store};
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
 use worker::{Exec, Options, Worker};
@@ -389,19 +389,20 @@ async fn large(designs: usize, samples: usize) -> anyhow::Result<()> {
         let range = first..(first + 200).min(held);
         let criteria = range.clone().map(|design| CriteriaRow {
             design,
-            feasible: true,
+            simulable: true,
             ..CriteriaRow::default()
         });
-        let rows = range.flat_map(|design| {
-            (0..samples as u64).map(move |sample| SampleRow {
-                design,
-                sample,
-                delta_ste_um: 1.0 + (design * 31 + sample) as f64 * 1e-6,
-            })
+        let blocks = range.map(|design| {
+            let value = |sample| 1.0 + (design * 31 + sample) as f64 * 1e-6;
+            SampleBlock {
+                stream: StreamId::design(design as u32),
+                first_sample: 0,
+                samples: (0..samples as u64).map(value).collect(),
+            }
         });
         let batch = Batch {
             criteria: criteria.collect(),
-            samples: rows.collect(),
+            samples: blocks.collect(),
             ..Batch::default()
         };
         let writer = writer.clone();

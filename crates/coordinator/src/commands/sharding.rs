@@ -149,7 +149,7 @@ async fn engine(problem: &Arc<Problem>, store: &Store) -> anyhow::Result<(Engine
     }
     let options = board::options(problem.campaign());
     let board = Arc::new(Board::new(options, rand::random()));
-    board.remember(store.job_histories().await?);
+    board.remember(store.stream_histories().await?);
     let engine = Engine::new(
         Arc::clone(problem),
         model_digest.as_deref(),

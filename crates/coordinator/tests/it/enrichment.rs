@@ -8,7 +8,7 @@ use std::time::Duration;
 use campaign::Approach;
 use coordinator::engine::Ended;
 use enrich::Recommendation;
-use ledger::Unit;
+use ledger::{Kind, StreamId, Unit};
 use results::status;
 use stages::fitting::{ModelSummary, latest_model};
 use store::{InfillRow, ModelRow, OptimumRow, RoundRow, Store};
@@ -41,6 +41,10 @@ fn campaign_file() -> String {
     text
 }
 
+fn is_infill(stream: StreamId) -> bool {
+    stream.kind == Kind::Point && stages::infill::is_infill(stream.index)
+}
+
 /// Whether an infill point fails, by its name.
 type Fails = fn(&str) -> bool;
 
@@ -53,11 +57,9 @@ async fn run(path: &Path, workers: usize, fails: Fails, stop_at: Option<u64>) ->
             return std::future::pending().await;
         };
         loop {
-            let counts = store.point_counts().await.unwrap();
-            let infill = counts
-                .iter()
-                .filter(|(name, _)| name.starts_with("infill-"));
-            if infill.map(|(_, samples)| samples).sum::<u64>() >= stop_at {
+            let tallies = store.sample_tallies().await.unwrap();
+            let infill = tallies.iter().filter(|(stream, _)| is_infill(**stream));
+            if infill.map(|(_, tally)| tally.samples).sum::<u64>() >= stop_at {
                 return;
             }
             tokio::time::sleep(Duration::from_millis(1)).await;
@@ -118,9 +120,10 @@ async fn rounds_end_within_the_budget_and_resume_as_if_nothing_had_been() {
     assert!(expected.rounds.len() >= 3, "{:?}", expected.rounds);
     assert!(infill.iter().all(|row| !row.failed));
     let store = Store::open_read_only(&whole).await.unwrap();
-    let counts = store.point_counts().await.unwrap();
+    let tallies = store.sample_tallies().await.unwrap();
     for row in infill {
-        assert!(counts.contains(&(row.name.clone(), row.samples)), "{row:?}");
+        let tally = &tallies[&StreamId::point(row.number)];
+        assert_eq!(tally.samples, row.samples, "{row:?}");
         // New designs are sought where every constraint holds.
         assert!(row.violation <= 0.0 || row.reason == "more", "{row:?}");
     }
@@ -130,8 +133,8 @@ async fn rounds_end_within_the_budget_and_resume_as_if_nothing_had_been() {
     let last = expected.rounds.last().unwrap();
     assert!(last.stop_json.is_some() && last.recommendation_json.is_some());
     assert!(expected.optimum.feasible, "{:?}", expected.optimum);
-    let name = Approach::EnrichedKriging.name().to_owned();
-    assert!(counts.contains(&(name, 20)), "it is verified");
+    let verification = stages::names::verification(Approach::EnrichedKriging);
+    assert_eq!(tallies[&verification].samples, 20, "it is verified");
     // The DoE's calls, the infill samples and the searches.
     let searches: u64 = expected.rounds.iter().map(|row| row.simulator_calls).sum();
     assert!(searches > 0 && expected.optimum.simulator_calls > sampled + asked + searches);
@@ -194,7 +197,7 @@ async fn infill_points_that_fail_are_survived_and_kept_away_from() {
     let store = Store::open_read_only(&path).await.unwrap();
     let failures = store.failures().await.unwrap();
     assert_eq!(failures.len(), 6, "three attempts each: {failures:?}");
-    assert!(failures.iter().all(|row| row.job.starts_with("infill-")));
+    assert!(failures.iter().all(|row| is_infill(row.stream)));
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -168,7 +168,7 @@ async fn what_is_removed_is_computed_again_by_the_same_coordinator() {
     let expected = found(store).await;
 
     let derivations = store.derivations().await.unwrap().into_values();
-    let runs = derivations.filter(|held| held.name.starts_with("run "));
+    let runs = derivations.filter(|held| held.name.starts_with("run-"));
     let runs: Vec<Derivation> = runs.collect();
     assert!(!runs.is_empty());
     for held in &runs {

@@ -11,7 +11,7 @@ use coordinator::board::Board;
 use coordinator::engine::{Ended, Engine};
 use coordinator::recorder::StoreRecorder;
 use coordinator::service::Service;
-use ledger::Unit;
+use ledger::{StreamId, Unit};
 use protocol::v1::campaign_server::Campaign as _;
 use protocol::v1::{LeaseRequest, LeaseResult, RegisterRequest, ReportRequest};
 use store::{CampaignRow, Store};
@@ -50,7 +50,7 @@ impl Coordinator {
             ..ledger::Options::default()
         };
         let board = Arc::new(Board::new(options, 1));
-        board.remember(store.job_histories().await.unwrap());
+        board.remember(store.stream_histories().await.unwrap());
         let service = Service {
             board: Arc::clone(&board),
             recorder: StoreRecorder::new(&store).unwrap(),
@@ -119,8 +119,14 @@ impl Coordinator {
             let leased = service.lease(Request::new(request)).await.unwrap();
             for lease in leased.into_inner().leases {
                 let units = lease.units().unwrap();
+                let infill = self.store.infill().await.unwrap();
+                let infill = |stream| {
+                    let mut rows = infill.iter();
+                    let row = rows.find(|row| StreamId::point(row.number) == stream);
+                    row.map(|row| row.name.as_str())
+                };
                 let results = units.iter().map(|(unit, source)| {
-                    let output = if fails(self.board.point_name(unit.stream).as_deref(), unit) {
+                    let output = if fails(infill(unit.stream), unit) {
                         Err("no load path".to_owned())
                     } else {
                         compute(&*self.problem, unit, source)

@@ -19,7 +19,6 @@ use protocol::v1::{
     UnitResult, WatchRequest,
 };
 use results::status::Status;
-use stages::names;
 use store::{CampaignRow, DesignRow, FailureKind, Store};
 use tempfile::TempDir;
 use tonic::Request;
@@ -151,7 +150,11 @@ impl Bench {
     }
 
     async fn samples(&self) -> usize {
-        self.store.samples_of(0).await.unwrap().len()
+        self.store
+            .samples_of(StreamId::design(0))
+            .await
+            .unwrap()
+            .len()
     }
 }
 
@@ -316,8 +319,7 @@ async fn the_candidates_of_a_generation_are_shared() {
     });
     let source = Source::Candidates(candidates.collect());
     let wanted = inputs.wanted(stream, source, 10);
-    let name = names::run_name(Approach::Baseline, 1);
-    let generation = [(name.clone(), wanted.generation.0)];
+    let generation = [(stream, wanted.generation.0)];
     bench.store.put_generations(&generation).await.unwrap();
     bench.board.want(vec![wanted]);
     let mut held = Vec::new();
@@ -334,7 +336,7 @@ async fn the_candidates_of_a_generation_are_shared() {
         "{counts:?}"
     );
     let numbers = async || {
-        let rows = bench.store.evaluations(&name, 0).await.unwrap();
+        let rows = bench.store.evaluations(stream, 0).await.unwrap();
         rows.iter().map(|row| row.evaluation).collect::<Vec<_>>()
     };
     for (worker, lease) in held {
@@ -347,7 +349,7 @@ async fn the_candidates_of_a_generation_are_shared() {
         bench.report("first", bench.answer(&leases[0])).await;
     }
     assert_eq!(numbers().await, (0..10).collect::<Vec<_>>());
-    let rows = bench.store.evaluations(&name, 0).await.unwrap();
+    let rows = bench.store.evaluations(stream, 0).await.unwrap();
     assert!(rows.iter().all(|row| row.criteria.is_some()));
 }
 
@@ -357,16 +359,14 @@ async fn the_candidates_of_a_generation_are_shared() {
 async fn samples_of_an_optimum_that_was_replaced_are_not_stored_for_the_new_one() {
     let bench = bench().await;
     let inputs = Inputs::new(bench.problem.campaign(), None);
-    let name = Approach::Kriging.name();
     let stream = StreamId::point(Approach::Kriging.number());
     let want = async |x_p: f64| {
         let mut x = X;
         x[0] = x_p;
         let design = bench.problem.design(&x, bench.problem.base());
         let wanted = inputs.wanted(stream, Source::Point(design), 8);
-        let generation = [(name.to_owned(), wanted.generation.0)];
+        let generation = [(stream, wanted.generation.0)];
         bench.store.put_generations(&generation).await.unwrap();
-        bench.board.name_point(stream.index, name);
         bench.board.want(vec![wanted]);
     };
     let lease = async |worker: &str| loop {
@@ -385,20 +385,19 @@ async fn samples_of_an_optimum_that_was_replaced_are_not_stored_for_the_new_one(
     let late = bench.answer(&old);
     // As the engine does when the model is fitted again.
     bench.board.forget(|id| id == stream);
-    let removed = store::Derived::Verification(name.to_owned());
+    let removed = store::Derived::Verification(stream);
     bench.store.remove(&[removed]).await.unwrap();
     bench.report("old", late.clone()).await;
-    assert!(bench.store.point_samples(name).await.unwrap().is_empty());
+    assert!(bench.store.values_of(stream).await.unwrap().is_empty());
     want(0.20).await;
     bench.report("old", late).await;
-    assert!(bench.store.point_samples(name).await.unwrap().is_empty());
+    assert!(bench.store.values_of(stream).await.unwrap().is_empty());
     let new = lease("new").await;
     let units = new.units().unwrap();
     assert_eq!(units[0].0.samples, 0..8, "nothing of it is there");
     let expected = bench.answer(&new);
     bench.report("new", expected.clone()).await;
-    let stored = bench.store.point_samples(name).await.unwrap();
-    let stored: Vec<f64> = stored.iter().map(|row| row.value).collect();
+    let stored = bench.store.values_of(stream).await.unwrap();
     assert_eq!(stored, expected.results[0].samples);
 }
 
@@ -458,7 +457,7 @@ async fn a_failure_reported_again_counts_once() {
     for _ in 0..2 {
         bench.report("w", failure(&leases[0], 1)).await;
     }
-    let histories = || async { bench.store.job_histories().await.unwrap() };
+    let histories = || async { bench.store.stream_histories().await.unwrap() };
     assert_eq!(histories().await[0].failures, 1);
 
     let restarted = board(&bench.problem, 8);
@@ -483,7 +482,7 @@ async fn a_failure_reported_again_counts_once() {
     assert_eq!(restarted.live().counts.leased, 1);
     bench.report("w", failure(&again[0], 2)).await;
     assert_eq!(restarted.live().workers[0].0.failed, 1);
-    assert_eq!(bench.store.job_histories().await.unwrap()[0].failures, 2);
+    assert_eq!(bench.store.stream_histories().await.unwrap()[0].failures, 2);
 }
 
 #[tokio::test]

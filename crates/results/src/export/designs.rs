@@ -55,7 +55,7 @@ struct Known {
     responses: BTreeMap<u64, ResponseRow>,
     samples: BTreeMap<u64, u64>,
     /// The error with which a job was quarantined last.
-    quarantined: BTreeMap<String, String>,
+    quarantined: BTreeMap<StreamId, String>,
 }
 
 /// What the store knows of one design.
@@ -77,18 +77,19 @@ impl Known {
             criteria: criteria.into_iter().map(|row| (row.design, row)).collect(),
             responses: responses.into_iter().map(|row| (row.design, row)).collect(),
             samples: store.sampled_counts().await?.into_iter().collect(),
-            quarantined: quarantined.map(|row| (row.job, row.error)).collect(),
+            quarantined: quarantined.map(|row| (row.stream, row.error)).collect(),
         })
     }
 
     fn of(&self, design: u64) -> OfDesign<'_> {
-        let stream = u32::try_from(design).map(StreamId::design);
-        let job = stream.map(names::stream_name).unwrap_or_default();
         OfDesign {
             criteria: self.criteria.get(&design),
             response: self.responses.get(&design),
             samples: self.samples.get(&design).copied().unwrap_or(0),
-            quarantined: self.quarantined.get(&job).map(String::as_str),
+            quarantined: self
+                .quarantined
+                .get(&names::design(design))
+                .map(String::as_str),
         }
     }
 

@@ -4,7 +4,8 @@ use std::io::Write;
 
 use campaign::Approach;
 use campaign::formulation::Problem;
-use stages::names::run_name;
+use ledger::StreamId;
+use stages::names;
 use store::{EvaluationRow, Store};
 
 use super::{column, number, optional};
@@ -26,8 +27,7 @@ pub(super) async fn write<W: Write + Send>(
     out.write_record(&header)?;
     for approach in Approach::OPTIMISED {
         for start in 0..problem.campaign().optimise.starts {
-            let name = run_name(approach, start);
-            for row in store.evaluations(&name, 0).await? {
+            for row in store.evaluations(names::run(approach, start), 0).await? {
                 let first = [
                     problem.approach_name(approach).to_owned(),
                     start.to_string(),
@@ -39,7 +39,8 @@ pub(super) async fn write<W: Write + Send>(
     }
     // Infill points whose constraints only the simulator knows, by their number in the enrichment.
     for point in store.infill().await? {
-        for row in store.evaluations(&point.name, 0).await? {
+        let stream = StreamId::point(point.number);
+        for row in store.evaluations(stream, 0).await? {
             let name = problem.approach_name(Approach::EnrichedKriging);
             let rest = EvaluationRow {
                 evaluation: point.infill,

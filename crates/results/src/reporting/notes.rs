@@ -1,5 +1,6 @@
 //! Remarks and warnings, and what the model leaves out.
 
+use stages::names;
 use stages::optima::optimum_design;
 
 use super::sources::Sources;
@@ -44,10 +45,10 @@ pub(super) fn notes(sources: &Sources, failures: &[store::FailureRow]) -> Vec<St
             ));
         }
     }
-    let mut quarantined: Vec<&str> = failures
+    let mut quarantined: Vec<String> = failures
         .iter()
         .filter(|row| row.kind == store::FailureKind::Quarantine)
-        .map(|row| row.job.as_str())
+        .map(names::failed_job)
         .collect();
     quarantined.dedup();
     if !quarantined.is_empty() {

@@ -10,6 +10,7 @@ use report::{
     ApproachResult, Constraints, ContactPattern, GearDrawing, GearOutline, NamedValue,
     OptimiserRun, Optimum, SteCurves,
 };
+use stages::names;
 use stages::optima::{approach_of, optimum_design, sentence};
 use store::{OptimiserRunRow, OptimumRow};
 
@@ -74,7 +75,7 @@ fn runs(sources: &Sources, approach: Approach) -> anyhow::Result<Vec<OptimiserRu
     let of_approach = sources
         .runs
         .iter()
-        .filter(|row| row.approach == approach.name());
+        .filter(|row| names::run_of(row.stream).is_some_and(|(of, _)| of == approach));
     of_approach.map(|row| run(&sources.problem, row)).collect()
 }
 
@@ -89,7 +90,7 @@ pub fn run(problem: &Problem, row: &OptimiserRunRow) -> anyhow::Result<Optimiser
     restarts.extend(problem.campaign().optimise.restart_at.map(u64::from));
     restarts.sort_unstable();
     Ok(OptimiserRun {
-        start: row.start as usize + 1,
+        start: run.start as usize + 1,
         best: run.history,
         restarts,
     })

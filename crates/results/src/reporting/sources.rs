@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 use campaign::formulation::Problem;
 use campaign::{Approach, Campaign};
 use gear::paper::printed::Place;
+use ledger::StreamId;
 use stages::fitting::{ModelSummary, latest_model};
-use stages::references;
+use stages::{names, references};
 use store::{
     CampaignRow, CriteriaRow, DesignRow, InfillRow, OptimiserRunRow, OptimumRow, ResponseRow,
     RoundRow, Store,
@@ -43,13 +44,13 @@ impl Sources {
         let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
         let problem = Problem::new(campaign);
         let mut verified = BTreeMap::new();
-        let names = Approach::ALL
+        let optima = Approach::ALL
             .iter()
-            .map(|approach| approach.name().to_owned())
-            .chain(Place::all().map(references::name));
-        for name in names {
-            let samples = store.point_samples(&name).await?;
-            verified.insert(name, samples.iter().map(|sample| sample.value).collect());
+            .map(|approach| (approach.name().to_owned(), names::verification(*approach)));
+        let printed =
+            Place::all().map(|place| (references::name(place), StreamId::point(place.number())));
+        for (name, stream) in optima.chain(printed) {
+            verified.insert(name, store.values_of(stream).await?);
         }
         let mut responses = store.responses().await?;
         // The others have no percentile.

@@ -3,6 +3,7 @@ mod world;
 use campaign::file::FrozenFrom;
 
 use super::*;
+use crate::names;
 use world::World;
 
 fn campaign() -> Campaign {
@@ -209,11 +210,12 @@ fn a_round_whose_last_sample_comes_while_the_state_is_read_is_waited_for() {
 fn samples_of_another_design_are_removed() {
     let mut world = World::new(campaign());
     world.finish();
-    let name = Approach::Kriging.name();
     let other = world.problem.base().clone();
     world.verified.insert(Approach::Kriging, (other, 4));
     world.load();
-    let expected = [Derived::Verification(name.to_owned())];
+    let expected = [Derived::Verification(names::verification(
+        Approach::Kriging,
+    ))];
     assert_eq!(world.next().outdated, expected);
     world.finish();
     world.assert_undisturbed();

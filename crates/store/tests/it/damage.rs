@@ -3,15 +3,15 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use ledger::StreamId;
 use store::{
-    Batch, Derived, Error, ModelRow, OptimiserRunRow, OptimumRow, PointSampleRow, ResponseRow,
-    Store,
+    Batch, Derived, Error, ModelRow, OptimiserRunRow, OptimumRow, ResponseRow, SampleBlock, Store,
 };
 
 use crate::rounds::{new_round, round};
 use crate::{
-    beside, campaign, execute, feasible, folder, from, infeasible, open, optimum_of, read, sample,
-    samples, store_with,
+    POINT, at, beside, campaign, execute, feasible, folder, from, infeasible, of, open, optimum_of,
+    read, sample, samples, store_with,
 };
 
 const BATCHES: u64 = 6;
@@ -80,11 +80,8 @@ async fn a_cut_log_can_be_accepted_and_loses_whole_batches_only() {
     let held = store.progress().await.unwrap().samples;
     assert!(held < BATCHES * ROWS, "nothing was cut");
     assert_eq!(held % ROWS, 0, "part of a batch");
-    assert_eq!(store.samples_of(0).await.unwrap().len() as u64, held);
-    assert_eq!(
-        store.samples_digest().await.unwrap(),
-        store.recompute_samples_digest().await.unwrap()
-    );
+    assert_eq!(store.samples_of(of(0)).await.unwrap().len() as u64, held);
+    store.visit_samples(|_| Ok::<(), Error>(())).await.unwrap();
     let all = samples((0..BATCHES * ROWS).map(|i| sample(0, i, 1.5)));
     let receipt = store.writer().unwrap().submit(all).await.unwrap();
     assert_eq!(receipt.duplicate_rows, held);
@@ -193,7 +190,7 @@ async fn a_transaction_under_a_journal_that_was_killed_is_undone() {
         .await
         .unwrap();
     // 9.5, little-endian.
-    sqlx::query("UPDATE sample_range SET samples = x'0000000000002340'")
+    sqlx::query("UPDATE sample_block SET samples = x'0000000000002340'")
         .execute(&mut connection)
         .await
         .unwrap();
@@ -212,13 +209,10 @@ async fn a_transaction_under_a_journal_that_was_killed_is_undone() {
     assert!(marks > 100, "{marks} rows were changed in the file already");
 
     let store = open(&left).await;
-    let held = store.samples_of(0).await.unwrap();
+    let held = store.samples_of(of(0)).await.unwrap();
     assert_eq!(held.len(), 500);
     assert!(held.iter().all(|(_, value)| *value == 1.5));
-    assert_eq!(
-        store.samples_digest().await.unwrap(),
-        store.recompute_samples_digest().await.unwrap()
-    );
+    store.visit_samples(|_| Ok::<(), Error>(())).await.unwrap();
 }
 
 /// A new store is created with its log, so a kill at its first opening leaves no journal behind.
@@ -268,10 +262,10 @@ async fn a_bit_that_flipped_in_a_sample_is_found_at_the_next_opening() {
         assert!(matches!(error, Error::DamagedRows { .. }), "{error}");
         let said = error.to_string();
         assert!(
-            said.contains("table sample_range, row first_sample"),
+            said.contains("table sample_block, row first_sample"),
             "{said}"
         );
-        assert!(said.contains("of design 0"), "{said}");
+        assert!(said.contains("of design-0"), "{said}");
     }
 }
 
@@ -280,15 +274,18 @@ async fn with_every_row(path: &Path) {
     let store = store_with(path, 2).await;
     let batch = Batch {
         criteria: vec![feasible(0), infeasible(1)],
-        points: (0..40).map(|i| verified("kriging", i)).collect(),
         runs: vec![OptimiserRunRow {
-            approach: "kriging".into(),
-            start: 3,
+            stream: StreamId::run(3, 3),
             result_json: "{\"best\":[1.5,2.5]}".into(),
             simulator_calls: 7,
             cpu_seconds: 0.5,
         }],
-        ..samples((0..40).chain(50..60).map(|i| sample(1, i, 1.5)))
+        ..samples(
+            (0..40)
+                .chain(50..60)
+                .map(|i| sample(1, i, 1.5))
+                .chain((0..40).map(|i| at(POINT, i, 1.0 + i as f64))),
+        )
     };
     store.writer().unwrap().submit(batch).await.unwrap();
     let response = ResponseRow {
@@ -304,7 +301,7 @@ async fn with_every_row(path: &Path) {
         .await
         .unwrap();
     let model = ModelRow {
-        name: "p90".into(),
+        name: ModelRow::DOE.into(),
         json: "{\"theta\":[1.5,0.25]}".into(),
         summary_json: "{}".into(),
     };
@@ -336,14 +333,6 @@ async fn with_every_row(path: &Path) {
         .unwrap();
     store.pin_model_digest("abc").await.unwrap();
     store.close().await.unwrap();
-}
-
-fn verified(point: &str, sample: u64) -> PointSampleRow {
-    PointSampleRow {
-        point: point.into(),
-        sample,
-        value: 1.0 + sample as f64,
-    }
 }
 
 /// Checks that readers and writers refuse the store, naming file, table and row.
@@ -382,11 +371,11 @@ async fn an_edited_row_of_any_table_is_named() {
         (
             "criteria",
             "design 1",
-            "UPDATE criteria SET feasible = 1, reason = NULL",
+            "UPDATE criteria SET simulable = 1, reason = NULL",
         ),
         (
             "optimiser_run",
-            "start 3 of approach \"kriging\"",
+            "run-3-3",
             "UPDATE optimiser_run SET result_json = '{\"best\":[1.5,2.6]}'",
         ),
         (
@@ -396,18 +385,13 @@ async fn an_edited_row_of_any_table_is_named() {
         ),
         (
             "model",
-            "name \"p90\"",
+            "name \"doe\"",
             "UPDATE model SET json = replace(json, '1.5', '1.6')",
         ),
         (
             "optimum",
             "approach \"kriging\"",
             "UPDATE optimum SET criterion = 0.7",
-        ),
-        (
-            "optimum",
-            "approach \"kriging\"",
-            "UPDATE optimum SET seal = NULL",
         ),
         (
             "optimum",
@@ -427,75 +411,74 @@ async fn an_edited_row_of_any_table_is_named() {
         ),
         // Sample 57 becomes 1.25.
         (
-            "sample_range",
-            "first_sample 50 of design 1",
-            "UPDATE sample_range SET samples = CAST(substr(samples, 1, 56)
+            "sample_block",
+            "first_sample 50 of design-1",
+            "UPDATE sample_block SET samples = CAST(substr(samples, 1, 56)
                 || x'000000000000f43f' || substr(samples, 65) AS BLOB)
                 WHERE first_sample = 50",
         ),
         // Sample 50 becomes NaN.
         (
-            "sample_range",
-            "first_sample 50 of design 1",
-            "UPDATE sample_range SET samples = CAST(x'000000000000f87f'
+            "sample_block",
+            "first_sample 50 of design-1",
+            "UPDATE sample_block SET samples = CAST(x'000000000000f87f'
                 || substr(samples, 9) AS BLOB) WHERE first_sample = 50",
         ),
         (
-            "sample_range",
-            "first_sample 0 of design 1",
-            "UPDATE sample_range SET samples = substr(samples, 9) WHERE first_sample = 0",
+            "sample_block",
+            "first_sample 0 of design-1",
+            "UPDATE sample_block SET samples = substr(samples, 9) WHERE first_sample = 0",
         ),
         (
-            "sample_range",
-            "first_sample 60 of design 1",
-            "UPDATE sample_range SET first_sample = 60 WHERE first_sample = 50",
+            "sample_block",
+            "first_sample 60 of design-1",
+            "UPDATE sample_block SET first_sample = 60 WHERE first_sample = 50",
         ),
         (
-            "sample_range",
-            "first_sample 50 of design 0",
-            "UPDATE sample_range SET design = 0 WHERE first_sample = 50",
+            "sample_block",
+            "first_sample 50 of design-0",
+            "UPDATE sample_block SET stream = 0 WHERE first_sample = 50",
         ),
         (
-            "sample_range",
-            "first_sample 10 of design 1",
-            "INSERT INTO sample_range SELECT design, 10, seal, samples FROM sample_range
+            "sample_block",
+            "first_sample 10 of design-1",
+            "INSERT INTO sample_block SELECT stream, 10, samples, seal FROM sample_block
                 WHERE first_sample = 50",
         ),
         (
-            "sample_range",
-            "first_sample 0 of design 1",
-            "UPDATE sample_range SET seal = seal + 1",
+            "sample_block",
+            "first_sample 0 of design-1",
+            "UPDATE sample_block SET seal = seal + 1",
         ),
         (
-            "sample_range",
-            "design 1",
-            "DELETE FROM sample_range WHERE first_sample = 50",
-        ),
-        ("sample_range", "design 1", "DELETE FROM sample_range"),
-        (
-            "sample_range",
-            "design 1",
-            "UPDATE design_tally SET samples = samples - 1",
+            "sample_block",
+            "one of design-1",
+            "DELETE FROM sample_block WHERE first_sample = 50",
         ),
         (
-            "sample_range",
-            "one of all",
-            "UPDATE tally SET samples_digest = zeroblob(32)",
+            "sample_block",
+            "one of design-1",
+            "DELETE FROM sample_block",
         ),
         (
-            "point_sample",
-            "one of approach \"kriging\"",
-            "UPDATE point_sample SET value = 1.25 WHERE sample = 7",
+            "sample_block",
+            "one of point-3",
+            "DELETE FROM sample_block WHERE stream > 1",
         ),
         (
-            "point_sample",
-            "one of approach \"kriging\"",
-            "DELETE FROM point_sample WHERE sample = 7",
+            "sample_block",
+            "one of design-1",
+            "UPDATE sample_tally SET samples = samples - 1 WHERE stream = 1",
         ),
         (
-            "point_sample",
-            "one of approach \"kriging\"",
-            "DELETE FROM point_tally",
+            "sample_block",
+            "one of design-1",
+            "UPDATE sample_tally SET digest = zeroblob(32)",
+        ),
+        (
+            "sample_block",
+            "one of point-3",
+            "DELETE FROM sample_tally WHERE stream > 1",
         ),
     ];
     for (table, row, edit) in edits {
@@ -516,7 +499,7 @@ async fn a_range_that_was_cut_within_a_number_is_named() {
     execute(
         &path,
         "PRAGMA ignore_check_constraints = ON;
-         UPDATE sample_range SET samples = substr(samples, 1, length(samples) - 3)
+         UPDATE sample_block SET samples = substr(samples, 1, length(samples) - 3)
          WHERE first_sample = 50",
     )
     .await;
@@ -532,7 +515,7 @@ async fn is_damaged_or_refused(path: &Path) {
     for error in [reading, writing] {
         let said = error.to_string();
         assert!(
-            said.contains("sample_range") && said.contains("campaign.db"),
+            said.contains("sample_block") && said.contains("campaign.db"),
             "{said}"
         );
     }
@@ -545,12 +528,8 @@ async fn a_bit_that_flipped_in_text_is_found() {
     with_every_row(&path).await;
     let whole = read(&path);
     for (text, table, row) in [
-        ("{\"theta\":[1.5,0.25]}", "model", "name \"p90\""),
-        (
-            "{\"best\":[1.5,2.5]}",
-            "optimiser_run",
-            "start 3 of approach \"kriging\"",
-        ),
+        ("{\"theta\":[1.5,0.25]}", "model", "name \"doe\""),
+        ("{\"best\":[1.5,2.5]}", "optimiser_run", "run-3-3"),
         ("{\"x_p\":0.5}", "optimum", "approach \"kriging\""),
         ("# a campaign", "campaign", "one 1"),
     ] {
@@ -584,15 +563,9 @@ async fn rows_that_the_program_changes_stay_sound() {
         digest: "larger".into(),
         ..campaign()
     };
-    store
-        .put_generations(&[("kriging".into(), 1)])
-        .await
-        .unwrap();
-    store
-        .put_generations(&[("kriging".into(), 2)])
-        .await
-        .unwrap();
-    assert_eq!(store.point_samples("kriging").await.unwrap(), []);
+    store.put_generations(&[(POINT, 1)]).await.unwrap();
+    store.put_generations(&[(POINT, 2)]).await.unwrap();
+    assert_eq!(store.samples_of(POINT).await.unwrap(), []);
     store.extend(&larger).await.unwrap();
     store.close().await.unwrap();
     let store = Store::create_or_open(&path, &larger).await.unwrap();
@@ -608,9 +581,9 @@ async fn rows_that_the_program_changes_stay_sound() {
 async fn the_digest_of_verification_samples_is_that_of_any_order() {
     let (_first, one) = folder();
     let (_second, other) = folder();
-    let rows: Vec<PointSampleRow> = ["kriging", "infill-0001"]
-        .iter()
-        .flat_map(|point| (0..50).map(|i| verified(point, i)))
+    let rows: Vec<SampleBlock> = [POINT, StreamId::point(1 << 27)]
+        .into_iter()
+        .flat_map(|point| (0..50).map(move |i| at(point, i, 1.0 + i as f64)))
         .collect();
     let mut digests = Vec::new();
     for (path, step) in [(one, 7), (other, 31)] {
@@ -624,19 +597,11 @@ async fn the_digest_of_verification_samples_is_that_of_any_order() {
         for part in rows.chunks(step) {
             // Twice: the repetition changes nothing.
             for _ in 0..2 {
-                let verify = part.to_vec();
-                let batch = Batch {
-                    points: verify,
-                    ..Batch::default()
-                };
+                let batch = samples(part.to_vec());
                 store.writer().unwrap().submit(batch).await.unwrap();
             }
         }
         let digest = store.point_samples_digest().await.unwrap();
-        assert_eq!(
-            store.recompute_point_samples_digest().await.unwrap(),
-            digest
-        );
         assert_eq!(
             store.samples_digest().await.unwrap(),
             none,
@@ -668,7 +633,7 @@ async fn a_reader_of_a_large_store_checks_it_when_asked() {
 
     execute(
         &path,
-        "UPDATE sample_range
+        "UPDATE sample_block
          SET samples = CAST(x'0000000000000440' || substr(samples, 9) AS BLOB)
          WHERE first_sample = 4096",
     )
@@ -679,7 +644,7 @@ async fn a_reader_of_a_large_store_checks_it_when_asked() {
         matches!(
             error,
             Error::DamagedRows {
-                table: "sample_range",
+                table: "sample_block",
                 ..
             }
         ),
@@ -695,7 +660,7 @@ async fn a_reader_of_a_large_store_checks_it_when_asked() {
         matches!(
             error,
             Error::DamagedRows {
-                table: "sample_range",
+                table: "sample_block",
                 ..
             }
         ),

@@ -1,14 +1,16 @@
 //! Evaluations of optimiser runs on an external simulator.
 
+use ledger::StreamId;
 use store::{Batch, Derived, Error, EvaluationRow, Store};
 
 use crate::{execute, folder, open};
 
-const RUN: &str = "run no-wear 1";
+const RUN: StreamId = StreamId::run(1, 1);
+const OTHER: StreamId = StreamId::run(1, 11);
 
 pub(crate) fn evaluation(number: u64) -> EvaluationRow {
     EvaluationRow {
-        stream: RUN.to_owned(),
+        stream: RUN,
         evaluation: number,
         x: vec![0.5, number as f64],
         refused: None,
@@ -25,7 +27,7 @@ pub(crate) async fn put(
     rows: Vec<EvaluationRow>,
 ) -> Result<(u64, u64, bool), Error> {
     let batch = Batch {
-        only_for: Some((RUN.to_owned(), generation)),
+        only_for: Some((RUN, generation)),
         evaluations: rows,
         ..Batch::default()
     };
@@ -34,7 +36,7 @@ pub(crate) async fn put(
 }
 
 pub(crate) async fn want(store: &Store, generation: u64) {
-    let wanted = [(RUN.to_owned(), generation)];
+    let wanted = [(RUN, generation)];
     store.put_generations(&wanted).await.unwrap();
 }
 
@@ -71,7 +73,7 @@ async fn evaluations_of_one_generation_stay_when_the_next_is_wanted() {
     assert_eq!(put(&store, 2, second.clone()).await.unwrap(), (2, 0, false));
     assert_eq!(store.evaluations(RUN, 2).await.unwrap(), second);
     assert_eq!(store.evaluations(RUN, 0).await.unwrap()[..2], first());
-    assert_eq!(store.evaluations("run no-wear 11", 0).await.unwrap(), []);
+    assert_eq!(store.evaluations(OTHER, 0).await.unwrap(), []);
 
     let other = EvaluationRow {
         value: Some(1.5),
@@ -80,9 +82,7 @@ async fn evaluations_of_one_generation_stay_when_the_next_is_wanted() {
     let error = put(&store, 2, vec![other]).await.unwrap_err();
     assert!(error.is_refusal(), "{error}");
     assert!(
-        error
-            .to_string()
-            .contains("evaluation 1 of \"run no-wear 1\""),
+        error.to_string().contains("evaluation 1 of run-1-1"),
         "{error}"
     );
     let error = put(
@@ -96,16 +96,15 @@ async fn evaluations_of_one_generation_stay_when_the_next_is_wanted() {
     let error = error.await.unwrap_err();
     assert!(matches!(error, Error::NotFinite { .. }), "{error}");
 
-    store.clear_evaluations("run no-wear 11").await.unwrap();
+    store.clear_evaluations(OTHER).await.unwrap();
     assert_eq!(store.evaluations(RUN, 0).await.unwrap().len(), 4);
     store.clear_evaluations(RUN).await.unwrap();
     assert_eq!(store.evaluations(RUN, 0).await.unwrap(), []);
     want(&store, 3).await;
     put(&store, 3, first()).await.unwrap();
-    let run = |start| Derived::Run("no-wear".to_owned(), start);
-    store.remove(&[run(11)]).await.unwrap();
+    store.remove(&[Derived::Run(OTHER)]).await.unwrap();
     assert_eq!(store.evaluations(RUN, 0).await.unwrap(), first());
-    store.remove(&[run(1)]).await.unwrap();
+    store.remove(&[Derived::Run(RUN)]).await.unwrap();
     assert_eq!(store.evaluations(RUN, 0).await.unwrap(), []);
 }
 
@@ -119,5 +118,8 @@ async fn an_evaluation_that_changed_on_the_disk_is_refused_by_its_name() {
     execute(&path, "UPDATE evaluation SET value = 1.26").await;
     let error = Store::open_read_only(&path).await.unwrap_err();
     let said = error.to_string();
-    assert!(said.contains("evaluation") && said.contains(RUN), "{said}");
+    assert!(
+        said.contains("evaluation") && said.contains("run-1-1"),
+        "{said}"
+    );
 }

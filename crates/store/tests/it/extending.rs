@@ -2,12 +2,19 @@
 
 use std::collections::BTreeMap;
 
+use ledger::StreamId;
 use store::{
     Batch, CampaignRow, Derived, Error, MissingWork, ModelRow, OptimiserRunRow, OptimumRow,
-    PointSampleRow, ResponseRow, Store,
+    ResponseRow, SampleBlock, Store,
 };
 
-use crate::{campaign, design, feasible, folder, from, optimum_of, read, sample, store_with};
+use crate::{
+    POINT, campaign, design, feasible, folder, from, optimum_of, read, sample, store_with,
+};
+
+const RUN: StreamId = StreamId::run(3, 0);
+const OTHER_RUN: StreamId = StreamId::run(1, 0);
+const REFERENCE: StreamId = StreamId::point(17);
 
 fn larger() -> CampaignRow {
     CampaignRow {
@@ -23,23 +30,17 @@ fn larger() -> CampaignRow {
 async fn finished(store: &Store) {
     let rows = (0..2).flat_map(|d| (0..3).map(move |s| sample(d, s, 1.5)));
     let of = |approach: &str| approach.to_owned();
+    let points = [POINT, REFERENCE].map(|stream| SampleBlock {
+        stream,
+        first_sample: 0,
+        samples: vec![0.5; 5],
+    });
     let batch = Batch {
         criteria: vec![feasible(0), feasible(1)],
-        samples: rows.collect(),
-        points: ["kriging", "paper"]
-            .into_iter()
-            .flat_map(|approach| {
-                (0..5).map(move |sample| PointSampleRow {
-                    point: approach.into(),
-                    sample,
-                    value: 0.5,
-                })
-            })
-            .collect(),
-        runs: ["deterministic", "kriging"]
-            .map(|approach| OptimiserRunRow {
-                approach: of(approach),
-                start: 0,
+        samples: rows.chain(points).collect(),
+        runs: [OTHER_RUN, RUN]
+            .map(|stream| OptimiserRunRow {
+                stream,
                 result_json: "{}".into(),
                 simulator_calls: 1,
                 cpu_seconds: 1.0,
@@ -61,7 +62,7 @@ async fn finished(store: &Store) {
         .await
         .unwrap();
     let model = ModelRow {
-        name: "p90".into(),
+        name: ModelRow::DOE.into(),
         json: "{}".into(),
         summary_json: "{}".into(),
     };
@@ -188,14 +189,14 @@ async fn results_are_removed_one_by_one() {
     let [kriging, other] = ["kriging", "deterministic"].map(str::to_owned);
     let outdated = [
         Derived::Model,
-        Derived::Run(kriging.clone(), 0),
+        Derived::Run(RUN),
         Derived::Optimum(other.clone()),
     ];
     store.remove(&outdated).await.unwrap();
     assert_eq!(store.models().await.unwrap(), []);
     let runs = store.optimiser_runs().await.unwrap();
     let optima = store.optima().await.unwrap();
-    assert_eq!((runs.len(), &runs[0].approach), (1, &other));
+    assert_eq!((runs.len(), runs[0].stream), (1, OTHER_RUN));
     assert_eq!((optima.len(), &optima[0].approach), (1, &kriging));
     let derivations = store.derivations().await.unwrap();
     let left: Vec<&String> = derivations.keys().collect();
@@ -203,13 +204,9 @@ async fn results_are_removed_one_by_one() {
     assert_eq!(store.samples_digest().await.unwrap(), digest);
     assert_eq!(store.responses().await.unwrap().len(), 1);
 
-    let samples = [Derived::Samples, Derived::Verification(kriging)];
+    let samples = [Derived::Samples, Derived::Verification(POINT)];
     store.remove(&samples).await.unwrap();
     assert_eq!(store.samples_digest().await.unwrap(), "0".repeat(64));
-    assert_eq!(
-        store.recompute_samples_digest().await.unwrap(),
-        "0".repeat(64)
-    );
     let progress = store.progress().await.unwrap();
     assert_eq!((progress.samples, progress.criteria_done), (0, 0));
     assert_eq!(progress.point_samples, 5, "those of the reference stay");

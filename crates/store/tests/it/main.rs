@@ -14,9 +14,10 @@ mod writing;
 
 use std::path::{Path, PathBuf};
 
+use ledger::StreamId;
 use sqlx::Connection as _;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
-use store::{Batch, CampaignRow, CriteriaRow, Derivation, Derived, DesignRow, SampleRow, Store};
+use store::{Batch, CampaignRow, CriteriaRow, Derivation, Derived, DesignRow, SampleBlock, Store};
 use tempfile::TempDir;
 
 fn campaign() -> CampaignRow {
@@ -63,15 +64,26 @@ fn design(design: u64) -> DesignRow {
     DesignRow::new(design, [x, 0.1, 1.1, 1.2, 1.3, 1.4])
 }
 
-fn sample(design: u64, sample: u64, value: f64) -> SampleRow {
-    SampleRow {
-        design,
-        sample,
-        value,
+fn of(design: u64) -> StreamId {
+    StreamId::design(design as u32)
+}
+
+/// Verification samples of an approach.
+const POINT: StreamId = StreamId::point(3);
+
+fn at(stream: StreamId, sample: u64, value: f64) -> SampleBlock {
+    SampleBlock {
+        stream,
+        first_sample: sample,
+        samples: vec![value],
     }
 }
 
-fn samples(rows: impl IntoIterator<Item = SampleRow>) -> Batch {
+fn sample(design: u64, sample: u64, value: f64) -> SampleBlock {
+    at(of(design), sample, value)
+}
+
+fn samples(rows: impl IntoIterator<Item = SampleBlock>) -> Batch {
     Batch {
         samples: rows.into_iter().collect(),
         ..Batch::default()

@@ -2,16 +2,16 @@
 
 use std::collections::BTreeMap;
 
+use ledger::StreamId;
 use sha2::{Digest as _, Sha256};
 use store::{
     Batch, Derived, Error, FailureGroup, FailureKind, FailureRow, JobTimeRow, MissingWork,
-    ModelRow, OptimiserRunRow, OptimumRow, PointSampleRow, Progress, Receipt, ResponseRow,
-    SampleRow, Store,
+    ModelRow, OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow, SampleBlock, Store,
 };
 
 use crate::{
-    campaign, design, feasible, folder, from, infeasible, open, optimum_of, sample, samples,
-    store_with,
+    POINT, at, campaign, design, feasible, folder, from, infeasible, of, open, optimum_of, sample,
+    samples, store_with,
 };
 
 #[tokio::test]
@@ -20,35 +20,22 @@ async fn every_table_gives_back_what_was_put() {
     let store = store_with(&path, 2).await;
     let batch = Batch {
         criteria: vec![feasible(0), infeasible(1)],
-        samples: vec![sample(0, 1, 2.5), sample(0, 0, 1.5)],
-        points: vec![
-            PointSampleRow {
-                point: "II".into(),
-                sample: 1,
-                value: 0.75,
-            },
-            PointSampleRow {
-                point: "II".into(),
-                sample: 0,
-                value: 0.25,
-            },
-            PointSampleRow {
-                point: "III".into(),
-                sample: 0,
-                value: 0.5,
-            },
+        samples: vec![
+            sample(0, 1, 2.5),
+            sample(0, 0, 1.5),
+            at(POINT, 1, 0.75),
+            at(POINT, 0, 0.25),
+            at(StreamId::point(1 << 27), 0, 0.5),
         ],
         runs: vec![
             OptimiserRunRow {
-                approach: "II".into(),
-                start: 1,
+                stream: StreamId::run(2, 1),
                 result_json: "{\"x\":[1]}".into(),
                 simulator_calls: 12_000,
                 cpu_seconds: 3.5,
             },
             OptimiserRunRow {
-                approach: "II".into(),
-                start: 0,
+                stream: StreamId::run(2, 0),
                 result_json: "{}".into(),
                 simulator_calls: 0,
                 cpu_seconds: 0.0,
@@ -60,7 +47,8 @@ async fn every_table_gives_back_what_was_put() {
         }],
         failures: vec![
             FailureRow {
-                job: "samples of design 1".into(),
+                stream: of(1),
+                shared: false,
                 lease: u32::MAX,
                 worker: "w1".into(),
                 serial: Some(u64::MAX),
@@ -69,7 +57,8 @@ async fn every_table_gives_back_what_was_put() {
                 at_unix_ms: Some(1_700_000_000_000),
             },
             FailureRow {
-                job: "samples of design 0".into(),
+                stream: StreamId::run(u32::MAX >> 8, u32::MAX),
+                shared: true,
                 lease: 1,
                 worker: "w2".into(),
                 serial: None,
@@ -101,7 +90,7 @@ async fn every_table_gives_back_what_was_put() {
         },
     ];
     let model = ModelRow {
-        name: "p90".into(),
+        name: ModelRow::DOE.into(),
         json: "{}".into(),
         summary_json: "[]".into(),
     };
@@ -146,17 +135,23 @@ async fn every_table_gives_back_what_was_put() {
     assert_eq!(store.campaign().await.unwrap(), held);
     assert_eq!(store.designs().await.unwrap(), [design(0), design(1)]);
     assert_eq!(store.criteria().await.unwrap(), batch.criteria);
-    assert_eq!(store.samples_of(0).await.unwrap(), [(0, 1.5), (1, 2.5)]);
-    assert_eq!(store.samples_of(1).await.unwrap(), []);
+    assert_eq!(store.samples_of(of(0)).await.unwrap(), [(0, 1.5), (1, 2.5)]);
+    assert_eq!(store.samples_of(of(1)).await.unwrap(), []);
     assert_eq!(store.responses().await.unwrap(), responses);
-    assert_eq!(store.model("p90").await.unwrap(), Some(model.clone()));
+    assert_eq!(
+        store.model(ModelRow::DOE).await.unwrap(),
+        Some(model.clone())
+    );
     assert_eq!(store.model("p50").await.unwrap(), None);
     assert_eq!(store.models().await.unwrap(), [model]);
     let runs = store.optimiser_runs().await.unwrap();
     assert_eq!(runs, [batch.runs[1].clone(), batch.runs[0].clone()]);
     assert_eq!(store.optima().await.unwrap(), [optimum]);
-    let verify = store.point_samples("II").await.unwrap();
-    assert_eq!(verify, [batch.points[1].clone(), batch.points[0].clone()]);
+    assert_eq!(
+        store.samples_of(POINT).await.unwrap(),
+        [(0, 0.25), (1, 0.75)]
+    );
+    assert_eq!(store.values_of(POINT).await.unwrap(), [0.25, 0.75]);
     assert_eq!(store.job_times().await.unwrap(), batch.times);
     assert_eq!(
         store.failures().await.unwrap(),
@@ -228,7 +223,7 @@ async fn doubles_keep_every_bit_but_the_sign_of_zero() {
     let rows = values.iter().zip(0..).map(|(&v, i)| sample(0, i, v));
     let writer = store.writer().unwrap();
     writer.submit(samples(rows.clone())).await.unwrap();
-    let held = store.samples_of(0).await.unwrap();
+    let held = store.samples_of(of(0)).await.unwrap();
     for (&value, (index, held)) in values.iter().zip(held) {
         assert_eq!(
             held.to_bits(),
@@ -304,13 +299,13 @@ async fn missing_work_is_what_a_restart_has_to_do() {
 }
 
 /// The sum of the hashes, added byte by byte.
-pub(crate) fn documented_digest(rows: &[SampleRow]) -> String {
+pub(crate) fn documented_digest(rows: &[(u64, u64, f64)]) -> String {
     let mut sum = [0_u8; 32];
-    for row in rows {
+    for (design, sample, value) in rows {
         let mut bytes = Vec::new();
-        bytes.extend(row.design.to_le_bytes());
-        bytes.extend(row.sample.to_le_bytes());
-        bytes.extend(row.value.to_le_bytes());
+        bytes.extend(design.to_le_bytes());
+        bytes.extend(sample.to_le_bytes());
+        bytes.extend(value.to_le_bytes());
         let mut carry = 0;
         for (sum, byte) in sum.iter_mut().zip(Sha256::digest(&bytes)) {
             let total = u16::from(*sum) + u16::from(byte) + carry;
@@ -323,8 +318,8 @@ pub(crate) fn documented_digest(rows: &[SampleRow]) -> String {
 
 #[tokio::test]
 async fn the_digest_is_the_documented_one_whatever_the_order() {
-    let rows: Vec<SampleRow> = (0..7)
-        .flat_map(|d| (0..300).map(move |s| sample(d, s, (d * 1000 + s) as f64 / 7.0)))
+    let rows: Vec<(u64, u64, f64)> = (0..7)
+        .flat_map(|d| (0..300).map(move |s| (d, s, (d * 1000 + s) as f64 / 7.0)))
         .collect();
     let expected = documented_digest(&rows);
 
@@ -338,10 +333,10 @@ async fn the_digest_is_the_documented_one_whatever_the_order() {
         let store = store_with(&path, 7).await;
         let writer = store.writer().unwrap();
         for chunk in order.chunks(size) {
-            writer.submit(samples(chunk.iter().copied())).await.unwrap();
+            let blocks = chunk.iter().map(|(d, s, value)| sample(*d, *s, *value));
+            writer.submit(samples(blocks)).await.unwrap();
         }
         assert_eq!(store.samples_digest().await.unwrap(), expected);
-        assert_eq!(store.recompute_samples_digest().await.unwrap(), expected);
     }
 }
 
@@ -350,10 +345,6 @@ async fn the_digest_of_nothing_is_nought() {
     let (_folder, path) = folder();
     let store = open(&path).await;
     assert_eq!(store.samples_digest().await.unwrap(), "0".repeat(64));
-    assert_eq!(
-        store.recompute_samples_digest().await.unwrap(),
-        "0".repeat(64)
-    );
 }
 
 #[tokio::test]
@@ -361,56 +352,46 @@ async fn tallies_are_what_a_count_of_the_rows_would_say() {
     let (_folder, path) = folder();
     let store = store_with(&path, 3).await;
     let writer = store.writer().unwrap();
-    let verify = |approach: &str, sample, value| PointSampleRow {
-        point: approach.into(),
-        sample,
-        value,
-    };
+    let points = [POINT, StreamId::point(1 << 27)];
     // New rows, stored ones, repeated ones, negative zeros, and refused ones.
     let mut held = Vec::new();
     let mut count = [0, 0];
     for round in 0..40_u64 {
-        let rows: Vec<SampleRow> = (0..30)
+        let rows: Vec<SampleBlock> = (0..30)
             .map(|i| {
                 let key = (round * 7 + i * i) % 400;
                 let value = if key % 50 == 0 { -0.0 } else { key as f64 };
                 sample(key % 3, key / 3, value)
             })
             .collect();
-        let good = Batch {
-            points: (0..4)
-                .map(|i| verify(["a", "b"][i % 2], round / 2 + i as u64, 1.0))
-                .collect(),
-            ..samples(rows.iter().copied())
-        };
-        let bad = Batch {
-            points: vec![verify("a", 1000 + round, 1.0), verify("a", 0, 2.0)],
-            ..samples([sample(0, 1000 + round, 1.0)])
-        };
+        let of_points = (0..4).map(|i| at(points[i % 2], round / 2 + i as u64, 1.0));
+        let good = samples(rows.iter().cloned().chain(of_points));
+        let bad = samples([
+            sample(0, 1000 + round, 1.0),
+            at(points[0], 1000 + round, 1.0),
+            at(points[0], 0, 2.0),
+        ]);
         let (good, bad) = tokio::join!(writer.submit(good), writer.submit(bad));
         assert!(good.is_ok());
-        assert!(matches!(bad, Err(Error::PointConflict { .. })));
-        held.extend(rows.iter().map(|row| (row.design, row.sample)));
+        assert!(matches!(bad, Err(Error::Conflict { .. })));
+        held.extend(rows.iter().map(|row| (row.stream.index, row.first_sample)));
         held.sort_unstable();
         held.dedup();
-        assert_eq!(
-            store.samples_digest().await.unwrap(),
-            store.recompute_samples_digest().await.unwrap()
-        );
+        store.visit_samples(|_| Ok::<(), Error>(())).await.unwrap();
         let counts = store.sampled_counts().await.unwrap();
         for (design, samples) in counts {
             let really = held.iter().filter(|(d, _)| *d == design).count() as u64;
             assert_eq!(samples, really, "design {design}");
-            assert_eq!(store.samples_of(design).await.unwrap().len() as u64, really);
+            assert_eq!(
+                store.samples_of(of(design)).await.unwrap().len() as u64,
+                really
+            );
         }
-        count = [0, 0];
-        for (i, approach) in ["a", "b"].into_iter().enumerate() {
-            count[i] = store.point_samples(approach).await.unwrap().len() as u64;
+        let tallies = store.sample_tallies().await.unwrap();
+        for (count, point) in count.iter_mut().zip(points) {
+            *count = store.samples_of(point).await.unwrap().len() as u64;
+            assert_eq!(tallies[&point].samples, *count);
         }
-        assert_eq!(
-            store.point_counts().await.unwrap(),
-            [("a".to_owned(), count[0]), ("b".to_owned(), count[1])]
-        );
         let progress = store.progress().await.unwrap();
         assert_eq!(progress.samples, held.len() as u64);
         assert_eq!(progress.point_samples, count[0] + count[1]);
@@ -425,8 +406,9 @@ async fn tallies_are_what_a_count_of_the_rows_would_say() {
 async fn failures_are_grouped_by_kind_and_cause() {
     let (_folder, path) = folder();
     let store = open(&path).await;
-    let failure = |job: &str, worker: &str, kind, error: &str| FailureRow {
-        job: job.into(),
+    let failure = |design: u64, worker: &str, kind, error: &str| FailureRow {
+        stream: of(design),
+        shared: false,
         lease: 1,
         worker: worker.into(),
         serial: None,
@@ -435,57 +417,52 @@ async fn failures_are_grouped_by_kind_and_cause() {
         at_unix_ms: None,
     };
     let failures = vec![
-        failure("j1", "w1", FailureKind::Quarantine, "panicked at 17:3"),
+        failure(1, "w1", FailureKind::Quarantine, "panicked at 17:3"),
         failure(
-            "j1",
+            1,
             "w2",
             FailureKind::Failure,
             "tip radius 1.25 mm\nat mesh 3",
         ),
-        failure(
-            "j2",
-            "w1",
-            FailureKind::Failure,
-            "tip radius 17 mm\nat mesh 4",
-        ),
-        failure("j3", "w9", FailureKind::Failure, "panicked at 1:25"),
-        failure("j3", "w3", FailureKind::Failure, "tip radius 1.25 mm"),
-        failure("j4", "w4", FailureKind::Crash, ""),
+        failure(2, "w1", FailureKind::Failure, "tip radius 17 mm\nat mesh 4"),
+        failure(3, "w9", FailureKind::Failure, "panicked at 1:25"),
+        failure(3, "w3", FailureKind::Failure, "tip radius 1.25 mm"),
+        failure(4, "w4", FailureKind::Crash, ""),
     ];
     let batch = Batch {
         failures,
         ..Batch::default()
     };
     store.writer().unwrap().submit(batch).await.unwrap();
-    let group = |kind, cause: &str, count, last: [&str; 3]| FailureGroup {
+    let group = |kind, cause: &str, count, last: (&str, u64, &str)| FailureGroup {
         kind,
         cause: cause.into(),
         count,
-        last_error: last[0].into(),
-        last_job: last[1].into(),
-        last_worker: last[2].into(),
+        last_error: last.0.into(),
+        last_stream: of(last.1),
+        last_worker: last.2.into(),
     };
     assert_eq!(
         store.failure_groups().await.unwrap(),
         [
-            group(FailureKind::Crash, "", 1, ["", "j4", "w4"]),
+            group(FailureKind::Crash, "", 1, ("", 4, "w4")),
             group(
                 FailureKind::Failure,
                 "panicked at #:#",
                 1,
-                ["panicked at 1:25", "j3", "w9"]
+                ("panicked at 1:25", 3, "w9")
             ),
             group(
                 FailureKind::Failure,
                 "tip radius # mm",
                 3,
-                ["tip radius 1.25 mm", "j3", "w3"]
+                ("tip radius 1.25 mm", 3, "w3")
             ),
             group(
                 FailureKind::Quarantine,
                 "panicked at #:#",
                 1,
-                ["panicked at 17:3", "j1", "w1"]
+                ("panicked at 17:3", 1, "w1")
             ),
         ]
     );
@@ -498,14 +475,14 @@ async fn a_visit_ends_with_the_visitors_error() {
     store
         .writer()
         .unwrap()
-        .submit(samples((0..9).map(|i| sample(0, i, 1.0))))
+        .submit(samples((0..10_000).map(|i| sample(0, i, 1.0))))
         .await
         .unwrap();
     let mut visited = 0;
     let result = store
-        .visit_samples(|row| {
+        .visit_samples(|block| {
             visited += 1;
-            if row.sample == 3 {
+            if block.first_sample == 4096 {
                 Err(Error::Closed)
             } else {
                 Ok(())
@@ -513,7 +490,7 @@ async fn a_visit_ends_with_the_visitors_error() {
         })
         .await;
     assert!(matches!(result, Err(Error::Closed)));
-    assert_eq!(visited, 4);
+    assert_eq!(visited, 2);
 }
 
 #[tokio::test]
@@ -561,13 +538,13 @@ async fn a_snapshot_sees_one_moment() {
     assert_eq!(store.sampled_counts().await.unwrap(), [(0, 1), (1, 0)]);
     assert_eq!(snapshot.sampled_counts().await.unwrap(), [(0, 0), (1, 0)]);
     assert_eq!(snapshot.criteria().await.unwrap(), []);
-    let mut visited = Vec::new();
-    let visit = snapshot.visit_samples(|row| {
-        visited.push(row);
+    let mut visited = 0;
+    let visit = snapshot.visit_samples(|_| {
+        visited += 1;
         Ok::<(), store::Error>(())
     });
     visit.await.unwrap();
-    assert_eq!(visited, []);
+    assert_eq!(visited, 0);
     assert!(matches!(
         snapshot.put_designs(&[design(2)]).await,
         Err(store::Error::ReadOnly)

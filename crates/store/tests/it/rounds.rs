@@ -1,11 +1,12 @@
 //! Rounds of infill points: written once, all or nothing, and removed one by one.
 
+use ledger::StreamId;
 use store::{
-    Batch, Derivation, Derived, Error, InfillRow, ModelRow, NewRound, PointSampleRow, RoundRow,
-    Store, Unsampled,
+    Derivation, Derived, Error, InfillRow, ModelRow, NewRound, RoundRow, SampleBlock, Store,
+    Unsampled,
 };
 
-use crate::{folder, from, open, store_with};
+use crate::{POINT, folder, from, open, samples, store_with};
 
 fn point(infill: u64, round: u64) -> InfillRow {
     InfillRow {
@@ -57,22 +58,18 @@ pub(crate) fn round(round: u64) -> Derivation {
     from(&Derived::Round(round))
 }
 
-async fn sampled(store: &Store, names: &[&str]) {
-    let verify = names
-        .iter()
-        .flat_map(|name| {
-            (0..4).map(move |sample| PointSampleRow {
-                point: (*name).into(),
-                sample,
-                value: 0.5,
-            })
-        })
-        .collect();
-    let batch = Batch {
-        points: verify,
-        ..Batch::default()
-    };
-    store.writer().unwrap().submit(batch).await.unwrap();
+async fn sampled(store: &Store, points: &[StreamId]) {
+    let blocks = points.iter().map(|stream| SampleBlock {
+        stream: *stream,
+        first_sample: 0,
+        samples: vec![0.5; 4],
+    });
+    store
+        .writer()
+        .unwrap()
+        .submit(samples(blocks))
+        .await
+        .unwrap();
 }
 
 #[tokio::test]
@@ -144,18 +141,22 @@ async fn a_round_that_is_removed_leaves_the_one_before_as_it_was_sampled() {
         .put_round(&new_round(1, &[1]), &round(1))
         .await
         .unwrap();
-    sampled(&store, &["infill-0000", "infill-0004", "figure-7"]).await;
-    let generations = ["infill-0000", "infill-0004"].map(|name| (name.to_owned(), 7));
+    let [kept, gone] = [0, 4].map(|infill| StreamId::point(point(infill, 0).number));
+    sampled(&store, &[kept, gone, POINT]).await;
+    let generations = [kept, gone].map(|stream| (stream, 7));
     store.put_generations(&generations).await.unwrap();
     store.remove(&[Derived::Round(1)]).await.unwrap();
     assert_eq!(store.rounds().await.unwrap(), [first.row]);
     assert_eq!(store.models().await.unwrap(), []);
     let points = store.infill().await.unwrap();
     assert!(points.len() == 3 && points.iter().all(|point| !point.failed));
-    let counts = [("figure-7".to_owned(), 4), ("infill-0000".to_owned(), 4)];
-    assert_eq!(store.point_counts().await.unwrap(), counts);
+    let tallies = store.sample_tallies().await.unwrap();
+    let counts = tallies
+        .iter()
+        .map(|(stream, tally)| (*stream, tally.samples));
+    assert_eq!(counts.collect::<Vec<_>>(), [(POINT, 4), (kept, 4)]);
     let held = store.generations().await.unwrap();
-    assert_eq!(held.keys().collect::<Vec<_>>(), ["infill-0000"]);
+    assert_eq!(held.keys().collect::<Vec<_>>(), [&kept]);
     let derivations = store.derivations().await.unwrap();
     assert_eq!(derivations.keys().collect::<Vec<_>>(), ["round 0"]);
     assert_eq!(derivations["round 0"], round(0));

@@ -3,12 +3,14 @@
 use std::fs;
 use std::path::Path;
 
+use ledger::StreamId;
 use store::{
-    Batch, Derived, Error, FailureKind, FailureRow, JobTimeRow, OptimiserRunRow, PointSampleRow,
-    Receipt, Store,
+    Batch, Derived, Error, FailureKind, FailureRow, JobTimeRow, OptimiserRunRow, Receipt, Store,
 };
 
-use crate::{beside, campaign, design, feasible, folder, open, sample, samples, store_with};
+use crate::{
+    POINT, at, beside, campaign, design, feasible, folder, of, open, sample, samples, store_with,
+};
 
 #[tokio::test]
 async fn the_same_rows_again_are_duplicates() {
@@ -16,13 +18,11 @@ async fn the_same_rows_again_are_duplicates() {
     let store = store_with(&path, 2).await;
     let batch = Batch {
         criteria: vec![feasible(1)],
-        samples: (0..2500).map(|i| sample(1, i, i as f64)).collect(),
-        points: vec![PointSampleRow {
-            point: "I".into(),
-            sample: 0,
-            value: 1.0,
-        }],
-        runs: vec![run("I", 0, "{}")],
+        samples: (0..2500)
+            .map(|i| sample(1, i, i as f64))
+            .chain([at(POINT, 0, 1.0)])
+            .collect(),
+        runs: vec![run(0, "{}")],
         times: vec![JobTimeRow {
             job: u64::MAX,
             cpu_seconds: 0.25,
@@ -100,7 +100,7 @@ async fn another_value_for_a_sample_is_refused_with_its_whole_batch() {
     let error = refused.unwrap_err();
     assert!(error.is_refusal());
     let Error::Conflict {
-        design: 3,
+        stream,
         sample: 17,
         held,
         offered,
@@ -108,16 +108,17 @@ async fn another_value_for_a_sample_is_refused_with_its_whole_batch() {
     else {
         panic!("another error: {error}")
     };
+    assert_eq!(stream, of(3));
     assert_eq!(
         (held.to_bits(), offered.to_bits()),
         (1.5_f64.to_bits(), other.to_bits())
     );
     assert_eq!(
-        store.samples_of(3).await.unwrap(),
+        store.samples_of(of(3)).await.unwrap(),
         [(17, 1.5)],
         "never overwritten"
     );
-    assert_eq!(store.samples_of(0).await.unwrap(), [], "all or nothing");
+    assert_eq!(store.samples_of(of(0)).await.unwrap(), [], "all or nothing");
     assert_eq!(store.progress().await.unwrap().samples, 3);
 
     let contradicts_itself = samples([sample(0, 0, 1.0), sample(0, 0, 2.0)]);
@@ -125,11 +126,7 @@ async fn another_value_for_a_sample_is_refused_with_its_whole_batch() {
     assert!(
         matches!(
             error,
-            Error::Conflict {
-                design: 0,
-                sample: 0,
-                ..
-            }
+            Error::Conflict { stream, sample: 0, .. } if stream == of(0)
         ),
         "{error}"
     );
@@ -141,14 +138,7 @@ async fn another_value_for_anything_computed_is_refused() {
     let (_folder, path) = folder();
     let store = store_with(&path, 1).await;
     let writer = store.writer().unwrap();
-    let verify = |value| Batch {
-        points: vec![PointSampleRow {
-            point: "I".into(),
-            sample: 4,
-            value,
-        }],
-        ..Batch::default()
-    };
+    let verify = |value| samples([at(POINT, 4, value)]);
     let runs = |row| Batch {
         runs: vec![row],
         ..Batch::default()
@@ -158,25 +148,32 @@ async fn another_value_for_anything_computed_is_refused() {
         ..Batch::default()
     };
     writer.submit(verify(1.0)).await.unwrap();
-    writer.submit(runs(run("I", 2, "{}"))).await.unwrap();
+    writer.submit(runs(run(2, "{}"))).await.unwrap();
     writer.submit(criteria(feasible(0))).await.unwrap();
     store.pin_model_digest("abc").await.unwrap();
     store.pin_model_digest("abc").await.unwrap();
 
     let error = writer.submit(verify(2.0)).await.unwrap_err();
     assert!(
-        matches!(&error, Error::PointConflict { point: approach, sample: 4, held: 1.0, offered: 2.0 }
-            if approach == "I"),
+        matches!(
+            &error,
+            Error::Conflict {
+                stream: POINT,
+                sample: 4,
+                held: 1.0,
+                offered: 2.0
+            }
+        ),
         "{error}"
     );
-    let error = writer.submit(runs(run("I", 2, "[]"))).await.unwrap_err();
+    let error = writer.submit(runs(run(2, "[]"))).await.unwrap_err();
     assert!(
-        matches!(error, Error::RunConflict { start: 2, .. }),
+        matches!(error, Error::RunConflict { stream } if stream == StreamId::run(1, 2)),
         "{error}"
     );
     let slower = OptimiserRunRow {
         cpu_seconds: 99.0,
-        ..run("I", 2, "{}")
+        ..run(2, "{}")
     };
     assert_eq!(writer.submit(runs(slower)).await.unwrap().duplicate_rows, 1);
     let mut other = feasible(0);
@@ -207,22 +204,22 @@ async fn failed_samples_are_stored_and_read_back() {
     let (_folder, path) = folder();
     let store = store_with(&path, 1).await;
     let writer = store.writer().unwrap();
-    let mut batch = samples([sample(0, 0, 1.0), sample(0, 1, f64::INFINITY)]);
-    batch.points = vec![PointSampleRow {
-        point: "kriging".into(),
-        sample: 0,
-        value: f64::NEG_INFINITY,
-    }];
+    let batch = samples([
+        sample(0, 0, 1.0),
+        sample(0, 1, f64::INFINITY),
+        at(POINT, 0, f64::NEG_INFINITY),
+    ]);
     writer.submit(batch).await.unwrap();
-    let held = store.samples_of(0).await.unwrap();
+    let tallies = store.sample_tallies().await.unwrap();
+    assert_eq!([of(0), POINT].map(|stream| tallies[&stream].failed), [1, 1]);
+    let held = store.samples_of(of(0)).await.unwrap();
     assert_eq!(held, [(0, 1.0), (1, f64::INFINITY)]);
-    let verified = store.point_samples("kriging").await.unwrap();
-    assert_eq!(verified[0].value, f64::NEG_INFINITY);
+    assert_eq!(store.values_of(POINT).await.unwrap(), [f64::NEG_INFINITY]);
     drop(writer);
     store.close().await.unwrap();
     // The digests are compared when the store is opened.
     let store = Store::open_read_only(&path).await.unwrap();
-    assert_eq!(store.samples_of(0).await.unwrap(), held);
+    assert_eq!(store.samples_of(of(0)).await.unwrap(), held);
 }
 
 #[tokio::test]
@@ -237,7 +234,7 @@ async fn what_cannot_be_stored_is_refused() {
             .unwrap_err();
         assert!(matches!(error, Error::NotFinite { .. }), "{error}");
         assert!(
-            error.to_string().contains("sample 5 of design 0"),
+            error.to_string().contains("sample 5 of design-0"),
             "{error}"
         );
     }
@@ -246,14 +243,8 @@ async fn what_cannot_be_stored_is_refused() {
         .await
         .unwrap_err();
     assert!(
-        matches!(
-            error,
-            Error::Constraint {
-                table: "sample_range",
-                ..
-            }
-        ),
-        "unknown design: {error}"
+        matches!(error, Error::UnknownDesign { design: 1 }),
+        "{error}"
     );
     let error = writer
         .submit(samples([sample(0, u64::MAX, 1.0)]))
@@ -301,14 +292,14 @@ async fn what_is_acknowledged_is_on_disk() {
         .unwrap();
 
     let reader = Store::open_read_only(&path).await.unwrap();
-    assert_eq!(reader.samples_of(0).await.unwrap(), [(0, 1.5)]);
+    assert_eq!(reader.samples_of(of(0)).await.unwrap(), [(0, 1.5)]);
 
     // The file and its log as a SIGKILL at this moment would leave them.
     let survivor = folder.path().join("survivor.db");
     fs::copy(&path, &survivor).unwrap();
     fs::copy(beside(&path, "-wal"), beside(&survivor, "-wal")).unwrap();
     let survivor = open(&survivor).await;
-    assert_eq!(survivor.samples_of(0).await.unwrap(), [(0, 1.5)]);
+    assert_eq!(survivor.samples_of(of(0)).await.unwrap(), [(0, 1.5)]);
     survivor
         .writer()
         .unwrap()
@@ -368,7 +359,8 @@ async fn batches_that_share_a_commit_have_receipts_of_their_own() {
     let (_folder, path) = folder();
     let store = store_with(&path, 3).await;
     let failure = |job: u64| FailureRow {
-        job: job.to_string(),
+        stream: of(job),
+        shared: false,
         lease: 1,
         worker: "w".into(),
         serial: None,
@@ -410,7 +402,7 @@ async fn batches_that_share_a_commit_have_receipts_of_their_own() {
             }
             Err(error) => {
                 assert!(
-                    matches!(error, Error::Conflict { design: 2, .. }),
+                    matches!(error, Error::Conflict { stream, .. } if stream == of(2)),
                     "{error}"
                 );
                 assert_eq!(i % 10, 9, "batch {i} is not to blame");
@@ -425,10 +417,7 @@ async fn batches_that_share_a_commit_have_receipts_of_their_own() {
     assert_eq!((progress.samples, progress.failures), (90 + 50 + 1, 90));
     assert_eq!(store.failures().await.unwrap().len(), 90);
     assert_eq!(store.job_times().await.unwrap().len(), 50);
-    assert_eq!(
-        store.samples_digest().await.unwrap(),
-        store.recompute_samples_digest().await.unwrap()
-    );
+    store.visit_samples(|_| Ok::<(), Error>(())).await.unwrap();
 }
 
 #[tokio::test]
@@ -514,13 +503,12 @@ async fn dropping_the_store_commits_and_gives_the_lock_back() {
             other => break other.unwrap(),
         }
     };
-    assert_eq!(store.samples_of(0).await.unwrap(), [(0, 1.0)]);
+    assert_eq!(store.samples_of(of(0)).await.unwrap(), [(0, 1.0)]);
 }
 
-fn run(approach: &str, start: u64, result_json: &str) -> OptimiserRunRow {
+fn run(start: u32, result_json: &str) -> OptimiserRunRow {
     OptimiserRunRow {
-        approach: approach.into(),
-        start,
+        stream: StreamId::run(1, start),
         result_json: result_json.into(),
         simulator_calls: 10,
         cpu_seconds: 1.0,
@@ -532,7 +520,8 @@ async fn a_failure_is_stored_once_for_each_number_of_its_worker() {
     let (_folder, path) = folder();
     let store = open(&path).await;
     let failure = |worker: &str, serial| FailureRow {
-        job: "sample-0-0".into(),
+        stream: of(0),
+        shared: false,
         lease: 1,
         worker: worker.into(),
         serial,
@@ -569,28 +558,22 @@ async fn a_batch_is_stored_for_the_generation_that_is_wanted_only() {
     let store = store_with(&path, 1).await;
     let writer = store.writer().unwrap();
     let batch = |sample, generation| Batch {
-        points: vec![PointSampleRow {
-            point: "kriging".into(),
-            sample,
-            value: generation as f64,
-        }],
-        only_for: Some(("kriging".into(), generation)),
-        ..Batch::default()
+        only_for: Some((POINT, generation)),
+        ..samples([at(POINT, sample, generation as f64)])
     };
     let submit = async |sample, generation| {
         let receipt = writer.submit(batch(sample, generation)).await.unwrap();
         (receipt.new_rows, receipt.is_stale)
     };
     let put = async |generation| {
-        let wanted = [("kriging".to_owned(), generation)];
-        store.put_generations(&wanted).await.unwrap();
+        store.put_generations(&[(POINT, generation)]).await.unwrap();
     };
     let held = async || {
-        let rows = store.point_samples("kriging").await.unwrap();
-        let tally = store.point_counts().await.unwrap();
-        let count = tally.iter().map(|(_, count)| *count).sum::<u64>();
-        assert_eq!(count, rows.len() as u64);
-        rows.iter().map(|row| row.value).collect::<Vec<f64>>()
+        let values = store.values_of(POINT).await.unwrap();
+        let tallies = store.sample_tallies().await.unwrap();
+        let count = tallies.get(&POINT).map_or(0, |tally| tally.samples);
+        assert_eq!(count, values.len() as u64);
+        values
     };
     assert_eq!(submit(0, 1).await, (0, true), "nobody has asked for any");
     put(1).await;
@@ -606,7 +589,7 @@ async fn a_batch_is_stored_for_the_generation_that_is_wanted_only() {
     assert_eq!(held().await, [0.0; 0]);
     assert_eq!(submit(0, 1).await, (0, true));
     assert_eq!(submit(0, 2).await, (1, false));
-    let removed = Derived::Verification("kriging".to_owned());
+    let removed = Derived::Verification(POINT);
     store.remove(&[removed]).await.unwrap();
     assert_eq!(submit(1, 2).await, (0, true), "it was cleared");
     assert_eq!(held().await, [0.0; 0]);

@@ -138,8 +138,7 @@ async fn whole(
         let Some(approach) = optima::approach_of(&row.approach) else {
             continue;
         };
-        let samples = store.point_samples(&row.approach).await?;
-        let samples: Vec<f64> = samples.iter().map(|sample| sample.value).collect();
+        let samples = optima::verification_samples(&store, &row).await?;
         let verified = campaign.sampling.verified(&samples).ok();
         let percentile = verified.filter(|_| row.feasible).map(|found| found.value);
         ended.push(Ended {

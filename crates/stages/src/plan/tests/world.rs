@@ -8,6 +8,7 @@ use campaign::task::FIRST_INFILL;
 
 use super::super::*;
 use crate::derived::{generation_inputs, run_of};
+use crate::names;
 use crate::state::{OpenDesign, Progress};
 
 /// Number of infill points of a round.
@@ -242,10 +243,9 @@ impl World {
             Derived::Samples => self.sampled.clear(),
             Derived::Responses => {}
             Derived::Model => self.state.model = None,
-            Derived::Run(approach, start) => {
-                let start = *start as u32;
-                let is_it = |run: &(Approach, u32)| run.0.name() == approach && run.1 == start;
-                self.state.runs.retain(|run| !is_it(run));
+            Derived::Run(stream) => {
+                let run = names::run_of(*stream).unwrap();
+                self.state.runs.remove(&run);
             }
             Derived::Round(round) => {
                 assert_eq!(self.rounds.len() as u64, round + 1, "the last round first");
@@ -257,8 +257,9 @@ impl World {
             Derived::Optimum(approach) => {
                 self.state.optima.retain(|held, _| held.name() != approach);
             }
-            Derived::Verification(approach) => {
-                self.verified.retain(|held, _| held.name() != approach);
+            Derived::Verification(stream) => {
+                let is_it = |approach: &Approach| names::verification(*approach) == *stream;
+                self.verified.retain(|held, _| !is_it(held));
             }
         }
     }
