@@ -316,6 +316,7 @@ async fn serve(arguments: &[String]) -> anyhow::Result<()> {
             },
         }),
         keep_serving: false,
+        retry_failed: false,
         lease: server::LEASE,
         http: None,
     };

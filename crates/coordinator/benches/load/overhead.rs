@@ -141,6 +141,7 @@ fn bytes(problem: &Problem, points: &[Vec<f64>]) -> usize {
         units,
         seconds: 1.0,
         announce: false,
+        is_control: false,
     };
     protocol::lease(&grant).encoded_len() + result.encoded_len()
 }
