@@ -12,6 +12,7 @@ use ledger::{StreamId, Unit};
 use stages::derived;
 use stages::plan::{self, LocalStep, Next};
 use stages::searching::{Searches, Turn};
+use stages::stage::Stage;
 use stages::state::{OpenDesign, State, VerifyPoint};
 use stages::verification::Sizes;
 use stages::wanted::{self, Asked};
@@ -141,7 +142,8 @@ impl Engine {
                 continue;
             }
             self.board.open();
-            watch.enter(next.stage()).await?;
+            let stage = Some(next.stage()).filter(|stage| *stage != Stage::Done);
+            watch.enter(stage).await?;
             if let Some(step) = next.local {
                 let step = self.do_step(step, &next.inputs, base.as_ref(), more);
                 tokio::select! {

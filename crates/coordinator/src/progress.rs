@@ -6,6 +6,7 @@ use std::time::Duration;
 use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
 use results::live::Live;
 use results::status::Status;
+use stages::stage::Stage;
 
 const TICK: Duration = Duration::from_millis(200);
 
@@ -14,7 +15,7 @@ pub(crate) struct Progress(Mutex<Option<Line>>);
 
 /// The line of the running stage.
 struct Line {
-    stage: String,
+    stage: Stage,
     bar: ProgressBar,
 }
 
@@ -39,7 +40,7 @@ impl Progress {
             if let Some(line) = line.take() {
                 line.end();
             }
-            if status.stage == "done" {
+            if status.stage == Stage::Done {
                 return;
             }
             *line = Some(Line::new(status));
@@ -65,7 +66,7 @@ impl Line {
         let bar = console::bars().add(ProgressBar::new(0));
         bar.enable_steady_tick(TICK);
         Self {
-            stage: status.stage.clone(),
+            stage: status.stage,
             bar,
         }
     }
@@ -95,24 +96,24 @@ impl Line {
 
 fn step(status: &Status) -> Step {
     let live = status.live.as_ref();
-    let (done, wanted, message) = match status.stage.as_str() {
-        "sample" => {
+    let (done, wanted, message) = match status.stage {
+        Stage::Sample => {
             let left = status.missing().0.round() as u64;
             let done = status.samples.done;
             (done, done + left, pace(live))
         }
-        "verify" => {
+        Stage::Verify => {
             let verified = status.verified();
             let message = format!("verification samples{}", to_go(live));
             (verified.done, verified.wanted, message)
         }
-        "enrich" => {
+        Stage::Enrich => {
             let round = status.enrichment.map(|enrichment| enrichment.samples);
             let (done, wanted) = round.map_or((0, 0), |round| (round.done, round.wanted));
             (done, wanted, pace(live))
         }
-        "doe" | "fit" => (0, 0, String::new()),
-        _ => {
+        Stage::Doe | Stage::Fit | Stage::Done => (0, 0, String::new()),
+        Stage::Optimise => {
             let runs = status.optimiser_runs;
             let message = format!("runs{}", to_go(live));
             (runs.done, runs.wanted, message)

@@ -69,7 +69,7 @@ impl Steps {
         let computed = {
             let linear = self.linear_responses(base).await?;
             let mut collector = Collector::new(&self.problem, &linear, quarantined);
-            self.store.visit_samples(|row| collector.push(&row)).await?;
+            self.store.visit_samples(|row| collector.push(row)).await?;
             collector.finish()?
         };
         match computed {

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
+use stages::stage::Stage;
 use store::{StageTimeRow, Store};
 
 /// What a stage took is stored this often while it lasts, so that a coordinator that is killed loses no more.
@@ -14,7 +15,7 @@ pub(crate) struct Stopwatch {
     /// Seconds by stage, as stored.
     stored: BTreeMap<String, f64>,
     /// The present stage, and when what it took was stored last.
-    running: Option<(&'static str, Instant)>,
+    running: Option<(Stage, Instant)>,
 }
 
 impl Stopwatch {
@@ -29,17 +30,17 @@ impl Stopwatch {
     }
 
     /// Says which stage goes on from now on; none stops the watch.
-    pub(crate) async fn enter(&mut self, stage: Option<&'static str>) -> Result<(), store::Error> {
+    pub(crate) async fn enter(&mut self, stage: Option<Stage>) -> Result<(), store::Error> {
         let now = Instant::now();
         if let Some((last, since)) = self.running {
             let elapsed = now - since;
             if stage == Some(last) && elapsed < STORED_EVERY {
                 return Ok(());
             }
-            let held = self.stored.entry(last.to_owned()).or_default();
+            let held = self.stored.entry(last.name().to_owned()).or_default();
             *held += elapsed.as_secs_f64();
             let row = StageTimeRow {
-                stage: last.to_owned(),
+                stage: last.name().to_owned(),
                 wall_seconds: *held,
             };
             self.store.put_stage_time(&row).await?;
@@ -75,7 +76,13 @@ mod tests {
         };
         store.put_stage_time(&held).await.unwrap();
         let mut watch = Stopwatch::new(&store).await.unwrap();
-        for stage in [Some("doe"), Some("sample"), Some("sample"), None, None] {
+        for stage in [
+            Some(Stage::Doe),
+            Some(Stage::Sample),
+            Some(Stage::Sample),
+            None,
+            None,
+        ] {
             watch.enter(stage).await.unwrap();
             tokio::time::sleep(Duration::from_millis(20)).await;
         }

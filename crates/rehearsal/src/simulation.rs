@@ -383,7 +383,7 @@ fn report(name: &ledger::WorkerId, held: &Held, seconds: f64) -> Vec<u8> {
             0 => Output::Design {
                 responses: vec![1.0; 10],
                 ruled_out: None,
-                samples: samples,
+                samples,
             },
             _ => Output::Samples(samples),
         };

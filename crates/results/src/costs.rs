@@ -6,6 +6,7 @@ use ledger::Kind::{Design, Point, Run};
 use report::StageCost;
 use stages::cost::infill_seconds;
 use stages::names;
+use stages::stage::Stage;
 use store::{JobTimeRow, StageTimeRow};
 
 /// What the store says of times.
@@ -35,18 +36,18 @@ impl Times {
             None => (0.0, 0.0),
         };
         let all = [
-            ("doe", f64::NAN),
-            ("sample", seconds(Design)),
-            ("fit", self.fit),
-            ("optimise", seconds(Run)),
-            ("enrich", infill + deciding),
-            ("verify", seconds(Point) - infill),
+            (Stage::Doe, f64::NAN),
+            (Stage::Sample, seconds(Design)),
+            (Stage::Fit, self.fit),
+            (Stage::Optimise, seconds(Run)),
+            (Stage::Enrich, infill + deciding),
+            (Stage::Verify, seconds(Point) - infill),
         ];
         all.into_iter()
-            .filter(|(name, _)| self.enrichment.is_some() || *name != "enrich")
-            .map(|(name, cpu_seconds)| StageCost {
-                stage: name.to_owned(),
-                wall_seconds: wall_seconds(&self.stages, name).unwrap_or(f64::NAN),
+            .filter(|(stage, _)| self.enrichment.is_some() || *stage != Stage::Enrich)
+            .map(|(stage, cpu_seconds)| StageCost {
+                stage: stage.name().to_owned(),
+                wall_seconds: wall_seconds(&self.stages, stage).unwrap_or(f64::NAN),
                 cpu_seconds,
             })
             .collect()
@@ -54,8 +55,8 @@ impl Times {
 }
 
 /// How long a stage took; `None` before it began.
-pub(crate) fn wall_seconds(times: &[StageTimeRow], stage: &str) -> Option<f64> {
-    let time = times.iter().find(|time| time.stage == stage);
+pub(crate) fn wall_seconds(times: &[StageTimeRow], stage: Stage) -> Option<f64> {
+    let time = times.iter().find(|time| time.stage == stage.name());
     time.map(|time| time.wall_seconds)
 }
 

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use stages::fitting::ModelSummary;
 use stages::names;
 use stages::optima::{self, NoOptimum};
+use stages::stage::Stage;
 use stages::verification::Verification;
 use store::{ModelRow, SampleTally, Store};
 
@@ -31,8 +32,8 @@ pub struct Status {
     pub program_version: String,
     /// Whether every stage is done.
     pub finished: bool,
-    /// The first stage that is not: `doe`, `sample`, `fit`, `optimise`, `enrich`, `verify` or `done`.
-    pub stage: String,
+    /// The first stage that is not.
+    pub stage: Stage,
     /// Every stage of the campaign in order, with how far it is.
     pub stages: Vec<StageProgress>,
     /// Designs of the DoE: wanted, made, simulated or refused, and those that can be simulated.
@@ -76,8 +77,8 @@ pub struct Status {
 /// How far one stage is.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StageProgress {
-    /// `doe`, `sample`, `fit`, `optimise`, `enrich` or `verify`.
-    pub name: String,
+    /// Which one.
+    pub name: Stage,
     /// `done`, `current` or `ahead`. What needs no samples, such as runs of an optimiser on a
     /// deterministic criterion, is done before its stage is the current one.
     pub state: String,
@@ -296,20 +297,20 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
     let is_left = |approach| approach != campaign::Approach::EnrichedKriging && !chosen(approach);
     let only_enriched = !all_chosen && !problem.approaches().any(is_left);
     let stage = if progress.designs < wanted {
-        "doe"
+        Stage::Doe
     } else if all_chosen {
-        if verified { "done" } else { "verify" }
+        if verified { Stage::Done } else { Stage::Verify }
     } else if only_enriched {
-        "enrich"
+        Stage::Enrich
     } else if progress.models > 0 || chosen(campaign::Approach::Kriging) {
-        "optimise"
+        Stage::Optimise
     } else if sampled || chosen(campaign::Approach::BestOfDoe) {
-        "fit"
+        Stage::Fit
     } else {
-        "sample"
+        Stage::Sample
     };
     let mut warnings = doubts::of(store, &problem).await?;
-    if stage == "done" {
+    if stage == Stage::Done {
         let open = store
             .missing_work(per_design, &BTreeMap::new())
             .await?
@@ -327,8 +328,8 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
         campaign: row.name,
         campaign_digest: row.digest,
         program_version: row.program_version,
-        finished: stage == "done",
-        stage: stage.to_owned(),
+        finished: stage == Stage::Done,
+        stage,
         stages: Vec::new(),
         designs: Designs {
             wanted,
@@ -369,7 +370,7 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
 async fn time(store: &Store, status: &mut Status, enriches: bool) -> anyhow::Result<()> {
     let stages = store.stage_times().await?;
     for stage in &mut status.stages {
-        stage.wall_seconds = costs::wall_seconds(&stages, &stage.name);
+        stage.wall_seconds = costs::wall_seconds(&stages, stage.name);
     }
     if !status.finished {
         return Ok(());
@@ -478,17 +479,17 @@ impl Status {
             wanted: search.budget,
         });
         let evaluations = searches.reduce(sum);
-        let is_search = |stage: &&mut StageProgress| stage.name == "optimise";
-        let missing = match self.stage.as_str() {
-            "sample" => {
+        let is_search = |stage: &&mut StageProgress| stage.name == Stage::Optimise;
+        let missing = match self.stage {
+            Stage::Sample => {
                 let (samples, error) = self.missing();
                 Some(Left::Counted(Kind::Design, samples, error))
             }
-            "enrich" => self
+            Stage::Enrich => self
                 .enrichment
                 .map(|enrichment| Left::Counted(Kind::Point, left(enrichment.samples), 0.0)),
-            "verify" => Some(Left::Counted(Kind::Point, left(self.verified()), 0.0)),
-            "optimise" => Some(match evaluations {
+            Stage::Verify => Some(Left::Counted(Kind::Point, left(self.verified()), 0.0)),
+            Stage::Optimise => Some(match evaluations {
                 Some(evaluations) => Left::Counted(Kind::Run, left(evaluations), 0.0),
                 None => Left::Runs(left(self.optimiser_runs)),
             }),
@@ -512,49 +513,44 @@ impl Status {
 
     /// The stages of a campaign that verifies with at most so many samples, with an enrichment or without.
     fn each_stage(&self, to_verify: u64, enriches: bool) -> Vec<StageProgress> {
-        let all_chosen = ["verify", "done"].contains(&&*self.stage);
-        let names = ["doe", "sample", "fit", "optimise", "enrich", "verify"];
-        let names = names
+        let all_chosen = self.stage >= Stage::Verify;
+        Stage::WORK
             .into_iter()
-            .filter(|name| enriches || *name != "enrich");
-        let current = names.clone().position(|name| name == self.stage);
-        names
-            .enumerate()
-            .map(|(place, name)| {
-                // A finished campaign has no current stage.
-                let state = match current.map(|current| place.cmp(&current)) {
-                    None | Some(Ordering::Less) => "done",
-                    Some(Ordering::Equal) => "current",
-                    Some(Ordering::Greater) => "ahead",
+            .filter(|stage| enriches || *stage != Stage::Enrich)
+            .map(|name| {
+                let state = match name.cmp(&self.stage) {
+                    Ordering::Less => "done",
+                    Ordering::Equal => "current",
+                    Ordering::Greater => "ahead",
                 };
                 let is_done = u64::from(state == "done");
                 let (done, wanted, of) = match name {
-                    "doe" => (self.designs.made, self.designs.wanted, "designs"),
-                    "sample" if state == "done" => {
+                    Stage::Doe => (self.designs.made, self.designs.wanted, "designs"),
+                    Stage::Sample if state == "done" => {
                         (self.samples.done, self.samples.done, "samples")
                     }
-                    "sample" => {
+                    Stage::Sample => {
                         let left = self.missing().0.round() as u64;
                         (self.samples.done, self.samples.done + left, "samples")
                     }
-                    "fit" => (is_done, 1, "models"),
-                    "optimise" => {
+                    Stage::Fit => (is_done, 1, "models"),
+                    Stage::Optimise => {
                         let Progress { done, wanted } = self.optimiser_runs;
                         (done, wanted, "runs")
                     }
-                    "enrich" => {
+                    Stage::Enrich => {
                         let samples = self.enrichment.map(|enrichment| enrichment.samples);
                         let (done, wanted) = samples.map_or((0, 0), |s| (s.done, s.wanted));
                         (done, wanted, "samples of the round")
                     }
-                    _ => {
+                    Stage::Verify | Stage::Done => {
                         let Progress { done, wanted } = self.verified();
                         let wanted = if all_chosen { wanted } else { to_verify };
                         (done, wanted, "verification samples")
                     }
                 };
                 StageProgress {
-                    name: name.to_owned(),
+                    name,
                     state: state.to_owned(),
                     done,
                     wanted,
@@ -570,17 +566,17 @@ impl Status {
     #[must_use]
     pub fn stage_name(&self) -> String {
         match &self.enrichment {
-            Some(enrichment) if self.stage == "enrich" => {
+            Some(enrichment) if self.stage == Stage::Enrich => {
                 format!("enrichment round {}", enrichment.round)
             }
-            _ => self.stage.clone(),
+            _ => self.stage.name().to_owned(),
         }
     }
 
     /// What a round of infill waits for, while there is one.
     #[must_use]
     pub fn round_sentence(&self) -> Option<String> {
-        let enrichment = self.enrichment.filter(|_| self.stage == "enrich")?;
+        let enrichment = self.enrichment.filter(|_| self.stage == Stage::Enrich)?;
         let Progress { done, wanted } = enrichment.samples;
         let round = enrichment.round;
         Some(if done < wanted {

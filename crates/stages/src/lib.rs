@@ -36,6 +36,7 @@ pub mod responses;
 pub mod rounds;
 pub mod searching;
 pub mod snapshot;
+pub mod stage;
 pub mod state;
 pub mod statistics;
 pub mod verification;

@@ -21,6 +21,7 @@ use store::{Derivation, Derived};
 
 use crate::derived::Standing;
 use crate::infill;
+use crate::stage::Stage;
 use crate::state::{State, VerifyPoint};
 
 /// A step that only the coordinator does.
@@ -63,23 +64,22 @@ pub struct Next {
 }
 
 impl Next {
-    /// The stage that waits for this: `doe`, `sample`, `fit`, `optimise`, `enrich` or `verify`; `None` when
-    /// nothing is left. What is computed meanwhile for a later stage does not count.
+    /// The stage that waits for this. What is computed meanwhile for a later stage does not count.
     #[must_use]
-    pub fn stage(&self) -> Option<&'static str> {
+    pub fn stage(&self) -> Stage {
         let is_infill = |point: &VerifyPoint| infill::is_infill(point.number);
-        Some(match self.local {
-            Some(LocalStep::Doe) => "doe",
-            Some(LocalStep::Statistics) => "sample",
-            _ if self.sampling.is_some() => "sample",
-            Some(LocalStep::Fit) => "fit",
-            Some(LocalStep::Enrich) => "enrich",
-            Some(LocalStep::Choose(_)) => "optimise",
-            None if !self.runs.is_empty() => "optimise",
-            None if self.points.iter().any(is_infill) => "enrich",
-            None if !self.points.is_empty() => "verify",
-            None => return None,
-        })
+        match self.local {
+            Some(LocalStep::Doe) => Stage::Doe,
+            Some(LocalStep::Statistics) => Stage::Sample,
+            _ if self.sampling.is_some() => Stage::Sample,
+            Some(LocalStep::Fit) => Stage::Fit,
+            Some(LocalStep::Enrich) => Stage::Enrich,
+            Some(LocalStep::Choose(_)) => Stage::Optimise,
+            None if !self.runs.is_empty() => Stage::Optimise,
+            None if self.points.iter().any(is_infill) => Stage::Enrich,
+            None if !self.points.is_empty() => Stage::Verify,
+            None => Stage::Done,
+        }
     }
 
     /// Whether a stream may still be computed. The others are of inputs that are there no longer.

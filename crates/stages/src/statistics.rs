@@ -145,7 +145,13 @@ mod tests {
 
     /// Samples of a design that scatter by `sd`.
     fn blocks(design: u32, samples: Range<u64>, sd: f64) -> Vec<SampleBlock> {
-        let value = |sample: u64| if sample % 2 == 0 { 1.0 - sd } else { 1.0 + sd };
+        let value = |sample: u64| {
+            if sample.is_multiple_of(2) {
+                1.0 - sd
+            } else {
+                1.0 + sd
+            }
+        };
         vec![SampleBlock {
             stream: StreamId::design(design),
             first_sample: samples.start,

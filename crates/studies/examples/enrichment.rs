@@ -294,7 +294,7 @@ fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> 
             x,
             samples: SAMPLES,
             response: p90,
-            variance: variance,
+            variance,
             violation: known.violation,
             baseline: known.baseline,
         });

@@ -47,7 +47,7 @@ pub async fn problem(store: &Store, campaign: &Campaign) -> anyhow::Result<Probl
     if !status.finished {
         return Err(Unfinished {
             store: store.path().display().to_string(),
-            stage: status.stage,
+            stage: status.stage.name().to_owned(),
         }
         .into());
     }

@@ -11,6 +11,7 @@ use protocol::exit;
 use rand::RngExt as _;
 use serde::Serialize;
 use stages::references;
+use stages::stage::Stage;
 use stats::streams::{Purpose, stream};
 
 use super::{print_either, read};
@@ -33,7 +34,7 @@ struct Plan {
     #[serde(skip_serializing_if = "Option::is_none")]
     accuracy: Option<String>,
     /// The stages in order.
-    stages: Vec<Stage>,
+    stages: Vec<StagePlan>,
     /// The sum of the stages' estimates, if there are any.
     core_seconds: Option<f64>,
     /// The reason why no design would get samples, if none of the tried ones would.
@@ -43,8 +44,8 @@ struct Plan {
 }
 
 #[derive(Serialize)]
-struct Stage {
-    stage: &'static str,
+struct StagePlan {
+    stage: Stage,
     /// The work of the stage, in words.
     work: String,
     /// Time on one processor of this machine; none with an external simulator.
@@ -98,12 +99,12 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
     let fitting = 10.0 * (sampled / 3000.0).powi(3);
     let mut rows = vec![
         (
-            "doe",
+            Stage::Doe,
             format!("{n} points, {}", campaign.doe.method),
             making,
         ),
         (
-            "sample",
+            Stage::Sample,
             match campaign.sampling.precision_um {
                 None => format!("{n} designs, at most {} samples", n * k),
                 Some(precision) => format!(
@@ -114,7 +115,7 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
             sampling,
         ),
         (
-            "fit",
+            Stage::Fit,
             if measured.is_some() {
                 format!("about {sampled:.0} designs that get samples")
             } else {
@@ -123,12 +124,12 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
             fitting,
         ),
         (
-            "optimise",
+            Stage::Optimise,
             format!("{runs} runs, {} analyses", runs * evaluations),
             optimising,
         ),
         (
-            "verify",
+            Stage::Verify,
             match campaign.verify.half_width {
                 None => format!("{points} designs, {} samples", points * verify),
                 Some(half_width) => format!(
@@ -148,14 +149,14 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
         );
         // The time to choose a point, models included, measured with the shipped campaign.
         let seconds = left * sample_seconds + 0.05 * points;
-        rows.insert(4, ("enrich", what, seconds));
+        rows.insert(4, (Stage::Enrich, what, seconds));
     }
-    let stage = |(stage, work, seconds): (&'static str, String, f64)| Stage {
+    let stage = |(stage, work, seconds)| StagePlan {
         stage,
         work,
         core_seconds: measured.is_some().then_some(seconds),
     };
-    let stages: Vec<Stage> = rows.into_iter().map(stage).collect();
+    let stages: Vec<StagePlan> = rows.into_iter().map(stage).collect();
     let beyond = beyond_one_store((n * k + points * verify) as f64);
     let plan = Plan {
         schema_version: 1,
@@ -218,7 +219,7 @@ fn describe(plan: &Plan) -> String {
                 ", {pinion} and {mate} teeth"
             ))
     );
-    for Stage {
+    for StagePlan {
         stage,
         work,
         core_seconds,

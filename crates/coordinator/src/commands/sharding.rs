@@ -20,6 +20,7 @@ use protocol::v1::{HeldLease, Lease, LeaseId, RegisterRequest, ReportRequest};
 use results::{reporting, status};
 use serde::Serialize;
 use shards::{Header, Part, Shard};
+use stages::stage::Stage;
 use store::Store;
 use tokio_util::sync::CancellationToken;
 use tonic::Request;
@@ -114,7 +115,7 @@ async fn plan_store(
         let report = reporting::write(store, report, &coordinator::made::made()).await?;
         return Ok(Planned {
             schema_version: 1,
-            stage: "done".to_owned(),
+            stage: Stage::Done.name().to_owned(),
             shards: Vec::new(),
             units: 0,
             report: Some(report),

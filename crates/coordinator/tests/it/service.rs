@@ -240,7 +240,7 @@ async fn a_result_that_contradicts_the_store_is_loud_and_changes_nothing() {
     assert_eq!(failures.len(), 1);
     assert_eq!(failures[0].worker, "wrong");
     let error = &failures[0].error;
-    assert!(error.contains("sample 7 of design 0"), "{error}");
+    assert!(error.contains("sample 7 of design-0"), "{error}");
 }
 
 #[tokio::test]

@@ -119,8 +119,8 @@ fn recommended(sources: &Sources) -> anyhow::Result<Option<Recommended>> {
             approach: name(other.design),
             difference: report::Percentile {
                 value: other.behind?.value,
-                low: low,
-                high: high,
+                low,
+                high,
                 samples: other.behind?.n,
             },
         })

@@ -6,6 +6,7 @@ use campaign::Campaign;
 use ledger::{Counts, Kind, StreamId, WorkerId, WorkerStatus};
 use results::live::{Pace, Paces, RunSeconds, Running};
 use results::status::{Optimum, Progress, Status, read};
+use stages::stage::Stage;
 use store::{CampaignRow, Store};
 
 async fn status() -> Status {
@@ -74,7 +75,7 @@ async fn time_to_go_is_that_of_the_stage() {
     let of_stage = |status: &Status| live(status, running(1)).eta_seconds;
 
     // Three approaches with as many starts as the paper's file says.
-    status.stage = "optimise".to_owned();
+    status.stage = Stage::Optimise;
     status.optimiser_runs.done = status.optimiser_runs.wanted - 6;
     let runs = live(&status, running(1));
     assert_eq!(runs.eta_seconds, Some(6.0 * 6.0 / 4.0));
@@ -99,13 +100,13 @@ async fn time_to_go_is_that_of_the_stage() {
     let stage = searched
         .stages
         .iter()
-        .find(|stage| stage.name == "optimise");
+        .find(|stage| stage.name == Stage::Optimise);
     let stage = stage.unwrap();
     assert_eq!((stage.done, stage.wanted), (160, 600));
     assert!(stage.of.starts_with("evaluations"), "{stage:?}");
     assert_eq!(searched.live.unwrap().eta_seconds, Some(440.0 / 2.0));
 
-    status.stage = "verify".to_owned();
+    status.stage = Stage::Verify;
     let optimum = |done| Optimum {
         approach: "kriging".to_owned(),
         criterion: Some(1.5),
@@ -134,20 +135,20 @@ async fn time_to_go_is_that_of_the_stage() {
         "too little is known"
     );
 
-    status.stage = "fit".to_owned();
+    status.stage = Stage::Fit;
     assert_eq!(of_stage(&status), None, "nobody knows");
     let idle = Running {
         paces: Paces::default(),
         ..running(1)
     };
-    status.stage = "verify".to_owned();
+    status.stage = Stage::Verify;
     assert_eq!(live(&status, idle).eta_seconds, None);
 }
 
 #[tokio::test]
 async fn few_designs_make_the_number_of_samples_left_uncertain() {
     let mut status = status().await;
-    status.stage = "sample".to_owned();
+    status.stage = Stage::Sample;
     status.designs.wanted = 3000;
     (status.designs.done, status.designs.simulable) = (10, 8);
     (status.samples.per_design, status.samples.done) = (30, 240);
@@ -171,7 +172,7 @@ async fn every_stage_says_how_far_it_is() {
     let stages: Vec<_> = status
         .stages
         .iter()
-        .map(|stage| (&*stage.name, &*stage.state, (stage.done, stage.wanted)))
+        .map(|stage| (stage.name.name(), &*stage.state, (stage.done, stage.wanted)))
         .collect();
     let expected = [
         ("doe", "current", (0, 3000)),

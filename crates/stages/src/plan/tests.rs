@@ -37,7 +37,7 @@ fn an_empty_store_makes_the_doe_while_runs_without_samples_start() {
     let next = world.next();
     assert_eq!(
         (next.local, next.stage()),
-        (Some(LocalStep::Doe), Some("doe"))
+        (Some(LocalStep::Doe), Stage::Doe)
     );
     assert_eq!(next.runs.len(), 6);
 }
@@ -60,7 +60,7 @@ fn the_stages_follow_each_other_to_the_end() {
     let mut world = World::new(campaign());
     world.finish();
     let next = world.next();
-    assert!(next.is_finished() && next.stage().is_none());
+    assert!(next.is_finished() && next.stage() == Stage::Done);
     let mut steps = vec![
         Doe,
         Choose(Approach::Nominal),
@@ -72,7 +72,14 @@ fn the_stages_follow_each_other_to_the_end() {
     ];
     assert_eq!(world.steps, steps);
     world.stages.dedup();
-    let expected = ["doe", "sample", "optimise", "fit", "optimise", "verify"];
+    let expected = [
+        Stage::Doe,
+        Stage::Sample,
+        Stage::Optimise,
+        Stage::Fit,
+        Stage::Optimise,
+        Stage::Verify,
+    ];
     assert_eq!(world.stages, expected);
 
     let mut world = World::new(enriched());

@@ -43,7 +43,7 @@ pub(super) struct World {
     pub(super) seed: u64,
     turn: u64,
     pub(super) steps: Vec<LocalStep>,
-    pub(super) stages: Vec<&'static str>,
+    pub(super) stages: Vec<Stage>,
     /// Number of results delivered.
     pub(super) delivered: usize,
 }
@@ -143,7 +143,9 @@ impl World {
             return false;
         }
         self.state.quarantined.retain(|stream| next.needs(*stream));
-        self.stages.extend(next.stage());
+        let stage = Some(next.stage());
+        self.stages
+            .extend(stage.filter(|stage| *stage != Stage::Done));
         if let Some(samples) = &next.samples {
             let name = samples.name.clone();
             self.state.derivations.insert(name, samples.clone());

@@ -1,0 +1,57 @@
+//! The stages of a campaign.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+/// A stage, in the order in which a campaign waits for them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Stage {
+    /// The designs of the DoE are made.
+    Doe,
+    /// The designs are sampled.
+    Sample,
+    /// The kriging model is fitted.
+    Fit,
+    /// The optimisers run.
+    Optimise,
+    /// Rounds of infill are decided and sampled.
+    Enrich,
+    /// The optima are verified.
+    Verify,
+    /// Nothing is left.
+    Done,
+}
+
+impl Stage {
+    /// The stages that take time, in their order.
+    pub const WORK: [Self; 6] = [
+        Self::Doe,
+        Self::Sample,
+        Self::Fit,
+        Self::Optimise,
+        Self::Enrich,
+        Self::Verify,
+    ];
+
+    /// The name in the store and in messages.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Doe => "doe",
+            Self::Sample => "sample",
+            Self::Fit => "fit",
+            Self::Optimise => "optimise",
+            Self::Enrich => "enrich",
+            Self::Verify => "verify",
+            Self::Done => "done",
+        }
+    }
+}
+
+impl fmt::Display for Stage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
