@@ -201,10 +201,8 @@ impl Soak {
                     cluster.ended = Some(code);
                     break now;
                 }
-                if cluster.retries_failed {
-                    // Failed samples are removed.
-                    progress = Progress::default();
-                }
+                // The coordinator that is started next removes failed samples.
+                progress.will_go_back |= cluster.retries_failed;
             }
             if now > reference.span * PATIENCE {
                 let last = progress.last;

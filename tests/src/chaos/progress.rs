@@ -9,6 +9,8 @@ use super::Violation;
 pub(crate) struct Progress {
     /// Numbers of samples, designs, optimiser runs, samples at optima, and infill points.
     pub(crate) last: Option<[u64; 5]>,
+    /// Whether a coordinator was told to remove failed samples and has not done so yet, as far as was seen.
+    pub(crate) will_go_back: bool,
 }
 
 impl Progress {
@@ -31,6 +33,7 @@ impl Progress {
         let pairs = |before: [u64; 5]| before.into_iter().zip(now).take(lasting);
         if let Some(before) = self.last
             && pairs(before).any(|(before, now)| now < before)
+            && !std::mem::take(&mut self.will_go_back)
         {
             return Err(Violation(format!(
                 "progress went back from {before:?} to {now:?} (samples, designs, optimiser runs, \
