@@ -244,7 +244,7 @@ mod tests {
         let rows: [&[&str]; 3] = [header, &["7", "2", "1.5"], &["a,b", "3", ""]];
         assert_eq!(
             written(Format::Csv, &rows).unwrap(),
-            "job,attempt,p90_um\n7,2,1.5\n\"a,b\",3,\n"
+            "job,lease,p90_um\n7,2,1.5\n\"a,b\",3,\n"
         );
         let json: Value = serde_json::from_str(&written(Format::Json, &rows).unwrap()).unwrap();
         assert_eq!(

@@ -121,14 +121,3 @@ fn nearest_neighbours_warn_as_the_exact_model_does() {
         assert_eq!(again.warnings(), model.warnings());
     }
 }
-
-#[test]
-fn warnings_of_earlier_versions_are_read() {
-    let text = r#"{"kind":"few_points","distinct":3,"dimensions":6}"#;
-    let read: Warning = serde_json::from_str(text).unwrap();
-    let expected = Warning::FewPoints {
-        distinct: 3,
-        parameters: 6,
-    };
-    assert_eq!(read, expected);
-}
