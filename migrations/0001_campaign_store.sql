@@ -208,9 +208,12 @@ INSERT INTO commit_tally (one, commits) VALUES (1, 0);
 
 -- What a finished job cost.
 CREATE TABLE job_time (
-    job         INTEGER NOT NULL PRIMARY KEY,
-    cpu_seconds REAL    NOT NULL
-) STRICT;
+    stream      INTEGER NOT NULL,
+    -- What tells the jobs of one stream apart: the first sample, or a number that is another one for each generation.
+    part        INTEGER NOT NULL CHECK (part >= 0),
+    cpu_seconds REAL    NOT NULL,
+    PRIMARY KEY (stream, part)
+) STRICT, WITHOUT ROWID;
 
 -- How long each stage was the one that the campaign waited for, while a coordinator ran: at most the last minute
 -- before a coordinator was killed is missing.

@@ -38,7 +38,7 @@ const CONTINUATIONS: u32 = 10;
 pub struct Found {
     /// The design.
     pub design: Design,
-    /// The criterion that the run minimised, µm.
+    /// The criterion that the run minimised.
     pub criterion: f64,
     /// Its criteria.
     pub criteria: Criteria,

@@ -88,7 +88,7 @@ impl Engine {
     ) -> anyhow::Result<Option<Ended>> {
         let mut watch = Stopwatch::new(&self.store).await?;
         let ended = self.stages(shutdown, waits_for_workers, &mut watch).await?;
-        watch.enter(None).await?;
+        watch.enter(Stage::Done).await?;
         Ok(ended)
     }
 
@@ -142,8 +142,7 @@ impl Engine {
                 continue;
             }
             self.board.open();
-            let stage = Some(next.stage()).filter(|stage| *stage != Stage::Done);
-            watch.enter(stage).await?;
+            watch.enter(next.stage()).await?;
             if let Some(step) = next.local {
                 let step = self.do_step(step, &next.inputs, base.as_ref(), more);
                 tokio::select! {
@@ -264,9 +263,7 @@ impl Engine {
     /// Stores the result of a run on an external simulator.
     async fn finish(&self, run: &Run, result: &RunResult) -> anyhow::Result<()> {
         let times = self.store.job_times().await?;
-        let of_run = times
-            .iter()
-            .filter(|time| names::is_time_of_run(time.job, run.approach, run.start));
+        let of_run = times.iter().filter(|time| time.stream == run.stream());
         let row = OptimiserRunRow {
             stream: run.stream(),
             result_json: serde_json::to_string(result)?,

@@ -4,7 +4,7 @@ use campaign::formulation::Problem;
 use campaign::task::{Evaluated, Output};
 use ledger::{StreamId, Unit};
 use protocol::v1::UnitResult;
-use stages::names::{stream_name, time_key};
+use stages::names::{stream_name, time_part};
 use stages::{derived, searching};
 use store::{Batch, CriteriaRow, JobTimeRow, OptimiserRunRow, SampleBlock};
 
@@ -144,7 +144,8 @@ pub(crate) fn rows(
         }
     }
     batch.times.push(JobTimeRow {
-        job: time_key(unit),
+        stream,
+        part: time_part(unit),
         cpu_seconds,
     });
     Ok(batch)
@@ -174,9 +175,8 @@ fn check_evaluation(problem: &Problem, evaluated: &Evaluated) -> Result<(), Stri
 mod tests {
     use campaign::optimise::Answer;
     use campaign::simulator::Analysis;
-    use campaign::{Approach, Campaign, Criteria};
-    use ledger::{Generation, Kind};
-    use stages::names::{is_time_of_run, timed};
+    use campaign::{Campaign, Criteria};
+    use ledger::Generation;
 
     use super::*;
 
@@ -206,7 +206,7 @@ mod tests {
         assert!(!batch.criteria[0].simulable);
         assert_eq!(batch.criteria[0].reason.as_deref(), Some("contact-gap: no"));
         assert_eq!(batch.times[0].cpu_seconds, 0.0);
-        assert_eq!(timed(batch.times[0].job), Some((Kind::Design, 7)));
+        assert_eq!(batch.times[0].stream, design.stream);
     }
 
     #[test]
@@ -238,7 +238,7 @@ mod tests {
             batch.evaluations[1].refused.as_deref(),
             Some("involute: no")
         );
-        assert!(is_time_of_run(batch.times[0].job, Approach::Baseline, 1));
+        assert_eq!(batch.times[0].stream, run.stream);
         let error = of_answers([Ok(answer(3)), refused]).unwrap_err();
         assert!(error.contains("evaluation 30 has 3 criteria"), "{error}");
     }
@@ -252,7 +252,10 @@ mod tests {
         assert_eq!(batch.only_for, Some((point.stream, 0xabcd_0000_1234)));
         let samples: Vec<(u64, f64)> = batch.samples[0].indexed().collect();
         assert_eq!(samples, [(5, 1.0), (6, 2.0)]);
-        assert_eq!(timed(batch.times[0].job), Some((Kind::Point, 3)));
+        assert_eq!(
+            (batch.times[0].stream, batch.times[0].part),
+            (point.stream, 5)
+        );
     }
 
     #[test]

@@ -29,12 +29,12 @@ impl Stopwatch {
         })
     }
 
-    /// Says which stage goes on from now on; none stops the watch.
-    pub(crate) async fn enter(&mut self, stage: Option<Stage>) -> Result<(), store::Error> {
+    /// Says which stage goes on from now on; [`Stage::Done`] stops the watch.
+    pub(crate) async fn enter(&mut self, stage: Stage) -> Result<(), store::Error> {
         let now = Instant::now();
         if let Some((last, since)) = self.running {
             let elapsed = now - since;
-            if stage == Some(last) && elapsed < STORED_EVERY {
+            if stage == last && elapsed < STORED_EVERY {
                 return Ok(());
             }
             let held = self.stored.entry(last.name().to_owned()).or_default();
@@ -45,7 +45,7 @@ impl Stopwatch {
             };
             self.store.put_stage_time(&row).await?;
         }
-        self.running = stage.map(|stage| (stage, now));
+        self.running = (stage != Stage::Done).then_some((stage, now));
         Ok(())
     }
 }
@@ -77,11 +77,11 @@ mod tests {
         store.put_stage_time(&held).await.unwrap();
         let mut watch = Stopwatch::new(&store).await.unwrap();
         for stage in [
-            Some(Stage::Doe),
-            Some(Stage::Sample),
-            Some(Stage::Sample),
-            None,
-            None,
+            Stage::Doe,
+            Stage::Sample,
+            Stage::Sample,
+            Stage::Done,
+            Stage::Done,
         ] {
             watch.enter(stage).await.unwrap();
             tokio::time::sleep(Duration::from_millis(20)).await;

@@ -13,10 +13,10 @@ use crate::{Criterion, Error, Options};
 /// Both values are expected falls of one quantity in µm, so a new design and more samples can be
 /// compared.
 pub(crate) trait InfillCriterion {
-    /// The value of [`Options::samples_new`] samples at a new design, µm.
+    /// The value of [`Options::samples_new`] samples at a new design.
     fn new_design(&self, x: &[f64], baseline: f64) -> f64;
 
-    /// The value of [`Options::samples_more`] further samples at a sampled design, µm.
+    /// The value of [`Options::samples_more`] further samples at a sampled design.
     fn more_samples(&self, row: &Sampled) -> f64;
 }
 

@@ -17,7 +17,7 @@ pub enum Infill {
         x: Vec<f64>,
         /// Number of samples to take.
         samples: u32,
-        /// Value of the observation by the criterion, µm.
+        /// Value of the observation by the criterion.
         value: f64,
         /// Why it was chosen.
         reason: Reason,
@@ -28,7 +28,7 @@ pub enum Infill {
         design: usize,
         /// Number of samples to add.
         samples: u32,
-        /// Value of the samples by the criterion, µm.
+        /// Value of the samples by the criterion.
         value: f64,
     },
 }
@@ -54,17 +54,17 @@ pub struct Recommendation {
     pub design: usize,
     /// Variables of the design.
     pub x: Vec<f64>,
-    /// The model's prediction of the response there, µm.
+    /// The model's prediction of the response there.
     pub predicted: f64,
-    /// The model's 95 % interval for the noise-free response there, µm.
+    /// The model's 95 % interval for the noise-free response there.
     pub interval: (f64, f64),
-    /// The standard deviation of an estimate of the response from one sample, µm; that of k samples
+    /// The standard deviation of an estimate of the response from one sample; that of k samples
     /// is smaller by √k.
     pub sd_of_sample_um: f64,
 }
 
 impl Recommendation {
-    /// Half the width of the interval, µm.
+    /// Half the width of the interval.
     #[must_use]
     pub fn half_width(&self) -> f64 {
         0.5 * (self.interval.1 - self.interval.0)
@@ -82,7 +82,7 @@ pub struct Decision {
     pub infill: Vec<Infill>,
     /// The best design so far; `None` without a model or a feasible design.
     pub recommendation: Option<Recommendation>,
-    /// The highest value that the criterion gives to any observation, µm; `None` without a model. A
+    /// The highest value that the criterion gives to any observation; `None` without a model. A
     /// value below δ holds for every basin and the whole box.
     pub expected_improvement: Option<f64>,
     /// The reason to stop; `None` if the enrichment goes on.

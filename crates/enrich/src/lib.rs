@@ -36,7 +36,7 @@
 //! - [`Decision`] is the answer: [`Infill`] (new designs, and more samples at promising ones),
 //!   [`Recommendation`], [`Stop`] and [`Note`]s.
 //!
-//! The stopping rule is stated in µm: the enrichment stops when the value that the criterion gives to
+//! All values are in the unit of the response, and so is the stopping rule: the enrichment stops when the value that the criterion gives to
 //! any observation, in every basin and in the whole box, is below δ in two rounds in a row, and the
 //! half-width of the 95 % interval at the recommended design is below δ, too.
 //!

@@ -11,9 +11,9 @@ pub enum Stop {
     /// Less than δ was expected of any observation in this round and the one before, in every basin and
     /// in the whole box, and the half-width of the recommendation's interval is below δ.
     Converged {
-        /// The larger of the two expected improvements, µm.
+        /// The larger of the two expected improvements.
         expected_improvement: f64,
-        /// The half-width of the recommendation's 95 % interval, µm.
+        /// The half-width of the recommendation's 95 % interval.
         half_width: f64,
     },
     /// The samples left pay for no observation, or for none of those that are expected to gain δ.
@@ -94,9 +94,9 @@ pub enum Note {
         /// The index in [`State::sampled`](crate::State::sampled) of the design at the basin's centre.
         design: usize,
         /// Root mean square of the leave-one-out residuals of the model of all designs at the nearest
-        /// designs, µm.
+        /// designs.
         global_rmse: f64,
-        /// The same for the local model, µm.
+        /// The same for the local model.
         local_rmse: f64,
     },
     /// The search chose a new design that is an existing one, which gets more samples instead.

@@ -208,7 +208,7 @@ fn basin(
     regions.collect()
 }
 
-/// The quantile by which designs are compared, µm.
+/// The quantile by which designs are compared.
 fn upper_quantile(context: &Context<'_>, model: &Surrogate, row: usize) -> f64 {
     let row = &context.rows.sampled[row];
     let belief = model.belief(&row.x, row.baseline);

@@ -40,7 +40,7 @@ impl Offer {
         })
     }
 
-    /// The highest value in the region, µm.
+    /// The highest value in the region.
     pub(crate) fn value(&self) -> f64 {
         let new = self.new.as_ref().map_or(0.0, |pick| pick.value);
         new.max(self.more.map_or(0.0, |(_, value)| value))
@@ -72,7 +72,7 @@ impl Offer {
     }
 }
 
-/// The feasible incumbent where more samples are worth most, and their value, µm.
+/// The feasible incumbent where more samples are worth most, and their value.
 fn most_promising(
     context: &Context<'_>,
     region: &Region,

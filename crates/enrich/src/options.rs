@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::Error;
 
-/// The infill criterion: the value of an observation, µm. A new design and more samples at an existing
+/// The infill criterion: the value of an observation. A new design and more samples at an existing
 /// one are valued by the same quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -76,7 +76,7 @@ pub struct Options {
     pub samples_left: u32,
     /// The most rounds.
     pub rounds: usize,
-    /// δ of the stopping rule, µm.
+    /// δ of the stopping rule.
     pub delta_um: f64,
     /// β of the quantiles by which designs are compared, as a standard normal deviate: 1.28 for
     /// 90 %.

@@ -9,13 +9,13 @@ use crate::criterion::InfillCriterion;
 use crate::models::Region;
 use crate::{Error, Known};
 
-/// Improvement, µm, below which none is expected; designs are then compared by their lower
+/// Improvement, below which none is expected; designs are then compared by their lower
 /// quantile.
 const NOTHING: f64 = 1e-9;
-/// Added to a lower quantile, µm, so that it ranks behind every expected improvement.
+/// Added to a lower quantile, so that it ranks behind every expected improvement.
 const LIFT: f64 = 1e9;
 
-/// A new design and what observing it is worth, µm.
+/// A new design and what observing it is worth.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Pick {
     pub(crate) x: Vec<f64>,

@@ -12,9 +12,9 @@ pub struct Sampled {
     pub x: Vec<f64>,
     /// The number of samples that the response was computed from, at least 1.
     pub samples: u32,
-    /// The response to be minimised, µm: P90 of ΔSTE. NaN or infinite marks a failure.
+    /// The response to be minimised, such as P90 of ΔSTE. NaN or infinite marks a failure.
     pub response: f64,
-    /// The variance of the response's estimate, µm².
+    /// The variance of the response's estimate.
     pub variance: f64,
     /// The violation of the exact constraints, in the caller's units; 0 or less is feasible.
     pub violation: f64,
@@ -27,7 +27,7 @@ pub struct Sampled {
 pub struct Known {
     /// The violation of the exact constraints, in the caller's units; 0 or less is feasible.
     pub violation: f64,
-    /// A cheap approximation of the response, µm: one of two models is fitted to the difference from it
+    /// A cheap approximation of the response: one of two models is fitted to the difference from it
     /// (M. C. Kennedy, A. O'Hagan, *Predicting the output from a complex
     /// computer code when fast approximations are available*, Biometrika 87 (2000) 1–13, with the
     /// factor 1). Zero everywhere if there is none.

@@ -10,7 +10,7 @@ const IN_A_ROW: usize = 2;
 /// The highest expectation in a round, and the regions it was sought in.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Outlook {
-    /// The highest value of any observation in the consulted regions, µm.
+    /// The highest value of any observation in the consulted regions.
     pub(crate) expected_um: f64,
     consulted: Vec<bool>,
 }
@@ -62,7 +62,7 @@ pub(crate) fn before_search(rounds: &[RoundRecord], options: &Options) -> Option
 }
 
 /// The reason to stop once the observations are chosen. `outlook` is `None` without a model,
-/// `before` is the expectation of the round before, µm.
+/// `before` is the expectation of the round before.
 pub(crate) fn after_search(
     context: &Context<'_>,
     batch: &Batch,

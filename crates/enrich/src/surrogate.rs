@@ -9,11 +9,11 @@ use crate::state::Rows;
 /// The quantity that a model is fitted to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Scale {
-    /// The response, µm.
+    /// The response.
     Plain,
     /// The logarithm of the response.
     Logarithm,
-    /// The response minus its baseline, µm.
+    /// The response minus its baseline.
     AboveBaseline,
 }
 
@@ -219,7 +219,7 @@ impl Surrogate {
         })
     }
 
-    /// Root mean square of the leave-one-out residuals at the given rows, µm.
+    /// Root mean square of the leave-one-out residuals at the given rows.
     pub(crate) fn error_at(&self, rows: &Rows, which: &[usize]) -> f64 {
         let residuals = self.model.leave_one_out().residuals;
         let chosen = self.rows.iter().zip(&residuals);

@@ -394,7 +394,7 @@ impl Site {
         let rows = self.store.optimiser_runs().await?;
         let mut runs = BTreeMap::new();
         for search in searches.into_iter().flatten() {
-            let Some((approach, start)) = names::run_of(search.stream) else {
+            let Some((approach, start)) = names::approach_and_start(search.stream) else {
                 continue;
             };
             let run = OptimiserRun {
@@ -406,7 +406,7 @@ impl Site {
         }
         for row in rows {
             let run = reporting::run(&problem, &row)?;
-            if let Some((approach, _)) = names::run_of(row.stream) {
+            if let Some((approach, _)) = names::approach_and_start(row.stream) {
                 runs.insert((approach, run.start), (run, true));
             }
         }

@@ -5,7 +5,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use ledger::Kind::{Design, Point, Run};
 use report::StageCost;
 use stages::cost::infill_seconds;
-use stages::names;
 use stages::stage::Stage;
 use store::{JobTimeRow, StageTimeRow};
 
@@ -26,9 +25,7 @@ impl Times {
     pub(crate) fn stages(&self) -> Vec<StageCost> {
         let mut kinds: BTreeMap<_, f64> = BTreeMap::new();
         for time in &self.jobs {
-            if let Some((kind, _)) = names::timed(time.job) {
-                *kinds.entry(kind).or_default() += time.cpu_seconds;
-            }
+            *kinds.entry(time.stream.kind).or_default() += time.cpu_seconds;
         }
         let seconds = |kind| kinds.get(&kind).copied().unwrap_or(0.0);
         let (deciding, infill) = match &self.enrichment {
@@ -62,21 +59,24 @@ pub(crate) fn wall_seconds(times: &[StageTimeRow], stage: Stage) -> Option<f64> 
 
 #[cfg(test)]
 mod tests {
+    use ledger::StreamId;
+
     use super::*;
 
     #[test]
     fn infill_points_count_for_the_enrichment() {
-        let job = |kind: u64, stream: u64, cpu_seconds| JobTimeRow {
-            job: kind << 56 | stream << 24,
+        let job = |stream, cpu_seconds| JobTimeRow {
+            stream,
+            part: 0,
             cpu_seconds,
         };
         let mut times = Times {
             jobs: vec![
-                job(2, 0, 1.0),
-                job(2, 1, 2.0),
-                job(3, 4, 4.0),
-                job(3, 5, 8.0),
-                job(1, 0, 16.0),
+                job(StreamId::design(0), 1.0),
+                job(StreamId::design(1), 2.0),
+                job(StreamId::point(4), 4.0),
+                job(StreamId::point(5), 8.0),
+                job(StreamId::run(3, 0), 16.0),
             ],
             stages: vec![StageTimeRow {
                 stage: "sample".to_owned(),

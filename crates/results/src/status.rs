@@ -421,7 +421,7 @@ async fn unfinished_runs(
     Ok(evaluated
         .into_iter()
         .filter_map(|(stream, (done, _))| {
-            let (approach, start) = names::run_of(stream)?;
+            let (approach, start) = names::approach_and_start(stream)?;
             Some(UnfinishedRun {
                 name: format!("{} {start}", approach.name()),
                 evaluations: Progress { done, wanted },

@@ -25,7 +25,7 @@ pub fn choose_run(
 ) -> anyhow::Result<OptimumRow> {
     let rows: Vec<_> = rows
         .iter()
-        .filter(|row| names::run_of(row.stream).is_some_and(|(of, _)| of == approach))
+        .filter(|row| names::approach_and_start(row.stream).is_some_and(|(of, _)| of == approach))
         .collect();
     let runs: Vec<RunResult> = rows
         .iter()

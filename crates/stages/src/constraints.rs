@@ -215,7 +215,6 @@ mod tests {
     fn a_point_is_evaluated_before_its_samples_and_apart_from_them() {
         let problem = beam();
         let point = VerifyPoint {
-            name: "infill-0000".into(),
             number: 1 << 27,
             design: Design::new(vec![2.0, 3.0]),
             wanted: 30,

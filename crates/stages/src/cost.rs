@@ -10,7 +10,6 @@ use store::{CriteriaRow, InfillRow, JobTimeRow, RoundRow};
 use crate::constraints;
 use crate::infill::bits;
 use crate::linear::LinearResponse;
-use crate::names;
 
 /// The cost of an approach.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -38,7 +37,7 @@ pub fn sampling(
     control_analyses: u64,
     times: &[JobTimeRow],
 ) -> Cost {
-    let is_design = |row: &&JobTimeRow| matches!(names::timed(row.job), Some((Kind::Design, _)));
+    let is_design = |row: &&JobTimeRow| row.stream.kind == Kind::Design;
     Cost {
         simulator_calls: sampling_calls(criteria, samples) + control_analyses,
         cpu_seconds: times
@@ -93,10 +92,8 @@ pub fn control_analyses(problem: &Problem, base: &Design, infill: &[InfillRow]) 
 /// The CPU time of the samples of these infill points, seconds.
 #[must_use]
 pub fn infill_seconds(times: &[JobTimeRow], numbers: &BTreeSet<u64>) -> f64 {
-    let is_infill = |row: &&JobTimeRow| {
-        matches!(names::timed(row.job),
-            Some((Kind::Point, number)) if numbers.contains(&number))
-    };
+    let is_infill =
+        |row: &&JobTimeRow| row.stream.kind == Kind::Point && numbers.contains(&row.stream.index);
     times
         .iter()
         .filter(is_infill)

@@ -58,12 +58,6 @@ pub fn generation_inputs(generation: Generation) -> String {
     format!("{:016x}", generation.0)
 }
 
-/// The run of an optimiser as a derived result.
-#[must_use]
-pub fn run_of(approach: Approach, start: u32) -> Derived {
-    Derived::Run(names::run(approach, start))
-}
-
 /// Whether workers computed a result in this stream.
 #[must_use]
 pub fn is_of_stream(result: &Derived, stream: StreamId) -> bool {
@@ -226,7 +220,7 @@ impl<'a> Standing<'a> {
             outdated.push(Derived::Model);
         }
         for &(approach, start) in &self.state.runs {
-            let result = run_of(approach, start);
+            let result = Derived::Run(names::run(approach, start));
             let is_outdated = match self.run(approach, start) {
                 Some(run) => self.differs(&result, &run_inputs(self.inputs, &run)),
                 None => approach == Approach::Kriging && is_known,
@@ -294,7 +288,7 @@ impl<'a> Standing<'a> {
     pub(crate) fn optimum_inputs(&self, approach: Approach) -> String {
         let mut digest = Digest::new("optimum").with(approach.name());
         for start in 0..self.problem.campaign().optimise.starts {
-            let run = self.derivation(&run_of(approach, start));
+            let run = self.derivation(&Derived::Run(names::run(approach, start)));
             digest = digest.with(run.and_then(|run| run.output.as_deref()).unwrap_or(""));
         }
         if matches!(

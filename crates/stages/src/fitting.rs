@@ -15,9 +15,9 @@ pub struct ModelSummary {
     pub kernel: String,
     /// Number of points that the model was fitted to.
     pub points: usize,
-    /// The mean µ, µm.
+    /// The mean µ.
     pub mu: f64,
-    /// The process variance σ², µm².
+    /// The process variance σ².
     pub sigma2: f64,
     /// The ranges in the order of the variables; `None` for a variable that the model does not
     /// depend on.
@@ -26,11 +26,11 @@ pub struct ModelSummary {
     pub negative_log_likelihood: f64,
     /// Q² of leave-one-out predictions.
     pub q2: f64,
-    /// Root mean square of the leave-one-out residuals, µm.
+    /// Root mean square of the leave-one-out residuals.
     pub rmse: f64,
     /// The share of observations within their leave-one-out 90 % interval.
     pub coverage90: f64,
-    /// The leave-one-out residuals (observation minus prediction) by [`Observed::number`], µm.
+    /// The leave-one-out residuals (observation minus prediction) by [`Observed::number`].
     pub residuals: Vec<(u64, f64)>,
     /// Those residuals over their standard deviations, in the same order.
     pub standardised: Vec<f64>,
@@ -50,9 +50,9 @@ pub struct ModelSummary {
 pub struct LeftOut {
     /// [`Observed::number`].
     pub number: u64,
-    /// The observation, µm.
+    /// The observation.
     pub observed: f64,
-    /// The prediction from all others, µm.
+    /// The prediction from all others.
     pub predicted: f64,
     /// The residual over its standard deviation.
     pub standardised: f64,
@@ -93,9 +93,9 @@ pub struct Observed {
     pub number: u64,
     /// The variables.
     pub x: Vec<f64>,
-    /// The percentile, µm. One that is not finite is left out.
+    /// The percentile. One that is not finite is left out.
     pub value: f64,
-    /// Its variance, µm².
+    /// Its variance.
     pub variance: f64,
     /// Number of samples behind it.
     pub samples: u64,

@@ -29,7 +29,7 @@ pub const fn run(approach: Approach, start: u32) -> StreamId {
 
 /// The approach and the start of a run; `None` if the stream is none.
 #[must_use]
-pub fn run_of(stream: StreamId) -> Option<(Approach, u32)> {
+pub fn approach_and_start(stream: StreamId) -> Option<(Approach, u32)> {
     let (number, start) = stream.run_parts();
     let approach = Approach::numbered(number.into())?;
     (stream.kind == Kind::Run).then_some((approach, start))
@@ -39,11 +39,10 @@ pub fn run_of(stream: StreamId) -> Option<(Approach, u32)> {
 #[must_use]
 pub fn stream_name(stream: StreamId) -> String {
     match stream.kind {
-        Kind::Run => {
-            let (number, start) = stream.run_parts();
-            let name = Approach::numbered(number.into()).map_or("unknown", Approach::name);
-            format!("run-{name}-{start}")
-        }
+        Kind::Run => match approach_and_start(stream) {
+            Some((approach, start)) => format!("run-{}-{start}", approach.name()),
+            None => stream.to_string(),
+        },
         Kind::Design => stream.to_string(),
         Kind::Point if infill::is_infill(stream.index) => {
             format!("infill-{}", infill::mark(stream.index))
@@ -91,38 +90,14 @@ pub fn job_name(stream: StreamId, samples: &Range<u32>) -> String {
     }
 }
 
-/// The key of a unit's time in the store. It holds the kind in 8 bits; then, for samples, 4 zero
-/// bits, the stream's index in 28 and the first sample in 24; for a run, the approach in 8, the
-/// start in 16, and 32 bits that distinguish its units.
+/// What tells the times of one stream's units apart: the first sample. Of a run also its generation, since a run that
+/// begins anew costs again.
 #[must_use]
-pub fn time_key(unit: &Unit) -> u64 {
-    let (stream, first) = (unit.stream, u64::from(unit.samples.start));
-    match stream.kind {
-        Kind::Run => {
-            let (approach, start) = stream.run_parts();
-            let stamp = unit.generation.0.wrapping_add(first) & 0xffff_ffff;
-            1 << 56 | u64::from(approach) << 48 | u64::from(start) << 32 | stamp
-        }
-        Kind::Design => 2 << 56 | stream.index << 24 | first,
-        Kind::Point => 3 << 56 | stream.index << 24 | first,
-    }
-}
-
-/// Whether a time in the store is that of a unit of this run.
-#[must_use]
-pub const fn is_time_of_run(job: u64, approach: Approach, start: u32) -> bool {
-    job >> 32 == 1 << 24 | approach.number() << 16 | start as u64
-}
-
-/// The kind of the unit whose time is in the store, and for samples the stream's index.
-#[must_use]
-pub const fn timed(job: u64) -> Option<(Kind, u64)> {
-    let index = (job >> 24) & 0x0fff_ffff;
-    match job >> 56 {
-        1 => Some((Kind::Run, 0)),
-        2 => Some((Kind::Design, index)),
-        3 => Some((Kind::Point, index)),
-        _ => None,
+pub fn time_part(unit: &Unit) -> u64 {
+    let first = u64::from(unit.samples.start);
+    match unit.stream.kind {
+        Kind::Run => unit.generation.0.wrapping_add(first) & 0xffff_ffff,
+        Kind::Design | Kind::Point => first,
     }
 }
 
@@ -151,27 +126,5 @@ mod tests {
             job_name(StreamId::point(2), &(0..0)),
             "verification of archard"
         );
-    }
-
-    #[test]
-    fn the_key_of_a_time_tells_of_what_it_was_taken() {
-        let of = |stream| {
-            let unit = Unit {
-                stream,
-                generation: ledger::Generation(0xabcd_0000_1234),
-                samples: 5..7,
-            };
-            timed(time_key(&unit))
-        };
-        assert_eq!(of(StreamId::run(3, 2)), Some((Kind::Run, 0)));
-        let unit = Unit {
-            stream: StreamId::run(3, 2),
-            generation: ledger::Generation(u64::MAX),
-            samples: 40..50,
-        };
-        let of_run = |start| is_time_of_run(time_key(&unit), Approach::Kriging, start);
-        assert!(of_run(2) && !of_run(1));
-        assert_eq!(of(StreamId::design(7)), Some((Kind::Design, 7)));
-        assert_eq!(of(StreamId::point(3)), Some((Kind::Point, 3)));
     }
 }

@@ -194,7 +194,6 @@ pub fn verify_points(campaign: &Campaign, state: &State) -> Vec<VerifyPoint> {
         let none = || (campaign.verify.first(), Default::default());
         let (wanted, stored) = state.verified.get(approach).cloned().unwrap_or_else(none);
         Some(VerifyPoint {
-            name: approach.name().to_owned(),
             number: approach.number(),
             design: design.clone()?,
             wanted,

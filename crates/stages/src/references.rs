@@ -33,7 +33,6 @@ pub fn points(problem: &Problem) -> Vec<VerifyPoint> {
     Place::all()
         .filter(|place| *place != Place::Figure(6))
         .map(|place| VerifyPoint {
-            name: name(place),
             number: place.number(),
             design: design(place),
             wanted: problem.campaign().verify.first(),

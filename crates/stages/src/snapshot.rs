@@ -66,7 +66,7 @@ pub async fn load(
         ..State::default()
     };
     for run in store.optimiser_runs().await? {
-        state.runs.extend(names::run_of(run.stream));
+        state.runs.extend(names::approach_and_start(run.stream));
     }
     let tallies = store.sample_tallies().await?;
     let count = |point: StreamId| tallies.get(&point).map_or(0, |tally| tally.samples);
@@ -157,7 +157,6 @@ async fn enrichment(
         progress.points.push(VerifyPoint {
             asks_criteria: asks_criteria && evaluation.is_none(),
             stored: infill_samples(store, &row).await?.keys().copied().collect(),
-            name: row.name,
             number: row.number,
             design: problem.design(&row.x, base),
             wanted: u32::try_from(row.samples).unwrap_or(u32::MAX),

@@ -11,9 +11,7 @@ use store::Derivation;
 /// A point that gets verification samples.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VerifyPoint {
-    /// Name of the point in the store.
-    pub name: String,
-    /// The number that names its random streams.
+    /// Its number as a stream and as the source of its random numbers.
     pub number: u64,
     /// The design.
     pub design: Design,

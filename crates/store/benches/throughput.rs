@@ -102,7 +102,8 @@ async fn fill(
     };
     let one_time = |i| Batch {
         times: vec![JobTimeRow {
-            job: i,
+            stream: StreamId::design(0),
+            part: i,
             cpu_seconds: 0.0,
         }],
         ..Batch::default()

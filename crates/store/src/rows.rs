@@ -214,8 +214,10 @@ pub struct FailureGroup {
 /// The measured cost of a job.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JobTimeRow {
-    /// The job's number.
-    pub job: u64,
+    /// The stream.
+    pub stream: StreamId,
+    /// What tells the jobs of one stream apart.
+    pub part: u64,
     /// Processor time, in seconds. It is measured and therefore never compared: the first value is
     /// kept.
     pub cpu_seconds: f64,

@@ -384,7 +384,7 @@ impl Store {
         self.put(Rows::Extension(campaign.clone())).await.map(drop)
     }
 
-    /// The costs of the finished jobs, by number.
+    /// The costs of the finished jobs.
     pub async fn job_times(&self) -> Result<Vec<JobTimeRow>, Error> {
         keyed::all(&mut self.reader().await?).await
     }

@@ -58,6 +58,8 @@ table!(OptimumRow: "optimum", "read optima", 1 keys, sealed true,
     approach x_json criterion feasible criteria_json simulator_calls cpu_seconds note);
 table!(Derivation: "derivation", "read what results were computed from", 1 keys, sealed true,
     name inputs output failure);
+table!(JobTimeRow: "job_time", "read what jobs cost", 2 keys, sealed false,
+    stream part cpu_seconds);
 table!(StageTimeRow: "stage_time", "read how long stages took", 1 keys, sealed false,
     stage wall_seconds);
 table!(RoundRow: "enrichment_round", "read rounds", 1 keys, sealed true,
@@ -97,27 +99,6 @@ impl Table for CampaignRow {
             seed: row.try_get::<i64, _>(4)?.cast_unsigned(),
             program_version: row.try_get(5)?,
             model_digest: row.try_get(6)?,
-        })
-    }
-}
-
-impl Table for JobTimeRow {
-    const NAME: &'static str = "job_time";
-    const COLUMNS: &'static [&'static str] = &["job", "cpu_seconds"];
-    const KEYS: usize = 1;
-    const SEALED: bool = false;
-    const READING: &'static str = "read what jobs cost";
-
-    fn each(&self, mut visit: impl FnMut(Value<'_>)) {
-        // A job's number uses all 64 bits as flags, not as a count.
-        visit(Value::Bits(self.job));
-        visit(self.cpu_seconds.value());
-    }
-
-    fn read(row: &SqliteRow) -> Result<Self, SqlxError> {
-        Ok(Self {
-            job: row.try_get::<i64, _>(0)?.cast_unsigned(),
-            cpu_seconds: row.try_get(1)?,
         })
     }
 }
@@ -200,10 +181,10 @@ impl Keyed for EvaluationRow {
 }
 
 impl Keyed for JobTimeRow {
-    type Key<'a> = u64;
+    type Key<'a> = (StreamId, u64);
 
-    fn key(&self) -> u64 {
-        self.job
+    fn key(&self) -> (StreamId, u64) {
+        (self.stream, self.part)
     }
 
     fn agree(_: &Self, _: &Self) -> Result<(), Error> {

@@ -74,12 +74,8 @@ impl Tallies {
             keys,
         );
         for row in connection.all(COUNTING, query).await? {
-            let (stream, held) = read(
-                connection,
-                row.stream,
-                [row.samples, row.last_sample, row.failed],
-                &row.digest,
-            )?;
+            let counts = [row.samples, row.last_sample, row.failed];
+            let (stream, held) = read(connection, row.stream, counts, &row.digest)?;
             self.0.entry(stream).or_default().add(&held);
         }
         let mut digests = Vec::new();
@@ -126,9 +122,8 @@ pub(crate) async fn all(
         first,
         last,
     );
-    let rows = connection.all(COUNTING, query).await?.into_iter();
-    let counts = |row| row;
-    rows.map(counts)
+    let rows = connection.all(COUNTING, query).await?;
+    rows.into_iter()
         .map(|row| {
             let counts = [row.samples, row.last_sample, row.failed];
             read(connection, row.stream, counts, &row.digest)

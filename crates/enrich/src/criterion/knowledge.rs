@@ -36,7 +36,7 @@ impl<'a> KnowledgeGradient<'a> {
         }
     }
 
-    /// The expected fall of the lowest mean by samples at `x`, µm. `new` is the mean at `x` if it is a
+    /// The expected fall of the lowest mean by samples at `x`. `new` is the mean at `x` if it is a
     /// new design: it is then a candidate, too.
     fn value(&self, x: &[f64], new: Option<f64>, samples: u32) -> f64 {
         let points: Vec<&[f64]> = self

@@ -44,7 +44,7 @@ impl InfillCriterion for QuantileImprovement<'_> {
     }
 }
 
-/// The expected fall of the quantile with deviate `z` below `lowest`, µm, by an observation with the
+/// The expected fall of the quantile with deviate `z` below `lowest`, by an observation with the
 /// variance `noise`. The quantile after the observation is normal with the mean
 /// m + z √(τ²s²/(τ² + s²)) and the variance s⁴/(τ² + s²).
 fn improvement_um(belief: &Belief, lowest: f64, noise: f64, z: f64) -> f64 {

@@ -163,12 +163,12 @@ mod tests {
             reason: reason.map(str::to_owned),
             ..CriteriaRow::default()
         });
-        let response = variance.map(|p90_variance_um2| ResponseRow {
+        let response = variance.map(|percentile_variance| ResponseRow {
             design: 0,
             mean: 1.0,
             standard_deviation: 1.0,
             percentile: 2.0,
-            percentile_variance: p90_variance_um2,
+            percentile_variance,
             lilliefors_p: None,
         });
         let of_design = OfDesign {

@@ -75,7 +75,7 @@ fn runs(sources: &Sources, approach: Approach) -> anyhow::Result<Vec<OptimiserRu
     let of_approach = sources
         .runs
         .iter()
-        .filter(|row| names::run_of(row.stream).is_some_and(|(of, _)| of == approach));
+        .filter(|row| names::approach_and_start(row.stream).is_some_and(|(of, _)| of == approach));
     of_approach.map(|row| run(&sources.problem, row)).collect()
 }
 

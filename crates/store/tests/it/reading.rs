@@ -42,7 +42,8 @@ async fn every_table_gives_back_what_was_put() {
             },
         ],
         times: vec![JobTimeRow {
-            job: u64::MAX,
+            stream: StreamId::run(2, 1),
+            part: u64::MAX >> 1,
             cpu_seconds: 0.25,
         }],
         failures: vec![

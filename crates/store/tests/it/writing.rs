@@ -24,7 +24,8 @@ async fn the_same_rows_again_are_duplicates() {
             .collect(),
         runs: vec![run(0, "{}")],
         times: vec![JobTimeRow {
-            job: u64::MAX,
+            stream: of(1),
+            part: 3,
             cpu_seconds: 0.25,
         }],
         failures: Vec::new(),
@@ -373,7 +374,8 @@ async fn batches_that_share_a_commit_have_receipts_of_their_own() {
     let batch = |i: u64| Batch {
         criteria: vec![feasible(0)],
         times: vec![JobTimeRow {
-            job: i / 2,
+            stream: of(0),
+            part: i / 2,
             cpu_seconds: i as f64,
         }],
         failures: vec![failure(i)],

@@ -7,7 +7,7 @@ use sha2::{Digest as _, Sha256};
 use campaign::task::FIRST_INFILL;
 
 use super::super::*;
-use crate::derived::{generation_inputs, run_of};
+use crate::derived::generation_inputs;
 use crate::names;
 use crate::state::{OpenDesign, Progress};
 
@@ -106,7 +106,6 @@ impl World {
                 progress.numbers.insert(point.number);
                 if !point.is_sampled {
                     progress.points.push(VerifyPoint {
-                        name: format!("infill-{}", point.number),
                         number: point.number,
                         design: self.problem.base().clone(),
                         wanted: 30,
@@ -246,7 +245,7 @@ impl World {
             Derived::Responses => {}
             Derived::Model => self.state.model = None,
             Derived::Run(stream) => {
-                let run = names::run_of(*stream).unwrap();
+                let run = names::approach_and_start(*stream).unwrap();
                 self.state.runs.remove(&run);
             }
             Derived::Round(round) => {
@@ -347,7 +346,7 @@ impl World {
                 let run = next.runs.iter().find(|run| run.stream() == stream).unwrap();
                 let source = campaign::task::Source::Run(run.clone());
                 let inputs = generation_inputs(self.inputs.generation(stream, &source));
-                let of = run_of(run.approach, run.start);
+                let of = Derived::Run(run.stream());
                 let derivation = Derivation {
                     output: Some(format!("result of {inputs}")),
                     ..Derivation::new(&of, inputs)
