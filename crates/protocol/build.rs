@@ -19,15 +19,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     )?;
     let mut code = tonic_prost_build::configure();
     // Shards are files of leases.
-    for message in [
-        "Unit",
-        "LeaseId",
-        "Lease",
-        "Design",
-        "Candidate",
-        "Variant",
-        "TipRelief",
-    ] {
+    for message in ["Unit", "LeaseId", "Lease", "Design", "Candidate"] {
         code = code.type_attribute(
             format!("pitchline.v1.{message}"),
             "#[derive(serde::Serialize, serde::Deserialize)]",

@@ -1,5 +1,7 @@
 //! `sweep`, `corrections`, `sensitivity` and `pareto`: studies beyond one campaign.
 
+use std::time::{Duration, Instant};
+
 use acceptance::{Sandbox, assert_code, errors, printed, small_campaign};
 
 /// Writes a campaign that is small enough to be repeated, and returns its file.
@@ -199,61 +201,37 @@ fn corrections_are_compared_with_none() {
     // The bounds of corrections do not affect the campaign's results, but change its identity.
     assert_code(&sandbox.coordinator(&["check", file]), 0);
 
-    // Workers in other processes, one of which is killed, give the same result.
-    let address = acceptance::free_address().to_string();
-    let study = ["corrections", file, "--out", "b", "--workers", "0"];
-    let refused = sandbox.coordinator(&[&study[..], &["--listen", &address]].concat());
-    assert_code(&refused, 2);
-    assert!(errors(&refused).contains("--admit"), "{}", errors(&refused));
-    let admitting = [&study[..], &["--admit", "--listen", &address]].concat();
-    let study = sandbox.start("coordinator", &admitting);
-    let connect = format!("https://{address}");
-    let worker = || sandbox.start("worker", &["--connect", &connect]);
-    let killed = worker();
-    std::thread::sleep(std::time::Duration::from_millis(300));
-    killed.kill();
-    let explain = sandbox.coordinator(&["explain", "--connect", &connect]);
-    assert_code(&explain, 0);
-    let (status, said) = worker().finish();
-    assert_eq!(status.code(), Some(0), "{said}");
-    let (status, said) = study.finish();
+    // A third and a fourth thread change nothing.
+    let again = ["corrections", file, "--out", "b"];
+    let threads = [("RAYON_NUM_THREADS", "4")];
+    let (status, said) = sandbox.start_with("coordinator", &again, &threads).finish();
     assert_eq!(status.code(), Some(0), "{said}");
     assert_eq!(csv(&sandbox, "b/corrections.csv"), table);
 }
 
 #[test]
-fn a_drained_study_ends_and_leaves_nothing_behind() {
+fn a_signal_ends_a_study_that_leaves_nothing_behind() {
     let sandbox = Sandbox::new();
     let section = "\n[corrections]\ncrowning_um = [0.0, 5.0]\n";
-    let text = small_campaign(60, 8).replacen("\"whole-face-beam\"", "\"hertz-beam\"", 1);
+    let text = small_campaign(60, 30)
+        .replacen("\"whole-face-beam\"", "\"hertz-beam\"", 1)
+        .replacen("evaluations = 100 ", "evaluations = 4000 ", 1);
     let file = sandbox.write("long.toml", &(text + section));
-    let study = [
-        "corrections",
-        file.to_str().unwrap(),
-        "--workers",
-        "0",
-        "--admit",
-    ];
-    let study = sandbox.start("coordinator", &study);
-    // Commands find the study through its access file.
-    let access = sandbox.path("pitchline/quick-corrections.access");
-    let since = std::time::Instant::now();
-    while !access.exists() {
-        assert!(since.elapsed().as_secs() < 30, "no access file");
-        std::thread::sleep(std::time::Duration::from_millis(20));
+    let study = ["corrections", file.to_str().unwrap(), "--out", "tables"];
+    for signal in ["INT", "TERM"] {
+        let log = [("PITCHLINE_LOG", "info")];
+        let mut study = sandbox.start_with("coordinator", &study, &log);
+        // Without corrections it takes a moment, with crowning minutes.
+        study.wait_for_line("searched");
+        std::thread::sleep(Duration::from_millis(200));
+        let since = Instant::now();
+        study.signal(signal);
+        let (status, said) = study.finish();
+        assert_eq!(status.code(), Some(14), "{said}");
+        assert!(since.elapsed() < Duration::from_secs(8), "{said}");
+        assert!(said.contains("nothing was written"), "{said}");
+        assert!(!sandbox.path("tables").exists());
     }
-    let status = sandbox.coordinator(&["status"]);
-    assert_code(&status, 1);
-    assert!(
-        errors(&status).contains("a study runs here"),
-        "{}",
-        errors(&status)
-    );
-    assert_code(&sandbox.coordinator(&["drain"]), 0);
-    let (status, said) = study.finish();
-    assert_eq!(status.code(), Some(14), "{said}");
-    assert!(!sandbox.path("long-corrections").exists());
-    assert!(!access.exists());
 }
 
 #[test]
@@ -354,32 +332,29 @@ fn a_finished_campaign_is_looked_at_from_two_more_sides() {
 }
 
 #[test]
-fn an_external_simulator_is_weighed_by_verification_samples_where_there_are_workers() {
+fn designs_of_an_external_simulator_are_weighed_by_the_samples_in_the_store() {
     let sandbox = Sandbox::new();
     let external = acceptance::root().join("campaigns/external");
     let file = external.join("campaign.toml").display().to_string();
     let exec = acceptance::python(&external.join("simulator.py"));
     let run = ["run", &file, "--db", "e.db", "--exec", &exec];
     assert_code(&sandbox.coordinator(&run), 0);
-    let pareto = ["pareto", &file, "--db", "e.db", "--out"];
-    let fresh = |out: &str| {
-        let table = csv(&sandbox, &format!("{out}/pareto.csv"));
-        let of_doe = column(&table, "source").zip(column(&table, "verified_p90_um"));
-        of_doe
-            .filter(|(source, _)| source.contains("of the DoE"))
-            .filter(|(_, fresh)| !fresh.is_empty())
-            .count()
-    };
-    assert_code(
-        &sandbox.coordinator(&[&pareto[..], &["without"]].concat()),
-        0,
-    );
-    assert_eq!(fresh("without"), 0);
-    let with = [&pareto[..], &["with", "--exec", &exec]].concat();
-    assert_code(&sandbox.coordinator(&with), 0);
-    assert!(fresh("with") > 0);
-    let refine = [&pareto[..], &["never", "--refine", "1"]].concat();
-    let output = sandbox.coordinator(&refine);
-    assert_code(&output, 2);
-    assert!(errors(&output).contains("--exec"), "{}", errors(&output));
+    let pareto = ["pareto", &file, "--db", "e.db", "--out", "front"];
+    assert_code(&sandbox.coordinator(&pareto), 0);
+    let table = csv(&sandbox, "front/pareto.csv");
+    let of_doe = column(&table, "source").zip(column(&table, "verified_p90_um"));
+    let verified: Vec<&str> = of_doe
+        .filter(|(source, _)| source.contains("of the DoE"))
+        .map(|(_, verified)| verified)
+        .collect();
+    assert!(!verified.is_empty() && verified.iter().all(|text| text.is_empty()));
+    // Other designs would have to be simulated.
+    let never = [&*file, "--db", "e.db", "--out", "never"];
+    for study in [&["pareto", "--refine", "1"][..], &["sensitivity"]] {
+        let refused = sandbox.coordinator(&[study, &never].concat());
+        assert_code(&refused, 2);
+        let said = errors(&refused);
+        assert!(said.contains("without the section [simulator]"), "{said}");
+        assert!(!sandbox.path("never").exists());
+    }
 }

@@ -123,8 +123,8 @@ impl Recorder for Memory {
         Ok(())
     }
 
-    async fn status(&self) -> anyhow::Result<Option<Status>> {
-        Ok(None)
+    async fn status(&self) -> anyhow::Result<Status> {
+        anyhow::bail!("this store has no campaign")
     }
 }
 

@@ -12,7 +12,7 @@
 use std::borrow::Cow;
 
 use crate::Campaign;
-use crate::file::{Aim, FrozenFrom, Kind, Penalty};
+use crate::file::{Aim, CorrectionsSection, FrozenFrom, Kind, Penalty};
 use crate::simulator::{Analysis, State};
 
 mod approach;
@@ -116,6 +116,25 @@ impl Problem {
                 }
             }
         }
+    }
+
+    /// The same gear problem with profile corrections as further variables of a design, within the
+    /// ranges of `section`. A correction without a range is zero. A problem of another kind is
+    /// unchanged.
+    #[must_use]
+    pub fn with_corrections(mut self, section: &CorrectionsSection) -> Self {
+        let Formulation::Gears(gears) = &mut self.kind else {
+            return self;
+        };
+        gears.set_relief_shape(section.shape());
+        self.variables.extend(gears::corrections::variables());
+        for (name, range) in gears::corrections::ranges(section) {
+            self.free.push(name, range);
+        }
+        let mut base = self.base.values().to_vec();
+        base.resize(self.variables.len(), 0.0);
+        self.base = Design::new(base);
+        self
     }
 
     /// The parts of a gear problem; `None` for another kind.

@@ -3,7 +3,6 @@
 //! - [`Campaign`] and [`PairFile`] are the user's files, parsed and validated ([`mod@file`]).
 //! - [`accuracy`] parses a campaign and chooses its settings for a tolerance.
 //! - [`formulation`] maps a design point to a gear pair, its criteria and its constraints.
-//! - [`variant`] is a design as studies need it, for example with profile corrections.
 //! - [`simulator`] is the interface between the stages and a simulator.
 //! - [`task`] is the work of a worker: its input, its output, and the pure function between them.
 //!
@@ -16,8 +15,6 @@ pub mod optimise;
 pub mod probe;
 pub mod simulator;
 pub mod task;
-pub mod variant;
 
 pub use file::{Campaign, FileError, PairFile};
 pub use formulation::{Approach, Criteria, Design, GearCriteria, GearVariables};
-pub use variant::{Variant, WearFactors};

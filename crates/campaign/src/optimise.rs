@@ -32,6 +32,9 @@ use objective::{Objective, Seen};
 /// Maximum number of times that a run with an infeasible printed optimum continues.
 const CONTINUATIONS: u32 = 10;
 
+/// The first number of the random streams of searches beside the runs, above those of approaches.
+const BESIDE: u64 = 1 << 20;
+
 /// A design that a run found.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -142,6 +145,8 @@ pub struct Search {
     seen: Seen,
     /// Number of times that the run has continued beyond the printed evaluations.
     continuations: u32,
+    /// Maximum number of continuations.
+    most_continuations: u32,
     /// Number of evaluations of the searches before this one.
     evaluations: u64,
     /// The improvements and restarts of the printed search, after its end.
@@ -156,6 +161,25 @@ impl Search {
     ///
     /// A sentence: the model is missing or cannot be read, or the approach has no runs.
     pub fn new(problem: &Problem, run: &Run) -> Result<Self, String> {
+        Self::begin(problem, run, run.approach.number(), CONTINUATIONS)
+    }
+
+    /// Starts a search beside the runs of the campaign, which `number` distinguishes from others of
+    /// the same start. It ends with its budget, even without a feasible design.
+    ///
+    /// # Errors
+    ///
+    /// As [`new`](Self::new).
+    pub fn beside(problem: &Problem, run: &Run, number: u64) -> Result<Self, String> {
+        Self::begin(problem, run, BESIDE + number, 0)
+    }
+
+    fn begin(
+        problem: &Problem,
+        run: &Run,
+        streams: u64,
+        most_continuations: u32,
+    ) -> Result<Self, String> {
         let objective = Objective::new(run)?;
         let campaign = problem.campaign();
         let settings = campaign.optimise;
@@ -164,24 +188,30 @@ impl Search {
         let mut rng = stream(
             campaign.seed,
             Purpose::Optimise,
-            run.approach.number(),
+            streams,
             u64::from(run.start),
         );
         let mut origin: Vec<f64> = (0..dimension).map(|_| rng.random()).collect();
-        let first = run
-            .from
-            .as_ref()
-            .filter(|_| run.approach == Approach::Kriging);
-        let first = first.map(|design| {
+        let from = run.from.as_ref().map(|design| {
             let mut unit = problem.unit_point(&problem.free_values(design));
             // Rounding may leave the box.
             unit.iter_mut().for_each(|u| *u = u.clamp(0.0, 1.0));
             unit
         });
         let mut options = settings.run(bounds);
-        if let Some(first) = &first {
-            origin.clone_from(first);
-            options.evaluations = (options.evaluations - 1).max(1);
+        let mut first = None;
+        match (run.approach, from) {
+            (Approach::Kriging, Some(from)) => {
+                origin.clone_from(&from);
+                options.evaluations = (options.evaluations - 1).max(1);
+                first = Some(from);
+            }
+            (Approach::Direct, Some(from)) => {
+                origin = from;
+                // The best design lies near one that is good already.
+                options.search.step /= 3.0;
+            }
+            _ => {}
         }
         let search = cmaes::Run::new(&origin, options);
         Ok(Self {
@@ -195,6 +225,7 @@ impl Search {
             search: search.map_err(|error| error.to_string())?,
             seen: Seen::default(),
             continuations: 0,
+            most_continuations,
             evaluations: 0,
             history: Vec::new(),
             restarts: Vec::new(),
@@ -289,8 +320,8 @@ impl Search {
             .printed
             .as_ref()
             .is_some_and(|(_, found)| !found.feasible);
-        let is_open = self.continuations == 0
-            || self.seen.best.is_none() && self.continuations < CONTINUATIONS;
+        let is_open = self.continuations < self.most_continuations
+            && (self.continuations == 0 || self.seen.best.is_none());
         if !(is_printed_infeasible && is_open) {
             return Ok(false);
         }

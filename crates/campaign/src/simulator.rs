@@ -4,11 +4,10 @@
 //! A design is prepared once. Then its criteria, its two deterministic analyses and its samples are
 //! requested one by one, because each may take microseconds or hours.
 
-use stats::streams::{Purpose, StreamRng};
+use stats::streams::StreamRng;
 
 use crate::formulation::gears::Gears;
 use crate::formulation::{Criteria, Design, Problem};
-use crate::variant::Variant;
 
 /// The reasons why a simulator gives no number.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -57,25 +56,6 @@ pub trait Simulator {
     ///
     /// The design is not simulable, or the simulator failed.
     fn prepare<'a>(&'a self, design: &Design) -> Result<Box<dyn Prepared + 'a>, NoAnswer>;
-
-    /// Prepares a variant of a design. Only the built-in model accepts variants that are not plain.
-    ///
-    /// # Errors
-    ///
-    /// The variant is not simulable, or the simulator failed.
-    fn prepare_variant<'a>(
-        &'a self,
-        variant: &Variant,
-    ) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
-        if variant.is_plain() {
-            self.prepare(&variant.design)
-        } else {
-            Err(NoAnswer::Failed(
-                "an external simulator takes neither corrections nor another module or wear"
-                    .to_owned(),
-            ))
-        }
-    }
 }
 
 /// A prepared design.
@@ -122,20 +102,12 @@ impl Simulator for Problem {
     }
 
     fn prepare<'a>(&'a self, design: &Design) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
-        // The caller that draws samples names the stream.
-        self.prepare_variant(&Variant::new(design.clone(), (Purpose::Wear, 0)))
-    }
-
-    fn prepare_variant<'a>(
-        &'a self,
-        variant: &Variant,
-    ) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
         let Some(gears) = self.gears() else {
             return Err(NoAnswer::Failed(
                 "the built-in model simulates gears: start the worker with --exec 'CMD'".to_owned(),
             ));
         };
-        let (pair, wear) = gears.variant(variant).map_err(|error| {
+        let pair = gears.pair(design).map_err(|error| {
             NoAnswer::Refused(match error {
                 gear::Error::Infeasible(infeasible) => {
                     format!("{}: {infeasible}", infeasible.code())
@@ -146,7 +118,6 @@ impl Simulator for Problem {
         Ok(Box::new(BuiltIn {
             gears,
             pair,
-            wear,
             sampler: None,
         }))
     }
@@ -155,7 +126,6 @@ impl Simulator for Problem {
 struct BuiltIn<'a> {
     gears: &'a Gears,
     pair: gear::Pair,
-    wear: gear::Wear,
     /// Created for the first sample, which an optimiser never draws.
     sampler: Option<gear::Sampler>,
 }
@@ -164,7 +134,7 @@ impl Prepared for BuiltIn<'_> {
     fn analyse(&mut self, state: State) -> Result<Analysis, NoAnswer> {
         let analysis = match state {
             State::Nominal => self.pair.unworn(),
-            State::Baseline => self.pair.archard(&self.wear).analysis,
+            State::Baseline => self.pair.archard(self.gears.wear()).analysis,
         };
         let pressure = analysis.hertz_pressure_mpa;
         Ok(Analysis {
@@ -188,8 +158,7 @@ impl Prepared for BuiltIn<'_> {
 
 impl BuiltIn<'_> {
     fn sampler(&mut self) -> &mut gear::Sampler {
-        let class = self.gears.flank_class();
         self.sampler
-            .get_or_insert_with(|| self.pair.sampler_of_class(&self.wear, class))
+            .get_or_insert_with(|| self.gears.sampler(&self.pair))
     }
 }

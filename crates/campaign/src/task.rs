@@ -11,7 +11,6 @@ use crate::Campaign;
 use crate::formulation::{Approach, Criteria, Design, Problem};
 use crate::optimise::{self, Answer, RunResult};
 use crate::simulator::{NoAnswer, Prepared, Simulator, State};
-use crate::variant::Variant;
 
 /// The data that a worker needs to compute a stream.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,8 +19,6 @@ pub enum Source {
     Design(Design),
     /// A point whose samples are wanted.
     Point(Design),
-    /// A variant of a design whose criteria and samples are wanted.
-    Variant(Box<Variant>),
     /// A run of an optimiser on the built-in simulator.
     Run(Run),
     /// Candidates of a run on an external simulator, or an infill point whose constraints only such
@@ -56,7 +53,6 @@ impl Source {
     pub fn bytes(&self) -> usize {
         match self {
             Self::Design(design) | Self::Point(design) => size_of_val(design.values()),
-            Self::Variant(variant) => size_of::<Variant>() + size_of_val(variant.design.values()),
             Self::Run(run) => run.model.as_deref().map_or(0, str::len),
             Self::Candidates(candidates) => {
                 let bytes = |one: &Candidate| size_of_val(one.design.values());
@@ -77,7 +73,8 @@ pub struct Run {
     pub base: Design,
     /// The kriging model as JSON, for [`Approach::Kriging`].
     pub model: Option<Arc<str>>,
-    /// The design that a search on a model evaluates first and begins at; a random point without one.
+    /// The design that the search begins at; a random point without one. A search on a model evaluates
+    /// it first, a direct search begins with a shorter step.
     pub from: Option<Design>,
 }
 
@@ -122,7 +119,6 @@ impl Inputs {
             Source::Design(design) | Source::Point(design) => {
                 design.values().iter().copied().for_each(number);
             }
-            Source::Variant(variant) => variant.numbers().for_each(number),
             Source::Run(run) => {
                 run.base.values().iter().copied().for_each(&mut number);
                 if let Some(from) = &run.from {
@@ -151,11 +147,10 @@ impl Inputs {
     /// A stream that needs this many samples and has none yet, as an input of the ledger.
     #[must_use]
     pub fn wanted(&self, stream: StreamId, source: Source, samples: u32) -> Wanted<Arc<Source>> {
-        // A study has no results but numbers.
         let is_tolerant = match source {
             Source::Candidates(_) => true,
             Source::Design(_) | Source::Point(_) => self.tolerates_failures,
-            Source::Variant(_) | Source::Run(_) => false,
+            Source::Run(_) => false,
         };
         Wanted {
             stream,
@@ -292,34 +287,7 @@ pub fn compute_until(
         })
     };
     match source {
-        Source::Design(wanted) => {
-            let campaign = simulator.problem().campaign();
-            let sampling = Sampling {
-                names: Names {
-                    seed: campaign.seed,
-                    purpose: Purpose::Wear,
-                    design: stream.index,
-                    coefficients: campaign.sampling.coefficients(),
-                },
-                skip_violation: campaign.sampling.skip_violation(),
-            };
-            let prepare = || simulator.prepare(wanted);
-            design(simulator.problem(), &prepare, unit, sampling, keep_going)
-        }
-        Source::Variant(variant) => {
-            let (purpose, number) = variant.stream;
-            let sampling = Sampling {
-                names: Names {
-                    seed: simulator.problem().campaign().seed,
-                    purpose,
-                    design: number,
-                    coefficients: stats::Sampling::Independent,
-                },
-                skip_violation: variant.feasible_only.then_some(0.0),
-            };
-            let prepare = || simulator.prepare_variant(variant);
-            design(simulator.problem(), &prepare, unit, sampling, keep_going)
-        }
+        Source::Design(wanted) => design(simulator, wanted, unit, keep_going),
         Source::Point(wanted) => {
             let prepared = guarded(|| simulator.prepare(wanted));
             let mut design = match prepared {
@@ -441,22 +409,15 @@ fn guarded<T>(work: impl FnOnce() -> T) -> Result<T, String> {
     })
 }
 
-/// The parameters of sampling a design.
-#[derive(Debug, Clone, Copy)]
-struct Sampling {
-    names: Names,
-    /// The constraint violation above which a design gets no samples.
-    skip_violation: Option<f64>,
-}
-
 /// Analyses a design and samples it.
-fn design<'a>(
-    problem: &Problem,
-    prepare: &dyn Fn() -> Result<Box<dyn Prepared + 'a>, NoAnswer>,
+fn design(
+    simulator: &dyn Simulator,
+    wanted: &Design,
     unit: &Unit,
-    sampling: Sampling,
     keep_going: &KeepGoing<'_>,
 ) -> Computed {
+    let problem = simulator.problem();
+    let campaign = problem.campaign();
     if !keep_going(&|| None) {
         return Computed::default();
     }
@@ -464,7 +425,10 @@ fn design<'a>(
         output,
         failure: None,
     };
-    let analysed = guarded(|| analyse(problem, prepare()?, sampling.skip_violation));
+    let analysed = guarded(|| {
+        let prepared = simulator.prepare(wanted)?;
+        analyse(problem, prepared, campaign.sampling.skip_violation())
+    });
     let (mut design, responses, ruled_out) = match analysed {
         Ok(Ok(analysed)) => analysed,
         Ok(Err(NoAnswer::Refused(reason))) => return done(Some(Output::Refused(reason))),
@@ -492,9 +456,15 @@ fn design<'a>(
         return done(output(&[]));
     }
     let keep_going = |drawn: &[f64]| keep_going(&|| output(drawn));
-    let (samples, failure) = draw(problem, design.as_mut(), sampling.names, unit, &keep_going);
+    let names = Names {
+        seed: campaign.seed,
+        purpose: Purpose::Wear,
+        design: unit.stream.index,
+        coefficients: campaign.sampling.coefficients(),
+    };
+    let (samples, failure) = draw(problem, design.as_mut(), names, unit, &keep_going);
     // The criteria of a design whose samples fail are stored without them, if the failure is a result.
-    let is_result = problem.campaign().sampling.tolerates_failures();
+    let is_result = campaign.sampling.tolerates_failures();
     let has_criteria = failure.is_some() && is_result && !responses.is_empty();
     let alone = || Output::Design {
         responses: responses.clone(),

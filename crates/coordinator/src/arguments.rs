@@ -21,7 +21,7 @@ mod studies;
 pub(crate) use self::modelling::{Fit, Predict};
 pub(crate) use self::studies::{
     Corrections, FinishedCampaign, Pareto, Sensitivity, SimulateCluster, SleepProgram, Stability,
-    StudyWorkers, Sweep, Tradeoff,
+    Sweep, Tradeoff,
 };
 
 /// Plans a Monte Carlo campaign of gear designs, leases its jobs to workers, and writes the report.

@@ -275,7 +275,7 @@ async fn serve(arguments: arguments::Serve) -> anyhow::Result<u8> {
     conduct(plan).await
 }
 
-/// The port of the campaign or study `name`.
+/// The port of the campaign `name`.
 fn port(arguments: arguments::PortArguments, name: &str) -> anyhow::Result<Port> {
     let security = if arguments.insecure {
         Security::Guard(Guard::open())

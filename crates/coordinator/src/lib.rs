@@ -4,8 +4,8 @@
 //!   puts the jobs on the [`board`].
 //! - [`board`] holds the ledger behind one lock, with real time and notifications. [`service`] is its
 //!   gRPC service. [`ingest`] converts reported results to rows, which a [`recorder`] stores.
-//! - [`server`] opens the store and runs a campaign. [`study`] runs the simulations of a study, without
-//!   a store. Both use [`serving`] for the port and for [`local`] workers of the same process.
+//! - [`server`] opens the store and runs a campaign. [`serving`] has the port, and the [`local`] workers
+//!   of the same process.
 //! - [`made`] names the machine, time and program version of a report.
 //! - `leases` ends expired leases.
 
@@ -29,4 +29,3 @@ pub mod service;
 pub mod serving;
 mod steps;
 mod stopwatch;
-pub mod study;

@@ -1,4 +1,4 @@
-//! The recorder of results and source of the status.
+//! The recorder of results and source of the status of a coordinator.
 
 use std::sync::Arc;
 
@@ -6,8 +6,7 @@ use results::status::{self, Status};
 use store::{Batch, Receipt, Store, Writer};
 use tokio::sync::watch;
 
-/// The recorder of results and source of the status: the store, or a substitute for it, such as
-/// that of a study.
+/// The recorder of results and source of the status: the store, or a substitute for it in tests.
 #[tonic::async_trait]
 pub trait Recorder: Clone + Send + Sync + 'static {
     /// Stores a batch as a whole or not at all, and returns once it is durable.
@@ -20,8 +19,8 @@ pub trait Recorder: Clone + Send + Sync + 'static {
     /// none.
     async fn pin_model(&self, offered: &str) -> Result<(), store::Error>;
 
-    /// The status of the campaign; none for a study.
-    async fn status(&self) -> anyhow::Result<Option<Status>>;
+    /// The status of the campaign.
+    async fn status(&self) -> anyhow::Result<Status>;
 }
 
 /// A recorder that writes to a store.
@@ -89,7 +88,7 @@ impl Recorder for StoreRecorder {
         self.store.pin_model_digest(offered).await
     }
 
-    async fn status(&self) -> anyhow::Result<Option<Status>> {
-        status::read(&self.store).await.map(Some)
+    async fn status(&self) -> anyhow::Result<Status> {
+        status::read(&self.store).await
     }
 }

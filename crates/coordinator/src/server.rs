@@ -285,7 +285,7 @@ async fn observe(observer: Observer, board: Arc<Board>, recorder: StoreRecorder)
     let mut period = tokio::time::interval(OBSERVING_PERIOD);
     loop {
         period.tick().await;
-        if let Ok(Some(status)) = recorder.status().await {
+        if let Ok(status) = recorder.status().await {
             observer(&status.with(board.live()));
         }
     }

@@ -227,7 +227,7 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
     ) -> Result<Response<ExplainResponse>, Status> {
         let mut sentences = self.board.explain();
         // If the store cannot be read, only the board's sentences are returned.
-        let status = self.recorder.status().await.ok().flatten();
+        let status = self.recorder.status().await.ok();
         sentences.extend(status.and_then(|status| status.round_sentence()));
         Ok(Response::new(ExplainResponse { sentences }))
     }
@@ -297,11 +297,6 @@ impl<R: Recorder> Service<R> {
             .status()
             .await
             .map_err(|error| Status::unavailable(error.to_string()))?
-            .ok_or_else(|| {
-                Status::failed_precondition(
-                    "a study runs here, which has no campaign's status: see its log, or `explain`",
-                )
-            })?
             .with(self.board.live());
         serde_json::to_string(&status).map_err(|error| Status::internal(error.to_string()))
     }

@@ -1,4 +1,4 @@
-//! The port, the service and the workers of this process, while a campaign or a study runs.
+//! The port, the service and the workers of this process, while a campaign runs.
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
@@ -44,7 +44,7 @@ pub enum Security {
     Guard(Guard),
 }
 
-/// An error that ends a campaign or a study.
+/// An error that ends a campaign.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The store refused.
@@ -94,7 +94,7 @@ pub(crate) struct OpenPort {
 }
 
 impl OpenPort {
-    /// Binds the port of the campaign or study `name`.
+    /// Binds the port of the campaign `name`.
     pub(crate) async fn new(port: &Port, name: &str) -> Result<Self, Error> {
         let mut for_hosts = Vec::new();
         let (guard, access) = match &port.security {

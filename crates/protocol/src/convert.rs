@@ -14,8 +14,6 @@ use ledger::{Generation, Grant, Kind, LeaseId, StreamId, Unit};
 
 use crate::v1;
 
-mod variant;
-
 /// The fault of a malformed message, as a sentence without its subject.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Malformed(pub String);
@@ -111,7 +109,6 @@ pub fn lease(grant: &Grant<Arc<Source>>) -> v1::Lease {
             Source::Design(design) | Source::Point(design) => {
                 lease.designs.push(design_message(design));
             }
-            Source::Variant(variant) => lease.variants.push(variant::message(variant)),
             Source::Run(run) => {
                 lease.base = Some(design_message(&run.base));
                 lease.from = run.from.as_ref().map(design_message);
@@ -145,9 +142,6 @@ impl v1::Lease {
     ///
     /// The message is malformed.
     pub fn units(&self) -> Result<Vec<(Unit, Source)>, Malformed> {
-        if !self.variants.is_empty() {
-            return self.variants();
-        }
         let mut designs = self.designs.iter();
         let model: Option<Arc<str>> = self.model_json.as_deref().map(Into::into);
         let source = |(number, unit): (u32, &v1::Unit)| {
@@ -206,22 +200,6 @@ impl v1::Lease {
             })
         });
         candidates.collect()
-    }
-
-    fn variants(&self) -> Result<Vec<(Unit, Source)>, Malformed> {
-        if self.variants.len() != self.units.len() {
-            return malformed("has not one variant for each unit");
-        }
-        let units = self.units.iter().map(Unit::try_from);
-        let variants = self.variants.iter().map(variant::read);
-        let pairs = units.zip(variants).map(|(unit, variant)| {
-            let (unit, variant) = (unit?, variant?);
-            if unit.stream.kind != Kind::Design {
-                return malformed("has a variant of what is no design");
-            }
-            Ok((unit, Source::Variant(Box::new(variant))))
-        });
-        pairs.collect()
     }
 }
 
@@ -403,12 +381,10 @@ fn finite(responses: &[f64]) -> Result<Vec<f64>, Malformed> {
 
 #[cfg(test)]
 mod tests {
+    use campaign::Campaign;
     use campaign::formulation::Problem;
     use campaign::task::{Inputs, compute};
-    use campaign::{Campaign, Variant};
-    use gear::{Corrections, ReliefShape, TipRelief};
     use ledger::{History, Ledger, Options, Wanted, WorkerId};
-    use stats::streams::Purpose;
 
     use super::*;
 
@@ -430,23 +406,13 @@ mod tests {
             model: Some("{}".into()),
             from: Some(problem.design(&[0.1, 1.2, 1.3, 0.9, 1.0, 0.7], problem.base())),
         };
-        let mut variant = Variant::new(good.clone(), (Purpose::Verify, 1 << 40));
-        let relief = TipRelief {
-            amount: 0.01,
-            length: 1.5,
-            shape: ReliefShape::Parabolic,
-        };
-        variant.corrections = Corrections::default().with_tip_relief(gear::Member::Gear, relief);
-        variant.normal_module_mm = Some(3.1);
-        variant.wear.variance = 0.5;
-        variant.feasible_only = true;
-        let designs = vec![
+        let designs = [
             (StreamId::design(0), Source::Design(good.clone())),
             (StreamId::design(1), Source::Design(bad.clone())),
             (StreamId::point(2), Source::Point(good.clone())),
             (run.stream(), Source::Run(run)),
         ];
-        let plain = Variant::new(bad.clone(), (Purpose::Wear, 7));
+        travel(&problem, &inputs, &designs);
         // One candidate that may improve, and one that is not simulable.
         let candidates = [good.clone(), bad.clone()].map(|design| Candidate {
             evaluation: 0,
@@ -472,13 +438,6 @@ mod tests {
             (StreamId::point(9), Source::Point(good.clone())),
         ];
         travel(&problem, &inputs, &points);
-        let variants = vec![
-            (StreamId::design(0), Source::Variant(Box::new(variant))),
-            (StreamId::design(1), Source::Variant(Box::new(plain))),
-        ];
-        for sources in [designs, variants] {
-            travel(&problem, &inputs, &sources);
-        }
     }
 
     fn travel(problem: &Problem, inputs: &Inputs, sources: &[(StreamId, Source)]) {

@@ -38,8 +38,7 @@ use enrich::{Criterion, Decision, Infill, Known, Options, RoundRecord, Sampled, 
 use kriging::{Data, Surrogate, smoothed_noise};
 use rustix::time::{ClockId, clock_gettime};
 use stats::streams::{Purpose, stream};
-use studies::direct::{self, Search, Space};
-use studies::simulations::InProcess;
+use studies::direct::{self, Search, Start};
 
 /// Number of designs of the DoE.
 const DESIGNS: usize = 600;
@@ -397,27 +396,24 @@ fn searched(problem: &Problem, seed: u64) -> Option<Row> {
     let begun = cpu_seconds();
     let runs: Vec<Search> = (0..problem.campaign().optimise.starts)
         .map(|start| {
-            let run = direct::search(
-                &InProcess(problem),
-                problem,
-                &base,
-                &Space::plain(),
-                0,
+            let start = Start {
+                number: 0,
                 start,
-                None,
-            );
-            run.expect("a validated campaign")
+                base: &base,
+                from: None,
+            };
+            direct::search(problem, start).expect("a validated campaign")
         })
         .collect();
     let cpu = cpu_seconds() - begun;
-    let found = runs.iter().filter_map(|run| run.found);
-    let best = found.min_by(|a, b| a.p90_um.total_cmp(&b.p90_um))?;
-    let design = Design::from(best.design.variables);
-    let (p90, interval) = verify(problem, &design);
+    let found = runs.iter().filter_map(|run| run.best.as_ref());
+    let best = found.min_by(|a, b| a.criterion.total_cmp(&b.criterion))?;
+    let design = &best.design;
+    let (p90, interval) = verify(problem, design);
     Some(Row {
         seed,
         method: "direct",
-        x: problem.free_values(&design),
+        x: problem.free_values(design),
         p90,
         interval,
         predicted: None,

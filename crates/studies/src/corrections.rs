@@ -3,39 +3,49 @@
 use std::path::Path;
 
 use anyhow::Context as _;
-use campaign::file::PairCorrections;
-use campaign::file::Sampling;
+use campaign::file::{CorrectionsSection, PairCorrections, Sampling};
 use campaign::formulation::Problem;
-use campaign::formulation::gears::VARIABLE_NAMES;
+use campaign::formulation::gears::ALL_VARIABLES;
+use campaign::optimise::Found;
 use campaign::{Campaign, Design, PairFile};
+use rayon::prelude::*;
 use report::Percentile;
 use results::percentile::percentile;
 
-use crate::direct::{self, Corrected, Found, Search, Space};
+use crate::direct::{self, Search, Start};
 use crate::refusal::require_built_in;
-use crate::simulations::{Simulations, at_once};
-use crate::table::{NOTHING, Table, Written, exact, maybe_exact, with_interval, write};
+use crate::samples;
+use crate::table::{Document, NOTHING, Table, exact, maybe_exact, with_interval, write};
+
+/// A set of profile corrections that a search may use.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Space {
+    /// The corrections, in words.
+    pub name: &'static str,
+    /// Their ranges.
+    section: CorrectionsSection,
+}
 
 /// The results of the searches with one set of corrections.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
     /// The corrections that were allowed.
     pub space: Space,
-    /// Designs tried, over all starts.
+    /// Number of designs tried, over all starts.
     pub evaluations: u64,
-    /// Analyses without random wear.
+    /// Number of analyses without random wear.
     pub plain_calls: u64,
-    /// Analyses with random wear.
+    /// Number of analyses with random wear.
     pub worn_calls: u64,
-    /// The best design and its P90 from verification samples, if any design satisfied the constraints.
+    /// The best feasible design and its P90 from verification samples, if a search met one.
     pub best: Option<(Found, Percentile)>,
 }
 
-/// The spaces that a campaign asks to compare: flanks as they are, then with corrections.
+/// The sets that a campaign asks to compare: flanks as they are, then with corrections.
 ///
 /// # Errors
 ///
-/// The campaign has no bounds for corrections, or they are not its simulator's.
+/// The campaign has no section `[corrections]`, or an external simulator.
 pub fn spaces(campaign: &Campaign) -> anyhow::Result<Vec<Space>> {
     require_built_in(campaign)?;
     let sections = campaign.gears();
@@ -47,52 +57,87 @@ pub fn spaces(campaign: &Campaign) -> anyhow::Result<Vec<Space>> {
             campaign.name
         )
     })?;
-    Ok(std::iter::once(Space::plain())
-        .chain(Space::relieved(section))
-        .chain(Space::crowned(section))
-        .collect())
+    let mut spaces = vec![Space {
+        name: "none",
+        section: CorrectionsSection::default(),
+    }];
+    let has_relief = section.tip_relief_um.is_some();
+    if has_relief {
+        spaces.push(Space {
+            name: "tip relief",
+            section: CorrectionsSection {
+                crowning_um: None,
+                ..section.clone()
+            },
+        });
+    }
+    if section.crowning_um.is_some() {
+        spaces.push(Space {
+            name: match has_relief {
+                true => "tip relief and crowning",
+                false => "crowning",
+            },
+            section: section.clone(),
+        });
+    }
+    Ok(spaces)
+}
+
+impl Space {
+    /// The problem of a campaign whose designs have these corrections.
+    #[must_use]
+    pub fn problem(&self, campaign: &Campaign) -> Problem {
+        Problem::new(campaign.clone()).with_corrections(&self.section)
+    }
 }
 
 /// Searches with the corrections of `space`, the `number`th of its campaign, from the campaign's
-/// number of starts; the first of them begins at the best design `without` corrections.
+/// number of starts; the first of them begins at the best design `without` corrections and with the
+/// least corrections.
 ///
 /// # Errors
 ///
-/// The errors of the simulations.
+/// A search fails.
 pub fn run(
-    simulations: &dyn Simulations,
-    problem: &Problem,
-    base: &Design,
+    campaign: &Campaign,
     space: &Space,
+    base: &Design,
     number: u64,
     without: Option<&Row>,
 ) -> anyhow::Result<Row> {
-    let known = without
-        .and_then(|row| row.best.as_ref())
-        .map(|(found, _)| problem.unit_point(&problem.free_values(&found.design.variables.into())));
-    let runs: Vec<Search> = at_once(0..problem.campaign().optimise.starts, |start| {
-        let from = known.as_ref().filter(|_| start == 0).map(|unit| &unit[..]);
-        direct::search(simulations, problem, base, space, number, start, from)
-    })?;
-    let sum = |of: fn(&Search) -> u64| runs.iter().map(of).sum();
-    let best = runs
+    let problem = space.problem(campaign);
+    let known = without.and_then(|row| Some(&row.best.as_ref()?.0.design));
+    let searches: anyhow::Result<Vec<Search>> = (0..campaign.optimise.starts)
+        .into_par_iter()
+        .map(|start| {
+            let from = known.filter(|_| start == 0);
+            let start = Start {
+                number,
+                start,
+                base,
+                from,
+            };
+            direct::search(&problem, start)
+        })
+        .collect();
+    let searches = searches?;
+    let sum = |of: fn(&Search) -> u64| searches.iter().map(of).sum();
+    let best = searches
         .iter()
-        .filter_map(|run| run.found)
-        .min_by(|a, b| a.p90_um.total_cmp(&b.p90_um));
+        .filter_map(|search| search.best.as_ref())
+        .min_by(|a, b| a.criterion.total_cmp(&b.criterion));
     let best = match best {
-        Some(found) => {
-            let request = direct::verification(problem, &found.design);
-            let answer = simulations.simulate(&[request])?.remove(0);
-            let fresh = answer.samples_of("the best design")?;
-            Some((found, percentile(&problem.campaign().sampling, &fresh)))
+        Some(best) => {
+            let verified = samples::verification(&problem, &best.design)?;
+            Some((best.clone(), percentile(&campaign.sampling, &verified)))
         }
         None => None,
     };
     Ok(Row {
         space: space.clone(),
-        evaluations: sum(|run| run.evaluations),
-        plain_calls: sum(|run| run.plain_calls),
-        worn_calls: sum(|run| run.worn_calls),
+        evaluations: sum(|search| search.evaluations),
+        plain_calls: sum(|search| search.plain_calls),
+        worn_calls: sum(|search| search.worn_calls),
         best,
     })
 }
@@ -103,9 +148,9 @@ pub fn run(
 /// # Errors
 ///
 /// A file cannot be written.
-pub fn write_tables(out: &Path, campaign: &Campaign, rows: &[Row]) -> anyhow::Result<Written> {
+pub fn write_tables(out: &Path, campaign: &Campaign, rows: &[Row]) -> anyhow::Result<Document> {
     let sampling = &campaign.sampling;
-    let figures = all_figures(sampling, rows);
+    let figures = all_figures(campaign, rows);
     write(out, "corrections.csv", figures.csv()?)?;
     let page = format!(
         "# {} with and without profile corrections\n\n\
@@ -119,19 +164,22 @@ pub fn write_tables(out: &Path, campaign: &Campaign, rows: &[Row]) -> anyhow::Re
         summary(sampling, rows).markdown()
     );
     write(out, "corrections.md", &page)?;
-    let sections = campaign.gears().context("corrections are of gears")?;
     for row in rows {
-        let Some((found, _)) = &row.best else {
+        let problem = row.space.problem(campaign);
+        let (Some((found, _)), Some(gears), Some(sections)) =
+            (&row.best, problem.gears(), campaign.gears())
+        else {
             continue;
         };
+        let corrections = gears.corrections(&found.design);
         let file = PairFile {
-            corrections: PairCorrections::of_gear(&found.design.corrections),
-            ..PairFile::of_design(sections, &found.design.variables)
+            corrections: PairCorrections::of_gear(&corrections),
+            ..PairFile::of_design(sections, &found.design.gears())
         };
-        let name = format!("pair-{}.toml", row.space.name().replace(' ', "-"));
+        let name = format!("pair-{}.toml", row.space.name.replace(' ', "-"));
         write(out, &name, file.to_toml())?;
     }
-    Ok(Written {
+    Ok(Document {
         page,
         tables: vec![("corrections", figures)],
     })
@@ -153,22 +201,26 @@ fn summary(sampling: &Sampling, rows: &[Row]) -> Table {
         "analyses without and with random wear",
     ]);
     for row in rows {
-        let mut line = vec![row.space.name().to_owned()];
+        let mut line = vec![row.space.name.to_owned()];
         match &row.best {
             Some((found, p90)) => {
-                let corrections = &found.design.corrections;
+                let (values, criteria) = (found.design.values(), found.criteria.gears());
+                let relief = |amount: f64, length: f64| match length > 0.0 {
+                    true => format!("{amount:.1} µm × {length:.2} mm"),
+                    false => NOTHING.to_owned(),
+                };
                 line.push(with_interval(p90));
-                line.push(format!("{:.3}", found.p90_um));
-                line.extend(corrections.tip_relief.map(|relief| {
-                    relief.map_or(NOTHING.to_owned(), |relief| {
-                        format!("{:.1} µm × {:.2} mm", 1e3 * relief.amount, relief.length)
-                    })
-                }));
-                line.push(format!("{:.2}", 1e3 * corrections.crowning));
-                line.push(format!("{:.3}", found.criteria.contact_ratio));
-                line.push(format!("{:.3}", found.criteria.specific_sliding));
-                line.push(format!("{:.0}", found.criteria.hertz_pressure_mpa));
-                line.push(format!("{:.0}", found.criteria.root_stress_mpa));
+                line.push(format!("{:.3}", found.criterion));
+                // Amount and length of the pinion's relief and the mate's, then the crowning.
+                let corrections = &values[ALL_VARIABLES..];
+                let reliefs = corrections.chunks_exact(2);
+                let crowning = reliefs.remainder();
+                line.extend(reliefs.map(|of_gear| relief(of_gear[0], of_gear[1])));
+                line.extend(crowning.iter().map(|crowning| format!("{crowning:.2}")));
+                line.push(format!("{:.3}", criteria.contact_ratio));
+                line.push(format!("{:.3}", criteria.specific_sliding));
+                line.push(format!("{:.0}", criteria.hertz_pressure_mpa));
+                line.push(format!("{:.0}", criteria.root_stress_mpa));
             }
             None => {
                 line.push("none feasible".to_owned());
@@ -181,18 +233,13 @@ fn summary(sampling: &Sampling, rows: &[Row]) -> Table {
     table
 }
 
-fn all_figures(sampling: &Sampling, rows: &[Row]) -> Table {
-    let columns = sampling.percentile_columns();
+fn all_figures(campaign: &Campaign, rows: &[Row]) -> Table {
+    let columns = campaign.sampling.percentile_columns();
     let searched = columns[0].replace("_um", "_searched_um");
+    let problem = Problem::new(campaign.clone()).with_corrections(&CorrectionsSection::default());
+    let variables = problem.variables();
     let mut header = vec!["corrections"];
-    header.extend(VARIABLE_NAMES);
-    header.extend([
-        "tip_relief_p_um",
-        "tip_relief_length_p_mm",
-        "tip_relief_r_um",
-        "tip_relief_length_r_mm",
-        "crowning_um",
-    ]);
+    header.extend(variables.iter().map(|variable| &*variable.name));
     header.extend(columns.iter().chain([&searched]).map(String::as_str));
     header.extend([
         "contact_ratio",
@@ -205,31 +252,26 @@ fn all_figures(sampling: &Sampling, rows: &[Row]) -> Table {
     ]);
     let mut table = Table::new(header);
     for row in rows {
-        let best = row.best.as_ref();
-        let mut line = vec![row.space.name().to_owned()];
-        match best.map(|(found, _)| found.design) {
-            Some(Corrected {
-                variables,
-                corrections,
-            }) => {
-                line.extend(variables.values().map(exact));
-                for relief in corrections.tip_relief {
-                    line.push(maybe_exact(relief.map(|relief| 1e3 * relief.amount)));
-                    line.push(maybe_exact(relief.map(|relief| relief.length)));
-                }
-                line.push(exact(1e3 * corrections.crowning));
-            }
-            None => line.extend(std::iter::repeat_n(String::new(), VARIABLE_NAMES.len() + 5)),
+        let (found, p90) = row.best.as_ref().map(|(found, p90)| (found, p90)).unzip();
+        let mut line = vec![row.space.name.to_owned()];
+        match found {
+            Some(found) => line.extend(found.design.values().iter().copied().map(exact)),
+            None => line.extend(variables.iter().map(|_| String::new())),
         }
-        let of = |value: fn(&(Found, Percentile)) -> f64| maybe_exact(best.map(value));
-        line.push(of(|best| best.1.value));
-        line.push(of(|best| best.1.low));
-        line.push(of(|best| best.1.high));
-        line.push(of(|best| best.0.p90_um));
-        line.push(of(|best| best.0.criteria.contact_ratio));
-        line.push(of(|best| best.0.criteria.specific_sliding));
-        line.push(of(|best| best.0.criteria.hertz_pressure_mpa));
-        line.push(of(|best| best.0.criteria.root_stress_mpa));
+        let criteria = found.map(|found| found.criteria.gears());
+        line.extend(
+            [
+                p90.map(|p90| p90.value),
+                p90.map(|p90| p90.low),
+                p90.map(|p90| p90.high),
+                found.map(|found| found.criterion),
+                criteria.map(|criteria| criteria.contact_ratio),
+                criteria.map(|criteria| criteria.specific_sliding),
+                criteria.map(|criteria| criteria.hertz_pressure_mpa),
+                criteria.map(|criteria| criteria.root_stress_mpa),
+            ]
+            .map(maybe_exact),
+        );
         line.extend([row.evaluations, row.plain_calls, row.worn_calls].map(|n| n.to_string()));
         table.rows.push(line);
     }
@@ -239,7 +281,6 @@ fn all_figures(sampling: &Sampling, rows: &[Row]) -> Table {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simulations::InProcess;
 
     fn campaign(section: &str) -> Campaign {
         let mut text = Campaign::PAPER.to_owned();
@@ -269,47 +310,43 @@ mod tests {
         );
         let spaces = spaces(&campaign).unwrap();
         assert_eq!(spaces.len(), 2, "no crowning was asked for");
-        let problem = Problem::new(campaign);
-        let base = problem.base().clone();
-        let here = &InProcess(&problem);
-        let without = run(here, &problem, &base, &spaces[0], 0, None).unwrap();
-        let with = run(here, &problem, &base, &spaces[1], 1, Some(&without)).unwrap();
+        let base = spaces[0].problem(&campaign).base().clone();
+        let without = run(&campaign, &spaces[0], &base, 0, None).unwrap();
+        let with = run(&campaign, &spaces[1], &base, 1, Some(&without)).unwrap();
         assert_eq!(
             with,
-            run(here, &problem, &base, &spaces[1], 1, Some(&without)).unwrap()
+            run(&campaign, &spaces[1], &base, 1, Some(&without)).unwrap()
         );
+        let problem = spaces[1].problem(&campaign);
+        let gears = problem.gears().unwrap();
         assert_eq!([without.evaluations, with.evaluations], [1000, 1000]);
         let bare = without.best.as_ref().expect("the searches end feasible");
-        assert_eq!(bare.0.design.corrections, gear::Corrections::default());
+        let none = gear::Corrections::default();
+        assert_eq!(gears.corrections(&bare.0.design), none);
         let corrected = with.best.as_ref().expect("the searches end feasible");
-        for relief in corrected.0.design.corrections.tip_relief {
+        for relief in gears.corrections(&corrected.0.design).tip_relief {
             let relief = relief.expect("both tips have relief");
             assert!((0.0..=0.020).contains(&relief.amount));
             assert!((0.5..=4.0).contains(&relief.length));
         }
         for (found, p90) in [bare, corrected] {
-            assert!(problem.is_feasible(&found.criteria.into()));
+            assert!(problem.is_feasible(&found.criteria));
             assert_eq!(p90.samples, 60);
             assert!(p90.low < p90.value && p90.value < p90.high);
         }
         let rows = [without.clone(), with.clone()];
         let folder = tempfile::tempdir().unwrap();
-        write_tables(folder.path(), problem.campaign(), &rows).unwrap();
+        write_tables(folder.path(), &campaign, &rows).unwrap();
         for (name, (found, _)) in [("none", bare), ("tip-relief", corrected)] {
             let text = std::fs::read_to_string(folder.path().join(format!("pair-{name}.toml")));
             let file = PairFile::parse("pair.toml", &text.unwrap()).unwrap();
-            let gears = problem.gears().unwrap();
-            let design = found.design.variables.into();
-            assert_eq!(file.to_gear(), gears.pair_input(&design));
-            let (written, asked) = (file.corrections(), found.design.corrections);
+            assert_eq!(file.to_gear(), gears.pair_input(&found.design));
+            let (written, asked) = (file.corrections(), gears.corrections(&found.design));
             for (written, asked) in written.tip_relief.iter().zip(asked.tip_relief) {
                 let amounts = [*written, asked].map(|r| r.map_or(0.0, |relief| relief.amount));
                 assert!((amounts[0] - amounts[1]).abs() < 1e-15, "{amounts:?}");
             }
         }
-        assert_eq!(
-            summary(&problem.campaign().sampling, &rows).rows[1][0],
-            "tip relief"
-        );
+        assert_eq!(summary(&campaign.sampling, &rows).rows[1][0], "tip relief");
     }
 }

@@ -1,8 +1,10 @@
 //! Reading a campaign that is finished.
 
 use campaign::formulation::Problem;
+use campaign::optimise::{self, RunResult};
 use campaign::task::Run;
 use campaign::{Approach, Campaign, Criteria, Design, GearCriteria, GearVariables};
+use rayon::prelude::*;
 use results::status;
 use stages::optima::{self, approach_of, optimum_design};
 use stages::plan;
@@ -10,7 +12,6 @@ use stages::state::State;
 use store::Store;
 
 use crate::refusal::Unfinished;
-use crate::simulations::Simulations;
 
 /// A design that an approach found, with its verification samples.
 #[derive(Debug, Clone, PartialEq)]
@@ -99,29 +100,33 @@ pub fn base(problem: &Problem, optima: &[Optimum]) -> Design {
     plan::base(problem, &state).unwrap_or_else(|| problem.base().clone())
 }
 
-/// [`base`] for a campaign without a store: if the variables come from the optimum without wear,
-/// the workers search for it.
+/// [`base`] for a campaign without a store: if the variables come from the optimum without wear, this
+/// searches for it.
 ///
 /// # Errors
 ///
-/// The errors of the simulations.
-pub fn base_anew(simulations: &dyn Simulations, problem: &Problem) -> anyhow::Result<Design> {
-    let campaign = problem.campaign();
+/// A search fails.
+pub fn searched_base(problem: &Problem) -> anyhow::Result<Design> {
     let printed = problem.base().clone();
     if problem.base_from().is_none() {
         return Ok(printed);
     }
-    let run = |start| Run {
-        approach: Approach::Nominal,
-        start,
-        base: printed.clone(),
-        model: None,
-        from: None,
+    let run = |start| {
+        let run = Run {
+            approach: Approach::Nominal,
+            start,
+            base: printed.clone(),
+            model: None,
+            from: None,
+        };
+        optimise::run(problem, &run).map_err(anyhow::Error::msg)
     };
-    let runs = simulations.optimise((0..campaign.optimise.starts).map(run).collect())?;
-    let best = runs
+    let starts = 0..problem.campaign().optimise.starts;
+    let results: anyhow::Result<Vec<RunResult>> = starts.into_par_iter().map(run).collect();
+    let results = results?;
+    let best = results
         .iter()
-        .filter_map(|run| run.best.as_ref())
+        .filter_map(|result| result.best.as_ref())
         .min_by(|a, b| a.criterion.total_cmp(&b.criterion));
     Ok(best.map_or(printed, |found| problem.base_of(&found.design)))
 }

@@ -2,12 +2,11 @@
 
 use campaign::Campaign;
 
-/// A campaign with an external simulator: a study simulates designs of its own, with the built-in
-/// model.
+/// The campaign of a study that simulates designs has an external simulator.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "campaign {campaign} is simulated by an external program: this command simulates by itself, with \
-     the built-in model only"
+    "campaign {campaign} is simulated by an external program, which this command does not start: it \
+     simulates with the built-in model; give it a copy of the campaign without the section [simulator]"
 )]
 pub struct External {
     /// The campaign's name.
@@ -27,7 +26,7 @@ pub fn require_built_in(campaign: &Campaign) -> Result<(), External> {
     Ok(())
 }
 
-/// A study of gears was requested for a campaign of another kind.
+/// The campaign of a study of gears is of another kind.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("campaign {campaign} has kind = \"external\": this command is for campaigns of gears")]
 pub struct NoGears {
@@ -49,14 +48,12 @@ pub fn require_gears(campaign: &Campaign) -> Result<(), NoGears> {
     }
 }
 
-/// The campaign of a store is not finished, as a study needs it.
+/// The campaign of a store is not finished.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "{store} is not finished (stage {stage}): finish it with `coordinator run`, then ask again"
-)]
+#[error("{store} is not finished (stage {stage}): finish it with `coordinator run` first")]
 pub struct Unfinished {
     /// The store's file.
     pub store: String,
-    /// The first stage that is not done.
+    /// The first unfinished stage.
     pub stage: String,
 }

@@ -8,24 +8,25 @@
 //! A deviation of a variable is one of manufacture: tools keep their module, so the module stays as
 //! designed, and the centre distance at which the pair meshes without backlash follows.
 
+use std::ops::Range;
 use std::path::Path;
 
-use anyhow::Context as _;
-use campaign::Campaign;
+use anyhow::{Context as _, anyhow};
 use campaign::file::Sampling;
 use campaign::formulation::Problem;
-use campaign::formulation::gears::VARIABLE_NAMES;
+use campaign::formulation::gears::{Gears, VARIABLE_NAMES};
 use campaign::optimise::COMMON;
 use campaign::task::VERIFICATION;
-use campaign::{Design, Variant, WearFactors};
+use campaign::{Approach, Campaign, Design};
+use rayon::prelude::*;
 use report::Percentile;
 use results::percentile::percentile;
 use stats::streams::{Purpose, stream};
 use stats::{Index, Sensitivity, SensitivityPlan};
 
 use crate::finished::Optimum;
-use crate::simulations::{Answer, Request, Simulations};
-use crate::table::{Table, Written, exact, with_interval, write};
+use crate::samples::in_pieces;
+use crate::table::{Document, Table, exact, with_interval, write};
 
 /// Names the wear profiles among which the field of a single sample is drawn.
 const FIELDS: u64 = (1 << 40) + 1;
@@ -35,6 +36,9 @@ const RESAMPLES: usize = 1000;
 
 /// The parameters of the wear field, in the order of the inputs after the variables.
 const SCENARIO: [&str; 3] = ["wear depth", "wear variance", "wear range"];
+
+/// Text of the error for a campaign of another kind, which the commands refuse.
+const NO_GEARS: &str = "a campaign of gears is needed";
 
 /// Number of a pair's variables that deviate: the first ones, profile shifts and heights of the
 /// tools.
@@ -73,7 +77,32 @@ pub struct Indices {
     pub sensitivity: Sensitivity,
 }
 
-/// The optimum of least verified P90, or that of the approach of that name.
+/// Factors on the parameters of a wear field.
+#[derive(Debug, Clone, Copy)]
+struct WearFactors {
+    depth: f64,
+    variance: f64,
+    range: f64,
+}
+
+impl WearFactors {
+    const NONE: Self = Self {
+        depth: 1.0,
+        variance: 1.0,
+        range: 1.0,
+    };
+
+    fn apply(self, wear: &gear::Wear) -> gear::Wear {
+        gear::Wear {
+            law: wear.law.scaled(self.depth),
+            variance: self.variance * wear.variance,
+            range: self.range * wear.range,
+            ..*wear
+        }
+    }
+}
+
+/// The optimum of least verified P90, or that of an approach.
 ///
 /// # Errors
 ///
@@ -81,14 +110,14 @@ pub struct Indices {
 pub fn choose<'a>(
     sampling: &Sampling,
     optima: &'a [Optimum],
-    approach: Option<&str>,
+    approach: Option<Approach>,
 ) -> anyhow::Result<&'a Optimum> {
     let p90 = |optimum: &Optimum| percentile(sampling, &optimum.verified).value;
     match approach {
-        Some(name) => optima
+        Some(approach) => optima
             .iter()
-            .find(|optimum| optimum.approach.name() == name)
-            .with_context(|| format!("approach {name} found no feasible design")),
+            .find(|optimum| optimum.approach == approach)
+            .with_context(|| format!("approach {} found no feasible design", approach.name())),
         None => optima
             .iter()
             .filter(|optimum| p90(optimum).is_finite())
@@ -102,54 +131,78 @@ pub fn choose<'a>(
 ///
 /// # Errors
 ///
-/// The errors of the simulations, or the design cannot be simulated; none of the latter for one
-/// from the campaign's store.
-pub fn scenarios(
-    simulations: &dyn Simulations,
-    problem: &Problem,
-    optimum: &Optimum,
-) -> anyhow::Result<Vec<Scenario>> {
-    let one = ["as designed"].map(|parameter| (parameter, 1.0));
-    let varied = ["wear variance", "wear range", "wear depth"]
-        .into_iter()
-        .flat_map(|parameter| [0.5, 2.0].map(|factor| (parameter, factor)));
-    let scenarios: Vec<_> = one.into_iter().chain(varied).collect();
-    let request = |(parameter, factor): &(&str, f64)| {
-        let mut variant = Variant::new(optimum.variables.into(), VERIFICATION);
-        match *parameter {
-            "wear variance" => variant.wear.variance = *factor,
-            "wear range" => variant.wear.range = *factor,
-            "wear depth" => variant.wear.depth = *factor,
-            _ => {}
-        }
-        Request {
-            variant,
-            samples: 0..optimum.verified.len() as u32,
-        }
-    };
-    let requests: Vec<Request> = scenarios.iter().map(request).collect();
-    let answers = simulations.simulate(&requests)?;
-    let scenario = |((parameter, factor), answer): ((&'static str, f64), Answer)| {
-        let samples = answer.samples_of("the optimum")?;
-        Ok(Scenario {
-            parameter,
-            factor,
-            p90: percentile(&problem.campaign().sampling, &samples),
+/// The design cannot be simulated, which is not expected for one from the campaign's store.
+pub fn scenarios(problem: &Problem, optimum: &Optimum) -> anyhow::Result<Vec<Scenario>> {
+    let gears = problem.gears().context(NO_GEARS)?;
+    let pair = gears.pair(&optimum.variables.into())?;
+    let none = WearFactors::NONE;
+    let parameters: [(&str, fn(f64) -> WearFactors); 3] = [
+        ("wear variance", |variance| WearFactors {
+            variance,
+            ..WearFactors::NONE
+        }),
+        ("wear range", |range| WearFactors {
+            range,
+            ..WearFactors::NONE
+        }),
+        ("wear depth", |depth| WearFactors {
+            depth,
+            ..WearFactors::NONE
+        }),
+    ];
+    let varied = parameters.into_iter().flat_map(|(parameter, factors)| {
+        [0.5, 2.0].map(|factor| (parameter, factor, factors(factor)))
+    });
+    let scenarios: Vec<_> = std::iter::once(("as designed", 1.0, none))
+        .chain(varied)
+        .collect();
+    scenarios
+        .into_par_iter()
+        .map(|(parameter, factor, factors)| {
+            let wear = factors.apply(gears.wear());
+            let samples = in_pieces(optimum.verified.len() as u32, |samples| {
+                draw(problem, &pair, &wear, VERIFICATION, samples)
+            })?;
+            Ok(Scenario {
+                parameter,
+                factor,
+                p90: percentile(&problem.campaign().sampling, &samples),
+            })
         })
-    };
-    scenarios.into_iter().zip(answers).map(scenario).collect()
+        .collect()
 }
 
-/// First-order and total indices of P90 (from the common samples of the campaign's number), and of
-/// the ΔSTE of one worn pair, whose wear field is one input more, together with the slope deviations
-/// of a campaign with a flank class.
+/// Samples of ΔSTE of a pair with this wear, µm. Sample i uses the stream (campaign's seed, purpose,
+/// number, i).
+fn draw(
+    problem: &Problem,
+    pair: &gear::Pair,
+    wear: &gear::Wear,
+    (purpose, number): (Purpose, u64),
+    samples: Range<u32>,
+) -> anyhow::Result<Vec<f64>> {
+    let class = problem.gears().and_then(Gears::flank_class);
+    let mut sampler = pair.sampler_of_class(wear, class);
+    let seed = problem.campaign().seed;
+    samples
+        .map(|index| {
+            let sample = sampler.draw(&mut stream(seed, purpose, number, index.into()));
+            let checked = problem.check_sample(sample);
+            checked.map_err(|why| anyhow!("ΔSTE of sample {index} {why}"))?;
+            Ok(sample)
+        })
+        .collect()
+}
+
+/// First-order and total indices of P90 (from the common samples of a direct search), and of the
+/// ΔSTE of one worn pair, whose wear field is one input more, together with the slope deviations of
+/// a campaign with a flank class.
 ///
 /// # Errors
 ///
-/// The errors of the simulations; or the design has no module, tolerances leave no design that can
-/// be simulated, or nothing varies.
+/// The design has no module, tolerances leave no design that can be simulated, nothing varies, or
+/// the simulator fails.
 pub fn indices(
-    simulations: &dyn Simulations,
     problem: &Problem,
     optimum: &Optimum,
     tolerances: &Tolerances,
@@ -160,26 +213,32 @@ pub fn indices(
         .chain(&SCENARIO)
         .map(ToString::to_string)
         .collect();
-    let nominal = Design::from(optimum.variables);
-    let gears = problem.gears().context("manufacture is varied of gears")?;
-    let module = gears.normal_module(&nominal)?;
-    let at = |point: &[f64], stream| Variant {
-        normal_module_mm: Some(module),
-        ..deviated(&nominal, tolerances, point, stream)
+    let gears = problem.gears().context(NO_GEARS)?;
+    let sampling = &problem.campaign().sampling;
+    let nominal = Nominal::new(gears, optimum.variables.into())?;
+    let of_percentile = |point: &[f64]| -> anyhow::Result<f64> {
+        let Some((pair, wear)) = nominal.deviated(tolerances, point) else {
+            return Ok(f64::NAN);
+        };
+        let samples = draw(
+            problem,
+            &pair,
+            &wear,
+            COMMON,
+            0..sampling.samples_per_design,
+        )?;
+        Ok(percentile(sampling, &samples).value)
     };
-    let samples_per_design = problem.campaign().sampling.samples_per_design;
-    let of_p90 = |point: &[f64]| Request {
-        variant: at(point, COMMON),
-        samples: 0..samples_per_design,
-    };
-    let of_sample = |point: &[f64]| {
+    let of_sample = |point: &[f64]| -> anyhow::Result<f64> {
+        let Some((pair, wear)) = nominal.deviated(tolerances, point) else {
+            return Ok(f64::NAN);
+        };
         // The field is drawn from 2³² numbered ones, so that its number is a uniform input.
         let number = (point[inputs.len()] * f64::from(u32::MAX)) as u32;
         let number = number.min(u32::MAX - 1);
-        Request {
-            variant: at(point, (Purpose::Wear, FIELDS)),
-            samples: number..number + 1,
-        }
+        let fields = (Purpose::Wear, FIELDS);
+        let samples = draw(problem, &pair, &wear, fields, number..number + 1)?;
+        Ok(samples[0])
     };
     // The sample's one stream gives both.
     let field = match gears.flank_class() {
@@ -187,78 +246,83 @@ pub fn indices(
         None => "wear field",
     };
     let with_field = [&inputs[..], &[field.to_owned()]].concat();
-    let analyse = |output: &str, inputs, number, request: &dyn Fn(&[f64]) -> Request| {
-        analyse(
-            simulations,
-            problem,
-            output,
-            inputs,
-            tolerances,
-            number,
-            request,
-        )
-    };
+    let seed = problem.campaign().seed;
     Ok(vec![
         analyse(
-            &problem.campaign().sampling.percentile_name(),
-            inputs.clone(),
+            seed,
+            tolerances.rows,
             0,
-            &of_p90,
+            &sampling.percentile_name(),
+            inputs.clone(),
+            of_percentile,
         )?,
-        analyse("ΔSTE of one worn pair", with_field, 1, &of_sample)?,
+        analyse(
+            seed,
+            tolerances.rows,
+            1,
+            "ΔSTE of one worn pair",
+            with_field,
+            of_sample,
+        )?,
     ])
 }
 
-/// The design and the wear at a point of the unit cube.
-fn deviated(
-    nominal: &Design,
-    tolerances: &Tolerances,
-    point: &[f64],
-    stream: (Purpose, u64),
-) -> Variant {
-    let deviation = |input: usize, size: f64| size * (2.0 * point[input] - 1.0);
-    let mut values = nominal.values().to_vec();
-    for (input, value) in values[..DEVIATING].iter_mut().enumerate() {
-        *value += deviation(input, tolerances.modules);
+/// A design from which manufacture deviates.
+struct Nominal<'a> {
+    gears: &'a Gears,
+    design: Design,
+    /// The module of the tools, mm.
+    module: f64,
+}
+
+impl<'a> Nominal<'a> {
+    fn new(gears: &'a Gears, design: Design) -> anyhow::Result<Self> {
+        Ok(Self {
+            module: gears.normal_module(&design)?,
+            gears,
+            design,
+        })
     }
-    let factor = |number: usize| 1.0 + deviation(DEVIATING + number, tolerances.scenario);
-    Variant {
-        wear: WearFactors {
+
+    /// The pair and the wear at a point of the unit cube; `None` if the pair is not simulable.
+    fn deviated(&self, tolerances: &Tolerances, point: &[f64]) -> Option<(gear::Pair, gear::Wear)> {
+        let deviation = |input: usize, size: f64| size * (2.0 * point[input] - 1.0);
+        let mut values = self.design.values().to_vec();
+        for (input, value) in values[..DEVIATING].iter_mut().enumerate() {
+            *value += deviation(input, tolerances.modules);
+        }
+        let factor = |number: usize| 1.0 + deviation(DEVIATING + number, tolerances.scenario);
+        let factors = WearFactors {
             depth: factor(0),
             variance: factor(1),
             range: factor(2),
-        },
-        ..Variant::new(Design::new(values), stream)
+        };
+        let input = gear::PairInput {
+            size: gear::Size::NormalModule(self.module),
+            ..self.gears.pair_input(&Design::new(values))
+        };
+        let pair = gear::Pair::new(&input, self.gears.discretisation()).ok()?;
+        Some((pair, factors.apply(self.gears.wear())))
     }
 }
 
+/// The indices of the output `value` of a point. `number` distinguishes the analyses of a campaign.
 fn analyse(
-    simulations: &dyn Simulations,
-    problem: &Problem,
+    seed: u64,
+    rows: usize,
+    number: u32,
     output: &str,
     inputs: Vec<String>,
-    tolerances: &Tolerances,
-    number: u32,
-    request: &dyn Fn(&[f64]) -> Request,
+    value: impl Fn(&[f64]) -> anyhow::Result<f64> + Sync,
 ) -> anyhow::Result<Indices> {
-    let plan = SensitivityPlan::new(inputs.len(), tolerances.rows, number)?;
-    let requests: Vec<Request> = (0..plan.len())
-        .map(|index| request(&plan.point(index)))
+    let plan = SensitivityPlan::new(inputs.len(), rows, number)?;
+    let outputs: anyhow::Result<Vec<f64>> = (0..plan.len())
+        .into_par_iter()
+        .map(|index| value(&plan.point(index)))
         .collect();
-    // The percentile of a single sample is that sample.
-    let value = |answer| match answer {
-        Answer::Refused(_) => f64::NAN,
-        Answer::Simulated { samples, .. } => match samples[..] {
-            [sample] => sample,
-            _ => percentile(&problem.campaign().sampling, &samples).value,
-        },
-    };
-    let answers = simulations.simulate(&requests)?;
-    let outputs: Vec<f64> = answers.into_iter().map(value).collect();
-    let seed = problem.campaign().seed;
     let mut rng = stream(seed, Purpose::Wear, FIELDS + 1, u64::from(number));
     let sensitivity = plan
-        .analyse(&outputs, RESAMPLES, &mut rng)
+        .analyse(&outputs?, RESAMPLES, &mut rng)
         .with_context(|| format!("the indices of {output}"))?;
     Ok(Indices {
         output: output.to_owned(),
@@ -279,7 +343,7 @@ pub fn write_tables(
     tolerances: &Tolerances,
     scenarios: &[Scenario],
     indices: &[Indices],
-) -> anyhow::Result<Written> {
+) -> anyhow::Result<Document> {
     let name = &campaign.name;
     let [value, low, high] = campaign.sampling.percentile_columns();
     let mut table = Table::new(["parameter", "factor", &value, &low, &high]);
@@ -338,7 +402,7 @@ pub fn write_tables(
         page += &format!(".\n\n{}", shown.markdown());
     }
     write(out, "sensitivity.md", &page)?;
-    Ok(Written {
+    Ok(Document {
         page,
         tables: vec![("scenarios", table), ("indices", figures)],
     })
@@ -369,10 +433,8 @@ fn index_figures(indices: &[Indices]) -> Table {
 
 #[cfg(test)]
 mod tests {
-    use campaign::{Approach, Campaign};
-
     use super::*;
-    use crate::simulations::InProcess;
+    use crate::samples;
 
     /// The optimum of Figure 9 with the campaign's own random numbers.
     fn figure_9() -> (Problem, Optimum) {
@@ -383,17 +445,11 @@ mod tests {
         let design = stages::references::design(gear::paper::printed::Place::Figure(9));
         let gears = problem.gears().unwrap();
         let pair = gears.pair(&design).unwrap();
-        let variant = Variant::new(design.clone(), VERIFICATION);
-        let request = Request {
-            variant,
-            samples: 0..200,
-        };
-        let answer = InProcess(&problem).simulate(&[request]).unwrap().remove(0);
         let optimum = Optimum {
             approach: Approach::Baseline,
             variables: design.gears(),
             criteria: gears.pair_criteria(&pair, 1000.0),
-            verified: answer.samples_of("Figure 9").unwrap(),
+            verified: samples::verification(&problem, &design).unwrap(),
         };
         (problem, optimum)
     }
@@ -401,7 +457,7 @@ mod tests {
     #[test]
     fn the_scenario_as_designed_is_the_verification_and_more_wear_is_worse() {
         let (problem, optimum) = figure_9();
-        let rows = scenarios(&InProcess(&problem), &problem, &optimum).unwrap();
+        let rows = scenarios(&problem, &optimum).unwrap();
         assert_eq!(rows.len(), 7);
         assert_eq!(
             rows[0].p90,
@@ -428,10 +484,14 @@ mod tests {
             scenario: 0.2,
             rows: 128,
         };
-        let here = &InProcess(&problem);
-        let indices = |tolerances| indices(here, &problem, &optimum, tolerances);
+        let indices = |tolerances| indices(&problem, &optimum, tolerances);
         let found = indices(&tolerances).unwrap();
-        assert_eq!(found, indices(&tolerances).unwrap());
+        // The number of threads does not matter.
+        let one = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+        assert_eq!(
+            found,
+            one.unwrap().install(|| indices(&tolerances)).unwrap()
+        );
         assert_eq!(
             found.iter().map(|one| one.inputs.len()).collect::<Vec<_>>(),
             [9, 10]
@@ -470,7 +530,7 @@ mod tests {
         let manufacture = campaign::file::Manufacture { flank_class: 9 };
         campaign.gears_mut().unwrap().manufacture = Some(manufacture);
         let problem = Problem::new(campaign);
-        let rows = scenarios(&InProcess(&problem), &problem, &optimum).unwrap();
+        let rows = scenarios(&problem, &optimum).unwrap();
         let as_designed = percentile(&problem.campaign().sampling, &optimum.verified);
         assert!(rows[0].p90.value > as_designed.value);
         let tolerances = Tolerances {
@@ -479,7 +539,7 @@ mod tests {
             rows: 64,
         };
         let total = |problem: &Problem, name: &str| {
-            let found = indices(&InProcess(problem), problem, &optimum, &tolerances).unwrap();
+            let found = indices(problem, &optimum, &tolerances).unwrap();
             let of_one = &found[1];
             assert_eq!(of_one.inputs[9], name);
             of_one.sensitivity.total[9].value * of_one.sensitivity.variance
@@ -502,9 +562,9 @@ mod tests {
             choose(sampling, &optima, None).unwrap().approach,
             Approach::Kriging
         );
-        let asked = choose(sampling, &optima, Some("archard")).unwrap();
+        let asked = choose(sampling, &optima, Some(Approach::Baseline)).unwrap();
         assert_eq!(asked.approach, Approach::Baseline);
-        assert!(choose(sampling, &optima, Some("no-wear")).is_err());
+        assert!(choose(sampling, &optima, Some(Approach::Nominal)).is_err());
         assert!(choose(sampling, &[], None).is_err());
     }
 }

@@ -15,7 +15,7 @@ use results::status;
 use stages::optima::{self, approach_of, optimum_design};
 use store::Store;
 
-use crate::table::{NOTHING, Table, Written, exact, maybe_exact, with_interval, write};
+use crate::table::{Document, NOTHING, Table, exact, maybe_exact, with_interval, write};
 
 /// Numbers of teeth, ascending and without gaps.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -174,7 +174,7 @@ pub async fn rows(member: &Member) -> anyhow::Result<Vec<Row>> {
 /// # Errors
 ///
 /// A file cannot be written.
-pub fn write_tables(out: &Path, campaign: &Campaign, rows: &[Row]) -> anyhow::Result<Written> {
+pub fn write_tables(out: &Path, campaign: &Campaign, rows: &[Row]) -> anyhow::Result<Document> {
     let sampling = &campaign.sampling;
     let name = &campaign.name;
     let percentile = sampling.percentile_name();
@@ -203,7 +203,7 @@ pub fn write_tables(out: &Path, campaign: &Campaign, rows: &[Row]) -> anyhow::Re
         Err(why) => page += &format!("\n{why}\n"),
     }
     write(out, "sweep.md", &page)?;
-    Ok(Written {
+    Ok(Document {
         page,
         tables: vec![("sweep", figures)],
     })

@@ -57,16 +57,16 @@ impl Table {
     }
 }
 
-/// The results of a study, as it wrote them.
+/// The page and the tables of a study.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Written {
+pub struct Document {
     /// The page, in Markdown.
     pub page: String,
     /// The tables with all figures, by the names of their files.
     pub tables: Vec<(&'static str, Table)>,
 }
 
-impl Written {
+impl Document {
     /// The tables as one JSON object, with the folder that they were written to.
     ///
     /// # Errors
@@ -132,14 +132,14 @@ mod tests {
         table.rows.push(vec!["x|y".to_owned(), "1,5".to_owned()]);
         assert_eq!(table.markdown(), "| a | b |\n|---|---:|\n| x\\|y | 1,5 |\n");
         assert_eq!(table.csv().unwrap(), b"a,b\nx|y,\"1,5\"\n");
-        let found = Written {
+        let found = Document {
             page: String::new(),
             tables: vec![("t", table.clone())],
         };
         assert!(found.to_json(Path::new("out")).is_err(), "a is no text");
         table.header = vec!["source".to_owned(), "b".to_owned()];
         table.rows[0][1] = "1.5".to_owned();
-        let found = Written {
+        let found = Document {
             tables: vec![("t", table.clone())],
             ..found
         };

@@ -8,7 +8,6 @@ use rand::seq::SliceRandom as _;
 use stats::streams::{Purpose, stream};
 use store::ResponseRow;
 use studies::finished;
-use studies::simulations::InProcess;
 
 use crate::clock::process_seconds;
 use crate::data::{self, Doe};
@@ -80,7 +79,7 @@ pub(crate) fn run(
     };
     let seed = campaign.seed;
     let problem = &Problem::new(campaign);
-    let base = finished::base_anew(&InProcess(problem), problem)?;
+    let base = finished::searched_base(problem)?;
     let doe = data::sampled(problem, &base)?;
     let mut rows: Vec<&ResponseRow> = doe.responses.iter().collect();
     rows.shuffle(&mut stream(seed, Purpose::Test, 2, 0));

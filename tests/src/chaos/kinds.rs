@@ -3,15 +3,15 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use super::Violation;
 use super::outcome::Outcome;
 use super::programs::{BEAM, DIRECT, Programs};
-use super::{Violation, study};
 use crate::{changed, root, small_campaign};
 
 /// A kind of campaign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
-    /// The same number of samples for every design, followed by a study.
+    /// The same number of samples for every design.
     Plain,
     /// Samples to a precision, for designs that the constraints do not rule out.
     Precise,
@@ -242,8 +242,6 @@ pub(crate) struct Reference {
     pub(crate) outcome: Outcome,
     /// Duration of the run.
     pub(crate) span: Duration,
-    /// The table of a study of the campaign, if there is one.
-    pub(crate) study: Option<String>,
 }
 
 impl Reference {
@@ -269,15 +267,10 @@ impl Reference {
             let status = &outcome.status;
             return Err(Violation(format!("not even undisturbed: {status}")));
         }
-        let study = match kind {
-            Kind::Plain => Some(study::undisturbed(programs, folder, &files[0], &db)?),
-            _ => None,
-        };
         Ok(Self {
             files,
             outcome,
             span,
-            study,
         })
     }
 }

@@ -68,7 +68,7 @@ pub(crate) enum Act {
 #[must_use]
 pub(crate) fn random(seed: u64, round: u64, purpose: Purpose) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    rng.set_stream(round * 5 + purpose as u64);
+    rng.set_stream(round * 4 + purpose as u64);
     rng
 }
 
@@ -83,8 +83,6 @@ pub(crate) enum Purpose {
     Course,
     /// The failures of the external simulator.
     Simulator,
-    /// The faults of a study's workers.
-    Study,
 }
 
 /// The acts with their times since the start of the round, in order. Faults begin within `span`.

@@ -6,7 +6,7 @@ use std::process::Command;
 
 use serde_json::Value;
 
-use super::{Violation, study};
+use super::Violation;
 use crate::{python, root};
 
 /// The store of a round.
@@ -185,37 +185,6 @@ impl Programs {
         if let Some(name) = simulator {
             command.args(self.simulator(name, ""));
         }
-        finish(command).map(drop)
-    }
-
-    /// The command of a study of a finished campaign, with workers in other processes.
-    pub(crate) fn study(&self, folder: &Path, file: &Path, db: &str, out: &str) -> Command {
-        let mut command = self.command("coordinator", folder, "info");
-        command.arg("pareto").arg(file);
-        command.args(["--db", db, "--out", out, "--refine", "1"]);
-        command.args(["--workers", "0", "--admit", "--listen", "127.0.0.1:0"]);
-        command.args(["--access", study::ACCESS]);
-        command
-    }
-
-    /// The command of a worker with one slot for a study.
-    pub(crate) fn study_worker(&self, folder: &Path) -> Command {
-        let mut command = self.command("worker", folder, "info");
-        command.args(["--access", study::ACCESS, "--slots", "1", "--grace", "2"]);
-        command
-    }
-
-    /// Runs the same study to its end on this machine alone.
-    pub(crate) fn study_alone(
-        &self,
-        folder: &Path,
-        file: &Path,
-        db: &str,
-        out: &str,
-    ) -> Result<(), Violation> {
-        let mut command = self.command("coordinator", folder, "off");
-        command.arg("pareto").arg(file);
-        command.args(["--db", db, "--out", out, "--refine", "1"]);
         finish(command).map(drop)
     }
 

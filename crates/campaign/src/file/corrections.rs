@@ -8,7 +8,7 @@ use super::validate::Source;
 
 /// `[corrections]`, optional: `[low, high]` of each kind of profile correction. The campaign itself
 /// does not correct flanks; `coordinator corrections` designs with and without corrections.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CorrectionsSection {
     /// Amount of tip relief in µm, normal to the flank at the end of contact; for both gears.

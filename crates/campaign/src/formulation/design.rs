@@ -29,15 +29,15 @@ impl Design {
         &self.0
     }
 
-    /// The design as a gear pair.
+    /// The design as a gear pair, without profile corrections.
     ///
     /// # Panics
     ///
     /// The design is not one of a gear problem.
     #[must_use]
     pub fn gears(&self) -> GearVariables {
-        let values = self.0.as_slice().try_into();
-        GearVariables::of_values(values.expect("a gear pair has eleven variables"))
+        let values = self.0.first_chunk();
+        GearVariables::of_values(*values.expect("a gear pair has eleven variables"))
     }
 }
 

@@ -6,6 +6,7 @@ use super::space::Derived;
 use super::{Constraint, Design};
 use crate::file::{GearSections, HELIX_ANGLE, gear_size};
 
+pub(super) mod corrections;
 mod criteria;
 mod limits;
 mod spaces;
@@ -27,6 +28,8 @@ pub struct Gears {
     template: PairInput,
     wear: gear::Wear,
     discretisation: Discretisation,
+    /// The shape of tip relief, for designs whose variables include it.
+    relief_shape: gear::ReliefShape,
 }
 
 impl Gears {
@@ -60,6 +63,7 @@ impl Gears {
             template,
             wear: sections.wear.to_gear(),
             discretisation: sections.grid(),
+            relief_shape: gear::ReliefShape::Linear,
             sections,
         }
     }
@@ -84,7 +88,18 @@ impl Gears {
         &self.wear
     }
 
-    /// The simulator's input for a design.
+    pub(super) const fn set_relief_shape(&mut self, shape: gear::ReliefShape) {
+        self.relief_shape = shape;
+    }
+
+    /// The profile corrections of a design; none unless its problem has them as
+    /// [variables](super::Problem::with_corrections).
+    #[must_use]
+    pub fn corrections(&self, design: &Design) -> gear::Corrections {
+        corrections::of_values(design.values(), self.relief_shape)
+    }
+
+    /// The simulator's input for a design, without profile corrections.
     #[must_use]
     pub fn pair_input(&self, design: &Design) -> PairInput {
         let variables = design.gears();
@@ -134,7 +149,8 @@ impl Gears {
     ///
     /// The design is not simulable.
     pub fn pair(&self, design: &Design) -> Result<gear::Pair, gear::Error> {
-        gear::Pair::new(&self.pair_input(design), &self.discretisation)
+        let input = self.pair_input(design);
+        gear::Pair::with_corrections(&input, &self.corrections(design), &self.discretisation)
     }
 
     /// The criteria of a pair, with the contact pressure of the relevant analysis, in MPa.

@@ -1,4 +1,5 @@
 use super::*;
+use crate::simulator::Simulator as _;
 
 fn problem() -> Problem {
     Problem::new(Campaign::parse("paper.toml", Campaign::PAPER).unwrap())
@@ -311,4 +312,53 @@ fn a_limit_on_the_tip_land_is_a_constraint_of_campaign_and_store() {
         let again = limited.analysis(&design, &responses, state).unwrap();
         assert_eq!(&again, analysis);
     }
+}
+
+#[test]
+fn profile_corrections_are_further_variables_within_their_bounds() {
+    let section = CorrectionsSection {
+        tip_relief_um: Some([0.0, 20.0]),
+        tip_relief_length_mm: Some([0.5, 2.5]),
+        tip_relief_shape: Some("parabolic".to_owned()),
+        crowning_um: Some([0.0, 8.0]),
+    };
+    let crowned = problem().with_corrections(&section);
+    assert_eq!(crowned.dimension(), 11);
+    let corner = [&[0.5; 6][..], &[0.5, 0.0, 1.0, 1.0, 0.25]].concat();
+    let design = crowned.design(&crowned.free_point(&corner), crowned.base());
+    let corrections = crowned.gears().unwrap().corrections(&design);
+    let [pinion, mate] = corrections.tip_relief.map(|relief| relief.unwrap());
+    assert!((pinion.amount - 0.010).abs() < 1e-15 && pinion.length == 0.5);
+    assert!((mate.amount - 0.020).abs() < 1e-15 && mate.length == 2.5);
+    assert_eq!(mate.shape, gear::ReliefShape::Parabolic);
+    assert!((corrections.crowning - 0.002).abs() < 1e-15);
+
+    // Without ranges the pair is the one that the campaign has.
+    let none = problem().with_corrections(&CorrectionsSection::default());
+    assert_eq!(none.dimension(), 6);
+    let design = none.design(&none.free_point(&corner), none.base());
+    assert_eq!(design.values().len(), 16);
+    let corrections = none.gears().unwrap().corrections(&design);
+    assert_eq!(corrections, gear::Corrections::default());
+    let only = CorrectionsSection {
+        crowning_um: Some([0.0, 8.0]),
+        ..CorrectionsSection::default()
+    };
+    assert_eq!(problem().with_corrections(&only).dimension(), 7);
+
+    // The module follows from the other variables alone, and the analysis knows the corrections.
+    let analysed = |problem: &Problem, unit: &[f64]| {
+        let design = problem.design(&problem.free_point(unit), problem.base());
+        problem.prepare(&design).unwrap().analyse(State::Baseline)
+    };
+    let unit = [0.3, 0.4, 0.5, 0.5, 0.5, 0.5];
+    let plain = analysed(&problem(), &unit).unwrap();
+    assert_eq!(analysed(&none, &unit).unwrap(), plain);
+    // The campaign's tooth model does not allow crowning.
+    let relieved = problem().with_corrections(&CorrectionsSection {
+        crowning_um: None,
+        ..section
+    });
+    let corrected = analysed(&relieved, &[&unit[..], &[0.5; 4]].concat()).unwrap();
+    assert_ne!(corrected.value, plain.value);
 }

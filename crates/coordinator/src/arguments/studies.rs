@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
+use campaign::Approach;
 use clap::Args;
-use stages::optima;
 use studies::pareto::Against;
 use studies::sweep::Teeth;
 use worker::SimulatorArguments;
 
-use super::PortArguments;
+use super::approach_of_name;
 
 #[derive(Debug, Args)]
 pub(crate) struct Sweep {
@@ -40,22 +40,6 @@ pub(crate) struct Sweep {
     pub(crate) json: bool,
 }
 
-/// The workers that compute a study's simulations.
-#[derive(Debug, Args)]
-pub(crate) struct StudyWorkers {
-    /// Number of workers to start in this process [default: the number of processors]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=1024))]
-    pub(crate) workers: Option<u16>,
-    #[command(flatten)]
-    pub(crate) simulator: SimulatorArguments,
-    /// Let workers of other processes join, as `serve` does: the options that follow are those of
-    /// `serve`
-    #[arg(long)]
-    pub(crate) admit: bool,
-    #[command(flatten)]
-    pub(crate) port: PortArguments,
-}
-
 #[derive(Debug, Args)]
 pub(crate) struct Corrections {
     /// The campaign file, with a section [corrections]
@@ -70,8 +54,6 @@ pub(crate) struct Corrections {
     /// The folder of the tables; one that is not empty is refused [default: NAME-corrections]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    #[command(flatten)]
-    pub(crate) workers: StudyWorkers,
     /// Print the tables as one JSON object instead of the page
     #[arg(long)]
     pub(crate) json: bool,
@@ -93,8 +75,8 @@ pub(crate) struct Sensitivity {
     #[command(flatten)]
     pub(crate) finished: FinishedCampaign,
     /// The approach whose optimum is analysed [default: the one with the least verified percentile]
-    #[arg(long, value_name = "NAME", value_parser = approach)]
-    pub(crate) approach: Option<String>,
+    #[arg(long, value_name = "NAME", value_parser = approach_of_name)]
+    pub(crate) approach: Option<Approach>,
     /// Largest deviation of each of the six variables, in modules
     ///
     /// Tools keep their module: it stays as designed, and the centre distance at which the pair
@@ -104,15 +86,14 @@ pub(crate) struct Sensitivity {
     /// Largest deviation of the wear's depth, variance and range, as a share of each
     #[arg(long, value_name = "SHARE", default_value_t = 0.2, value_parser = share)]
     pub(crate) scenario: f64,
-    /// Rows of the analysis, preferably a power of two; each row takes 11 and 12 simulated pairs
+    /// Rows of each analysis, preferably a power of two; a row simulates 11 pairs for the indices of
+    /// the percentile, and 12 for those of a single worn pair
     #[arg(long, value_name = "N", default_value_t = 1024,
         value_parser = clap::value_parser!(u32).range(8..=stats::SENSITIVITY_ROWS as i64))]
     pub(crate) rows: u32,
     /// The folder of the tables; one that is not empty is refused [default: NAME-sensitivity]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    #[command(flatten)]
-    pub(crate) workers: StudyWorkers,
     /// Print the tables as one JSON object instead of the page
     #[arg(long)]
     pub(crate) json: bool,
@@ -133,8 +114,6 @@ pub(crate) struct Pareto {
     /// [default: NAME-pareto]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    #[command(flatten)]
-    pub(crate) workers: StudyWorkers,
     /// Print the tables as one JSON object instead of the page
     #[arg(long)]
     pub(crate) json: bool,
@@ -229,18 +208,6 @@ fn positive(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(number) if number > 0.0 && f64::is_finite(number) => Ok(number),
         _ => Err("it must be a number above 0".to_owned()),
-    }
-}
-
-fn approach(text: &str) -> Result<String, String> {
-    match optima::approach_of(text) {
-        Some(approach) => Ok(approach.name().to_owned()),
-        None => Err(format!(
-            "there are {}",
-            campaign::Approach::ALL
-                .map(campaign::Approach::name)
-                .join(", ")
-        )),
     }
 }
 

@@ -101,7 +101,7 @@ pub(super) async fn predict(arguments: &arguments::Predict) -> anyhow::Result<u8
 
 /// The result of `work` on a thread of its own, while a terminal shows what it does and for how long; `None` if a
 /// signal stopped the program before.
-async fn interruptible<T: Send + 'static>(
+pub(super) async fn interruptible<T: Send + 'static>(
     doing: String,
     work: impl FnOnce() -> T + Send + 'static,
 ) -> anyhow::Result<Option<T>> {

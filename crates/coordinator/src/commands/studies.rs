@@ -6,16 +6,15 @@ use std::time::Instant;
 use campaign::Campaign;
 use campaign::formulation::Problem;
 use coordinator::server::{self, Outcome, Plan};
-use coordinator::study;
 use protocol::exit;
 use store::Store;
 use studies::refusal::{require_built_in, require_gears};
-use studies::simulations::Simulations;
-use studies::table::Written;
+use studies::table::Document;
 use studies::{corrections, finished, pareto, sensitivity, sweep};
 use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
 
+use super::modelling::interruptible;
 use super::output::refuse_taken;
 use super::{Usage, local_workers, print_either, processors, read, refuse_network_store};
 use crate::arguments;
@@ -74,8 +73,8 @@ pub(super) async fn sweep(arguments: arguments::Sweep) -> anyhow::Result<u8> {
     for member in &members {
         rows.extend(sweep::rows(member).await?);
     }
-    let found = sweep::write_tables(&out, &campaign, &rows)?;
-    finish((found, out), arguments.json)?;
+    let document = sweep::write_tables(&out, &campaign, &rows)?;
+    finish(&document, &out, arguments.json)?;
     Ok(if incomplete {
         exit::INCOMPLETE
     } else {
@@ -87,18 +86,20 @@ pub(super) async fn sweep(arguments: arguments::Sweep) -> anyhow::Result<u8> {
 pub(super) async fn corrections(arguments: arguments::Corrections) -> anyhow::Result<u8> {
     let campaign = parse(&arguments.campaign)?;
     let spaces = corrections::spaces(&campaign).map_err(usage)?;
-    let json = arguments.json;
     let out = new_folder(arguments.out, &campaign, "corrections")?;
-    let plan = plan(&campaign, arguments.workers, "corrections")?;
-    let rows = move |simulations: &dyn Simulations| {
-        let problem = Problem::new(campaign);
-        let base = finished::base_anew(simulations, &problem)?;
+    let studied = campaign.clone();
+    let search = move || -> anyhow::Result<Vec<corrections::Row>> {
+        let mut base = None;
         let mut rows: Vec<corrections::Row> = Vec::new();
         for (number, space) in (0..).zip(&spaces) {
             let begun = Instant::now();
-            let row = corrections::run(simulations, &problem, &base, space, number, rows.first())?;
+            let base = match &mut base {
+                Some(base) => base,
+                None => base.insert(finished::searched_base(&space.problem(&studied))?),
+            };
+            let row = corrections::run(&studied, space, base, number, rows.first())?;
             info!(
-                corrections = space.name(),
+                corrections = space.name,
                 designs = row.evaluations,
                 worn_samples = row.worn_calls,
                 seconds = begun.elapsed().as_secs(),
@@ -106,133 +107,75 @@ pub(super) async fn corrections(arguments: arguments::Corrections) -> anyhow::Re
             );
             rows.push(row);
         }
-        corrections::write_tables(&out, problem.campaign(), &rows).map(|found| (found, out))
+        Ok(rows)
     };
-    conduct(plan, json, rows).await
+    let doing = format!("searching designs of {}", campaign.name);
+    let Some(rows) = interruptible(doing, search).await? else {
+        return Ok(exit::INTERRUPTED);
+    };
+    let document = corrections::write_tables(&out, &campaign, &rows?)?;
+    finish(&document, &out, arguments.json)
 }
 
 /// `coordinator sensitivity`: the effect of wear parameters and tolerances on the recommended
 /// design.
 pub(super) async fn sensitivity(arguments: arguments::Sensitivity) -> anyhow::Result<u8> {
     let (store, problem) = finished_campaign(&arguments.finished).await?;
-    require_built_in(problem.campaign()).map_err(usage)?;
+    let campaign = problem.campaign().clone();
+    require_built_in(&campaign).map_err(usage)?;
     let optima = finished::optima(&store, &problem).await?;
     store.close().await?;
-    let optimum = sensitivity::choose(
-        &problem.campaign().sampling,
-        &optima,
-        arguments.approach.as_deref(),
-    )?
-    .clone();
+    let optimum = sensitivity::choose(&campaign.sampling, &optima, arguments.approach)?.clone();
     let tolerances = sensitivity::Tolerances {
         modules: arguments.tolerance,
         scenario: arguments.scenario,
         rows: arguments.rows as usize,
     };
-    let json = arguments.json;
-    let out = new_folder(arguments.out, problem.campaign(), "sensitivity")?;
-    let plan = plan(problem.campaign(), arguments.workers, "sensitivity")?;
-    let page = move |simulations: &dyn Simulations| {
-        let scenarios = sensitivity::scenarios(simulations, &problem, &optimum)?;
-        let indices = sensitivity::indices(simulations, &problem, &optimum, &tolerances)?;
-        let campaign = problem.campaign();
-        sensitivity::write_tables(&out, campaign, &optimum, &tolerances, &scenarios, &indices)
-            .map(|found| (found, out))
+    let out = new_folder(arguments.out, &campaign, "sensitivity")?;
+    let studied = optimum.clone();
+    let simulate = move || -> anyhow::Result<_> {
+        let scenarios = sensitivity::scenarios(&problem, &studied)?;
+        let indices = sensitivity::indices(&problem, &studied, &tolerances)?;
+        Ok((scenarios, indices))
     };
-    conduct(plan, json, page).await
+    let doing = format!("simulating deviations from a design of {}", campaign.name);
+    let Some(simulated) = interruptible(doing, simulate).await? else {
+        return Ok(exit::INTERRUPTED);
+    };
+    let (scenarios, indices) = simulated?;
+    let document =
+        sensitivity::write_tables(&out, &campaign, &optimum, &tolerances, &scenarios, &indices)?;
+    finish(&document, &out, arguments.json)
 }
 
 /// `coordinator pareto`: P90 against a second objective.
 pub(super) async fn pareto(arguments: arguments::Pareto) -> anyhow::Result<u8> {
     let (store, problem) = finished_campaign(&arguments.finished).await?;
     let (against, refine) = (arguments.against, arguments.refine);
-    // The front of the DoE can be shown without its external simulator.
-    let workers = arguments.workers;
-    let has_workers =
-        !problem.campaign().is_external() || workers.admit || workers.simulator.exec().is_some();
+    if refine > 0 {
+        require_built_in(problem.campaign())
+            .map_err(|error| usage(format!("{error}, or leave out --refine")))?;
+    }
     let optima = finished::optima(&store, &problem).await?;
     let base = finished::base(&problem, &optima);
     let all = pareto::of_doe(&store, &problem, &base, against).await?;
     store.close().await?;
-    let json = arguments.json;
     let out = new_folder(arguments.out, problem.campaign(), "pareto")?;
-    let campaign = problem.campaign().clone();
-    let page = move |simulations: Option<&dyn Simulations>| {
-        let mut points = pareto::front_of_doe(simulations, &problem, &all, against)?;
+    let doing = format!("simulating designs of {}", problem.campaign().name);
+    let simulate = move || -> anyhow::Result<_> {
+        let mut points = pareto::front_of_doe(&problem, &all, against)?;
         points.extend(pareto::of_optima(&problem.campaign().sampling, &optima));
-        if let Some(simulations) = simulations {
-            let refined = pareto::refine(simulations, &problem, &base, &points, against, refine)?;
-            points.extend(refined);
-        }
+        let refined = pareto::refine(&problem, &base, &points, against, refine)?;
+        points.extend(refined);
         pareto::mark(&mut points, against);
-        pareto::write_tables(&out, &problem, against, &all, &points, refine)
-            .map(|found| (found, out))
+        Ok((problem, all, points))
     };
-    if !has_workers && refine == 0 {
-        return finish(page(None)?, json);
-    }
-    let plan = plan(&campaign, workers, "pareto")?;
-    conduct(plan, json, move |simulations| page(Some(simulations))).await
-}
-
-/// The plan of a study of a campaign.
-fn plan(
-    campaign: &Campaign,
-    arguments: arguments::StudyWorkers,
-    what: &str,
-) -> anyhow::Result<study::Plan> {
-    let name = format!("{}-{what}", campaign.name);
-    let port = if arguments.admit {
-        Some(super::port(arguments.port, &name)?)
-    } else {
-        refuse_port(&arguments.port)?;
-        None
+    let Some(simulated) = interruptible(doing, simulate).await? else {
+        return Ok(exit::INTERRUPTED);
     };
-    let default = if arguments.admit { 0 } else { processors() };
-    let count = arguments.workers.unwrap_or(default);
-    Ok(study::Plan {
-        workers: local_workers(campaign, &arguments.simulator, count)?,
-        campaign: campaign.clone(),
-        name,
-        port,
-        lease: server::LEASE,
-    })
-}
-
-/// Refuses options of a port without `--admit`. Values from the environment are allowed: they
-/// belong to another coordinator.
-fn refuse_port(port: &arguments::PortArguments) -> Result<(), Usage> {
-    let is_given = |file: &Option<PathBuf>, variable| {
-        file.as_deref().map(Path::as_os_str) != std::env::var_os(variable).as_deref()
-    };
-    if port.listen.is_some()
-        || !port.hosts.is_empty()
-        || port.insecure
-        || is_given(&port.access, "PITCHLINE_ACCESS")
-        || is_given(&port.guard.tls_cert, "PITCHLINE_TLS_CERT")
-    {
-        return Err(usage(
-            "a study has a port only with --admit: add it, or leave out the port's options",
-        ));
-    }
-    Ok(())
-}
-
-/// Runs a study to its end, prints its page, and says where its tables are.
-async fn conduct(
-    plan: study::Plan,
-    json: bool,
-    work: impl FnOnce(&dyn Simulations) -> anyhow::Result<(Written, PathBuf)> + Send + 'static,
-) -> anyhow::Result<u8> {
-    let shutdown = CancellationToken::new();
-    tokio::spawn(console::watch_signals(shutdown.clone(), "stopping"));
-    match study::run(plan, work, shutdown).await? {
-        Some(found) => finish(found, json),
-        None => {
-            info!("stopped; nothing of the study is kept");
-            Ok(exit::INTERRUPTED)
-        }
-    }
+    let (problem, all, points) = simulated?;
+    let document = pareto::write_tables(&out, &problem, against, &all, &points, refine)?;
+    finish(&document, &out, arguments.json)
 }
 
 fn usage(error: impl std::fmt::Display) -> Usage {
@@ -274,9 +217,9 @@ async fn finished_campaign(
     Ok((store, problem))
 }
 
-fn finish((found, out): (Written, PathBuf), json: bool) -> anyhow::Result<u8> {
-    print_either(json, &found.to_json(&out)?, || {
-        format!("{}\nwritten to {}\n", found.page, out.display())
+fn finish(document: &Document, out: &Path, json: bool) -> anyhow::Result<u8> {
+    print_either(json, &document.to_json(out)?, || {
+        format!("{}\nwritten to {}\n", document.page, out.display())
     })?;
     Ok(exit::OK)
 }

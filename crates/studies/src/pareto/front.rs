@@ -1,19 +1,21 @@
 //! The designs that are compared, and the front of those that no other is better than.
 
+use anyhow::Context as _;
 use campaign::file::Sampling;
 use campaign::formulation::Problem;
 use campaign::simulator::State;
 use campaign::{Design, GearCriteria, GearVariables};
+use rayon::prelude::*;
 use report::Percentile;
 use results::percentile::percentile;
 use store::{CriteriaRow, Store};
 
-use crate::direct::{self, Corrected, Space};
+use crate::direct::{self, Start};
 use crate::finished::Optimum;
-use crate::simulations::{Answer, Request, Simulations, at_once};
+use crate::samples;
 
-/// Random streams of refined designs; corrections have lower numbers.
-const REFINED: u64 = 1000;
+/// The number of the first search; those of corrections have lower numbers.
+const FIRST_SEARCH: u64 = 1000;
 
 /// Share by which the tightest limit of a search lies below the best design's value.
 const REACH: f64 = 0.15;
@@ -83,7 +85,7 @@ pub enum Source {
     /// The optimum of the approach of this name.
     Optimum(&'static str),
     /// A direct search under a limit.
-    Refined,
+    Search,
 }
 
 impl Source {
@@ -91,7 +93,7 @@ impl Source {
         match self {
             Self::Doe(index) => format!("design {index} of the DoE"),
             Self::Optimum(approach) => format!("optimum of {approach}"),
-            Self::Refined => "direct search".to_owned(),
+            Self::Search => "direct search".to_owned(),
         }
     }
 }
@@ -225,48 +227,34 @@ fn front_of(points: &[Point], against: Against, p90: fn(&Point) -> f64) -> Vec<u
     order
 }
 
-/// The front of the DoE by its own samples, with verification samples of each of its designs if there are
-/// workers to draw them.
+/// The front of the DoE by its own samples, with verification samples of each of its designs unless
+/// they take an external simulator.
 ///
 /// # Errors
 ///
-/// The errors of the simulations, or a design cannot be simulated again; none of the latter for a
-/// store of this version.
+/// A design cannot be simulated again, which is not expected for a store of this version.
 pub fn front_of_doe(
-    simulations: Option<&dyn Simulations>,
     problem: &Problem,
     points: &[Point],
     against: Against,
 ) -> anyhow::Result<Vec<Point>> {
     let front = front_of(points, against, |point| point.p90.value);
     let front: Vec<Point> = front.into_iter().map(|i| points[i].clone()).collect();
-    let Some(simulations) = simulations else {
-        return Ok(front);
-    };
-    verify(simulations, problem, front)
+    match problem.campaign().is_external() {
+        true => Ok(front),
+        false => verify(problem, front),
+    }
 }
 
-/// Gives points verification samples.
-fn verify(
-    simulations: &dyn Simulations,
-    problem: &Problem,
-    points: Vec<Point>,
-) -> anyhow::Result<Vec<Point>> {
-    let request = |point: &Point| {
-        let design = Corrected {
-            variables: point.variables,
-            corrections: gear::Corrections::default(),
-        };
-        direct::verification(problem, &design)
-    };
-    let requests: Vec<Request> = points.iter().map(request).collect();
-    let answers = simulations.simulate(&requests)?;
-    let fresh = |(mut point, answer): (Point, Answer)| {
-        let samples = answer.samples_of(&point.source.name())?;
+/// Gives points the percentiles of verification samples.
+fn verify(problem: &Problem, points: Vec<Point>) -> anyhow::Result<Vec<Point>> {
+    let verified = |mut point: Point| {
+        let samples = samples::verification(problem, &point.variables.into())
+            .with_context(|| format!("the {}", point.source.name()))?;
         point.verified = Some(percentile(&problem.campaign().sampling, &samples));
         Ok(point)
     };
-    points.into_iter().zip(answers).map(fresh).collect()
+    points.into_par_iter().map(verified).collect()
 }
 
 /// Direct searches under `count` limits of the second objective: the campaign's own, then tighter
@@ -275,9 +263,8 @@ fn verify(
 ///
 /// # Errors
 ///
-/// The errors of the simulations.
+/// A search fails.
 pub fn refine(
-    simulations: &dyn Simulations,
     problem: &Problem,
     base: &Design,
     known: &[Point],
@@ -292,7 +279,7 @@ pub fn refine(
         .collect();
     let front = front_of(&known, against, Point::judged);
     let best = front.last().map(|&i| against.of(&known[i].criteria));
-    let found: Vec<Option<Point>> = at_once(0..count, |number| {
+    let search = |number: u32| -> anyhow::Result<Option<Point>> {
         let own = against.limit(problem);
         let limit = match (number, best) {
             (1.., Some(best)) => {
@@ -304,20 +291,21 @@ pub fn refine(
             .iter()
             .rev()
             .find(|&&i| against.of(&known[i].criteria) < limit)
-            .map(|&i| problem.unit_point(&problem.free_values(&known[i].variables.into())));
-        // Workers apply the campaign's limit and sample some designs needlessly; the search
-        // discards them.
+            .map(|&i| Design::from(known[i].variables));
         let limited = against.limited(problem, limit);
-        let number = REFINED + u64::from(number);
-        let origin = within.as_ref().map(|unit| &unit[..]);
-        let space = &Space::plain();
-        let search = direct::search(simulations, &limited, base, space, number, 0, origin)?;
-        Ok(search.found.map(|found| Point {
-            source: Source::Refined,
-            variables: found.design.variables,
-            criteria: found.criteria,
+        let start = Start {
+            number: FIRST_SEARCH + u64::from(number),
+            start: 0,
+            base,
+            from: within.as_ref(),
+        };
+        let search = direct::search(&limited, start)?;
+        Ok(search.best.map(|found| Point {
+            source: Source::Search,
+            variables: found.design.gears(),
+            criteria: found.criteria.gears(),
             p90: Percentile {
-                value: found.p90_um,
+                value: found.criterion,
                 low: f64::NAN,
                 high: f64::NAN,
                 samples: problem.campaign().sampling.samples_per_design as usize,
@@ -325,8 +313,10 @@ pub fn refine(
             verified: None,
             on_front: false,
         }))
-    })?;
-    verify(simulations, problem, found.into_iter().flatten().collect())
+    };
+    let found: anyhow::Result<Vec<Option<Point>>> =
+        (0..count).into_par_iter().map(search).collect();
+    verify(problem, found?.into_iter().flatten().collect())
 }
 
 /// Marks the points on the front of all of them, and sorts by the second objective.
@@ -347,7 +337,6 @@ mod tests {
     use campaign::Campaign;
 
     use super::*;
-    use crate::simulations::InProcess;
 
     fn point(source: Source, pressure: f64, p90_um: f64, verified_um: Option<f64>) -> Point {
         let problem = Problem::new(Campaign::parse("paper.toml", Campaign::PAPER).unwrap());
@@ -422,8 +411,7 @@ mod tests {
         ];
         let refine = || {
             let base = problem.base().clone();
-            let here = &InProcess(&problem);
-            refine(here, &problem, &base, &known, Against::Pressure, 2).unwrap()
+            refine(&problem, &base, &known, Against::Pressure, 2).unwrap()
         };
         let found = refine();
         // Compared as text, because an unknown end of an interval is NaN, which does not equal

@@ -8,7 +8,7 @@ use campaign::formulation::gears::VARIABLE_NAMES;
 use report::PercentileSeries;
 
 use super::front::{Against, Point, Source};
-use crate::table::{NOTHING, Table, Written, exact, maybe_exact, with_interval, write};
+use crate::table::{Document, NOTHING, Table, exact, maybe_exact, with_interval, write};
 
 /// Writes `pareto.csv`, `pareto.md` and `pareto.svg` into `out`; returns what it wrote. `all` are
 /// the designs behind the front of the DoE, `marked` those that [`super::mark`] has marked, after
@@ -24,7 +24,7 @@ pub fn write_tables(
     all: &[Point],
     marked: &[Point],
     searches: u32,
-) -> anyhow::Result<Written> {
+) -> anyhow::Result<Document> {
     let sampling = &problem.campaign().sampling;
     let figures = all_figures(sampling, marked);
     write(out, "pareto.csv", figures.csv()?)?;
@@ -43,9 +43,7 @@ pub fn write_tables(
         summary(problem, against, marked).markdown()
     );
     if searches > 0 {
-        let found = marked
-            .iter()
-            .filter(|point| point.source == Source::Refined);
+        let found = marked.iter().filter(|point| point.source == Source::Search);
         page += &format!(
             "\n{} of {searches} direct searches found a design within their limit.\n",
             found.count()
@@ -59,7 +57,7 @@ pub fn write_tables(
         Err(why) => page += &format!("\n{why}\n"),
     }
     write(out, "pareto.md", &page)?;
-    Ok(Written {
+    Ok(Document {
         page,
         tables: vec![("pareto", figures)],
     })
@@ -169,7 +167,7 @@ fn chart(
         &[
             series("front of the DoE", &|s| matches!(s, Source::Doe(_))),
             series("optima", &|s| matches!(s, Source::Optimum(_))),
-            series("direct searches", &|s| matches!(s, Source::Refined)),
+            series("direct searches", &|s| matches!(s, Source::Search)),
         ],
     )
 }
